@@ -1,0 +1,2 @@
+//! softtwin.
+fn main() {}

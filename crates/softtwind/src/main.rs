@@ -1,0 +1,2 @@
+//! softtwind.
+fn main() {}
