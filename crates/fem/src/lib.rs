@@ -1,1 +1,7 @@
-//! softtwin: fem.
+//! The actuator's own finite elements: from a mesh to deformed, stressed, touching states.
+//!
+//! Lengths are millimetres, forces newtons, stresses megapascals, masses tonnes (so that mm/s2 x t = N).
+
+#![forbid(unsafe_code)]
+
+pub mod mesh;
