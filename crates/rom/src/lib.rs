@@ -1,1 +1,17 @@
-//! softtwin: rom.
+//! The reduced-order model of a soft pneumatic actuator: POD of finite-element snapshots, interpolated over pressure
+//! and gap.
+//!
+//! Snapshots come in as a [`snapshots::Database`], a [`config::TrainConfig`] says how to reduce them, training makes a
+//! [`model::Model`], and a predictor answers queries from it without allocating. Pure functions of data: no clock, no
+//! threads, no files.
+
+#![deny(unsafe_code)] // the reconstruction kernel alone may allow it
+
+pub mod basis;
+pub mod config;
+pub mod evaluation;
+pub mod hull;
+pub mod interpolant;
+pub mod model;
+pub mod regime;
+pub mod snapshots;

@@ -1,0 +1,186 @@
+//! What a user can choose about training. Every key has a default; the defaults alone work on any database.
+
+use crate::snapshots::Obstacle;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How fields share a POD.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grouping {
+    /// One POD a field: units cannot starve a field.
+    PerField,
+    /// One POD of all fields stacked: the paper's Eqs. (2)-(7).
+    Joint,
+}
+
+/// How many modes a group keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModeChoice {
+    /// Exactly so many (fewer where the rank is lower).
+    Fixed(usize),
+    /// The fewest with truncation error (Eq. 4) at most this.
+    Energy(f64),
+    /// The fewest whose leave-one-out error is within this factor of the best (1.02 = 2 % above the best).
+    LeaveOneOut(f64),
+}
+
+/// Polynomial added to a kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tail {
+    /// None: the paper's method.
+    None,
+    /// A constant.
+    Constant,
+    /// Constant and linear terms.
+    Linear,
+    /// Up to second order.
+    Quadratic,
+}
+
+/// Kernel of an interpolant, over inputs scaled to [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum KernelKind {
+    /// `r`: the paper's linear spline.
+    Linear,
+    /// `r^2 ln r`.
+    ThinPlate,
+    /// `r^3`.
+    Cubic,
+    /// `r^5`.
+    Quintic,
+    /// `exp(-(shape r)^2)`.
+    Gaussian {
+        /// Shape parameter over scaled inputs, > 0.
+        shape: f64,
+    },
+    /// Gaussian process: Matern 5/2 with one length a dimension, by maximum likelihood.
+    Matern52,
+}
+
+/// A kernel with its tail.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KernelSpec {
+    /// Kernel.
+    pub kernel: KernelKind,
+    /// Polynomial tail.
+    pub tail: Tail,
+}
+
+/// Choices for one regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegimeConfig {
+    /// How many modes each group keeps.
+    pub modes: ModeChoice,
+    /// Overrides by group name (`von_mises = { fixed = 20 }`).
+    pub group_modes: BTreeMap<String, ModeChoice>,
+    /// Never more modes than this.
+    pub max_modes: usize,
+    /// Candidates among which leave-one-out chooses, per group and for the force. One entry: no choice.
+    pub kernels: Vec<KernelSpec>,
+    /// Smoothing candidates, relative to the kernel matrix's scale; 0 interpolates.
+    pub smoothing: Vec<f64>,
+}
+
+impl Default for RegimeConfig {
+    fn default() -> Self {
+        Self {
+            modes: ModeChoice::LeaveOneOut(1.02),
+            group_modes: BTreeMap::new(),
+            max_modes: 24,
+            kernels: KernelSpec::candidates(),
+            smoothing: vec![0.0],
+        }
+    }
+}
+
+impl KernelSpec {
+    /// The default candidates.
+    pub fn candidates() -> Vec<Self> {
+        let spec = |kernel, tail| Self { kernel, tail };
+        vec![
+            spec(KernelKind::Linear, Tail::Linear),
+            spec(KernelKind::ThinPlate, Tail::Linear),
+            spec(KernelKind::Cubic, Tail::Linear),
+            spec(KernelKind::Cubic, Tail::Quadratic),
+            spec(KernelKind::Quintic, Tail::Quadratic),
+            spec(KernelKind::Matern52, Tail::Linear),
+        ]
+    }
+}
+
+/// Everything `softtwin train --config` may set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainConfig {
+    /// One POD a field or one for all.
+    pub grouping: Grouping,
+    /// Subtract the mean snapshot before the POD.
+    pub centred: bool,
+    /// Derive the displacement magnitude from the coordinates where the undeformed mesh is known.
+    pub derive_magnitude: bool,
+    /// Train contact on touching states and the onset boundary only, free on all untouched states. `false`: each
+    /// regime on all of its own cases, as in the paper.
+    pub split_at_onset: bool,
+    /// States on the onset boundary taken from the free model, 0 for none.
+    pub boundary_states: usize,
+    /// What can be touched; the database's own when absent.
+    pub obstacle: Option<Obstacle>,
+    /// Choices for the free regime.
+    pub free: RegimeConfig,
+    /// Choices for the contact regime.
+    pub contact: RegimeConfig,
+    /// Coverage the error bars promise (0.9 = 90 %).
+    pub coverage: f64,
+    /// Pressure by which the onset must be undercut before contact is left, in MPa.
+    pub hysteresis_mpa: f64,
+    /// Two training inputs closer than this fraction of the range are one state twice: merged or refused.
+    pub duplicate_distance: f64,
+    /// Repeat the POD for every left-out case (exact, slower) when reporting leave-one-out errors.
+    pub full_leave_one_out: bool,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            grouping: Grouping::PerField,
+            centred: true,
+            derive_magnitude: true,
+            split_at_onset: true,
+            boundary_states: 24,
+            obstacle: None,
+            free: RegimeConfig::default(),
+            contact: RegimeConfig::default(),
+            coverage: 0.9,
+            hysteresis_mpa: 2e-4,
+            duplicate_distance: 1e-6,
+            full_leave_one_out: true,
+        }
+    }
+}
+
+impl TrainConfig {
+    /// The paper's method: joint uncentred POD, linear splines without tail, 4 and 6 modes.
+    pub fn paper() -> Self {
+        let regime = |modes| RegimeConfig {
+            modes: ModeChoice::Fixed(modes),
+            kernels: vec![KernelSpec { kernel: KernelKind::Linear, tail: Tail::None }],
+            ..RegimeConfig::default()
+        };
+        Self {
+            grouping: Grouping::Joint,
+            centred: false,
+            derive_magnitude: false,
+            split_at_onset: false,
+            boundary_states: 0,
+            free: regime(4),
+            contact: regime(6),
+            ..Self::default()
+        }
+    }
+}

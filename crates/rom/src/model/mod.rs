@@ -1,0 +1,145 @@
+//! The trained model: what a twin needs to answer, and how it lies in a file.
+
+use crate::interpolant::{InputMap, Interpolant};
+use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Everything small about a model: readable without touching the big blocks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelHeader {
+    /// Actuator (`pneunet`).
+    pub actuator: String,
+    /// Output fields in order.
+    pub fields: Vec<OutputField>,
+    /// Nodes a field.
+    pub node_count: usize,
+    /// Regimes; at most one of each kind.
+    pub regimes: Vec<RegimeModel>,
+    /// Onset pressure over gap; none for a model of one regime.
+    pub onset: Option<crate::regime::OnsetTable>,
+    /// Pressure by which the onset must be undercut before the contact label is dropped, in MPa.
+    pub hysteresis_mpa: f64,
+    /// Named node sets.
+    pub node_sets: Vec<NodeSet>,
+    /// blake3 of the database it was trained on.
+    pub database_hash: [u8; 32],
+}
+
+/// One output field and how its values come about.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OutputField {
+    /// Name, unit, meaning.
+    pub spec: FieldSpec,
+    /// `Some(axes)`: derived as `|x - x0|` from the output fields at these positions.
+    pub magnitude_of: Option<[usize; 3]>,
+}
+
+/// One regime of the model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RegimeModel {
+    /// Which.
+    pub kind: RegimeKind,
+    /// Its inputs and their ranges.
+    pub inputs: InputMap,
+    /// POD groups; their coefficients follow one another in the regime's coefficient vector.
+    pub groups: Vec<GroupModel>,
+    /// Contact force in N; none where nothing is touched.
+    pub force: Option<Interpolant>,
+    /// Where it was trained.
+    pub domain: crate::hull::Domain,
+    /// Half-widths that cover the stated share of states.
+    pub bars: CoverageBars,
+}
+
+/// One POD group of a regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroupModel {
+    /// Name (`x`, `von_mises`, `joint`).
+    pub name: String,
+    /// Output fields it covers.
+    pub fields: Vec<usize>,
+    /// Where its coefficients lie in the regime's coefficient vector.
+    pub coefficients: Range<usize>,
+    /// Inputs to coefficients.
+    pub surrogate: Interpolant,
+    /// All singular values of the (centred) snapshot matrix, largest first.
+    pub singular_values: Vec<f64>,
+}
+
+/// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CoverageBars {
+    /// Share promised (0.9).
+    pub coverage: f64,
+    /// Displacement (coordinates included) in mm.
+    pub displacement_mm: f64,
+    /// Stress in MPa.
+    pub stress_mpa: f64,
+    /// Contact force in N.
+    pub force_n: f64,
+}
+
+/// What a block of numbers is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum BlockKind {
+    /// Mean of an output field in a regime: `node_count` f32.
+    Mean {
+        /// Regime.
+        regime: RegimeKind,
+        /// Output field.
+        field: u32,
+    },
+    /// Modes of an output field in a regime: `modes x node_count` f32, one mode after the other.
+    Modes {
+        /// Regime.
+        regime: RegimeKind,
+        /// Output field.
+        field: u32,
+    },
+    /// Undeformed coordinate along an axis: `node_count` f32 in mm.
+    Undeformed(u8),
+    /// Surface triangles: `3 x triangles` u32.
+    Surface,
+}
+
+/// A block's numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BlockData {
+    /// 32-bit floats.
+    F32(Vec<f32>),
+    /// Node indices.
+    U32(Vec<u32>),
+}
+
+/// A trained model in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Everything small.
+    pub header: ModelHeader,
+    /// The big blocks that were loaded.
+    pub blocks: Vec<(BlockKind, BlockData)>,
+}
+
+impl Model {
+    /// The regime's part, if the model has it.
+    pub fn regime(&self, kind: RegimeKind) -> Option<&RegimeModel> {
+        self.header.regimes.iter().find(|r| r.kind == kind)
+    }
+
+    /// A block of floats, if it was loaded.
+    pub fn f32_block(&self, kind: BlockKind) -> Option<&[f32]> {
+        self.blocks.iter().find_map(|(k, data)| match data {
+            BlockData::F32(values) if *k == kind => Some(values.as_slice()),
+            _ => None,
+        })
+    }
+
+    /// A block of indices, if it was loaded.
+    pub fn u32_block(&self, kind: BlockKind) -> Option<&[u32]> {
+        self.blocks.iter().find_map(|(k, data)| match data {
+            BlockData::U32(values) if *k == kind => Some(values.as_slice()),
+            _ => None,
+        })
+    }
+}

@@ -1,0 +1,177 @@
+//! The snapshot database: what the finite elements computed, before any reduction.
+//!
+//! A [`Database`] is plain data. `formats` fills it from files, `fem` from simulations, tests from formulas; training
+//! reads it and nothing else. [`Database::validate`] (in `validate.rs`) says everything that is wrong with it at once.
+
+use serde::{Deserialize, Serialize};
+
+/// What the numbers of a field mean: it decides what may be derived from it and what physics forbids.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FieldKind {
+    /// Deformed coordinate along an axis (0 = x, 1 = y, 2 = z).
+    Coordinate(u8),
+    /// Displacement magnitude `|x - x0|`: derived from the coordinates when the undeformed mesh is known.
+    Magnitude,
+    /// An equivalent stress: never negative.
+    Stress,
+    /// Anything else: interpolated as it is.
+    Other,
+}
+
+/// One field of the database: name, unit and meaning.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FieldSpec {
+    /// Name as the user writes it (`x`, `von_mises`).
+    pub name: String,
+    /// Unit as printed (`mm`, `MPa`).
+    pub unit: String,
+    /// Meaning.
+    pub kind: FieldKind,
+}
+
+/// What a case may be used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Split {
+    /// Training looks at it.
+    Train,
+    /// The paper's test cases: evaluation only, never selection.
+    Test,
+    /// Further states (outside the domain, spot checks): evaluation only.
+    Check,
+}
+
+/// Mechanical regime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum RegimeKind {
+    /// Nothing is touched: the pressure alone decides (the paper's Regime I).
+    Free,
+    /// The actuator presses on the obstacle: pressure and gap decide (the paper's Regime II).
+    Contact,
+}
+
+impl RegimeKind {
+    /// Name used in files and on the screen.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::Contact => "contact",
+        }
+    }
+}
+
+/// One simulated state and what it was simulated for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Case {
+    /// Name in the database (`"67"`), used in every report.
+    pub name: String,
+    /// The regime it was sampled for. A contact case with zero force touches nothing and is trained as free.
+    pub regime: RegimeKind,
+    /// What it may be used for.
+    pub split: Split,
+    /// Cavity pressure in MPa.
+    pub pressure_mpa: f64,
+    /// Distance from the underside of the undeformed base to the obstacle in mm; none where there is no obstacle.
+    pub gap_mm: Option<f64>,
+    /// Total contact force in N.
+    pub contact_force_n: f64,
+}
+
+/// A named set of nodes (`surface`, `bottom`).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NodeSet {
+    /// Name as the user writes it.
+    pub name: String,
+    /// Node indices, each below the node count.
+    pub nodes: Vec<u32>,
+}
+
+/// The rigid thing the actuator can touch: the plane `y = -gap_mm` over a rectangle of x and z.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Obstacle {
+    /// Extent along the actuator in mm.
+    pub x_mm: [f64; 2],
+    /// Extent across the actuator in mm.
+    pub z_mm: [f64; 2],
+}
+
+impl Obstacle {
+    /// The paper's plate.
+    pub const PLATE: Self = Self { x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };
+    /// The block that stands for the gripped object.
+    pub const BLOCK: Self = Self { x_mm: [85.0, 115.0], z_mm: [1.0, 31.0] };
+}
+
+/// Snapshots with their inputs: `Y_snap` of Eq. (2) and everything needed to read it.
+#[derive(Clone, Debug)]
+pub struct Database {
+    /// Actuator (`pneunet`).
+    pub actuator: String,
+    /// Fields in file order.
+    pub fields: Vec<FieldSpec>,
+    /// Nodes per field.
+    pub node_count: usize,
+    /// Cases in file order.
+    pub cases: Vec<Case>,
+    /// `cases x nodes x fields`, case-major and node-interleaved as in `snapshots.npy`.
+    pub snapshots: Vec<f32>,
+    /// Undeformed node positions in mm, where known.
+    pub undeformed_mm: Option<Vec<[f64; 3]>>,
+    /// Outer surface as triangles over node indices (for viewers); empty when unknown.
+    pub surface_triangles: Vec<[u32; 3]>,
+    /// Named node sets.
+    pub node_sets: Vec<NodeSet>,
+    /// What the actuator can touch.
+    pub obstacle: Obstacle,
+    /// blake3 of the database's content.
+    pub hash: [u8; 32],
+}
+
+impl Database {
+    /// Entries of one snapshot: nodes x fields.
+    pub fn entries(&self) -> usize {
+        self.node_count * self.fields.len()
+    }
+
+    /// One case as stored: `nodes x fields`, node-interleaved.
+    pub fn snapshot(&self, case: usize) -> &[f32] {
+        let n = self.entries();
+        &self.snapshots[case * n..(case + 1) * n]
+    }
+
+    /// One field of one case, node by node.
+    pub fn field(&self, case: usize, field: usize) -> impl Iterator<Item = f32> + '_ {
+        self.snapshot(case).iter().skip(field).step_by(self.fields.len()).copied()
+    }
+
+    /// Indices of the cases of a split, in file order.
+    pub fn of_split(&self, split: Split) -> impl Iterator<Item = usize> + '_ {
+        (0..self.cases.len()).filter(move |&i| self.cases[i].split == split)
+    }
+
+    /// The field deformed along `axis`, if there is one.
+    pub fn coordinate(&self, axis: u8) -> Option<usize> {
+        self.fields.iter().position(|f| f.kind == FieldKind::Coordinate(axis))
+    }
+
+    /// blake3 over cases, fields and snapshots: what a model remembers of its database. `O(bytes)`.
+    pub fn content_hash(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        for field in &self.fields {
+            hasher.update(field.name.as_bytes()).update(&[0]).update(field.unit.as_bytes()).update(&[0]);
+        }
+        for case in &self.cases {
+            hasher.update(case.name.as_bytes()).update(&[0, case.regime as u8, case.split as u8]);
+            for value in [case.pressure_mpa, case.gap_mm.unwrap_or(f64::NAN), case.contact_force_n] {
+                hasher.update(&value.to_le_bytes());
+            }
+        }
+        let mut bytes = Vec::with_capacity(1 << 16);
+        for chunk in self.snapshots.chunks(1 << 14) {
+            bytes.clear();
+            bytes.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
+            hasher.update(&bytes);
+        }
+        *hasher.finalize().as_bytes()
+    }
+}
