@@ -1,0 +1,22 @@
+//! The sub-commands, one file each. To add one: a `mod` line and a line in `commands!`.
+//!
+//! A command's file has a `pub struct Args` (clap derive: names, units, examples) and `impl Args { pub fn run(self) ->
+//! anyhow::Result<()> }`. What the user got wrong is marked with [`crate::failure`]; results are printed with `say!`.
+
+/// Declares the enum clap parses into and its dispatch.
+macro_rules! commands {
+    ($($variant:ident => $module:ident),* $(,)?) => {
+        /// Sub-command; each variant's text is the doc comment of its `Args`.
+        #[derive(clap::Subcommand)]
+        pub enum Command { $(#[allow(missing_docs)] $variant($module::Args),)* }
+
+        impl Command {
+            /// Runs the chosen command.
+            pub fn run(self) -> anyhow::Result<()> {
+                match self { $(Self::$variant(args) => args.run(),)* }
+            }
+        }
+    };
+}
+
+commands! {}
