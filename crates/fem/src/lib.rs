@@ -5,3 +5,5 @@
 #![forbid(unsafe_code)]
 
 pub mod mesh;
+pub mod rng;
+pub mod trace;
