@@ -1,1 +1,55 @@
-//! softtwin: wire.
+//! The shared-memory contract of softtwin: key expressions, topics, payload layouts, quality of service, events.
+//!
+//! This is the only crate that names iceoryx2. A program that wants to talk to a twin needs four things:
+//!
+//! 1. a [`Bus`] in a [`Domain`] (programs in different domains do not see one another),
+//! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health`,
+//! 3. a typed port: [`SensorWriter`], [`SensorReader`], [`FieldWriter`], [`FieldReader`], [`StateWriter`],
+//!    [`StateReader`], [`HealthWriter`], [`HealthReader`],
+//! 4. a [`WakeSet`] to sleep until one of several readers has something.
+//!
+//! ```
+//! use softtwin_wire::{Bus, Domain, SensorReader, SensorSample, SensorWriter, Topic};
+//!
+//! let bus = Bus::open(&Domain::isolated("doc"))?;
+//! let topic = Topic::sensor("finger")?;
+//! let reader = SensorReader::attach(&bus, &topic)?;
+//! let mut writer = SensorWriter::create(&bus, &topic)?;
+//! writer.publish(SensorSample { pressure_mpa: 0.03, gap_mm: 40.0, ..SensorSample::default() })?;
+//! assert_eq!(reader.newest()?.map(|sample| sample.pressure_mpa), Some(0.03));
+//! # Ok::<(), softtwin_wire::WireError>(())
+//! ```
+//!
+//! All payloads are plain `#[repr(C)]` data whose size and offsets are checked at compile time; the layout version is
+//! part of the type name, so that programs of different layouts refuse each other instead of misreading bytes.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+mod bus;
+mod clock;
+mod domain;
+mod error;
+pub mod keyexpr;
+pub mod layout;
+pub mod outcome;
+mod port;
+pub mod qos;
+mod topic;
+mod wake;
+
+pub use bus::{Bus, TopicInfo};
+pub use clock::{boot_id, now_ns};
+pub use domain::Domain;
+pub use error::WireError;
+pub use keyexpr::KeyExpr;
+pub use layout::{FieldHeader, Health, SensorSample, State};
+pub use outcome::Outcome;
+pub use port::{
+    FieldLoan, FieldReader, FieldSample, FieldWriter, HealthReader, HealthWriter, SensorReader, SensorWriter,
+    StateReader, StateWriter,
+};
+pub use topic::{Topic, TopicKind};
+pub use wake::{Wake, WakeSet, Wakeable};

@@ -1,0 +1,149 @@
+//! Everything that can go wrong between a program and the shared memory.
+
+/// Failures of the wire. The text says what to do next.
+#[derive(Debug, thiserror::Error)]
+pub enum WireError {
+    /// A name that cannot be a chunk of a topic.
+    #[error(
+        "`{found}` cannot name {what}: expected 1 to 31 letters, digits, `_` or `-` (no `/`, no wildcard)"
+    )]
+    BadName {
+        /// What was to be named.
+        what: &'static str,
+        /// The name given.
+        found: String,
+    },
+    /// A domain that cannot become file names.
+    #[error("the domain's {what} `{value}` cannot be used in file names; use letters, digits, `_`, `-`")]
+    BadDomain {
+        /// `prefix` or `root`.
+        what: &'static str,
+        /// The value given.
+        value: String,
+    },
+    /// The node could not be made.
+    #[error(
+        "cannot join the shared-memory domain: {cause}; check that the root folder and /dev/shm are writable"
+    )]
+    Node {
+        /// iceoryx2's word for it.
+        cause: String,
+    },
+    /// Nothing of that name.
+    #[error(
+        "{topic}: nothing is there; is the bridge or twin running in this domain? `softtwin list` shows what is"
+    )]
+    NoSuchTopic {
+        /// The topic.
+        topic: String,
+    },
+    /// A program of another layout or version made the topic.
+    #[error(
+        "{topic}: made by a program of another version ({cause}); this one speaks layout version {}. Run the same release everywhere",
+        crate::layout::VERSION
+    )]
+    Incompatible {
+        /// The topic.
+        topic: String,
+        /// iceoryx2's word for it.
+        cause: String,
+    },
+    /// A second writer.
+    #[error(
+        "{topic}: another process already publishes here{holder}. Two twins (or bridges) for one actuator would contradict each other: stop the other one, or give this actuator another name"
+    )]
+    AlreadyPublished {
+        /// The topic.
+        topic: String,
+        /// Who, if it could be found out: ` (process 1234)`.
+        holder: String,
+    },
+    /// All reader slots taken.
+    #[error("{topic}: all {limit} reader slots are taken; stop a reader")]
+    TooManyReaders {
+        /// The topic.
+        topic: String,
+        /// The limit.
+        limit: usize,
+    },
+    /// The topic stayed in flux while others came and went.
+    #[error(
+        "{topic}: could not be opened within {tries} tries ({cause}); a program is starting or dying beside us, try again"
+    )]
+    InFlux {
+        /// The topic.
+        topic: String,
+        /// How often we tried.
+        tries: u32,
+        /// iceoryx2's last word.
+        cause: String,
+    },
+    /// Any other refusal on opening a port.
+    #[error("{topic}: cannot open: {cause}")]
+    Open {
+        /// The topic.
+        topic: String,
+        /// iceoryx2's word for it.
+        cause: String,
+    },
+    /// /dev/shm is full (or limited).
+    #[error(
+        "{topic}: cannot reserve {needed_bytes} bytes of shared memory: {cause}; free space in /dev/shm (`df -h /dev/shm`) or enlarge it"
+    )]
+    NoMemory {
+        /// The topic.
+        topic: String,
+        /// Bytes the port needs.
+        needed_bytes: u64,
+        /// The system's word for it.
+        cause: String,
+    },
+    /// Loan refused: readers hold more samples than agreed, or the port broke.
+    #[error("{topic}: no sample to write into: {cause}")]
+    Loan {
+        /// The topic.
+        topic: String,
+        /// iceoryx2's word for it.
+        cause: String,
+    },
+    /// Sending failed.
+    #[error("{topic}: sending failed: {cause}")]
+    Send {
+        /// The topic.
+        topic: String,
+        /// iceoryx2's word for it.
+        cause: String,
+    },
+    /// Receiving failed.
+    #[error("{topic}: receiving failed: {cause}")]
+    Receive {
+        /// The topic.
+        topic: String,
+        /// iceoryx2's word for it.
+        cause: String,
+    },
+    /// Waiting failed.
+    #[error("waiting for events failed: {cause}")]
+    Wait {
+        /// The system's word for it.
+        cause: String,
+    },
+    /// Listing failed.
+    #[error("the topics of the domain cannot be listed: {cause}")]
+    List {
+        /// iceoryx2's word for it.
+        cause: String,
+    },
+    /// A field payload that does not fit its header.
+    #[error("{topic}: {found} entries, but the header promises {nodes} nodes x {fields} fields")]
+    FieldShape {
+        /// The topic.
+        topic: String,
+        /// Entries in the payload.
+        found: usize,
+        /// Nodes by the header.
+        nodes: u32,
+        /// Fields by the header.
+        fields: u32,
+    },
+}

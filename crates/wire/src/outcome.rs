@@ -1,0 +1,73 @@
+//! What became of a reading: every one ends as published, held (with a reason) or dropped (with a reason).
+
+macro_rules! outcomes {
+    ($($(#[doc = $doc:literal])+ $name:ident = $code:literal, $text:literal;)+) => {
+        /// The end of one reading. The number is what travels in [`crate::State`] and indexes [`crate::Health::outcomes`].
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[repr(u32)]
+        pub enum Outcome { $($(#[doc = $doc])+ $name = $code,)+ }
+
+        impl Outcome {
+            /// All outcomes in the order of their numbers.
+            pub const ALL: &'static [Outcome] = &[$(Outcome::$name,)+];
+
+            /// A short text for people and for metric labels.
+            pub fn as_str(self) -> &'static str {
+                match self { $(Outcome::$name => $text,)+ }
+            }
+
+            /// The outcome of that number, if there is one.
+            pub fn from_code(code: u32) -> Option<Self> {
+                match code { $($code => Some(Outcome::$name),)+ _ => None }
+            }
+        }
+    };
+}
+
+outcomes! {
+    /// Evaluated and sent.
+    Published = 0, "published";
+    /// Pressure or gap is NaN or infinite: the last good state stands.
+    HeldNotFinite = 1, "held: not finite";
+    /// Pressure or gap is beyond what any such actuator can have: the last good state stands.
+    HeldAbsurd = 2, "held: absurd value";
+    /// The sensor itself reports a fault: the last good state stands.
+    HeldSensorFault = 3, "held: sensor fault";
+    /// Older than the configured limit when it arrived: the last good state stands.
+    HeldStale = 4, "held: stale";
+    /// Stamped later than now by more than the configured limit: the last good state stands.
+    HeldFuture = 5, "held: stamped in the future";
+    /// The same sequence number again.
+    DroppedDuplicate = 6, "dropped: duplicate";
+    /// A sequence number or time stamp before the last one.
+    DroppedBackInTime = 7, "dropped: back in time";
+    /// A newer reading was already waiting: the newest wins.
+    DroppedSuperseded = 8, "dropped: superseded";
+    /// No output could be sent (no memory left, or the port failed).
+    DroppedNotSent = 9, "dropped: could not be sent";
+    /// The model gave a value that is not finite.
+    DroppedModel = 10, "dropped: model gave no finite value";
+}
+
+impl Outcome {
+    /// The number on the wire.
+    pub fn code(self) -> u32 {
+        self as u32
+    }
+
+    /// Whether the last good state stands in its place.
+    pub fn is_held(self) -> bool {
+        (Outcome::HeldNotFinite.code()..=Outcome::HeldFuture.code()).contains(&self.code())
+    }
+
+    /// Whether nothing came of it.
+    pub fn is_dropped(self) -> bool {
+        self.code() >= Outcome::DroppedDuplicate.code()
+    }
+}
+
+impl std::fmt::Display for Outcome {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}

@@ -1,0 +1,9 @@
+//! Typed ports: one writer and one reader type per kind of topic.
+
+mod field;
+mod segment;
+pub(crate) mod service;
+mod sized;
+
+pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
+pub use sized::{HealthReader, HealthWriter, SensorReader, SensorWriter, StateReader, StateWriter};

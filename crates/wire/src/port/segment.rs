@@ -1,0 +1,74 @@
+//! The memory behind a writer: reserve it at start instead of dying by SIGBUS in the middle of the night.
+//!
+//! Shared-memory segments are sparse: a full /dev/shm shows itself only when a page is touched first, as a SIGBUS.
+//! Reserving all pages right after creation turns that into a clean error at start-up.
+
+use crate::bus::Bus;
+use crate::{Topic, WireError};
+use std::fs::{File, OpenOptions};
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// Where the system keeps POSIX shared memory.
+const SHM_DIR: &str = "/dev/shm";
+/// The smallest page of any machine we run on.
+const PAGE_BYTES: usize = 4096;
+
+/// Reserves all pages of the data segment of the writer with id `writer_id`.
+pub(crate) fn reserve(bus: &Bus, topic: &Topic, writer_id: u128) -> Result<(), WireError> {
+    let no_memory = |needed_bytes: u64, cause: String| WireError::NoMemory {
+        topic: topic.name().to_owned(),
+        needed_bytes,
+        cause,
+    };
+    let path = find(bus, writer_id)
+        .ok_or_else(|| no_memory(0, format!("the writer's data segment is not in {SHM_DIR}")))?;
+    let file = open(&path).map_err(|error| no_memory(0, format!("{error} ({})", path.display())))?;
+    let length = file.metadata().map_err(|error| no_memory(0, error.to_string()))?.len();
+    // SAFETY: the descriptor is open for writing for the whole call; the range is the file's own length.
+    let code = unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, length as libc::off_t) };
+    match code {
+        0 => Ok(()),
+        code => Err(no_memory(length, std::io::Error::from_raw_os_error(code).to_string())),
+    }
+}
+
+/// Maps the pages of the writer's data segment into this process ahead of their first use, so that no page fault falls
+/// into the loop. Returns the bytes mapped.
+pub(crate) fn prefault(bus: &Bus, writer_id: u128) -> std::io::Result<u64> {
+    let path = find(bus, writer_id).ok_or(std::io::ErrorKind::NotFound)?;
+    let maps = std::fs::read_to_string("/proc/self/maps")?;
+    let mut mapped = 0;
+    for line in maps.lines().filter(|line| line.ends_with(&*path.to_string_lossy())) {
+        let range = line.split_whitespace().next().and_then(|range| range.split_once('-'));
+        let parse = |text: &str| usize::from_str_radix(text, 16).ok();
+        let Some((begin, end)) = range.and_then(|(a, b)| Some((parse(a)?, parse(b)?))) else { continue };
+        for page in (begin..end).step_by(PAGE_BYTES) {
+            // SAFETY: the address is inside a live, writable mapping of this process (just read from /proc/self/maps, and
+            // the writer that owns it is borrowed by our caller); an atomic `or` with 0 changes no byte, whoever else
+            // looks at it.
+            let byte = unsafe { AtomicU8::from_ptr(page as *mut u8) };
+            byte.fetch_or(0, Ordering::Relaxed);
+        }
+        mapped += (end - begin) as u64;
+    }
+    Ok(mapped)
+}
+
+fn open(path: &Path) -> std::io::Result<File> {
+    OpenOptions::new().read(true).write(true).open(path)
+}
+
+fn find(bus: &Bus, writer_id: u128) -> Option<PathBuf> {
+    let (prefix, id) = (bus.prefix(), writer_id.to_string());
+    let suffix = bus.node.config().global.service.data_segment_suffix;
+    let suffix = String::from_utf8_lossy(suffix.as_bytes()).into_owned();
+    let entries = std::fs::read_dir(SHM_DIR).ok()?;
+    entries.flatten().map(|entry| entry.path()).find(|path| {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        name.starts_with(&prefix) && name.contains(&id) && name.ends_with(&suffix)
+    })
+}
+
+use iceoryx2::prelude::SemanticString;

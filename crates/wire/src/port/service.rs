@@ -1,0 +1,237 @@
+//! Opening services: one builder per kind of topic, bounded retries, errors a person understands.
+
+use crate::bus::{Bus, Ipc};
+use crate::{Topic, TopicKind, WireError, layout, qos};
+use iceoryx2::port::publisher::PublisherCreateError;
+use iceoryx2::port::subscriber::SubscriberCreateError;
+use iceoryx2::prelude::*;
+use iceoryx2::service::builder::publish_subscribe::{
+    Builder, PublishSubscribeOpenError as OpenError, PublishSubscribeOpenOrCreateError as OpenOrCreateError,
+};
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+use std::fmt::Debug;
+use std::time::{Duration, Instant};
+
+/// How long to wait for others who create or remove the same topic.
+const FLUX_TIMEOUT: Duration = Duration::from_secs(2);
+/// Pause between tries; the others need a few hundred microseconds.
+const FLUX_PAUSE: Duration = Duration::from_millis(2);
+
+/// Whether a missing topic is made or reported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Missing {
+    Create,
+    Refuse,
+}
+
+pub(crate) type PubSub<P, H> = publish_subscribe::PortFactory<Ipc, P, H>;
+pub(crate) type Events = event::PortFactory<Ipc>;
+
+/// The publish-subscribe service of a topic with a fixed-size payload.
+pub(crate) fn sized<P: Debug + ZeroCopySend>(
+    bus: &Bus,
+    topic: &Topic,
+    missing: Missing,
+) -> Result<PubSub<P, ()>, WireError> {
+    let name = service_name(topic)?;
+    retry(topic, || {
+        let builder = with_qos(bus.node.service_builder(&name).publish_subscribe::<P>(), topic.kind());
+        match missing {
+            Missing::Create => builder.open_or_create().map_err(|error| judge(topic, error)),
+            Missing::Refuse => builder.open().map_err(|error| judge_open(topic, error)),
+        }
+    })
+}
+
+/// The publish-subscribe service of a field topic.
+pub(crate) fn slices(
+    bus: &Bus,
+    topic: &Topic,
+    missing: Missing,
+) -> Result<PubSub<[f32], layout::FieldHeader>, WireError> {
+    let name = service_name(topic)?;
+    retry(topic, || {
+        let builder = bus.node.service_builder(&name).publish_subscribe::<[f32]>();
+        let builder = with_qos(builder.user_header::<layout::FieldHeader>(), topic.kind());
+        match missing {
+            Missing::Create => builder.open_or_create().map_err(|error| judge(topic, error)),
+            Missing::Refuse => builder.open().map_err(|error| judge_open(topic, error)),
+        }
+    })
+}
+
+/// The event service that wakes a topic's readers. It has no deadline on purpose: with one, `notify` fails in the writer
+/// although it has delivered. Deadlines are the reader's.
+pub(crate) fn events(bus: &Bus, topic: &Topic) -> Result<Events, WireError> {
+    let name = service_name(topic)?;
+    let qos = qos::of(topic.kind());
+    retry(topic, || {
+        bus.node
+            .service_builder(&name)
+            .event()
+            .max_listeners(qos.max_readers)
+            .max_notifiers(qos::MAX_WRITERS)
+            .max_nodes(qos.max_nodes)
+            .event_id_max_value(1)
+            .open_or_create()
+            .map_err(|error| Refusal::Passing(format!("{error:?}")))
+    })
+}
+
+fn with_qos<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
+    builder: Builder<P, H, Ipc>,
+    kind: TopicKind,
+) -> Builder<P, H, Ipc> {
+    let qos = qos::of(kind);
+    builder
+        .max_publishers(qos::MAX_WRITERS)
+        .max_subscribers(qos.max_readers)
+        .max_nodes(qos.max_nodes)
+        .subscriber_max_buffer_size(qos.buffer)
+        .subscriber_max_borrowed_samples(qos.max_borrowed)
+        .history_size(qos.history)
+        .enable_safe_overflow(true)
+}
+
+fn service_name(topic: &Topic) -> Result<ServiceName, WireError> {
+    ServiceName::new(topic.name())
+        .map_err(|error| WireError::Open { topic: topic.name().into(), cause: format!("{error:?}") })
+}
+
+/// Why a try failed: for good, or because somebody is in the middle of something.
+pub(crate) enum Refusal {
+    Final(WireError),
+    Passing(String),
+}
+
+/// Tries until success, a final refusal, or [`FLUX_TIMEOUT`].
+pub(crate) fn retry<T>(
+    topic: &Topic,
+    mut attempt: impl FnMut() -> Result<T, Refusal>,
+) -> Result<T, WireError> {
+    let begin = Instant::now();
+    let mut tries = 0;
+    loop {
+        tries += 1;
+        match attempt() {
+            Ok(done) => return Ok(done),
+            Err(Refusal::Final(error)) => return Err(error),
+            Err(Refusal::Passing(cause)) if begin.elapsed() > FLUX_TIMEOUT => {
+                return Err(WireError::InFlux { topic: topic.name().into(), tries, cause });
+            }
+            Err(Refusal::Passing(_)) => std::thread::sleep(FLUX_PAUSE),
+        }
+    }
+}
+
+fn judge(topic: &Topic, error: OpenOrCreateError) -> Refusal {
+    match error {
+        OpenOrCreateError::PublishSubscribeOpenError(error) => judge_open(topic, error),
+        other => Refusal::Passing(format!("{other:?}")),
+    }
+}
+
+fn judge_open(topic: &Topic, error: OpenError) -> Refusal {
+    let topic_name = topic.name().to_owned();
+    let cause = format!("{error:?}");
+    match error {
+        OpenError::DoesNotExist => Refusal::Final(WireError::NoSuchTopic { topic: topic_name }),
+        OpenError::IncompatibleTypes
+        | OpenError::IncompatibleMessagingPattern
+        | OpenError::IncompatibleAttributes
+        | OpenError::IncompatibleOverflowBehavior
+        | OpenError::DoesNotSupportRequestedMinBufferSize
+        | OpenError::DoesNotSupportRequestedMinHistorySize
+        | OpenError::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+        | OpenError::DoesNotSupportRequestedAmountOfPublishers
+        | OpenError::DoesNotSupportRequestedAmountOfSubscribers
+        | OpenError::DoesNotSupportRequestedAmountOfNodes
+        | OpenError::VersionMismatch => Refusal::Final(WireError::Incompatible { topic: topic_name, cause }),
+        OpenError::InsufficientPermissions | OpenError::ExceedsMaxNumberOfNodes => {
+            Refusal::Final(WireError::Open { topic: topic_name, cause })
+        }
+        _ => Refusal::Passing(cause),
+    }
+}
+
+/// Judges a refused writer. A dead writer's slot is freed by cleaning up; only a living one is a contradiction.
+pub(crate) fn judge_writer(bus: &Bus, topic: &Topic, error: PublisherCreateError) -> Refusal {
+    match error {
+        PublisherCreateError::ExceedsMaxSupportedPublishers => {
+            if bus.clean_up(FLUX_PAUSE) > 0 {
+                return Refusal::Passing("the slot of a dead writer was freed".into());
+            }
+            let writers = participants(bus, topic).map(|(writers, _)| writers).unwrap_or_default();
+            let holder = writers.first().map(|pid| format!(" (process {pid})")).unwrap_or_default();
+            Refusal::Final(WireError::AlreadyPublished { topic: topic.name().into(), holder })
+        }
+        other => Refusal::Final(WireError::Open { topic: topic.name().into(), cause: format!("{other:?}") }),
+    }
+}
+
+/// Judges a refused reader.
+pub(crate) fn judge_reader(topic: &Topic, error: SubscriberCreateError) -> Refusal {
+    match error {
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => Refusal::Final(WireError::TooManyReaders {
+            topic: topic.name().into(),
+            limit: qos::of(topic.kind()).max_readers,
+        }),
+        other => Refusal::Final(WireError::Open { topic: topic.name().into(), cause: format!("{other:?}") }),
+    }
+}
+
+/// Process ids of writers and readers of a topic.
+pub(crate) fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireError> {
+    fn of<P, H>(service: &PubSub<P, H>) -> (Vec<u32>, Vec<u32>)
+    where
+        P: Debug + IceoryxSend + ?Sized,
+        H: Debug + ZeroCopySend,
+    {
+        let (mut writers, mut readers) = (Vec::new(), Vec::new());
+        let config = service.dynamic_config();
+        config.list_publishers(|port| {
+            writers.extend(port.node_id.pid::<Ipc>().map(|pid| pid.value() as u32).ok());
+            CallbackProgression::Continue
+        });
+        config.list_subscribers(|port| {
+            readers.extend(port.node_id.pid::<Ipc>().map(|pid| pid.value() as u32).ok());
+            CallbackProgression::Continue
+        });
+        (writers, readers)
+    }
+    Ok(match topic.kind() {
+        TopicKind::Sensor => of(&sized::<layout::SensorSample>(bus, topic, Missing::Refuse)?),
+        TopicKind::State => of(&sized::<layout::State>(bus, topic, Missing::Refuse)?),
+        TopicKind::Health => of(&sized::<layout::Health>(bus, topic, Missing::Refuse)?),
+        TopicKind::Field => of(&slices(bus, topic, Missing::Refuse)?),
+    })
+}
+
+/// The port that wakes a topic's readers.
+pub(crate) fn notifier(
+    bus: &Bus,
+    topic: &Topic,
+) -> Result<iceoryx2::port::notifier::Notifier<Ipc>, WireError> {
+    let service = events(bus, topic)?;
+    retry(topic, || {
+        service.notifier_builder().create().map_err(|error| Refusal::Passing(format!("{error:?}")))
+    })
+}
+
+/// The port that a topic's reader is woken by.
+pub(crate) fn listener(
+    bus: &Bus,
+    topic: &Topic,
+) -> Result<iceoryx2::port::listener::Listener<Ipc>, WireError> {
+    use iceoryx2::port::listener::ListenerCreateError as Error;
+    let service = events(bus, topic)?;
+    retry(topic, || {
+        service.listener_builder().create().map_err(|error| match error {
+            Error::ExceedsMaxSupportedListeners => Refusal::Final(WireError::TooManyReaders {
+                topic: topic.name().into(),
+                limit: qos::of(topic.kind()).max_readers,
+            }),
+            other => Refusal::Passing(format!("{other:?}")),
+        })
+    })
+}

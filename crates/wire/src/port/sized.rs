@@ -1,0 +1,153 @@
+//! Ports of topics with a payload of fixed size: sensor, state, health.
+
+use super::segment;
+use super::service::{self, Missing};
+use crate::bus::{Bus, Ipc};
+use crate::wake::Wakeable;
+use crate::{Health, SensorSample, State, Topic, WireError, qos};
+use iceoryx2::port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
+use iceoryx2::prelude::*;
+use std::fmt::Debug;
+
+/// The one writer of a topic.
+#[derive(Debug)]
+pub struct Writer<P: Debug + Copy + ZeroCopySend + 'static> {
+    topic: Topic,
+    publisher: Publisher<Ipc, P, ()>,
+    notifier: Notifier<Ipc>,
+}
+
+/// One of many readers of a topic. Dropping it gives its slot back.
+#[derive(Debug)]
+pub struct Reader<P: Debug + Copy + ZeroCopySend + 'static> {
+    topic: Topic,
+    subscriber: Subscriber<Ipc, P, ()>,
+    listener: Listener<Ipc>,
+}
+
+/// Sends readings.
+pub type SensorWriter = Writer<SensorSample>;
+/// Receives readings.
+pub type SensorReader = Reader<SensorSample>;
+/// Sends states.
+pub type StateWriter = Writer<State>;
+/// Receives states.
+pub type StateReader = Reader<State>;
+/// Sends health.
+pub type HealthWriter = Writer<Health>;
+/// Receives health.
+pub type HealthReader = Reader<Health>;
+
+impl<P: Debug + Copy + ZeroCopySend + 'static> Writer<P> {
+    /// Becomes the writer of `topic` and reserves all its memory.
+    ///
+    /// # Errors
+    /// [`WireError::AlreadyPublished`] when a living process writes already, [`WireError::NoMemory`] when /dev/shm is
+    /// full, [`WireError::Incompatible`] when a program of another version made the topic.
+    pub fn create(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
+        let qos = qos::of(topic.kind());
+        let service = service::sized::<P>(bus, topic, Missing::Create)?;
+        let publisher = service::retry(topic, || {
+            service
+                .publisher_builder()
+                .max_loaned_samples(qos.max_loans)
+                .backpressure_strategy(BackpressureStrategy::DiscardData)
+                .override_sample_preallocation(move |worst| worst.min(qos.samples_in_use()))
+                .create()
+                .map_err(|error| service::judge_writer(bus, topic, error))
+        })?;
+        segment::reserve(bus, topic, publisher.id().value())?;
+        let notifier = service::notifier(bus, topic)?;
+        Ok(Self { topic: topic.clone(), publisher, notifier })
+    }
+
+    /// Sends one sample and wakes the readers. Cost: under a microsecond, and 5-8 us per waiting reader to wake it.
+    ///
+    /// # Errors
+    /// [`WireError::Loan`] when no sample is free, [`WireError::Send`] when the port broke.
+    pub fn publish(&mut self, value: P) -> Result<(), WireError> {
+        let sample = self.publisher.loan_uninit().map_err(|error| WireError::Loan {
+            topic: self.topic.name().into(),
+            cause: format!("{error:?}"),
+        })?;
+        let failed = |cause: String| WireError::Send { topic: self.topic.name().to_owned(), cause };
+        sample.write_payload(value).send().map_err(|error| failed(format!("{error:?}")))?;
+        self.notifier.notify().map_err(|error| failed(format!("{error:?}")))?;
+        Ok(())
+    }
+
+    /// The topic.
+    pub fn topic(&self) -> &Topic {
+        &self.topic
+    }
+}
+
+impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
+    /// Reads a topic that must exist.
+    ///
+    /// # Errors
+    /// [`WireError::NoSuchTopic`] when nobody made it, [`WireError::Incompatible`] when a program of another version did,
+    /// [`WireError::TooManyReaders`].
+    pub fn open(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
+        Self::build(bus, topic, Missing::Refuse)
+    }
+
+    /// Reads a topic that may come into being later.
+    ///
+    /// # Errors
+    /// As [`Self::open`], without `NoSuchTopic`.
+    pub fn attach(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
+        Self::build(bus, topic, Missing::Create)
+    }
+
+    fn build(bus: &Bus, topic: &Topic, missing: Missing) -> Result<Self, WireError> {
+        let qos = qos::of(topic.kind());
+        let service = service::sized::<P>(bus, topic, missing)?;
+        // The listener comes first: a sample sent in between then wakes us for nothing instead of never.
+        let listener = service::listener(bus, topic)?;
+        let subscriber = service::retry(topic, || {
+            service
+                .subscriber_builder()
+                .buffer_size(qos.buffer)
+                .history_request(qos.history)
+                .create()
+                .map_err(|error| service::judge_reader(topic, error))
+        })?;
+        Ok(Self { topic: topic.clone(), subscriber, listener })
+    }
+
+    /// The oldest waiting sample, if there is one. Never blocks.
+    ///
+    /// # Errors
+    /// [`WireError::Receive`] when a connection broke.
+    pub fn next(&self) -> Result<Option<P>, WireError> {
+        let received = self.subscriber.receive().map_err(|error| WireError::Receive {
+            topic: self.topic.name().into(),
+            cause: format!("{error:?}"),
+        })?;
+        Ok(received.map(|sample| *sample.payload()))
+    }
+
+    /// The newest waiting sample; the older ones are discarded. Never blocks.
+    ///
+    /// # Errors
+    /// As [`Self::next`].
+    pub fn newest(&self) -> Result<Option<P>, WireError> {
+        let mut newest = None;
+        while let Some(sample) = self.next()? {
+            newest = Some(sample);
+        }
+        Ok(newest)
+    }
+
+    /// The topic.
+    pub fn topic(&self) -> &Topic {
+        &self.topic
+    }
+}
+
+impl<P: Debug + Copy + ZeroCopySend + 'static> Wakeable for Reader<P> {
+    fn listener(&self) -> &Listener<Ipc> {
+        &self.listener
+    }
+}

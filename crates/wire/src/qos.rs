@@ -1,0 +1,58 @@
+//! Quality of service of every topic, in one place.
+//!
+//! Whoever comes first creates a topic with these settings, and everybody else must ask for the same: therefore all
+//! programs take them from here. One writer a topic (a second one is refused), the newest samples win (safe overflow: a
+//! slow reader loses its oldest samples and nobody else notices), all memory is allocated when the writer starts.
+
+use crate::TopicKind;
+
+/// Settings of one kind of topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Qos {
+    /// Readers at the same time.
+    pub max_readers: usize,
+    /// Samples that wait for a reader; older ones are overwritten.
+    pub buffer: usize,
+    /// Samples that a reader may hold at the same time.
+    pub max_borrowed: usize,
+    /// Samples a late reader gets at once.
+    pub history: usize,
+    /// Samples a writer may have on loan: one being filled, one ahead.
+    pub max_loans: usize,
+    /// Programs at the same time.
+    pub max_nodes: usize,
+}
+
+/// Writers of a topic at the same time. One: two twins for one actuator would contradict each other.
+pub const MAX_WRITERS: usize = 1;
+
+/// The settings of a kind of topic.
+pub const fn of(kind: TopicKind) -> Qos {
+    match kind {
+        // 64 readings are 16 ms at 4 kHz: a twin that slept that long takes the newest anyway, but counts the others.
+        TopicKind::Sensor => {
+            Qos { max_readers: 16, buffer: 64, max_borrowed: 4, history: 0, max_loans: 2, max_nodes: 64 }
+        }
+        // A full field has 500 kB: 16 of them let a reader sleep 16 ms at 1 kHz without a loss.
+        TopicKind::Field => {
+            Qos { max_readers: 24, buffer: 16, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 64 }
+        }
+        TopicKind::State => {
+            Qos { max_readers: 64, buffer: 256, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 128 }
+        }
+        TopicKind::Health => {
+            Qos { max_readers: 32, buffer: 8, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 128 }
+        }
+    }
+}
+
+impl Qos {
+    /// Samples that can be in use at the same time: every reader's own borrowed ones, the waiting ones (all readers wait
+    /// for the same newest `buffer` samples, because a full queue gives up its oldest), the history and the loans.
+    ///
+    /// iceoryx2 would reserve `max_readers * (buffer + max_borrowed) + history + loans`, which for a full field is 240 MB
+    /// instead of 58 MB.
+    pub const fn samples_in_use(&self) -> usize {
+        self.buffer + self.max_readers * self.max_borrowed + self.history + self.max_loans + 1
+    }
+}

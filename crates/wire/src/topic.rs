@@ -1,0 +1,148 @@
+//! Topic names: `softtwin/<actuator>/<kind>`.
+
+use crate::{KeyExpr, WireError};
+use std::fmt;
+
+/// First chunk of every name.
+pub const ROOT: &str = "softtwin";
+
+/// What a topic carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum TopicKind {
+    /// Readings: [`crate::SensorSample`].
+    Sensor,
+    /// Fields: [`crate::FieldHeader`] and `[f32]`.
+    Field,
+    /// The small state: [`crate::State`].
+    State,
+    /// Counters and latencies at 1 Hz: [`crate::Health`].
+    Health,
+}
+
+impl TopicKind {
+    /// The chunk in a topic's name.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Sensor => "sensor",
+            Self::Field => "field",
+            Self::State => "state",
+            Self::Health => "health",
+        }
+    }
+}
+
+/// One topic: a plain key (no wildcard) with its parts.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Topic {
+    name: String,
+    actuator: String,
+    kind: TopicKind,
+    node_set: Option<String>,
+}
+
+impl Topic {
+    /// `softtwin/<actuator>/sensor`.
+    ///
+    /// # Errors
+    /// [`WireError::BadName`] when the actuator's name is not one chunk of letters, digits, `_` or `-`.
+    pub fn sensor(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Sensor, None)
+    }
+
+    /// `softtwin/<actuator>/field` for all nodes (`node_set` `None` or `"all"`), else `softtwin/<actuator>/field/<node_set>`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`], for both names.
+    pub fn field(actuator: &str, node_set: Option<&str>) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Field, node_set.filter(|set| *set != "all"))
+    }
+
+    /// `softtwin/<actuator>/state`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn state(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::State, None)
+    }
+
+    /// `softtwin/<actuator>/health`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn health(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Health, None)
+    }
+
+    /// Reads a topic back from its name; `None` for names that are not ours.
+    pub fn parse(name: &str) -> Option<Self> {
+        let mut chunks = name.split('/');
+        if chunks.next() != Some(ROOT) {
+            return None;
+        }
+        let actuator = chunks.next()?;
+        let kind = match chunks.next()? {
+            "sensor" => TopicKind::Sensor,
+            "field" => TopicKind::Field,
+            "state" => TopicKind::State,
+            "health" => TopicKind::Health,
+            _ => return None,
+        };
+        let node_set = chunks.next();
+        if chunks.next().is_some() || (node_set.is_some() && kind != TopicKind::Field) {
+            return None;
+        }
+        Self::build(actuator, kind, node_set).ok()
+    }
+
+    fn build(actuator: &str, kind: TopicKind, node_set: Option<&str>) -> Result<Self, WireError> {
+        check_name("actuator", actuator)?;
+        let mut name = format!("{ROOT}/{actuator}/{}", kind.as_str());
+        if let Some(set) = node_set {
+            check_name("node set", set)?;
+            name = format!("{name}/{set}");
+        }
+        Ok(Self { name, actuator: actuator.into(), kind, node_set: node_set.map(Into::into) })
+    }
+
+    /// The whole name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The actuator's name.
+    pub fn actuator(&self) -> &str {
+        &self.actuator
+    }
+
+    /// What it carries.
+    pub fn kind(&self) -> TopicKind {
+        self.kind
+    }
+
+    /// The node set of a field topic; `None`: all nodes.
+    pub fn node_set(&self) -> Option<&str> {
+        self.node_set.as_deref()
+    }
+
+    /// Whether `key` matches this topic's name.
+    pub fn matches(&self, key: &KeyExpr) -> bool {
+        key.matches(&self.name)
+    }
+}
+
+impl fmt::Display for Topic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)
+    }
+}
+
+/// Longest name of an actuator or a node set: it travels in a 32-byte field of the headers.
+pub const MAX_NAME_LEN: usize = 31;
+
+fn check_name(what: &'static str, name: &str) -> Result<(), WireError> {
+    let plain = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'-');
+    if name.is_empty() || name.len() > MAX_NAME_LEN || !plain {
+        return Err(WireError::BadName { what, found: name.to_owned() });
+    }
+    Ok(())
+}

@@ -1,0 +1,213 @@
+//! Ports in an isolated domain: delivery, refusals, late readers, memory.
+
+use softtwin_wire::layout::{field_id, flags, pack_name, unpack_name};
+use softtwin_wire::{
+    Bus, Domain, FieldHeader, FieldReader, FieldWriter, KeyExpr, SensorReader, SensorSample, SensorWriter,
+    State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable, WireError,
+};
+use std::time::Duration;
+
+fn bus() -> Bus {
+    Bus::open(&Domain::isolated("ports")).unwrap()
+}
+
+fn header(nodes: u32, fields: &[u8]) -> FieldHeader {
+    let mut header =
+        FieldHeader { node_count: nodes, field_count: fields.len() as u32, ..FieldHeader::default() };
+    header.field_ids[..fields.len()].copy_from_slice(fields);
+    header
+}
+
+#[test]
+fn a_field_arrives_where_it_was_written() {
+    let bus = bus();
+    let topic = Topic::field("finger", None).unwrap();
+    let mut writer = FieldWriter::create(&bus, &topic, 6).unwrap();
+    let reader = FieldReader::open(&bus, &topic).unwrap();
+    let mut loan = writer.loan().unwrap();
+    loan.values_mut().copy_from_slice(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let sent_ns = writer.send(loan, header(3, &[field_id::X, field_id::VON_MISES])).unwrap();
+    let sample = reader.next().unwrap().unwrap();
+    assert_eq!(sample.header().t_publish_ns, sent_ns);
+    assert_eq!(sample.field(field_id::X).unwrap(), &[1.0, 2.0, 3.0]);
+    assert_eq!(sample.field(field_id::VON_MISES).unwrap(), &[4.0, 5.0, 6.0]);
+    assert_eq!(sample.field(field_id::Y), None);
+    assert!(reader.next().unwrap().is_none());
+}
+
+#[test]
+fn a_header_that_does_not_describe_the_payload_is_not_sent() {
+    let bus = bus();
+    let topic = Topic::field("finger", Some("tip")).unwrap();
+    let mut writer = FieldWriter::create(&bus, &topic, 6).unwrap();
+    let loan = writer.loan().unwrap();
+    let refused = writer.send(loan, header(4, &[field_id::X, field_id::Y]));
+    assert!(
+        matches!(refused, Err(WireError::FieldShape { found: 6, nodes: 4, fields: 2, .. })),
+        "{refused:?}"
+    );
+}
+
+#[test]
+fn a_second_writer_is_refused_with_the_process_of_the_first() {
+    let domain = Domain::isolated("second");
+    let (first, second) = (Bus::open(&domain).unwrap(), Bus::open(&domain).unwrap());
+    let topic = Topic::state("finger").unwrap();
+    let held = StateWriter::create(&first, &topic).unwrap();
+    let error = StateWriter::create(&second, &topic).unwrap_err().to_string();
+    assert!(error.contains("another process already publishes here"), "{error}");
+    assert!(error.contains(&format!("process {}", std::process::id())), "{error}");
+    drop(held);
+    StateWriter::create(&second, &topic).expect("the slot is free again");
+}
+
+#[test]
+fn a_missing_topic_is_said_and_a_late_reader_gets_the_last_state() {
+    let bus = bus();
+    let topic = Topic::state("finger").unwrap();
+    assert!(matches!(StateReader::open(&bus, &topic), Err(WireError::NoSuchTopic { .. })));
+    let mut writer = StateWriter::create(&bus, &topic).unwrap();
+    for seq in 1..=3 {
+        writer.publish(State { seq, ..State::default() }).unwrap();
+    }
+    let late = StateReader::open(&bus, &topic).unwrap();
+    // History is handed over when the writer next looks at its readers, at the latest with the next sample.
+    writer.publish(State { seq: 4, ..State::default() }).unwrap();
+    let seqs: Vec<u64> = std::iter::from_fn(|| late.next().unwrap()).map(|state| state.seq).collect();
+    assert_eq!(seqs.last(), Some(&4));
+}
+
+#[test]
+fn a_slow_reader_loses_the_oldest_and_the_writer_never_waits() {
+    let bus = bus();
+    let topic = Topic::field("finger", None).unwrap();
+    let mut writer = FieldWriter::create(&bus, &topic, 4).unwrap();
+    let slow = FieldReader::open(&bus, &topic).unwrap();
+    let mut held = Vec::new();
+    for seq in 1..=200 {
+        let mut loan = writer.loan().unwrap();
+        loan.values_mut().fill(seq as f32);
+        writer.send(loan, FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
+        if held.len() < 4 {
+            held.push(slow.next().unwrap().unwrap()); // a reader that keeps what it has
+        }
+    }
+    for (sample, seq) in held.iter().zip(1..) {
+        assert_eq!(sample.values(), [seq as f32; 4], "a held sample was overwritten");
+    }
+    drop(held);
+    let rest: Vec<u64> =
+        std::iter::from_fn(|| slow.next().unwrap()).map(|sample| sample.header().seq).collect();
+    assert_eq!(rest, (185..=200).collect::<Vec<u64>>(), "the newest 16 must be waiting, in order");
+}
+
+#[test]
+fn many_readers_that_hold_all_they_may_leave_a_sample_for_the_writer() {
+    let bus = bus();
+    let topic = Topic::field("finger", None).unwrap();
+    let mut writer = FieldWriter::create(&bus, &topic, 4).unwrap();
+    let readers: Vec<FieldReader> = (0..24).map(|_| FieldReader::open(&bus, &topic).unwrap()).collect();
+    assert!(matches!(FieldReader::open(&bus, &topic), Err(WireError::TooManyReaders { limit: 24, .. })));
+    let mut held = Vec::new();
+    for seq in 1..=400_u64 {
+        let loan = writer.loan().unwrap_or_else(|error| panic!("sample {seq}: {error}"));
+        writer.send(loan, FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
+        // Every reader takes its four samples at another time, so that all 96 are different ones.
+        let reader = &readers[(seq % 24) as usize];
+        if seq <= 96 {
+            held.push(reader.newest().unwrap().unwrap());
+        }
+    }
+    assert_eq!(held.len(), 96);
+}
+
+#[test]
+fn waits_end_by_event_or_timeout() {
+    let bus = bus();
+    let topic = Topic::sensor("finger").unwrap();
+    let mut writer = SensorWriter::create(&bus, &topic).unwrap();
+    let reader = SensorReader::open(&bus, &topic).unwrap();
+    let mut wake = WakeSet::new([&reader as &dyn Wakeable]);
+    assert_eq!(wake.wait([&reader as &dyn Wakeable], Duration::from_millis(1)).unwrap(), Wake::Timeout);
+    writer.publish(SensorSample { seq: 1, ..SensorSample::default() }).unwrap();
+    assert_eq!(wake.wait([&reader as &dyn Wakeable], Duration::from_secs(10)).unwrap(), Wake::Event);
+    assert_eq!(reader.newest().unwrap().map(|sample| sample.seq), Some(1));
+    assert_eq!(
+        wake.wait([&reader as &dyn Wakeable], Duration::from_millis(1)).unwrap(),
+        Wake::Timeout,
+        "a notification that was taken must not wake again"
+    );
+}
+
+#[test]
+fn topics_are_found_by_key_expression() {
+    let bus = bus();
+    let _state = StateWriter::create(&bus, &Topic::state("left").unwrap()).unwrap();
+    let _sensor = SensorWriter::create(&bus, &Topic::sensor("right").unwrap()).unwrap();
+    let field_topic = Topic::field("left", Some("tip")).unwrap();
+    let _field = FieldWriter::create(&bus, &field_topic, 3).unwrap();
+    let _reader = FieldReader::open(&bus, &field_topic).unwrap();
+    let names = |text: &str| -> Vec<String> {
+        let found = bus.topics(&KeyExpr::new(text).unwrap()).unwrap();
+        found.into_iter().map(|info| info.topic.to_string()).collect()
+    };
+    assert_eq!(
+        names("softtwin/**"),
+        ["softtwin/left/field/tip", "softtwin/left/state", "softtwin/right/sensor"]
+    );
+    assert_eq!(names("softtwin/*/state"), ["softtwin/left/state"]);
+    assert!(names("softtwin/nobody/**").is_empty());
+    let tip = bus.topics(&KeyExpr::new("**/tip").unwrap()).unwrap().remove(0);
+    assert_eq!(tip.header_type, "softtwin.FieldHeader.v1");
+    assert_eq!(
+        (tip.writers.as_slice(), tip.readers.as_slice()),
+        ([std::process::id()].as_slice(), [std::process::id()].as_slice())
+    );
+}
+
+#[test]
+fn dropping_everything_leaves_no_shared_memory() {
+    let domain = Domain::isolated("leak");
+    let bus = Bus::open(&domain).unwrap();
+    let topic = Topic::field("finger", None).unwrap();
+    let mut writer = FieldWriter::create(&bus, &topic, 1000).unwrap();
+    let reader = FieldReader::open(&bus, &topic).unwrap();
+    let mut loan = writer.loan().unwrap();
+    loan.values_mut().fill(1.0);
+    writer.send(loan, header(1000, &[field_id::X])).unwrap();
+    assert!(writer.prefault().unwrap() >= 4000);
+    assert!(!files(&domain).is_empty(), "the test looks in the wrong place");
+    drop((reader, writer, bus));
+    // What stays is the domain's own management segment: one file per domain, not per program.
+    let left: Vec<String> =
+        files(&domain).into_iter().filter(|name| !name.ends_with(".global_mgmt")).collect();
+    assert_eq!(left, Vec::<String>::new());
+}
+
+fn files(domain: &Domain) -> Vec<String> {
+    std::fs::read_dir("/dev/shm")
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .filter(|name| name.starts_with(&domain.prefix))
+        .collect()
+}
+
+#[test]
+fn topic_names_are_checked_and_read_back() {
+    for topic in [
+        Topic::sensor("finger").unwrap(),
+        Topic::field("finger", None).unwrap(),
+        Topic::field("finger", Some("tip")).unwrap(),
+        Topic::state("finger-2").unwrap(),
+        Topic::health("a_b").unwrap(),
+    ] {
+        assert_eq!(Topic::parse(topic.name()), Some(topic));
+    }
+    for bad in ["", "a/b", "*", "a b", "ä", &"x".repeat(32)] {
+        assert!(matches!(Topic::state(bad), Err(WireError::BadName { .. })), "{bad}");
+    }
+    assert_eq!(Topic::parse("softtwin/finger/state/tip"), None);
+    assert_eq!(Topic::parse("other/finger/state"), None);
+    assert_eq!(unpack_name(&pack_name("finger")), "finger");
+    assert_eq!(flags::names(flags::STALE | flags::NO_DATA).collect::<Vec<_>>(), ["stale", "no-data"]);
+}
