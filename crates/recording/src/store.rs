@@ -1,0 +1,41 @@
+//! What a recording is written to: a file, or memory in tests.
+
+use std::fs::File;
+use std::io::{self, Seek, SeekFrom, Write};
+
+/// Somewhere bytes are appended, that can be cut back to a known length and forced to disk.
+pub trait Store: Write {
+    /// Cuts the store to `len` bytes and continues writing there.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    fn cut_to(&mut self, len: u64) -> io::Result<()>;
+
+    /// Forces what was written onto the medium.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    fn sync(&mut self) -> io::Result<()>;
+}
+
+impl Store for File {
+    fn cut_to(&mut self, len: u64) -> io::Result<()> {
+        self.set_len(len)?;
+        self.seek(SeekFrom::Start(len)).map(|_| ())
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.sync_data()
+    }
+}
+
+impl Store for Vec<u8> {
+    fn cut_to(&mut self, len: u64) -> io::Result<()> {
+        self.truncate(len as usize);
+        Ok(())
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
