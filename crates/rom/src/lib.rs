@@ -12,6 +12,9 @@ pub mod config;
 pub mod evaluation;
 pub mod hull;
 pub mod interpolant;
+// Intrinsics and writes into loaned memory; each with its SAFETY line.
+#[allow(unsafe_code)]
+pub mod kernel;
 pub mod model;
 pub mod regime;
 pub mod snapshots;

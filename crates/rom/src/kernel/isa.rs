@@ -1,0 +1,54 @@
+//! Instruction sets and the choice among them at run time.
+
+use std::fmt;
+
+/// An instruction set the sweep is compiled for.
+///
+/// All but [`Isa::Portable`] use fused multiply-add in the same order and give the same bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Isa {
+    /// x86-64 with AVX-512 F: a tile row is one register.
+    Avx512,
+    /// x86-64 with AVX2 and FMA: two registers a row.
+    Avx2,
+    /// aarch64, where NEON is always present: four registers a row.
+    Neon,
+    /// Plain Rust over arrays of 16, left to the compiler; multiplies and adds are rounded apart.
+    Portable,
+}
+
+impl Isa {
+    /// Every instruction set, the fastest first.
+    pub const ALL: [Self; 4] = [Self::Avx512, Self::Avx2, Self::Neon, Self::Portable];
+
+    /// The fastest one of this processor.
+    pub fn detect() -> Self {
+        Self::ALL.into_iter().find(|isa| isa.is_available()).unwrap_or(Self::Portable)
+    }
+
+    /// Whether this processor can run it.
+    pub fn is_available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => is_x86_feature_detected!("avx512f"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon => true,
+            Self::Portable => true,
+            #[allow(unreachable_patterns)] // which of them are unreachable depends on the processor
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Isa {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Avx512 => "AVX-512",
+            Self::Avx2 => "AVX2+FMA",
+            Self::Neon => "NEON",
+            Self::Portable => "portable",
+        })
+    }
+}

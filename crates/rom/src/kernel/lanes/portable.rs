@@ -1,0 +1,77 @@
+//! Plain arrays, for the compiler to vectorise with what every processor of the target has.
+
+use super::super::TILE_NODES;
+use super::Lanes;
+
+/// 16 lanes in an array.
+#[derive(Clone, Copy)]
+pub(in super::super) struct Portable([f32; TILE_NODES]);
+
+#[inline(always)]
+fn each(value: impl Fn(usize) -> f32) -> Portable {
+    let mut lanes = [0.0; TILE_NODES];
+    for (i, lane) in lanes.iter_mut().enumerate() {
+        *lane = value(i);
+    }
+    Portable(lanes)
+}
+
+// SAFETY (all methods): no instruction set is needed; the trait's contract gives pointers to 16 elements.
+impl Lanes for Portable {
+    #[inline(always)]
+    unsafe fn splat(value: f32) -> Self {
+        Self([value; TILE_NODES])
+    }
+
+    #[inline(always)]
+    unsafe fn load(from: *const f32) -> Self {
+        // SAFETY: see the impl.
+        Self(unsafe { from.cast::<[f32; TILE_NODES]>().read() })
+    }
+
+    #[inline(always)]
+    unsafe fn load_i16(from: *const i16) -> Self {
+        // SAFETY: see the impl.
+        let row = unsafe { from.cast::<[i16; TILE_NODES]>().read() };
+        each(|i| f32::from(row[i]))
+    }
+
+    #[inline(always)]
+    unsafe fn store(self, to: *mut f32) {
+        // SAFETY: see the impl.
+        unsafe { to.cast::<[f32; TILE_NODES]>().write_unaligned(self.0) }
+    }
+
+    /// Rounded twice: without the instruction, a fused `mul_add` is a library call a hundred times as slow.
+    #[inline(always)]
+    unsafe fn mul_add(self, factor: Self, addend: Self) -> Self {
+        each(|i| self.0[i] * factor.0[i] + addend.0[i])
+    }
+
+    #[inline(always)]
+    unsafe fn sub(self, other: Self) -> Self {
+        each(|i| self.0[i] - other.0[i])
+    }
+
+    #[inline(always)]
+    unsafe fn sqrt(self) -> Self {
+        each(|i| self.0[i].sqrt())
+    }
+
+    #[inline(always)]
+    unsafe fn at_least_zero(self) -> Self {
+        each(|i| if 0.0 > self.0[i] { 0.0 } else { self.0[i] })
+    }
+
+    #[inline(always)]
+    unsafe fn select_greater(self, than: Self, yes: Self, no: Self) -> Self {
+        each(|i| if self.0[i] > than.0[i] { yes.0[i] } else { no.0[i] })
+    }
+
+    #[inline(always)]
+    unsafe fn fold_line(self, line: *const f32) -> Self {
+        // SAFETY: see the impl.
+        let line = unsafe { line.cast::<[u32; TILE_NODES]>().read() };
+        each(|i| f32::from_bits(self.0[i].to_bits().wrapping_add(line[i])))
+    }
+}

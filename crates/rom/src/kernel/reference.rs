@@ -1,0 +1,57 @@
+//! The same in the plainest way: the oracle of the tests and the definition of what the kernel computes.
+
+use super::spec::{Affine, Role, Source, Spec};
+
+/// All published fields, field-major, in f64, straight from the equations; with each value the sum of the magnitudes
+/// of its terms, from which the bound of any order of summation in f32 follows.
+///
+/// # Panics
+/// When the spec's slices do not fit each other ([`Basis::build`](super::Basis::build) says which) or `coefficients`
+/// is too short.
+pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
+    let mut out = Vec::new();
+    for field in spec.fields.iter().filter(|field| field.published) {
+        for i in 0..spec.output_nodes() {
+            let node = spec.source_node(i);
+            let value = match &field.source {
+                Source::Affine(affine) => combine(affine, coefficients, node),
+                Source::Magnitude { coordinates, rest } => {
+                    let mut squares = Reference { value: 0.0, terms: 0.0 };
+                    for (&coordinate, rest) in coordinates.iter().zip(rest) {
+                        let Source::Affine(affine) = &spec.fields[coordinate].source else { continue };
+                        let x = combine(affine, coefficients, node);
+                        squares.value += (x.value - rest.get(node)).powi(2);
+                        squares.terms += (x.terms + rest.get(node).abs()).powi(2);
+                    }
+                    Reference { value: squares.value.sqrt(), terms: squares.terms.sqrt() }
+                }
+            };
+            let value = match field.role {
+                Role::Plain => value,
+                Role::Displacement | Role::Stress => Reference { value: value.value.max(0.0), ..value },
+            };
+            out.push(value);
+        }
+    }
+    out
+}
+
+/// A value and the sum of the magnitudes it was added up from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reference {
+    /// The value in the unit of its field.
+    pub value: f64,
+    /// `|mean| + sum_j |phi_j a_j|` (for a magnitude: the length of that vector, rest shape included).
+    pub terms: f64,
+}
+
+fn combine(affine: &Affine<'_>, coefficients: &[f64], node: usize) -> Reference {
+    let mean = affine.mean.map_or(0.0, |mean| mean.get(node));
+    let mut sum = Reference { value: mean, terms: mean.abs() };
+    for (j, &a) in coefficients[affine.coefficients.clone()].iter().enumerate() {
+        let term = affine.modes.get(j * affine.stride + node) * a;
+        sum.value += term;
+        sum.terms += term.abs();
+    }
+    sum
+}

@@ -1,0 +1,373 @@
+//! The sweep: every tile once, in order, all fields of a tile at once.
+
+use super::isa::Isa;
+use super::lanes::{Lanes, portable::Portable};
+use super::plan::{Op, Plan};
+use super::spec::Role;
+use super::tiles::{Precision, Tiles, header_bytes};
+use super::{MAX_COEFFICIENTS, TILE_NODES};
+
+/// Largest value and the output node that has it, per peak.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RawPeaks {
+    pub displacement: (f32, usize),
+    pub stress: (f32, usize),
+}
+
+/// What a sweep works on.
+#[derive(Clone, Copy)]
+pub(super) struct Job<'a> {
+    pub plan: &'a Plan,
+    pub tiles: &'a Tiles,
+    /// In the order of the mode rows, scales multiplied in.
+    pub coefficients: &'a [f32; MAX_COEFFICIENTS],
+    /// Valid for writes of `plan.entries()` values.
+    pub out: *mut f32,
+}
+
+/// Runs the sweep with an instruction set that the caller has found to be available.
+///
+/// # Safety
+/// `isa` is available and `job.out` is valid for writes of `plan.entries()` f32, all of which are written.
+pub(super) unsafe fn run(isa: Isa, precision: Precision, job: Job<'_>) -> RawPeaks {
+    // SAFETY: the caller's promises are passed on.
+    unsafe {
+        match (isa, precision) {
+            #[cfg(target_arch = "x86_64")]
+            (Isa::Avx512, Precision::F32) => avx512_f32(job),
+            #[cfg(target_arch = "x86_64")]
+            (Isa::Avx512, Precision::I16) => avx512_i16(job),
+            #[cfg(target_arch = "x86_64")]
+            (Isa::Avx2, Precision::F32) => avx2_f32(job),
+            #[cfg(target_arch = "x86_64")]
+            (Isa::Avx2, Precision::I16) => avx2_i16(job),
+            #[cfg(target_arch = "aarch64")]
+            (Isa::Neon, Precision::F32) => sweep::<super::lanes::neon::Neon, F32Rows>(job),
+            #[cfg(target_arch = "aarch64")]
+            (Isa::Neon, Precision::I16) => sweep::<super::lanes::neon::Neon, I16Rows>(job),
+            (_, Precision::F32) => sweep::<Portable, F32Rows>(job),
+            (_, Precision::I16) => sweep::<Portable, I16Rows>(job),
+        }
+    }
+}
+
+/// Reads every cache line of the tiles once and returns a checksum.
+///
+/// # Safety
+/// `isa` is available.
+pub(super) unsafe fn read(isa: Isa, tiles: &Tiles) -> u32 {
+    // SAFETY: the caller's promise is passed on.
+    unsafe {
+        match isa {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => avx512_read(tiles),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => avx2_read(tiles),
+            #[cfg(target_arch = "aarch64")]
+            Isa::Neon => read_lines::<super::lanes::neon::Neon>(tiles),
+            _ => read_lines::<Portable>(tiles),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    //! The sweep compiled with the features of each instruction set, which is all that makes these functions unsafe
+    //! beyond the sweep itself.
+
+    use super::*;
+    use crate::kernel::lanes::{avx2::Avx2, avx512::Avx512};
+
+    macro_rules! compiled {
+        ($($name:ident, $features:literal, $body:expr, $argument:ty => $result:ty;)*) => {$(
+            #[target_feature(enable = $features)]
+            pub(in super::super) unsafe fn $name(argument: $argument) -> $result {
+                // SAFETY: the caller's promises are passed on.
+                unsafe { $body(argument) }
+            }
+        )*};
+    }
+    compiled! {
+        avx512_f32, "avx512f", sweep::<Avx512, F32Rows>, Job<'_> => RawPeaks;
+        avx512_i16, "avx512f", sweep::<Avx512, I16Rows>, Job<'_> => RawPeaks;
+        avx512_read, "avx512f", read_lines::<Avx512>, &Tiles => u32;
+        avx2_f32, "avx2,fma", sweep::<Avx2, F32Rows>, Job<'_> => RawPeaks;
+        avx2_i16, "avx2,fma", sweep::<Avx2, I16Rows>, Job<'_> => RawPeaks;
+        avx2_read, "avx2,fma", read_lines::<Avx2>, &Tiles => u32;
+    }
+}
+#[cfg(target_arch = "x86_64")]
+use x86::*;
+
+/// How rows are stored.
+///
+/// # Safety
+/// Implementations advance the cursor by exactly the row they read.
+trait Rows {
+    /// The cursor at the start of a tile.
+    unsafe fn start(tile: *const u8, plan: &Plan) -> Cursor;
+    /// The next row of modes.
+    unsafe fn mode<V: Lanes>(cursor: &mut Cursor) -> V;
+    /// The next mean or rest row.
+    unsafe fn constant<V: Lanes>(cursor: &mut Cursor) -> V;
+}
+
+/// Where in a tile the sweep is.
+struct Cursor {
+    row: *const u8,
+    header: *const f32,
+}
+
+struct F32Rows;
+
+impl Rows for F32Rows {
+    #[inline(always)]
+    unsafe fn start(tile: *const u8, _: &Plan) -> Cursor {
+        Cursor { row: tile, header: tile.cast() }
+    }
+
+    #[inline(always)]
+    unsafe fn mode<V: Lanes>(cursor: &mut Cursor) -> V {
+        // SAFETY: the plan that laid out the tile drives the sweep, so a row of 16 aligned f32 lies here.
+        unsafe {
+            let row = V::load(cursor.row.cast());
+            cursor.row = cursor.row.add(TILE_NODES * 4);
+            row
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn constant<V: Lanes>(cursor: &mut Cursor) -> V {
+        // SAFETY: as for a mode; the rows look alike.
+        unsafe { Self::mode(cursor) }
+    }
+}
+
+struct I16Rows;
+
+impl Rows for I16Rows {
+    #[inline(always)]
+    unsafe fn start(tile: *const u8, plan: &Plan) -> Cursor {
+        // SAFETY: the header lies before the rows, inside the tile.
+        Cursor { row: unsafe { tile.add(header_bytes(plan.constant_rows)) }, header: tile.cast() }
+    }
+
+    #[inline(always)]
+    unsafe fn mode<V: Lanes>(cursor: &mut Cursor) -> V {
+        // SAFETY: the plan that laid out the tile drives the sweep, so a row of 16 aligned i16 lies here.
+        unsafe {
+            let row = V::load_i16(cursor.row.cast());
+            cursor.row = cursor.row.add(TILE_NODES * 2);
+            row
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn constant<V: Lanes>(cursor: &mut Cursor) -> V {
+        // SAFETY: the header holds a scale and an offset for each mean and rest row, in order.
+        unsafe {
+            let (scale, offset) = (V::splat(*cursor.header), V::splat(*cursor.header.add(1)));
+            cursor.header = cursor.header.add(2);
+            Self::mode::<V>(cursor).mul_add(scale, offset)
+        }
+    }
+}
+
+/// Running maximum of each lane and the tile it was found in (as bits of an f32).
+#[derive(Clone, Copy)]
+struct LanePeak<V> {
+    value: V,
+    tile: V,
+}
+
+impl<V: Lanes> LanePeak<V> {
+    #[inline(always)]
+    unsafe fn new() -> Self {
+        // SAFETY: the instruction set is available.
+        unsafe { Self { value: V::splat(f32::NEG_INFINITY), tile: V::splat(0.0) } }
+    }
+
+    #[inline(always)]
+    unsafe fn update(&mut self, value: V, tile: V) {
+        // SAFETY: the instruction set is available.
+        unsafe {
+            self.tile = value.select_greater(self.value, tile, self.tile);
+            self.value = value.select_greater(self.value, value, self.value);
+        }
+    }
+
+    /// The maximum over lanes; of equal values the lowest node.
+    #[inline(always)]
+    unsafe fn reduce(self, nodes: usize) -> (f32, usize) {
+        let (mut values, mut tiles) = ([0.0; TILE_NODES], [0.0; TILE_NODES]);
+        // SAFETY: both arrays hold 16 values.
+        unsafe {
+            self.value.store(values.as_mut_ptr());
+            self.tile.store(tiles.as_mut_ptr());
+        }
+        let mut best = (f32::NEG_INFINITY, usize::MAX);
+        for (lane, (value, tile)) in values.into_iter().zip(tiles).enumerate() {
+            let node = tile.to_bits() as usize * TILE_NODES + lane;
+            if value > best.0 || (value == best.0 && node < best.1) {
+                best = (value, node);
+            }
+        }
+        (best.0, best.1.min(nodes - 1))
+    }
+}
+
+/// State of a sweep.
+struct Sweep<'a, V> {
+    job: Job<'a>,
+    displacement: LanePeak<V>,
+    stress: LanePeak<V>,
+}
+
+/// # Safety
+/// As for [`run`], with the instruction set of `V`.
+#[inline(always)]
+unsafe fn sweep<V: Lanes, R: Rows>(job: Job<'_>) -> RawPeaks {
+    let plan = job.plan;
+    // SAFETY: whole tiles write 16 values a field inside `out`; the last, partial one goes through a buffer. The
+    // storage holds `plan.tiles()` tiles.
+    unsafe {
+        let mut sweep = Sweep { job, displacement: LanePeak::<V>::new(), stress: LanePeak::new() };
+        let whole = plan.nodes / TILE_NODES;
+        let mut tile = job.tiles.as_ptr();
+        for index in 0..whole {
+            sweep.tile::<R, WholeTile>(tile, index);
+            tile = tile.add(job.tiles.tile_bytes);
+        }
+        if whole < plan.tiles() {
+            sweep.tile::<R, PartialTile>(tile, whole);
+        }
+        RawPeaks {
+            displacement: sweep.displacement.reduce(plan.nodes),
+            stress: sweep.stress.reduce(plan.nodes),
+        }
+    }
+}
+
+impl<V: Lanes> Sweep<'_, V> {
+    #[inline(always)]
+    unsafe fn tile<R: Rows, W: Write>(&mut self, tile: *const u8, index: usize) {
+        let job = self.job;
+        // SAFETY: the cursor follows the plan that laid out the tile, coefficients hold `mode_rows` values, and each
+        // slot is below `published`.
+        unsafe {
+            let number = V::splat(f32::from_bits(index as u32));
+            let mut cursor = R::start(tile, job.plan);
+            let mut coefficients = job.coefficients.as_ptr();
+            let mut squares = V::splat(0.0);
+            for op in &job.plan.ops {
+                let value = combine::<V, R>(op, &mut cursor, coefficients);
+                coefficients = coefficients.add(op.modes);
+                if op.in_magnitude {
+                    let component = if op.has_rest { value.sub(R::constant(&mut cursor)) } else { value };
+                    squares = component.mul_add(component, squares);
+                }
+                let value = self.finish(op.role, value, number);
+                if let Some(slot) = op.slot {
+                    W::write(value, job.plan, job.out, slot, index);
+                }
+            }
+            if let Some(slot) = job.plan.magnitude_slot {
+                let magnitude = squares.sqrt();
+                self.displacement.update(magnitude, number);
+                W::write(magnitude, job.plan, job.out, slot, index);
+            }
+        }
+    }
+
+    /// Clamp and peak.
+    #[inline(always)]
+    unsafe fn finish(&mut self, role: Role, value: V, tile: V) -> V {
+        // SAFETY: the instruction set is available.
+        unsafe {
+            match role {
+                Role::Plain => value,
+                Role::Displacement => {
+                    let value = value.at_least_zero();
+                    self.displacement.update(value, tile);
+                    value
+                }
+                Role::Stress => {
+                    let value = value.at_least_zero();
+                    self.stress.update(value, tile);
+                    value
+                }
+            }
+        }
+    }
+}
+
+/// `mean + sum_j mode_j a_j` of one field in one tile.
+#[inline(always)]
+unsafe fn combine<V: Lanes, R: Rows>(op: &Op, cursor: &mut Cursor, coefficients: *const f32) -> V {
+    // SAFETY: the plan promises these rows and these coefficients.
+    unsafe {
+        let mut sum = if op.has_mean { R::constant(cursor) } else { V::splat(0.0) };
+        for j in 0..op.modes {
+            sum = R::mode::<V>(cursor).mul_add(V::splat(*coefficients.add(j)), sum);
+        }
+        sum
+    }
+}
+
+/// How a tile's values reach the output.
+trait Write {
+    unsafe fn write<V: Lanes>(value: V, plan: &Plan, out: *mut f32, slot: usize, tile: usize);
+}
+
+struct WholeTile;
+
+impl Write for WholeTile {
+    #[inline(always)]
+    unsafe fn write<V: Lanes>(value: V, plan: &Plan, out: *mut f32, slot: usize, tile: usize) {
+        // SAFETY: a whole tile of a field below `published` lies inside the output.
+        unsafe { value.store(out.add(slot * plan.nodes + tile * TILE_NODES)) }
+    }
+}
+
+struct PartialTile;
+
+impl Write for PartialTile {
+    #[inline(always)]
+    unsafe fn write<V: Lanes>(value: V, plan: &Plan, out: *mut f32, slot: usize, tile: usize) {
+        let mut buffer = [0.0f32; TILE_NODES];
+        let start = tile * TILE_NODES;
+        // SAFETY: the buffer takes 16 values, and only the nodes that exist are copied on.
+        unsafe {
+            value.store(buffer.as_mut_ptr());
+            let to = out.add(slot * plan.nodes + start);
+            std::ptr::copy_nonoverlapping(buffer.as_ptr(), to, plan.nodes - start);
+        }
+    }
+}
+
+/// Eight running sums, so that the additions never wait for each other.
+#[inline(always)]
+unsafe fn read_lines<V: Lanes>(tiles: &Tiles) -> u32 {
+    const SUMS: usize = 8;
+    let lines = tiles.lines();
+    let mut bits = [0.0f32; TILE_NODES];
+    // SAFETY: every pointer is to a line of the slice, which is 64 bytes and aligned.
+    unsafe {
+        let mut sums = [V::splat(0.0); SUMS];
+        let mut groups = lines.chunks_exact(SUMS);
+        for group in &mut groups {
+            for (sum, line) in sums.iter_mut().zip(group) {
+                *sum = sum.fold_line(line.0.as_ptr().cast());
+            }
+        }
+        for line in groups.remainder() {
+            sums[0] = sums[0].fold_line(line.0.as_ptr().cast());
+        }
+        let mut total = 0u32;
+        for sum in sums {
+            sum.store(bits.as_mut_ptr());
+            total = bits.iter().fold(total, |total, lane| total.wrapping_add(lane.to_bits()));
+        }
+        total
+    }
+}

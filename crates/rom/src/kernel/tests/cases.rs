@@ -1,0 +1,84 @@
+//! A body of arbitrary size with the five fields of the model.
+
+use std::ops::Range;
+
+use crate::kernel::{Affine, Field, Isa, Role, Source, Spec, Values};
+
+/// Data that a [`Spec`] can borrow from.
+#[derive(Debug, Clone)]
+pub struct Body {
+    pub nodes: usize,
+    pub modes: usize,
+    pub rest: [Vec<f64>; 3],
+    pub means: [Vec<f64>; 4],
+    pub bases: [Vec<f64>; 4],
+    pub coefficients: Vec<f64>,
+}
+
+/// A small generator, so that a case is its seed.
+pub struct Lcg(pub u64);
+
+impl Lcg {
+    /// Uniform in -1 ... 1.
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    pub fn vector(&mut self, len: usize, scale: f64) -> Vec<f64> {
+        (0..len).map(|_| scale * self.next()).collect()
+    }
+}
+
+impl Body {
+    pub fn new(nodes: usize, modes: usize, seed: u64) -> Self {
+        let mut random = Lcg(seed);
+        let rest = std::array::from_fn(|_| random.vector(nodes, 115.0));
+        let means = std::array::from_fn(|field: usize| match rest.get(field) {
+            Some(rest) => {
+                let rest: &Vec<f64> = rest;
+                rest.iter().map(|x| x + 10.0 * random.next()).collect()
+            }
+            None => random.vector(nodes, 0.1),
+        });
+        let bases = std::array::from_fn(|_| random.vector(nodes * modes, 0.02));
+        let coefficients = random.vector(4 * modes, 500.0);
+        Self { nodes, modes, rest, means, bases, coefficients }
+    }
+
+    fn range(&self, field: usize) -> Range<usize> {
+        field * self.modes..(field + 1) * self.modes
+    }
+
+    /// X, Y, Z, U, S; `published` says which are written.
+    pub fn spec<'a>(&'a self, published: [bool; 5], nodes: Option<&'a [u32]>) -> Spec<'a> {
+        let affine = |field: usize, role: Role, published: bool| Field {
+            source: Source::Affine(Affine {
+                mean: Some(Values::F64(&self.means[field])),
+                modes: Values::F64(&self.bases[field]),
+                stride: self.nodes,
+                coefficients: self.range(field),
+            }),
+            role,
+            published,
+        };
+        let rest = [0, 1, 2].map(|axis| Values::F64(&self.rest[axis]));
+        let fields = vec![
+            affine(0, Role::Plain, published[0]),
+            affine(1, Role::Plain, published[1]),
+            affine(2, Role::Plain, published[2]),
+            Field {
+                source: Source::Magnitude { coordinates: [0, 1, 2], rest },
+                role: Role::Displacement,
+                published: published[3],
+            },
+            affine(3, Role::Stress, published[4]),
+        ];
+        Spec { node_count: self.nodes, nodes, fields }
+    }
+}
+
+/// The instruction sets of this machine.
+pub fn available() -> Vec<Isa> {
+    Isa::ALL.into_iter().filter(|isa| isa.is_available()).collect()
+}

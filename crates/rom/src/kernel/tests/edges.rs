@@ -1,0 +1,166 @@
+//! What the description refuses, and inputs at the edge.
+
+use super::cases::{Body, available};
+use crate::kernel::{
+    Affine, Basis, BasisError, Field, Isa, MAX_COEFFICIENTS, Precision, ReconstructError, Role, Source, Spec,
+    Values,
+};
+
+const ALL: [bool; 5] = [true; 5];
+
+fn error(spec: &Spec<'_>) -> BasisError {
+    Basis::build(spec, Precision::F32).unwrap_err()
+}
+
+/// One plain field of one node with these modes.
+fn single<'a>(modes: &'a [f64], count: usize, stride: usize) -> Spec<'a> {
+    let source =
+        Source::Affine(Affine { mean: None, modes: Values::F64(modes), stride, coefficients: 0..count });
+    Spec { node_count: 1, nodes: None, fields: vec![Field { source, role: Role::Plain, published: true }] }
+}
+
+#[test]
+fn node_sets_that_do_not_fit_are_refused() {
+    let body = Body::new(20, 2, 1);
+    assert_eq!(error(&body.spec(ALL, Some(&[]))), BasisError::NodeCount { found: 0 });
+    assert_eq!(error(&body.spec(ALL, Some(&[3, 20]))), BasisError::NodeIndex { node: 20, node_count: 20 });
+    assert_eq!(error(&body.spec([false; 5], None)), BasisError::NothingPublished);
+}
+
+#[test]
+fn slices_that_do_not_fit_are_refused_with_their_field() {
+    let mut body = Body::new(20, 2, 1);
+    body.bases[3].pop();
+    let refused = error(&body.spec(ALL, None));
+    assert_eq!(refused, BasisError::Length { field: 4, what: "the mode matrix", found: 39, expected: 40 });
+    body.means[1].push(0.0);
+    assert!(matches!(error(&body.spec(ALL, None)), BasisError::Length { field: 1, what: "the mean", .. }));
+    assert!(matches!(
+        error(&single(&[1.0], 1, 0)),
+        BasisError::Length { what: "the stride between modes", .. }
+    ));
+}
+
+#[test]
+fn magnitudes_and_roles_that_make_no_sense_are_refused() {
+    let body = Body::new(20, 2, 1);
+    for coordinates in [[0, 1, 1], [0, 1, 3], [0, 1, 9]] {
+        let mut spec = body.spec(ALL, None);
+        if let Source::Magnitude { coordinates: c, .. } = &mut spec.fields[3].source {
+            *c = coordinates;
+        }
+        assert_eq!(error(&spec), BasisError::Magnitude { field: 3 });
+    }
+    let mut spec = body.spec(ALL, None);
+    spec.fields[0].role = Role::Stress;
+    assert_eq!(error(&spec), BasisError::DuplicateRole { field: 4, role: Role::Stress });
+}
+
+#[test]
+fn values_that_are_no_f32_are_refused_with_their_node() {
+    for value in [f64::NAN, f64::INFINITY, 1e300] {
+        let mut body = Body::new(40, 2, 1);
+        body.bases[1][40 + 17] = value;
+        let refused = error(&body.spec(ALL, None));
+        assert!(matches!(refused, BasisError::NotFinite { field: 1, node: 17, .. }), "{refused}");
+    }
+}
+
+#[test]
+fn more_coefficients_than_the_stack_takes_are_refused() {
+    let modes = vec![1.0; MAX_COEFFICIENTS + 1];
+    assert!(Basis::build(&single(&modes, MAX_COEFFICIENTS, 1), Precision::F32).is_ok());
+    let refused = error(&single(&modes, MAX_COEFFICIENTS + 1, 1));
+    assert_eq!(refused, BasisError::Coefficients { found: MAX_COEFFICIENTS + 1 });
+}
+
+#[test]
+fn an_instruction_set_that_is_missing_is_refused() {
+    for isa in Isa::ALL {
+        let built = Basis::build_for(&single(&[1.0], 1, 1), Precision::F32, isa);
+        assert_eq!(built.is_ok(), isa.is_available());
+    }
+}
+
+#[test]
+fn wrong_lengths_write_nothing() {
+    let body = Body::new(20, 2, 1);
+    let basis = Basis::build(&body.spec(ALL, None), Precision::F32).unwrap();
+    let mut out = vec![7.0; 99];
+    let refused = basis.reconstruct(&body.coefficients, &mut out).unwrap_err();
+    assert_eq!(refused, ReconstructError::Output { found: 99, expected: 100 });
+    let mut out = vec![7.0; 100];
+    let refused = basis.reconstruct(&body.coefficients[..7], &mut out).unwrap_err();
+    assert_eq!(refused, ReconstructError::Coefficients { found: 7, expected: 8 });
+    assert!(out.iter().all(|&v| v == 7.0));
+}
+
+#[test]
+fn nan_comes_out_as_nan_and_wins_no_peak() {
+    let mut body = Body::new(20, 2, 1);
+    body.coefficients[7] = f64::NAN; // the last mode of the stress
+    for isa in available() {
+        let basis = Basis::build_for(&body.spec(ALL, None), Precision::F32, isa).unwrap();
+        let mut out = vec![0.0; 100];
+        let peaks = basis.reconstruct(&body.coefficients, &mut out).unwrap();
+        assert!(out[80..].iter().all(|v| v.is_nan()) && out[..80].iter().all(|v| v.is_finite()), "{isa}");
+        assert_eq!(peaks.stress_mpa.unwrap().value, f32::NEG_INFINITY);
+        assert!(peaks.displacement_mm.unwrap().value > 0.0);
+    }
+}
+
+#[test]
+fn fields_of_a_joint_pod_share_coefficients() {
+    // Two fields of two nodes stacked in each mode, as the paper stacks X, Y, Z, U, S.
+    let modes = [1.0, 2.0, 3.0, 4.0, 10.0, 20.0, 30.0, 40.0];
+    let field = |offset: usize| Field {
+        source: Source::Affine(Affine {
+            mean: None,
+            modes: Values::F64(&modes[offset..]),
+            stride: 4,
+            coefficients: 1..3,
+        }),
+        role: Role::Plain,
+        published: true,
+    };
+    let spec = Spec { node_count: 2, nodes: None, fields: vec![field(0), field(2)] };
+    let basis = Basis::build(&spec, Precision::F32).unwrap();
+    let mut out = [0.0; 4];
+    let peaks = basis.reconstruct(&[9.0, 1.0, 0.5], &mut out).unwrap();
+    assert_eq!(out, [6.0, 12.0, 18.0, 24.0]);
+    assert_eq!((peaks.displacement_mm, peaks.stress_mpa), (None, None));
+}
+
+#[test]
+fn a_coordinate_that_only_the_magnitude_needs_costs_no_rest_row() {
+    let body = Body::new(16, 3, 1);
+    let bytes = |published| Basis::build(&body.spec(published, None), Precision::F32).unwrap().bytes();
+    let row = 64;
+    assert_eq!(bytes([false, false, false, true, false]), 3 * (1 + 3) * row);
+    assert_eq!(bytes([true, true, true, true, false]), 3 * (1 + 3 + 1) * row);
+    assert_eq!(bytes([true, true, true, false, false]), 3 * (1 + 3) * row);
+    assert_eq!(bytes([false, false, false, false, true]), (1 + 3) * row);
+}
+
+#[test]
+fn i16_halves_the_bytes_and_states_its_error() {
+    let body = Body::new(1600, 6, 3);
+    let spec = body.spec(ALL, None);
+    let wide = Basis::build(&spec, Precision::F32).unwrap();
+    let narrow = Basis::build(&spec, Precision::I16).unwrap();
+    assert!(narrow.bytes() * 100 <= wide.bytes() * 54, "{} against {}", narrow.bytes(), wide.bytes());
+    assert_eq!(wide.error_bound(0, &body.coefficients), 0.0);
+    // Modes of 0.02 in steps of 0.02 / 32767, six coefficients up to 500: at most 6 * 500 * half a step.
+    let bound = narrow.error_bound(0, &body.coefficients);
+    assert!(bound > 0.0 && bound < 6.0 * 500.0 * 0.01 / 32767.0 + 0.004, "{bound}");
+}
+
+#[test]
+fn every_instruction_set_reads_the_same_bytes() {
+    let body = Body::new(333, 5, 9);
+    let sums: Vec<u32> = available()
+        .into_iter()
+        .map(|isa| Basis::build_for(&body.spec(ALL, None), Precision::I16, isa).unwrap().read_once())
+        .collect();
+    assert!(sums[0] != 0 && sums.iter().all(|&sum| sum == sums[0]), "{sums:?}");
+}
