@@ -83,6 +83,8 @@ pub struct RegimeConfig {
     pub max_modes: usize,
     /// Candidates among which leave-one-out chooses, per group and for the force. One entry: no choice.
     pub kernels: Vec<KernelSpec>,
+    /// Candidate factors on the second scaled input before distances are taken (fields vary less along the gap).
+    pub anisotropy: Vec<f64>,
     /// Smoothing candidates, relative to the kernel matrix's scale; 0 interpolates.
     pub smoothing: Vec<f64>,
 }
@@ -94,6 +96,7 @@ impl Default for RegimeConfig {
             group_modes: BTreeMap::new(),
             max_modes: 24,
             kernels: KernelSpec::candidates(),
+            anisotropy: vec![0.25, 0.5, 1.0, 2.0],
             smoothing: vec![0.0],
         }
     }
@@ -104,7 +107,7 @@ impl KernelSpec {
     pub fn candidates() -> Vec<Self> {
         let spec = |kernel, tail| Self { kernel, tail };
         vec![
-            spec(KernelKind::Linear, Tail::Linear),
+            spec(KernelKind::Linear, Tail::Constant),
             spec(KernelKind::ThinPlate, Tail::Linear),
             spec(KernelKind::Cubic, Tail::Linear),
             spec(KernelKind::Cubic, Tail::Quadratic),
@@ -170,6 +173,7 @@ impl TrainConfig {
         let regime = |modes| RegimeConfig {
             modes: ModeChoice::Fixed(modes),
             kernels: vec![KernelSpec { kernel: KernelKind::Linear, tail: Tail::None }],
+            anisotropy: vec![1.0],
             ..RegimeConfig::default()
         };
         Self {

@@ -44,6 +44,14 @@ impl Domain {
         }
     }
 
+    /// Whether a point is one of the corners (or ends).
+    pub fn has_vertex(&self, x: [f64; 2]) -> bool {
+        match self {
+            Self::Interval(ends) => ends.contains(&x[0]),
+            Self::Hull(vertices) => vertices.contains(&x),
+        }
+    }
+
     /// Convex hull of points by Andrew's monotone chain. `O(n log n)`; collinear points collapse to a segment.
     pub fn hull_of(points: &[[f64; 2]]) -> Self {
         let mut sorted = points.to_vec();

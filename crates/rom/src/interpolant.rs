@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct InputMap {
     /// Axes in order.
     pub axes: Vec<InputAxis>,
+    /// The gap all samples shared, where it is therefore no input.
+    pub constant_gap_mm: Option<f64>,
 }
 
 /// One input and the range it was sampled over.
@@ -52,6 +54,14 @@ impl InputMap {
         x
     }
 
+    /// How far a gap lies from the one gap all samples shared, as a share of it; 0 when the gap is an input.
+    pub fn off_constant(&self, gap_mm: f64) -> f64 {
+        match self.constant_gap_mm {
+            Some(constant) => (gap_mm - constant).abs() / constant.abs().max(1.0),
+            None => 0.0,
+        }
+    }
+
     /// Turns a gradient over scaled inputs into `(d/dP per MPa, d/dgap per mm)`.
     pub fn unscale_gradient(&self, gradient: [f64; 2]) -> (f64, f64) {
         let mut out = (0.0, 0.0);
@@ -91,4 +101,75 @@ pub struct Interpolant {
     pub condition: f64,
     /// Relative residual of the solution.
     pub residual: f64,
+}
+
+/// Reusable kernel values of one query: no allocation after construction.
+#[derive(Clone, Debug, Default)]
+pub struct KernelScratch {
+    value: Vec<f64>,
+    slope: Vec<[f64; 2]>,
+}
+
+impl KernelScratch {
+    /// Room for interpolants of up to `centres` centres.
+    pub fn new(centres: usize) -> Self {
+        Self { value: vec![0.0; centres], slope: vec![[0.0; 2]; centres] }
+    }
+}
+
+impl Interpolant {
+    /// Value and gradient over scaled inputs of every output at `x`: `value[k]`, `(dx0[k], dx1[k])`.
+    ///
+    /// Cost `O(centres x (1 + 3 outputs))`, no allocation.
+    ///
+    /// # Panics
+    /// When a slice is not `outputs` long or `scratch` is too small.
+    pub fn evaluate(
+        &self,
+        x: [f64; 2],
+        scratch: &mut KernelScratch,
+        value: &mut [f64],
+        dx0: &mut [f64],
+        dx1: &mut [f64],
+    ) {
+        if self.outputs == 0 {
+            return; // a constant field has no modes
+        }
+        let u = [x[0] * self.metric[0], x[1] * self.metric[1]];
+        let n = self.centres.len();
+        let (g, dg) = (&mut scratch.value[..n], &mut scratch.slope[..n]);
+        for ((centre, g), dg) in self.centres.iter().zip(g.iter_mut()).zip(dg.iter_mut()) {
+            let d = [u[0] - centre[0], u[1] - centre[1]];
+            let (phi, over_r) = self.kernel.radial(d[0] * d[0] + d[1] * d[1]);
+            *g = phi;
+            *dg = [over_r * d[0] * self.metric[0], over_r * d[1] * self.metric[1]];
+        }
+        value.fill(0.0);
+        dx0.fill(0.0);
+        dx1.fill(0.0);
+        for ((w, g), dg) in self.weights.chunks_exact(self.outputs).zip(g.iter()).zip(dg.iter()) {
+            accumulate(w, *g, *dg, value, dx0, dx1);
+        }
+        let terms = self.tail.terms(self.dimensions);
+        let (t, dt) = (self.tail.values(self.dimensions, u), self.tail.gradients(self.dimensions, u));
+        for (i, w) in self.tail_weights.chunks_exact(self.outputs).enumerate().take(terms) {
+            accumulate(w, t[i], [dt[i][0] * self.metric[0], dt[i][1] * self.metric[1]], value, dx0, dx1);
+        }
+    }
+
+    /// Values only, allocated: for training and reports.
+    pub fn values_at(&self, x: [f64; 2]) -> Vec<f64> {
+        let mut out = [vec![0.0; self.outputs], vec![0.0; self.outputs], vec![0.0; self.outputs]];
+        let [value, dx0, dx1] = &mut out;
+        self.evaluate(x, &mut KernelScratch::new(self.centres.len()), value, dx0, dx1);
+        std::mem::take(value)
+    }
+}
+
+fn accumulate(w: &[f64], g: f64, dg: [f64; 2], value: &mut [f64], dx0: &mut [f64], dx1: &mut [f64]) {
+    for (((w, v), d0), d1) in w.iter().zip(value).zip(dx0).zip(dx1) {
+        *v += w * g;
+        *d0 += w * dg[0];
+        *d1 += w * dg[1];
+    }
 }

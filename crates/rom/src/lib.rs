@@ -9,12 +9,22 @@
 
 pub mod basis;
 pub mod config;
+pub mod conformal;
+pub mod datasheet;
 pub mod evaluation;
+pub mod fit;
+pub mod gp;
 pub mod hull;
 pub mod interpolant;
 // Intrinsics and writes into loaned memory; each with its SAFETY line.
 #[allow(unsafe_code)]
 pub mod kernel;
 pub mod model;
+pub mod pod;
+pub mod predict;
+mod radial;
 pub mod regime;
+pub mod select;
 pub mod snapshots;
+pub mod train;
+mod validate;

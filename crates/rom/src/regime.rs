@@ -13,6 +13,8 @@ pub struct OnsetTable {
     pub gap_mm: Vec<f64>,
     /// Onset pressures in MPa, strictly increasing, the first one 0.
     pub pressure_mpa: Vec<f64>,
+    /// dP_c/dgap in MPa/mm at the entries.
+    pub slope: Vec<f64>,
 }
 
 /// When a gap is touched.
@@ -57,7 +59,13 @@ impl OnsetTable {
         self.gap_mm[self.gap_mm.len() - 1]
     }
 
-    /// Onset of a gap by linear interpolation in the table. `O(log entries)`.
+    /// Builds the table from increasing gaps and pressures; slopes by the monotone (Fritsch-Carlson) rule.
+    pub fn new(gap_mm: Vec<f64>, pressure_mpa: Vec<f64>) -> Self {
+        let slope = monotone_slopes(&gap_mm, &pressure_mpa);
+        Self { gap_mm, pressure_mpa, slope }
+    }
+
+    /// When a gap is touched. `O(log entries)`.
     pub fn onset(&self, gap_mm: f64) -> Onset {
         if gap_mm <= self.sag_mm() {
             return Onset::Always;
@@ -65,11 +73,43 @@ impl OnsetTable {
         if gap_mm > self.reach_mm() {
             return Onset::Never;
         }
-        let hi = self.gap_mm.partition_point(|g| *g < gap_mm).max(1);
-        let (g0, g1) = (self.gap_mm[hi - 1], self.gap_mm[hi]);
-        let t = (gap_mm - g0) / (g1 - g0);
-        Onset::At(self.pressure_mpa[hi - 1] + t * (self.pressure_mpa[hi] - self.pressure_mpa[hi - 1]))
+        Onset::At(self.pressure_and_slope(gap_mm).0)
     }
+
+    /// `P_c(gap)` in MPa and its slope in MPa/mm: monotone cubic within the table, straight beyond its ends. Below the
+    /// sag it is negative: how far the pressure would have to fall for the actuator to let go.
+    pub fn pressure_and_slope(&self, gap_mm: f64) -> (f64, f64) {
+        let last = self.gap_mm.len() - 1;
+        let straight =
+            |i: usize| (self.pressure_mpa[i] + self.slope[i] * (gap_mm - self.gap_mm[i]), self.slope[i]);
+        if gap_mm <= self.gap_mm[0] {
+            return straight(0);
+        }
+        if gap_mm >= self.gap_mm[last] {
+            return straight(last);
+        }
+        let i = self.gap_mm.partition_point(|g| *g <= gap_mm) - 1;
+        let h = self.gap_mm[i + 1] - self.gap_mm[i];
+        let t = (gap_mm - self.gap_mm[i]) / h;
+        let (p0, p1) = (self.pressure_mpa[i], self.pressure_mpa[i + 1]);
+        let (m0, m1) = (self.slope[i] * h, self.slope[i + 1] * h);
+        let (a, b) = (2.0 * (p0 - p1) + m0 + m1, -3.0 * (p0 - p1) - 2.0 * m0 - m1);
+        (((a * t + b) * t + m0) * t + p0, ((3.0 * a * t + 2.0 * b) * t + m0) / h)
+    }
+}
+
+/// Slopes that keep a cubic Hermite interpolant monotone: harmonic means of neighbouring secants.
+fn monotone_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
+    let secants: Vec<f64> =
+        x.windows(2).zip(y.windows(2)).map(|(x, y)| (y[1] - y[0]) / (x[1] - x[0])).collect();
+    let mean = |a: f64, b: f64| if a * b > 0.0 { 2.0 * a * b / (a + b) } else { 0.0 };
+    (0..x.len())
+        .map(|i| match (i.checked_sub(1).and_then(|j| secants.get(j)), secants.get(i)) {
+            (Some(a), Some(b)) => mean(*a, *b),
+            (Some(end), None) | (None, Some(end)) => *end,
+            (None, None) => 0.0,
+        })
+        .collect()
 }
 
 /// Memory of the last label: sensor noise around the onset must not flip it.

@@ -1,5 +1,7 @@
 //! The trained model: what a twin needs to answer, and how it lies in a file.
 
+mod check;
+
 use crate::interpolant::{InputMap, Interpolant};
 use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
 use serde::{Deserialize, Serialize};
@@ -44,12 +46,22 @@ pub struct RegimeModel {
     pub inputs: InputMap,
     /// POD groups; their coefficients follow one another in the regime's coefficient vector.
     pub groups: Vec<GroupModel>,
-    /// Contact force in N; none where nothing is touched.
-    pub force: Option<Interpolant>,
+    /// Contact force; none where nothing is touched.
+    pub force: Option<ForceModel>,
     /// Where it was trained.
     pub domain: crate::hull::Domain,
     /// Half-widths that cover the stated share of states.
     pub bars: CoverageBars,
+}
+
+/// Contact force of a regime. Near the onset it grows in proportion to `P - P_c(gap)`; what is interpolated there is the
+/// smooth factor `h`, so that `F = (P - P_c(gap)) h(P, gap)` vanishes on the onset exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ForceModel {
+    /// Interpolant of `h` in N/MPa, or of the force itself in N.
+    pub surrogate: Interpolant,
+    /// Whether the interpolant is the factor of `P - P_c(gap)`.
+    pub times_excess_pressure: bool,
 }
 
 /// One POD group of a regime.

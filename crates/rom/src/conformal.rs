@@ -1,0 +1,28 @@
+//! Coverage bars: split-conformal half-widths from leave-one-out residuals.
+//!
+//! The bar is the `ceil((n + 1) c)`-th smallest of `n` worst-node residuals: exchangeable states err by less with
+//! probability at least `c`. Leave-one-out removes a neighbour from every case and so over-states the error; the bars
+//! are coverage bars for the domain as a whole and do not track the local error.
+
+use crate::datasheet::CaseError;
+use crate::model::CoverageBars;
+
+/// Bars for a share `coverage` from the cases inside the hull (from all where fewer than three are inside).
+pub fn bars(errors: &[CaseError], coverage: f64) -> CoverageBars {
+    let inside: Vec<&CaseError> = errors.iter().filter(|e| !e.on_hull).collect();
+    let chosen = if inside.len() < 3 { errors.iter().collect() } else { inside };
+    let bar = |of: fn(&CaseError) -> f64| quantile(chosen.iter().map(|e| of(e)).collect(), coverage);
+    CoverageBars {
+        coverage,
+        displacement_mm: bar(|e| e.displacement_mm),
+        stress_mpa: bar(|e| e.stress_mpa),
+        force_n: bar(|e| e.force_n),
+    }
+}
+
+/// The conformal quantile: the largest value when there are too few for the share asked.
+fn quantile(mut values: Vec<f64>, coverage: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let rank = ((values.len() as f64 + 1.0) * coverage).ceil() as usize;
+    values.get(rank.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,109 @@
+//! The data sheet: what a user reads before trusting a model. Written beside it by `train`.
+
+use crate::config::TrainConfig;
+use crate::model::CoverageBars;
+use crate::select::Candidate;
+use crate::snapshots::RegimeKind;
+use serde::{Deserialize, Serialize};
+
+/// Everything worth knowing about a trained model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DataSheet {
+    /// Actuator.
+    pub actuator: String,
+    /// blake3 of the database, hexadecimal.
+    pub database_hash: String,
+    /// Nodes a field.
+    pub node_count: usize,
+    /// Fields in order: name, unit, how they come about.
+    pub fields: Vec<FieldSheet>,
+    /// Regimes.
+    pub regimes: Vec<RegimeSheet>,
+    /// Gap at which gravity alone touches, in mm.
+    pub sag_mm: Option<f64>,
+    /// Largest gap the trained pressures close, in mm.
+    pub reach_mm: Option<f64>,
+    /// Training cases that were merged or set aside, and why.
+    pub remarks: Vec<String>,
+    /// The configuration in force.
+    pub config: TrainConfig,
+}
+
+/// One field.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FieldSheet {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// `interpolated` or `derived from the coordinates`.
+    pub source: String,
+}
+
+/// One regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RegimeSheet {
+    /// Which.
+    pub kind: RegimeKind,
+    /// Training cases.
+    pub cases: usize,
+    /// States on the onset boundary added to them.
+    pub boundary_states: usize,
+    /// Sampled ranges by input.
+    pub inputs: Vec<InputSheet>,
+    /// Groups.
+    pub groups: Vec<FitSheet>,
+    /// Contact force.
+    pub force: Option<FitSheet>,
+    /// Coverage bars.
+    pub bars: CoverageBars,
+    /// Leave-one-out errors by case.
+    pub leave_one_out: Vec<CaseError>,
+}
+
+/// Sampled range of an input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InputSheet {
+    /// `pressure_mpa` or `gap_mm`.
+    pub name: String,
+    /// Smallest training value.
+    pub min: f64,
+    /// Largest training value.
+    pub max: f64,
+}
+
+/// What was chosen for a group or the force, and the runners-up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitSheet {
+    /// Group name or `contact_force`.
+    pub name: String,
+    /// Modes kept (0 for the force).
+    pub modes: usize,
+    /// Truncation error of Eq. (4) with them.
+    pub truncation_error: f64,
+    /// Condition number of the interpolation system.
+    pub condition: f64,
+    /// Relative residual of its solution.
+    pub residual: f64,
+    /// Root-mean-square leave-one-out error by case and entry, closed form, in the field's unit.
+    pub leave_one_out: f64,
+    /// The same with the POD redone for every left-out case, when asked for.
+    pub leave_one_out_full: Option<f64>,
+    /// Candidates, best first.
+    pub candidates: Vec<Candidate>,
+}
+
+/// Leave-one-out errors of one training case: the worst node's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CaseError {
+    /// Case name.
+    pub case: String,
+    /// On the hull of the samples: leaving it out extrapolates, so it does not count for bars and selection.
+    pub on_hull: bool,
+    /// Displacement error in mm.
+    pub displacement_mm: f64,
+    /// Stress error in MPa.
+    pub stress_mpa: f64,
+    /// Contact-force error in N.
+    pub force_n: f64,
+}

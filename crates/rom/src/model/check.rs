@@ -1,0 +1,124 @@
+//! What a header must satisfy before anything indexes by it, and how selections are resolved against it.
+
+use super::{ModelHeader, RegimeModel};
+use crate::interpolant::Interpolant;
+use crate::predict::{Nodes, PredictError};
+
+impl RegimeModel {
+    /// Length of the coefficient vector.
+    pub fn coefficient_count(&self) -> usize {
+        self.groups.iter().map(|g| g.coefficients.end).max().unwrap_or(0)
+    }
+
+    /// All interpolants: groups', then the force's.
+    pub fn interpolants(&self) -> impl Iterator<Item = &Interpolant> {
+        self.groups.iter().map(|g| &g.surrogate).chain(self.force.as_ref().map(|f| &f.surrogate))
+    }
+}
+
+impl ModelHeader {
+    /// Says what contradicts itself, so that a damaged or hand-made header is refused instead of trusted.
+    ///
+    /// # Errors
+    /// A sentence on the first contradiction.
+    pub fn check(&self) -> Result<(), String> {
+        let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(what.to_owned()) };
+        require(self.node_count > 0 && !self.fields.is_empty(), "no nodes or no fields")?;
+        require(!self.regimes.is_empty(), "no regime")?;
+        for field in &self.fields {
+            let axes = field.magnitude_of.unwrap_or_default();
+            let plain = |axis: &usize| self.fields.get(*axis).is_some_and(|f| f.magnitude_of.is_none());
+            require(
+                field.magnitude_of.is_none() || axes.iter().all(plain),
+                "a magnitude names a missing coordinate",
+            )?;
+        }
+        if let Some(table) = &self.onset {
+            let n = table.gap_mm.len();
+            require(
+                n >= 2 && table.pressure_mpa.len() == n && table.slope.len() == n,
+                "onset table: lengths differ",
+            )?;
+            require(table.gap_mm.windows(2).all(|w| w[0] < w[1]), "onset table: gaps do not increase")?;
+        }
+        for set in &self.node_sets {
+            let inside = set.nodes.iter().all(|n| (*n as usize) < self.node_count);
+            require(inside, "a node set names a node beyond the mesh")?;
+        }
+        self.regimes.iter().try_for_each(|regime| self.check_regime(regime, &require))
+    }
+
+    fn check_regime(
+        &self,
+        regime: &RegimeModel,
+        require: &dyn Fn(bool, &str) -> Result<(), String>,
+    ) -> Result<(), String> {
+        let dimensions = regime.inputs.dimensions();
+        require((1..=2).contains(&dimensions), "a regime needs one or two inputs")?;
+        require(regime.inputs.axes.iter().all(|a| a.max > a.min), "an input has an empty range")?;
+        let mut next = 0;
+        for group in &regime.groups {
+            require(
+                group.coefficients.start == next && group.coefficients.end >= next,
+                "coefficients do not follow on",
+            )?;
+            next = group.coefficients.end;
+            require(
+                group.surrogate.outputs == group.coefficients.len(),
+                "a group's interpolant has other outputs",
+            )?;
+            require(group.fields.iter().all(|f| *f < self.fields.len()), "a group names a missing field")?;
+        }
+        for field in (0..self.fields.len()).filter(|f| self.fields[*f].magnitude_of.is_none()) {
+            require(regime.groups.iter().any(|g| g.fields.contains(&field)), "a field belongs to no group")?;
+        }
+        require(
+            regime.force.as_ref().is_none_or(|f| f.surrogate.outputs == 1),
+            "the force needs one output",
+        )?;
+        regime.interpolants().try_for_each(|fit| {
+            let (weights, tail) = (fit.centres.len() * fit.outputs, fit.tail.terms(dimensions) * fit.outputs);
+            require(fit.dimensions == dimensions, "an interpolant has other inputs than its regime")?;
+            require(
+                fit.weights.len() == weights && fit.tail_weights.len() == tail,
+                "an interpolant's weights are cut",
+            )
+        })
+    }
+
+    /// Indices of the named fields, or all; unknown names are refused.
+    ///
+    /// # Errors
+    /// [`PredictError::UnknownField`].
+    pub fn resolve_fields(&self, names: Option<&[String]>) -> Result<Vec<usize>, PredictError> {
+        let Some(names) = names else { return Ok((0..self.fields.len()).collect()) };
+        let known = || self.fields.iter().map(|f| f.spec.name.clone()).collect();
+        let find = |name: &String| {
+            let found = self.fields.iter().position(|f| f.spec.name == *name);
+            found.ok_or_else(|| PredictError::UnknownField { found: name.clone(), known: known() })
+        };
+        names.iter().map(find).collect()
+    }
+
+    /// Node indices of a selection, none for all; unknown sets and nodes beyond the mesh are refused.
+    ///
+    /// # Errors
+    /// [`PredictError::UnknownNodeSet`], [`PredictError::NodeOutOfRange`].
+    pub fn resolve_nodes(&self, nodes: &Nodes) -> Result<Option<Vec<u32>>, PredictError> {
+        let list = match nodes {
+            Nodes::All => return Ok(None),
+            Nodes::List(list) => list.clone(),
+            Nodes::Set(name) => match self.node_sets.iter().find(|s| s.name == *name) {
+                Some(set) => set.nodes.clone(),
+                None => {
+                    let known = self.node_sets.iter().map(|s| s.name.clone()).collect();
+                    return Err(PredictError::UnknownNodeSet { found: name.clone(), known });
+                }
+            },
+        };
+        match list.iter().find(|n| **n as usize >= self.node_count) {
+            Some(&node) => Err(PredictError::NodeOutOfRange { node, node_count: self.node_count }),
+            None => Ok(Some(list)),
+        }
+    }
+}

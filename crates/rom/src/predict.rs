@@ -1,0 +1,311 @@
+//! Answering queries: regime, coefficients, force, gradients, domain, bars; then fields. Nothing is allocated after
+//! construction.
+
+use crate::basis::{FieldSource, RegimeBasis, reconstruct_reference};
+use crate::evaluation::{Evaluation, Flags, Input};
+use crate::hull::{Domain, Verdict};
+use crate::interpolant::{Interpolant, KernelScratch};
+use crate::model::{BlockKind, CoverageBars, Model, RegimeModel};
+use crate::regime::{Onset, OnsetTable, RegimeSwitch};
+use crate::snapshots::{FieldKind, RegimeKind};
+use thiserror::Error;
+
+/// Which fields and nodes to reconstruct. The default is everything.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// Fields by name, in the order wanted; none for all in the model's order.
+    pub fields: Option<Vec<String>>,
+    /// Nodes.
+    pub nodes: Nodes,
+}
+
+/// Which nodes to reconstruct.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Nodes {
+    /// All of them.
+    #[default]
+    All,
+    /// A node set of the model, by name.
+    Set(String),
+    /// These, in this order.
+    List(Vec<u32>),
+}
+
+/// Why a predictor could not be made from a model.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum PredictError {
+    /// No such field.
+    #[error("the model has no field {found:?}; it has {}", .known.join(", "))]
+    UnknownField {
+        /// Name asked for.
+        found: String,
+        /// Names there are.
+        known: Vec<String>,
+    },
+    /// No such node set.
+    #[error("the model has no node set {found:?}; it has {}", if .known.is_empty() { "none".into() } else { .known.join(", ") })]
+    UnknownNodeSet {
+        /// Name asked for.
+        found: String,
+        /// Names there are.
+        known: Vec<String>,
+    },
+    /// A node index beyond the mesh.
+    #[error("node {node} does not exist; the model has {node_count} nodes, numbered from 0")]
+    NodeOutOfRange {
+        /// Index asked for.
+        node: u32,
+        /// Nodes there are.
+        node_count: usize,
+    },
+    /// A block the selection needs was not loaded, or has the wrong length.
+    #[error("block {block}: expected {expected} values, found {found}; load the model with this selection")]
+    MissingBlock {
+        /// Which block.
+        block: String,
+        /// Length needed.
+        expected: usize,
+        /// Length found, 0 when absent.
+        found: usize,
+    },
+    /// The header contradicts itself.
+    #[error("the model is inconsistent: {0}")]
+    Inconsistent(String),
+}
+
+/// One regime, ready to run.
+#[derive(Clone, Debug)]
+struct RegimePart {
+    model: RegimeModel,
+    basis: RegimeBasis,
+}
+
+/// A model made ready to answer, for one selection of fields and nodes.
+#[derive(Clone, Debug)]
+pub struct Predictor {
+    parts: Vec<RegimePart>,
+    onset: Option<OnsetTable>,
+    hysteresis_mpa: f64,
+    scratch: KernelScratch,
+    rows: usize,
+    field_count: usize,
+}
+
+impl Predictor {
+    /// Gathers what the selection needs. Cost `O(nodes x modes)` once.
+    ///
+    /// # Errors
+    /// [`PredictError`] when the selection does not fit the model or a block is missing.
+    pub fn new(model: &Model, selection: &Selection) -> Result<Self, PredictError> {
+        let header = &model.header;
+        header.check().map_err(PredictError::Inconsistent)?;
+        let nodes = header.resolve_nodes(&selection.nodes)?;
+        let fields = header.resolve_fields(selection.fields.as_deref())?;
+        let mut parts = Vec::new();
+        for regime in &header.regimes {
+            let basis = gather(model, regime, &fields, nodes.as_deref())?;
+            parts.push(RegimePart { model: regime.clone(), basis });
+        }
+        let interpolants = header.regimes.iter().flat_map(RegimeModel::interpolants);
+        let centres = interpolants.map(|i| i.centres.len()).max().unwrap_or(0);
+        Ok(Self {
+            parts,
+            onset: header.onset.clone(),
+            hysteresis_mpa: header.hysteresis_mpa,
+            scratch: KernelScratch::new(centres),
+            rows: nodes.map_or(header.node_count, |n| n.len()),
+            field_count: fields.len(),
+        })
+    }
+
+    /// Nodes a field of the output.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Fields of the output.
+    pub fn field_count(&self) -> usize {
+        self.field_count
+    }
+
+    /// Entries of the output: fields x nodes.
+    pub fn entries(&self) -> usize {
+        self.rows * self.field_count
+    }
+
+    /// Most coefficients of any regime.
+    pub fn max_coefficients(&self) -> usize {
+        self.parts.iter().map(|p| p.basis.coefficient_count).max().unwrap_or(0)
+    }
+
+    /// The basis of a regime, for the optimised kernel.
+    pub fn basis(&self, kind: RegimeKind) -> Option<&RegimeBasis> {
+        self.parts.iter().find(|p| p.model.kind == kind).map(|p| &p.basis)
+    }
+
+    /// An evaluation with room for any answer.
+    pub fn evaluation(&self) -> Evaluation {
+        let room = || Vec::with_capacity(self.max_coefficients());
+        Evaluation {
+            input: Input { pressure_mpa: f64::NAN, gap_mm: f64::NAN },
+            regime: RegimeKind::Free,
+            basis: RegimeKind::Free,
+            coefficients: room(),
+            dcoefficients_dpressure: room(),
+            dcoefficients_dgap: room(),
+            contact_force_n: 0.0,
+            dforce_dpressure: 0.0,
+            dforce_dgap: 0.0,
+            onset_pressure_mpa: None,
+            domain: Verdict::Inside,
+            domain_distance: 0.0,
+            bars: CoverageBars::default(),
+            flags: Flags::default(),
+        }
+    }
+
+    /// Answers a query; `switch` remembers the label. The input must be finite: readings are checked before.
+    ///
+    /// Across the onset the value is continuous (fields to the bars' order, force exactly); slopes are not: the tip
+    /// stops and the force starts, so gradients are those of the side the query is on.
+    pub fn evaluate(&mut self, input: Input, switch: &mut RegimeSwitch, out: &mut Evaluation) {
+        let onset = match (&self.onset, self.parts.first()) {
+            (Some(table), _) => table.onset(input.gap_mm),
+            (None, Some(part)) if part.model.kind == RegimeKind::Contact => Onset::Always,
+            (None, _) => Onset::Never,
+        };
+        out.input = input;
+        out.basis = onset.regime(input.pressure_mpa);
+        out.regime = switch.label(onset, input.pressure_mpa, self.hysteresis_mpa);
+        out.onset_pressure_mpa = onset.pressure_mpa();
+        out.flags = Flags { held_by_hysteresis: out.regime != out.basis, ..Flags::default() };
+        let Some(part) = self.parts.iter().find(|p| p.model.kind == out.basis) else { return };
+        let x = part.model.inputs.scale(input.pressure_mpa, input.gap_mm);
+        out.domain_distance = part.model.domain.distance(x).max(part.model.inputs.off_constant(input.gap_mm));
+        out.domain = Domain::verdict(out.domain_distance);
+        out.flags.extrapolated = out.domain != Verdict::Inside;
+        out.bars = part.model.bars;
+        coefficients(part, x, &mut self.scratch, out);
+        force(part, self.onset.as_ref(), x, &mut self.scratch, out);
+    }
+
+    /// Writes the fields of an evaluation into `out`, field-major (all of the first field, then the next).
+    ///
+    /// # Panics
+    /// When `out` is not [`Self::entries`] long.
+    pub fn reconstruct_into(&self, evaluation: &Evaluation, out: &mut [f32]) {
+        if let Some(basis) = self.basis(evaluation.basis) {
+            reconstruct_reference(basis, &evaluation.coefficients, out);
+        }
+    }
+}
+
+fn coefficients(part: &RegimePart, x: [f64; 2], scratch: &mut KernelScratch, out: &mut Evaluation) {
+    let count = part.basis.coefficient_count;
+    for values in [&mut out.coefficients, &mut out.dcoefficients_dpressure, &mut out.dcoefficients_dgap] {
+        values.resize(count, 0.0); // within the capacity `evaluation` reserved
+    }
+    for group in &part.model.groups {
+        let range = group.coefficients.clone();
+        let (value, dx0, dx1) = (
+            &mut out.coefficients[range.clone()],
+            &mut out.dcoefficients_dpressure[range.clone()],
+            &mut out.dcoefficients_dgap[range],
+        );
+        group.surrogate.evaluate(x, scratch, value, dx0, dx1);
+        for (d0, d1) in dx0.iter_mut().zip(dx1.iter_mut()) {
+            (*d0, *d1) = part.model.inputs.unscale_gradient([*d0, *d1]);
+        }
+    }
+}
+
+/// `F = (P - P_c(gap)) h` or `F = h`, lifted to 0 where negative, with its gradient.
+fn force(
+    part: &RegimePart,
+    onset: Option<&OnsetTable>,
+    x: [f64; 2],
+    scratch: &mut KernelScratch,
+    out: &mut Evaluation,
+) {
+    (out.contact_force_n, out.dforce_dpressure, out.dforce_dgap) = (0.0, 0.0, 0.0);
+    let Some(model) = &part.model.force else { return };
+    let (h, dh_dpressure, dh_dgap) = scalar(&model.surrogate, part, x, scratch);
+    let (force, dpressure, dgap) = match onset.filter(|_| model.times_excess_pressure) {
+        Some(table) => {
+            let (onset, slope) = table.pressure_and_slope(out.input.gap_mm);
+            let excess = out.input.pressure_mpa - onset;
+            (excess * h, h + excess * dh_dpressure, excess * dh_dgap - slope * h)
+        }
+        None => (h, dh_dpressure, dh_dgap),
+    };
+    if force < 0.0 {
+        out.flags.force_clamped = true;
+        return;
+    }
+    (out.contact_force_n, out.dforce_dpressure, out.dforce_dgap) = (force, dpressure, dgap);
+}
+
+fn scalar(fit: &Interpolant, part: &RegimePart, x: [f64; 2], scratch: &mut KernelScratch) -> (f64, f64, f64) {
+    let (mut value, mut dx0, mut dx1) = ([0.0], [0.0], [0.0]);
+    fit.evaluate(x, scratch, &mut value, &mut dx0, &mut dx1);
+    let (dpressure, dgap) = part.model.inputs.unscale_gradient([dx0[0], dx1[0]]);
+    (value[0], dpressure, dgap)
+}
+
+/// Copies the rows of the selected fields out of the model's blocks.
+fn gather(
+    model: &Model,
+    regime: &RegimeModel,
+    fields: &[usize],
+    nodes: Option<&[u32]>,
+) -> Result<RegimeBasis, PredictError> {
+    let node_count = model.header.node_count;
+    let rows = nodes.map_or(node_count, <[u32]>::len);
+    let pick = |values: &[f32]| -> Vec<f32> {
+        let columns = values.chunks_exact(node_count);
+        match nodes {
+            Some(nodes) => columns.flat_map(|c| nodes.iter().map(|&n| c[n as usize])).collect(),
+            None => values.to_vec(),
+        }
+    };
+    let block = |kind: BlockKind, expected: usize| {
+        let values = model.f32_block(kind).unwrap_or(&[]);
+        if values.len() == expected {
+            return Ok(pick(values));
+        }
+        Err(PredictError::MissingBlock { block: format!("{kind:?}"), expected, found: values.len() })
+    };
+    let mut sources = Vec::new();
+    for &field in fields {
+        let output = &model.header.fields[field];
+        sources.push(match output.magnitude_of {
+            Some(axes) => {
+                let at = |axis: usize| fields.iter().position(|f| *f == axes[axis]);
+                let (Some(x), Some(y), Some(z)) = (at(0), at(1), at(2)) else {
+                    let why = format!(
+                        "field {} is derived from coordinates outside the selection",
+                        output.spec.name
+                    );
+                    return Err(PredictError::Inconsistent(why));
+                };
+                let undeformed = |axis| block(BlockKind::Undeformed(axis), node_count);
+                FieldSource::Magnitude {
+                    axes: [x, y, z],
+                    undeformed: [undeformed(0)?, undeformed(1)?, undeformed(2)?],
+                }
+            }
+            None => {
+                let group = regime.groups.iter().find(|g| g.fields.contains(&field));
+                let coefficients = group.map(|g| g.coefficients.clone()).unwrap_or(0..0);
+                let (kind, field) = (regime.kind, field as u32);
+                FieldSource::Modes {
+                    mean: block(BlockKind::Mean { regime: kind, field }, node_count)?,
+                    modes: block(BlockKind::Modes { regime: kind, field }, node_count * coefficients.len())?,
+                    coefficients,
+                    non_negative: output.spec.kind == FieldKind::Stress,
+                }
+            }
+        });
+    }
+    Ok(RegimeBasis { rows, coefficient_count: regime.coefficient_count(), fields: sources })
+}

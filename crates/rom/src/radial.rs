@@ -1,0 +1,107 @@
+//! Radial kernels and polynomial tails, with the derivatives the gradients need.
+//!
+//! Kernels carry the sign that makes them conditionally positive definite (`-r`, `r^2 ln r`, `r^3`, `-r^5`), so that
+//! smoothing is always added with the same sign. The sign does not change an interpolant.
+
+use crate::config::{KernelKind, Tail};
+
+/// Most tail terms there can be: quadratic in two inputs.
+pub(crate) const MAX_TAIL_TERMS: usize = 6;
+
+impl KernelKind {
+    /// `(g(r), g'(r) / r)` for a squared distance. The second is what a gradient multiplies `x - x_k` with; where it is
+    /// singular at `r = 0` the product's limit is 0, and 0 is returned.
+    pub(crate) fn radial(self, r2: f64) -> (f64, f64) {
+        match self {
+            Self::Linear => {
+                let r = r2.sqrt();
+                (-r, if r > 0.0 { -1.0 / r } else { 0.0 })
+            }
+            Self::ThinPlate if r2 == 0.0 => (0.0, 0.0),
+            Self::ThinPlate => {
+                let ln_r = 0.5 * r2.ln();
+                (r2 * ln_r, 2.0 * ln_r + 1.0)
+            }
+            Self::Cubic => {
+                let r = r2.sqrt();
+                (r2 * r, 3.0 * r)
+            }
+            Self::Quintic => {
+                let r = r2.sqrt();
+                (-r2 * r2 * r, -5.0 * r2 * r)
+            }
+            Self::Gaussian { shape } => {
+                let g = (-shape * shape * r2).exp();
+                (g, -2.0 * shape * shape * g)
+            }
+            Self::Matern52 => {
+                let s = (5.0 * r2).sqrt();
+                let e = (-s).exp();
+                ((1.0 + s + s * s / 3.0) * e, -5.0 / 3.0 * (1.0 + s) * e)
+            }
+        }
+    }
+
+    /// Name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::ThinPlate => "thin-plate",
+            Self::Cubic => "cubic",
+            Self::Quintic => "quintic",
+            Self::Gaussian { .. } => "gaussian",
+            Self::Matern52 => "matern-5/2 process",
+        }
+    }
+}
+
+impl Tail {
+    /// Number of terms over `dimensions` inputs.
+    pub fn terms(self, dimensions: usize) -> usize {
+        match self {
+            Self::None => 0,
+            Self::Constant => 1,
+            Self::Linear => 1 + dimensions,
+            Self::Quadratic => 1 + dimensions + dimensions * (dimensions + 1) / 2,
+        }
+    }
+
+    /// Values of the terms `1, u, v, u^2, uv, v^2` (those in use) at `u`.
+    pub(crate) fn values(self, dimensions: usize, u: [f64; 2]) -> [f64; MAX_TAIL_TERMS] {
+        let mut t = [0.0; MAX_TAIL_TERMS];
+        match dimensions {
+            1 => t[..3].copy_from_slice(&[1.0, u[0], u[0] * u[0]]),
+            _ => t.copy_from_slice(&[1.0, u[0], u[1], u[0] * u[0], u[0] * u[1], u[1] * u[1]]),
+        }
+        t
+    }
+
+    /// Gradients of the terms at `u`.
+    pub(crate) fn gradients(self, dimensions: usize, u: [f64; 2]) -> [[f64; 2]; MAX_TAIL_TERMS] {
+        let mut t = [[0.0; 2]; MAX_TAIL_TERMS];
+        match dimensions {
+            1 => {
+                t[1][0] = 1.0;
+                t[2][0] = 2.0 * u[0];
+            }
+            _ => {
+                t[1][0] = 1.0;
+                t[2][1] = 1.0;
+                t[3][0] = 2.0 * u[0];
+                t[4] = [u[1], u[0]];
+                t[5][1] = 2.0 * u[1];
+            }
+        }
+        t
+    }
+
+    /// Name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "no tail",
+            Self::Constant => "constant tail",
+            Self::Linear => "linear tail",
+            Self::Quadratic => "quadratic tail",
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! From trained parts to the model and its data sheet.
+
+use super::group::{GroupFit, Plan};
+use super::regime::Part;
+use crate::config::TrainConfig;
+use crate::datasheet::{DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
+use crate::interpolant::{Interpolant, Quantity};
+use crate::model::{BlockData, BlockKind, GroupModel, Model, ModelHeader, OutputField, RegimeModel};
+use crate::regime::OnsetTable;
+use crate::select::Candidate;
+use crate::snapshots::Database;
+
+pub(super) fn assemble(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    parts: Vec<Part>,
+    onset: Option<OnsetTable>,
+    remarks: Vec<String>,
+) -> (Model, DataSheet) {
+    let fields = database.fields.iter().zip(&plan.magnitude_of);
+    let sheet = DataSheet {
+        actuator: database.actuator.clone(),
+        database_hash: database.hash.iter().map(|b| format!("{b:02x}")).collect(),
+        node_count: database.node_count,
+        fields: fields
+            .clone()
+            .map(|(f, derived)| FieldSheet {
+                name: f.name.clone(),
+                unit: f.unit.clone(),
+                source: if derived.is_some() { "derived from the coordinates" } else { "interpolated" }
+                    .into(),
+            })
+            .collect(),
+        regimes: parts.iter().map(|part| regime_sheet(plan, part)).collect(),
+        sag_mm: onset.as_ref().map(OnsetTable::sag_mm),
+        reach_mm: onset.as_ref().map(OnsetTable::reach_mm),
+        remarks,
+        config: config.clone(),
+    };
+    let header = ModelHeader {
+        actuator: database.actuator.clone(),
+        fields: fields.map(|(spec, axes)| OutputField { spec: spec.clone(), magnitude_of: *axes }).collect(),
+        node_count: database.node_count,
+        regimes: parts.iter().map(|part| regime_model(plan, part)).collect(),
+        onset,
+        hysteresis_mpa: config.hysteresis_mpa,
+        node_sets: database.node_sets.clone(),
+        database_hash: database.hash,
+    };
+    let mut blocks: Vec<(BlockKind, BlockData)> =
+        parts.iter().flat_map(|part| field_blocks(database, plan, part)).collect();
+    if let Some(mesh) = &database.undeformed_mm {
+        for axis in 0..3 {
+            let values = mesh.iter().map(|x| x[axis] as f32).collect();
+            blocks.push((BlockKind::Undeformed(axis as u8), BlockData::F32(values)));
+        }
+    }
+    if !database.surface_triangles.is_empty() {
+        blocks.push((BlockKind::Surface, BlockData::U32(database.surface_triangles.concat())));
+    }
+    (Model { header, blocks }, sheet)
+}
+
+fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
+    let mut next = 0;
+    let groups = plan.groups.iter().zip(&part.groups).map(|(group, fit)| {
+        let coefficients = next..next + fit.modes;
+        next = coefficients.end;
+        GroupModel {
+            name: group.name.clone(),
+            fields: group.fields.clone(),
+            coefficients,
+            surrogate: fit.surrogate.clone(),
+            singular_values: fit.pod.singular_values.clone(),
+        }
+    });
+    RegimeModel {
+        kind: part.kind,
+        inputs: part.inputs.clone(),
+        groups: groups.collect(),
+        force: part.force.as_ref().map(|f| f.0.clone()),
+        domain: part.domain.clone(),
+        bars: part.bars,
+    }
+}
+
+fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind, BlockData)> {
+    let (nodes, regime) = (database.node_count, part.kind);
+    let mut blocks = Vec::new();
+    for (group, fit) in plan.groups.iter().zip(&part.groups) {
+        for (at, &field) in group.fields.iter().enumerate() {
+            let (rows, field) = (at * nodes..(at + 1) * nodes, field as u32);
+            let mean = fit.compact.mean[rows.clone()].iter().map(|v| *v as f32).collect();
+            let modes = (0..fit.modes)
+                .flat_map(|k| fit.basis.col_as_slice(k)[rows.clone()].iter().map(|v| *v as f32))
+                .collect();
+            blocks.push((BlockKind::Mean { regime, field }, BlockData::F32(mean)));
+            blocks.push((BlockKind::Modes { regime, field }, BlockData::F32(modes)));
+        }
+    }
+    blocks
+}
+
+fn regime_sheet(plan: &Plan, part: &Part) -> RegimeSheet {
+    let name = |q: Quantity| if q == Quantity::PressureMpa { "pressure_mpa" } else { "gap_mm" };
+    RegimeSheet {
+        kind: part.kind,
+        cases: part.cases,
+        boundary_states: part.boundary_states,
+        inputs: part
+            .inputs
+            .axes
+            .iter()
+            .map(|a| InputSheet { name: name(a.quantity).into(), min: a.min, max: a.max })
+            .collect(),
+        groups: plan
+            .groups
+            .iter()
+            .zip(&part.groups)
+            .map(|(group, fit)| group_sheet(&group.name, fit))
+            .collect(),
+        force: part.force.as_ref().map(|(model, candidates, rms)| {
+            fit_sheet("contact_force", 0, 0.0, &model.surrogate, *rms, candidates)
+        }),
+        bars: part.bars,
+        leave_one_out: part.errors.clone(),
+    }
+}
+
+fn group_sheet(name: &str, fit: &GroupFit) -> FitSheet {
+    // The score is the norm of a whole error vector; by entry it reads in the field's unit.
+    let entries = fit.compact.mean.len() as f64;
+    let error = fit.candidates.first().and_then(|c| c.error).unwrap_or(f64::NAN) / entries.sqrt();
+    fit_sheet(name, fit.modes, fit.pod.truncation_error(fit.modes), &fit.surrogate, error, &fit.candidates)
+}
+
+fn fit_sheet(
+    name: &str,
+    modes: usize,
+    truncation_error: f64,
+    fit: &Interpolant,
+    leave_one_out: f64,
+    candidates: &[Candidate],
+) -> FitSheet {
+    FitSheet {
+        name: name.into(),
+        modes,
+        truncation_error,
+        condition: fit.condition,
+        residual: fit.residual,
+        leave_one_out,
+        leave_one_out_full: None,
+        candidates: candidates.to_vec(),
+    }
+}

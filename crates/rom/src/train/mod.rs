@@ -1,0 +1,97 @@
+//! Training: database and configuration in, model and data sheet out.
+//!
+//! Order: sort the training cases into regimes; free model (POD by group, interpolants by leave-one-out); onset pressure
+//! over gap from the free model; contact model on touching states plus states on the onset boundary taken from the free
+//! model, so that fields are continuous across the switch; coverage bars from leave-one-out residuals.
+
+mod assemble;
+mod group;
+mod onset;
+mod regime;
+mod sort;
+
+use crate::config::TrainConfig;
+use crate::datasheet::DataSheet;
+use crate::fit::FitError;
+use crate::model::Model;
+use crate::pod::PodError;
+use crate::snapshots::Database;
+use thiserror::Error;
+
+/// Why a model could not be trained.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum TrainError {
+    /// The database has problems; all of them.
+    #[error("the database cannot be trained on:\n  {}", .0.join("\n  "))]
+    Database(Vec<String>),
+    /// The configuration has problems; all of them.
+    #[error("the training configuration cannot be used:\n  {}", .0.join("\n  "))]
+    Config(Vec<String>),
+    /// The decomposition of a group failed.
+    #[error("POD of group {group}, regime {regime}: {source}")]
+    Pod {
+        /// Group.
+        group: String,
+        /// Regime.
+        regime: &'static str,
+        /// Cause.
+        source: PodError,
+    },
+    /// No candidate kernel could be fitted.
+    #[error("no kernel could be fitted to {what}, regime {regime}; the last refusal: {source}")]
+    Fit {
+        /// Group or force.
+        what: String,
+        /// Regime.
+        regime: &'static str,
+        /// Cause.
+        source: FitError,
+    },
+    /// Both regimes are there, but the pressure at which one becomes the other cannot be told.
+    #[error(
+        "the onset pressure cannot be derived: {0}; add coordinate fields, or train one regime by leaving the other's cases out"
+    )]
+    Onset(String),
+}
+
+/// Trains a model. `progress` is told what is being done. Reads the training split only.
+///
+/// Cost: `O(n m^2)` for the decompositions, `O(candidates m^3)` for the choice (n entries of a group, m cases).
+///
+/// # Errors
+/// [`TrainError`]: every problem of database or configuration at once, or the step that failed.
+pub fn train(
+    database: &Database,
+    config: &TrainConfig,
+    progress: &mut dyn FnMut(&str),
+) -> Result<(Model, DataSheet), TrainError> {
+    let problems = config.problems();
+    if !problems.is_empty() {
+        return Err(TrainError::Config(problems));
+    }
+    progress("checking the database");
+    let problems = database.problems();
+    if !problems.is_empty() {
+        return Err(TrainError::Database(problems));
+    }
+    let sorted = sort::sort(database, config)?;
+    let plan = group::Plan::new(database, config);
+    let mut parts = Vec::new();
+    let mut onset = None;
+    if !sorted.free.is_empty() {
+        progress("free regime: decomposing and choosing kernels");
+        parts.push(regime::free(database, config, &plan, &sorted.free)?);
+    }
+    if !sorted.contact.is_empty() {
+        let free = parts.first();
+        if let Some(free) = free {
+            progress("onset pressure from the free model");
+            onset = Some(onset::derive(database, config, &plan, free, sorted.max_pressure_mpa)?);
+        }
+        progress("contact regime: decomposing and choosing kernels");
+        let contact = regime::contact(database, config, &plan, &sorted.contact, free.zip(onset.as_ref()))?;
+        parts.push(contact);
+    }
+    progress("assembling the model");
+    Ok(assemble::assemble(database, config, &plan, parts, onset, sorted.remarks))
+}

@@ -1,0 +1,302 @@
+//! Training one regime: inputs, groups, force, domain, coverage bars.
+
+use super::TrainError;
+use super::group::{GroupFit, Plan, States};
+use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
+use crate::conformal;
+use crate::datasheet::CaseError;
+use crate::fit::Samples;
+use crate::hull::Domain;
+use crate::interpolant::{InputAxis, InputMap, Quantity};
+use crate::model::{CoverageBars, ForceModel};
+use crate::regime::OnsetTable;
+use crate::select::{Candidate, Task, choose};
+use crate::snapshots::{Database, FieldKind, RegimeKind};
+use faer::Mat;
+
+/// Excess pressures below this share of the largest say more about the onset table than about the force.
+const LEAST_EXCESS: f64 = 0.01;
+
+/// A trained regime, before assembly.
+pub(super) struct Part {
+    pub kind: RegimeKind,
+    pub inputs: InputMap,
+    pub groups: Vec<GroupFit>,
+    pub force: Option<(ForceModel, Vec<Candidate>, f64)>,
+    pub domain: Domain,
+    pub bars: CoverageBars,
+    pub cases: usize,
+    pub boundary_states: usize,
+    pub errors: Vec<CaseError>,
+}
+
+impl Part {
+    /// A field of the free model at a pressure, node by node.
+    pub fn field(&self, plan: &Plan, field: usize, pressure_mpa: f64) -> Vec<f64> {
+        let Some((g, at)) = plan.find(field) else { return Vec::new() };
+        let stacked = self.groups[g].evaluate(self.inputs.scale(pressure_mpa, 0.0));
+        let nodes = stacked.len() / plan.groups[g].fields.len();
+        stacked[at * nodes..(at + 1) * nodes].to_vec()
+    }
+}
+
+/// The states a regime is trained on: cases first, then boundary states.
+struct Training<'a> {
+    database: &'a Database,
+    cases: &'a [usize],
+    /// `(pressure, gap)` of cases and boundary states.
+    points: Vec<(f64, f64)>,
+    inputs: InputMap,
+    scaled: Vec<[f64; 2]>,
+    /// 1 for cases inside the hull of the cases, 0 for the others.
+    score: Vec<f64>,
+    domain: Domain,
+}
+
+pub(super) fn free(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    cases: &[usize],
+) -> Result<Part, TrainError> {
+    let points = cases.iter().map(|&i| (database.cases[i].pressure_mpa, 0.0)).collect();
+    let training = Training::new(database, cases, points, &[Quantity::PressureMpa], f64::INFINITY);
+    let groups = training.groups(RegimeKind::Free, config, &config.free, plan, None)?;
+    let (errors, bars) = training.errors(plan, &groups, None, config.coverage);
+    Ok(training.part(RegimeKind::Free, groups, None, errors, bars))
+}
+
+pub(super) fn contact(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    cases: &[usize],
+    boundary: Option<(&Part, &OnsetTable)>,
+) -> Result<Part, TrainError> {
+    let case = |i: usize| (database.cases[i].pressure_mpa, database.cases[i].gap_mm.unwrap_or(0.0));
+    let mut points: Vec<(f64, f64)> = cases.iter().map(|&i| case(i)).collect();
+    let largest_gap = points.iter().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
+    if let Some((_, table)) = boundary {
+        points.extend(boundary_points(&points, table, config.boundary_states));
+    }
+    let training =
+        Training::new(database, cases, points, &[Quantity::PressureMpa, Quantity::GapMm], largest_gap);
+    let groups =
+        training.groups(RegimeKind::Contact, config, &config.contact, plan, boundary.map(|b| b.0))?;
+    let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
+    let force = training.force(&config.contact, onset)?;
+    let (errors, bars) = training.errors(plan, &groups, Some(&force.1), config.coverage);
+    Ok(training.part(RegimeKind::Contact, groups, Some(force.0), errors, bars))
+}
+
+/// States on the onset, evenly spread over pressure; one only where all cases share a gap.
+fn boundary_points(cases: &[(f64, f64)], table: &OnsetTable, count: usize) -> Vec<(f64, f64)> {
+    let gap = cases[0].1;
+    if cases.iter().all(|c| c.1 == gap) {
+        let onset = table.onset(gap).pressure_mpa().filter(|p| count > 0 && *p > 0.0);
+        return onset.map(|p| (p, gap)).into_iter().collect();
+    }
+    let last = table.gap_mm.len() - 1;
+    let pick = |i: usize| i * last / (count - 1).max(1);
+    (0..count).map(pick).map(|i| (table.pressure_mpa[i], table.gap_mm[i])).collect()
+}
+
+type Force = (ForceModel, Vec<Candidate>, f64);
+
+impl<'a> Training<'a> {
+    fn new(
+        database: &'a Database,
+        cases: &'a [usize],
+        points: Vec<(f64, f64)>,
+        quantities: &[Quantity],
+        largest_gap: f64,
+    ) -> Self {
+        let inputs = input_map(&points, quantities);
+        let scaled: Vec<[f64; 2]> = points.iter().map(|p| inputs.scale(p.0, p.1)).collect();
+        // The domain is where cases were simulated, plus the onset up to the largest gap simulated.
+        let trusted: Vec<[f64; 2]> = scaled
+            .iter()
+            .zip(&points)
+            .enumerate()
+            .filter(|(i, (_, p))| *i < cases.len() || p.1 <= largest_gap)
+            .map(|(_, (x, _))| *x)
+            .collect();
+        let domain = domain_of(inputs.dimensions(), &trusted);
+        let edge = domain_of(inputs.dimensions(), &scaled[..cases.len()]);
+        let mut score: Vec<f64> = (0..points.len())
+            .map(|i| f64::from(u8::from(i < cases.len() && !edge.has_vertex(scaled[i]))))
+            .collect();
+        if score.iter().sum::<f64>() < 3.0 {
+            score[..cases.len()].fill(1.0); // too few inside to judge by: judge by all
+        }
+        Self { database, cases, points, inputs, scaled, score, domain }
+    }
+
+    fn groups(
+        &self,
+        kind: RegimeKind,
+        config: &TrainConfig,
+        choices: &RegimeConfig,
+        plan: &Plan,
+        free: Option<&Part>,
+    ) -> Result<Vec<GroupFit>, TrainError> {
+        let states =
+            States { kind, dimensions: self.inputs.dimensions(), inputs: &self.scaled, score: &self.score };
+        let one = |(g, group): (usize, &super::group::Group)| {
+            let nodes = self.database.node_count;
+            let mut y = Mat::zeros(nodes * group.fields.len(), self.points.len());
+            for (j, &case) in self.cases.iter().enumerate() {
+                for (at, &field) in group.fields.iter().enumerate() {
+                    let column = &mut y.col_as_slice_mut(j)[at * nodes..(at + 1) * nodes];
+                    column
+                        .iter_mut()
+                        .zip(self.database.field(case, field))
+                        .for_each(|(y, v)| *y = f64::from(v));
+                }
+            }
+            for (j, point) in self.points.iter().enumerate().skip(self.cases.len()) {
+                if let Some(free) = free {
+                    let state = free.groups[g].evaluate(free.inputs.scale(point.0, 0.0));
+                    y.col_as_slice_mut(j).copy_from_slice(&state);
+                }
+            }
+            GroupFit::new(group, y, &states, choices, config.centred)
+        };
+        plan.groups.iter().enumerate().map(one).collect()
+    }
+
+    /// The contact force and its leave-one-out residuals by case, in N.
+    fn force(
+        &self,
+        config: &RegimeConfig,
+        onset: Option<&OnsetTable>,
+    ) -> Result<(Force, Vec<f64>), TrainError> {
+        let forces: Vec<f64> = self.cases.iter().map(|&i| self.database.cases[i].contact_force_n).collect();
+        let excess: Vec<f64> = match onset {
+            Some(table) => {
+                self.points[..forces.len()].iter().map(|p| p.0 - table.pressure_and_slope(p.1).0).collect()
+            }
+            None => vec![1.0; forces.len()],
+        };
+        let least = LEAST_EXCESS * excess.iter().copied().fold(0.0, f64::max);
+        let used: Vec<usize> = (0..forces.len()).filter(|&i| excess[i] > least).collect();
+        let inputs: Vec<[f64; 2]> = used.iter().map(|&i| self.scaled[i]).collect();
+        let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess[i]).collect();
+        let score: Vec<f64> = used.iter().map(|&i| self.score[i] * excess[i]).collect();
+        let task = Task {
+            samples: Samples {
+                dimensions: self.inputs.dimensions(),
+                inputs: &inputs,
+                values: &values,
+                outputs: 1,
+            },
+            dropped: &vec![0.0; used.len()],
+            score: &score,
+            modes: ModeChoice::Fixed(1),
+            modes_for_energy: 1,
+        };
+        let choice = choose(&task, config).map_err(|source| TrainError::Fit {
+            what: "the contact force".into(),
+            regime: RegimeKind::Contact.name(),
+            source,
+        })?;
+        let mut residuals = vec![0.0; forces.len()];
+        used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals[i] = e * excess[i]);
+        let squares: f64 = residuals.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();
+        let rms = (squares / self.score.iter().sum::<f64>()).sqrt();
+        let force = ForceModel { surrogate: choice.fit.interpolant, times_excess_pressure: onset.is_some() };
+        Ok(((force, choice.candidates, rms), residuals))
+    }
+
+    /// Leave-one-out errors at each case's worst node, and the bars calibrated on those inside the hull.
+    fn errors(
+        &self,
+        plan: &Plan,
+        groups: &[GroupFit],
+        force: Option<&[f64]>,
+        coverage: f64,
+    ) -> (Vec<CaseError>, CoverageBars) {
+        let (cases, nodes) = (self.cases.len(), self.database.node_count);
+        let mut displacement = Mat::<f64>::zeros(nodes, cases);
+        let mut stress = vec![0.0_f64; cases];
+        for (group, fit) in plan.groups.iter().zip(groups) {
+            let errors = fit.error_fields(cases);
+            for (at, &field) in group.fields.iter().enumerate() {
+                let part = errors.get(at * nodes..(at + 1) * nodes, ..);
+                match self.database.fields[field].kind {
+                    FieldKind::Coordinate(_) => {
+                        for i in 0..cases {
+                            displacement
+                                .col_mut(i)
+                                .iter_mut()
+                                .zip(part.col(i).iter())
+                                .for_each(|(d, e)| *d += e * e);
+                        }
+                    }
+                    FieldKind::Stress => {
+                        (0..cases).for_each(|i| stress[i] = stress[i].max(part.col(i).norm_max()))
+                    }
+                    FieldKind::Magnitude | FieldKind::Other => {}
+                }
+            }
+        }
+        let errors: Vec<CaseError> = (0..cases)
+            .map(|i| CaseError {
+                case: self.database.cases[self.cases[i]].name.clone(),
+                on_hull: self.score[i] == 0.0,
+                displacement_mm: displacement.col(i).norm_max().sqrt(),
+                stress_mpa: stress[i],
+                force_n: force.map_or(0.0, |f| f[i].abs()),
+            })
+            .collect();
+        let bars = conformal::bars(&errors, coverage);
+        (errors, bars)
+    }
+
+    fn part(
+        self,
+        kind: RegimeKind,
+        groups: Vec<GroupFit>,
+        force: Option<Force>,
+        errors: Vec<CaseError>,
+        bars: CoverageBars,
+    ) -> Part {
+        Part {
+            kind,
+            groups,
+            force,
+            errors,
+            bars,
+            cases: self.cases.len(),
+            boundary_states: self.points.len() - self.cases.len(),
+            inputs: self.inputs,
+            domain: self.domain,
+        }
+    }
+}
+
+/// Axes for the quantities that vary; a regime in which nothing varies keeps its first one, a unit wide.
+fn input_map(points: &[(f64, f64)], quantities: &[Quantity]) -> InputMap {
+    let axis = |quantity: &Quantity| {
+        let values = points.iter().map(|p| if *quantity == Quantity::PressureMpa { p.0 } else { p.1 });
+        let (min, max) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        InputAxis { quantity: *quantity, min, max }
+    };
+    let all: Vec<InputAxis> = quantities.iter().map(axis).collect();
+    let mut axes: Vec<InputAxis> =
+        all.iter().copied().filter(|a| a.max - a.min > 1e-9 * a.max.abs().max(a.min.abs())).collect();
+    if axes.is_empty() {
+        axes.push(InputAxis { max: all[0].min + 1.0, ..all[0] });
+    }
+    let constant_gap = all.iter().find(|a| a.quantity == Quantity::GapMm && !axes.contains(a));
+    InputMap { axes, constant_gap_mm: constant_gap.map(|a| a.min) }
+}
+
+fn domain_of(dimensions: usize, points: &[[f64; 2]]) -> Domain {
+    if dimensions > 1 {
+        return Domain::hull_of(points);
+    }
+    let ends =
+        points.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |e, p| [e[0].min(p[0]), e[1].max(p[0])]);
+    Domain::Interval(ends)
+}

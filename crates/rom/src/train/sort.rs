@@ -1,0 +1,91 @@
+//! Which training case teaches which regime.
+
+use super::TrainError;
+use crate::config::TrainConfig;
+use crate::snapshots::{Database, RegimeKind, Split};
+
+/// Training cases by regime, as indices into the database.
+pub(super) struct Sorted {
+    pub free: Vec<usize>,
+    pub contact: Vec<usize>,
+    /// Largest training pressure of all.
+    pub max_pressure_mpa: f64,
+    pub remarks: Vec<String>,
+}
+
+pub(super) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, TrainError> {
+    let train: Vec<usize> = database.of_split(Split::Train).collect();
+    let touches = |i: usize| {
+        let case = &database.cases[i];
+        // A contact sample without force touches nothing: physically it is one more free state.
+        case.regime == RegimeKind::Contact && (!config.split_at_onset || case.contact_force_n > 0.0)
+    };
+    let (contact, free): (Vec<usize>, Vec<usize>) = train.iter().partition(|&&i| touches(i));
+    let max_pressure_mpa = train.iter().map(|&i| database.cases[i].pressure_mpa).fold(0.0, f64::max);
+    let mut sorted = Sorted { free, contact, max_pressure_mpa, remarks: Vec::new() };
+    let untouched = sorted.free.iter().filter(|&&i| database.cases[i].regime == RegimeKind::Contact).count();
+    if untouched > 0 {
+        sorted
+            .remarks
+            .push(format!("{untouched} contact samples touch nothing and were trained as free states"));
+    }
+    let free = std::mem::take(&mut sorted.free);
+    sorted.free =
+        merge(database, config, free, |i| [database.cases[i].pressure_mpa, 0.0], &mut sorted.remarks)?;
+    let contact = std::mem::take(&mut sorted.contact);
+    let input = |i: usize| [database.cases[i].pressure_mpa, database.cases[i].gap_mm.unwrap_or(0.0)];
+    sorted.contact = merge(database, config, contact, input, &mut sorted.remarks)?;
+    Ok(sorted)
+}
+
+/// Keeps one of several cases at the same inputs; refuses when their snapshots contradict each other.
+fn merge(
+    database: &Database,
+    config: &TrainConfig,
+    cases: Vec<usize>,
+    input: impl Fn(usize) -> [f64; 2],
+    remarks: &mut Vec<String>,
+) -> Result<Vec<usize>, TrainError> {
+    let width = |axis: usize| {
+        let values = || cases.iter().map(|&i| input(i)[axis]);
+        let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+        if range > 0.0 { range } else { 1.0 }
+    };
+    let widths = [width(0), width(1)];
+    let distance = |a: usize, b: usize| {
+        let (a, b) = (input(a), input(b));
+        ((a[0] - b[0]) / widths[0]).hypot((a[1] - b[1]) / widths[1])
+    };
+    let (mut kept, mut contradictions): (Vec<usize>, Vec<String>) = (Vec::new(), Vec::new());
+    for &i in &cases {
+        let Some(&twin) = kept.iter().find(|&&k| distance(i, k) <= config.duplicate_distance) else {
+            kept.push(i);
+            continue;
+        };
+        let (a, b) = (&database.cases[twin], &database.cases[i]);
+        let difference = relative_difference(database.snapshot(twin), database.snapshot(i));
+        if difference <= MERGE_TOLERANCE {
+            remarks.push(format!(
+                "case {} repeats case {} (fields differ by {difference:.1e}); merged",
+                b.name, a.name
+            ));
+        } else {
+            contradictions.push(format!(
+                "cases {} and {} have the same inputs ({} MPa, {:?} mm) but their fields differ by {difference:.1e} of their \
+                 size; remove one",
+                a.name, b.name, a.pressure_mpa, a.gap_mm
+            ));
+        }
+    }
+    if contradictions.is_empty() { Ok(kept) } else { Err(TrainError::Database(contradictions)) }
+}
+
+/// Cases at the same inputs whose fields agree to this are one case: solver tolerance, not contradiction.
+const MERGE_TOLERANCE: f64 = 1e-3;
+
+/// `|a - b| / |a|` in the maximum norm.
+fn relative_difference(a: &[f32], b: &[f32]) -> f64 {
+    let size = a.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
+    let difference = a.iter().zip(b).fold(0.0_f32, |m, (a, b)| m.max((a - b).abs()));
+    if size > 0.0 { f64::from(difference) / f64::from(size) } else { f64::from(difference) }
+}

@@ -1,0 +1,165 @@
+//! What can be wrong with a database or a configuration: everything is reported at once.
+
+use crate::config::{KernelKind, ModeChoice, RegimeConfig, TrainConfig};
+use crate::snapshots::{Database, RegimeKind, Split};
+use std::collections::BTreeSet;
+
+/// Absurd readings: an actuator of millimetres bursts long before.
+const MAX_PRESSURE_MPA: f64 = 100.0;
+const MAX_GAP_MM: f64 = 1e5;
+
+impl Database {
+    /// Every problem that forbids training, in words; empty when there is none.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = self.shape_problems();
+        if problems.is_empty() {
+            problems.extend(self.case_problems());
+            problems.extend(self.value_problems());
+        }
+        problems
+    }
+
+    fn shape_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let expected = self.cases.len() * self.entries();
+        if self.fields.is_empty() || self.node_count == 0 {
+            problems.push(format!(
+                "expected fields and nodes, found {} and {}",
+                self.fields.len(),
+                self.node_count
+            ));
+        }
+        if self.snapshots.len() != expected {
+            problems.push(format!(
+                "snapshots: expected {expected} values ({} cases x {} nodes x {} fields), found {}",
+                self.cases.len(),
+                self.node_count,
+                self.fields.len(),
+                self.snapshots.len()
+            ));
+        }
+        if let Some(mesh) = self.undeformed_mm.as_ref().filter(|m| m.len() != self.node_count) {
+            problems.push(format!("mesh: expected {} nodes, found {}", self.node_count, mesh.len()));
+        }
+        let beyond = |nodes: &[u32]| nodes.iter().any(|n| *n as usize >= self.node_count);
+        if beyond(self.surface_triangles.as_flattened()) {
+            problems.push(format!("surface: a triangle names a node beyond {}", self.node_count));
+        }
+        for set in self.node_sets.iter().filter(|s| beyond(&s.nodes)) {
+            problems.push(format!("node set {}: names a node beyond {}", set.name, self.node_count));
+        }
+        let names: BTreeSet<&str> = self.fields.iter().map(|f| f.name.as_str()).collect();
+        if names.len() != self.fields.len() {
+            problems.push("fields: two have the same name".into());
+        }
+        problems
+    }
+
+    fn case_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.of_split(Split::Train).next().is_none() {
+            problems.push(format!(
+                "expected training cases (split = train), found none among {}",
+                self.cases.len()
+            ));
+        }
+        for case in &self.cases {
+            let name = &case.name;
+            if !(0.0..=MAX_PRESSURE_MPA).contains(&case.pressure_mpa) {
+                problems.push(format!(
+                    "case {name}: pressure_mpa {} is not within 0..{MAX_PRESSURE_MPA}",
+                    case.pressure_mpa
+                ));
+            }
+            if case.gap_mm.is_some_and(|gap| !(-MAX_GAP_MM..=MAX_GAP_MM).contains(&gap)) {
+                problems.push(format!("case {name}: gap_mm {:?} is not a length in mm", case.gap_mm));
+            }
+            if case.regime == RegimeKind::Contact && case.gap_mm.is_none() {
+                problems.push(format!("case {name}: a contact case needs gap_mm"));
+            }
+            if !(case.contact_force_n.is_finite() && case.contact_force_n >= 0.0) {
+                problems.push(format!(
+                    "case {name}: contact_force_n {} is not a force >= 0",
+                    case.contact_force_n
+                ));
+            }
+        }
+        problems
+    }
+
+    /// One line a case with non-finite entries: the first of them and how many.
+    fn value_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        for (i, case) in self.cases.iter().enumerate() {
+            let snapshot = self.snapshot(i);
+            let Some(first) = snapshot.iter().position(|v| !v.is_finite()) else { continue };
+            let count = snapshot.iter().filter(|v| !v.is_finite()).count();
+            let (node, field) = (first / self.fields.len(), &self.fields[first % self.fields.len()].name);
+            problems.push(format!(
+                "case {}: {count} non-finite values, the first ({}) at node {node}, field {field}",
+                case.name, snapshot[first]
+            ));
+        }
+        problems
+    }
+}
+
+impl TrainConfig {
+    /// Every problem of the configuration, in words; empty when there is none.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if !(self.coverage > 0.0 && self.coverage < 1.0) {
+            problems.push(format!("coverage: expected a share between 0 and 1, found {}", self.coverage));
+        }
+        for (name, value) in
+            [("hysteresis_mpa", self.hysteresis_mpa), ("duplicate_distance", self.duplicate_distance)]
+        {
+            if !(value.is_finite() && value >= 0.0) {
+                problems.push(format!("{name}: expected a number >= 0, found {value}"));
+            }
+        }
+        for (name, regime) in [("free", &self.free), ("contact", &self.contact)] {
+            problems.extend(regime.problems().into_iter().map(|p| format!("[{name}] {p}")));
+        }
+        problems
+    }
+}
+
+impl RegimeConfig {
+    fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.kernels.is_empty()
+            || self.anisotropy.is_empty()
+            || self.smoothing.is_empty()
+            || self.max_modes == 0
+        {
+            problems.push(
+                "kernels, anisotropy, smoothing: expected at least one each; max_modes: at least 1".into(),
+            );
+        }
+        for kernel in &self.kernels {
+            if let KernelKind::Gaussian { shape } = kernel.kernel
+                && !(shape.is_finite() && shape > 0.0)
+            {
+                problems.push(format!("gaussian: expected a shape > 0, found {shape}"));
+            }
+        }
+        if self.anisotropy.iter().any(|a| !(a.is_finite() && *a > 0.0)) {
+            problems.push("anisotropy: expected factors > 0".into());
+        }
+        if self.smoothing.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
+            problems.push("smoothing: expected numbers >= 0".into());
+        }
+        for modes in std::iter::once(&self.modes).chain(self.group_modes.values()) {
+            let sound = match *modes {
+                ModeChoice::Fixed(modes) => modes > 0,
+                ModeChoice::Energy(limit) => (0.0..1.0).contains(&limit),
+                ModeChoice::LeaveOneOut(factor) => factor >= 1.0,
+            };
+            if !sound {
+                problems.push(format!("modes: {modes:?} is out of range"));
+            }
+        }
+        problems
+    }
+}
