@@ -35,6 +35,12 @@ pub mod flags {
     pub const LATE: u32 = 1 << 6;
     /// No reading has come yet since the twin started.
     pub const NO_DATA: u32 = 1 << 7;
+    /// The model has more coefficients than a state can carry: only the first are in it.
+    pub const COEFFICIENTS_CUT: u32 = 1 << 8;
+    /// The interpolated force was negative and was lifted to 0.
+    pub const FORCE_CLAMPED: u32 = 1 << 9;
+    /// The regime still says contact although the pressure is just below the onset (hysteresis).
+    pub const REGIME_HELD: u32 = 1 << 10;
 
     /// All flags with their names, for people.
     pub const NAMES: &[(u32, &str)] = &[
@@ -46,6 +52,9 @@ pub mod flags {
         (FORCE_MISMATCH, "force-mismatch"),
         (LATE, "late"),
         (NO_DATA, "no-data"),
+        (COEFFICIENTS_CUT, "coefficients-cut"),
+        (FORCE_CLAMPED, "force-clamped"),
+        (REGIME_HELD, "regime-held"),
     ];
 
     /// The names of the set bits.

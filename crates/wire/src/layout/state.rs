@@ -3,11 +3,11 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Most modal coefficients in one state.
-pub const COEFFICIENTS_MAX: usize = 40;
+pub const COEFFICIENTS_MAX: usize = 64;
 /// Most groups of fields (each with its own POD basis) in one state.
 pub const GROUPS_MAX: usize = 8;
 
-/// Force, gradients, coefficients and verdicts of one evaluation; 400 bytes.
+/// Force, gradients, coefficients and verdicts of one evaluation; 496 bytes.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[type_name("softtwin.State.v1")]
 #[repr(C)]
@@ -62,7 +62,7 @@ pub struct State {
     pub domain_verdict: u32,
     /// Coefficients in use.
     pub coefficient_count: u32,
-    /// Coefficients of each group, in the model's order; the rest 0.
+    /// Coefficients of each group, in the model's order; the rest 0. More in all than fit below: flag `coefficients-cut`.
     pub group_sizes: [u8; GROUPS_MAX],
     /// Modal coefficients, group by group; the rest 0.
     pub coefficients: [f32; COEFFICIENTS_MAX],
@@ -72,7 +72,7 @@ pub struct State {
     pub reserved: [u64; 4],
 }
 
-super::layout!(State, 400, {
+super::layout!(State, 496, {
     layout_version: 0,
     flags: 4,
     model_hash: 8,
@@ -100,8 +100,8 @@ super::layout!(State, 400, {
     coefficient_count: 164,
     group_sizes: 168,
     coefficients: 176,
-    actuator: 336,
-    reserved: 368,
+    actuator: 432,
+    reserved: 464,
 });
 
 impl State {

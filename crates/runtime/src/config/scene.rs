@@ -1,0 +1,275 @@
+//! Scenes: what is there, and what is wanted of it. The twin loads and computes exactly that.
+
+use super::ConfigError;
+use crate::source::SourceSpec;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// A scene file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Name, for logs.
+    pub name: String,
+    /// The actuators of the scene.
+    #[serde(rename = "actuator")]
+    pub actuators: Vec<ActuatorSpec>,
+    /// Folder of the file: relative paths in it begin there.
+    #[serde(skip)]
+    pub folder: PathBuf,
+}
+
+/// One actuator: model, gap, source, and what is wanted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActuatorSpec {
+    /// Second chunk of its topics, `softtwin/<name>/...`.
+    pub name: String,
+    /// Model file; a relative path begins at the scene file's folder.
+    pub model: PathBuf,
+    /// Which gaps can occur.
+    #[serde(default)]
+    pub gap_mm: Gap,
+    /// What the bridge reads.
+    pub source: Option<SourceSpec>,
+    /// Extras of the state topic.
+    #[serde(default)]
+    pub state: StateSpec,
+    /// Field topics, one for each entry; none: state only, and no basis is loaded.
+    #[serde(default, rename = "output")]
+    pub outputs: Vec<OutputSpec>,
+}
+
+/// Which gaps can occur. What cannot occur is neither loaded nor computed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Gap {
+    /// `gap_mm = "measured"`: every reading says it, anything may come.
+    Measured(Measured),
+    /// `gap_mm = 40.0`: fixed, the readings' gap is ignored.
+    Fixed(f64),
+    /// `gap_mm = { min = 30.0, max = 60.0 }`: measured, within a range.
+    Range {
+        /// Smallest gap that can occur, mm.
+        min: f64,
+        /// Largest gap that can occur, mm.
+        max: f64,
+    },
+}
+
+/// The word `"measured"`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measured {
+    /// `"measured"`.
+    Measured,
+}
+
+impl Default for Gap {
+    fn default() -> Self {
+        Self::Measured(Measured::Measured)
+    }
+}
+
+impl Gap {
+    /// Smallest and largest gap that can occur, mm.
+    pub fn range_mm(&self) -> (f64, f64) {
+        match *self {
+            Self::Measured(_) => (0.0, f64::INFINITY),
+            Self::Fixed(gap) => (gap, gap),
+            Self::Range { min, max } => (min, max),
+        }
+    }
+}
+
+/// Extras of the state topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StateSpec {
+    /// Publish dF/dP and dF/dgap.
+    pub gradients: bool,
+    /// Publish error bars.
+    pub bars: bool,
+}
+
+impl Default for StateSpec {
+    fn default() -> Self {
+        Self { gradients: true, bars: true }
+    }
+}
+
+/// One field topic.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSpec {
+    /// Last chunk of the topic, `softtwin/<actuator>/field/<name>`; `"all"` or absent with all nodes: `.../field`.
+    pub name: Option<String>,
+    /// Which nodes.
+    #[serde(default)]
+    pub nodes: NodesSpec,
+    /// Which fields, in this order; empty: all of the model's, in its order.
+    #[serde(default)]
+    pub fields: Vec<String>,
+    /// At most so many samples a second; 0: one for every reading.
+    #[serde(default)]
+    pub rate_hz: f64,
+    /// Number format of the basis in memory.
+    #[serde(default)]
+    pub precision: Precision,
+}
+
+/// Which nodes: a name from the model, a box, or a list.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum NodesSpec {
+    /// `"all"`, or one of the model's node sets (`surface`, `tip`, `contact-face`, ...).
+    Named(String),
+    /// A box or a list.
+    Fixed(FixedNodes),
+}
+
+/// Nodes that the scene itself names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum FixedNodes {
+    /// `{ box = { min = [x, y, z], max = [x, y, z] } }`: undeformed coordinates, mm.
+    Box {
+        /// Lower corner, mm.
+        min: [f64; 3],
+        /// Upper corner, mm.
+        max: [f64; 3],
+    },
+    /// `{ list = [0, 17, 4] }`: node numbers, from 0.
+    List(Vec<u32>),
+}
+
+impl Default for NodesSpec {
+    fn default() -> Self {
+        Self::Named("all".into())
+    }
+}
+
+/// Number format of the basis in memory. The field on the wire is always f32.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 32-bit floats.
+    #[default]
+    F32,
+    /// 16-bit integers with a scale per mode: half the memory traffic, an error the data sheet states.
+    I16,
+}
+
+impl OutputSpec {
+    /// Last chunk of the topic; `None`: the plain `field` topic.
+    pub fn topic_name(&self) -> Option<&str> {
+        let name = match (&self.name, &self.nodes) {
+            (Some(name), _) => Some(name.as_str()),
+            (None, NodesSpec::Named(set)) => Some(set.as_str()),
+            (None, NodesSpec::Fixed(_)) => None,
+        };
+        name.filter(|name| *name != "all")
+    }
+}
+
+impl Scene {
+    /// Reads and checks a scene file. Models and traces are opened later, where they are needed.
+    ///
+    /// # Errors
+    /// All problems at once.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let mut scene: Self = super::read(path)?;
+        scene.folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        let problems = scene.problems();
+        if problems.is_empty() { Ok(scene) } else { Err(ConfigError { path: path.into(), problems }) }
+    }
+
+    /// Everything that is wrong with the scene by itself.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.actuators.is_empty() {
+            problems.push("actuator: expected at least one [[actuator]], found none".into());
+        }
+        let mut names = BTreeSet::new();
+        for (index, actuator) in self.actuators.iter().enumerate() {
+            let place = format!("actuator[{index}] `{}`", actuator.name);
+            if !names.insert(&actuator.name) {
+                problems.push(format!("{place}.name: another actuator has this name already"));
+            }
+            actuator.problems(&place, &mut problems);
+        }
+        problems
+    }
+
+    /// A path of the scene file as it is to be opened.
+    pub fn resolve(&self, path: &Path) -> PathBuf {
+        self.folder.join(path)
+    }
+}
+
+impl ActuatorSpec {
+    fn problems(&self, place: &str, problems: &mut Vec<String>) {
+        if let Err(error) = wire::Topic::state(&self.name) {
+            problems.push(format!("{place}.name: {error}"));
+        }
+        if self.model.as_os_str().is_empty() {
+            problems.push(format!("{place}.model: expected a model file, found nothing"));
+        }
+        let (min, max) = self.gap_mm.range_mm();
+        if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
+            problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));
+        }
+        let mut topics = BTreeSet::new();
+        for (index, output) in self.outputs.iter().enumerate() {
+            let place = format!("{place}.output[{index}]");
+            output.problems(&self.name, &place, problems);
+            if !topics.insert(output.topic_name()) {
+                let topic = output.topic_name().unwrap_or("all");
+                problems
+                    .push(format!("{place}: the node set `{topic}` has a topic already; give one a `name`"));
+            }
+        }
+    }
+}
+
+impl OutputSpec {
+    fn problems(&self, actuator: &str, place: &str, problems: &mut Vec<String>) {
+        if self.topic_name().is_none() && matches!(self.nodes, NodesSpec::Fixed(_)) {
+            problems.push(format!("{place}.name: a box or a list of nodes needs a name for its topic"));
+        }
+        if let (Some(name), Ok(_)) = (self.topic_name(), wire::Topic::state(actuator))
+            && let Err(error) = wire::Topic::field(actuator, Some(name))
+        {
+            problems.push(format!("{place}.name: {error}"));
+        }
+        if !(self.rate_hz.is_finite() && self.rate_hz >= 0.0) {
+            problems.push(format!("{place}.rate_hz: expected 0 or more, found {}", self.rate_hz));
+        }
+        if self.fields.len() > wire::layout::FIELD_SLOTS {
+            problems.push(format!(
+                "{place}.fields: expected at most {} fields, found {}",
+                wire::layout::FIELD_SLOTS,
+                self.fields.len()
+            ));
+        }
+        let mut seen = BTreeSet::new();
+        for field in &self.fields {
+            if !seen.insert(field) {
+                problems.push(format!("{place}.fields: `{field}` is named twice"));
+            }
+        }
+        match &self.nodes {
+            NodesSpec::Fixed(FixedNodes::Box { min, max }) => {
+                if !min.iter().zip(max).all(|(min, max)| min <= max) {
+                    problems
+                        .push(format!("{place}.nodes.box: expected min <= max, found {min:?} .. {max:?}"));
+                }
+            }
+            NodesSpec::Fixed(FixedNodes::List(nodes)) if nodes.is_empty() => {
+                problems.push(format!("{place}.nodes.list: expected at least one node, found none"));
+            }
+            NodesSpec::Fixed(FixedNodes::List(_)) | NodesSpec::Named(_) => {}
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Settings of the twin's process: limits on readings, deadlines, real time. One file (`config/twin.toml`), all optional.
+
+use super::ConfigError;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::time::Duration;
+
+/// Settings of a twin process.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// What a reading may be.
+    pub limits: Limits,
+    /// Real-time behaviour.
+    pub realtime: Realtime,
+}
+
+/// What a reading may be. Beyond: held, with the reason.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Lower than this is absurd, MPa (a gauge at rest shows small negative values).
+    pub pressure_min_mpa: f64,
+    /// Higher than this is absurd, MPa.
+    pub pressure_max_mpa: f64,
+    /// Higher than this is absurd, mm; below 0 always is.
+    pub gap_max_mm: f64,
+    /// Without a good reading for so long the state is marked stale, ms.
+    pub deadline_ms: f64,
+    /// A reading older than this on arrival is held, ms.
+    pub max_age_ms: f64,
+    /// A reading stamped later than now by more than this is held, ms.
+    pub max_ahead_ms: f64,
+    /// A reading sent later than this after its stamp is counted and flagged late, ms.
+    pub late_ms: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            pressure_min_mpa: -0.005,
+            pressure_max_mpa: 1.0,
+            gap_max_mm: 1000.0,
+            deadline_ms: 100.0,
+            max_age_ms: 1000.0,
+            max_ahead_ms: 100.0,
+            late_ms: 5.0,
+        }
+    }
+}
+
+impl Limits {
+    /// The deadline as a duration.
+    pub fn deadline(&self) -> Duration {
+        Duration::from_nanos(ms_to_ns(self.deadline_ms))
+    }
+}
+
+/// Milliseconds to nanoseconds; what does not fit saturates.
+pub(crate) fn ms_to_ns(ms: f64) -> u64 {
+    (ms * 1e6) as u64
+}
+
+/// Real-time behaviour; everything is off unless asked for.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Realtime {
+    /// Lock all memory (`mlockall`), so that nothing is paged out.
+    pub lock_memory: bool,
+    /// Map all pages of the samples at start, so that no page fault falls into the loop.
+    pub prefault: bool,
+    /// Priority under SCHED_FIFO, 1-99; 0: the ordinary scheduler.
+    pub fifo_priority: u8,
+    /// Cores the loop may run on; empty: any.
+    pub cores: Vec<usize>,
+    /// Spin instead of sleeping: one core at 100 % for a shorter wake-up. Only on a core of its own.
+    pub busy_poll: bool,
+    /// What to do when the rights for one of these are missing.
+    pub on_missing_rights: OnMissingRights,
+}
+
+/// What to do when the rights for real time are missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OnMissingRights {
+    /// Say so once, loudly, and go on.
+    #[default]
+    Warn,
+    /// Do not start.
+    Stop,
+}
+
+impl Settings {
+    /// Reads and checks a settings file.
+    ///
+    /// # Errors
+    /// All problems at once.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let settings: Self = super::read(path)?;
+        let problems = settings.problems();
+        if problems.is_empty() { Ok(settings) } else { Err(ConfigError { path: path.into(), problems }) }
+    }
+
+    /// Everything that is wrong with the settings.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let limits = &self.limits;
+        if !(limits.pressure_min_mpa.is_finite() && limits.pressure_min_mpa < limits.pressure_max_mpa) {
+            problems.push(format!(
+                "limits.pressure_min_mpa, pressure_max_mpa: expected min < max, found {} and {}",
+                limits.pressure_min_mpa, limits.pressure_max_mpa
+            ));
+        }
+        for (key, value) in [
+            ("gap_max_mm", limits.gap_max_mm),
+            ("deadline_ms", limits.deadline_ms),
+            ("max_age_ms", limits.max_age_ms),
+            ("max_ahead_ms", limits.max_ahead_ms),
+            ("late_ms", limits.late_ms),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                problems.push(format!("limits.{key}: expected a finite number above 0, found {value}"));
+            }
+        }
+        if self.realtime.fifo_priority > 99 {
+            let found = self.realtime.fifo_priority;
+            problems.push(format!("realtime.fifo_priority: expected 1-99, or 0 for off, found {found}"));
+        }
+        if let Some(core) = self.realtime.cores.iter().find(|core| **core >= 1024) {
+            problems.push(format!("realtime.cores: expected core numbers below 1024, found {core}"));
+        }
+        problems
+    }
+}

@@ -1,0 +1,203 @@
+//! Readings by formula: for tests, demonstrations and controllers without hardware.
+
+use super::rng::Rng;
+use super::{Reading, require_above};
+use serde::{Deserialize, Serialize};
+
+/// Pressure of the surrounding air, MPa.
+const AMBIENT_MPA: f64 = 0.101325;
+
+/// What to simulate and how the gauge sees it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulateSpec {
+    /// Readings per second.
+    pub rate_hz: f64,
+    /// End after so many seconds; infinite: never.
+    pub duration_s: f64,
+    /// Measured gap, mm; NaN: none.
+    pub gap_mm: f64,
+    /// Standard deviation of the gauge's noise, MPa.
+    pub noise_mpa: f64,
+    /// Resolution of the gauge, MPa; 0: continuous.
+    pub resolution_mpa: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// The true pressure over time.
+    pub profile: Profile,
+}
+
+impl Default for SimulateSpec {
+    fn default() -> Self {
+        Self {
+            rate_hz: 200.0,
+            duration_s: f64::INFINITY,
+            gap_mm: f64::NAN,
+            noise_mpa: 0.0,
+            resolution_mpa: 0.0,
+            seed: 1,
+            profile: Profile::Sine { mean_mpa: 0.03, amplitude_mpa: 0.03, frequency_hz: 0.25 },
+        }
+    }
+}
+
+/// True pressure over time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "shape", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Profile {
+    /// Constant air flow into a cavity of volume `V0 + c P`, isothermal: `(P + Pa)(V0 + c P) = Pa (V0 + Q t)`, then held.
+    ConstantFlow {
+        /// Air flow at ambient pressure, mL/min.
+        flow_ml_per_min: f64,
+        /// Undeformed cavity volume, mm^3.
+        volume_mm3: f64,
+        /// Growth of the cavity, mm^3/MPa.
+        compliance_mm3_per_mpa: f64,
+        /// Pressure at which the flow stops, MPa.
+        until_mpa: f64,
+    },
+    /// From one pressure to another, then held.
+    Ramp {
+        /// At the start, MPa.
+        from_mpa: f64,
+        /// At the end, MPa.
+        to_mpa: f64,
+        /// How long it takes, s.
+        rise_s: f64,
+    },
+    /// A jump.
+    Step {
+        /// Before, MPa.
+        low_mpa: f64,
+        /// After, MPa.
+        high_mpa: f64,
+        /// When, s.
+        at_s: f64,
+    },
+    /// `mean + amplitude sin(2 pi f t - pi/2)`: begins at the minimum.
+    Sine {
+        /// Mean, MPa.
+        mean_mpa: f64,
+        /// Amplitude, MPa.
+        amplitude_mpa: f64,
+        /// Frequency, Hz.
+        frequency_hz: f64,
+    },
+}
+
+impl Profile {
+    /// True pressure at `t_s`, MPa.
+    pub fn pressure_mpa(&self, t_s: f64) -> f64 {
+        match *self {
+            Self::ConstantFlow { flow_ml_per_min, volume_mm3, compliance_mm3_per_mpa: c, until_mpa } => {
+                // c P^2 + (V0 + c Pa) P - Pa Q t = 0, positive root in the form that survives c = 0.
+                let inflow_mm3 = flow_ml_per_min * 1000.0 / 60.0 * t_s;
+                let half = 0.5 * (volume_mm3 + c * AMBIENT_MPA);
+                let load = AMBIENT_MPA * inflow_mm3;
+                (load / (half + (half * half + c * load).sqrt())).min(until_mpa)
+            }
+            Self::Ramp { from_mpa, to_mpa, rise_s } => {
+                from_mpa + (to_mpa - from_mpa) * (t_s / rise_s).min(1.0)
+            }
+            Self::Step { low_mpa, high_mpa, at_s } => {
+                if t_s < at_s {
+                    low_mpa
+                } else {
+                    high_mpa
+                }
+            }
+            Self::Sine { mean_mpa, amplitude_mpa, frequency_hz } => {
+                let phase = std::f64::consts::TAU * frequency_hz * t_s - std::f64::consts::FRAC_PI_2;
+                mean_mpa + amplitude_mpa * phase.sin()
+            }
+        }
+    }
+
+    fn check(&self, problems: &mut Vec<String>) {
+        let finite = |problems: &mut Vec<String>, key: &str, value: f64| {
+            if !value.is_finite() {
+                problems.push(format!("source.profile.{key}: expected a finite number, found {value}"));
+            }
+        };
+        match *self {
+            Self::ConstantFlow { flow_ml_per_min, volume_mm3, compliance_mm3_per_mpa, until_mpa } => {
+                require_above(problems, "profile.flow_ml_per_min", flow_ml_per_min, 0.0);
+                require_above(problems, "profile.volume_mm3", volume_mm3, 0.0);
+                finite(problems, "until_mpa", until_mpa);
+                if !(compliance_mm3_per_mpa.is_finite() && compliance_mm3_per_mpa >= 0.0) {
+                    problems.push(format!(
+                        "source.profile.compliance_mm3_per_mpa: expected 0 or more, found {compliance_mm3_per_mpa}"
+                    ));
+                }
+            }
+            Self::Ramp { from_mpa, to_mpa, rise_s } => {
+                finite(problems, "from_mpa", from_mpa);
+                finite(problems, "to_mpa", to_mpa);
+                require_above(problems, "profile.rise_s", rise_s, 0.0);
+            }
+            Self::Step { low_mpa, high_mpa, at_s } => {
+                finite(problems, "low_mpa", low_mpa);
+                finite(problems, "high_mpa", high_mpa);
+                finite(problems, "at_s", at_s);
+            }
+            Self::Sine { mean_mpa, amplitude_mpa, frequency_hz } => {
+                finite(problems, "mean_mpa", mean_mpa);
+                finite(problems, "amplitude_mpa", amplitude_mpa);
+                require_above(problems, "profile.frequency_hz", frequency_hz, 0.0);
+            }
+        }
+    }
+}
+
+/// A formula on its way.
+#[derive(Debug)]
+pub struct Simulate {
+    spec: SimulateSpec,
+    rng: Rng,
+    count: u64,
+}
+
+impl Simulate {
+    /// Checks the specification.
+    ///
+    /// # Errors
+    /// All problems of the specification.
+    pub fn new(spec: &SimulateSpec) -> Result<Self, Vec<String>> {
+        let mut problems = Vec::new();
+        require_above(&mut problems, "rate_hz", spec.rate_hz, 0.0);
+        for (key, value) in [("noise_mpa", spec.noise_mpa), ("resolution_mpa", spec.resolution_mpa)] {
+            if !(value.is_finite() && value >= 0.0) {
+                problems.push(format!("source.{key}: expected 0 or more, found {value}"));
+            }
+        }
+        if spec.duration_s.is_nan() || spec.duration_s <= 0.0 {
+            problems
+                .push(format!("source.duration_s: expected more than 0 (or inf), found {}", spec.duration_s));
+        }
+        spec.profile.check(&mut problems);
+        if problems.is_empty() {
+            Ok(Self { rng: Rng::new(spec.seed), spec: spec.clone(), count: 0 })
+        } else {
+            Err(problems)
+        }
+    }
+
+    /// The next reading; `None` after `duration_s`.
+    pub fn next_reading(&mut self) -> Option<Reading> {
+        let t_s = self.count as f64 / self.spec.rate_hz;
+        if t_s > self.spec.duration_s {
+            return None;
+        }
+        self.count += 1;
+        let noisy = self.spec.profile.pressure_mpa(t_s) + self.spec.noise_mpa * self.rng.normal();
+        let resolution = self.spec.resolution_mpa;
+        Some(Reading {
+            due_s: t_s,
+            t_trace_s: t_s,
+            pressure_mpa: if resolution > 0.0 { (noisy / resolution).round() * resolution } else { noisy },
+            gap_mm: self.spec.gap_mm,
+            measured_force_n: f64::NAN,
+            status: 0,
+        })
+    }
+}

@@ -1,0 +1,199 @@
+//! Every source keeps the contract of `Source`; traces of every kind are read or refused with the place.
+
+use proptest::prelude::*;
+use softtwin_runtime::source::{
+    Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError,
+};
+use std::path::Path;
+
+const TRACE: &str =
+    "# made by hand\nt_s,pressure_mpa,gap_mm\n0.000,0.00,40\n0.005,0.01,40\n0.010,0.02,40\n0.500,0.03,39.5\n";
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("trace.csv"), TRACE).unwrap();
+    folder
+}
+
+/// One specification of each variant and shape: add new sources here.
+fn all_specs() -> Vec<SourceSpec> {
+    let replay = |spec: ReplaySpec| SourceSpec::Replay(ReplaySpec { trace: "trace.csv".into(), ..spec });
+    let simulate = |profile| {
+        SourceSpec::Simulate(SimulateSpec {
+            profile,
+            duration_s: 0.5,
+            noise_mpa: 5e-5,
+            resolution_mpa: 1e-4,
+            ..SimulateSpec::default()
+        })
+    };
+    vec![
+        replay(ReplaySpec::default()),
+        replay(ReplaySpec { speed: 2.0, from_s: 0.004, ..ReplaySpec::default() }),
+        replay(ReplaySpec { repeat: true, ..ReplaySpec::default() }),
+        simulate(Profile::ConstantFlow {
+            flow_ml_per_min: 125.0,
+            volume_mm3: 6711.6,
+            compliance_mm3_per_mpa: 60000.0,
+            until_mpa: 0.07,
+        }),
+        simulate(Profile::Ramp { from_mpa: 0.0, to_mpa: 0.07, rise_s: 0.4 }),
+        simulate(Profile::Step { low_mpa: 0.0, high_mpa: 0.05, at_s: 0.25 }),
+        simulate(Profile::Sine { mean_mpa: 0.03, amplitude_mpa: 0.03, frequency_hz: 2.0 }),
+    ]
+}
+
+fn take(mut source: Source, count: usize) -> Vec<Reading> {
+    std::iter::from_fn(|| source.next_reading()).take(count).collect()
+}
+
+#[test]
+fn every_source_keeps_the_contract() {
+    let folder = folder();
+    for spec in all_specs() {
+        let open = || spec.open(folder.path()).unwrap();
+        let readings = take(open(), 1000);
+        assert!(!readings.is_empty(), "{spec:?} gives nothing");
+        assert!(readings[0].due_s >= 0.0, "{spec:?} begins before 0");
+        for pair in readings.windows(2) {
+            assert!(pair[1].due_s >= pair[0].due_s, "{spec:?} goes back in time: {pair:?}");
+        }
+        let bits = |readings: &[Reading]| -> Vec<[u64; 3]> {
+            readings.iter().map(|r| [r.due_s, r.pressure_mpa, r.gap_mm].map(f64::to_bits)).collect()
+        };
+        assert_eq!(bits(&readings), bits(&take(open(), 1000)), "{spec:?} is not repeatable");
+        let mut source = open();
+        let count = std::iter::from_fn(|| source.next_reading()).take(1000).count();
+        if count < 1000 {
+            assert!(source.next_reading().is_none(), "{spec:?} goes on after its end");
+        }
+    }
+}
+
+#[test]
+fn replay_keeps_the_timing_and_knows_speed_part_and_rounds() {
+    let folder = folder();
+    let open = |spec: ReplaySpec| {
+        let spec = ReplaySpec { trace: "trace.csv".into(), ..spec };
+        take(SourceSpec::Replay(spec).open(folder.path()).unwrap(), 6)
+    };
+    let due = |readings: &[Reading]| -> Vec<f64> {
+        readings.iter().map(|r| (r.due_s * 1e6).round() / 1e6).collect()
+    };
+    assert_eq!(due(&open(ReplaySpec::default())), [0.0, 0.005, 0.01, 0.5]);
+    assert_eq!(due(&open(ReplaySpec { speed: 2.0, ..ReplaySpec::default() })), [0.0, 0.0025, 0.005, 0.25]);
+    let part = open(ReplaySpec { from_s: 0.005, to_s: 0.1, ..ReplaySpec::default() });
+    assert_eq!(due(&part), [0.0, 0.005]);
+    assert_eq!(part[0].t_trace_s, 0.005);
+    let rounds = open(ReplaySpec { repeat: true, ..ReplaySpec::default() });
+    assert_eq!(
+        due(&rounds),
+        [0.0, 0.005, 0.01, 0.5, 0.505, 0.51],
+        "a round ends one period after its last row"
+    );
+}
+
+#[test]
+fn profiles_have_their_shape() {
+    let flow = Profile::ConstantFlow {
+        flow_ml_per_min: 125.0,
+        volume_mm3: 6711.6,
+        compliance_mm3_per_mpa: 60000.0,
+        until_mpa: 0.07,
+    };
+    for t_s in [0.0, 0.5, 2.0, 4.0] {
+        let p = flow.pressure_mpa(t_s);
+        let inside = (p + 0.101325) * (6711.6 + 60000.0 * p);
+        let filled = 0.101325 * (6711.6 + 125.0e3 / 60.0 * t_s);
+        assert!((inside - filled).abs() < 1e-9 * filled, "gas law at {t_s} s: {inside} against {filled}");
+    }
+    assert_eq!(flow.pressure_mpa(60.0), 0.07);
+    let ramp = Profile::Ramp { from_mpa: 0.01, to_mpa: 0.05, rise_s: 2.0 };
+    assert_eq!([ramp.pressure_mpa(0.0), ramp.pressure_mpa(1.0), ramp.pressure_mpa(9.0)], [0.01, 0.03, 0.05]);
+    let step = Profile::Step { low_mpa: 0.0, high_mpa: 0.05, at_s: 1.0 };
+    assert_eq!([step.pressure_mpa(0.999), step.pressure_mpa(1.0)], [0.0, 0.05]);
+    let sine = Profile::Sine { mean_mpa: 0.03, amplitude_mpa: 0.02, frequency_hz: 0.5 };
+    assert!((sine.pressure_mpa(0.0) - 0.01).abs() < 1e-15 && (sine.pressure_mpa(1.0) - 0.05).abs() < 1e-15);
+}
+
+#[test]
+fn wrong_specifications_are_refused_with_all_problems() {
+    let spec = SimulateSpec {
+        rate_hz: 0.0,
+        noise_mpa: -1.0,
+        duration_s: f64::NAN,
+        profile: Profile::Ramp { from_mpa: f64::NAN, to_mpa: 0.0, rise_s: 0.0 },
+        ..SimulateSpec::default()
+    };
+    let problems = SourceSpec::Simulate(spec).open(Path::new(".")).unwrap_err();
+    assert_eq!(problems.len(), 5, "{problems:#?}");
+    let missing = SourceSpec::replay_of("no-such-file.csv".into()).open(Path::new(".")).unwrap_err();
+    assert!(missing[0].contains("cannot read the trace"), "{missing:?}");
+    let folder = folder();
+    let nothing = ReplaySpec { trace: "trace.csv".into(), from_s: 9.0, ..ReplaySpec::default() };
+    let problems = SourceSpec::Replay(nothing).open(folder.path()).unwrap_err();
+    assert!(problems[0].contains("no row of the trace lies within 9"), "{problems:?}");
+}
+
+#[test]
+fn broken_traces_are_refused_with_the_line() {
+    let problems = |text: &str| Trace::parse(text).unwrap_err();
+    assert!(matches!(
+        problems("t_s,gap_mm\n0,40\n")[..],
+        [TraceError::MissingColumn { line: 1, column: "pressure_mpa", .. }]
+    ));
+    assert!(matches!(
+        problems("a,b\n0,1\n")[..],
+        [TraceError::MissingColumn { .. }, TraceError::MissingColumn { .. }]
+    ));
+    assert_eq!(
+        problems("# c\nt_s,pressure_mpa\n0,0.1\n0.1,stray\n0.2,\n"),
+        [
+            TraceError::NotANumber { line: 4, column: "pressure_mpa", found: "stray".into() },
+            TraceError::NotANumber { line: 5, column: "pressure_mpa", found: "".into() },
+        ]
+    );
+    assert!(matches!(
+        problems("t_s,pressure_mpa\n1,0\n0.5,0\n")[..],
+        [TraceError::TimeOrder { line: 3, .. }]
+    ));
+    assert_eq!(problems(""), [TraceError::Empty { what: "header" }]);
+    assert_eq!(problems("t_s,pressure_mpa\n"), [TraceError::Empty { what: "rows" }]);
+}
+
+#[test]
+fn values_that_a_gauge_can_say_are_passed_on_and_gaps_in_time_are_noted() {
+    let trace = Trace::parse(TRACE).unwrap();
+    assert_eq!(trace.gaps, [(6, 0.49)]);
+    let odd = Trace::parse("t_s,pressure_mpa\n0,nan\n0.1,inf\n0.2,-5\n").unwrap();
+    assert!(odd.rows[0].pressure_mpa.is_nan() && odd.rows[1].pressure_mpa.is_infinite());
+    assert!(odd.rows[2].gap_mm.is_nan());
+}
+
+#[test]
+fn the_projects_own_traces_are_read() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/traces");
+    for (file, gap_mm) in [("gap80.csv", 80.0), ("gap40.csv", 40.0), ("gap15.csv", 15.0)] {
+        let trace = Trace::read(&folder.join(file)).unwrap_or_else(|errors| panic!("{file}: {errors:?}"));
+        assert!((trace.period_s - 0.005).abs() < 1e-9, "{file} is not sampled at 200 Hz");
+        assert!(trace.rows.iter().all(|row| row.gap_mm == gap_mm) && trace.gaps.is_empty());
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_answered(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        let text = String::from_utf8_lossy(&bytes);
+        if let Ok(trace) = Trace::parse(&text) {
+            prop_assert!(!trace.rows.is_empty());
+        }
+    }
+
+    #[test]
+    fn any_cells_are_answered(cells in prop::collection::vec("[-0-9.einfa# ,]{0,12}", 0..12)) {
+        let text = format!("t_s,pressure_mpa,gap_mm\n{}", cells.join("\n"));
+        if let Ok(trace) = Trace::parse(&text) {
+            prop_assert!(trace.rows.windows(2).all(|pair| pair[1].t_s >= pair[0].t_s));
+        }
+    }
+}
