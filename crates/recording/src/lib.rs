@@ -1,8 +1,7 @@
 //! Recordings: MCAP files that survive a crash on the writing side and anything at all on the reading side.
 //!
-//! A recording holds sensor readings, states, health and, when asked, whole fields, as JSON messages with JSON schemas,
-//! so that any viewer that reads MCAP shows them. This crate knows the container only; what a message says is decided by
-//! its user.
+//! A recording holds sensor readings, states, health and, when asked, whole fields, as JSON messages with JSON schemas
+//! ([`message`]), so that any viewer that reads MCAP shows them.
 //!
 //! The container is written here rather than by a library for three reasons that matter to a service:
 //! * **crash safety**: a chunk goes to disk in one piece, never patched afterwards, so whatever a `kill -9` leaves behind
@@ -16,6 +15,7 @@
 mod chunk;
 mod encode;
 mod gaps;
+pub mod message;
 mod parse;
 mod reader;
 mod rotate;
