@@ -1,0 +1,285 @@
+//! The reader: one piece of 10-node tetrahedra, arrays as text, base64 or raw appended, plain or zlib, either byte order.
+
+use super::codec::{self, Coding, Element};
+use crate::error::{FormatError, Problem};
+use crate::mesh_file::MeshFile;
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use std::collections::HashMap;
+use std::path::Path;
+
+const QUADRATIC_TETRA: usize = 24;
+const TETRA: usize = 10;
+/// Cells that have no volume (points, lines, faces): a viewer's decoration, passed over.
+const FLAT: [usize; 9] = [1, 2, 3, 4, 5, 9, 21, 22, 23];
+/// No VTK cell has more nodes than the 27 of a triquadratic hexahedron.
+const MOST_NODES: usize = 27;
+
+/// Reads nodes and 10-node tetrahedra; VTK's node order is the project's. A `.vtu` has no named surfaces.
+///
+/// # Errors
+/// The operating system's refusal, or everything that is wrong with the content.
+pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
+    let bytes = std::fs::read(path).map_err(|e| FormatError::read(path, e))?;
+    parse(&bytes).map_err(|problems| FormatError::Content { path: path.into(), problems })
+}
+
+/// [`read`] from memory. Cost and memory are linear in the bytes given (zlib expands them at most a thousandfold).
+///
+/// # Errors
+/// Everything that is wrong with the content; never empty.
+pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Problem>> {
+    let file = File::scan(bytes).map_err(|problem| vec![problem])?;
+    let mut problems = Vec::new();
+    let mut array = |name: &str, expected: usize| match file.array(name, expected) {
+        Ok(values) => values,
+        Err(problem) => {
+            problems.push(problem);
+            Vec::new()
+        }
+    };
+    let points = array("Points", file.points.saturating_mul(3));
+    let types = array("types", file.cells);
+    let offsets = array("offsets", file.cells);
+    let entries = offsets.last().map_or(0, |last| *last as usize);
+    let connectivity = if entries <= file.cells.saturating_mul(MOST_NODES) {
+        array("connectivity", entries)
+    } else {
+        let expected = format!("at most {MOST_NODES} nodes for each of {} cells", file.cells);
+        problems.push(Problem::new("offsets", expected, entries));
+        Vec::new()
+    };
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let points_mm: Vec<[f64; 3]> = points.as_chunks::<3>().0.to_vec();
+    if let Some(bad) = points_mm.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
+        return Err(vec![Problem::new(format!("Points, node {bad}"), "finite numbers", "NaN or infinity")]);
+    }
+    let tets = tets(&types, &offsets, &connectivity, points_mm.len())?;
+    Ok(MeshFile { points_mm, tets, ..MeshFile::default() })
+}
+
+fn tets(
+    types: &[f64],
+    offsets: &[f64],
+    nodes: &[f64],
+    points: usize,
+) -> Result<Vec<[u32; TETRA]>, Vec<Problem>> {
+    let mut tets = Vec::new();
+    let mut problems = Vec::new();
+    let mut start = 0;
+    for (cell, (kind, end)) in types.iter().zip(offsets).enumerate() {
+        let end = *end as usize;
+        let Some(members) = nodes.get(start..end) else {
+            problems.push(Problem::new(format!("offsets, cell {cell}"), "rising offsets", end));
+            break;
+        };
+        start = end;
+        let kind = *kind as usize;
+        if FLAT.contains(&kind) {
+            continue;
+        }
+        if kind != QUADRATIC_TETRA || members.len() != TETRA {
+            let found = format!("type {kind} with {} nodes", members.len());
+            problems.push(Problem::new(format!("cell {cell}"), "a 10-node tetrahedron (type 24)", found));
+        } else if let Some(bad) = members.iter().find(|n| !(**n >= 0.0 && (**n as usize) < points)) {
+            problems.push(Problem::new(format!("cell {cell}"), format!("nodes 0 .. {points}"), bad));
+        } else {
+            let mut tet = [0; TETRA];
+            tet.iter_mut().zip(members).for_each(|(to, from)| *to = *from as u32);
+            tets.push(tet);
+        }
+    }
+    if problems.is_empty() && tets.is_empty() {
+        problems.push(Problem::new("Cells", "10-node tetrahedra (type 24)", "none"));
+    }
+    if problems.is_empty() { Ok(tets) } else { Err(problems) }
+}
+
+/// Where an array's data are.
+enum Place<'a> {
+    Ascii(&'a [u8]),
+    Inline(&'a [u8]),
+    Appended(usize),
+}
+
+struct Array<'a> {
+    element: Element,
+    place: Place<'a>,
+}
+
+/// The appended section, from the byte after its underscore.
+struct Appended<'a> {
+    data: &'a [u8],
+    base64: bool,
+}
+
+/// What the XML says, before any array is decoded.
+struct File<'a> {
+    coding: Coding,
+    points: usize,
+    cells: usize,
+    arrays: HashMap<String, Array<'a>>,
+    appended: Option<Appended<'a>>,
+}
+
+impl<'a> File<'a> {
+    /// One pass over the XML. Raw appended data are no XML, so the pass ends where they begin.
+    fn scan(bytes: &'a [u8]) -> Result<Self, Problem> {
+        let mut file = Self {
+            coding: Coding { big_endian: false, long_header: false, zlib: false },
+            points: 0,
+            cells: 0,
+            arrays: HashMap::new(),
+            appended: None,
+        };
+        let mut reader = Reader::from_reader(bytes);
+        let (mut pieces, mut is_vtk, mut section) = (0, false, String::new());
+        loop {
+            let place = |reader: &Reader<&[u8]>| format!("byte {}", reader.buffer_position());
+            let event =
+                reader.read_event().map_err(|e| Problem::new(place(&reader), "well-formed XML", e))?;
+            let (tag, empty) = match &event {
+                Event::Start(tag) => (tag, false),
+                Event::Empty(tag) => (tag, true),
+                Event::Eof => break,
+                _ => continue,
+            };
+            match tag.name().as_ref() {
+                b"VTKFile" => {
+                    is_vtk = true;
+                    file.coding = coding(tag)?;
+                }
+                b"Piece" => {
+                    pieces += 1;
+                    file.points = count(tag, "NumberOfPoints")?;
+                    file.cells = count(tag, "NumberOfCells")?;
+                }
+                b"Points" | b"Cells" | b"PointData" | b"CellData" | b"FieldData" => {
+                    section = String::from_utf8_lossy(tag.name().as_ref()).into_owned();
+                }
+                b"DataArray" if section == "Points" || section == "Cells" => {
+                    let from = reader.buffer_position() as usize;
+                    let (name, array) =
+                        file.data_array(tag, &section, if empty { &[] } else { &bytes[from..] })?;
+                    file.arrays.insert(name, array);
+                }
+                b"AppendedData" => {
+                    let from = reader.buffer_position() as usize;
+                    file.appended = Some(appended(tag, &bytes[from..])?);
+                    break;
+                }
+                _ => {}
+            }
+        }
+        match (is_vtk, pieces) {
+            (false, _) => Err(Problem::new("root element", "VTKFile", "another document")),
+            (_, 1) => Ok(file),
+            _ => Err(Problem::new("Piece", "one piece (merge the pieces and save again)", pieces)),
+        }
+    }
+
+    fn data_array(
+        &self,
+        tag: &BytesStart,
+        section: &str,
+        rest: &'a [u8],
+    ) -> Result<(String, Array<'a>), Problem> {
+        // Within Points the single array may have any name.
+        let name =
+            if section == "Points" { section.into() } else { attribute(tag, "Name").unwrap_or_default() };
+        let kind = attribute(tag, "type").unwrap_or_default();
+        let element = Element::named(&kind).ok_or_else(|| {
+            Problem::new(format!("DataArray {name}"), "a VTK number type", format!("`{kind}`"))
+        })?;
+        let text = &rest[..rest.iter().position(|b| *b == b'<').unwrap_or(rest.len())];
+        let format = attribute(tag, "format").unwrap_or_else(|| "ascii".into());
+        let place = match format.as_str() {
+            "ascii" => Place::Ascii(text),
+            "binary" => Place::Inline(text),
+            "appended" => Place::Appended(count(tag, "offset")?),
+            _ => {
+                let found = format!("`{format}`");
+                return Err(Problem::new(format!("DataArray {name}"), "ascii, binary or appended", found));
+            }
+        };
+        Ok((name, Array { element, place }))
+    }
+
+    /// Decodes the array of that name, which must have `expected` entries.
+    fn array(&self, name: &str, expected: usize) -> Result<Vec<f64>, Problem> {
+        let problem =
+            |found: String| Problem::new(format!("DataArray {name}"), format!("{expected} numbers"), found);
+        let array = self.arrays.get(name).ok_or_else(|| problem("no such array".into()))?;
+        let decode = |block: &[u8]| codec::elements(block, array.element, self.coding, expected);
+        let values = match &array.place {
+            Place::Ascii(text) => numbers(text, expected),
+            Place::Inline(text) => decode(&codec::base64(text)),
+            Place::Appended(offset) => match &self.appended {
+                None => Err("no AppendedData".into()),
+                Some(section) => match section.data.get(*offset..) {
+                    None => Err(format!("offset {offset} beyond the {} appended bytes", section.data.len())),
+                    Some(data) if section.base64 => decode(&codec::base64(data)),
+                    Some(data) => decode(data),
+                },
+            },
+        };
+        values.map_err(problem)
+    }
+}
+
+fn numbers(text: &[u8], expected: usize) -> Result<Vec<f64>, String> {
+    let text = std::str::from_utf8(text).map_err(|_| "bytes that are no text")?;
+    let values: Vec<f64> = text
+        .split_ascii_whitespace()
+        .map(|word| word.parse().map_err(|_| format!("`{}`", word.chars().take(20).collect::<String>())))
+        .collect::<Result<_, _>>()?;
+    if values.len() == expected { Ok(values) } else { Err(format!("{} numbers", values.len())) }
+}
+
+fn coding(tag: &BytesStart) -> Result<Coding, Problem> {
+    let kind = attribute(tag, "type").unwrap_or_default();
+    if kind != "UnstructuredGrid" {
+        return Err(Problem::new("VTKFile type", "UnstructuredGrid", format!("`{kind}`")));
+    }
+    let compressor = attribute(tag, "compressor");
+    let zlib = match compressor.as_deref() {
+        None | Some("") => false,
+        Some("vtkZLibDataCompressor") => true,
+        Some(other) => {
+            return Err(Problem::new(
+                "compressor",
+                "vtkZLibDataCompressor or none (save again)",
+                format!("`{other}`"),
+            ));
+        }
+    };
+    Ok(Coding {
+        big_endian: attribute(tag, "byte_order").as_deref() == Some("BigEndian"),
+        long_header: attribute(tag, "header_type").as_deref() == Some("UInt64"),
+        zlib,
+    })
+}
+
+fn appended<'a>(tag: &BytesStart, rest: &'a [u8]) -> Result<Appended<'a>, Problem> {
+    let start = rest.iter().take_while(|b| b.is_ascii_whitespace()).count();
+    if rest.get(start) != Some(&b'_') {
+        return Err(Problem::new("AppendedData", "an underscore before the data", "none"));
+    }
+    let base64 = attribute(tag, "encoding").as_deref() != Some("raw");
+    Ok(Appended { data: &rest[start + 1..], base64 })
+}
+
+fn attribute(tag: &BytesStart, name: &str) -> Option<String> {
+    let attribute = tag.try_get_attribute(name).ok()??;
+    Some(String::from_utf8_lossy(&attribute.value).trim().to_owned())
+}
+
+fn count(tag: &BytesStart, name: &str) -> Result<usize, Problem> {
+    let text = attribute(tag, name).unwrap_or_default();
+    text.parse().ok().filter(|n| *n <= u32::MAX as usize).ok_or_else(|| {
+        let shown: String = text.chars().take(20).collect();
+        Problem::new(name, "a count below 2^32", format!("`{shown}`"))
+    })
+}
