@@ -18,6 +18,7 @@ mod gaps;
 pub mod message;
 mod parse;
 mod reader;
+mod recorder;
 mod rotate;
 mod store;
 mod summary;
@@ -25,6 +26,7 @@ mod writer;
 
 pub use gaps::{Gap, GapCounter};
 pub use reader::{Ending, Item, Message, ReadError, Reader};
+pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions};
 pub use rotate::{RotateOptions, RotateSummary, RotatingWriter};
 pub use store::Store;
 pub use writer::{Channel, ChannelId, WriteError, WriteSummary, Writer};

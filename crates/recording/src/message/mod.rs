@@ -5,6 +5,7 @@
 //! many viewers keep only 53 bits of an integer.
 
 mod field;
+mod gap;
 mod health;
 mod number;
 mod schema;
@@ -12,6 +13,7 @@ mod sensor;
 mod state;
 
 pub use field::FieldMessage;
+pub use gap::GapMessage;
 pub use health::HealthMessage;
 pub use sensor::SensorMessage;
 pub use state::StateMessage;
