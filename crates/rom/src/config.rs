@@ -161,7 +161,7 @@ impl Default for TrainConfig {
             contact: RegimeConfig::default(),
             coverage: 0.9,
             hysteresis_mpa: 2e-4,
-            duplicate_distance: 1e-6,
+            duplicate_distance: 1e-3,
             full_leave_one_out: true,
         }
     }

@@ -7,7 +7,6 @@
 
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
-pub mod basis;
 pub mod config;
 pub mod conformal;
 pub mod datasheet;

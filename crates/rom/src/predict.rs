@@ -1,13 +1,16 @@
 //! Answering queries: regime, coefficients, force, gradients, domain, bars; then fields. Nothing is allocated after
 //! construction.
 
-use crate::basis::{FieldSource, RegimeBasis, reconstruct_reference};
 use crate::evaluation::{Evaluation, Flags, Input};
 use crate::hull::{Domain, Verdict};
 use crate::interpolant::{Interpolant, KernelScratch};
+use crate::kernel::{
+    Affine, Basis, BasisError, Field, Peaks, Precision, ReconstructError, Role, Source, Spec, Values,
+};
 use crate::model::{BlockKind, CoverageBars, Model, RegimeModel};
 use crate::regime::{Onset, OnsetTable, RegimeSwitch};
 use crate::snapshots::{FieldKind, RegimeKind};
+use std::mem::MaybeUninit;
 use thiserror::Error;
 
 /// Which fields and nodes to reconstruct. The default is everything.
@@ -32,7 +35,7 @@ pub enum Nodes {
 }
 
 /// Why a predictor could not be made from a model.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 pub enum PredictError {
     /// No such field.
     #[error("the model has no field {found:?}; it has {}", .known.join(", "))]
@@ -68,6 +71,9 @@ pub enum PredictError {
         /// Length found, 0 when absent.
         found: usize,
     },
+    /// The kernel cannot lay the basis out.
+    #[error("the basis cannot be laid out: {0}")]
+    Basis(#[from] BasisError),
     /// The header contradicts itself.
     #[error("the model is inconsistent: {0}")]
     Inconsistent(String),
@@ -77,7 +83,8 @@ pub enum PredictError {
 #[derive(Clone, Debug)]
 struct RegimePart {
     model: RegimeModel,
-    basis: RegimeBasis,
+    coefficient_count: usize,
+    basis: Basis,
 }
 
 /// A model made ready to answer, for one selection of fields and nodes.
@@ -97,14 +104,30 @@ impl Predictor {
     /// # Errors
     /// [`PredictError`] when the selection does not fit the model or a block is missing.
     pub fn new(model: &Model, selection: &Selection) -> Result<Self, PredictError> {
+        Self::with_precision(model, selection, Precision::F32)
+    }
+
+    /// As [`Self::new`], with the basis stored in the given precision.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_precision(
+        model: &Model,
+        selection: &Selection,
+        precision: Precision,
+    ) -> Result<Self, PredictError> {
         let header = &model.header;
         header.check().map_err(PredictError::Inconsistent)?;
         let nodes = header.resolve_nodes(&selection.nodes)?;
         let fields = header.resolve_fields(selection.fields.as_deref())?;
         let mut parts = Vec::new();
         for regime in &header.regimes {
-            let basis = gather(model, regime, &fields, nodes.as_deref())?;
-            parts.push(RegimePart { model: regime.clone(), basis });
+            let basis = build(model, regime, &fields, nodes.as_deref(), precision)?;
+            parts.push(RegimePart {
+                model: regime.clone(),
+                coefficient_count: regime.coefficient_count(),
+                basis,
+            });
         }
         let interpolants = header.regimes.iter().flat_map(RegimeModel::interpolants);
         let centres = interpolants.map(|i| i.centres.len()).max().unwrap_or(0);
@@ -135,11 +158,11 @@ impl Predictor {
 
     /// Most coefficients of any regime.
     pub fn max_coefficients(&self) -> usize {
-        self.parts.iter().map(|p| p.basis.coefficient_count).max().unwrap_or(0)
+        self.parts.iter().map(|p| p.coefficient_count).max().unwrap_or(0)
     }
 
-    /// The basis of a regime, for the optimised kernel.
-    pub fn basis(&self, kind: RegimeKind) -> Option<&RegimeBasis> {
+    /// The laid-out basis of a regime.
+    pub fn basis(&self, kind: RegimeKind) -> Option<&Basis> {
         self.parts.iter().find(|p| p.model.kind == kind).map(|p| &p.basis)
     }
 
@@ -189,19 +212,40 @@ impl Predictor {
         force(part, self.onset.as_ref(), x, &mut self.scratch, out);
     }
 
-    /// Writes the fields of an evaluation into `out`, field-major (all of the first field, then the next).
+    /// Writes the fields of an evaluation into `out`, field-major (all of the first field, then the next), and returns
+    /// the largest displacement and stress with their nodes.
     ///
-    /// # Panics
-    /// When `out` is not [`Self::entries`] long.
-    pub fn reconstruct_into(&self, evaluation: &Evaluation, out: &mut [f32]) {
-        if let Some(basis) = self.basis(evaluation.basis) {
-            reconstruct_reference(basis, &evaluation.coefficients, out);
-        }
+    /// # Errors
+    /// [`ReconstructError`] when `out` is not [`Self::entries`] long; nothing is written then.
+    pub fn reconstruct_into(
+        &self,
+        evaluation: &Evaluation,
+        out: &mut [f32],
+    ) -> Result<Peaks, ReconstructError> {
+        self.basis_of(evaluation)?.reconstruct(&evaluation.coefficients, out)
+    }
+
+    /// The same into memory never written before, such as a loaned shared-memory sample. On `Ok` all of it is written.
+    ///
+    /// # Errors
+    /// As [`Self::reconstruct_into`].
+    pub fn reconstruct_uninit(
+        &self,
+        evaluation: &Evaluation,
+        out: &mut [MaybeUninit<f32>],
+    ) -> Result<Peaks, ReconstructError> {
+        self.basis_of(evaluation)?.reconstruct_uninit(&evaluation.coefficients, out)
+    }
+
+    /// An evaluation of another model has no basis here: as if it had no coefficients.
+    fn basis_of(&self, evaluation: &Evaluation) -> Result<&Basis, ReconstructError> {
+        let expected = self.max_coefficients();
+        self.basis(evaluation.basis).ok_or(ReconstructError::Coefficients { found: 0, expected })
     }
 }
 
 fn coefficients(part: &RegimePart, x: [f64; 2], scratch: &mut KernelScratch, out: &mut Evaluation) {
-    let count = part.basis.coefficient_count;
+    let count = part.coefficient_count;
     for values in [&mut out.coefficients, &mut out.dcoefficients_dpressure, &mut out.dcoefficients_dgap] {
         values.resize(count, 0.0); // within the capacity `evaluation` reserved
     }
@@ -252,60 +296,65 @@ fn scalar(fit: &Interpolant, part: &RegimePart, x: [f64; 2], scratch: &mut Kerne
     (value[0], dpressure, dgap)
 }
 
-/// Copies the rows of the selected fields out of the model's blocks.
-fn gather(
+/// Describes the selected fields of a regime to the kernel and lets it lay them out. Coordinates a derived magnitude
+/// needs are computed though not published.
+fn build(
     model: &Model,
     regime: &RegimeModel,
     fields: &[usize],
     nodes: Option<&[u32]>,
-) -> Result<RegimeBasis, PredictError> {
+    precision: Precision,
+) -> Result<Basis, PredictError> {
+    let derived = fields.iter().filter_map(|f| model.header.fields[*f].magnitude_of).flatten();
+    let hidden: Vec<usize> = derived.filter(|axis| !fields.contains(axis)).collect();
+    let order: Vec<usize> = fields.iter().chain(&hidden).copied().collect();
+    let mut roles = Vec::new();
+    let mut described = Vec::new();
+    for (at, &field) in order.iter().enumerate() {
+        let role = match model.header.fields[field].spec.kind {
+            FieldKind::Stress => Role::Stress,
+            FieldKind::Magnitude => Role::Displacement,
+            FieldKind::Coordinate(_) | FieldKind::Other => Role::Plain,
+        };
+        let first = role == Role::Plain || !roles.contains(&role); // a maximum is reported for one field of a role
+        roles.push(role);
+        let source = source(model, regime, &order, field)?;
+        described.push(Field {
+            source,
+            role: if first { role } else { Role::Plain },
+            published: at < fields.len(),
+        });
+    }
+    let spec = Spec { node_count: model.header.node_count, nodes, fields: described };
+    Ok(Basis::build(&spec, precision)?)
+}
+
+fn source<'a>(
+    model: &'a Model,
+    regime: &RegimeModel,
+    order: &[usize],
+    field: usize,
+) -> Result<Source<'a>, PredictError> {
     let node_count = model.header.node_count;
-    let rows = nodes.map_or(node_count, <[u32]>::len);
-    let pick = |values: &[f32]| -> Vec<f32> {
-        let columns = values.chunks_exact(node_count);
-        match nodes {
-            Some(nodes) => columns.flat_map(|c| nodes.iter().map(|&n| c[n as usize])).collect(),
-            None => values.to_vec(),
-        }
-    };
     let block = |kind: BlockKind, expected: usize| {
         let values = model.f32_block(kind).unwrap_or(&[]);
         if values.len() == expected {
-            return Ok(pick(values));
+            return Ok(Values::F32(values));
         }
         Err(PredictError::MissingBlock { block: format!("{kind:?}"), expected, found: values.len() })
     };
-    let mut sources = Vec::new();
-    for &field in fields {
-        let output = &model.header.fields[field];
-        sources.push(match output.magnitude_of {
-            Some(axes) => {
-                let at = |axis: usize| fields.iter().position(|f| *f == axes[axis]);
-                let (Some(x), Some(y), Some(z)) = (at(0), at(1), at(2)) else {
-                    let why = format!(
-                        "field {} is derived from coordinates outside the selection",
-                        output.spec.name
-                    );
-                    return Err(PredictError::Inconsistent(why));
-                };
-                let undeformed = |axis| block(BlockKind::Undeformed(axis), node_count);
-                FieldSource::Magnitude {
-                    axes: [x, y, z],
-                    undeformed: [undeformed(0)?, undeformed(1)?, undeformed(2)?],
-                }
-            }
-            None => {
-                let group = regime.groups.iter().find(|g| g.fields.contains(&field));
-                let coefficients = group.map(|g| g.coefficients.clone()).unwrap_or(0..0);
-                let (kind, field) = (regime.kind, field as u32);
-                FieldSource::Modes {
-                    mean: block(BlockKind::Mean { regime: kind, field }, node_count)?,
-                    modes: block(BlockKind::Modes { regime: kind, field }, node_count * coefficients.len())?,
-                    coefficients,
-                    non_negative: output.spec.kind == FieldKind::Stress,
-                }
-            }
-        });
+    if let Some(axes) = model.header.fields[field].magnitude_of {
+        let at = |axis: usize| order.iter().position(|f| *f == axis).unwrap_or(usize::MAX);
+        let rest = |axis| block(BlockKind::Undeformed(axis), node_count);
+        return Ok(Source::Magnitude { coordinates: axes.map(at), rest: [rest(0)?, rest(1)?, rest(2)?] });
     }
-    Ok(RegimeBasis { rows, coefficient_count: regime.coefficient_count(), fields: sources })
+    let group = regime.groups.iter().find(|g| g.fields.contains(&field));
+    let coefficients = group.map(|g| g.coefficients.clone()).unwrap_or(0..0);
+    let (regime, field) = (regime.kind, field as u32);
+    Ok(Source::Affine(Affine {
+        mean: Some(block(BlockKind::Mean { regime, field }, node_count)?),
+        modes: block(BlockKind::Modes { regime, field }, node_count * coefficients.len())?,
+        stride: node_count,
+        coefficients,
+    }))
 }

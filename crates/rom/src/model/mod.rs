@@ -1,6 +1,10 @@
 //! The trained model: what a twin needs to answer, and how it lies in a file.
 
 mod check;
+mod codec;
+mod file;
+
+pub use file::{BlockEntry, MAGIC, ModelFileError, ModelReader, VERSION};
 
 use crate::interpolant::{InputMap, Interpolant};
 use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};

@@ -17,6 +17,10 @@ use faer::Mat;
 /// Excess pressures below this share of the largest say more about the onset table than about the force.
 const LEAST_EXCESS: f64 = 0.01;
 
+/// The onset is taken beyond the largest sampled gap by this share of the sampled range: fields stay continuous there,
+/// but the free model's uncertainty far out (walls of the chambers touching) does not reach into the samples.
+const BOUNDARY_OVERSHOOT: f64 = 0.55;
+
 /// A trained regime, before assembly.
 pub(super) struct Part {
     pub kind: RegimeKind,
@@ -96,7 +100,9 @@ fn boundary_points(cases: &[(f64, f64)], table: &OnsetTable, count: usize) -> Ve
         let onset = table.onset(gap).pressure_mpa().filter(|p| count > 0 && *p > 0.0);
         return onset.map(|p| (p, gap)).into_iter().collect();
     }
-    let last = table.gap_mm.len() - 1;
+    let (low, high) = cases.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), c| (l.min(c.1), h.max(c.1)));
+    let limit = high + BOUNDARY_OVERSHOOT * (high - low);
+    let last = table.gap_mm.partition_point(|g| *g <= limit).saturating_sub(1);
     let pick = |i: usize| i * last / (count - 1).max(1);
     (0..count).map(pick).map(|i| (table.pressure_mpa[i], table.gap_mm[i])).collect()
 }

@@ -64,7 +64,7 @@ fn merge(
         };
         let (a, b) = (&database.cases[twin], &database.cases[i]);
         let difference = relative_difference(database.snapshot(twin), database.snapshot(i));
-        if difference <= MERGE_TOLERANCE {
+        if difference <= MERGE_TOLERANCE + 10.0 * distance(twin, i) {
             remarks.push(format!(
                 "case {} repeats case {} (fields differ by {difference:.1e}); merged",
                 b.name, a.name

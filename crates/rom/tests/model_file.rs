@@ -1,0 +1,132 @@
+//! The model file: round trip, golden bytes, partial loading, and every way of being damaged.
+
+mod support;
+
+use proptest::prelude::*;
+use softtwin_rom::config::TrainConfig;
+use softtwin_rom::evaluation::Input;
+use softtwin_rom::model::{BlockKind, MAGIC, Model, ModelFileError, ModelReader, VERSION};
+use softtwin_rom::predict::{Nodes, PredictError, Predictor, Selection};
+use softtwin_rom::regime::RegimeSwitch;
+use softtwin_rom::train::train;
+use std::io::Cursor;
+use std::sync::OnceLock;
+use support::synthetic;
+
+fn model() -> &'static (Model, Vec<u8>) {
+    static MODEL: OnceLock<(Model, Vec<u8>)> = OnceLock::new();
+    MODEL.get_or_init(|| {
+        let (model, _) = train(&synthetic::plate(), &TrainConfig::default(), &mut |_| {}).expect("trains");
+        let bytes = model.to_bytes().expect("encodes");
+        (model, bytes)
+    })
+}
+
+#[test]
+fn a_model_survives_the_round_trip() {
+    let (model, bytes) = model();
+    assert_eq!(*model, Model::from_bytes(bytes).expect("loads"));
+}
+
+#[test]
+fn the_layout_is_what_the_documentation_says() {
+    let (_, bytes) = model();
+    assert_eq!(bytes[..8], MAGIC);
+    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(bytes[12..16], [0; 4]);
+    let header = u64::from_le_bytes(bytes[16..24].try_into().expect("8 bytes")) as usize;
+    assert_eq!(bytes[24..56], *blake3::hash(&bytes[64..64 + header]).as_bytes());
+    let data = (64 + header).next_multiple_of(64);
+    let reader = ModelReader::open(Cursor::new(bytes.as_slice())).expect("opens");
+    for block in reader.blocks() {
+        assert_eq!((data as u64 + block.offset) % 64, 0, "{:?} is not aligned", block.kind);
+    }
+    let body = bytes.len() - 32;
+    assert_eq!(bytes[body..], *blake3::hash(&bytes[..body]).as_bytes());
+}
+
+#[test]
+fn loading_a_selection_reads_only_its_blocks_and_predicts_the_same() {
+    let (model, bytes) = model();
+    let selection = Selection { fields: Some(vec!["displacement".into()]), nodes: Nodes::List(vec![7, 3]) };
+    let part =
+        ModelReader::open(Cursor::new(bytes.as_slice())).and_then(|mut r| r.load(&selection)).expect("loads");
+    let stress = |m: &Model| m.blocks.iter().any(|(k, _)| matches!(k, BlockKind::Modes { field: 4, .. }));
+    assert!(stress(model) && !stress(&part), "stress modes were not asked for");
+    let answer = |model: &Model, selection: &Selection| {
+        let mut predictor = Predictor::new(model, selection).expect("fits");
+        let mut evaluation = predictor.evaluation();
+        predictor.evaluate(
+            Input { pressure_mpa: 0.05, gap_mm: 20.0 },
+            &mut RegimeSwitch::default(),
+            &mut evaluation,
+        );
+        let mut out = vec![0.0; predictor.entries()];
+        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
+        (out, predictor.rows())
+    };
+    let (all, rows) = answer(model, &Selection::default());
+    let (some, _) = answer(&part, &selection);
+    for (some, all) in some.iter().zip([all[3 * rows + 7], all[3 * rows + 3]]) {
+        assert!((some - all).abs() < 1e-5, "{some} mm is not {all} mm to rounding");
+    }
+}
+
+#[test]
+fn what_is_not_in_the_model_is_refused_by_name() {
+    let (model, bytes) = model();
+    let named = |field: &str| Selection { fields: Some(vec![field.into()]), ..Selection::default() };
+    assert!(matches!(Predictor::new(model, &named("strain")), Err(PredictError::UnknownField { .. })));
+    let set = Selection { nodes: Nodes::Set("nowhere".into()), ..Selection::default() };
+    assert!(matches!(Predictor::new(model, &set), Err(PredictError::UnknownNodeSet { .. })));
+    let far = Selection { nodes: Nodes::List(vec![1_000_000]), ..Selection::default() };
+    assert!(matches!(Predictor::new(model, &far), Err(PredictError::NodeOutOfRange { .. })));
+    let part = ModelReader::open(Cursor::new(bytes.as_slice()))
+        .and_then(|mut r| r.load(&named("x")))
+        .expect("loads");
+    assert!(matches!(Predictor::new(&part, &Selection::default()), Err(PredictError::MissingBlock { .. })));
+}
+
+#[test]
+fn foreign_and_newer_files_are_named_as_such() {
+    let (_, bytes) = model();
+    let mut foreign = bytes.clone();
+    foreign[0] = b'X';
+    assert!(matches!(Model::from_bytes(&foreign), Err(ModelFileError::Foreign { .. })));
+    assert!(matches!(Model::from_bytes(b"short"), Err(ModelFileError::Foreign { .. })));
+    let mut newer = bytes.clone();
+    newer[8..12].copy_from_slice(&(VERSION + 1).to_le_bytes());
+    assert!(
+        matches!(Model::from_bytes(&newer), Err(ModelFileError::Newer { found }) if found == VERSION + 1)
+    );
+    let mut giant = bytes.clone();
+    giant[16..24].copy_from_slice(&u64::MAX.to_le_bytes());
+    assert!(matches!(Model::from_bytes(&giant), Err(ModelFileError::Truncated { .. })));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn any_truncation_is_refused(share in 0.0..1.0_f64) {
+        let (_, bytes) = model();
+        let cut = (bytes.len() as f64 * share) as usize;
+        prop_assert!(Model::from_bytes(&bytes[..cut]).is_err());
+    }
+
+    #[test]
+    fn any_flipped_bit_is_refused(share in 0.0..1.0_f64, bit in 0..8_u32) {
+        let (_, bytes) = model();
+        let mut damaged = bytes.clone();
+        damaged[(bytes.len() as f64 * share) as usize] ^= 1 << bit;
+        prop_assert!(Model::from_bytes(&damaged).is_err());
+    }
+
+    #[test]
+    fn random_bytes_are_refused(tail in prop::collection::vec(any::<u8>(), 0..4096)) {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend(tail);
+        prop_assert!(Model::from_bytes(&bytes).is_err());
+    }
+}
