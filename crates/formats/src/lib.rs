@@ -4,8 +4,10 @@
 //! allocated, and a refusal lists everything that is wrong as *where / expected / found*.
 #![forbid(unsafe_code)]
 
+pub mod database;
 pub mod error;
 pub mod mesh_file;
+pub mod npy;
 pub mod vtu;
 
 pub use error::{FormatError, Problem};

@@ -2,5 +2,7 @@
 
 mod codec;
 mod read;
+mod write;
 
 pub use read::{parse, read};
+pub use write::{Cells, Grid, PointData, write};

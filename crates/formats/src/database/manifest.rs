@@ -1,0 +1,198 @@
+//! `database.toml`: what the folder holds.
+
+use crate::error::{FormatError, Problem};
+use rom::snapshots::{Database, FieldKind, FieldSpec, Obstacle};
+use serde::{Deserialize, Serialize};
+use std::path::{Component, Path};
+
+/// Name of the file in its folder.
+pub const FILE: &str = "database.toml";
+/// The layout this version reads and writes.
+const LAYOUT: u32 = 1;
+
+/// The checked content of `database.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Layout version, 1.
+    pub layout: u32,
+    /// Actuator (`pneunet`).
+    pub actuator: String,
+    /// Nodes a field.
+    pub nodes: usize,
+    /// File of the cases, in the same folder.
+    pub cases: String,
+    /// File of the snapshots, in the same folder.
+    pub snapshots: String,
+    /// File of the undeformed mesh, in the same folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<String>,
+    /// Where the mesh comes from; free text.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh_origin: Option<String>,
+    /// What computed the cases; free text.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solver: Option<String>,
+    /// What can be touched; the paper's plate (or, for the gripper, its block) when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub obstacle: Option<Obstacle>,
+    /// Fields in the order of the snapshots.
+    pub field: Vec<Field>,
+    /// Inputs, `pressure_mpa` and `gap_mm`.
+    pub input: Vec<Extra>,
+    /// Columns of the case table beyond the standard ones, for people and other tools.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub extra: Vec<Extra>,
+}
+
+/// A field of the snapshots.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Field {
+    /// Name; coordinates are `x`, `y`, `z`.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Meaning.
+    pub kind: Kind,
+}
+
+/// Meaning of a field, as written in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Deformed coordinate; its axis is its name.
+    Coordinate,
+    /// Displacement magnitude.
+    Magnitude,
+    /// Equivalent stress, never negative.
+    Stress,
+    /// Anything else.
+    Other,
+}
+
+/// A column of the case table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Extra {
+    /// Column name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+}
+
+impl Manifest {
+    /// Reads and checks the file.
+    ///
+    /// # Errors
+    /// Not readable, not TOML of this shape, or values that do not fit; all of them at once.
+    pub fn read(path: &Path) -> Result<Self, FormatError> {
+        let text = std::fs::read_to_string(path).map_err(|e| FormatError::read(path, e))?;
+        let manifest: Self = toml::from_str(&text).map_err(|e| {
+            FormatError::one(path, Problem::new("content", "the keys of layout 1", e.to_string().trim_end()))
+        })?;
+        let problems = manifest.problems();
+        FormatError::unless(manifest, path, problems)
+    }
+
+    /// Writes the file with a heading that says what it is.
+    pub(super) fn write(&self, path: &Path) -> Result<(), FormatError> {
+        let body = toml::to_string(self).map_err(|e| FormatError::write(path, std::io::Error::other(e)))?;
+        let text = format!(
+            "# Finite-element database, layout {LAYOUT}: snapshots are f32, cases x nodes x fields\n{body}"
+        );
+        std::fs::write(path, text).map_err(|e| FormatError::write(path, e))
+    }
+
+    /// The manifest of a database in memory, without a mesh.
+    pub fn of(database: &Database) -> Self {
+        let column = |name: &str, unit: &str| Extra { name: name.into(), unit: unit.into() };
+        Self {
+            layout: LAYOUT,
+            actuator: database.actuator.clone(),
+            nodes: database.node_count,
+            cases: "cases.csv".into(),
+            snapshots: "snapshots.npy".into(),
+            mesh: None,
+            mesh_origin: None,
+            solver: None,
+            obstacle: Some(database.obstacle),
+            field: database.fields.iter().map(Field::of).collect(),
+            input: vec![column("pressure_mpa", "MPa"), column("gap_mm", "mm")],
+            extra: vec![],
+        }
+    }
+
+    /// Fields as the model knows them.
+    pub fn field_specs(&self) -> Vec<FieldSpec> {
+        self.field.iter().map(Field::spec).collect()
+    }
+
+    fn problems(&self) -> Vec<Problem> {
+        let mut problems = Vec::new();
+        let mut check = |ok: bool, place: String, expected: &str, found: String| {
+            if !ok {
+                problems.push(Problem::new(place, expected, found));
+            }
+        };
+        check(self.layout == LAYOUT, "layout".into(), "1", self.layout.to_string());
+        check(self.nodes > 0, "nodes".into(), "at least 1", "0".into());
+        check(!self.field.is_empty(), "[[field]]".into(), "at least one field", "none".into());
+        for (key, file) in
+            [("cases", Some(&self.cases)), ("snapshots", Some(&self.snapshots)), ("mesh", self.mesh.as_ref())]
+        {
+            if let Some(file) = file {
+                check(is_plain(file), key.into(), "the name of a file in the same folder", file.clone());
+            }
+        }
+        for (i, field) in self.field.iter().enumerate() {
+            let twice = self.field[..i].iter().any(|other| other.name == field.name);
+            check(!twice, format!("[[field]] {}", i + 1), "a name used once", field.name.clone());
+            let axis = field.kind != Kind::Coordinate || axis_of(&field.name).is_some();
+            check(axis, format!("[[field]] {}", i + 1), "x, y or z for a coordinate", field.name.clone());
+        }
+        for input in &self.input {
+            let known = [("pressure_mpa", "MPa"), ("gap_mm", "mm")].contains(&(&input.name, &input.unit));
+            check(
+                known,
+                "[[input]]".into(),
+                "pressure_mpa in MPa or gap_mm in mm",
+                format!("{} in {}", input.name, input.unit),
+            );
+        }
+        problems
+    }
+}
+
+/// A file name without any way out of its folder.
+fn is_plain(file: &str) -> bool {
+    let mut parts = Path::new(file).components();
+    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
+}
+
+fn axis_of(name: &str) -> Option<u8> {
+    ["x", "y", "z"].iter().position(|axis| *axis == name).map(|i| i as u8)
+}
+
+impl Field {
+    fn of(spec: &FieldSpec) -> Self {
+        let kind = match spec.kind {
+            FieldKind::Coordinate(_) => Kind::Coordinate,
+            FieldKind::Magnitude => Kind::Magnitude,
+            FieldKind::Stress => Kind::Stress,
+            FieldKind::Other => Kind::Other,
+        };
+        Self { name: spec.name.clone(), unit: spec.unit.clone(), kind }
+    }
+
+    fn spec(&self) -> FieldSpec {
+        let kind = match self.kind {
+            // A coordinate without an axis in its name was refused by `problems`.
+            Kind::Coordinate => axis_of(&self.name).map_or(FieldKind::Other, FieldKind::Coordinate),
+            Kind::Magnitude => FieldKind::Magnitude,
+            Kind::Stress => FieldKind::Stress,
+            Kind::Other => FieldKind::Other,
+        };
+        FieldSpec { name: self.name.clone(), unit: self.unit.clone(), kind }
+    }
+}

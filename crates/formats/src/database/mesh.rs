@@ -1,0 +1,68 @@
+//! What the undeformed mesh adds to a database: node positions, the skin for viewers, node sets.
+
+use crate::error::{FormatError, Problem};
+use crate::vtu;
+use rom::snapshots::NodeSet;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Faces of a 10-node tetrahedron (VTK order): three corners, then the nodes between them; they point outwards.
+const FACES: [[usize; 6]; 4] =
+    [[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6]];
+/// How a 6-node face is split into flat triangles.
+const SPLIT: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
+
+/// The parts of a mesh a database remembers.
+pub struct Body {
+    points_mm: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Reads a mesh and checks it against the node count.
+pub fn read(path: &Path, nodes: usize) -> Result<Body, FormatError> {
+    let mesh = vtu::read(path)?;
+    if mesh.points_mm.len() != nodes {
+        let problem = Problem::new("points", format!("{nodes} as in database.toml"), mesh.points_mm.len());
+        return Err(FormatError::one(path, problem));
+    }
+    let triangles = surface_of_tets(&mesh.tets);
+    Ok(Body { points_mm: mesh.points_mm, triangles })
+}
+
+impl Body {
+    /// `(undeformed positions, surface triangles, node sets)` as a database holds them.
+    pub fn parts(self) -> (Option<Vec<[f64; 3]>>, Vec<[u32; 3]>, Vec<NodeSet>) {
+        let sets = super::node_sets(&self.points_mm, &self.triangles);
+        (Some(self.points_mm), self.triangles, sets)
+    }
+}
+
+/// The skin of a body of 10-node tetrahedra: the faces that only one of them has, each as four flat triangles over its
+/// corners and mid-edge nodes, pointing outwards, in the order of the tetrahedra. `O(tets)`.
+pub fn surface_of_tets(tets: &[[u32; 10]]) -> Vec<[u32; 3]> {
+    let corners = |tet: &[u32; 10], face: &[usize; 6]| {
+        let mut key = [tet[face[0]], tet[face[1]], tet[face[2]]];
+        key.sort_unstable();
+        key
+    };
+    let mut owners: HashMap<[u32; 3], u32> = HashMap::with_capacity(tets.len() * 2);
+    for tet in tets {
+        for face in &FACES {
+            *owners.entry(corners(tet, face)).or_default() += 1;
+        }
+    }
+    let mut skin = Vec::new();
+    for tet in tets {
+        for face in FACES.iter().filter(|face| owners[&corners(tet, face)] == 1) {
+            skin.extend(SPLIT.map(|part| part.map(|i| tet[face[i]])));
+        }
+    }
+    skin
+}
+
+/// Nodes on the lowest plane of the undeformed body: what meets the plate first.
+pub fn bottom_nodes(points_mm: &[[f64; 3]]) -> Vec<u32> {
+    let lowest = points_mm.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    // Meshers round coordinates; a micrometre is far below any feature of an actuator.
+    (0..points_mm.len() as u32).filter(|i| points_mm[*i as usize][1] - lowest < 1e-3).collect()
+}

@@ -1,0 +1,128 @@
+//! Our database folder: `database.toml`, `cases.csv`, `snapshots.npy` (f32, cases x nodes x fields) and `mesh.vtu`.
+//!
+//! [`read`] checks every file against the others and reports all that is wrong at once; [`write`] makes a folder that
+//! [`read`] accepts. The physics of the numbers (NaN, duplicates, constants) is judged by training, not here.
+
+mod cases;
+mod manifest;
+mod mesh;
+
+pub use cases::Scene;
+pub use manifest::{Extra, Manifest};
+pub use mesh::{bottom_nodes, surface_of_tets};
+
+use crate::error::{FormatError, Problem};
+use crate::{npy, vtu};
+use cases::Table;
+use rom::snapshots::{Database, NodeSet, Obstacle};
+use std::path::Path;
+
+/// Reads the cases of one scene from a database folder. `O(bytes)`.
+///
+/// # Errors
+/// A file that cannot be read, or everything that is wrong with the folder's files and with how they fit together.
+pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
+    let manifest = Manifest::read(&dir.join(manifest::FILE))?;
+    let table = Table::read(&dir.join(&manifest.cases), &manifest)?;
+    let fields = manifest.field_specs();
+    let snapshots_path = dir.join(&manifest.snapshots);
+    let array = npy::read_f32(&snapshots_path)?;
+    let expected = [table.rows.len(), manifest.nodes, fields.len()];
+    if array.shape != expected {
+        let problem = Problem::new(
+            "shape",
+            format!("{expected:?} (cases in {}, nodes and fields in {})", manifest.cases, manifest::FILE),
+            format!("{:?}", array.shape),
+        );
+        return Err(FormatError::one(&snapshots_path, problem));
+    }
+    let (cases, snapshots) = select(table, scene, array.data, manifest.nodes * fields.len());
+    if cases.is_empty() {
+        let problem = Problem::new("column regime", format!("cases of scene {}", scene.name()), "none");
+        return Err(FormatError::one(&dir.join(&manifest.cases), problem));
+    }
+    let body = manifest.mesh.as_ref().map(|file| mesh::read(&dir.join(file), manifest.nodes)).transpose()?;
+    let (undeformed_mm, surface_triangles, node_sets) =
+        body.map_or((None, vec![], vec![]), mesh::Body::parts);
+    let mut database = Database {
+        actuator: manifest.actuator,
+        fields,
+        node_count: manifest.nodes,
+        cases,
+        snapshots,
+        undeformed_mm,
+        surface_triangles,
+        node_sets,
+        obstacle: manifest.obstacle.unwrap_or(scene.obstacle()),
+        hash: [0; 32],
+    };
+    database.hash = database.content_hash();
+    Ok(database)
+}
+
+/// Keeps the scene's cases and their snapshots, in file order.
+fn select(
+    table: Table,
+    scene: Scene,
+    all: Vec<f32>,
+    entries: usize,
+) -> (Vec<rom::snapshots::Case>, Vec<f32>) {
+    let mut snapshots = Vec::with_capacity(all.len());
+    let mut cases = Vec::with_capacity(table.rows.len());
+    for (row, snapshot) in table.rows.into_iter().zip(all.chunks_exact(entries.max(1))) {
+        if let Some(case) = row.in_scene(scene) {
+            cases.push(case);
+            snapshots.extend_from_slice(snapshot);
+        }
+    }
+    (cases, snapshots)
+}
+
+/// Scenes for which a folder has cases: what `--scene` can choose.
+///
+/// # Errors
+/// As [`read`], for the manifest and the table of cases.
+pub fn scenes(dir: &Path) -> Result<Vec<Scene>, FormatError> {
+    let manifest = Manifest::read(&dir.join(manifest::FILE))?;
+    let table = Table::read(&dir.join(&manifest.cases), &manifest)?;
+    Ok(Scene::ALL.into_iter().filter(|scene| table.rows.iter().any(|row| row.scene() == *scene)).collect())
+}
+
+/// Writes a database folder; `tets` (10 nodes each, VTK order) makes the mesh file. Existing files are replaced.
+///
+/// # Errors
+/// The operating system's.
+pub fn write(dir: &Path, database: &Database, tets: &[[u32; 10]]) -> Result<(), FormatError> {
+    std::fs::create_dir_all(dir).map_err(|e| FormatError::write(dir, e))?;
+    let mut manifest = Manifest::of(database);
+    if let (Some(points), false) = (&database.undeformed_mm, tets.is_empty()) {
+        manifest.mesh = Some("mesh.vtu".into());
+        let grid = vtu::Grid { points_mm: points, cells: vtu::Cells::QuadraticTets(tets), point_data: &[] };
+        vtu::write(&dir.join("mesh.vtu"), &grid)?;
+    }
+    cases::write(&dir.join(&manifest.cases), &database.cases)?;
+    let shape = [database.cases.len(), database.node_count, database.fields.len()];
+    npy::write_f32(&dir.join(&manifest.snapshots), &shape, &database.snapshots)?;
+    manifest.write(&dir.join(manifest::FILE))
+}
+
+/// Named node sets every mesh has: its underside, which meets the plate, and its skin.
+fn node_sets(points_mm: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<NodeSet> {
+    let mut skin: Vec<u32> = triangles.iter().flatten().copied().collect();
+    skin.sort_unstable();
+    skin.dedup();
+    vec![
+        NodeSet { name: "bottom".into(), nodes: bottom_nodes(points_mm) },
+        NodeSet { name: "surface".into(), nodes: skin },
+    ]
+}
+
+impl Scene {
+    /// What the actuator can touch in this scene, unless the database says otherwise.
+    fn obstacle(self) -> Obstacle {
+        match self {
+            Self::Plate => Obstacle::PLATE,
+            Self::Gripper => Obstacle::BLOCK,
+        }
+    }
+}

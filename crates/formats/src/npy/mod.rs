@@ -1,0 +1,90 @@
+//! NumPy's `.npy`: little-endian f32 and f64 arrays in C order, format versions 1 to 3.
+//!
+//! The header is a Python literal, but of one shape only, so it is read by a parser of that shape ([`header`]) and not
+//! by a general one, which a hostile file could drive into deep recursion. The array is allocated only after the file
+//! has shown that it holds the bytes the header promises.
+
+mod header;
+
+use crate::error::{FormatError, Problem};
+use header::{Element, Header};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::Path;
+
+/// Elements read at a time: large enough to be fast, small enough to stay in cache.
+const CHUNK: usize = 1 << 14;
+
+/// An array as stored: C order, the last index fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array<T> {
+    /// Length of each axis.
+    pub shape: Vec<usize>,
+    /// `shape[0] x shape[1] x ...` values.
+    pub data: Vec<T>,
+}
+
+/// Reads an f32 or f64 array as f32. `O(elements)`; at most one array and one chunk in memory.
+///
+/// # Errors
+/// The operating system's, or the first lie of the header: not `.npy`, a type that is no float, Fortran order, a shape
+/// that does not match the file's length.
+pub fn read_f32(path: &Path) -> Result<Array<f32>, FormatError> {
+    read(path, |v| v as f32, |v| v)
+}
+
+/// Reads an f32 or f64 array as f64. See [`read_f32`].
+///
+/// # Errors
+/// As [`read_f32`].
+pub fn read_f64(path: &Path) -> Result<Array<f64>, FormatError> {
+    read(path, |v| v, f64::from)
+}
+
+fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Array<T>, FormatError> {
+    let mut file = File::open(path).map_err(|e| FormatError::read(path, e))?;
+    let bytes = file.metadata().map_err(|e| FormatError::read(path, e))?.len();
+    let header = Header::read(&mut file, bytes).map_err(|e| e.at(path))?;
+    let mut data = Vec::with_capacity(header.elements);
+    let mut buffer = vec![0_u8; CHUNK * header.element.bytes()];
+    let mut left = header.elements;
+    while left > 0 {
+        let part = &mut buffer[..left.min(CHUNK) * header.element.bytes()];
+        file.read_exact(part).map_err(|e| FormatError::read(path, e))?;
+        match header.element {
+            Element::F32 => data.extend(part.as_chunks().0.iter().map(|b| narrow(f32::from_le_bytes(*b)))),
+            Element::F64 => data.extend(part.as_chunks().0.iter().map(|b| wide(f64::from_le_bytes(*b)))),
+        }
+        left -= left.min(CHUNK);
+    }
+    Ok(Array { shape: header.shape, data })
+}
+
+/// Writes an f32 array.
+///
+/// # Errors
+/// The operating system's; a shape whose product is not `data.len()` is refused.
+pub fn write_f32(path: &Path, shape: &[usize], data: &[f32]) -> Result<(), FormatError> {
+    let count: usize = shape.iter().product();
+    if count != data.len() {
+        return Err(FormatError::one(path, Problem::new("array", format!("{count} values"), data.len())));
+    }
+    let io = |e| FormatError::write(path, e);
+    let mut out = BufWriter::new(File::create(path).map_err(io)?);
+    write_f32_to(&mut out, shape, data).and_then(|()| out.flush()).map_err(io)
+}
+
+/// Writes the header of an f32 array and its values to anything: the header alone with `data` empty.
+///
+/// # Errors
+/// The writer's.
+pub fn write_f32_to(out: &mut impl Write, shape: &[usize], data: &[f32]) -> io::Result<()> {
+    out.write_all(&header::compose(Element::F32, shape))?;
+    let mut bytes = Vec::with_capacity(CHUNK * 4);
+    for chunk in data.chunks(CHUNK) {
+        bytes.clear();
+        bytes.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
+        out.write_all(&bytes)?;
+    }
+    Ok(())
+}
