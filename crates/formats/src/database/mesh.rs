@@ -13,9 +13,11 @@ const FACES: [[usize; 6]; 4] =
 const SPLIT: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
 
 /// The parts of a mesh a database remembers.
+#[derive(Default)]
 pub struct Body {
-    points_mm: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
+    pub points_mm: Vec<[f64; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+    pub node_sets: Vec<NodeSet>,
 }
 
 /// Reads a mesh and checks it against the node count.
@@ -26,15 +28,19 @@ pub fn read(path: &Path, nodes: usize) -> Result<Body, FormatError> {
         return Err(FormatError::one(path, problem));
     }
     let triangles = surface_of_tets(&mesh.tets);
-    Ok(Body { points_mm: mesh.points_mm, triangles })
+    let node_sets = node_sets(&mesh.points_mm, &triangles);
+    Ok(Body { points_mm: mesh.points_mm, triangles, node_sets })
 }
 
-impl Body {
-    /// `(undeformed positions, surface triangles, node sets)` as a database holds them.
-    pub fn parts(self) -> (Option<Vec<[f64; 3]>>, Vec<[u32; 3]>, Vec<NodeSet>) {
-        let sets = super::node_sets(&self.points_mm, &self.triangles);
-        (Some(self.points_mm), self.triangles, sets)
-    }
+/// Named node sets every mesh has: its underside, which meets the plate, and its skin.
+fn node_sets(points_mm: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<NodeSet> {
+    let mut skin: Vec<u32> = triangles.iter().flatten().copied().collect();
+    skin.sort_unstable();
+    skin.dedup();
+    vec![
+        NodeSet { name: "bottom".into(), nodes: bottom_nodes(points_mm) },
+        NodeSet { name: "surface".into(), nodes: skin },
+    ]
 }
 
 /// The skin of a body of 10-node tetrahedra: the faces that only one of them has, each as four flat triangles over its

@@ -14,7 +14,7 @@ pub use mesh::{bottom_nodes, surface_of_tets};
 use crate::error::{FormatError, Problem};
 use crate::{npy, vtu};
 use cases::Table;
-use rom::snapshots::{Database, NodeSet, Obstacle};
+use rom::snapshots::{Database, Obstacle};
 use std::path::Path;
 
 /// Reads the cases of one scene from a database folder. `O(bytes)`.
@@ -42,17 +42,17 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
         return Err(FormatError::one(&dir.join(&manifest.cases), problem));
     }
     let body = manifest.mesh.as_ref().map(|file| mesh::read(&dir.join(file), manifest.nodes)).transpose()?;
-    let (undeformed_mm, surface_triangles, node_sets) =
-        body.map_or((None, vec![], vec![]), mesh::Body::parts);
+    let has_mesh = body.is_some();
+    let body = body.unwrap_or_default();
     let mut database = Database {
         actuator: manifest.actuator,
         fields,
         node_count: manifest.nodes,
         cases,
         snapshots,
-        undeformed_mm,
-        surface_triangles,
-        node_sets,
+        undeformed_mm: has_mesh.then_some(body.points_mm),
+        surface_triangles: body.triangles,
+        node_sets: body.node_sets,
         obstacle: manifest.obstacle.unwrap_or(scene.obstacle()),
         hash: [0; 32],
     };
@@ -104,17 +104,6 @@ pub fn write(dir: &Path, database: &Database, tets: &[[u32; 10]]) -> Result<(), 
     let shape = [database.cases.len(), database.node_count, database.fields.len()];
     npy::write_f32(&dir.join(&manifest.snapshots), &shape, &database.snapshots)?;
     manifest.write(&dir.join(manifest::FILE))
-}
-
-/// Named node sets every mesh has: its underside, which meets the plate, and its skin.
-fn node_sets(points_mm: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<NodeSet> {
-    let mut skin: Vec<u32> = triangles.iter().flatten().copied().collect();
-    skin.sort_unstable();
-    skin.dedup();
-    vec![
-        NodeSet { name: "bottom".into(), nodes: bottom_nodes(points_mm) },
-        NodeSet { name: "surface".into(), nodes: skin },
-    ]
 }
 
 impl Scene {
