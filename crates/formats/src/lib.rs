@@ -7,6 +7,7 @@
 pub mod database;
 pub mod error;
 pub mod mesh_file;
+pub mod msh;
 pub mod npy;
 pub mod vtu;
 

@@ -1,0 +1,147 @@
+//! Numbers of a .msh file, one after the other, whether they are text or binary.
+
+use crate::error::Problem;
+use std::str::FromStr;
+
+/// Longest word that can be a number, a version or a section's name.
+const LONGEST_WORD: usize = 64;
+
+/// A position in the file.
+pub(super) struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    binary: bool,
+    big_endian: bool,
+    section: String,
+}
+
+impl<'a> Cursor<'a> {
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, binary: false, big_endian: false, section: String::new() }
+    }
+
+    /// Where we are, for messages.
+    pub fn place(&self) -> String {
+        format!("{}, byte {}", self.section, self.at)
+    }
+
+    fn problem(&self, expected: &str, found: impl std::fmt::Display) -> Problem {
+        Problem::new(self.place(), expected, found)
+    }
+
+    /// The next section's name; `None` at the end of the file.
+    pub fn section(&mut self) -> Result<Option<String>, Problem> {
+        self.skip_blanks();
+        if self.at == self.bytes.len() {
+            return Ok(None);
+        }
+        let word = self.word()?;
+        let name =
+            word.strip_prefix('$').ok_or_else(|| self.problem("a section ($Name)", format!("`{word}`")))?;
+        self.section = name.to_owned();
+        self.skip_line_end();
+        Ok(Some(name.to_owned()))
+    }
+
+    /// Goes past `$EndName`, over whatever is left of the section.
+    pub fn end_of(&mut self, name: &str) -> Result<(), Problem> {
+        let end = format!("$End{name}");
+        let rest = &self.bytes[self.at..];
+        // `$` is rare in binary data, so looking only there keeps the scan linear.
+        let found =
+            rest.iter().enumerate().find(|(i, b)| **b == b'$' && rest[*i..].starts_with(end.as_bytes()));
+        let (offset, _) = found.ok_or_else(|| self.problem(&end, "the end of the file"))?;
+        self.at += offset + end.len();
+        Ok(())
+    }
+
+    /// From here numbers are binary; the byte order is that of the integer 1 that follows.
+    pub fn binary(&mut self) -> Result<(), Problem> {
+        self.skip_line_end();
+        let one: [u8; 4] = self.take("the integer 1")?;
+        self.big_endian = one == 1_i32.to_be_bytes();
+        if !self.big_endian && one != 1_i32.to_le_bytes() {
+            return Err(self.problem("the integer 1 in either byte order", format!("{one:?}")));
+        }
+        self.binary = true;
+        Ok(())
+    }
+
+    /// A signed tag, dimension or type.
+    pub fn int(&mut self) -> Result<i64, Problem> {
+        if !self.binary {
+            return self.text_number();
+        }
+        let big = self.big_endian;
+        let bytes = self.take("an integer")?;
+        Ok(i64::from(if big { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) }))
+    }
+
+    /// A count or a node's tag.
+    pub fn size(&mut self) -> Result<u64, Problem> {
+        if !self.binary {
+            return self.text_number();
+        }
+        let big = self.big_endian;
+        let bytes = self.take("a size")?;
+        Ok(if big { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
+    }
+
+    /// A coordinate.
+    pub fn double(&mut self) -> Result<f64, Problem> {
+        if !self.binary {
+            return self.text_number();
+        }
+        let big = self.big_endian;
+        let bytes = self.take("a number")?;
+        Ok(if big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
+    }
+
+    /// A number in text, also where the rest of the file is binary.
+    pub fn text_number<T: FromStr>(&mut self) -> Result<T, Problem> {
+        let word = self.word()?;
+        word.parse().map_err(|_| self.problem("a number", format!("`{word}`")))
+    }
+
+    /// The next word of text.
+    pub fn word(&mut self) -> Result<String, Problem> {
+        self.skip_blanks();
+        let rest = &self.bytes[self.at..];
+        let length = rest.iter().take(LONGEST_WORD).take_while(|b| b.is_ascii_graphic()).count();
+        if length == 0 {
+            let found = if rest.is_empty() { "the end of the file" } else { "bytes that are no text" };
+            return Err(self.problem("a word", found));
+        }
+        self.at += length;
+        Ok(String::from_utf8_lossy(&rest[..length]).into_owned())
+    }
+
+    /// A name in double quotes.
+    pub fn quoted(&mut self) -> Result<String, Problem> {
+        self.skip_blanks();
+        let rest = &self.bytes[self.at..];
+        let inner =
+            rest.strip_prefix(b"\"").ok_or_else(|| self.problem("a name in double quotes", "none"))?;
+        let length = inner.iter().position(|b| *b == b'"' || *b == b'\n').filter(|end| inner[*end] == b'"');
+        let length = length.ok_or_else(|| self.problem("a closing quote", "the end of the line"))?;
+        self.at += length + 2;
+        Ok(String::from_utf8_lossy(&inner[..length]).into_owned())
+    }
+
+    fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], Problem> {
+        let bytes = self.bytes[self.at..]
+            .first_chunk()
+            .ok_or_else(|| self.problem(expected, "the end of the file"))?;
+        self.at += N;
+        Ok(*bytes)
+    }
+
+    fn skip_blanks(&mut self) {
+        self.at += self.bytes[self.at..].iter().take_while(|b| b.is_ascii_whitespace()).count();
+    }
+
+    fn skip_line_end(&mut self) {
+        let line = self.bytes[self.at..].iter().position(|b| *b == b'\n');
+        self.at += line.map_or(0, |end| end + 1);
+    }
+}

@@ -1,0 +1,225 @@
+//! gmsh's .msh, version 4.1, text or binary: 10-node tetrahedra and the triangles of named physical surfaces.
+
+mod cursor;
+
+use crate::error::{FormatError, Problem};
+use crate::mesh_file::MeshFile;
+use cursor::Cursor;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Nodes of gmsh's element types that may stand in a tetrahedral mesh: points, lines, triangles, tetrahedra.
+const NODES_OF: [(i64, usize); 7] = [(15, 1), (1, 2), (8, 3), (2, 3), (TRI6, 6), (4, 4), (TET10, 10)];
+const TRI6: i64 = 9;
+const TET10: i64 = 11;
+/// gmsh lists the mid-sides of 23 and 13 the other way round.
+const TET_ORDER: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
+
+/// Reads nodes, 10-node tetrahedra and the triangles of every named physical surface.
+///
+/// # Errors
+/// The operating system's refusal, or what is wrong with the content and where.
+pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
+    let bytes = std::fs::read(path).map_err(|e| FormatError::read(path, e))?;
+    parse(&bytes).map_err(|problem| FormatError::one(path, problem))
+}
+
+/// [`read`] from memory. Cost and memory are linear in the bytes given, whatever counts they announce.
+///
+/// # Errors
+/// What is wrong and at which byte.
+pub fn parse(bytes: &[u8]) -> Result<MeshFile, Problem> {
+    let mut file = Raw::default();
+    let mut cursor = Cursor::new(bytes);
+    let mut has_format = false;
+    while let Some(section) = cursor.section()? {
+        if section == "MeshFormat" {
+            format(&mut cursor)?;
+            has_format = true;
+        } else if !has_format {
+            return Err(Problem::new("first section", "$MeshFormat", format!("${section}")));
+        }
+        match section.as_str() {
+            "PhysicalNames" => file.physical_names(&mut cursor)?,
+            "Entities" => file.entities(&mut cursor)?,
+            "Nodes" => file.nodes(&mut cursor)?,
+            "Elements" => file.elements(&mut cursor)?,
+            _ => {}
+        }
+        cursor.end_of(&section)?;
+    }
+    if !has_format {
+        return Err(Problem::new("file", "a gmsh mesh that begins with $MeshFormat", "none"));
+    }
+    file.resolve()
+}
+
+fn format(cursor: &mut Cursor) -> Result<(), Problem> {
+    let version = cursor.word()?;
+    if version != "4.1" {
+        let expected = "version 4.1 (in gmsh: Mesh.MshFileVersion = 4.1)";
+        return Err(Problem::new("MeshFormat", expected, format!("`{version}`")));
+    }
+    let (binary, size) = (cursor.word()?, cursor.word()?);
+    match (binary.as_str(), size.as_str()) {
+        ("0", _) => Ok(()),
+        ("1", "8") => cursor.binary(),
+        _ => Err(Problem::new("MeshFormat", "file type 0 or 1, data size 8", format!("`{binary} {size}`"))),
+    }
+}
+
+/// A triangle or tetrahedron by node tags, with the surface entity it lies on.
+type Element<const N: usize> = (i64, [u64; N]);
+
+/// The sections as they stand, before tags are resolved.
+#[derive(Default)]
+struct Raw {
+    surface_names: HashMap<i64, String>,
+    /// Physical groups of each surface entity.
+    surface_groups: HashMap<i64, Vec<i64>>,
+    index: HashMap<u64, u32>,
+    points_mm: Vec<[f64; 3]>,
+    tets: Vec<Element<10>>,
+    triangles: Vec<Element<6>>,
+    /// First-order elements found, to say so when no others are there.
+    linear: usize,
+}
+
+impl Raw {
+    /// This section is text even in a binary file.
+    fn physical_names(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+        let count: usize = cursor.text_number()?;
+        for _ in 0..count {
+            let dimension: i64 = cursor.text_number()?;
+            let tag: i64 = cursor.text_number()?;
+            let name = cursor.quoted()?;
+            if dimension == 2 {
+                self.surface_names.insert(tag, name);
+            }
+        }
+        Ok(())
+    }
+
+    fn entities(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+        let counts = [cursor.size()?, cursor.size()?, cursor.size()?, cursor.size()?];
+        for (dimension, count) in counts.into_iter().enumerate() {
+            for _ in 0..count {
+                let tag = cursor.int()?;
+                for _ in 0..if dimension == 0 { 3 } else { 6 } {
+                    cursor.double()?;
+                }
+                let mut groups = Vec::new();
+                for _ in 0..cursor.size()? {
+                    groups.push(cursor.int()?);
+                }
+                if dimension > 0 {
+                    for _ in 0..cursor.size()? {
+                        cursor.int()?;
+                    }
+                }
+                if dimension == 2 {
+                    self.surface_groups.insert(tag, groups);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn nodes(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+        let (blocks, _) = (cursor.size()?, [cursor.size()?, cursor.size()?, cursor.size()?]);
+        for _ in 0..blocks {
+            let (dimension, _, parametric) = (cursor.int()?, cursor.int()?, cursor.int()?);
+            let count = cursor.size()?;
+            let mut tags = Vec::new();
+            for _ in 0..count {
+                tags.push(cursor.size()?);
+            }
+            for tag in tags {
+                let place = cursor.place();
+                let point = [cursor.double()?, cursor.double()?, cursor.double()?];
+                for _ in 0..if parametric == 0 { 0 } else { dimension.clamp(0, 3) } {
+                    cursor.double()?;
+                }
+                if point.iter().any(|v| !v.is_finite()) {
+                    return Err(Problem::new(
+                        place,
+                        "finite coordinates",
+                        format!("{point:?} at node {tag}"),
+                    ));
+                }
+                let index = u32::try_from(self.points_mm.len())
+                    .map_err(|_| Problem::new(&place, "fewer than 2^32 nodes", "more"))?;
+                if self.index.insert(tag, index).is_some() {
+                    return Err(Problem::new(place, "each node once", format!("node {tag} again")));
+                }
+                self.points_mm.push(point);
+            }
+        }
+        Ok(())
+    }
+
+    fn elements(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+        let (blocks, _) = (cursor.size()?, [cursor.size()?, cursor.size()?, cursor.size()?]);
+        for _ in 0..blocks {
+            let place = cursor.place();
+            let (_, entity, kind) = (cursor.int()?, cursor.int()?, cursor.int()?);
+            let count = cursor.size()?;
+            let Some((_, nodes)) = NODES_OF.iter().find(|(k, _)| *k == kind) else {
+                let expected = "points, lines, triangles and tetrahedra";
+                return Err(Problem::new(place, expected, format!("gmsh element type {kind}")));
+            };
+            for _ in 0..count {
+                cursor.size()?;
+                let mut members = [0; 10];
+                for member in &mut members[..*nodes] {
+                    *member = cursor.size()?;
+                }
+                match kind {
+                    TET10 => self.tets.push((entity, TET_ORDER.map(|i| members[i]))),
+                    TRI6 => self.triangles.push((entity, std::array::from_fn(|i| members[i]))),
+                    4 => self.linear += 1,
+                    _ => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn resolve(self) -> Result<MeshFile, Problem> {
+        if self.tets.is_empty() {
+            let found = format!("none, but {} of first order", self.linear);
+            return Err(Problem::new("Elements", "10-node tetrahedra (in gmsh: set order 2)", found));
+        }
+        let mut mesh = MeshFile { points_mm: self.points_mm, ..MeshFile::default() };
+        for (i, (_, tags)) in self.tets.iter().enumerate() {
+            mesh.tets.push(indices(&self.index, tags, "tetrahedron", i)?);
+        }
+        for name in self.surface_names.values() {
+            mesh.surfaces.entry(name.clone()).or_default();
+        }
+        for (i, (entity, tags)) in self.triangles.iter().enumerate() {
+            let triangle = indices(&self.index, tags, "triangle", i)?;
+            // Groups may carry a sign for orientation, which the solver finds by itself.
+            let groups = self.surface_groups.get(entity).into_iter().flatten();
+            for name in groups.filter_map(|tag| self.surface_names.get(&tag.abs())) {
+                mesh.surfaces.entry(name.clone()).or_default().push(triangle);
+            }
+        }
+        Ok(mesh)
+    }
+}
+
+fn indices<const N: usize>(
+    index: &HashMap<u64, u32>,
+    tags: &[u64; N],
+    what: &str,
+    at: usize,
+) -> Result<[u32; N], Problem> {
+    let mut nodes = [0; N];
+    for (node, tag) in nodes.iter_mut().zip(tags) {
+        *node = *index.get(tag).ok_or_else(|| {
+            Problem::new(format!("Elements, {what} {at}"), "tags of nodes in $Nodes", format!("{tag}"))
+        })?;
+    }
+    Ok(nodes)
+}
