@@ -1,0 +1,200 @@
+"""Builds an actuator's second-order tetrahedral mesh with gmsh from its actuator.toml (run it by scripts/mesh.sh).
+
+Physical names: volume `solid`; surfaces `sheet`, `cavity`, `fixed`, `bottom`, `slot_lower_0`, `slot_upper_0`, ... (the
+walls of slot i on its lower-x and upper-x side). Writes binary .msh 4.1.
+"""
+
+import argparse
+import itertools
+import random
+import sys
+import tomllib
+from pathlib import Path
+
+import gmsh
+import numpy as np
+
+TOLERANCE_MM = 1e-6
+CORNER_PAIRS = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+
+
+def boxes(a):
+    """Boxes (x0, x1, y0, y1, z0, z1) of the parts: lower layer, upper layer, body, and what is cut out of them."""
+    base, body, chambers, slots, channels = (a[k] for k in ("base", "body", "chambers", "slots", "channels"))
+    middle = base["width_mm"] / 2
+    sheet, top = base["lower_mm"], base["lower_mm"] + base["upper_mm"]
+    floor = top - body["pocket_mm"]
+
+    def across(width):
+        return middle - width / 2, middle + width / 2
+
+    length, full = base["length_mm"], (0.0, base["width_mm"])
+    lower = (0.0, length, 0.0, sheet, *full)
+    upper = (0.0, length, sheet, top, *full)
+    start = body["start_mm"]
+    block = (start, start + body["length_mm"], floor, body["top_mm"], *across(body["width_mm"]))
+    cuts = []
+    for i in range(chambers["count"]):
+        x0 = chambers["first_mm"] + i * chambers["pitch_mm"]
+        x1 = x0 + chambers["length_mm"]
+        cuts.append((x0, x1, floor, chambers["top_mm"], *across(chambers["width_mm"])))
+        if i + 1 < chambers["count"]:
+            x2 = x0 + chambers["pitch_mm"]
+            centre, half = (x1 + x2) / 2, slots["width_mm"] / 2
+            cuts.append((centre - half, centre + half, slots["floor_mm"], body["top_mm"], *across(body["width_mm"])))
+            cuts.append((x1, x2, floor, channels["top_mm"], *across(channels["width_mm"])))
+    return lower, upper, block, cuts
+
+
+def build_geometry(a):
+    """The two bonded solids: below the sheet, and everything above it without cavities and slots."""
+    occ = gmsh.model.occ
+
+    def add(box):
+        x0, x1, y0, y1, z0, z1 = box
+        return 3, occ.addBox(x0, y0, z0, x1 - x0, y1 - y0, z1 - z0)
+
+    lower, upper, block, cuts = boxes(a)
+    lower = [add(lower)]
+    above, _ = occ.fuse([add(upper)], [add(block)])
+    above, _ = occ.cut(above, [add(cut) for cut in cuts])
+    occ.fragment(lower, above)
+    occ.synchronize()
+    if len(gmsh.model.getEntities(3)) != 2:
+        sys.exit(f"mesh: expected 2 bonded solids, found {len(gmsh.model.getEntities(3))}; check the parts' sizes")
+
+
+def name_surfaces(a):
+    """Names every plane face by where it lies."""
+    base, body, chambers, slots = (a[k] for k in ("base", "body", "chambers", "slots"))
+    sheet, top = base["lower_mm"], base["lower_mm"] + base["upper_mm"]
+    held = {"body-start": (body["start_mm"], top, body["top_mm"]), "base-start": (0.0, 0.0, top)}
+    held_x, held_low, held_high = held[a["support"]["fixed"]]
+    middle, half_width = base["width_mm"] / 2, body["width_mm"] / 2
+    inner = chambers["width_mm"] / 2
+    first = chambers["first_mm"]
+    last = first + (chambers["count"] - 1) * chambers["pitch_mm"] + chambers["length_mm"]
+    cavity_floor = top - body["pocket_mm"]
+    groups = {}
+    for dim, tag in gmsh.model.getEntities(2):
+        x0, y0, z0, x1, y1, z1 = gmsh.model.getBoundingBox(dim, tag)
+        plane_x, plane_y = x1 - x0 < 1e-3, y1 - y0 < 1e-3
+        near = lambda v, to: abs(v - to) < 1e-3  # gmsh widens bounding boxes by its tolerance
+        name = None
+        if plane_y and near(y0, 0):
+            name = "bottom"
+        elif plane_y and near(y0, sheet):
+            name = "sheet"
+        elif plane_x and near(x0, held_x) and y0 > held_low - 1e-3 and y1 < held_high + 1e-3:
+            name = "fixed"
+        elif (
+            x0 > first - 1e-3 and x1 < last + 1e-3 and y0 > cavity_floor - 1e-3 and y1 < chambers["top_mm"] + 1e-3
+            and z0 > middle - inner - 1e-3 and z1 < middle + inner + 1e-3
+        ):
+            name = "cavity"
+        elif plane_x and near(y0, slots["floor_mm"]) and near(z1 - z0, 2 * half_width):
+            for i in range(chambers["count"] - 1):
+                centre = first + i * chambers["pitch_mm"] + (chambers["pitch_mm"] + chambers["length_mm"]) / 2
+                if near(x0, centre - slots["width_mm"] / 2):
+                    name = f"slot_lower_{i}"
+                elif near(x0, centre + slots["width_mm"] / 2):
+                    name = f"slot_upper_{i}"
+        if name:
+            groups.setdefault(name, []).append(tag)
+    expected = {"bottom", "sheet", "fixed", "cavity"}
+    expected |= {f"slot_{side}_{i}" for side in ("lower", "upper") for i in range(chambers["count"] - 1)}
+    if missing := sorted(expected - groups.keys()):
+        sys.exit(f"mesh: no face found for {', '.join(missing)}; check the parts' sizes")
+    gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)], name="solid")
+    for name, tags in sorted(groups.items()):
+        gmsh.model.addPhysicalGroup(2, tags, name=name)
+
+
+def mesh_solids(m):
+    """First-order tetrahedra: seeded edges, frontal triangles and tetrahedra, optimised."""
+    for option, value in {
+        "Mesh.RandomSeed": m["random_seed"],
+        "Mesh.Algorithm": 6,  # frontal Delaunay triangles
+        "Mesh.Algorithm3D": 4,  # frontal tetrahedra
+        "Mesh.OptimizeThreshold": m["optimise_below"],
+        "Mesh.MeshSizeMin": 0,
+        "Mesh.MeshSizeMax": m["size_mm"],
+    }.items():
+        gmsh.option.setNumber(option, value)
+    for entity in gmsh.model.getEntities(0):
+        gmsh.model.mesh.setSize([entity], m["size_mm"])
+    for _, tag in gmsh.model.getEntities(1):
+        parts = max(1, int(gmsh.model.occ.getMass(1, tag) / m["seed_mm"] + 0.5))
+        gmsh.model.mesh.setTransfiniteCurve(tag, parts + 1)
+    gmsh.model.mesh.generate(3)
+    for _ in range(m["netgen_passes"]):
+        gmsh.model.mesh.optimize("Netgen")
+
+
+def corners():
+    """Corner nodes of all tetrahedra, n x 4, and the elements' tags."""
+    kinds, tags, nodes = gmsh.model.mesh.getElements(3)
+    index = list(kinds).index(4)
+    return np.array(nodes[index]).reshape(-1, 4), tags[index]
+
+
+def second_order_nodes(tets):
+    """Nodes of the second-order mesh: one a corner, one an edge."""
+    edges = np.sort(np.concatenate([tets[:, pair] for pair in CORNER_PAIRS]), axis=1)
+    return len(np.unique(tets)) + len(np.unique(edges, axis=0))
+
+
+def search(a, wanted, seconds):
+    """Varies what does not change the element size until the node count fits; prints the figures to record."""
+    import time
+
+    rng, end, base = random.Random(1), time.monotonic() + seconds, a["mesh"]
+    while time.monotonic() < end:
+        m = dict(base)
+        m["size_mm"] = round(base["size_mm"] + rng.uniform(-0.1, 0.1), 3)
+        m["optimise_below"] = round(rng.uniform(0.25, 0.6), 2)
+        m["netgen_passes"] = 0
+        gmsh.model.mesh.clear()
+        mesh_solids(m)
+        for passes in itertools.count(1):
+            gmsh.model.mesh.optimize("Netgen")
+            count = second_order_nodes(corners()[0])
+            if count == wanted:
+                print(f"size_mm = {m['size_mm']}\noptimise_below = {m['optimise_below']}\nnetgen_passes = {passes}")
+                return
+            if passes == 6:
+                break
+    sys.exit(f"mesh: {wanted} nodes not met in {seconds} s; change seed_mm or random_seed and search again")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("actuator", type=Path, help="actuator.toml, as in models/pneunet/")
+    parser.add_argument("--out", type=Path, help="the .msh to write (default: as the file says)")
+    parser.add_argument("--search", type=float, metavar="SECONDS", help="look for parameters that give mesh.nodes")
+    args = parser.parse_args()
+    a = tomllib.loads(args.actuator.read_text())
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Verbosity", 2)
+    build_geometry(a)
+    name_surfaces(a)
+    wanted = a["mesh"]["nodes"]
+    if args.search:
+        return search(a, wanted, args.search)
+    mesh_solids(a["mesh"])
+    tets, tags = corners()
+    quality = gmsh.model.mesh.getElementQualities(tags, "gamma")
+    gmsh.model.mesh.setOrder(2)
+    count = len(gmsh.model.mesh.getNodes()[0])
+    if wanted and count != wanted:
+        sys.exit(f"mesh: expected {wanted} nodes, found {count}; search for parameters with --search 600")
+    out = args.out or args.actuator.parent / a["mesh"]["file"]
+    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+    gmsh.option.setNumber("Mesh.Binary", 1)
+    gmsh.write(str(out))
+    low, middle = np.min(quality), np.median(quality)
+    print(f"{out}: {count} nodes, {len(tets)} tetrahedra, quality (gamma) {low:.3f} at least, {middle:.3f} median")
+
+
+if __name__ == "__main__":
+    main()
