@@ -14,12 +14,14 @@ const MAX_AXES: usize = 32;
 pub enum Element {
     F32,
     F64,
+    /// Read only: index arrays, whose every value an f64 holds exactly.
+    I32,
 }
 
 impl Element {
     pub const fn bytes(self) -> usize {
         match self {
-            Self::F32 => 4,
+            Self::F32 | Self::I32 => 4,
             Self::F64 => 8,
         }
     }
@@ -28,6 +30,7 @@ impl Element {
         match self {
             Self::F32 => "<f4",
             Self::F64 => "<f8",
+            Self::I32 => "<i4",
         }
     }
 }
@@ -147,7 +150,8 @@ fn parse_element(value: &str) -> Result<Element, Refusal> {
     match value.trim().trim_matches(['\'', '"']) {
         "<f4" => Ok(Element::F32),
         "<f8" => Ok(Element::F64),
-        other => Err(Refusal::new("descr", "'<f4' or '<f8' (little-endian floats)", other)),
+        "<i4" => Ok(Element::I32),
+        other => Err(Refusal::new("descr", "'<f4', '<f8' or '<i4' (little-endian)", other)),
     }
 }
 

@@ -1,4 +1,4 @@
-//! NumPy's `.npy`: little-endian f32 and f64 arrays in C order, format versions 1 to 3.
+//! NumPy's `.npy`: little-endian f32 and f64 arrays (i32 to read) in C order, format versions 1 to 3.
 //!
 //! The header is a Python literal, but of one shape only, so it is read by a parser of that shape ([`header`]) and not
 //! by a general one, which a hostile file could drive into deep recursion. The array is allocated only after the file
@@ -24,16 +24,16 @@ pub struct Array<T> {
     pub data: Vec<T>,
 }
 
-/// Reads an f32 or f64 array as f32. `O(elements)`; at most one array and one chunk in memory.
+/// Reads an f32, f64 or i32 array as f32. `O(elements)`; at most one array and one chunk in memory.
 ///
 /// # Errors
-/// The operating system's, or the first lie of the header: not `.npy`, a type that is no float, Fortran order, a shape
+/// The operating system's, or the first lie of the header: not `.npy`, a type that is none of these, Fortran order, a shape
 /// that does not match the file's length.
 pub fn read_f32(path: &Path) -> Result<Array<f32>, FormatError> {
     read(path, |v| v as f32, |v| v)
 }
 
-/// Reads an f32 or f64 array as f64. See [`read_f32`].
+/// Reads an f32, f64 or i32 array as f64. See [`read_f32`].
 ///
 /// # Errors
 /// As [`read_f32`].
@@ -54,6 +54,7 @@ fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Arra
         match header.element {
             Element::F32 => data.extend(part.as_chunks().0.iter().map(|b| narrow(f32::from_le_bytes(*b)))),
             Element::F64 => data.extend(part.as_chunks().0.iter().map(|b| wide(f64::from_le_bytes(*b)))),
+            Element::I32 => data.extend(part.as_chunks().0.iter().map(|b| wide(i32::from_le_bytes(*b).into()))),
         }
         left -= left.min(CHUNK);
     }

@@ -1,0 +1,122 @@
+//! Everything a problem needs besides its mesh, and the loads of a state.
+
+use serde::{Deserialize, Serialize};
+
+use crate::contact::obstacle::{Footprint, Obstacle};
+use crate::element::cavity::CavityLoad;
+use crate::material::{Elastomer, Hyperelastic, SheetMaterial};
+
+/// Gravity along -y (mm/s2), the actuator's usual attitude.
+pub const GRAVITY_DOWN_MM_S2: [f64; 3] = [0.0, -9810.0, 0.0];
+
+/// Gravity along the finger (mm/s2), the gripper's attitude.
+pub const GRAVITY_ALONG_MM_S2: [f64; 3] = [9810.0, 0.0, 0.0];
+
+/// Penalties of the contacts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactSettings {
+    /// Chamber walls: pressure per overlap (MPa/mm).
+    pub slot_penalty_mpa_per_mm: f64,
+    /// Chamber walls: overlap over which the penalty is rounded (mm).
+    pub slot_smoothing_mm: f64,
+    /// Plate or block: force per overlap at each surface node (N/mm).
+    pub obstacle_penalty_n_per_mm: f64,
+    /// Plate or block: overlap over which the penalty is rounded (mm).
+    pub obstacle_smoothing_mm: f64,
+}
+
+impl Default for ContactSettings {
+    fn default() -> Self {
+        Self {
+            slot_penalty_mpa_per_mm: 1.38,
+            slot_smoothing_mm: 0.002,
+            obstacle_penalty_n_per_mm: 15.0,
+            obstacle_smoothing_mm: 0.015,
+        }
+    }
+}
+
+/// Limits and tolerances of the Newton iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NewtonSettings {
+    /// Iterations after which a step is given up.
+    pub max_iterations: usize,
+    /// Largest predicted displacement of one load step (mm): longer steps are shortened before they are taken.
+    pub step_length_mm: f64,
+    /// Largest nodal displacement of one iteration (mm).
+    pub displacement_cap_mm: f64,
+    /// Largest nodal correction still to come when a state counts as converged (mm), estimated from the last two.
+    pub correction_tolerance_mm: f64,
+    /// Smallest share of a load path taken in one step before the path is given up.
+    pub smallest_step: f64,
+}
+
+impl Default for NewtonSettings {
+    fn default() -> Self {
+        Self {
+            max_iterations: 14,
+            step_length_mm: 8.0,
+            displacement_cap_mm: 12.0,
+            correction_tolerance_mm: 1.0e-3,
+            smallest_step: 1.0 / 256.0,
+        }
+    }
+}
+
+/// Materials, supports and settings that go with a mesh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProblemConfig {
+    /// Elastomers, indexed by the mesh's `tet_material`.
+    pub elastomers: Vec<Elastomer>,
+    /// The strain-limiting sheet; required when the mesh has sheet triangles.
+    pub sheet: Option<SheetMaterial>,
+    /// How cavity pressure reaches the nodes.
+    pub cavity_load: CavityLoad,
+    /// Penalties of the contacts.
+    pub contact: ContactSettings,
+    /// Extent of the rigid plate.
+    pub plate: Footprint,
+    /// Extent of the rigid block's near face.
+    pub block: Footprint,
+    /// Newton iteration.
+    pub newton: NewtonSettings,
+}
+
+impl Default for ProblemConfig {
+    /// The reference actuator: Gent elastomer, paper sheet, the paper's plate and the gripper's block.
+    fn default() -> Self {
+        Self {
+            elastomers: vec![Elastomer {
+                law: Hyperelastic::Gent { mu_mpa: 0.8, jm: 6.0 },
+                bulk_mpa: 2000.0,
+                density_t_per_mm3: 1.0e-9,
+            }],
+            sheet: Some(SheetMaterial {
+                youngs_mpa: 6500.0,
+                poisson: 0.2,
+                thickness_mm: 0.1,
+                bending_penalty: 5.0,
+            }),
+            cavity_load: CavityLoad::FlatFacets,
+            contact: ContactSettings::default(),
+            plate: Footprint { x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] },
+            block: Footprint { x_mm: [85.0, 115.0], z_mm: [1.0, 31.0] },
+            newton: NewtonSettings::default(),
+        }
+    }
+}
+
+/// The loads of a state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Load {
+    /// Cavity pressure (MPa).
+    pub pressure_mpa: f64,
+    /// What the base may touch.
+    pub obstacle: Obstacle,
+    /// Gravitational acceleration (mm/s2).
+    pub gravity_mm_s2: [f64; 3],
+}

@@ -1,0 +1,304 @@
+//! The 10-node tetrahedron with 4 Gauss points and one condensed pressure.
+//!
+//! Notation: `N` shape functions, `grad N` with respect to the undeformed position, `F` deformation gradient,
+//! `g = F^-T grad N`, `f = F grad N`, `I1 = tr(F^T F)`, `I = J^(-2/3) I1`, `s = 2 W' J^(-2/3)`.
+//! First Piola stress: `P = s (F - I1/3 F^-T) + p J F^-T`.
+
+use crate::algebra::{Mat3, Vec3, axpy, det_inv_transpose, dot, mat_vec, scale};
+use crate::material::Hyperelastic;
+
+/// Barycentric coordinates of the Gauss points: `OWN` of their own corner, `OTHER` of the three others.
+const OWN: f64 = 0.585_410_196_624_968_5;
+const OTHER: f64 = 0.138_196_601_125_010_5;
+
+/// Smallest volume ratio a trial state may have before it counts as collapsed.
+pub const MIN_VOLUME_RATIO: f64 = 0.05;
+
+/// Number of node pairs (a, b) with b <= a.
+pub const PAIRS: usize = 55;
+
+/// A deformation the material cannot bear.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Invalid {
+    /// The volume ratio `J` fell to the given value.
+    Collapsed(f64),
+    /// The invariant `I` passed the material's limit.
+    BeyondLimit(f64),
+}
+
+/// Undeformed geometry of one element.
+#[derive(Clone, Debug)]
+pub struct TetGeometry {
+    /// Shape function gradients at each Gauss point (1/mm).
+    pub gradients: [[Vec3; 10]; 4],
+    /// Volume represented by each Gauss point (mm3).
+    pub weights: [f64; 4],
+}
+
+/// Values of the ten shape functions at barycentric coordinates `l`.
+#[must_use]
+pub fn shape(l: [f64; 4]) -> [f64; 10] {
+    let mut n = [0.0; 10];
+    for i in 0..4 {
+        n[i] = l[i] * (2.0 * l[i] - 1.0);
+    }
+    for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
+        n[4 + m] = 4.0 * l[a] * l[b];
+    }
+    n
+}
+
+/// Derivatives of the shape functions with respect to the reference coordinates (l1, l2, l3), with l0 = 1 - sum.
+fn shape_derivatives(l: [f64; 4]) -> [Vec3; 10] {
+    const DL: [Vec3; 4] = [[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut d = [[0.0; 3]; 10];
+    for i in 0..4 {
+        d[i] = scale(4.0 * l[i] - 1.0, DL[i]);
+    }
+    for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
+        axpy(4.0 * l[b], DL[a], &mut d[4 + m]);
+        axpy(4.0 * l[a], DL[b], &mut d[4 + m]);
+    }
+    d
+}
+
+/// Barycentric coordinates of Gauss point `q`.
+#[must_use]
+pub fn gauss_point(q: usize) -> [f64; 4] {
+    let mut l = [OTHER; 4];
+    l[q] = OWN;
+    l
+}
+
+impl TetGeometry {
+    /// Gradients and weights from the undeformed nodes.
+    ///
+    /// # Errors
+    /// The Jacobian determinant (mm3), when it is not positive at some Gauss point: an inverted element.
+    pub fn new(x: &[Vec3; 10]) -> Result<Self, f64> {
+        let mut this = Self { gradients: [[[0.0; 3]; 10]; 4], weights: [0.0; 4] };
+        for q in 0..4 {
+            let d = shape_derivatives(gauss_point(q));
+            let mut jacobian = [[0.0; 3]; 3];
+            for (xa, da) in x.iter().zip(&d) {
+                for i in 0..3 {
+                    axpy(xa[i], *da, &mut jacobian[i]);
+                }
+            }
+            let (det, inv_t) = det_inv_transpose(&jacobian);
+            if det.is_nan() || det <= 0.0 {
+                return Err(det);
+            }
+            for a in 0..10 {
+                this.gradients[q][a] = mat_vec(&inv_t, d[a]);
+            }
+            this.weights[q] = det / 24.0;
+        }
+        Ok(this)
+    }
+
+    /// Undeformed volume (mm3).
+    #[must_use]
+    pub fn volume_mm3(&self) -> f64 {
+        self.weights.iter().sum()
+    }
+
+    /// Deformation gradient at Gauss point `q` for nodal displacements `u`.
+    #[inline]
+    #[must_use]
+    pub fn deformation_gradient(&self, q: usize, u: &[Vec3; 10]) -> Mat3 {
+        let mut f = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for (ua, ga) in u.iter().zip(&self.gradients[q]) {
+            for i in 0..3 {
+                axpy(ua[i], *ga, &mut f[i]);
+            }
+        }
+        f
+    }
+}
+
+/// Kinematics and energy at one Gauss point.
+struct Point {
+    f: Mat3,
+    inv_t: Mat3,
+    det: f64,
+    trace: f64,
+    iso: f64,
+    d1: f64,
+    d2: f64,
+    w: f64,
+}
+
+fn point(geometry: &TetGeometry, q: usize, u: &[Vec3; 10], law: &Hyperelastic) -> Result<Point, Invalid> {
+    let f = geometry.deformation_gradient(q, u);
+    let (det, inv_t) = det_inv_transpose(&f);
+    if det.is_nan() || det <= MIN_VOLUME_RATIO {
+        return Err(Invalid::Collapsed(det));
+    }
+    let trace = dot(f[0], f[0]) + dot(f[1], f[1]) + dot(f[2], f[2]);
+    let cbrt = det.cbrt();
+    let iso = 1.0 / (cbrt * cbrt);
+    let energy = law.energy(iso * trace).ok_or(Invalid::BeyondLimit(iso * trace))?;
+    Ok(Point { f, inv_t, det, trace, iso, d1: energy.d1, d2: energy.d2, w: energy.w })
+}
+
+/// What one element contributes.
+#[derive(Clone, Debug)]
+pub struct TetTerms {
+    /// Nodal forces of the isochoric stress (N).
+    pub force: [Vec3; 10],
+    /// `dV/du`: nodal forces of a unit pressure (mm2).
+    pub volume_gradient: [Vec3; 10],
+    /// Volume change `integral (J - 1)` (mm3).
+    pub volume_change: f64,
+    /// Tangent blocks of node pairs (a, b <= a), row by row of the lower triangle, without the condensed pressure.
+    pub tangent: [Mat3; PAIRS],
+}
+
+impl Default for TetTerms {
+    fn default() -> Self {
+        Self {
+            force: [[0.0; 3]; 10],
+            volume_gradient: [[0.0; 3]; 10],
+            volume_change: 0.0,
+            tangent: [[[0.0; 3]; 3]; PAIRS],
+        }
+    }
+}
+
+impl TetTerms {
+    /// Evaluates forces, volume terms and, when asked, the tangent at displacements `u` and carried pressure (MPa).
+    ///
+    /// Cost: about 7,000 multiplications a Gauss point with the tangent.
+    ///
+    /// # Errors
+    /// [`Invalid`] when the element collapsed or its material passed its limit.
+    pub fn evaluate(
+        &mut self,
+        geometry: &TetGeometry,
+        u: &[Vec3; 10],
+        pressure_mpa: f64,
+        law: &Hyperelastic,
+        with_tangent: bool,
+    ) -> Result<(), Invalid> {
+        self.force = [[0.0; 3]; 10];
+        self.volume_gradient = [[0.0; 3]; 10];
+        self.volume_change = 0.0;
+        if with_tangent {
+            self.tangent = [[[0.0; 3]; 3]; PAIRS];
+        }
+        for q in 0..4 {
+            let p = point(geometry, q, u, law)?;
+            let weight = geometry.weights[q];
+            let gradients = &geometry.gradients[q];
+            let mut g = [[0.0; 3]; 10];
+            let mut f = [[0.0; 3]; 10];
+            for a in 0..10 {
+                g[a] = mat_vec(&p.inv_t, gradients[a]);
+                f[a] = mat_vec(&p.f, gradients[a]);
+            }
+            let s = 2.0 * p.d1 * p.iso * weight;
+            for a in 0..10 {
+                axpy(s, f[a], &mut self.force[a]);
+                axpy(-s * p.trace / 3.0, g[a], &mut self.force[a]);
+                axpy(weight * p.det, g[a], &mut self.volume_gradient[a]);
+            }
+            self.volume_change += weight * (p.det - 1.0);
+            if with_tangent {
+                self.add_tangent(&p, weight, pressure_mpa, gradients, &g, &f);
+            }
+        }
+        Ok(())
+    }
+
+    /// `dP : (grad N_a, grad N_b)` at one Gauss point, in the five products it reduces to.
+    fn add_tangent(
+        &mut self,
+        p: &Point,
+        weight: f64,
+        pressure_mpa: f64,
+        gradients: &[Vec3; 10],
+        g: &[Vec3; 10],
+        f: &[Vec3; 10],
+    ) {
+        let s = 2.0 * p.d1 * p.iso * weight;
+        let kappa = 4.0 * p.d2 * p.iso * p.iso * weight;
+        let pressure = pressure_mpa * p.det * weight;
+        let third = p.trace / 3.0;
+        let gf = -(2.0 / 3.0) * s - kappa * third;
+        let gg = (2.0 / 3.0) * s * third + kappa * third * third + pressure;
+        let gg_swapped = s * third - pressure;
+        let mut pair = 0;
+        for a in 0..10 {
+            for b in 0..=a {
+                let block = &mut self.tangent[pair];
+                pair += 1;
+                let (mut with_g, mut with_f) = ([0.0; 3], [0.0; 3]);
+                for j in 0..3 {
+                    with_g[j] = gf * f[b][j] + gg * g[b][j];
+                    with_f[j] = gf * g[b][j] + kappa * f[b][j];
+                }
+                for i in 0..3 {
+                    let swapped = gg_swapped * g[b][i];
+                    for j in 0..3 {
+                        block[i][j] += g[a][i] * with_g[j] + f[a][i] * with_f[j] + swapped * g[a][j];
+                    }
+                }
+                let diagonal = s * dot(gradients[a], gradients[b]);
+                for (i, row) in block.iter_mut().enumerate() {
+                    row[i] += diagonal;
+                }
+            }
+        }
+    }
+}
+
+/// Isochoric strain energy (N mm) and volume change `integral (J - 1)` (mm3).
+///
+/// # Errors
+/// [`Invalid`] as in [`TetTerms::evaluate`].
+pub fn energy(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<(f64, f64), Invalid> {
+    let mut sum = (0.0, 0.0);
+    for q in 0..4 {
+        let p = point(geometry, q, u, law)?;
+        sum.0 += geometry.weights[q] * p.w;
+        sum.1 += geometry.weights[q] * (p.det - 1.0);
+    }
+    Ok(sum)
+}
+
+/// Von Mises stress (MPa) of the Cauchy stress at the four Gauss points: `sqrt(3/2 dev : dev)`.
+///
+/// # Errors
+/// [`Invalid`] as in [`TetTerms::evaluate`].
+pub fn von_mises(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<[f64; 4], Invalid> {
+    let mut out = [0.0; 4];
+    for (q, value) in out.iter_mut().enumerate() {
+        let p = point(geometry, q, u, law)?;
+        let factor = 2.0 * p.d1 * p.iso / p.det;
+        let mut dev_dev = 0.0;
+        for i in 0..3 {
+            for j in 0..3 {
+                let mean = if i == j { p.trace / 3.0 } else { 0.0 };
+                let dev = factor * (dot(p.f[i], p.f[j]) - mean);
+                dev_dev += dev * dev;
+            }
+        }
+        *value = (1.5 * dev_dev).sqrt();
+    }
+    Ok(out)
+}
+
+/// Linear extrapolation of four Gauss point values to the ten nodes (mid-sides: mean of their corners).
+#[must_use]
+pub fn extrapolate(values: [f64; 4]) -> [f64; 10] {
+    let sum: f64 = values.iter().sum();
+    let mut out = [0.0; 10];
+    for i in 0..4 {
+        out[i] = (values[i] - OTHER * sum) / (OWN - OTHER);
+    }
+    for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
+        out[4 + m] = 0.5 * (out[a] + out[b]);
+    }
+    out
+}

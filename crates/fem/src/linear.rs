@@ -1,0 +1,160 @@
+//! The linear solver: faer's sparse Cholesky, analysed once a problem and factorised once an iteration.
+
+use std::sync::Arc;
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
+use faer::linalg::cholesky::llt::factor::LltRegularization;
+use faer::perm::PermRef;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut, Par, Side};
+use thiserror::Error;
+
+use crate::sparse::SymmetricBlocks;
+
+/// Why a linear system could not be solved.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum LinearError {
+    /// The ordering or the factor did not fit in memory.
+    #[error("the sparse factor of {unknowns} unknowns does not fit in memory; use a coarser mesh")]
+    Memory {
+        /// Number of unknowns.
+        unknowns: usize,
+    },
+    /// A pivot vanished: the tangent is singular.
+    #[error(
+        "the stiffness matrix is singular: a part of the mesh is not held, or the state is at a limit point"
+    )]
+    Singular,
+}
+
+/// Ordering and structure of the factor: shared by all solvers of a problem.
+#[derive(Debug)]
+pub struct Analysis {
+    symbolic: SymbolicCholesky<usize>,
+    unknowns: usize,
+}
+
+fn structure(pattern: &SymmetricBlocks) -> SymbolicSparseColMatRef<'_, usize> {
+    let (col_ptr, row_idx) = pattern.columns();
+    SymbolicSparseColMatRef::new_checked(pattern.unknowns(), pattern.unknowns(), col_ptr, None, row_idx)
+}
+
+impl Analysis {
+    /// Symbolic factorisation in the elimination order of the node blocks given.
+    ///
+    /// # Errors
+    /// [`LinearError::Memory`].
+    pub fn new(pattern: &SymmetricBlocks, order: &[u32]) -> Result<Self, LinearError> {
+        let unknowns = pattern.unknowns();
+        let forward: Vec<usize> =
+            order.iter().flat_map(|n| (0..3).map(move |c| 3 * *n as usize + c)).collect();
+        let mut inverse = vec![0; unknowns];
+        for (k, i) in forward.iter().enumerate() {
+            inverse[*i] = k;
+        }
+        let params = CholeskySymbolicParams::default();
+        let order = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, unknowns));
+        let symbolic = factorize_symbolic_cholesky(structure(pattern), Side::Lower, order, params)
+            .map_err(|_| LinearError::Memory { unknowns })?;
+        Ok(Self { symbolic, unknowns })
+    }
+
+    /// Entries of the factor.
+    #[must_use]
+    pub fn factor_entries(&self) -> usize {
+        self.symbolic.len_val()
+    }
+}
+
+/// Which factor the values hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Definite,
+    Indefinite,
+}
+
+/// One thread's factor and work space.
+pub struct Factor {
+    analysis: Arc<Analysis>,
+    values: Vec<f64>,
+    memory: MemBuffer,
+    kind: Kind,
+}
+
+impl Factor {
+    /// Allocates factor and work space.
+    ///
+    /// # Errors
+    /// [`LinearError::Memory`].
+    pub fn new(analysis: Arc<Analysis>) -> Result<Self, LinearError> {
+        let symbolic = &analysis.symbolic;
+        let request = StackReq::any_of(&[
+            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
+            symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()),
+            symbolic.solve_in_place_scratch::<f64>(1, Par::Seq),
+        ]);
+        let unknowns = analysis.unknowns;
+        let memory = MemBuffer::try_new(request).map_err(|_| LinearError::Memory { unknowns })?;
+        let values = vec![0.0; symbolic.len_val()];
+        Ok(Self { analysis, values, memory, kind: Kind::Definite })
+    }
+
+    /// Factorises the matrix: Cholesky, or `L D L^T` where the tangent is not positive definite (past a limit point of
+    /// an intermediate iterate).
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`].
+    pub fn factorise(&mut self, pattern: &SymmetricBlocks, matrix: &[f64]) -> Result<(), LinearError> {
+        let matrix = SparseColMatRef::new(structure(pattern), matrix);
+        let symbolic = &self.analysis.symbolic;
+        let definite = symbolic.factorize_numeric_llt(
+            &mut self.values,
+            matrix,
+            Side::Lower,
+            LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut self.memory),
+            Default::default(),
+        );
+        if definite.is_ok() {
+            self.kind = Kind::Definite;
+            return Ok(());
+        }
+        let indefinite = symbolic.factorize_numeric_ldlt(
+            &mut self.values,
+            matrix,
+            Side::Lower,
+            LdltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut self.memory),
+            Default::default(),
+        );
+        self.kind = Kind::Indefinite;
+        indefinite.map(|_| ()).map_err(|_| LinearError::Singular)
+    }
+
+    /// Whether the last matrix was positive definite.
+    #[must_use]
+    pub fn positive_definite(&self) -> bool {
+        self.kind == Kind::Definite
+    }
+
+    /// Solves in place with the last factor.
+    pub fn solve(&mut self, rhs: &mut [f64]) {
+        let symbolic = &self.analysis.symbolic;
+        let rhs = MatMut::from_column_major_slice_mut(rhs, self.analysis.unknowns, 1);
+        let stack = MemStack::new(&mut self.memory);
+        match self.kind {
+            Kind::Definite => {
+                LltRef::new(symbolic, &self.values).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack);
+            }
+            Kind::Indefinite => {
+                LdltRef::new(symbolic, &self.values).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack);
+            }
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! Newton iteration at one load, with element pressures and sheet resultants as unknowns of their own.
+//!
+//! Eliminating `p` from `integral (J - 1) = p V / K` and the resultants from `N = C E` leaves the displacement
+//! equation that [`System`] assembles. After the solve those unknowns follow the *linearised* relation,
+//! `p <- K/V (integral (J-1) + b . du)` and `N <- C (E + dE(du))`, not the new shape: the stiff stresses then never see
+//! the second-order part of a finite rotation, and a step that turns the whole finger converges in a few iterations.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use crate::algebra::{Vec3, axpy, dot, norm};
+use crate::assemble::{InvalidState, System};
+use crate::config::Load;
+use crate::element::membrane::{self, Plane};
+use crate::element::tet10::Invalid;
+use crate::linear::{Factor, LinearError};
+use crate::problem::Problem;
+use crate::sparse::HELD;
+use crate::state::State;
+
+/// Why the iteration at one load gave up.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum NewtonError {
+    /// The corrections did not become small.
+    #[error("no equilibrium after {iterations} iterations, last correction {correction_mm:.3e} mm")]
+    Stalled {
+        /// Iterations spent.
+        iterations: usize,
+        /// Largest nodal correction of the last iteration (mm).
+        correction_mm: f64,
+    },
+    /// The elastomer cannot bear the state.
+    #[error("element {element}: {what}")]
+    Unbearable {
+        /// The element.
+        element: usize,
+        /// What happened to it.
+        what: String,
+    },
+    /// The linear solver failed.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}
+
+impl From<InvalidState> for NewtonError {
+    fn from(invalid: InvalidState) -> Self {
+        let what = match invalid.reason {
+            Invalid::Collapsed(j) => format!("its volume fell to {j:.3} of the undeformed one"),
+            Invalid::BeyondLimit(i) => {
+                format!("its stretch invariant {i:.2} passed the material's limit (locking)")
+            }
+        };
+        Self::Unbearable { element: invalid.element, what }
+    }
+}
+
+/// Work spent on one load.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Effort {
+    /// Factorisations of the tangent, one an iteration.
+    pub factorisations: usize,
+}
+
+/// Halvings of a correction that leads to an impossible state.
+const MAX_HALVINGS: usize = 5;
+
+/// A correction of all unknowns.
+#[derive(Clone, Debug, Default)]
+struct Increment {
+    displacement: Vec<Vec3>,
+    pressure: Vec<f64>,
+    resultants: Vec<[Plane; 3]>,
+}
+
+impl Increment {
+    fn scale(&mut self, share: f64) {
+        self.displacement.iter_mut().flatten().for_each(|v| *v *= share);
+        self.pressure.iter_mut().for_each(|v| *v *= share);
+        self.resultants.iter_mut().flatten().flatten().for_each(|v| *v *= share);
+    }
+
+    fn largest_mm(&self) -> f64 {
+        self.displacement.iter().map(|d| norm(*d)).fold(0.0, f64::max)
+    }
+
+    fn apply(&self, share: f64, state: &mut State) {
+        for (u, du) in state.displacement_mm.iter_mut().zip(&self.displacement) {
+            axpy(share, *du, u);
+        }
+        for (p, dp) in state.element_pressure_mpa.iter_mut().zip(&self.pressure) {
+            *p += share * dp;
+        }
+        for (n, dn) in state.sheet_resultants_n_per_mm.iter_mut().zip(&self.resultants) {
+            for (n, dn) in n.iter_mut().zip(dn) {
+                axpy(share, *dn, n);
+            }
+        }
+    }
+}
+
+/// Work space of the iteration: one a thread.
+pub struct Newton {
+    problem: Arc<Problem>,
+    pub(crate) system: System,
+    factor: Factor,
+    rhs: Vec<f64>,
+    increment: Increment,
+    /// Length of the last correction (mm).
+    last_mm: f64,
+}
+
+impl Newton {
+    /// Allocates the work space.
+    ///
+    /// # Errors
+    /// [`LinearError::Memory`].
+    pub fn new(problem: Arc<Problem>) -> Result<Self, LinearError> {
+        let factor = Factor::new(Arc::clone(&problem.analysis))?;
+        let system = System::new(&problem);
+        let rhs = vec![0.0; problem.pattern.unknowns()];
+        Ok(Self { problem, system, factor, rhs, increment: Increment::default(), last_mm: 0.0 })
+    }
+
+    /// Starts a step towards `load`: predicts its correction, shortens the step where that is too long, applies it.
+    ///
+    /// Returns the share of the step taken: the prediction is linear in the load, so a shorter step costs nothing.
+    ///
+    /// # Errors
+    /// [`NewtonError`].
+    pub fn start(&mut self, state: &mut State, load: &Load, effort: &mut Effort) -> Result<f64, NewtonError> {
+        self.predict(state, load)?;
+        self.solve(effort)?;
+        let share = (self.problem.config.newton.step_length_mm / self.increment.largest_mm()).min(1.0);
+        self.update(state, share);
+        self.last_mm = self.increment.largest_mm();
+        Ok(share)
+    }
+
+    /// Brings `state`, started towards `load`, into equilibrium with it; `state` is spoilt when that fails.
+    ///
+    /// `effort` counts the work also when the iteration fails.
+    ///
+    /// # Errors
+    /// [`NewtonError`].
+    pub fn iterate(
+        &mut self,
+        state: &mut State,
+        load: &Load,
+        effort: &mut Effort,
+    ) -> Result<(), NewtonError> {
+        let settings = self.problem.config.newton;
+        for _ in 0..settings.max_iterations {
+            self.assemble(state, load)?;
+            self.solve(effort)?;
+            let correction = self.increment.largest_mm();
+            self.update(state, (settings.displacement_cap_mm / correction).min(1.0));
+            // The next correction shrinks at least as much again as this one did.
+            let next = correction * (correction / self.last_mm).min(1.0);
+            self.last_mm = correction;
+            if next < settings.correction_tolerance_mm {
+                return Ok(());
+            }
+        }
+        Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })
+    }
+
+    /// First system of a step: the tangent of the obstacle where it *was*, the loads of the new state, and the
+    /// obstacle's advance acting on the nodes it touches now. Were the obstacle moved first, a retreat would lose all
+    /// contact in the first iteration and the finger would swing away.
+    fn predict(&mut self, state: &State, load: &Load) -> Result<(), NewtonError> {
+        let mut linearised = *load;
+        let mut advance_mm = 0.0;
+        if state.load.obstacle.same_body(load.obstacle) {
+            linearised.obstacle = state.load.obstacle;
+            if let (Some(was), Some(is)) = (state.load.obstacle.gap_mm(), load.obstacle.gap_mm()) {
+                advance_mm = was - is;
+            }
+        }
+        let problem = Arc::clone(&self.problem);
+        self.system.assemble(&problem, state, &linearised, advance_mm, true)?;
+        Ok(())
+    }
+
+    /// Assembles at the current iterate, taking back half of the last correction while the iterate is impossible.
+    fn assemble(&mut self, state: &mut State, load: &Load) -> Result<(), NewtonError> {
+        let problem = Arc::clone(&self.problem);
+        let mut share = 1.0;
+        for _ in 0..MAX_HALVINGS {
+            match self.system.assemble(&problem, state, load, 0.0, true) {
+                Ok(()) => return Ok(()),
+                Err(_) => {
+                    share *= 0.5;
+                    self.increment.apply(-share, state);
+                }
+            }
+        }
+        self.system.assemble(&problem, state, load, 0.0, true)?;
+        Ok(())
+    }
+
+    /// Factorises the assembled tangent and solves for the displacement correction.
+    fn solve(&mut self, effort: &mut Effort) -> Result<(), NewtonError> {
+        let problem = &self.problem;
+        self.factor.factorise(&problem.pattern, &self.system.tangent)?;
+        effort.factorisations += 1;
+        for (r, free) in self.system.condensed.iter().zip(&problem.free) {
+            if *free != HELD {
+                self.rhs[3 * *free as usize..][..3].copy_from_slice(r);
+            }
+        }
+        self.factor.solve(&mut self.rhs);
+        let at = |free: u32| {
+            let k = 3 * free as usize;
+            if free == HELD { [0.0; 3] } else { [self.rhs[k], self.rhs[k + 1], self.rhs[k + 2]] }
+        };
+        self.increment.displacement = problem.free.iter().map(|f| at(*f)).collect();
+        let (correction_mm, definite) = (self.increment.largest_mm(), self.factor.positive_definite());
+        tracing::debug!(correction_mm, definite, "Newton iteration");
+        Ok(())
+    }
+
+    /// Applies a share of the correction to displacements, pressures and resultants.
+    fn update(&mut self, state: &mut State, share: f64) {
+        self.stress_increments(state);
+        self.increment.scale(share);
+        self.increment.apply(1.0, state);
+    }
+
+    /// Changes of pressures and resultants that go with the displacement correction, by the linearised relations.
+    fn stress_increments(&mut self, state: &State) {
+        let (problem, du) = (&self.problem, &self.increment.displacement);
+        let pressure = |e: usize| {
+            let gradient = &self.system.volume_gradient[e];
+            let nodes = &problem.mesh.tets[e];
+            let linear: f64 = gradient.iter().zip(nodes).map(|(g, n)| dot(*g, du[*n as usize])).sum();
+            let bulk = problem.elastomer(e).bulk_mpa / problem.tets[e].volume_mm3();
+            bulk * (self.system.volume_change[e] + linear) - state.element_pressure_mpa[e]
+        };
+        self.increment.pressure = (0..problem.mesh.tets.len()).map(pressure).collect();
+        let resultants = |(t, nodes): (usize, &[u32; 6])| {
+            let geometry = &problem.sheet.membrane[t];
+            let add = |n: u32| {
+                crate::algebra::add(problem.mesh.nodes_mm[n as usize], state.displacement_mm[n as usize])
+            };
+            let (x, du) = (nodes.map(add), nodes.map(|n| du[n as usize]));
+            std::array::from_fn(|q| {
+                let mut e = membrane::strain(geometry, q, &x);
+                axpy(1.0, membrane::strain_increment(geometry, q, &x, &du), &mut e);
+                let mut n = membrane::resultant(problem.sheet.stiffness, e);
+                axpy(-1.0, state.sheet_resultants_n_per_mm[t][q], &mut n);
+                n
+            })
+        };
+        self.increment.resultants = problem.mesh.sheet.iter().enumerate().map(resultants).collect();
+    }
+}

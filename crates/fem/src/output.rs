@@ -1,0 +1,103 @@
+//! What a solved state looks like: fields, forces, contact sets.
+
+use crate::algebra::{Vec3, norm};
+use crate::assemble::{System, face};
+use crate::element::tet10;
+use crate::problem::Problem;
+use crate::sparse::HELD;
+use crate::state::State;
+
+/// Fields and figures of one state.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Output {
+    /// Deformed node positions (mm).
+    pub coordinates_mm: Vec<Vec3>,
+    /// Displacement magnitude |U| at each node (mm).
+    pub displacement_mm: Vec<f64>,
+    /// Von Mises stress at each node (MPa): mean over the elements at the node.
+    pub von_mises_mpa: Vec<f64>,
+    /// Von Mises stress at each node (MPa) of the one element the mesh's `mises_owner` names; empty without it.
+    pub von_mises_owner_mpa: Vec<f64>,
+    /// Force of the base on plate or block (N).
+    pub contact_force_n: f64,
+    /// Volume the cavity encloses (mm3).
+    pub cavity_volume_mm3: f64,
+    /// Nodes that touch plate or block.
+    pub contact_nodes: Vec<u32>,
+    /// Nodes of chamber walls that touch across a slot.
+    pub slot_contact_nodes: Vec<u32>,
+    /// Largest nodal force out of balance (N).
+    pub residual_n: f64,
+}
+
+/// Distance below the undeformed base at which an obstacle just clears the state (mm).
+#[must_use]
+pub fn clearance_mm(problem: &Problem, state: &State) -> f64 {
+    let lowest = |n: &u32| -(problem.mesh.nodes_mm[*n as usize][1] + state.displacement_mm[*n as usize][1]);
+    problem.contact_nodes.iter().map(lowest).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Largest force out of balance at a free node (N), with the carried stresses.
+pub fn residual_n(problem: &Problem, state: &State, system: &mut System) -> f64 {
+    if system.assemble(problem, state, &state.load, 0.0, false).is_err() {
+        return f64::INFINITY;
+    }
+    let free = system.mixed.iter().zip(&problem.free).filter(|(_, free)| **free != HELD);
+    free.map(|(r, _)| norm(*r)).fold(0.0, f64::max)
+}
+
+/// Output of a state; `system` is work space.
+pub fn output(problem: &Problem, state: &State, system: &mut System) -> Output {
+    let residual_n = residual_n(problem, state, system);
+    let coordinates_mm = problem.positions(&state.displacement_mm);
+    let (von_mises_mpa, von_mises_owner_mpa) = von_mises(problem, state);
+    let mut contact_nodes = Vec::new();
+    if let Some(face) = face(problem, state.load.obstacle) {
+        let touches = |n: &&u32| face.touch(coordinates_mm[**n as usize]).is_some();
+        contact_nodes = problem.contact_nodes.iter().filter(touches).copied().collect();
+    }
+    Output {
+        displacement_mm: state.displacement_mm.iter().map(|u| norm(*u)).collect(),
+        von_mises_mpa,
+        von_mises_owner_mpa,
+        contact_force_n: system.contact_force_n,
+        cavity_volume_mm3: system.cavity_volume_mm3,
+        contact_nodes,
+        slot_contact_nodes: slot_contact_nodes(problem, &coordinates_mm),
+        residual_n,
+        coordinates_mm,
+    }
+}
+
+fn slot_contact_nodes(problem: &Problem, x: &[Vec3]) -> Vec<u32> {
+    let smoothing = problem.config.contact.slot_smoothing_mm;
+    let touching = problem.slots.iter().flat_map(|walls| walls.contacts(x, smoothing));
+    let mut nodes: Vec<u32> = touching.flat_map(|contact| contact.nodes).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes
+}
+
+/// Nodal von Mises stress: mean over the elements, and by owner where the mesh names one.
+fn von_mises(problem: &Problem, state: &State) -> (Vec<f64>, Vec<f64>) {
+    let nodes = problem.mesh.nodes_mm.len();
+    let (mut sum, mut count) = (vec![0.0; nodes], vec![0.0; nodes]);
+    let mut elements = Vec::with_capacity(problem.mesh.tets.len());
+    for (e, tet) in problem.mesh.tets.iter().enumerate() {
+        let u = tet.map(|n| state.displacement_mm[n as usize]);
+        let points =
+            tet10::von_mises(&problem.tets[e], &u, &problem.elastomer(e).law).unwrap_or([f64::NAN; 4]);
+        let values = tet10::extrapolate(points);
+        for (n, v) in tet.iter().zip(values) {
+            sum[*n as usize] += v;
+            count[*n as usize] += 1.0;
+        }
+        elements.push(values);
+    }
+    for (s, c) in sum.iter_mut().zip(count) {
+        *s /= c;
+    }
+    let owner = |o: &Option<(u32, u8)>| o.map_or(0.0, |(e, local)| elements[e as usize][usize::from(local)]);
+    let owned = problem.mesh.mises_owner.as_ref().map_or_else(Vec::new, |o| o.iter().map(owner).collect());
+    (sum, owned)
+}

@@ -1,0 +1,291 @@
+//! Continuation: from a solved state to another load, in as few steps as the iteration allows.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use thiserror::Error;
+
+use crate::config::Load;
+use crate::contact::obstacle::Obstacle;
+use crate::linear::LinearError;
+use crate::newton::{Effort, Newton, NewtonError};
+use crate::output::{self, Output};
+use crate::problem::Problem;
+use crate::state::State;
+
+/// What it took to reach a state.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Factorisations of the tangent, one a Newton iteration.
+    pub factorisations: usize,
+    /// Load steps that succeeded.
+    pub steps: usize,
+    /// Load steps given up and halved.
+    pub cuts: usize,
+    /// Largest nodal force out of balance at the end (N).
+    pub residual_n: f64,
+    /// Wall time (s).
+    pub seconds: f64,
+}
+
+/// A state that could not be reached.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error(
+    "stopped at {:.1} % of the way to P = {} MPa{}: {reason}. Last equilibrium: P = {:.6} MPa{}. {}",
+    100.0 * share, to.pressure_mpa, gap(to.obstacle), last.pressure_mpa, gap(last.obstacle), advice(reason)
+)]
+pub struct Unreached {
+    /// Share of the path that was covered.
+    pub share: f64,
+    /// The loads asked for.
+    pub to: Load,
+    /// The last loads in equilibrium.
+    pub last: Load,
+    /// Why the next step failed.
+    pub reason: NewtonError,
+    /// The work spent.
+    pub report: Report,
+}
+
+fn gap(obstacle: Obstacle) -> String {
+    obstacle.gap_mm().map_or_else(String::new, |gap| format!(", gap {gap} mm"))
+}
+
+fn advice(reason: &NewtonError) -> &'static str {
+    match reason {
+        NewtonError::Unbearable { .. } => {
+            "The elastomer is at its limit there: lower the pressure or the gravity"
+        }
+        NewtonError::Stalled { .. } => {
+            "Start from a solved state nearer to it, or check that the loads are meant"
+        }
+        NewtonError::Linear(_) => "Check the supports; past a limit point no neighbouring equilibrium exists",
+    }
+}
+
+/// Why the solver did not answer.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum SolveError {
+    /// The path to the state broke off.
+    #[error(transparent)]
+    Unreached(Box<Unreached>),
+    /// A load is not a number the formulation takes.
+    #[error("{name} = {found}, expected {expected}")]
+    Load {
+        /// The load.
+        name: &'static str,
+        /// The value given.
+        found: f64,
+        /// What would be accepted.
+        expected: &'static str,
+    },
+    /// The start does not belong to this problem.
+    #[error("the start has {found} nodes, this mesh has {expected}; start from a state of the same mesh")]
+    ForeignState {
+        /// Nodes of the start.
+        found: usize,
+        /// Nodes of the mesh.
+        expected: usize,
+    },
+}
+
+/// Number of steps in which gravity is applied to the undeformed body.
+const GRAVITY_STEPS: u32 = 3;
+
+/// A step that needed no more factorisations than this lets the next one grow.
+const EASY_STEP: usize = 9;
+
+/// How far a plate is withdrawn before it is taken away (mm).
+const WITHDRAWAL_MM: f64 = 100.0;
+
+/// One thread's solver for a problem.
+pub struct Solver {
+    problem: Arc<Problem>,
+    newton: Newton,
+}
+
+impl Solver {
+    /// Allocates factor and work space.
+    ///
+    /// # Errors
+    /// [`LinearError::Memory`].
+    pub fn new(problem: Arc<Problem>) -> Result<Self, LinearError> {
+        Ok(Self { newton: Newton::new(Arc::clone(&problem))?, problem })
+    }
+
+    /// The problem this solver works on.
+    #[must_use]
+    pub fn problem(&self) -> &Arc<Problem> {
+        &self.problem
+    }
+
+    /// The undeformed, unloaded state.
+    #[must_use]
+    pub fn undeformed(&self) -> State {
+        State {
+            displacement_mm: vec![[0.0; 3]; self.problem.mesh.nodes_mm.len()],
+            element_pressure_mpa: vec![0.0; self.problem.mesh.tets.len()],
+            sheet_resultants_n_per_mm: vec![[[0.0; 3]; 3]; self.problem.mesh.sheet.len()],
+            load: Load::default(),
+        }
+    }
+
+    /// Equilibrium under gravity alone, applied in steps: where every path begins.
+    ///
+    /// # Errors
+    /// [`SolveError`].
+    pub fn rest(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, Report), SolveError> {
+        let load = Load { gravity_mm_s2, ..Load::default() };
+        self.walk(&self.undeformed(), &load, 1.0 / f64::from(GRAVITY_STEPS))
+    }
+
+    /// Follows the path from a solved state to `load`: pressure, gravity and obstacle move together.
+    ///
+    /// The equilibrium does not depend on the path (conservative and frictionless), so any near state is a good start.
+    /// An obstacle that was not there before comes up from where it just clears the base.
+    ///
+    /// # Errors
+    /// [`SolveError`]; the start is untouched.
+    pub fn reach(&mut self, from: &State, load: &Load) -> Result<(State, Report), SolveError> {
+        self.check(from, load)?;
+        let mut start = from.clone();
+        let mut before = Report::default();
+        if from.load.obstacle != Obstacle::None && !from.load.obstacle.same_body(load.obstacle) {
+            (start, before) = self.withdraw(from)?;
+        }
+        if start.load.obstacle == Obstacle::None && load.obstacle != Obstacle::None {
+            let clear = output::clearance_mm(&self.problem, &start);
+            let gap = load.obstacle.gap_mm().map_or(clear, |gap| gap.max(clear));
+            start.load.obstacle = load.obstacle.at(gap);
+        }
+        let (state, report) = self.walk(&start, load, 1.0)?;
+        Ok((state, before.and(&report)))
+    }
+
+    /// What a state looks like from outside.
+    #[must_use]
+    pub fn output(&mut self, state: &State) -> Output {
+        output::output(&self.problem, state, &mut self.newton.system)
+    }
+
+    fn withdraw(&mut self, from: &State) -> Result<(State, Report), SolveError> {
+        let gap = from.load.obstacle.gap_mm().unwrap_or(0.0) + WITHDRAWAL_MM;
+        let away = Load { obstacle: from.load.obstacle.at(gap), ..from.load };
+        let (mut state, report) = self.walk(from, &away, 1.0)?;
+        state.load.obstacle = Obstacle::None;
+        Ok((state, report))
+    }
+
+    fn check(&self, from: &State, load: &Load) -> Result<(), SolveError> {
+        let (found, expected) = (from.displacement_mm.len(), self.problem.mesh.nodes_mm.len());
+        if found != expected || from.element_pressure_mpa.len() != self.problem.mesh.tets.len() {
+            return Err(SolveError::ForeignState { found, expected });
+        }
+        let refuse = |name, found, expected| Err(SolveError::Load { name, found, expected });
+        if !(load.pressure_mpa.is_finite() && load.pressure_mpa >= 0.0) {
+            return refuse("pressure_mpa", load.pressure_mpa, "a finite number, 0 or more");
+        }
+        if let Some(bad) = load.gravity_mm_s2.iter().find(|g| !g.is_finite()) {
+            return refuse("gravity_mm_s2", *bad, "finite components");
+        }
+        match load.obstacle.gap_mm() {
+            // At a gap of zero or less the obstacle would stand inside the undeformed base.
+            Some(gap) if !(gap.is_finite() && gap > 0.0) => refuse(
+                "gap_mm",
+                gap,
+                "a finite distance above 0: the obstacle must stand outside the undeformed base",
+            ),
+            _ => Ok(()),
+        }
+    }
+
+    /// One step of at most `length` of the path; `state` becomes the equilibrium at the share returned.
+    fn step(
+        &mut self,
+        state: &mut State,
+        (from, to): (&Load, &Load),
+        (done, length): (f64, f64),
+        effort: &mut Effort,
+    ) -> Result<f64, NewtonError> {
+        let aim = (done + length).min(1.0);
+        let taken = self.newton.start(state, &between(from, to, aim), effort)?;
+        let reached = if taken < 1.0 { done + taken * (aim - done) } else { aim };
+        state.load = between(from, to, reached);
+        let load = state.load;
+        self.newton.iterate(state, &load, effort)?;
+        Ok(reached)
+    }
+
+    /// Steps along the straight line of loads, halving where the iteration fails and growing where it is easy.
+    fn walk(&mut self, from: &State, to: &Load, first_step: f64) -> Result<(State, Report), SolveError> {
+        let began = Instant::now();
+        let mut state = from.clone();
+        let mut report = Report::default();
+        let (mut done, mut step) = (0.0_f64, first_step);
+        loop {
+            let mut trial = state.clone();
+            let mut effort = Effort::default();
+            let outcome = self.step(&mut trial, (&from.load, to), (done, step), &mut effort);
+            report.factorisations += effort.factorisations;
+            report.seconds = began.elapsed().as_secs_f64();
+            match outcome {
+                Ok(reached) => {
+                    // The predictor finds the length of the next step, unless this one was hard.
+                    step = if first_step < 1.0 {
+                        first_step
+                    } else if effort.factorisations <= EASY_STEP {
+                        1.0
+                    } else {
+                        2.0 * (reached - done)
+                    };
+                    state = trial;
+                    done = reached;
+                    report.steps += 1;
+                }
+                Err(reason) => {
+                    report.cuts += 1;
+                    step *= 0.5;
+                    if step < self.problem.config.newton.smallest_step {
+                        let last = state.load;
+                        let stop = Unreached { share: done, to: *to, last, reason, report };
+                        return Err(SolveError::Unreached(Box::new(stop)));
+                    }
+                }
+            }
+            if done >= 1.0 {
+                state.load = *to;
+                report.residual_n = output::residual_n(&self.problem, &state, &mut self.newton.system);
+                report.seconds = began.elapsed().as_secs_f64();
+                return Ok((state, report));
+            }
+        }
+    }
+}
+
+impl Report {
+    /// This work followed by more.
+    #[must_use]
+    pub fn and(&self, later: &Self) -> Self {
+        Self {
+            factorisations: self.factorisations + later.factorisations,
+            steps: self.steps + later.steps,
+            cuts: self.cuts + later.cuts,
+            residual_n: later.residual_n,
+            seconds: self.seconds + later.seconds,
+        }
+    }
+}
+
+/// The loads at a share of the straight path.
+fn between(from: &Load, to: &Load, share: f64) -> Load {
+    let mix = |a: f64, b: f64| if share >= 1.0 { b } else { a + share * (b - a) };
+    let obstacle = match (from.obstacle.gap_mm(), to.obstacle.gap_mm()) {
+        (Some(a), Some(b)) => to.obstacle.at(mix(a, b)),
+        _ => to.obstacle,
+    };
+    Load {
+        pressure_mpa: mix(from.pressure_mpa, to.pressure_mpa),
+        obstacle,
+        gravity_mm_s2: std::array::from_fn(|i| mix(from.gravity_mm_s2[i], to.gravity_mm_s2[i])),
+    }
+}
