@@ -15,15 +15,15 @@ pub mod element;
 pub mod linear;
 pub mod material;
 pub mod mesh;
-pub mod rng;
-pub mod trace;
 pub mod newton;
 pub mod ordering;
 pub mod output;
 pub mod problem;
+pub mod rng;
 pub mod solver;
 pub mod sparse;
 pub mod state;
+pub mod trace;
 
 pub use config::{Load, ProblemConfig};
 pub use contact::obstacle::Obstacle;

@@ -105,8 +105,8 @@ impl Dissection<'_> {
         }
         let mut best = (f64::INFINITY, 0);
         let mut separator = 0_i64;
-        for cut in 1..n {
-            separator += change[cut];
+        for (cut, change) in change.into_iter().enumerate().take(n).skip(1) {
+            separator += change;
             let (left, right) = ((cut as i64 - separator) as f64, (n - cut) as f64);
             let smaller = left.min(right);
             if smaller < 0.2 * n as f64 {

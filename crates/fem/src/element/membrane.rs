@@ -112,12 +112,11 @@ fn strain_rows(t: &[Vec3; 2], g: [f64; 2]) -> [Vec3; 3] {
 #[must_use]
 pub fn force(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3]) -> [Vec3; 6] {
     let mut out = [[0.0; 3]; 6];
-    for q in 0..3 {
-        let t = tangents(&geometry.gradients[q], x);
-        for (a, f) in out.iter_mut().enumerate() {
-            let rows = strain_rows(&t, geometry.gradients[q][a]);
-            for (row, n) in rows.into_iter().zip(n[q]) {
-                axpy(geometry.weights[q] * n, row, f);
+    for ((gradients, weight), n) in geometry.gradients.iter().zip(geometry.weights).zip(n) {
+        let t = tangents(gradients, x);
+        for (f, g) in out.iter_mut().zip(gradients) {
+            for (row, n) in strain_rows(&t, *g).into_iter().zip(n) {
+                axpy(weight * n, row, f);
             }
         }
     }

@@ -89,9 +89,7 @@ impl TetGeometry {
             if det.is_nan() || det <= 0.0 {
                 return Err(det);
             }
-            for a in 0..10 {
-                this.gradients[q][a] = mat_vec(&inv_t, d[a]);
-            }
+            this.gradients[q] = d.map(|d| mat_vec(&inv_t, d));
             this.weights[q] = det / 24.0;
         }
         Ok(this)
