@@ -6,6 +6,7 @@
 
 pub mod database;
 pub mod error;
+pub mod fields;
 pub mod mesh_file;
 pub mod msh;
 pub mod npy;

@@ -5,8 +5,10 @@
 // Results go through `say!`, which survives a closed pipe; `println!` would panic there.
 #![warn(clippy::print_stdout)]
 
+mod artefact;
 mod cmd;
 mod failure;
+mod progress;
 mod say;
 
 use clap::Parser;

@@ -3,6 +3,31 @@
 //! A command's file has a `pub struct Args` (clap derive: names, units, examples) and `impl Args { pub fn run(self) ->
 //! anyhow::Result<()> }`. What the user got wrong is marked with [`crate::failure`]; results are printed with `say!`.
 
+use formats::database::Scene;
+
+mod inspect;
+mod predict;
+mod train;
+
+/// Scene as the command line names it.
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum SceneArg {
+    /// The actuator over a plate.
+    #[default]
+    Plate,
+    /// The finger of a gripper before a block.
+    Gripper,
+}
+
+impl From<SceneArg> for Scene {
+    fn from(arg: SceneArg) -> Self {
+        match arg {
+            SceneArg::Plate => Self::Plate,
+            SceneArg::Gripper => Self::Gripper,
+        }
+    }
+}
+
 /// Declares the enum clap parses into and its dispatch.
 macro_rules! commands {
     ($($variant:ident => $module:ident),* $(,)?) => {
@@ -19,4 +44,8 @@ macro_rules! commands {
     };
 }
 
-commands! {}
+commands! {
+    Train => train,
+    Inspect => inspect,
+    Predict => predict,
+}

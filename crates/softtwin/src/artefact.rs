@@ -1,0 +1,44 @@
+//! Opening and saving what commands work on, with errors that say whose mistake it was.
+
+use crate::failure::configuration;
+use anyhow::Context;
+use formats::FormatError;
+use formats::database::{self, Scene};
+use rom::model::Model;
+use rom::snapshots::Database;
+use std::path::{Path, PathBuf};
+
+/// Loads a whole model.
+pub fn model(path: &Path) -> anyhow::Result<Model> {
+    let bytes = std::fs::read(path)
+        .with_context(|| format!("cannot read the model {}; `softtwin train` makes one", path.display()))?;
+    Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)
+}
+
+/// Loads the cases of one scene of a database.
+pub fn database(dir: &Path, scene: Scene) -> anyhow::Result<Database> {
+    database::read(dir, scene).map_err(refusal)
+}
+
+/// Content the user can mend is a configuration error; the operating system's refusal is not.
+pub fn refusal(error: FormatError) -> anyhow::Error {
+    match error {
+        FormatError::Io { .. } => error.into(),
+        _ => configuration(error),
+    }
+}
+
+/// Replaces a file as a whole: a reader sees the old one or the new one, never a part.
+pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".part");
+    let partial = PathBuf::from(partial);
+    std::fs::write(&partial, bytes)
+        .and_then(|()| std::fs::rename(&partial, path))
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// The data sheet's place: beside the model, `.json` instead of `.twin`.
+pub fn data_sheet(model: &Path) -> PathBuf {
+    model.with_extension("json")
+}

@@ -1,0 +1,179 @@
+//! `softtwin inspect`.
+
+use crate::{artefact, say};
+use rom::datasheet::{DataSheet, FitSheet};
+use rom::hull::Domain;
+use rom::interpolant::Quantity;
+use rom::model::{Model, RegimeModel};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+    softtwin inspect finger.twin
+    softtwin inspect finger.twin --json | python3 -m json.tool
+
+Beside the model lies its data sheet (finger.json) with the candidates that were tried and the error of every
+training case when it was left out.";
+
+/// Show what a model file holds; every checksum is verified on the way.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Model file.
+    #[arg(value_name = "FILE.twin")]
+    model: PathBuf,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Prints the model's header.
+    pub fn run(self) -> anyhow::Result<()> {
+        let model = artefact::model(&self.model)?;
+        if self.json { say::json(&as_json(&model)) } else { text(&model) }
+    }
+}
+
+fn as_json(model: &Model) -> Value {
+    let header = &model.header;
+    json!({
+        "actuator": header.actuator,
+        "node_count": header.node_count,
+        "database_hash": hex(&header.database_hash),
+        "fields": header.fields.iter().map(|f| json!({
+            "name": f.spec.name, "unit": f.spec.unit, "derived": f.magnitude_of.is_some() })).collect::<Vec<_>>(),
+        "node_sets": header.node_sets.iter().map(|s| (s.name.clone(), json!(s.nodes.len())))
+            .collect::<serde_json::Map<_, _>>(),
+        "hysteresis_mpa": header.hysteresis_mpa,
+        "sag_mm": header.onset.as_ref().map(|t| t.sag_mm()),
+        "reach_mm": header.onset.as_ref().map(|t| t.reach_mm()),
+        "regimes": header.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(r)))
+            .collect::<serde_json::Map<_, _>>(),
+        "bytes": bytes(model),
+    })
+}
+
+fn regime_json(regime: &RegimeModel) -> Value {
+    json!({
+        "inputs": regime.inputs.axes.iter().map(|a| json!({
+            "name": quantity(a.quantity), "min": a.min, "max": a.max })).collect::<Vec<_>>(),
+        "modes": regime.groups.iter().map(|g| (g.name.clone(), json!(g.coefficients.len())))
+            .collect::<serde_json::Map<_, _>>(),
+        "kernels": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.kernel)))
+            .collect::<serde_json::Map<_, _>>(),
+        "force": regime.force.as_ref().map(|f| json!(f.surrogate.kernel)),
+        "bars": regime.bars,
+    })
+}
+
+fn text(model: &Model) -> anyhow::Result<()> {
+    let header = &model.header;
+    let fields: Vec<String> =
+        header.fields.iter().map(|f| format!("{} [{}]", f.spec.name, f.spec.unit)).collect();
+    say!("actuator    {}", header.actuator)?;
+    say!("fields      {} on {} nodes", fields.join(", "), header.node_count)?;
+    let sets: Vec<String> =
+        header.node_sets.iter().map(|s| format!("{} ({})", s.name, s.nodes.len())).collect();
+    say!("node sets   {}", if sets.is_empty() { "none".into() } else { sets.join(", ") })?;
+    say!("database    blake3 {}", hex(&header.database_hash))?;
+    say!("size        {:.1} MB", bytes(model) as f64 / 1e6)?;
+    if let Some(onset) = &header.onset {
+        let (sag, reach) = (onset.sag_mm(), onset.reach_mm());
+        say!("onset       by its own weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
+    }
+    for regime in &header.regimes {
+        say!("\nregime {}", regime.kind.name())?;
+        for axis in &regime.inputs.axes {
+            say!("  {:<12} {} .. {}", quantity(axis.quantity), axis.min, axis.max)?;
+        }
+        let domain = match &regime.domain {
+            Domain::Interval(_) => "the interval of its samples".into(),
+            Domain::Hull(vertices) => format!("the convex hull of its samples, {} vertices", vertices.len()),
+        };
+        say!("  domain       {domain}")?;
+        for group in &regime.groups {
+            let (modes, kernel) = (group.coefficients.len(), &group.surrogate);
+            say!(
+                "  {:<12} {modes:>2} modes, {} centres, {:?}, tail {:?}",
+                group.name,
+                kernel.centres.len(),
+                kernel.kernel,
+                kernel.tail
+            )?;
+        }
+        if let Some(force) = &regime.force {
+            let fit = &force.surrogate;
+            say!("  {:<12} {} centres, {:?}, tail {:?}", "force", fit.centres.len(), fit.kernel, fit.tail)?;
+        }
+        let bars = regime.bars;
+        say!(
+            "  {:.0} % bars    displacement {:.2e} mm, stress {:.2e} MPa, force {:.2e} N",
+            bars.coverage * 100.0,
+            bars.displacement_mm,
+            bars.stress_mpa,
+            bars.force_n
+        )?;
+    }
+    Ok(())
+}
+
+/// The choices of a data sheet as a table.
+pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
+    for regime in &sheet.regimes {
+        say!(
+            "\nregime {}: {} cases + {} on the onset",
+            regime.kind.name(),
+            regime.cases,
+            regime.boundary_states
+        )?;
+        say!(
+            "  {:<14}{:>5}  {:<32}{:>10}{:>15}{:>14}",
+            "group",
+            "modes",
+            "kernel",
+            "condition",
+            "leave-one-out",
+            "truncation"
+        )?;
+        for fit in regime.groups.iter().chain(&regime.force) {
+            say!("  {}", fit_line(fit))?;
+        }
+        let bars = regime.bars;
+        say!(
+            "  {:.0} % of untouched states err by less than {:.2e} mm, {:.2e} MPa, {:.2e} N at their worst node",
+            bars.coverage * 100.0,
+            bars.displacement_mm,
+            bars.stress_mpa,
+            bars.force_n
+        )?;
+    }
+    for remark in &sheet.remarks {
+        say!("note: {remark}")?;
+    }
+    Ok(())
+}
+
+fn fit_line(fit: &FitSheet) -> String {
+    let kernel = fit.candidates.first().map_or("", |c| c.kernel.as_str());
+    format!(
+        "{:<14}{:>5}  {kernel:<32}{:>10.1e}{:>15.2e}{:>14.1e}",
+        fit.name, fit.modes, fit.condition, fit.leave_one_out, fit.truncation_error
+    )
+}
+
+const fn quantity(quantity: Quantity) -> &'static str {
+    match quantity {
+        Quantity::PressureMpa => "pressure_mpa",
+        Quantity::GapMm => "gap_mm",
+    }
+}
+
+fn bytes(model: &Model) -> usize {
+    model.blocks.iter().map(|(_, block)| block.len() * 4).sum()
+}
+
+fn hex(hash: &[u8; 32]) -> String {
+    hash.iter().map(|b| format!("{b:02x}")).collect()
+}

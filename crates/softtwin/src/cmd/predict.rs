@@ -1,0 +1,134 @@
+//! `softtwin predict`.
+
+use crate::failure::{configuration, usage};
+use crate::{artefact, say};
+use anyhow::Context;
+use formats::fields::{Format, State};
+use formats::vtu::Cells;
+use rom::evaluation::{Evaluation, Input};
+use rom::hull::Verdict;
+use rom::kernel::Peaks;
+use rom::model::{BlockKind, Model};
+use rom::predict::{Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::snapshots::FieldSpec;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  One state as an array, nodes x fields (x, y, z, displacement, von Mises), float32:
+    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --out state.npy
+  For ParaView, with the inside of the body (the model itself knows its surface only):
+    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --mesh mesh.vtu --out state.vtu
+  No obstacle; only the answer on standard output:
+    softtwin predict --model finger.twin --pressure-mpa 0.05
+
+Standard output is one JSON object. `in_domain` is false outside the convex hull of the training states: the answer is
+then an extrapolation and its error bars do not hold.";
+
+/// Predict one state: force, regime, onset and, with --out, all fields.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Model file.
+    #[arg(long, value_name = "FILE.twin")]
+    model: PathBuf,
+    /// Cavity pressure in MPa, at least 0.
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true)]
+    pressure_mpa: f64,
+    /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    gap_mm: Option<f64>,
+    /// File for the fields: .npy, .csv or .vtu.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Undeformed mesh whose cells a .vtu output shall have; the model's surface when left out.
+    #[arg(long, value_name = "FILE.vtu", requires = "out")]
+    mesh: Option<PathBuf>,
+}
+
+impl Args {
+    /// Predicts and prints one JSON object.
+    pub fn run(self) -> anyhow::Result<()> {
+        let input = self.checked_input()?;
+        if let Some(out) = &self.out {
+            Format::of(out).map_err(usage)?; // before the work, not after it
+        }
+        let model = artefact::model(&self.model)?;
+        let mut predictor = Predictor::new(&model, &Selection::default())?;
+        let mut evaluation = predictor.evaluation();
+        predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
+        if predictor.basis(evaluation.basis).is_none() {
+            let (found, wanted) = (regimes(&model), evaluation.basis.name());
+            return Err(usage(format!("this state belongs to regime {wanted}; the model has only {found}")));
+        }
+        let mut values = vec![0.0; predictor.entries()];
+        let peaks = predictor.reconstruct_into(&evaluation, &mut values)?;
+        if self.out.is_some() {
+            self.write(&model, &values)?;
+        }
+        say::json(&answer(&evaluation, &peaks))
+    }
+
+    fn checked_input(&self) -> anyhow::Result<Input> {
+        if !(self.pressure_mpa.is_finite() && self.pressure_mpa >= 0.0) {
+            let found = self.pressure_mpa;
+            return Err(usage(format!(
+                "--pressure-mpa: expected a finite pressure of at least 0 MPa, found {found}"
+            )));
+        }
+        if let Some(gap) = self.gap_mm.filter(|gap| !gap.is_finite()) {
+            return Err(usage(format!(
+                "--gap-mm: expected a finite gap in mm (leave it out for no obstacle), found {gap}"
+            )));
+        }
+        Ok(Input { pressure_mpa: self.pressure_mpa, gap_mm: self.gap_mm.unwrap_or(f64::INFINITY) })
+    }
+
+    fn write(&self, model: &Model, values: &[f32]) -> anyhow::Result<()> {
+        let Some(out) = &self.out else { return Ok(()) };
+        let header = &model.header;
+        let fields: Vec<FieldSpec> = header.fields.iter().map(|f| f.spec.clone()).collect();
+        let rest = |axis| model.f32_block(BlockKind::Undeformed(axis));
+        let undeformed = rest(0).zip(rest(1)).zip(rest(2)).map(|((x, y), z)| [x, y, z]);
+        let mesh =
+            self.mesh.as_ref().map(|path| formats::vtu::read(path)).transpose().map_err(artefact::refusal)?;
+        if let Some(found) = mesh.as_ref().map(|m| m.points_mm.len()).filter(|n| *n != header.node_count) {
+            return Err(configuration(anyhow::anyhow!(
+                "--mesh: expected {} nodes as in the model, found {found}",
+                header.node_count
+            )));
+        }
+        let (triangles, _) = model.u32_block(BlockKind::Surface).unwrap_or(&[]).as_chunks();
+        let cells = mesh.as_ref().map_or(Cells::Triangles(triangles), |m| Cells::QuadraticTets(&m.tets));
+        let state = State { fields: &fields, nodes: header.node_count, values, undeformed, cells };
+        state.write(out).context("the fields were not written")
+    }
+}
+
+fn regimes(model: &Model) -> String {
+    let names: Vec<&str> = model.header.regimes.iter().map(|r| r.kind.name()).collect();
+    names.join(", ")
+}
+
+fn answer(evaluation: &Evaluation, peaks: &Peaks) -> Value {
+    json!({
+        "regime": evaluation.regime.name(),
+        "pressure_mpa": evaluation.input.pressure_mpa,
+        "gap_mm": Some(evaluation.input.gap_mm).filter(|gap| gap.is_finite()),
+        "contact_force_n": evaluation.contact_force_n,
+        "dforce_dpressure_n_per_mpa": evaluation.dforce_dpressure,
+        "dforce_dgap_n_per_mm": evaluation.dforce_dgap,
+        "onset_pressure_mpa": evaluation.onset_pressure_mpa,
+        "in_domain": evaluation.domain == Verdict::Inside,
+        "domain": evaluation.domain,
+        "domain_distance": evaluation.domain_distance,
+        "bars": evaluation.bars,
+        "max_displacement_mm": peaks.displacement_mm.map(|p| p.value),
+        "max_displacement_node": peaks.displacement_mm.map(|p| p.node),
+        "max_von_mises_mpa": peaks.stress_mpa.map(|p| p.value),
+        "max_von_mises_node": peaks.stress_mpa.map(|p| p.node),
+        "force_clamped": evaluation.flags.force_clamped,
+    })
+}

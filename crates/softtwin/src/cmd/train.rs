@@ -1,0 +1,145 @@
+//! `softtwin train`.
+
+use crate::failure::{configuration, usage};
+use crate::progress::Progress;
+use crate::{artefact, say};
+use anyhow::Context;
+use formats::database::Scene;
+use rom::config::TrainConfig;
+use rom::datasheet::{DataSheet, FitSheet, RegimeSheet};
+use rom::snapshots::{Database, Split};
+use rom::train::TrainError;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+const EXAMPLES: &str = "\
+Examples:
+  Train with what leave-one-out chooses; also writes the data sheet finger.json:
+    softtwin train --database models/pneunet/database --out finger.twin
+  The paper's method (joint uncentred POD, linear splines without tail, 4 and 6 modes), for comparison:
+    softtwin train --database models/pneunet/database --paper --out paper.twin
+  Your own choices, beginning with the commented defaults:
+    cp config/train.toml mine.toml
+    softtwin train --database models/pneunet/database --config mine.toml --out mine.twin
+
+Only cases with split = train are looked at; test and check cases are kept for `softtwin evaluate`.";
+
+/// Train a model from a database of finite-element states.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Database folder (database.toml, cases.csv, snapshots.npy, mesh.vtu).
+    #[arg(long, value_name = "DIR")]
+    database: PathBuf,
+    /// Model file to write; the data sheet goes beside it with the ending .json.
+    #[arg(long, value_name = "FILE.twin")]
+    out: PathBuf,
+    /// Training configuration; keys left out keep their defaults.
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "paper")]
+    config: Option<PathBuf>,
+    /// Train by the paper's method instead of the defaults.
+    #[arg(long)]
+    paper: bool,
+    /// Scene whose cases are used: the plate, or the gripper's block.
+    #[arg(long, value_enum, default_value_t)]
+    scene: super::SceneArg,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Trains and writes model and data sheet.
+    pub fn run(self) -> anyhow::Result<()> {
+        if self.out.extension().is_some_and(|e| e == "json") {
+            return Err(usage(format!(
+                "--out {}: the ending .json is the data sheet's; use .twin",
+                self.out.display()
+            )));
+        }
+        let config = self.config()?;
+        let mut progress = Progress::new(self.json);
+        progress.step("reading the database");
+        let database = artefact::database(&self.database, Scene::from(self.scene))?;
+        let started = Instant::now();
+        let trained = rom::train::train(&database, &config, &mut |step| progress.step(step));
+        let (model, sheet) = trained.map_err(|e| match e {
+            TrainError::Database(_) | TrainError::Config(_) => configuration(e),
+            other => other.into(),
+        })?;
+        let training_s = started.elapsed().as_secs_f64();
+        progress.step("writing the model");
+        let bytes = model.to_bytes()?;
+        artefact::save(&self.out, &bytes)?;
+        let sheet_path = artefact::data_sheet(&self.out);
+        artefact::save(&sheet_path, format!("{:#}\n", serde_json::to_value(&sheet)?).as_bytes())?;
+        drop(progress);
+        let done = Done { model: &self.out, data_sheet: &sheet_path, training_s, bytes: bytes.len() };
+        if self.json { done.json(&sheet, &database) } else { done.text(&sheet, &database) }
+    }
+
+    fn config(&self) -> anyhow::Result<TrainConfig> {
+        let Some(path) = &self.config else {
+            return Ok(if self.paper { TrainConfig::paper() } else { TrainConfig::default() });
+        };
+        let place = || path.display().to_string();
+        let text = std::fs::read_to_string(path).with_context(place).map_err(configuration)?;
+        toml::from_str(&text).with_context(place).map_err(configuration)
+    }
+}
+
+/// What was made.
+struct Done<'a> {
+    model: &'a Path,
+    data_sheet: &'a Path,
+    training_s: f64,
+    bytes: usize,
+}
+
+impl Done<'_> {
+    fn json(&self, sheet: &DataSheet, database: &Database) -> anyhow::Result<()> {
+        say::json(&json!({
+            "model": self.model,
+            "data_sheet": self.data_sheet,
+            "training_s": self.training_s,
+            "bytes": self.bytes,
+            "cases": database.of_split(Split::Train).count(),
+            "database_hash": sheet.database_hash,
+            "sag_mm": sheet.sag_mm,
+            "reach_mm": sheet.reach_mm,
+            "remarks": sheet.remarks,
+            "regimes": sheet.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(r))).collect::<serde_json::Map<_, _>>(),
+        }))
+    }
+
+    fn text(&self, sheet: &DataSheet, database: &Database) -> anyhow::Result<()> {
+        let cases = database.of_split(Split::Train).count();
+        say!(
+            "{}: {cases} training cases, {} nodes, trained in {:.2} s",
+            sheet.actuator,
+            sheet.node_count,
+            self.training_s
+        )?;
+        if let (Some(sag), Some(reach)) = (sheet.sag_mm, sheet.reach_mm) {
+            say!("touches by its own weight up to gap {sag:.2} mm, never beyond {reach:.2} mm")?;
+        }
+        super::inspect::sheet_table(sheet)?;
+        say!("model       {} ({:.1} MB)", self.model.display(), self.bytes as f64 / 1e6)?;
+        say!("data sheet  {}", self.data_sheet.display())?;
+        Ok(())
+    }
+}
+
+fn regime_json(regime: &RegimeSheet) -> serde_json::Value {
+    let fit = |f: &FitSheet| {
+        json!({ "modes": f.modes, "condition": f.condition, "leave_one_out": f.leave_one_out,
+                "kernel": f.candidates.first().map(|c| c.kernel.clone()) })
+    };
+    json!({
+        "cases": regime.cases,
+        "boundary_states": regime.boundary_states,
+        "groups": regime.groups.iter().map(|g| (g.name.clone(), fit(g))).collect::<serde_json::Map<_, _>>(),
+        "force": regime.force.as_ref().map(fit),
+    })
+}
