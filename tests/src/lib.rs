@@ -1,1 +1,19 @@
-//! Multi-process stories of softtwin.
+//! What the multi-process stories share: a small trained model, scenes around it, and processes under control.
+//!
+//! Every story has its own [`Stage`]: a temporary folder and a shared-memory domain that nobody else is in. Nothing here
+//! sleeps to synchronise: stories wait for lines that a program prints, or for samples, with generous time-outs.
+
+extern crate rom as softtwin_rom; // the synthetic beam is shared with the tests of `rom`, which know it by that name
+
+pub mod process;
+pub mod stage;
+#[path = "../../crates/rom/tests/support/synthetic.rs"]
+pub mod synthetic;
+
+pub use process::Program;
+pub use stage::Stage;
+
+use std::time::Duration;
+
+/// How long a story waits for anything before it fails: long enough for a loaded machine.
+pub const PATIENCE: Duration = Duration::from_secs(60);

@@ -84,7 +84,8 @@ pub enum PredictError {
 struct RegimePart {
     model: RegimeModel,
     coefficient_count: usize,
-    basis: Basis,
+    /// None when no field was selected: force and coefficients need no basis.
+    basis: Option<Basis>,
 }
 
 /// A model made ready to answer, for one selection of fields and nodes.
@@ -122,7 +123,9 @@ impl Predictor {
         let fields = header.resolve_fields(selection.fields.as_deref())?;
         let mut parts = Vec::new();
         for regime in &header.regimes {
-            let basis = build(model, regime, &fields, nodes.as_deref(), precision)?;
+            let wanted = !fields.is_empty();
+            let basis =
+                wanted.then(|| build(model, regime, &fields, nodes.as_deref(), precision)).transpose()?;
             parts.push(RegimePart {
                 model: regime.clone(),
                 coefficient_count: regime.coefficient_count(),
@@ -163,7 +166,7 @@ impl Predictor {
 
     /// The laid-out basis of a regime.
     pub fn basis(&self, kind: RegimeKind) -> Option<&Basis> {
-        self.parts.iter().find(|p| p.model.kind == kind).map(|p| &p.basis)
+        self.parts.iter().find(|p| p.model.kind == kind)?.basis.as_ref()
     }
 
     /// An evaluation with room for any answer.

@@ -13,6 +13,9 @@
 
 pub mod bridge;
 pub mod config;
+pub mod explain;
+pub mod realtime;
 pub mod source;
+pub mod twin;
 
 pub use wire;

@@ -37,16 +37,19 @@ outcomes! {
     HeldStale = 4, "held: stale";
     /// Stamped later than now by more than the configured limit: the last good state stands.
     HeldFuture = 5, "held: stamped in the future";
+    /// The gap is outside the range that the scene said can occur (what it needs was not loaded): the last good state
+    /// stands.
+    HeldOutsideScene = 6, "held: gap outside the scene's range";
     /// The same sequence number again.
-    DroppedDuplicate = 6, "dropped: duplicate";
+    DroppedDuplicate = 7, "dropped: duplicate";
     /// A sequence number or time stamp before the last one.
-    DroppedBackInTime = 7, "dropped: back in time";
+    DroppedBackInTime = 8, "dropped: back in time";
     /// A newer reading was already waiting: the newest wins.
-    DroppedSuperseded = 8, "dropped: superseded";
-    /// No output could be sent (no memory left, or the port failed).
-    DroppedNotSent = 9, "dropped: could not be sent";
+    DroppedSuperseded = 9, "dropped: superseded";
+    /// An output could not be sent (no memory left, or the port failed).
+    DroppedNotSent = 10, "dropped: could not be sent";
     /// The model gave a value that is not finite.
-    DroppedModel = 10, "dropped: model gave no finite value";
+    DroppedModel = 11, "dropped: model gave no finite value";
 }
 
 impl Outcome {
@@ -57,7 +60,7 @@ impl Outcome {
 
     /// Whether the last good state stands in its place.
     pub fn is_held(self) -> bool {
-        (Outcome::HeldNotFinite.code()..=Outcome::HeldFuture.code()).contains(&self.code())
+        (Outcome::HeldNotFinite.code()..=Outcome::HeldOutsideScene.code()).contains(&self.code())
     }
 
     /// Whether nothing came of it.

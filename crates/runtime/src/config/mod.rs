@@ -7,6 +7,7 @@ mod settings;
 pub use scene::{
     ActuatorSpec, FixedNodes, Gap, Measured, NodesSpec, OutputSpec, Precision, Scene, StateSpec,
 };
+pub(crate) use settings::ms_to_ns;
 pub use settings::{Limits, OnMissingRights, Realtime, Settings};
 
 use serde::de::DeserializeOwned;

@@ -37,7 +37,7 @@ pub struct FieldHeader {
     pub contact_force_n: f64,
     /// Largest von Mises stress among the nodes of this sample, MPa; NaN when stress is not in it.
     pub max_von_mises_mpa: f64,
-    /// Node (index within this sample) of that stress; `u32::MAX` when stress is not in it.
+    /// Node (number in the model) of that stress; `u32::MAX` when stress is not in it.
     pub max_von_mises_node: u32,
     /// Number of [`super::regime`].
     pub regime: u32,

@@ -97,6 +97,9 @@ pub mod field_id {
     /// Von Mises stress, MPa.
     pub const VON_MISES: u8 = 5;
 
+    /// Numbers from here on are `OTHER + position in the model` for fields without a number of their own.
+    pub const OTHER: u8 = 128;
+
     /// The name, as in the model and in scene files.
     pub fn as_str(id: u8) -> &'static str {
         match id {
@@ -105,6 +108,7 @@ pub mod field_id {
             Z => "z",
             DISPLACEMENT => "displacement",
             VON_MISES => "von_mises",
+            OTHER.. => "other",
             _ => "none",
         }
     }

@@ -52,7 +52,7 @@ pub struct State {
     pub displacement_bar_mm: f32,
     /// Half width of the stress's error bar, MPa; NaN when not asked for.
     pub von_mises_bar_mpa: f32,
-    /// Signed distance to the edge of the sampled states in scaled units: positive outside.
+    /// Distance to the sampled states over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f32,
     /// Number of [`super::regime`].
     pub regime: u32,

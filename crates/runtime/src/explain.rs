@@ -1,0 +1,107 @@
+//! What a scene costs before it runs: what will be loaded, bytes, and measured microseconds a sample.
+
+use crate::twin::{Histogram, Loaded};
+use rom::evaluation::Input;
+use rom::regime::RegimeSwitch;
+use rom::snapshots::RegimeKind;
+use serde::Serialize;
+use std::time::Instant;
+use wire::{Topic, TopicKind, qos};
+
+/// One actuator of a scene, explained.
+#[derive(Debug, Clone, Serialize)]
+pub struct Explained {
+    /// Its name.
+    pub actuator: String,
+    /// Gaps that can occur, mm.
+    pub gap_mm: (f64, f64),
+    /// Regimes that can occur with these gaps.
+    pub regimes: Vec<&'static str>,
+    /// Bytes read from the model file.
+    pub read_bytes: u64,
+    /// Bytes of all blocks in the model file: the difference was never touched.
+    pub file_block_bytes: u64,
+    /// Blocks read.
+    pub blocks: usize,
+    /// Evaluation alone (coefficients, force, gradients, bars): median microseconds.
+    pub state_us: f64,
+    /// Field topics.
+    pub outputs: Vec<ExplainedOutput>,
+}
+
+/// One field topic, explained.
+#[derive(Debug, Clone, Serialize)]
+pub struct ExplainedOutput {
+    /// Its topic.
+    pub topic: String,
+    /// Nodes of a sample.
+    pub nodes: usize,
+    /// Fields of a sample.
+    pub fields: Vec<String>,
+    /// Bytes of the basis in memory.
+    pub basis_bytes: u64,
+    /// Bytes of one sample on the wire.
+    pub sample_bytes: u64,
+    /// Shared memory reserved for the topic.
+    pub reserved_bytes: u64,
+    /// Evaluation and reconstruction: median microseconds.
+    pub us: f64,
+}
+
+/// Evaluations timed for each median.
+const ROUNDS: usize = 200;
+
+/// Measures one actuator, in the regime that costs most of those that can occur.
+pub fn explain(loaded: &mut Loaded) -> Explained {
+    let input = Input { pressure_mpa: 0.03, gap_mm: costly_gap_mm(loaded) };
+    let mut evaluation = loaded.evaluator.evaluation();
+    let mut switch = RegimeSwitch::default();
+    let evaluator = &mut loaded.evaluator;
+    let state_us = median_us(|| evaluator.evaluate(input, &mut switch, &mut evaluation));
+    let actuator = loaded.spec.name.clone();
+    let outputs = loaded
+        .outputs
+        .iter()
+        .map(|output| {
+            let mut values = vec![0.0; output.predictor.entries()];
+            let field_us = median_us(|| output.predictor.reconstruct_into(&evaluation, &mut values));
+            let sample_bytes = 4 * values.len() as u64;
+            let topic = Topic::field(&actuator, output.spec.topic_name());
+            ExplainedOutput {
+                topic: topic.map(|topic| topic.to_string()).unwrap_or_default(),
+                nodes: output.predictor.rows(),
+                fields: output.fields.clone(),
+                basis_bytes: output.basis_bytes,
+                sample_bytes,
+                reserved_bytes: sample_bytes * qos::of(TopicKind::Field).samples_in_use() as u64,
+                us: state_us + field_us,
+            }
+        })
+        .collect();
+    Explained {
+        actuator,
+        gap_mm: loaded.spec.gap_mm.range_mm(),
+        regimes: loaded.regimes.iter().map(|kind| kind.name()).collect(),
+        read_bytes: loaded.read.iter().map(|block| block.bytes).sum(),
+        file_block_bytes: loaded.file_block_bytes,
+        blocks: loaded.read.len(),
+        state_us,
+        outputs,
+    }
+}
+
+/// A gap at which the costliest regime of the scene is evaluated: contact where it can occur.
+fn costly_gap_mm(loaded: &Loaded) -> f64 {
+    let (min_mm, max_mm) = loaded.spec.gap_mm.range_mm();
+    if loaded.regimes.contains(&RegimeKind::Contact) { min_mm } else { max_mm.min(1e6) }
+}
+
+fn median_us<R>(mut call: impl FnMut() -> R) -> f64 {
+    let mut histogram = Histogram::default();
+    for _ in 0..ROUNDS {
+        let begin = Instant::now();
+        std::hint::black_box(call());
+        histogram.add(begin.elapsed().as_nanos() as u64);
+    }
+    histogram.quantile(0.5) as f64 / 1000.0
+}

@@ -1,0 +1,279 @@
+//! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
+
+use crate::config::{ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Precision, Scene};
+use rom::kernel::Precision as KernelPrecision;
+use rom::model::{BlockData, BlockKind, Model, ModelHeader, ModelReader};
+use rom::predict::{Nodes, Predictor, Selection};
+use rom::snapshots::{FieldKind, RegimeKind};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+use wire::layout::field_id;
+
+/// One actuator of a scene with everything it needs in memory.
+#[derive(Debug)]
+pub struct Loaded {
+    /// What the scene says of it.
+    pub spec: ActuatorSpec,
+    /// First 16 bytes of the model file's hash.
+    pub model_hash: [u8; 16],
+    /// Answers readings: regime, coefficients, force. Carries no basis.
+    pub evaluator: Predictor,
+    /// Groups of the model, with the number of coefficients of each, for each regime.
+    pub group_sizes: Vec<(RegimeKind, Vec<u8>)>,
+    /// One for each field topic.
+    pub outputs: Vec<LoadedOutput>,
+    /// Regimes that can occur.
+    pub regimes: Vec<RegimeKind>,
+    /// What was read from the model file.
+    pub read: Vec<ReadBlock>,
+    /// Bytes of all blocks of the file.
+    pub file_block_bytes: u64,
+}
+
+/// One field topic, ready to compute.
+#[derive(Debug)]
+pub struct LoadedOutput {
+    /// What the scene says of it.
+    pub spec: OutputSpec,
+    /// Reconstructs the fields.
+    pub predictor: Predictor,
+    /// Names of the fields in their order.
+    pub fields: Vec<String>,
+    /// Their numbers of [`field_id`].
+    pub field_ids: Vec<u8>,
+    /// Bytes of the basis in memory, all regimes.
+    pub basis_bytes: u64,
+}
+
+/// One block that was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReadBlock {
+    /// Which.
+    pub kind: BlockKind,
+    /// How large.
+    pub bytes: u64,
+}
+
+/// Loads all actuators of a scene.
+///
+/// # Errors
+/// The problems of all actuators at once.
+pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError> {
+    let mut problems = Vec::new();
+    let mut loaded = Vec::new();
+    for spec in &scene.actuators {
+        match load(spec, &scene.resolve(&spec.model)) {
+            Ok(actuator) => loaded.push(actuator),
+            Err(found) => {
+                problems.extend(found.into_iter().map(|text| format!("actuator `{}`: {text}", spec.name)))
+            }
+        }
+    }
+    if problems.is_empty() { Ok(loaded) } else { Err(ConfigError { path: path.into(), problems }) }
+}
+
+/// Loads one actuator.
+///
+/// # Errors
+/// All problems of its model and its outputs.
+pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String>> {
+    let at = |text: String| vec![format!("model: {text} ({})", model_path.display())];
+    let mut file = File::open(model_path).map_err(|error| at(format!("cannot open: {error}")))?;
+    let model_hash = trailer_hash(&mut file).map_err(|error| at(format!("cannot read: {error}")))?;
+    let mut reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
+    let regimes = regimes_in_reach(reader.header(), spec);
+    let mut header = reader.header().clone();
+    header.regimes.retain(|regime| regimes.contains(&regime.kind));
+    if header.regimes.is_empty() {
+        let (min, max) = spec.gap_mm.range_mm();
+        return Err(at(format!("it has no regime for gaps of {min} .. {max} mm")));
+    }
+    let selections = selections(spec, &header, &mut reader)?;
+    let needed = needed_blocks(&header, &regimes, &selections);
+    let mut model = Model { header, blocks: Vec::new() };
+    let mut read = Vec::new();
+    let file_block_bytes = reader.blocks().iter().map(|entry| entry.values * 4).sum();
+    for entry in reader.blocks().to_vec() {
+        if needed.contains(&entry.kind) {
+            let block = reader.read_block(&entry).map_err(|error| at(error.to_string()))?;
+            read.push(ReadBlock { kind: entry.kind, bytes: entry.values * 4 });
+            model.blocks.push((entry.kind, block));
+        }
+    }
+    let nothing = Selection { fields: Some(Vec::new()), nodes: Nodes::All };
+    let evaluator = Predictor::new(&model, &nothing).map_err(|error| at(error.to_string()))?;
+    let outputs = outputs(spec, &model, selections)?;
+    let group_sizes = model
+        .header
+        .regimes
+        .iter()
+        .map(|regime| {
+            (regime.kind, regime.groups.iter().map(|group| group.coefficients.len() as u8).collect())
+        })
+        .collect();
+    Ok(Loaded {
+        spec: spec.clone(),
+        model_hash,
+        evaluator,
+        group_sizes,
+        outputs,
+        regimes,
+        read,
+        file_block_bytes,
+    })
+}
+
+/// The file ends with its blake3 hash; blocks are verified one by one when they are read.
+fn trailer_hash(file: &mut File) -> std::io::Result<[u8; 16]> {
+    let mut trailer = [0; 32];
+    file.seek(SeekFrom::End(-32))?;
+    file.read_exact(&mut trailer)?;
+    file.rewind()?;
+    let mut hash = [0; 16];
+    for (to, from) in hash.iter_mut().zip(trailer) {
+        *to = from;
+    }
+    Ok(hash)
+}
+
+/// Contact only where the plate can be reached, free only where it can be left.
+fn regimes_in_reach(header: &ModelHeader, spec: &ActuatorSpec) -> Vec<RegimeKind> {
+    let (min_mm, max_mm) = spec.gap_mm.range_mm();
+    let possible = |kind: RegimeKind| match (&header.onset, kind) {
+        (None, _) => true,
+        (Some(onset), RegimeKind::Contact) => min_mm <= onset.reach_mm(),
+        (Some(onset), RegimeKind::Free) => max_mm > onset.sag_mm(),
+    };
+    header.regimes.iter().map(|regime| regime.kind).filter(|kind| possible(*kind)).collect()
+}
+
+/// What each output selects from the model.
+fn selections<R: Read + Seek>(
+    spec: &ActuatorSpec,
+    header: &ModelHeader,
+    reader: &mut ModelReader<R>,
+) -> Result<Vec<Selection>, Vec<String>> {
+    let mut problems = Vec::new();
+    let mut selections = Vec::new();
+    for (index, output) in spec.outputs.iter().enumerate() {
+        let fields = (!output.fields.is_empty()).then(|| output.fields.clone());
+        match nodes(&output.nodes, reader) {
+            Ok(nodes) => {
+                let checked = [
+                    header.resolve_fields(fields.as_deref()).err().map(|error| error.to_string()),
+                    header.resolve_nodes(&nodes).err().map(|error| error.to_string()),
+                ];
+                problems.extend(checked.into_iter().flatten().map(|text| format!("output[{index}]: {text}")));
+                selections.push(Selection { fields, nodes });
+            }
+            Err(text) => problems.push(format!("output[{index}].nodes: {text}")),
+        }
+    }
+    if problems.is_empty() { Ok(selections) } else { Err(problems) }
+}
+
+fn nodes<R: Read + Seek>(spec: &NodesSpec, reader: &mut ModelReader<R>) -> Result<Nodes, String> {
+    match spec {
+        NodesSpec::Named(name) if name == "all" => Ok(Nodes::All),
+        NodesSpec::Named(name) => Ok(Nodes::Set(name.clone())),
+        NodesSpec::Fixed(FixedNodes::List(list)) => Ok(Nodes::List(list.clone())),
+        NodesSpec::Fixed(FixedNodes::Box { min, max }) => nodes_in_box(reader, min, max),
+    }
+}
+
+fn nodes_in_box<R: Read + Seek>(
+    reader: &mut ModelReader<R>,
+    min: &[f64; 3],
+    max: &[f64; 3],
+) -> Result<Nodes, String> {
+    let mut inside = vec![true; reader.header().node_count];
+    for axis in 0..3u8 {
+        let entry = reader.blocks().iter().find(|entry| entry.kind == BlockKind::Undeformed(axis)).cloned();
+        let entry =
+            entry.ok_or("a box needs the undeformed mesh, which this model does not have; use a list")?;
+        let BlockData::F32(values) = reader.read_block(&entry).map_err(|error| error.to_string())? else {
+            return Err("the undeformed mesh is not stored as coordinates".into());
+        };
+        let bounds = min.get(axis as usize).zip(max.get(axis as usize));
+        for (inside, value) in inside.iter_mut().zip(values) {
+            *inside &= bounds.is_some_and(|(min, max)| (*min..=*max).contains(&f64::from(value)));
+        }
+    }
+    let list: Vec<u32> = (0..).zip(&inside).filter(|(_, inside)| **inside).map(|(node, _)| node).collect();
+    if list.is_empty() {
+        return Err(format!("no node lies in the box {min:?} .. {max:?} (undeformed coordinates, mm)"));
+    }
+    Ok(Nodes::List(list))
+}
+
+/// The blocks that the selections need, derived fields with what they are derived from.
+fn needed_blocks(header: &ModelHeader, regimes: &[RegimeKind], selections: &[Selection]) -> Vec<BlockKind> {
+    let mut fields: Vec<usize> = Vec::new();
+    for selection in selections {
+        // Unknown fields were reported before.
+        fields.extend(header.resolve_fields(selection.fields.as_deref()).unwrap_or_default());
+    }
+    let axes: Vec<usize> =
+        fields.iter().filter_map(|field| header.fields.get(*field)?.magnitude_of).flatten().collect();
+    let mut blocks = Vec::new();
+    if !axes.is_empty() {
+        blocks.extend((0..3).map(BlockKind::Undeformed));
+    }
+    for field in fields.into_iter().chain(axes).map(|field| field as u32) {
+        for &regime in regimes {
+            blocks.push(BlockKind::Mean { regime, field });
+            blocks.push(BlockKind::Modes { regime, field });
+        }
+    }
+    blocks
+}
+
+fn outputs(
+    spec: &ActuatorSpec,
+    model: &Model,
+    selections: Vec<Selection>,
+) -> Result<Vec<LoadedOutput>, Vec<String>> {
+    let mut problems = Vec::new();
+    let mut outputs = Vec::new();
+    for (index, (output, selection)) in spec.outputs.iter().zip(selections).enumerate() {
+        let precision = match output.precision {
+            Precision::F32 => KernelPrecision::F32,
+            Precision::I16 => KernelPrecision::I16,
+        };
+        match Predictor::with_precision(model, &selection, precision) {
+            Ok(predictor) => outputs.push(describe(output, model, &selection, predictor)),
+            Err(error) => problems.push(format!("output[{index}]: {error}")),
+        }
+    }
+    if problems.is_empty() { Ok(outputs) } else { Err(problems) }
+}
+
+fn describe(spec: &OutputSpec, model: &Model, selection: &Selection, predictor: Predictor) -> LoadedOutput {
+    let header = &model.header;
+    let numbers = header.resolve_fields(selection.fields.as_deref()).unwrap_or_default();
+    let specs = || numbers.iter().filter_map(|number| Some((*number, &header.fields.get(*number)?.spec)));
+    let basis_bytes = [RegimeKind::Free, RegimeKind::Contact]
+        .into_iter()
+        .filter_map(|kind| predictor.basis(kind))
+        .map(|basis| basis.bytes() as u64)
+        .sum();
+    LoadedOutput {
+        spec: spec.clone(),
+        fields: specs().map(|(_, spec)| spec.name.clone()).collect(),
+        field_ids: specs().map(|(number, spec)| id_of(number, spec.kind)).collect(),
+        basis_bytes,
+        predictor,
+    }
+}
+
+fn id_of(number: usize, kind: FieldKind) -> u8 {
+    match kind {
+        FieldKind::Coordinate(0) => field_id::X,
+        FieldKind::Coordinate(1) => field_id::Y,
+        FieldKind::Coordinate(_) => field_id::Z,
+        FieldKind::Magnitude => field_id::DISPLACEMENT,
+        FieldKind::Stress => field_id::VON_MISES,
+        FieldKind::Other => field_id::OTHER.saturating_add(number as u8),
+    }
+}

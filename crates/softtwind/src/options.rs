@@ -1,0 +1,92 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand};
+use runtime::wire::Domain;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples (two terminals):
+  softtwind twin   --scene config/scenes/finger.toml
+  softtwind bridge --scene config/scenes/finger.toml
+  softtwind bridge --scene config/scenes/finger.toml --trace config/traces/gap80.csv --speed 2
+
+Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 78 configuration.
+RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly.";
+
+/// Digital twin daemon: readings in, deformed and stressed actuators out, through shared memory.
+#[derive(Debug, Parser)]
+#[command(name = "softtwind", version, about, after_help = EXAMPLES, propagate_version = true)]
+pub struct Options {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to be.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Feed readings (a recorded trace, a simulation) into the sensor topics of a scene.
+    Bridge(BridgeOptions),
+    /// Answer every reading with state and fields of a scene's actuators.
+    Twin(TwinOptions),
+}
+
+/// Which programs see one another.
+#[derive(Debug, Clone, Args)]
+pub struct DomainOptions {
+    /// Shared-memory domain; programs of other domains are not seen [default: $SOFTTWIN_DOMAIN, or iceoryx2's own]
+    #[arg(long, value_name = "NAME")]
+    pub domain: Option<String>,
+    /// Folder of the domain's management files [default: $SOFTTWIN_ROOT, or iceoryx2's own]
+    #[arg(long, value_name = "DIR")]
+    pub domain_root: Option<String>,
+}
+
+impl DomainOptions {
+    /// The domain asked for.
+    pub fn domain(&self) -> Domain {
+        let from_env = Domain::from_env();
+        let prefix = self.domain.as_deref().map_or(from_env.prefix, |name| Domain::named(name).prefix);
+        Domain { prefix, root: self.domain_root.clone().or(from_env.root) }
+    }
+}
+
+/// Options of `bridge`.
+#[derive(Debug, Args)]
+pub struct BridgeOptions {
+    /// Scene file: names the actuators and their sources
+    #[arg(long, visible_alias = "config", value_name = "FILE")]
+    pub scene: PathBuf,
+    /// Replay this trace instead of the scene's source (scenes with one actuator)
+    #[arg(long, value_name = "CSV")]
+    pub trace: Option<PathBuf>,
+    /// Factor on the speed of a replay
+    #[arg(long, value_name = "FACTOR")]
+    pub speed: Option<f64>,
+    /// Begin again at the end of a replay
+    #[arg(long = "loop")]
+    pub repeat: bool,
+    /// Begin at this time of the trace
+    #[arg(long, value_name = "SECONDS")]
+    pub from_s: Option<f64>,
+    /// End at this time of the trace
+    #[arg(long, value_name = "SECONDS")]
+    pub to_s: Option<f64>,
+    #[command(flatten)]
+    pub domain: DomainOptions,
+}
+
+/// Options of `twin`.
+#[derive(Debug, Args)]
+pub struct TwinOptions {
+    /// Scene file: names the actuators, their models and what is wanted of them
+    #[arg(long, value_name = "FILE")]
+    pub scene: PathBuf,
+    /// Settings file: limits and real time [default: built-in, see config/twin.toml]
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Use this model instead of the scene's (scenes with one actuator)
+    #[arg(long, value_name = "TWIN")]
+    pub model: Option<PathBuf>,
+    #[command(flatten)]
+    pub domain: DomainOptions,
+}

@@ -1,0 +1,62 @@
+//! The slow thread beside the twin's loop: turns events into log lines and feeds the watchdog.
+
+use crate::service::Watchdog;
+use runtime::twin::{Event, EventKind, Ring};
+use runtime::wire::{Outcome, layout};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+/// How often the reporter looks.
+const INTERVAL: Duration = Duration::from_millis(50);
+/// Lines written at most per look; more are counted in one line, so that a flickering sensor cannot fill the disk.
+const LINES_MAX: usize = 20;
+
+/// Reports until `done`; what is still in the ring then is reported too.
+pub fn run(ring: &Arc<Ring>, names: &[String], progress: &AtomicU64, done: &AtomicBool) {
+    let mut watchdog = Watchdog::from_env();
+    loop {
+        let last = done.load(Ordering::Acquire);
+        let mut unwritten = 0;
+        let mut written = 0;
+        while let Some(event) = ring.pop() {
+            let name = names.get(event.actuator as usize).map_or("?", String::as_str);
+            if written < LINES_MAX {
+                write(name, &event);
+                written += 1;
+            } else {
+                unwritten += 1;
+            }
+        }
+        if unwritten > 0 {
+            tracing::warn!("{unwritten} more events within {} ms are not shown", INTERVAL.as_millis());
+        }
+        watchdog.look(progress);
+        if last {
+            return;
+        }
+        std::thread::sleep(INTERVAL);
+    }
+}
+
+fn write(name: &str, event: &Event) {
+    let ms = event.value as f64 / 1e6;
+    match event.kind {
+        EventKind::Outcome => match Outcome::from_code(event.value as u32) {
+            Some(Outcome::Published) => tracing::info!("{name}: readings are published"),
+            Some(outcome) => tracing::warn!("{name}: reading {outcome}"),
+            None => tracing::warn!("{name}: reading ended with the unknown outcome {}", event.value),
+        },
+        EventKind::Regime => tracing::info!("{name}: regime {}", layout::regime::as_str(event.value as u32)),
+        EventKind::Stale => tracing::warn!("{name}: stale, no good reading for {ms:.0} ms"),
+        EventKind::Fresh => tracing::info!("{name}: fresh again after {ms:.0} ms"),
+        EventKind::SensorStarted => tracing::info!("{name}: bridge started (run {:016x})", event.value),
+        EventKind::Missed => tracing::warn!("{name}: {} readings never arrived", event.value),
+        EventKind::TransportFailed => {
+            tracing::error!(
+                "{name}: shared memory refused {} times; `softtwin info` shows who holds it",
+                event.value
+            );
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! `softtwind twin`: readings to states and fields.
+
+use crate::options::TwinOptions;
+use crate::{reporter, service};
+use anyhow::Context;
+use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
+use runtime::realtime;
+use runtime::twin::{Loaded, Ring, Twin, load_scene};
+use runtime::wire::{Bus, Health, Outcome, layout};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// Runs until a signal comes.
+pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
+    tracing::info!("softtwind twin {}", env!("CARGO_PKG_VERSION"));
+    let settings = options.config.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
+    let scene = configure(options)?;
+    let loaded = load_scene(&scene, &options.scene)?;
+    tracing::info!("limits: {:?}", settings.limits);
+    tracing::info!("real time: {:?}", settings.realtime);
+    loaded.iter().for_each(describe);
+    let names: Vec<String> = loaded.iter().map(|actuator| actuator.spec.name.clone()).collect();
+
+    let stop = service::stop_flag().context("cannot listen for signals")?;
+    let bus = Bus::open(&options.domain.domain())?;
+    let ring = Arc::new(Ring::default());
+    let mut twin = Twin::start(&bus, loaded, &settings, &ring)?;
+    let (progress, done) = (AtomicU64::new(0), AtomicBool::new(false));
+    std::thread::scope(|scope| -> anyhow::Result<()> {
+        // The reporter starts before this thread takes real-time rights, so that it does not inherit them.
+        scope.spawn(|| reporter::run(&ring, &names, &progress, &done));
+        let prepared = prepare(&settings, &twin);
+        if prepared.is_ok() {
+            service::tell_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
+            twin.run(&stop, &progress);
+            service::tell_manager(&[sd_notify::NotifyState::Stopping]);
+        }
+        done.store(true, Ordering::Release);
+        prepared
+    })?;
+    for (health, name) in twin.health().zip(&names) {
+        tracing::info!("stopped: {name}: {}", summary(health));
+    }
+    Ok(())
+}
+
+/// The scene with the command line's changes.
+fn configure(options: &TwinOptions) -> Result<Scene, ConfigError> {
+    let mut scene = Scene::load(&options.scene)?;
+    if let Some(model) = &options.model {
+        let [actuator] = scene.actuators.as_mut_slice() else {
+            let problem =
+                "--model: the scene has several actuators; name their models in the scene".to_owned();
+            return Err(ConfigError { path: options.scene.clone(), problems: vec![problem] });
+        };
+        // The path was typed in this folder, not in the scene's.
+        actuator.model = std::path::absolute(model).unwrap_or_else(|_| model.clone());
+    }
+    Ok(scene)
+}
+
+/// Real-time rights: what was refused is said once, and stops the start when so configured.
+fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<()> {
+    let mut missing: Vec<String> =
+        realtime::apply(&settings.realtime).iter().map(ToString::to_string).collect();
+    if settings.realtime.prefault
+        && let Err(error) = twin.prefault()
+    {
+        missing.push(format!("realtime.prefault: refused: {error}"));
+    }
+    if !missing.is_empty() && settings.realtime.on_missing_rights == OnMissingRights::Stop {
+        anyhow::bail!(
+            "real-time rights are missing and on_missing_rights = \"stop\":\n  {}",
+            missing.join("\n  ")
+        );
+    }
+    for text in &missing {
+        tracing::warn!("REAL TIME IS NOT WHAT WAS ASKED FOR: {text}");
+    }
+    Ok(())
+}
+
+fn describe(loaded: &Loaded) {
+    let read: u64 = loaded.read.iter().map(|block| block.bytes).sum();
+    let regimes: Vec<&str> = loaded.regimes.iter().map(|kind| kind.name()).collect();
+    let hash: String = loaded.model_hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    tracing::info!(
+        "{}: model {hash}, regimes {}, {read} of {} bytes read ({})",
+        loaded.spec.name,
+        regimes.join(" and "),
+        loaded.file_block_bytes,
+        loaded.spec.model.display()
+    );
+    for output in &loaded.outputs {
+        let topic = output.spec.topic_name().map(|set| format!("/{set}")).unwrap_or_default();
+        tracing::info!(
+            "softtwin/{}/field{topic}: {} nodes x {} ({})",
+            loaded.spec.name,
+            output.predictor.rows(),
+            output.fields.len(),
+            output.fields.join(", ")
+        );
+    }
+}
+
+fn summary(health: &Health) -> String {
+    let ends: Vec<String> = Outcome::ALL
+        .iter()
+        .filter(|outcome| health.count(**outcome) > 0)
+        .map(|outcome| format!("{} {outcome}", health.count(*outcome)))
+        .collect();
+    let flags: Vec<&str> = layout::flags::names(health.flags).collect();
+    format!(
+        "{} readings ({}), {} never arrived, {} fields sent, {} deadlines missed, flags [{}]",
+        health.received,
+        ends.join(", "),
+        health.missed,
+        health.fields_sent,
+        health.deadline_misses,
+        flags.join(", ")
+    )
+}

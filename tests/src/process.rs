@@ -1,0 +1,157 @@
+//! Real programs under control: started in a stage, listened to, signalled, killed.
+
+use crate::{PATIENCE, Stage};
+use std::io::{BufRead, BufReader, Read};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Instant;
+
+/// A running program; killed when dropped.
+#[derive(Debug)]
+pub struct Program {
+    child: Child,
+    lines: Receiver<String>,
+    /// Everything it has said so far, for messages.
+    pub said: Vec<String>,
+}
+
+/// Path of one of our programs, beside the test's own.
+pub fn binary(name: &str) -> PathBuf {
+    let test = std::env::current_exe().expect("a test has a path");
+    let folder = test.parent().and_then(|deps| deps.parent()).expect("target/<profile>/deps/test");
+    let path = folder.join(name);
+    assert!(
+        path.exists(),
+        "{} is not built; run `cargo build --bins` first (scripts/test.sh does)",
+        path.display()
+    );
+    path
+}
+
+impl Program {
+    /// Starts `softtwind` in the stage's domain.
+    pub fn daemon(stage: &Stage, arguments: &[&str]) -> Self {
+        Self::start(stage, "softtwind", arguments)
+    }
+
+    /// Starts `softtwin` in the stage's domain.
+    pub fn tool(stage: &Stage, arguments: &[&str]) -> Self {
+        Self::start(stage, "softtwin", arguments)
+    }
+
+    /// Starts the twin of a scene and waits until it is ready.
+    pub fn twin(stage: &Stage, scene: &std::path::Path) -> Self {
+        let mut twin = Self::daemon(stage, &["twin", "--scene", &scene.display().to_string()]);
+        twin.wait_for("ready:");
+        twin
+    }
+
+    /// Starts the bridge of a scene and waits until it is ready.
+    pub fn bridge(stage: &Stage, scene: &std::path::Path) -> Self {
+        let mut bridge = Self::daemon(stage, &["bridge", "--scene", &scene.display().to_string()]);
+        bridge.wait_for("ready:");
+        bridge
+    }
+
+    fn start(stage: &Stage, name: &str, arguments: &[&str]) -> Self {
+        let mut child = Command::new(binary(name))
+            .args(arguments)
+            .current_dir(stage.folder.path())
+            .env("SOFTTWIN_DOMAIN", &stage.domain_name)
+            .env("SOFTTWIN_ROOT", stage.root())
+            .env_remove("RUST_LOG")
+            .env_remove("NOTIFY_SOCKET")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let (sender, lines) = channel();
+        let outputs: [Option<Box<dyn Read + Send>>; 2] = [
+            child.stdout.take().map(|pipe| Box::new(pipe) as Box<dyn Read + Send>),
+            child.stderr.take().map(|pipe| Box::new(pipe) as Box<dyn Read + Send>),
+        ];
+        for output in outputs.into_iter().flatten() {
+            let sender = sender.clone();
+            std::thread::spawn(move || {
+                BufReader::new(output).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+            });
+        }
+        Self { child, lines, said: Vec::new() }
+    }
+
+    /// Waits for a line that contains `text` and returns it.
+    ///
+    /// # Panics
+    /// When the program ends or [`PATIENCE`] is over before; the message has all that it said.
+    pub fn wait_for(&mut self, text: &str) -> String {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            match self.lines.recv_timeout(end.saturating_duration_since(Instant::now())) {
+                Ok(line) => {
+                    self.said.push(line.clone());
+                    if line.contains(text) {
+                        return line;
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    panic!("`{text}` did not come; it said:\n{}", self.said.join("\n"))
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    panic!("it ended without `{text}`; it said:\n{}", self.said.join("\n"))
+                }
+            }
+        }
+    }
+
+    /// Sends a signal.
+    pub fn signal(&self, signal: i32) {
+        // SAFETY: the process is our own child and not yet waited for, so its number is not reused.
+        assert_eq!(unsafe { libc::kill(self.child.id() as i32, signal) }, 0, "the program is gone already");
+    }
+
+    /// SIGTERM, then the end.
+    pub fn stop(mut self) -> (ExitStatus, Vec<String>) {
+        self.signal(libc::SIGTERM);
+        self.end()
+    }
+
+    /// `kill -9`, then waits until it is gone.
+    pub fn kill(mut self) {
+        self.child.kill().expect("killed");
+        self.child.wait().expect("gone");
+    }
+
+    /// Waits for the end; returns the exit status and all that was said.
+    ///
+    /// # Panics
+    /// When it does not end within [`PATIENCE`].
+    pub fn end(&mut self) -> (ExitStatus, Vec<String>) {
+        let end = Instant::now() + PATIENCE;
+        // Both pipes close when the program ends.
+        loop {
+            match self.lines.recv_timeout(end.saturating_duration_since(Instant::now())) {
+                Ok(line) => self.said.push(line),
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => {
+                    panic!("it does not end; it said:\n{}", self.said.join("\n"))
+                }
+            }
+        }
+        (self.child.wait().expect("ended"), self.said.clone())
+    }
+
+    /// Process id.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        // Ended already is fine.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

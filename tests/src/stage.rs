@@ -1,0 +1,140 @@
+//! A folder, a model, a domain: one for each story.
+
+use crate::synthetic;
+use rom::config::{KernelKind, KernelSpec, RegimeConfig, Tail, TrainConfig};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use wire::{Bus, Domain};
+
+/// Where a story plays.
+#[derive(Debug)]
+pub struct Stage {
+    /// Its files.
+    pub folder: tempfile::TempDir,
+    /// Name of its shared-memory domain.
+    pub domain_name: String,
+}
+
+/// The trained beam as a model file; trained once per test program.
+pub fn model_bytes() -> &'static [u8] {
+    static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
+    BYTES.get_or_init(|| {
+        let regime = || RegimeConfig {
+            kernels: vec![KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear }],
+            ..RegimeConfig::default()
+        };
+        let config = TrainConfig {
+            free: regime(),
+            contact: regime(),
+            full_leave_one_out: false,
+            ..TrainConfig::default()
+        };
+        let (model, _) =
+            rom::train::train(&synthetic::plate(), &config, &mut |_| {}).expect("the beam trains");
+        model.to_bytes().expect("the beam can be written")
+    })
+}
+
+impl Stage {
+    /// A folder with the beam's model in it and a domain of its own.
+    pub fn new(label: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        std::fs::write(folder.path().join("beam.twin"), model_bytes()).expect("writable");
+        let unique = Domain::isolated(label).prefix;
+        let domain_name = unique.trim_start_matches("iox2_").trim_end_matches('_').to_owned();
+        Self { folder, domain_name }
+    }
+
+    /// The domain, for ports of the story itself.
+    pub fn domain(&self) -> Domain {
+        Domain { root: Some(self.root().display().to_string()), ..Domain::named(&self.domain_name) }
+    }
+
+    /// A member of the domain.
+    pub fn bus(&self) -> Bus {
+        Bus::open(&self.domain()).expect("the domain can be joined")
+    }
+
+    /// Folder of the domain's management files.
+    pub fn root(&self) -> PathBuf {
+        self.folder.path().join("iox")
+    }
+
+    /// A file of the story.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file of the story.
+    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        std::fs::write(&path, text).expect("writable");
+        path
+    }
+
+    /// A scene with one finger and the given source, all nodes and the tip.
+    pub fn finger(&self, source: &str) -> PathBuf {
+        self.write(
+            "finger.toml",
+            &format!(
+                r#"
+                name = "finger"
+                [[actuator]]
+                name = "finger"
+                model = "beam.twin"
+                [actuator.source]
+                {source}
+                [[actuator.output]]
+                nodes = "all"
+                [[actuator.output]]
+                nodes = "tip"
+                fields = ["y", "displacement"]
+                "#
+            ),
+        )
+    }
+
+    /// A trace of `count` readings at `rate_hz`, pressure rising linearly to `to_mpa`.
+    pub fn trace(&self, name: &str, count: usize, rate_hz: f64, to_mpa: f64, gap_mm: f64) -> PathBuf {
+        let mut text = String::from("t_s,pressure_mpa,gap_mm\n");
+        for row in 0..count {
+            let share = row as f64 / (count - 1) as f64;
+            text += &format!("{},{},{gap_mm}\n", row as f64 / rate_hz, share * to_mpa);
+        }
+        self.write(name, &text)
+    }
+
+    /// What the domain has left in shared memory and in its folder, without the domain's own management segment.
+    pub fn leftovers(&self) -> Vec<String> {
+        let prefix = self.domain().prefix;
+        let mut left = Vec::new();
+        for folder in [PathBuf::from("/dev/shm"), self.root()] {
+            collect(&folder, &prefix, &mut left);
+        }
+        left
+    }
+}
+
+impl Drop for Stage {
+    /// Stories kill programs: what these leave in shared memory goes with the stage.
+    fn drop(&mut self) {
+        let prefix = self.domain().prefix;
+        for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(&prefix) {
+                let _gone_already_is_fine = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+fn collect(folder: &Path, prefix: &str, left: &mut Vec<String>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if path.is_dir() {
+            collect(&path, prefix, left);
+        } else if name.starts_with(prefix) && !name.ends_with(".global_mgmt") {
+            left.push(path.display().to_string());
+        }
+    }
+}
