@@ -141,7 +141,7 @@ impl Basis {
         let mut row = 0;
         for op in &self.plan.ops {
             for &coefficient in &coefficients[op.first_coefficient..][..op.modes] {
-                scaled[row] = (coefficient * self.tiles.scales[row]) as f32;
+                scaled[row] = (coefficient * self.tiles.factor(row)) as f32;
                 row += 1;
             }
         }
@@ -162,7 +162,7 @@ impl Basis {
     }
 
     /// Largest error of a value of published field `slot` that the storage causes, for these coefficients, in the
-    /// unit of the field: half a step of the mean, plus `|a_j|` times half a step of each mode. 0 for F32, whose
+    /// unit of the field: `|a_j|` times half a step of each mode. 0 for F32, whose
     /// rounding is that of the output itself. For a magnitude it is the bound of the longest component vector.
     pub fn error_bound(&self, slot: usize, coefficients: &[f64]) -> f64 {
         if self.precision == Precision::F32 {
@@ -170,11 +170,10 @@ impl Basis {
         }
         let mut row = 0;
         let mut squares = 0.0;
-        for (op, constant) in self.plan.ops.iter().zip(&self.tiles.constant_error) {
-            let constants = f64::from(u8::from(op.has_mean) + u8::from(op.has_rest));
-            let mut bound = constants * constant;
+        for op in &self.plan.ops {
+            let mut bound = 0.0;
             for coefficient in coefficients.iter().skip(op.first_coefficient).take(op.modes) {
-                bound += coefficient.abs() * self.tiles.scales[row] / 2.0;
+                bound += coefficient.abs() * self.tiles.mode_error(row);
                 row += 1;
             }
             if op.slot == Some(slot) {

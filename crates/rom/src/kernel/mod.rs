@@ -12,9 +12,9 @@
 //!
 //! One reconstruction reads the basis once and writes the fields once: 8 flops per 4 bytes at most, so the time is the
 //! time of moving the bytes. [`Basis`] therefore stores them in the order of use: tiles of [`TILE_NODES`] nodes,
-//! and in a tile, field after field, the mean and the modes as rows of 16 values. The sweep touches each cache line
+//! and in a tile, field after field, the mean and the modes as rows of 32 values. The sweep touches each cache line
 //! once, in order, and all fields of a node are at hand together, so that derived fields cost no second pass.
-//! [`Precision::I16`] halves the bytes (a scale per mode, a scale and an offset per tile for mean and rest shape).
+//! [`Precision::I16`] halves the bytes of the modes (a scale per mode; mean and rest shape stay f32).
 //!
 //! The module knows nothing of the model: [`Spec`] describes what to build from plain slices. [`reference`] computes
 //! the same in the plainest way and in f64; tests hold every instruction set to it.
@@ -36,8 +36,9 @@ pub use isa::Isa;
 pub use spec::{Affine, BasisError, Field, Role, Source, Spec, Values};
 pub use tiles::Precision;
 
-/// Nodes a tile: one AVX-512 register of f32, two of AVX2, four of NEON; one cache line.
-pub const TILE_NODES: usize = 16;
+/// Nodes a tile: two AVX-512 registers of f32, four of AVX2, eight of NEON. Twice what one register holds, because the
+/// control flow of a tile then costs half as much a node.
+pub const TILE_NODES: usize = 32;
 
 /// Most coefficients, summed over the affine fields, that one basis may use. They live on the stack of a
 /// reconstruction, which must not allocate.

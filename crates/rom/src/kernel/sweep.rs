@@ -4,7 +4,7 @@ use super::isa::Isa;
 use super::lanes::{Lanes, portable::Portable};
 use super::plan::{Op, Plan};
 use super::spec::Role;
-use super::tiles::{Precision, Tiles, header_bytes};
+use super::tiles::{LINE, Precision, Tiles};
 use super::{MAX_COEFFICIENTS, TILE_NODES};
 
 /// Largest value and the output node that has it, per peak.
@@ -99,47 +99,22 @@ mod x86 {
 #[cfg(target_arch = "x86_64")]
 use x86::*;
 
-/// How rows are stored.
+/// How rows of modes are stored; means and rest shape are f32 in either.
 ///
 /// # Safety
 /// Implementations advance the cursor by exactly the row they read.
 trait Rows {
-    /// The cursor at the start of a tile.
-    unsafe fn start(tile: *const u8, plan: &Plan) -> Cursor;
     /// The next row of modes.
-    unsafe fn mode<V: Lanes>(cursor: &mut Cursor) -> V;
-    /// The next mean or rest row.
-    unsafe fn constant<V: Lanes>(cursor: &mut Cursor) -> V;
-}
-
-/// Where in a tile the sweep is.
-struct Cursor {
-    row: *const u8,
-    header: *const f32,
+    unsafe fn mode<V: Lanes>(cursor: &mut *const u8) -> V;
 }
 
 struct F32Rows;
 
 impl Rows for F32Rows {
     #[inline(always)]
-    unsafe fn start(tile: *const u8, _: &Plan) -> Cursor {
-        Cursor { row: tile, header: tile.cast() }
-    }
-
-    #[inline(always)]
-    unsafe fn mode<V: Lanes>(cursor: &mut Cursor) -> V {
-        // SAFETY: the plan that laid out the tile drives the sweep, so a row of 16 aligned f32 lies here.
-        unsafe {
-            let row = V::load(cursor.row.cast());
-            cursor.row = cursor.row.add(TILE_NODES * 4);
-            row
-        }
-    }
-
-    #[inline(always)]
-    unsafe fn constant<V: Lanes>(cursor: &mut Cursor) -> V {
-        // SAFETY: as for a mode; the rows look alike.
-        unsafe { Self::mode(cursor) }
+    unsafe fn mode<V: Lanes>(cursor: &mut *const u8) -> V {
+        // SAFETY: a mode row looks like any other f32 row here.
+        unsafe { float_row(cursor) }
     }
 }
 
@@ -147,29 +122,24 @@ struct I16Rows;
 
 impl Rows for I16Rows {
     #[inline(always)]
-    unsafe fn start(tile: *const u8, plan: &Plan) -> Cursor {
-        // SAFETY: the header lies before the rows, inside the tile.
-        Cursor { row: unsafe { tile.add(header_bytes(plan.constant_rows)) }, header: tile.cast() }
-    }
-
-    #[inline(always)]
-    unsafe fn mode<V: Lanes>(cursor: &mut Cursor) -> V {
-        // SAFETY: the plan that laid out the tile drives the sweep, so a row of 16 aligned i16 lies here.
+    unsafe fn mode<V: Lanes>(cursor: &mut *const u8) -> V {
+        // SAFETY: the plan that laid out the tile drives the sweep, so a row of aligned pairs of i16 lies here.
         unsafe {
-            let row = V::load_i16(cursor.row.cast());
-            cursor.row = cursor.row.add(TILE_NODES * 2);
+            let row = V::load_pairs(cursor.cast());
+            *cursor = cursor.add(TILE_NODES * 2);
             row
         }
     }
+}
 
-    #[inline(always)]
-    unsafe fn constant<V: Lanes>(cursor: &mut Cursor) -> V {
-        // SAFETY: the header holds a scale and an offset for each mean and rest row, in order.
-        unsafe {
-            let (scale, offset) = (V::splat(*cursor.header), V::splat(*cursor.header.add(1)));
-            cursor.header = cursor.header.add(2);
-            Self::mode::<V>(cursor).mul_add(scale, offset)
-        }
+/// The next row of f32.
+#[inline(always)]
+unsafe fn float_row<V: Lanes>(cursor: &mut *const u8) -> V {
+    // SAFETY: the plan that laid out the tile drives the sweep, so a row of aligned f32 lies here.
+    unsafe {
+        let row = V::load(cursor.cast());
+        *cursor = cursor.add(TILE_NODES * 4);
+        row
     }
 }
 
@@ -200,7 +170,7 @@ impl<V: Lanes> LanePeak<V> {
     #[inline(always)]
     unsafe fn reduce(self, nodes: usize) -> (f32, usize) {
         let (mut values, mut tiles) = ([0.0; TILE_NODES], [0.0; TILE_NODES]);
-        // SAFETY: both arrays hold 16 values.
+        // SAFETY: both arrays hold a row.
         unsafe {
             self.value.store(values.as_mut_ptr());
             self.tile.store(tiles.as_mut_ptr());
@@ -228,7 +198,7 @@ struct Sweep<'a, V> {
 #[inline(always)]
 unsafe fn sweep<V: Lanes, R: Rows>(job: Job<'_>) -> RawPeaks {
     let plan = job.plan;
-    // SAFETY: whole tiles write 16 values a field inside `out`; the last, partial one goes through a buffer. The
+    // SAFETY: whole tiles write one row a field inside `out`; the last, partial one goes through a buffer. The
     // storage holds `plan.tiles()` tiles.
     unsafe {
         let mut sweep = Sweep { job, displacement: LanePeak::<V>::new(), stress: LanePeak::new() };
@@ -256,24 +226,24 @@ impl<V: Lanes> Sweep<'_, V> {
         // slot is below `published`.
         unsafe {
             let number = V::splat(f32::from_bits(index as u32));
-            let mut cursor = R::start(tile, job.plan);
+            let mut cursor = tile;
             let mut coefficients = job.coefficients.as_ptr();
             let mut squares = V::splat(0.0);
             for op in &job.plan.ops {
                 let value = combine::<V, R>(op, &mut cursor, coefficients);
                 coefficients = coefficients.add(op.modes);
                 if op.in_magnitude {
-                    let component = if op.has_rest { value.sub(R::constant(&mut cursor)) } else { value };
+                    let component = if op.has_rest { value.sub(float_row(&mut cursor)) } else { value };
                     squares = component.mul_add(component, squares);
                 }
-                let value = self.finish(op.role, value, number);
+                let value = self.finish::<W>(op.role, value, number, index);
                 if let Some(slot) = op.slot {
                     W::write(value, job.plan, job.out, slot, index);
                 }
             }
             if let Some(slot) = job.plan.magnitude_slot {
                 let magnitude = squares.sqrt();
-                self.displacement.update(magnitude, number);
+                self.displacement.update(W::existing(magnitude, job.plan, index), number);
                 W::write(magnitude, job.plan, job.out, slot, index);
             }
         }
@@ -281,32 +251,27 @@ impl<V: Lanes> Sweep<'_, V> {
 
     /// Clamp and peak.
     #[inline(always)]
-    unsafe fn finish(&mut self, role: Role, value: V, tile: V) -> V {
+    unsafe fn finish<W: Write>(&mut self, role: Role, value: V, number: V, tile: usize) -> V {
         // SAFETY: the instruction set is available.
         unsafe {
-            match role {
-                Role::Plain => value,
-                Role::Displacement => {
-                    let value = value.at_least_zero();
-                    self.displacement.update(value, tile);
-                    value
-                }
-                Role::Stress => {
-                    let value = value.at_least_zero();
-                    self.stress.update(value, tile);
-                    value
-                }
-            }
+            let peak = match role {
+                Role::Plain => return value,
+                Role::Displacement => &mut self.displacement,
+                Role::Stress => &mut self.stress,
+            };
+            let value = value.at_least_zero();
+            peak.update(W::existing(value, self.job.plan, tile), number);
+            value
         }
     }
 }
 
 /// `mean + sum_j mode_j a_j` of one field in one tile.
 #[inline(always)]
-unsafe fn combine<V: Lanes, R: Rows>(op: &Op, cursor: &mut Cursor, coefficients: *const f32) -> V {
+unsafe fn combine<V: Lanes, R: Rows>(op: &Op, cursor: &mut *const u8, coefficients: *const f32) -> V {
     // SAFETY: the plan promises these rows and these coefficients.
     unsafe {
-        let mut sum = if op.has_mean { R::constant(cursor) } else { V::splat(0.0) };
+        let mut sum = if op.has_mean { float_row(cursor) } else { V::splat(0.0) };
         for j in 0..op.modes {
             sum = R::mode::<V>(cursor).mul_add(V::splat(*coefficients.add(j)), sum);
         }
@@ -316,12 +281,20 @@ unsafe fn combine<V: Lanes, R: Rows>(op: &Op, cursor: &mut Cursor, coefficients:
 
 /// How a tile's values reach the output.
 trait Write {
+    /// The value with lanes beyond the last node out of the running for a peak.
+    unsafe fn existing<V: Lanes>(value: V, plan: &Plan, tile: usize) -> V;
+    /// The values of the nodes that exist to field `slot` of the output.
     unsafe fn write<V: Lanes>(value: V, plan: &Plan, out: *mut f32, slot: usize, tile: usize);
 }
 
 struct WholeTile;
 
 impl Write for WholeTile {
+    #[inline(always)]
+    unsafe fn existing<V: Lanes>(value: V, _: &Plan, _: usize) -> V {
+        value
+    }
+
     #[inline(always)]
     unsafe fn write<V: Lanes>(value: V, plan: &Plan, out: *mut f32, slot: usize, tile: usize) {
         // SAFETY: a whole tile of a field below `published` lies inside the output.
@@ -331,12 +304,26 @@ impl Write for WholeTile {
 
 struct PartialTile;
 
+#[repr(align(64))]
+struct AlignedRow([f32; TILE_NODES]);
+
 impl Write for PartialTile {
+    #[inline(always)]
+    unsafe fn existing<V: Lanes>(value: V, plan: &Plan, tile: usize) -> V {
+        let mut row = AlignedRow([0.0; TILE_NODES]);
+        // SAFETY: the buffer takes a row and is aligned to a cache line.
+        unsafe {
+            value.store(row.0.as_mut_ptr());
+            row.0[plan.nodes - tile * TILE_NODES..].fill(f32::NEG_INFINITY);
+            V::load(row.0.as_ptr())
+        }
+    }
+
     #[inline(always)]
     unsafe fn write<V: Lanes>(value: V, plan: &Plan, out: *mut f32, slot: usize, tile: usize) {
         let mut buffer = [0.0f32; TILE_NODES];
         let start = tile * TILE_NODES;
-        // SAFETY: the buffer takes 16 values, and only the nodes that exist are copied on.
+        // SAFETY: the buffer takes a row, and only the nodes that exist are copied on.
         unsafe {
             value.store(buffer.as_mut_ptr());
             let to = out.add(slot * plan.nodes + start);
@@ -345,29 +332,31 @@ impl Write for PartialTile {
     }
 }
 
-/// Eight running sums, so that the additions never wait for each other.
+/// Running sums over eight cache lines, so that the additions never wait for each other.
 #[inline(always)]
 unsafe fn read_lines<V: Lanes>(tiles: &Tiles) -> u32 {
-    const SUMS: usize = 8;
+    const SUMS: usize = 4;
+    const ROW_LINES: usize = TILE_NODES * size_of::<f32>() / LINE;
     let lines = tiles.lines();
-    let mut bits = [0.0f32; TILE_NODES];
-    // SAFETY: every pointer is to a line of the slice, which is 64 bytes and aligned.
+    let mut words = [0.0f32; TILE_NODES];
+    // SAFETY: every row lies inside the slice of aligned lines.
     unsafe {
         let mut sums = [V::splat(0.0); SUMS];
-        let mut groups = lines.chunks_exact(SUMS);
+        let mut groups = lines.chunks_exact(SUMS * ROW_LINES);
         for group in &mut groups {
-            for (sum, line) in sums.iter_mut().zip(group) {
-                *sum = sum.fold_line(line.0.as_ptr().cast());
+            let first: *const f32 = group.as_ptr().cast();
+            for (k, sum) in sums.iter_mut().enumerate() {
+                *sum = sum.fold(first.add(k * TILE_NODES));
             }
-        }
-        for line in groups.remainder() {
-            sums[0] = sums[0].fold_line(line.0.as_ptr().cast());
         }
         let mut total = 0u32;
         for sum in sums {
-            sum.store(bits.as_mut_ptr());
-            total = bits.iter().fold(total, |total, lane| total.wrapping_add(lane.to_bits()));
+            sum.store(words.as_mut_ptr());
+            total = words.iter().fold(total, |total, word| total.wrapping_add(word.to_bits()));
         }
-        total
+        let rest = groups.remainder().iter().flat_map(|line| line.0.chunks_exact(4));
+        rest.fold(total, |total, word| {
+            total.wrapping_add(u32::from_ne_bytes([word[0], word[1], word[2], word[3]]))
+        })
     }
 }

@@ -3,14 +3,19 @@
 //! A tile holds, for [`TILE_NODES`] nodes and for each affine field in turn: the mean row, the mode rows, the rest row.
 //!
 //! ```text
-//! F32   rows of 16 f32                                              64 bytes a row
-//! I16   header: (scale, offset) as f32 for each mean and rest row   padded to 32 bytes
-//!       rows of 16 i16                                              32 bytes a row
+//! mean, rest            32 f32    128 bytes a row
+//! modes in F32          32 f32    128 bytes a row
+//! modes in I16          32 i16     64 bytes a row
 //! ```
 //!
-//! In I16 a mode row is `q * scale_j`, with one scale a mode that is multiplied into the coefficient, so the sweep never
-//! sees it. Mean and rest rows are `q * scale + offset` per tile: neighbouring nodes lie together, so their range is
-//! some millimetres and the step some 1e-5 mm, where one scale for the whole actuator would cost 1e-3 mm.
+//! An I16 mode is `q * step_j`, with one step a mode that is multiplied into the coefficient, so the sweep never sees it.
+//! Means and rest shape stay f32: they carry most of a coordinate's magnitude, and converting them costs as much time
+//! as their bytes.
+//!
+//! Two i16 share a 32-bit word, node `i` in the low half and node `i + 16` in the high half. The sweep converts
+//! `word << 16` and `word` itself to f32, which is 65536 times either value: no widening, no mask. The low half stays in
+//! the second as a fraction below one step; the rounding of the high half allows for it, so neither is off by more than
+//! half a step.
 
 use super::TILE_NODES;
 use super::plan::{Op, Plan};
@@ -25,9 +30,12 @@ pub enum Precision {
     I16,
 }
 
-const LINE: usize = 64;
-/// Largest magnitude of a stored i16; -32768 stays unused so that the range is symmetric.
+/// Bytes a cache line.
+pub(super) const LINE: usize = 64;
+/// Largest magnitude of an i16 before the fraction below it is taken off.
 const I16_MAX: f64 = 32767.0;
+/// What the sweep's conversion multiplies an i16 by.
+const HALF_WORD: f64 = 65536.0;
 
 /// One cache line, so that the storage is aligned to one.
 #[derive(Debug, Clone, Copy)]
@@ -37,14 +45,13 @@ pub(super) struct Line(pub [u8; LINE]);
 /// The tiles of a basis and what is needed to read them.
 #[derive(Debug, Clone)]
 pub(super) struct Tiles {
-    /// The bytes, aligned to cache lines; the last line may be padding in part.
+    /// The bytes, aligned to cache lines.
     lines: Vec<Line>,
-    /// Bytes a tile: a multiple of 64 (F32) or 32 (I16).
+    /// Bytes a tile: whole cache lines.
     pub tile_bytes: usize,
-    /// Factor of each coefficient, in the order of the mode rows: 1 for F32.
-    pub scales: Vec<f64>,
-    /// Half the largest step of any mean or rest row, per op: 0 for F32.
-    pub constant_error: Vec<f64>,
+    /// Step of each mode row; 1 for F32, which has none.
+    steps: Vec<f64>,
+    precision: Precision,
 }
 
 /// A row of a tile in f64.
@@ -56,17 +63,33 @@ impl Tiles {
         let tile_bytes = tile_bytes(plan, precision);
         let total = tile_bytes * plan.tiles();
         let mut tiles = Self {
-            lines: vec![Line([0; LINE]); total.div_ceil(LINE)],
+            lines: vec![Line([0; LINE]); total / LINE],
             tile_bytes,
-            scales: mode_scales(spec, plan, precision),
-            constant_error: vec![0.0; plan.ops.len()],
+            precision,
+            steps: mode_steps(spec, plan, precision),
         };
         let mut bytes = vec![0u8; tile_bytes];
         for tile in 0..plan.tiles() {
-            tiles.fill_tile(spec, plan, precision, tile, &mut bytes)?;
+            tiles.fill_tile(spec, plan, tile, &mut bytes)?;
             tiles.write(tile * tile_bytes, &bytes);
         }
         Ok(tiles)
+    }
+
+    /// What the coefficient of mode row `row` is multiplied by.
+    pub(super) fn factor(&self, row: usize) -> f64 {
+        match self.precision {
+            Precision::F32 => 1.0,
+            Precision::I16 => self.steps[row] / HALF_WORD,
+        }
+    }
+
+    /// Half a step of mode row `row`.
+    pub(super) fn mode_error(&self, row: usize) -> f64 {
+        match self.precision {
+            Precision::F32 => 0.0,
+            Precision::I16 => self.steps[row] / 2.0,
+        }
     }
 
     /// First byte, aligned to 64.
@@ -80,33 +103,33 @@ impl Tiles {
     }
 
     fn fill_tile(
-        &mut self,
+        &self,
         spec: &Spec<'_>,
         plan: &Plan,
-        precision: Precision,
         tile: usize,
         bytes: &mut [u8],
     ) -> Result<(), BasisError> {
-        let mut writer = TileWriter::new(bytes, plan, precision);
+        let mut writer = TileWriter { bytes, position: 0 };
         let mut mode = 0;
-        for (index, op) in plan.ops.iter().enumerate() {
+        for op in &plan.ops {
             let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
             let gather = |values: &dyn Fn(usize) -> f64| gather(spec, op.field, tile, values);
             let rest = rest_of(spec, op);
-            let mut step: f64 = 0.0;
             if op.has_mean {
                 let mean = |i| affine.mean.map_or(0.0, |m| m.get(i)) - folded_rest(op, rest, i);
-                step = step.max(writer.constant(&gather(&mean)?));
+                writer.floats(&gather(&mean)?);
             }
             for j in 0..op.modes {
                 let row = gather(&|i| affine.modes.get(j * affine.stride + i))?;
-                writer.mode(&row, self.scales[mode]);
+                match self.precision {
+                    Precision::F32 => writer.floats(&row),
+                    Precision::I16 => writer.integers(&row, self.steps[mode]),
+                }
                 mode += 1;
             }
             if let (true, Some(rest)) = (op.has_rest, rest) {
-                step = step.max(writer.constant(&gather(&|i| rest.get(i))?));
+                writer.floats(&gather(&|i| rest.get(i))?);
             }
-            self.constant_error[index] = self.constant_error[index].max(step / 2.0);
         }
         Ok(())
     }
@@ -137,19 +160,14 @@ fn folded_rest(op: &Op, rest: Option<Values<'_>>, node: usize) -> f64 {
 }
 
 fn tile_bytes(plan: &Plan, precision: Precision) -> usize {
-    let rows = plan.constant_rows + plan.mode_rows;
-    match precision {
-        Precision::F32 => rows * TILE_NODES * 4,
-        Precision::I16 => header_bytes(plan.constant_rows) + rows * TILE_NODES * 2,
-    }
+    let mode_entry = match precision {
+        Precision::F32 => size_of::<f32>(),
+        Precision::I16 => size_of::<i16>(),
+    };
+    TILE_NODES * (plan.constant_rows * size_of::<f32>() + plan.mode_rows * mode_entry)
 }
 
-/// Bytes of the I16 header, padded so that rows stay aligned to 32.
-pub(super) fn header_bytes(constant_rows: usize) -> usize {
-    (constant_rows * 8).next_multiple_of(32)
-}
-
-/// One tile's row of values; lanes beyond the last node repeat it, so that padding never wins a maximum.
+/// One tile's row of values; lanes beyond the last node repeat it.
 fn gather(
     spec: &Spec<'_>,
     field: usize,
@@ -169,13 +187,13 @@ fn gather(
     Ok(row)
 }
 
-/// One scale a mode over the node set, so that its largest entry is the largest i16.
-fn mode_scales(spec: &Spec<'_>, plan: &Plan, precision: Precision) -> Vec<f64> {
-    let mut scales = Vec::with_capacity(plan.mode_rows);
+/// One step a mode over the node set, so that its largest entry is the largest i16.
+fn mode_steps(spec: &Spec<'_>, plan: &Plan, precision: Precision) -> Vec<f64> {
+    let mut steps = Vec::with_capacity(plan.mode_rows);
     for op in &plan.ops {
         let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
         for j in 0..op.modes {
-            scales.push(match precision {
+            steps.push(match precision {
                 Precision::F32 => 1.0,
                 Precision::I16 => {
                     let entry = |i| affine.modes.get(j * affine.stride + spec.source_node(i)).abs();
@@ -184,67 +202,36 @@ fn mode_scales(spec: &Spec<'_>, plan: &Plan, precision: Precision) -> Vec<f64> {
             });
         }
     }
-    scales
+    steps
 }
 
 /// Writes the rows of one tile in order.
 struct TileWriter<'a> {
-    header: &'a mut [u8],
-    rows: &'a mut [u8],
-    precision: Precision,
-    constants: usize,
+    bytes: &'a mut [u8],
     position: usize,
 }
 
-impl<'a> TileWriter<'a> {
-    fn new(bytes: &'a mut [u8], plan: &Plan, precision: Precision) -> Self {
-        let header = match precision {
-            Precision::F32 => 0,
-            Precision::I16 => header_bytes(plan.constant_rows),
-        };
-        let (header, rows) = bytes.split_at_mut(header);
-        Self { header, rows, precision, constants: 0, position: 0 }
-    }
-
-    /// A mean or rest row; returns its step (0 for F32).
-    fn constant(&mut self, row: &Row) -> f64 {
-        if self.precision == Precision::F32 {
-            self.floats(row);
-            return 0.0;
-        }
-        let (low, high) = row.iter().fold((f64::MAX, f64::MIN), |(l, h), &v| (l.min(v), h.max(v)));
-        let offset = ((low + high) / 2.0) as f32;
-        let scale = ((high - low) / (2.0 * I16_MAX)) as f32;
-        let head = &mut self.header[self.constants * 8..][..8];
-        head[..4].copy_from_slice(&scale.to_ne_bytes());
-        head[4..].copy_from_slice(&offset.to_ne_bytes());
-        self.constants += 1;
-        self.integers(row, f64::from(offset), f64::from(scale));
-        f64::from(scale)
-    }
-
-    fn mode(&mut self, row: &Row, scale: f64) {
-        match self.precision {
-            Precision::F32 => self.floats(row),
-            Precision::I16 => self.integers(row, 0.0, scale),
-        }
-    }
-
+impl TileWriter<'_> {
     fn floats(&mut self, row: &Row) {
         for &value in row {
-            self.push(&(value as f32).to_ne_bytes());
+            self.push((value as f32).to_ne_bytes());
         }
     }
 
-    fn integers(&mut self, row: &Row, offset: f64, scale: f64) {
-        for &value in row {
-            let steps = if scale > 0.0 { ((value - offset) / scale).round() } else { 0.0 };
-            self.push(&(steps.clamp(-I16_MAX, I16_MAX) as i16).to_ne_bytes());
+    fn integers(&mut self, row: &Row, step: f64) {
+        let steps = |value: f64| if step > 0.0 { value / step } else { 0.0 };
+        let (low, high) = row.split_at(TILE_NODES / 2);
+        for (&low, &high) in low.iter().zip(high) {
+            let low = steps(low).round().clamp(-I16_MAX, I16_MAX) as i16;
+            let fraction = f64::from(low as u16) / HALF_WORD;
+            let high = (steps(high) - fraction).round().clamp(-I16_MAX - 1.0, I16_MAX) as i16;
+            let word = u32::from(low as u16) | u32::from(high as u16) << 16;
+            self.push(word.to_ne_bytes());
         }
     }
 
-    fn push(&mut self, bytes: &[u8]) {
-        self.rows[self.position..][..bytes.len()].copy_from_slice(bytes);
-        self.position += bytes.len();
+    fn push(&mut self, word: [u8; 4]) {
+        self.bytes[self.position..][..4].copy_from_slice(&word);
+        self.position += 4;
     }
 }

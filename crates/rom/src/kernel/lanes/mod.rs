@@ -1,4 +1,4 @@
-//! Sixteen f32 lanes in the registers of each instruction set.
+//! A tile row of f32 lanes in the registers of each instruction set.
 //!
 //! The sweep is written once over [`Lanes`]; each implementation is a handful of one-line intrinsics. All of them are
 //! `inline(always)` so that they melt into the caller, which carries the `target_feature`.
@@ -15,15 +15,15 @@ pub(super) mod portable;
 ///
 /// # Safety
 /// Every method needs the instruction set of the implementation; those that take a pointer need it valid for
-/// 16 elements, the loads aligned to the size of 16 elements.
+/// a row, and aligned to a cache line for loads.
 pub(super) trait Lanes: Copy {
     /// All lanes `value`, bit for bit.
     unsafe fn splat(value: f32) -> Self;
-    /// 16 aligned f32.
+    /// A row of f32.
     unsafe fn load(from: *const f32) -> Self;
-    /// 16 aligned i16, converted.
-    unsafe fn load_i16(from: *const i16) -> Self;
-    /// Writes 16 f32, unaligned.
+    /// A row of i16 pairs (see [`tiles`](super::tiles)), as 65536 times their value.
+    unsafe fn load_pairs(from: *const i32) -> Self;
+    /// Writes a row of f32, unaligned.
     unsafe fn store(self, to: *mut f32);
     /// `self * factor + addend`.
     unsafe fn mul_add(self, factor: Self, addend: Self) -> Self;
@@ -35,6 +35,6 @@ pub(super) trait Lanes: Copy {
     unsafe fn at_least_zero(self) -> Self;
     /// Per lane: `self > than ? yes : no`, the bits of `yes` and `no` untouched.
     unsafe fn select_greater(self, than: Self, yes: Self, no: Self) -> Self;
-    /// Folds 64 bytes into a checksum: a load that cannot be left out.
-    unsafe fn fold_line(self, line: *const f32) -> Self;
+    /// Adds a row, as integers, to a checksum: a load that cannot be left out.
+    unsafe fn fold(self, row: *const f32) -> Self;
 }

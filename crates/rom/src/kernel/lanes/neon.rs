@@ -1,85 +1,104 @@
-//! NEON: four registers.
+//! NEON: eight registers.
 
 use std::arch::aarch64::*;
 
+use super::super::TILE_NODES;
 use super::Lanes;
 
-/// 16 lanes in four registers.
-#[derive(Clone, Copy)]
-pub(in super::super) struct Neon([float32x4_t; 4]);
+/// f32 a register.
+const WIDTH: usize = 4;
+const REGISTERS: usize = TILE_NODES / WIDTH;
+const HALF: usize = REGISTERS / 2;
 
-/// One value a register.
+/// A row in registers.
+#[derive(Clone, Copy)]
+pub(in super::super) struct Neon([float32x4_t; REGISTERS]);
+
+/// One value a register; the loop is unrolled.
 #[inline(always)]
-fn each(register: impl Fn(usize) -> float32x4_t) -> Neon {
-    Neon([register(0), register(1), register(2), register(3)])
+unsafe fn each(register: impl Fn(usize) -> float32x4_t) -> Neon {
+    // SAFETY: NEON is part of every aarch64 target of Rust's standard library.
+    let mut all = [unsafe { vdupq_n_f32(0.0) }; REGISTERS];
+    for (r, one) in all.iter_mut().enumerate() {
+        *one = register(r);
+    }
+    Neon(all)
 }
 
-// SAFETY (all methods): NEON is part of every aarch64 target of Rust's standard library; the trait's contract gives
-// pointers to 16 elements, of which register r takes elements 4r to 4r + 3.
+// SAFETY (all methods): NEON is there (see `each`); the trait's contract gives valid, aligned pointers to a row, of
+// which register r takes elements 4 r to 4 r + 3.
 impl Lanes for Neon {
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
         // SAFETY: see the impl.
-        each(|_| unsafe { vdupq_n_f32(value) })
+        unsafe { each(|_| vdupq_n_f32(value)) }
     }
 
     #[inline(always)]
     unsafe fn load(from: *const f32) -> Self {
         // SAFETY: see the impl.
-        each(|r| unsafe { vld1q_f32(from.add(4 * r)) })
+        unsafe { each(|r| vld1q_f32(from.add(r * WIDTH))) }
     }
 
     #[inline(always)]
-    unsafe fn load_i16(from: *const i16) -> Self {
+    unsafe fn load_pairs(from: *const i32) -> Self {
         // SAFETY: see the impl.
-        each(|r| unsafe { vcvtq_f32_s32(vmovl_s16(vld1_s16(from.add(4 * r)))) })
+        unsafe {
+            each(|r| {
+                let (words, low) = if r < HALF { (r, true) } else { (r - HALF, false) };
+                let pairs = vld1q_s32(from.add(words * WIDTH));
+                vcvtq_f32_s32(if low { vshlq_n_s32::<16>(pairs) } else { pairs })
+            })
+        }
     }
 
     #[inline(always)]
     unsafe fn store(self, to: *mut f32) {
         for (r, register) in self.0.into_iter().enumerate() {
             // SAFETY: see the impl.
-            unsafe { vst1q_f32(to.add(4 * r), register) }
+            unsafe { vst1q_f32(to.add(r * WIDTH), register) }
         }
     }
 
     #[inline(always)]
     unsafe fn mul_add(self, factor: Self, addend: Self) -> Self {
         // SAFETY: see the impl.
-        each(|r| unsafe { vfmaq_f32(addend.0[r], self.0[r], factor.0[r]) })
+        unsafe { each(|r| vfmaq_f32(addend.0[r], self.0[r], factor.0[r])) }
     }
 
     #[inline(always)]
     unsafe fn sub(self, other: Self) -> Self {
         // SAFETY: see the impl.
-        each(|r| unsafe { vsubq_f32(self.0[r], other.0[r]) })
+        unsafe { each(|r| vsubq_f32(self.0[r], other.0[r])) }
     }
 
     #[inline(always)]
     unsafe fn sqrt(self) -> Self {
         // SAFETY: see the impl.
-        each(|r| unsafe { vsqrtq_f32(self.0[r]) })
+        unsafe { each(|r| vsqrtq_f32(self.0[r])) }
     }
 
     #[inline(always)]
     unsafe fn at_least_zero(self) -> Self {
         // The instruction returns NaN when either operand is NaN.
         // SAFETY: see the impl.
-        each(|r| unsafe { vmaxq_f32(vdupq_n_f32(0.0), self.0[r]) })
+        unsafe { each(|r| vmaxq_f32(vdupq_n_f32(0.0), self.0[r])) }
     }
 
     #[inline(always)]
     unsafe fn select_greater(self, than: Self, yes: Self, no: Self) -> Self {
         // SAFETY: see the impl.
-        each(|r| unsafe { vbslq_f32(vcgtq_f32(self.0[r], than.0[r]), yes.0[r], no.0[r]) })
+        unsafe { each(|r| vbslq_f32(vcgtq_f32(self.0[r], than.0[r]), yes.0[r], no.0[r])) }
     }
 
     #[inline(always)]
-    unsafe fn fold_line(self, line: *const f32) -> Self {
+    unsafe fn fold(self, row: *const f32) -> Self {
         // SAFETY: see the impl.
-        each(|r| unsafe {
-            let line = vld1q_u32(line.cast::<u32>().add(4 * r));
-            vreinterpretq_f32_u32(vaddq_u32(vreinterpretq_u32_f32(self.0[r]), line))
-        })
+        unsafe {
+            each(|r| {
+                let words = vld1q_u32(row.cast::<u32>().add(r * WIDTH));
+                vreinterpretq_f32_u32(vaddq_u32(vreinterpretq_u32_f32(self.0[r]), words))
+            })
+        }
     }
 }

@@ -1,9 +1,11 @@
-//! Plain arrays, for the compiler to vectorise with what every processor of the target has.
+//! A plain array, for the compiler to vectorise with what every processor of the target has.
 
 use super::super::TILE_NODES;
 use super::Lanes;
 
-/// 16 lanes in an array.
+const PAIRS: usize = TILE_NODES / 2;
+
+/// A row in an array.
 #[derive(Clone, Copy)]
 pub(in super::super) struct Portable([f32; TILE_NODES]);
 
@@ -16,7 +18,7 @@ fn each(value: impl Fn(usize) -> f32) -> Portable {
     Portable(lanes)
 }
 
-// SAFETY (all methods): no instruction set is needed; the trait's contract gives pointers to 16 elements.
+// SAFETY (all methods): no instruction set is needed; the trait's contract gives pointers to a row.
 impl Lanes for Portable {
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
@@ -30,10 +32,15 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load_i16(from: *const i16) -> Self {
+    unsafe fn load_pairs(from: *const i32) -> Self {
         // SAFETY: see the impl.
-        let row = unsafe { from.cast::<[i16; TILE_NODES]>().read() };
-        each(|i| f32::from(row[i]))
+        let pairs = unsafe { from.cast::<[i32; PAIRS]>().read() };
+        let mut lanes = [0.0; TILE_NODES];
+        for (i, pair) in pairs.into_iter().enumerate() {
+            lanes[i] = (pair << 16) as f32;
+            lanes[PAIRS + i] = pair as f32;
+        }
+        Self(lanes)
     }
 
     #[inline(always)]
@@ -69,9 +76,9 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    unsafe fn fold_line(self, line: *const f32) -> Self {
+    unsafe fn fold(self, row: *const f32) -> Self {
         // SAFETY: see the impl.
-        let line = unsafe { line.cast::<[u32; TILE_NODES]>().read() };
-        each(|i| f32::from_bits(self.0[i].to_bits().wrapping_add(line[i])))
+        let words = unsafe { row.cast::<[u32; TILE_NODES]>().read() };
+        each(|i| f32::from_bits(self.0[i].to_bits().wrapping_add(words[i])))
     }
 }

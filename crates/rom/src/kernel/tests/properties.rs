@@ -12,12 +12,13 @@ const U: f64 = 1.0 / (1u64 << 24) as f64;
 
 /// `(k + 10) u` times the sum of the magnitudes of the terms: each term carries the rounding of mode, coefficient and
 /// product, the sum one rounding an addition (at most k), and the magnitude that of rest shape, difference, three
-/// squares and root. For i16 the bound of the storage comes on top, and the tile's offset rounds like a term.
+/// squares and root. For i16 the bound of the storage comes on
+/// top (a little more of it: the terms of the stored modes may be that much larger).
 fn bound(body: &Body, basis: &Basis, slot: usize, terms: f64) -> f64 {
     let factor = (body.modes + 10) as f64 * U;
     match basis.precision() {
         Precision::F32 => factor * terms,
-        Precision::I16 => factor * (terms + 250.0) + 1.001 * basis.error_bound(slot, &body.coefficients),
+        Precision::I16 => factor * terms + 1.001 * basis.error_bound(slot, &body.coefficients),
     }
 }
 
