@@ -22,7 +22,8 @@ pub enum ModeChoice {
     Fixed(usize),
     /// The fewest with truncation error (Eq. 4) at most this.
     Energy(f64),
-    /// The fewest whose leave-one-out error is within this factor of the best (1.02 = 2 % above the best).
+    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.02 = 2 %
+    /// above the best).
     LeaveOneOut(f64),
 }
 
@@ -96,8 +97,8 @@ impl Default for RegimeConfig {
             group_modes: BTreeMap::new(),
             max_modes: 24,
             kernels: KernelSpec::candidates(),
-            anisotropy: vec![0.25, 0.5, 1.0, 2.0],
-            smoothing: vec![0.0],
+            anisotropy: vec![0.25, 0.35, 0.5, 0.7, 1.0, 1.4],
+            smoothing: vec![0.0, 1e-7, 1e-6],
         }
     }
 }
@@ -144,7 +145,7 @@ pub struct TrainConfig {
     pub hysteresis_mpa: f64,
     /// Two training inputs closer than this fraction of the range are one state twice: merged or refused.
     pub duplicate_distance: f64,
-    /// Repeat the POD for every left-out case (exact, slower) when reporting leave-one-out errors.
+    /// Also repeat the POD for every left-out case and report how far the closed form is from it (up to 250 states).
     pub full_leave_one_out: bool,
 }
 
@@ -174,6 +175,7 @@ impl TrainConfig {
             modes: ModeChoice::Fixed(modes),
             kernels: vec![KernelSpec { kernel: KernelKind::Linear, tail: Tail::None }],
             anisotropy: vec![1.0],
+            smoothing: vec![0.0],
             ..RegimeConfig::default()
         };
         Self {

@@ -1,17 +1,15 @@
 //! Coverage bars: split-conformal half-widths from leave-one-out residuals.
 //!
 //! The bar is the `ceil((n + 1) c)`-th smallest of `n` worst-node residuals: exchangeable states err by less with
-//! probability at least `c`. Leave-one-out removes a neighbour from every case and so over-states the error; the bars
-//! are coverage bars for the domain as a whole and do not track the local error.
+//! probability at least `c`. Leave-one-out removes a neighbour from every case and so over-states the error a little; the
+//! bars are coverage bars for the domain as a whole and do not track the local error.
 
 use crate::datasheet::CaseError;
 use crate::model::CoverageBars;
 
-/// Bars for a share `coverage` from the cases inside the hull (from all where fewer than three are inside).
+/// Bars for a share `coverage`, from all cases: those on the hull stand for the untouched states that lie near the edge.
 pub fn bars(errors: &[CaseError], coverage: f64) -> CoverageBars {
-    let inside: Vec<&CaseError> = errors.iter().filter(|e| !e.on_hull).collect();
-    let chosen = if inside.len() < 3 { errors.iter().collect() } else { inside };
-    let bar = |of: fn(&CaseError) -> f64| quantile(chosen.iter().map(|e| of(e)).collect(), coverage);
+    let bar = |of: fn(&CaseError) -> f64| quantile(errors.iter().map(of).collect(), coverage);
     CoverageBars {
         coverage,
         displacement_mm: bar(|e| e.displacement_mm),

@@ -85,7 +85,8 @@ pub struct FitSheet {
     pub condition: f64,
     /// Relative residual of its solution.
     pub residual: f64,
-    /// Root-mean-square leave-one-out error by case and entry, closed form, in the field's unit.
+    /// Leave-one-out error, closed form, in the field's unit: root mean square over nodes, mean over cases inside the
+    /// hull (for the force: root mean square over those cases).
     pub leave_one_out: f64,
     /// The same with the POD redone for every left-out case, when asked for.
     pub leave_one_out_full: Option<f64>,
@@ -98,7 +99,7 @@ pub struct FitSheet {
 pub struct CaseError {
     /// Case name.
     pub case: String,
-    /// On the hull of the samples: leaving it out extrapolates, so it does not count for bars and selection.
+    /// On the hull of the samples: leaving it out extrapolates, so selection does not judge by it.
     pub on_hull: bool,
     /// Displacement error in mm.
     pub displacement_mm: f64,

@@ -16,6 +16,8 @@ use faer::{Mat, Side};
 
 /// Samples the likelihood looks at: beyond this, an even subset fixes the lengths.
 const MAX_LIKELIHOOD_SAMPLES: usize = 250;
+/// Outputs the likelihood looks at, largest modes first: with one process variance the rest carry no weight.
+const LIKELIHOOD_OUTPUTS: usize = 8;
 /// Bounds of the logarithms: lengths over scaled inputs, then the nugget.
 const LN_LENGTH: [f64; 2] = [-3.0, 3.0];
 const LN_NUGGET: [f64; 2] = [-25.0, -4.0];
@@ -36,8 +38,8 @@ pub fn maximum_likelihood(samples: &Samples, tail: Tail) -> Option<Lengths> {
     let n = samples.inputs.len();
     let stride = n.div_ceil(MAX_LIKELIHOOD_SAMPLES).max(1);
     let chosen: Vec<usize> = (0..n).step_by(stride).collect();
-    let data =
-        Mat::from_fn(chosen.len(), samples.outputs, |i, k| samples.values[chosen[i] * samples.outputs + k]);
+    let outputs = samples.outputs.min(LIKELIHOOD_OUTPUTS);
+    let data = Mat::from_fn(chosen.len(), outputs, |i, k| samples.values[chosen[i] * samples.outputs + k]);
     let inputs: Vec<[f64; 2]> = chosen.iter().map(|&i| samples.inputs[i]).collect();
     let d = samples.dimensions;
     let objective = |theta: &[f64]| likelihood(&inputs, d, &data, tail, theta);
@@ -54,10 +56,14 @@ fn likelihood(inputs: &[[f64; 2]], d: usize, data: &Mat<f64>, tail: Tail, theta:
     }
     let metric = [(-theta[0]).exp(), if d > 1 { (-theta[1]).exp() } else { 1.0 }];
     let (n, q) = (inputs.len(), data.ncols());
-    let r = Mat::from_fn(n, n, |i, j| {
-        let v = [(inputs[i][0] - inputs[j][0]) * metric[0], (inputs[i][1] - inputs[j][1]) * metric[1]];
-        KernelKind::Matern52.radial(v[0] * v[0] + v[1] * v[1]).0 + if i == j { theta[d].exp() } else { 0.0 }
-    });
+    let mut r = Mat::zeros(n, n); // the lower half is all a Cholesky factorisation reads
+    for j in 0..n {
+        for i in j..n {
+            let v = [(inputs[i][0] - inputs[j][0]) * metric[0], (inputs[i][1] - inputs[j][1]) * metric[1]];
+            r[(i, j)] = KernelKind::Matern52.radial(v[0] * v[0] + v[1] * v[1]).0;
+        }
+        r[(j, j)] += theta[d].exp();
+    }
     let Ok(llt) = r.llt(Side::Lower) else { return f64::INFINITY };
     let ln_det: f64 = 2.0 * (0..n).map(|i| llt.L()[(i, i)].ln()).sum::<f64>();
     let p = Mat::from_fn(n, tail.terms(d), |i, j| tail.values(d, inputs[i])[j]);

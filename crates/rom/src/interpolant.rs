@@ -132,9 +132,17 @@ impl Interpolant {
         dx0: &mut [f64],
         dx1: &mut [f64],
     ) {
-        if self.outputs == 0 {
-            return; // a constant field has no modes
-        }
+        self.kernel_values(x, scratch);
+        self.combine(x, scratch, value, dx0, dx1);
+    }
+
+    /// Whether the kernel values of `other` are this interpolant's too: same kernel over the same centres.
+    pub fn shares_kernel_with(&self, other: &Self) -> bool {
+        self.kernel == other.kernel && self.metric == other.metric && self.centres == other.centres
+    }
+
+    /// Kernel values and their gradients at `x`, into `scratch`.
+    pub(crate) fn kernel_values(&self, x: [f64; 2], scratch: &mut KernelScratch) {
         let u = [x[0] * self.metric[0], x[1] * self.metric[1]];
         let n = self.centres.len();
         let (g, dg) = (&mut scratch.value[..n], &mut scratch.slope[..n]);
@@ -144,12 +152,28 @@ impl Interpolant {
             *g = phi;
             *dg = [over_r * d[0] * self.metric[0], over_r * d[1] * self.metric[1]];
         }
+    }
+
+    /// Weighs the kernel values in `scratch` and adds the tail.
+    pub(crate) fn combine(
+        &self,
+        x: [f64; 2],
+        scratch: &KernelScratch,
+        value: &mut [f64],
+        dx0: &mut [f64],
+        dx1: &mut [f64],
+    ) {
+        if self.outputs == 0 {
+            return; // a constant field has no modes
+        }
         value.fill(0.0);
         dx0.fill(0.0);
         dx1.fill(0.0);
-        for ((w, g), dg) in self.weights.chunks_exact(self.outputs).zip(g.iter()).zip(dg.iter()) {
+        let kernels = scratch.value.iter().zip(&scratch.slope);
+        for (w, (g, dg)) in self.weights.chunks_exact(self.outputs).zip(kernels) {
             accumulate(w, *g, *dg, value, dx0, dx1);
         }
+        let u = [x[0] * self.metric[0], x[1] * self.metric[1]];
         let terms = self.tail.terms(self.dimensions);
         let (t, dt) = (self.tail.values(self.dimensions, u), self.tail.gradients(self.dimensions, u));
         for (i, w) in self.tail_weights.chunks_exact(self.outputs).enumerate().take(terms) {

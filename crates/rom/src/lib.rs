@@ -10,6 +10,7 @@
 pub mod config;
 pub mod conformal;
 pub mod datasheet;
+pub mod evaluate;
 pub mod evaluation;
 pub mod fit;
 pub mod gp;

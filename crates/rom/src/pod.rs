@@ -50,7 +50,9 @@ impl Compact {
         }
         let mut mean = vec![0.0; n];
         if centred {
-            mean = (0..n).map(|i| (0..m).map(|j| y[(i, j)]).sum::<f64>() / m as f64).collect();
+            for j in 0..m {
+                mean.iter_mut().zip(y.col_as_slice(j)).for_each(|(mean, v)| *mean += v / m as f64);
+            }
             for j in 0..m {
                 for (v, mean) in y.col_as_slice_mut(j).iter_mut().zip(&mean) {
                     *v -= mean;

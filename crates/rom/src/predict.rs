@@ -84,8 +84,19 @@ pub enum PredictError {
 struct RegimePart {
     model: RegimeModel,
     coefficient_count: usize,
+    /// By group: the kernel values of the group before serve it too.
+    shares_kernel: Vec<bool>,
     /// None when no field was selected: force and coefficients need no basis.
     basis: Option<Basis>,
+}
+
+impl RegimePart {
+    fn new(model: RegimeModel, basis: Option<Basis>) -> Self {
+        let before = |g: usize| g.checked_sub(1).map(|b| &model.groups[b].surrogate);
+        let shares = |g| before(g).is_some_and(|b| model.groups[g].surrogate.shares_kernel_with(b));
+        let shares_kernel = (0..model.groups.len()).map(shares).collect();
+        Self { coefficient_count: model.coefficient_count(), shares_kernel, basis, model }
+    }
 }
 
 /// A model made ready to answer, for one selection of fields and nodes.
@@ -126,11 +137,7 @@ impl Predictor {
             let wanted = !fields.is_empty();
             let basis =
                 wanted.then(|| build(model, regime, &fields, nodes.as_deref(), precision)).transpose()?;
-            parts.push(RegimePart {
-                model: regime.clone(),
-                coefficient_count: regime.coefficient_count(),
-                basis,
-            });
+            parts.push(RegimePart::new(regime.clone(), basis));
         }
         let interpolants = header.regimes.iter().flat_map(RegimeModel::interpolants);
         let centres = interpolants.map(|i| i.centres.len()).max().unwrap_or(0);
@@ -252,14 +259,17 @@ fn coefficients(part: &RegimePart, x: [f64; 2], scratch: &mut KernelScratch, out
     for values in [&mut out.coefficients, &mut out.dcoefficients_dpressure, &mut out.dcoefficients_dgap] {
         values.resize(count, 0.0); // within the capacity `evaluation` reserved
     }
-    for group in &part.model.groups {
+    for (g, group) in part.model.groups.iter().enumerate() {
+        if !part.shares_kernel[g] {
+            group.surrogate.kernel_values(x, scratch);
+        }
         let range = group.coefficients.clone();
         let (value, dx0, dx1) = (
             &mut out.coefficients[range.clone()],
             &mut out.dcoefficients_dpressure[range.clone()],
             &mut out.dcoefficients_dgap[range],
         );
-        group.surrogate.evaluate(x, scratch, value, dx0, dx1);
+        group.surrogate.combine(x, scratch, value, dx0, dx1);
         for (d0, d1) in dx0.iter_mut().zip(dx1.iter_mut()) {
             (*d0, *d1) = part.model.inputs.unscale_gradient([*d0, *d1]);
         }

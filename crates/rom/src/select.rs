@@ -2,13 +2,18 @@
 //!
 //! With orthonormal modes the error of leaving case `i` out, at `l` modes, is
 //! `e_i(l)^2 = sum_{k<l} E_ik^2 + sum_{k>=l} A_ik^2`: interpolation residuals (Rippa) of the kept modes plus the energy
-//! of the dropped ones. The score is its root mean square over the cases inside the domain: leaving out a corner of the
+//! of the dropped ones. The score is its mean over the cases inside the domain: leaving out a corner of the
 //! domain measures extrapolation, which no kernel choice should be judged by. Test cases are never seen here.
+//!
+//! Groups that belong together (the three coordinates: what counts is the length of their error) are chosen together and
+//! share a kernel; each keeps its own number of modes.
 
 use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig};
 use crate::fit::{Fit, FitError, Samples, condition_of, fit_candidate};
 use crate::gp::maximum_likelihood;
+use crate::interpolant::Interpolant;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// What was tried and how it fared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,63 +24,82 @@ pub struct Candidate {
     pub metric: [f64; 2],
     /// Smoothing on the diagonal.
     pub smoothing: f64,
-    /// Modes it would keep.
+    /// Modes the group would keep.
     pub modes: usize,
-    /// Leave-one-out score, in the data's own norm; none when the fit was refused.
+    /// Leave-one-out score of the groups chosen together, in the data's own norm; none when the fit was refused.
     pub error: Option<f64>,
     /// Why the fit was refused.
     pub refused: Option<String>,
 }
 
-/// The winner and the others, best first.
+/// The winner for one group, and the others, best first.
 #[derive(Clone, Debug)]
 pub struct Choice {
     /// The fit of the first `modes` outputs.
     pub fit: Fit,
     /// Modes kept.
     pub modes: usize,
+    /// The group's own leave-one-out score.
+    pub error: f64,
     /// All candidates, best first.
     pub candidates: Vec<Candidate>,
 }
 
-/// What selection judges by.
-pub struct Task<'a> {
-    /// Inputs and coefficients of all modes that may be kept.
-    pub samples: Samples<'a>,
-    /// Per sample: energy in the modes that cannot be kept.
-    pub dropped: &'a [f64],
-    /// Per sample: weight of its error in the score; 0 leaves it out of the score (not out of the fit).
+/// States that all groups of a regime share.
+#[derive(Clone, Copy, Debug)]
+pub struct States<'a> {
+    /// Inputs in use, 1 or 2.
+    pub dimensions: usize,
+    /// Scaled inputs.
+    pub inputs: &'a [[f64; 2]],
+    /// Per state: weight of its error in the score; 0 leaves it out of the score (not out of the fit).
     pub score: &'a [f64],
+}
+
+/// One group's coefficients.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// `states x outputs`: coefficients of all modes that may be kept.
+    pub values: Vec<f64>,
+    /// Modes that may be kept.
+    pub outputs: usize,
+    /// Per state: energy in the modes that cannot be kept.
+    pub dropped: Vec<f64>,
     /// How many modes.
     pub modes: ModeChoice,
     /// Modes the energy criterion asks for.
     pub modes_for_energy: usize,
 }
 
-/// Tries every candidate of `config` and keeps the best. Cost `O(candidates x n^3)`.
+/// A candidate's verdict: score of all groups together, and by group modes and own score.
+struct Verdict {
+    score: f64,
+    groups: Vec<(usize, f64)>,
+}
+
+/// Tries every candidate of `config` on groups that belong together and keeps the best. Cost `O(candidates x n^3)`.
 ///
 /// # Errors
 /// The last refusal when no candidate could be fitted.
-pub fn choose(task: &Task, config: &RegimeConfig) -> Result<Choice, FitError> {
-    let mut best: Option<(f64, usize, Fit)> = None;
+pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<Vec<Choice>, FitError> {
+    let outputs: usize = tasks.iter().map(|t| t.outputs).sum();
+    let values = side_by_side(tasks, states.inputs.len());
+    let samples = Samples { dimensions: states.dimensions, inputs: states.inputs, values: &values, outputs };
+    let mut best: Option<(Verdict, Fit)> = None;
     let mut refusal = FitError::Empty;
-    let mut candidates = Vec::new();
+    let mut rows: Vec<(Candidate, Vec<usize>)> = Vec::new();
     for spec in &config.kernels {
-        for (metric, smoothing) in variants(task, *spec, config) {
-            let mut row = Candidate {
-                kernel: format!("{}, {}", spec.kernel.name(), spec.tail.name()),
-                metric,
-                smoothing,
-                modes: 0,
-                error: None,
-                refused: None,
-            };
-            match fit_candidate(&task.samples, *spec, metric, smoothing) {
+        for (metric, smoothing) in variants(&samples, *spec, config) {
+            let kernel = format!("{}, {}", spec.kernel.name(), spec.tail.name());
+            let mut row = Candidate { kernel, metric, smoothing, modes: 0, error: None, refused: None };
+            let mut modes = vec![0; tasks.len()];
+            match fit_candidate(&samples, *spec, metric, smoothing) {
                 Ok(fit) => {
-                    let (modes, error) = judge(task, &fit.residuals);
-                    (row.modes, row.error) = (modes, Some(error));
-                    if best.as_ref().is_none_or(|(e, ..)| error < *e) {
-                        best = Some((error, modes, fit));
+                    let verdict = judge(states, tasks, &fit.residuals);
+                    row.error = Some(verdict.score);
+                    modes = verdict.groups.iter().map(|g| g.0).collect();
+                    if best.as_ref().is_none_or(|(b, _)| verdict.score < b.score) {
+                        best = Some((verdict, fit));
                     }
                 }
                 Err(e) => {
@@ -83,73 +107,111 @@ pub fn choose(task: &Task, config: &RegimeConfig) -> Result<Choice, FitError> {
                     refusal = e;
                 }
             }
-            candidates.push(row);
+            rows.push((row, modes));
         }
     }
-    candidates.sort_by(|a, b| a.error.unwrap_or(f64::INFINITY).total_cmp(&b.error.unwrap_or(f64::INFINITY)));
-    let (_, modes, fit) = best.ok_or(refusal)?;
-    let mut fit = keep_outputs(fit, modes);
+    rows.sort_by(|a, b| a.0.error.unwrap_or(f64::INFINITY).total_cmp(&b.0.error.unwrap_or(f64::INFINITY)));
+    let (verdict, mut fit) = best.ok_or(refusal)?;
     fit.interpolant.condition = condition_of(&fit.interpolant);
-    Ok(Choice { fit, modes, candidates })
+    let mut first = 0;
+    let choice = |(g, task): (usize, &Task)| {
+        let (modes, error) = verdict.groups[g];
+        let kept = first..first + modes;
+        first += task.outputs;
+        let candidates =
+            rows.iter().map(|(row, modes)| Candidate { modes: modes[g], ..row.clone() }).collect();
+        Choice { fit: keep_outputs(&fit, kept), modes, error, candidates }
+    };
+    Ok(tasks.iter().enumerate().map(choice).collect())
+}
+
+/// All groups' coefficients of a state in one row: one factorisation serves all.
+fn side_by_side(tasks: &[Task], states: usize) -> Vec<f64> {
+    (0..states)
+        .flat_map(|i| tasks.iter().flat_map(move |t| &t.values[i * t.outputs..(i + 1) * t.outputs]))
+        .copied()
+        .collect()
 }
 
 /// Metric and smoothing variants of a kernel: fitted lengths for a process, the configured factors otherwise.
-fn variants(task: &Task, spec: KernelSpec, config: &RegimeConfig) -> Vec<([f64; 2], f64)> {
+fn variants(samples: &Samples, spec: KernelSpec, config: &RegimeConfig) -> Vec<([f64; 2], f64)> {
     if spec.kernel == KernelKind::Matern52 {
-        return maximum_likelihood(&task.samples, spec.tail)
-            .map(|l| (l.metric, l.nugget))
-            .into_iter()
-            .collect();
+        return maximum_likelihood(samples, spec.tail).map(|l| (l.metric, l.nugget)).into_iter().collect();
     }
-    let factors = if task.samples.dimensions > 1 { config.anisotropy.as_slice() } else { &[1.0] };
+    let factors = if samples.dimensions > 1 { config.anisotropy.as_slice() } else { &[1.0] };
     factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| ([1.0, *f], *s))).collect()
 }
 
-/// Modes to keep and the score with them.
-fn judge(task: &Task, residuals: &[f64]) -> (usize, f64) {
-    let limit = task.samples.outputs;
-    let errors: Vec<f64> = error_by_modes(task, residuals);
-    let modes = match task.modes {
-        ModeChoice::Fixed(modes) => modes.min(limit),
-        ModeChoice::Energy(_) => task.modes_for_energy.min(limit),
-        ModeChoice::LeaveOneOut(factor) => {
-            let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
-            errors.iter().position(|e| *e <= factor * least).unwrap_or(limit)
-        }
-    };
-    (modes, errors[modes])
+/// Modes to keep by group, and the scores with them.
+fn judge(states: States, tasks: &[Task], residuals: &[f64]) -> Verdict {
+    let stride: usize = tasks.iter().map(|t| t.outputs).sum();
+    let (mut first, mut groups) = (0, Vec::new());
+    let mut squares = vec![0.0; states.score.iter().filter(|w| **w > 0.0).count()];
+    for task in tasks {
+        let errors = case_errors(states, task, &|i, k| residuals[i * stride + first + k]);
+        let modes = modes_to_keep(task, &errors);
+        squares.iter_mut().zip(&errors).for_each(|(s, e)| *s += e[modes] * e[modes]);
+        groups.push((modes, mean(&errors, |e| e[modes])));
+        first += task.outputs;
+    }
+    Verdict { score: squares.iter().map(|s| s.sqrt()).sum::<f64>() / squares.len() as f64, groups }
 }
 
-/// Score for 0, 1, ... all modes.
-fn error_by_modes(task: &Task, residuals: &[f64]) -> Vec<f64> {
-    let outputs = task.samples.outputs;
-    let total: f64 = task.score.iter().map(|w| w * w).sum();
-    let mut squares = vec![0.0; outputs + 1];
-    for (i, weight) in task.score.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-        let row = i * outputs..(i + 1) * outputs;
-        let (data, residual) = (&task.samples.values[row.clone()], &residuals[row]);
-        let mut square = task.dropped[i] + data.iter().map(|a| a * a).sum::<f64>();
-        squares[0] += weight * weight * square;
-        for k in 0..outputs {
-            square += residual[k] * residual[k] - data[k] * data[k];
-            squares[k + 1] += weight * weight * square.max(0.0);
+fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
+    match task.modes {
+        ModeChoice::Fixed(modes) => modes.min(task.outputs),
+        ModeChoice::Energy(_) => task.modes_for_energy.min(task.outputs),
+        ModeChoice::LeaveOneOut(factor) => {
+            // Geometric mean over cases: every case asks for the modes it needs at its own level of error. An
+            // arithmetic one would stop at the error of the few cases that are hard to interpolate.
+            let level = |l: usize| mean(errors, |e| e[l].max(f64::MIN_POSITIVE).ln()).exp();
+            let levels: Vec<f64> = (0..=task.outputs).map(level).collect();
+            let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
+            levels.iter().position(|e| *e <= factor * least).unwrap_or(task.outputs)
         }
     }
-    squares.iter().map(|s| (s / total).sqrt()).collect()
 }
 
-fn keep_outputs(mut fit: Fit, keep: usize) -> Fit {
+fn mean(errors: &[Vec<f64>], of: impl Fn(&[f64]) -> f64) -> f64 {
+    errors.iter().map(|e| of(e)).sum::<f64>() / errors.len() as f64
+}
+
+/// By scored case: weighted leave-one-out error with 0, 1, ... all modes. `residual(state, mode)`.
+fn case_errors(states: States, task: &Task, residual: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<f64>> {
+    let outputs = task.outputs;
+    let scored = states.score.iter().enumerate().filter(|(_, w)| **w > 0.0);
+    let one = |(i, weight): (usize, &f64)| {
+        let data = &task.values[i * outputs..(i + 1) * outputs];
+        // Sums from the far end: what a mode adds must not drown in what larger modes hold.
+        let mut left_out: Vec<f64> = vec![task.dropped[i]; outputs + 1];
+        for k in (0..outputs).rev() {
+            left_out[k] = left_out[k + 1] + data[k] * data[k];
+        }
+        let mut kept = 0.0;
+        let mut errors = vec![weight * left_out[0].sqrt()];
+        for k in 0..outputs {
+            kept += residual(i, k).powi(2);
+            errors.push(weight * (kept + left_out[k + 1]).sqrt());
+        }
+        errors
+    };
+    scored.map(one).collect()
+}
+
+/// The fit of some of the outputs.
+fn keep_outputs(fit: &Fit, kept: Range<usize>) -> Fit {
     let outputs = fit.interpolant.outputs;
     let cut = |values: &[f64]| -> Vec<f64> {
         if outputs == 0 {
-            Vec::new()
-        } else {
-            values.chunks_exact(outputs).flat_map(|row| row[..keep].to_vec()).collect()
+            return Vec::new();
         }
+        values.chunks_exact(outputs).flat_map(|row| row[kept.clone()].to_vec()).collect()
     };
-    fit.interpolant.weights = cut(&fit.interpolant.weights);
-    fit.interpolant.tail_weights = cut(&fit.interpolant.tail_weights);
-    fit.residuals = cut(&fit.residuals);
-    fit.interpolant.outputs = keep;
-    fit
+    let interpolant = Interpolant {
+        weights: cut(&fit.interpolant.weights),
+        tail_weights: cut(&fit.interpolant.tail_weights),
+        outputs: kept.len(),
+        ..fit.interpolant.clone()
+    };
+    Fit { interpolant, residuals: cut(&fit.residuals) }
 }

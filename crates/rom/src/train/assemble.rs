@@ -65,13 +65,13 @@ pub(super) fn assemble(
 fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
     let mut next = 0;
     let groups = plan.groups.iter().zip(&part.groups).map(|(group, fit)| {
-        let coefficients = next..next + fit.modes;
+        let coefficients = next..next + fit.choice.modes;
         next = coefficients.end;
         GroupModel {
             name: group.name.clone(),
             fields: group.fields.clone(),
             coefficients,
-            surrogate: fit.surrogate.clone(),
+            surrogate: fit.choice.fit.interpolant.clone(),
             singular_values: fit.pod.singular_values.clone(),
         }
     });
@@ -92,7 +92,7 @@ fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind
         for (at, &field) in group.fields.iter().enumerate() {
             let (rows, field) = (at * nodes..(at + 1) * nodes, field as u32);
             let mean = fit.compact.mean[rows.clone()].iter().map(|v| *v as f32).collect();
-            let modes = (0..fit.modes)
+            let modes = (0..fit.choice.modes)
                 .flat_map(|k| fit.basis.col_as_slice(k)[rows.clone()].iter().map(|v| *v as f32))
                 .collect();
             blocks.push((BlockKind::Mean { regime, field }, BlockData::F32(mean)));
@@ -131,8 +131,10 @@ fn regime_sheet(plan: &Plan, part: &Part) -> RegimeSheet {
 fn group_sheet(name: &str, fit: &GroupFit) -> FitSheet {
     // The score is the norm of a whole error vector; by entry it reads in the field's unit.
     let entries = fit.compact.mean.len() as f64;
-    let error = fit.candidates.first().and_then(|c| c.error).unwrap_or(f64::NAN) / entries.sqrt();
-    fit_sheet(name, fit.modes, fit.pod.truncation_error(fit.modes), &fit.surrogate, error, &fit.candidates)
+    let (choice, error) = (&fit.choice, fit.choice.error / entries.sqrt());
+    let truncation = fit.pod.truncation_error(choice.modes);
+    let sheet = fit_sheet(name, choice.modes, truncation, &choice.fit.interpolant, error, &choice.candidates);
+    FitSheet { leave_one_out_full: fit.full_error.map(|e| e / entries.sqrt()), ..sheet }
 }
 
 fn fit_sheet(

@@ -1,19 +1,23 @@
 //! POD groups: which fields share one, and the fit of one group over one regime's states.
 
 use super::TrainError;
+use super::full::full_leave_one_out;
 use crate::config::{Grouping, ModeChoice, RegimeConfig, TrainConfig};
-use crate::fit::Samples;
-use crate::interpolant::Interpolant;
 use crate::pod::{Compact, Pod, decompose};
-use crate::select::{Candidate, Task, choose};
-use crate::snapshots::{Database, FieldKind, RegimeKind};
+use crate::select::{Choice, States, Task, choose};
+use crate::snapshots::{Database, FieldKind};
 use faer::Mat;
 
 /// One group: a name and the fields it stacks.
 pub(super) struct Group {
     pub name: String,
     pub fields: Vec<usize>,
+    /// One deformed coordinate: chosen together with the others.
+    pub coordinates: bool,
 }
+
+/// Beyond this many states the POD is not redone for every left-out one.
+const MAX_FULL_STATES: usize = 250;
 
 /// What is decomposed and what is derived.
 pub(super) struct Plan {
@@ -37,11 +41,15 @@ impl Plan {
             .collect();
         let fields: Vec<usize> = (0..database.fields.len()).filter(|&f| magnitude_of[f].is_none()).collect();
         let groups = match config.grouping {
-            Grouping::Joint => vec![Group { name: "joint".into(), fields }],
-            Grouping::PerField => fields
-                .iter()
-                .map(|&f| Group { name: database.fields[f].name.clone(), fields: vec![f] })
-                .collect(),
+            Grouping::Joint => vec![Group { name: "joint".into(), fields, coordinates: false }],
+            Grouping::PerField => {
+                let one = |&f: &usize| Group {
+                    name: database.fields[f].name.clone(),
+                    fields: vec![f],
+                    coordinates: matches!(database.fields[f].kind, FieldKind::Coordinate(_)),
+                };
+                fields.iter().map(one).collect()
+            }
         };
         Self { groups, magnitude_of }
     }
@@ -55,82 +63,98 @@ impl Plan {
     }
 }
 
-/// States of a regime: scaled inputs and which of them are scored.
-pub(super) struct States<'a> {
-    pub kind: RegimeKind,
-    pub dimensions: usize,
-    pub inputs: &'a [[f64; 2]],
-    /// Weight in the leave-one-out score; 0 for states that are fitted but not judged by.
-    pub score: &'a [f64],
-}
-
 /// A fitted group.
 pub(super) struct GroupFit {
     pub compact: Compact,
     pub pod: Pod,
-    pub modes: usize,
     /// Full-length modes, `fields x nodes` by `modes`.
     pub basis: Mat<f64>,
-    pub surrogate: Interpolant,
-    /// `states x modes` leave-one-out residuals of the coefficients.
-    pub residuals: Vec<f64>,
-    pub candidates: Vec<Candidate>,
+    /// Kernel, modes, residuals, runners-up.
+    pub choice: Choice,
+    /// Mean leave-one-out error with the POD redone, in the norm of a whole field; none unless asked for.
+    pub full_error: Option<f64>,
 }
 
-impl GroupFit {
-    /// Decomposes `snapshots` (one column a state) and chooses kernel and modes.
+/// A decomposed group that waits for its kernel.
+pub(super) struct Decomposed {
+    compact: Compact,
+    pod: Pod,
+    task: Task,
+}
+
+impl Decomposed {
+    /// Decomposes `snapshots`, one column a state.
     pub fn new(
         group: &Group,
         snapshots: Mat<f64>,
-        states: &States,
+        regime: &'static str,
         config: &RegimeConfig,
         centred: bool,
     ) -> Result<Self, TrainError> {
-        let regime = states.kind.name();
         let pod_error = |source| TrainError::Pod { group: group.name.clone(), regime, source };
         let compact = Compact::new(snapshots, centred).map_err(pod_error)?;
         let pod = decompose(compact.r.as_ref()).map_err(pod_error)?;
         let limit = pod.rank.min(config.max_modes);
-        let coefficients = pod.u.get(.., ..limit).transpose() * &compact.r;
-        let m = coefficients.ncols();
-        let values: Vec<f64> =
-            (0..m).flat_map(|j| coefficients.col(j).iter().copied().collect::<Vec<_>>()).collect();
-        let dropped: Vec<f64> = (0..m)
-            .map(|j| (compact.r.col(j).squared_norm_l2() - coefficients.col(j).squared_norm_l2()).max(0.0))
-            .collect();
+        let a = pod.u.get(.., ..limit).transpose() * &compact.r;
+        let dropped = |j| (compact.r.col(j).squared_norm_l2() - a.col(j).squared_norm_l2()).max(0.0);
         let modes = *config.group_modes.get(&group.name).unwrap_or(&config.modes);
         let task = Task {
-            samples: Samples {
-                dimensions: states.dimensions,
-                inputs: states.inputs,
-                values: &values,
-                outputs: limit,
-            },
-            dropped: &dropped,
-            score: states.score,
+            values: (0..a.ncols()).flat_map(|j| a.col_as_slice(j)).copied().collect(),
+            outputs: limit,
+            dropped: (0..a.ncols()).map(dropped).collect(),
             modes,
             modes_for_energy: if let ModeChoice::Energy(e) = modes { pod.modes_for_energy(e) } else { limit },
         };
-        let choice = choose(&task, config).map_err(|source| TrainError::Fit {
-            what: format!("group {}", group.name),
-            regime,
-            source,
-        })?;
-        let basis = compact.modes(&pod, choice.modes);
-        Ok(Self {
-            compact,
-            pod,
-            modes: choice.modes,
-            basis,
-            surrogate: choice.fit.interpolant,
-            residuals: choice.fit.residuals,
-            candidates: choice.candidates,
-        })
+        Ok(Self { compact, pod, task })
     }
+}
 
+/// Chooses kernels and modes: coordinates together, every other group for itself. The order of the groups is kept.
+pub(super) fn fit_groups(
+    plan: &Plan,
+    decomposed: Vec<Decomposed>,
+    states: States,
+    regime: &'static str,
+    config: &RegimeConfig,
+    options: &TrainConfig,
+) -> Result<Vec<GroupFit>, TrainError> {
+    let together = |g: &usize| plan.groups[*g].coordinates;
+    let all = 0..plan.groups.len();
+    let mut clusters: Vec<Vec<usize>> = vec![all.clone().filter(together).collect()];
+    clusters.extend(all.filter(|g| !together(g)).map(|g| vec![g]));
+    let mut choices: Vec<Option<Choice>> = plan.groups.iter().map(|_| None).collect();
+    for cluster in clusters.iter().filter(|c| !c.is_empty()) {
+        let tasks: Vec<Task> = cluster.iter().map(|&g| decomposed[g].task.clone()).collect();
+        let names: Vec<&str> = cluster.iter().map(|&g| plan.groups[g].name.as_str()).collect();
+        let what = format!("group {}", names.join(", "));
+        let chosen =
+            choose(states, &tasks, config).map_err(|source| TrainError::Fit { what, regime, source })?;
+        for (&g, choice) in cluster.iter().zip(chosen) {
+            choices[g] = Some(choice);
+        }
+    }
+    let full = options.full_leave_one_out && states.inputs.len() <= MAX_FULL_STATES;
+    let fits = decomposed.into_iter().zip(choices).filter_map(|(d, choice)| {
+        let choice = choice?;
+        let fit = &choice.fit.interpolant;
+        let full_error = full
+            .then(|| full_leave_one_out(&d.compact, options.centred, choice.modes, fit, states))
+            .flatten();
+        Some(GroupFit {
+            basis: d.compact.modes(&d.pod, choice.modes),
+            compact: d.compact,
+            pod: d.pod,
+            choice,
+            full_error,
+        })
+    });
+    Ok(fits.collect())
+}
+
+impl GroupFit {
     /// The group's stacked fields at a scaled input.
     pub fn evaluate(&self, x: [f64; 2]) -> Vec<f64> {
-        let a = self.surrogate.values_at(x);
+        let a = self.choice.fit.interpolant.values_at(x);
         let mut y = self.compact.mean.clone();
         for (k, a) in a.iter().enumerate() {
             for (y, phi) in y.iter_mut().zip(self.basis.col(k).iter()) {
@@ -142,9 +166,10 @@ impl GroupFit {
 
     /// Leave-one-out error fields of the first `cases` states, one column a case: data minus prediction, closed form.
     pub fn error_fields(&self, cases: usize) -> Mat<f64> {
-        let u = self.pod.u.get(.., ..self.modes);
+        let modes = self.choice.modes;
+        let u = self.pod.u.get(.., ..modes);
         let r = self.compact.r.get(.., ..cases);
-        let residual = Mat::from_fn(self.modes, cases, |k, i| self.residuals[i * self.modes + k]);
+        let residual = Mat::from_fn(modes, cases, |k, i| self.choice.fit.residuals[i * modes + k]);
         let prediction = u * (u.transpose() * r - residual);
         &self.compact.q * (r - prediction)
     }

@@ -5,6 +5,7 @@
 //! model, so that fields are continuous across the switch; coverage bars from leave-one-out residuals.
 
 mod assemble;
+mod full;
 mod group;
 mod onset;
 mod regime;

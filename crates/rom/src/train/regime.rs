@@ -1,16 +1,15 @@
 //! Training one regime: inputs, groups, force, domain, coverage bars.
 
 use super::TrainError;
-use super::group::{GroupFit, Plan, States};
+use super::group::{Decomposed, GroupFit, Plan, fit_groups};
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::conformal;
 use crate::datasheet::CaseError;
-use crate::fit::Samples;
 use crate::hull::Domain;
 use crate::interpolant::{InputAxis, InputMap, Quantity};
 use crate::model::{CoverageBars, ForceModel};
 use crate::regime::OnsetTable;
-use crate::select::{Candidate, Task, choose};
+use crate::select::{Candidate, States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
 use faer::Mat;
 
@@ -146,8 +145,7 @@ impl<'a> Training<'a> {
         plan: &Plan,
         free: Option<&Part>,
     ) -> Result<Vec<GroupFit>, TrainError> {
-        let states =
-            States { kind, dimensions: self.inputs.dimensions(), inputs: &self.scaled, score: &self.score };
+        let states = self.states(&self.scaled, &self.score);
         let one = |(g, group): (usize, &super::group::Group)| {
             let nodes = self.database.node_count;
             let mut y = Mat::zeros(nodes * group.fields.len(), self.points.len());
@@ -166,9 +164,14 @@ impl<'a> Training<'a> {
                     y.col_as_slice_mut(j).copy_from_slice(&state);
                 }
             }
-            GroupFit::new(group, y, &states, choices, config.centred)
+            Decomposed::new(group, y, kind.name(), choices, config.centred)
         };
-        plan.groups.iter().enumerate().map(one).collect()
+        let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
+        fit_groups(plan, decomposed, states, kind.name(), choices, config)
+    }
+
+    fn states<'b>(&self, inputs: &'b [[f64; 2]], score: &'b [f64]) -> States<'b> {
+        States { dimensions: self.inputs.dimensions(), inputs, score }
     }
 
     /// The contact force and its leave-one-out residuals by case, in N.
@@ -190,22 +193,19 @@ impl<'a> Training<'a> {
         let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess[i]).collect();
         let score: Vec<f64> = used.iter().map(|&i| self.score[i] * excess[i]).collect();
         let task = Task {
-            samples: Samples {
-                dimensions: self.inputs.dimensions(),
-                inputs: &inputs,
-                values: &values,
-                outputs: 1,
-            },
-            dropped: &vec![0.0; used.len()],
-            score: &score,
+            dropped: vec![0.0; values.len()],
+            values,
+            outputs: 1,
             modes: ModeChoice::Fixed(1),
             modes_for_energy: 1,
         };
-        let choice = choose(&task, config).map_err(|source| TrainError::Fit {
+        let chosen = choose(self.states(&inputs, &score), &[task], config);
+        let error = |source| TrainError::Fit {
             what: "the contact force".into(),
             regime: RegimeKind::Contact.name(),
             source,
-        })?;
+        };
+        let choice = chosen.map_err(error)?.swap_remove(0); // one task, one choice
         let mut residuals = vec![0.0; forces.len()];
         used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals[i] = e * excess[i]);
         let squares: f64 = residuals.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();

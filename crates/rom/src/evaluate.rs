@@ -1,0 +1,321 @@
+//! How good is a model? Truncation and interpolation error apart, by field and for the force, on cases it never saw.
+//!
+//! Per case and field: mean squared error (the summand of Eq. 15), largest error over nodes, and the relative errors of
+//! Eq. (16), `|prediction - truth| / max(|truth|, floor)`, where the floor is a stated share of the field's largest
+//! value: stress is exactly 0 at some nodes. *Normalised* is the largest error over nodes by the field's maximum in that
+//! case. *Truncation* is what the modes alone cannot represent: the distance of the true field from its best
+//! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
+
+use crate::evaluation::Input;
+use crate::hull::Verdict;
+use crate::model::{BlockKind, Model, RegimeModel};
+use crate::predict::{PredictError, Predictor, Selection};
+use crate::regime::RegimeSwitch;
+use crate::snapshots::{Database, FieldKind, RegimeKind};
+use serde::Serialize;
+use thiserror::Error;
+
+/// Share of a field's largest value below which Eq. (16) divides by that share instead of by the value.
+pub const DEFAULT_FLOOR: f64 = 0.01;
+
+/// Why a model could not be evaluated on a database.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum EvaluateError {
+    /// The model cannot predict.
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    /// Fields or nodes differ.
+    #[error(
+        "the model has {expected}, the database {found}; evaluate on a database of the same actuator and mesh"
+    )]
+    Mismatch {
+        /// Model's fields and nodes.
+        expected: String,
+        /// Database's.
+        found: String,
+    },
+}
+
+/// Errors of one field in one case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FieldErrors {
+    /// Field name.
+    pub field: String,
+    /// Mean squared error over nodes, in unit^2.
+    pub mse: f64,
+    /// Largest error over nodes, in the field's unit.
+    pub max: f64,
+    /// Node it is at.
+    pub worst_node: usize,
+    /// Largest error over the field's largest value in this case.
+    pub normalised: f64,
+    /// Mean of Eq. (16) over nodes.
+    pub relative_mean: f64,
+    /// Its 95th percentile over nodes.
+    pub relative_p95: f64,
+    /// Its maximum over nodes.
+    pub relative_max: f64,
+    /// Largest truncation error over nodes; none for a derived field.
+    pub truncation_max: Option<f64>,
+    /// Largest interpolation error over nodes; none for a derived field.
+    pub interpolation_max: Option<f64>,
+}
+
+/// Errors of one case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CaseReport {
+    /// Case name.
+    pub case: String,
+    /// Regime that answered.
+    pub regime: RegimeKind,
+    /// Pressure in MPa.
+    pub pressure_mpa: f64,
+    /// Gap in mm.
+    pub gap_mm: Option<f64>,
+    /// Where the case lies.
+    pub domain: Verdict,
+    /// Scaled distance to the domain.
+    pub domain_distance: f64,
+    /// By field.
+    pub fields: Vec<FieldErrors>,
+    /// Mean squared error over all entries: the summand of Eq. (15).
+    pub mse: f64,
+    /// True force in N.
+    pub force_true_n: f64,
+    /// Predicted force in N.
+    pub force_n: f64,
+    /// Relative force error; none where the true force is 0.
+    pub force_relative: Option<f64>,
+    /// Whether displacement, stress and force errors are within the bars.
+    pub covered: Covered,
+}
+
+/// Whether errors are within the model's bars.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Covered {
+    /// Displacement (the length of the coordinate error) at the worst node.
+    pub displacement: bool,
+    /// Stress at the worst node.
+    pub stress: bool,
+    /// Force.
+    pub force: bool,
+}
+
+/// Errors of a set of cases.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Floor used by the relative errors, as a share of the field's maximum.
+    pub floor: f64,
+    /// By case.
+    pub cases: Vec<CaseReport>,
+    /// Summary by regime.
+    pub regimes: Vec<Summary>,
+}
+
+/// Summary over the cases of a regime.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Regime the cases were sampled for.
+    pub regime: RegimeKind,
+    /// Cases.
+    pub cases: usize,
+    /// Eq. (15): mean over cases and entries.
+    pub mse: f64,
+    /// By field: mean, 95th percentile and maximum over cases of the normalised error; and the worst case and node.
+    pub fields: Vec<FieldSummary>,
+    /// Force error over the largest force: mean, 95th percentile, maximum.
+    pub force_normalised: [f64; 3],
+    /// Share of cases within the displacement, stress and force bars.
+    pub coverage: [f64; 3],
+}
+
+/// A field over the cases of a regime.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FieldSummary {
+    /// Field.
+    pub field: String,
+    /// Normalised error over cases: mean, 95th percentile, maximum.
+    pub normalised: [f64; 3],
+    /// Case with the largest normalised error.
+    pub worst_case: String,
+    /// Node it is at.
+    pub worst_node: usize,
+}
+
+/// Evaluates a model on the given cases of a database. Cost `O(cases x nodes x modes)`.
+///
+/// # Errors
+/// [`EvaluateError`] when model and database do not belong together.
+pub fn evaluate(
+    model: &Model,
+    database: &Database,
+    cases: &[usize],
+    floor: f64,
+) -> Result<Report, EvaluateError> {
+    let names = |fields: Vec<&str>, nodes: usize| format!("fields {} over {nodes} nodes", fields.join(", "));
+    let expected =
+        names(model.header.fields.iter().map(|f| f.spec.name.as_str()).collect(), model.header.node_count);
+    let found = names(database.fields.iter().map(|f| f.name.as_str()).collect(), database.node_count);
+    if expected != found {
+        return Err(EvaluateError::Mismatch { expected, found });
+    }
+    let mut predictor = Predictor::new(model, &Selection::default())?;
+    let cases: Vec<CaseReport> =
+        cases.iter().map(|&i| one_case(model, database, &mut predictor, i, floor)).collect();
+    let regimes = [RegimeKind::Free, RegimeKind::Contact]
+        .into_iter()
+        .filter_map(|kind| {
+            summary(database, kind, cases.iter().filter(|c| sampled_for(database, c) == kind).collect())
+        })
+        .collect();
+    Ok(Report { floor, cases, regimes })
+}
+
+fn sampled_for(database: &Database, report: &CaseReport) -> RegimeKind {
+    database.cases.iter().find(|c| c.name == report.case).map_or(report.regime, |c| c.regime)
+}
+
+fn one_case(
+    model: &Model,
+    database: &Database,
+    predictor: &mut Predictor,
+    index: usize,
+    floor: f64,
+) -> CaseReport {
+    let case = &database.cases[index];
+    let nodes = database.node_count;
+    let mut evaluation = predictor.evaluation();
+    let input = Input { pressure_mpa: case.pressure_mpa, gap_mm: case.gap_mm.unwrap_or(f64::INFINITY) };
+    predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
+    let mut out = vec![0.0; predictor.entries()];
+    let reconstructed = predictor.reconstruct_into(&evaluation, &mut out);
+    debug_assert!(reconstructed.is_ok(), "the output was sized by the predictor");
+    let regime = model.regime(evaluation.basis);
+    let mut displacement = vec![0.0; nodes];
+    let (mut stress, mut fields) = (0.0_f64, Vec::new());
+    for (f, spec) in database.fields.iter().enumerate() {
+        let truth: Vec<f64> = database.field(index, f).map(f64::from).collect();
+        let prediction = &out[f * nodes..(f + 1) * nodes];
+        let best = regime.and_then(|r| best_approximation(model, r, f, &truth));
+        let errors = field_errors(&spec.name, &truth, prediction, best.as_deref(), floor);
+        match spec.kind {
+            FieldKind::Coordinate(_) => {
+                let pairs = truth.iter().zip(prediction);
+                displacement.iter_mut().zip(pairs).for_each(|(d, (t, p))| *d += (t - f64::from(*p)).powi(2));
+            }
+            FieldKind::Stress => stress = stress.max(errors.max),
+            FieldKind::Magnitude | FieldKind::Other => {}
+        }
+        fields.push(errors);
+    }
+    let error_n = (evaluation.contact_force_n - case.contact_force_n).abs();
+    let bars = evaluation.bars;
+    CaseReport {
+        case: case.name.clone(),
+        regime: evaluation.basis,
+        pressure_mpa: case.pressure_mpa,
+        gap_mm: case.gap_mm,
+        domain: evaluation.domain,
+        domain_distance: evaluation.domain_distance,
+        mse: fields.iter().map(|f| f.mse).sum::<f64>() / fields.len() as f64,
+        fields,
+        force_true_n: case.contact_force_n,
+        force_n: evaluation.contact_force_n,
+        force_relative: (case.contact_force_n > 0.0).then(|| error_n / case.contact_force_n),
+        covered: Covered {
+            displacement: displacement.iter().copied().fold(0.0, f64::max).sqrt() <= bars.displacement_mm,
+            stress: stress <= bars.stress_mpa,
+            force: error_n <= bars.force_n,
+        },
+    }
+}
+
+/// `mean + Phi Phi^T (truth - mean)` restricted to one field's rows: exact for groups of one field, where the modes are
+/// orthonormal. None for derived fields and for fields of a joint group.
+fn best_approximation(model: &Model, regime: &RegimeModel, field: usize, truth: &[f64]) -> Option<Vec<f64>> {
+    let group = regime.groups.iter().find(|g| g.fields == [field])?;
+    let (kind, field) = (regime.kind, field as u32);
+    let mean = model.f32_block(BlockKind::Mean { regime: kind, field })?;
+    let modes = model.f32_block(BlockKind::Modes { regime: kind, field })?;
+    let mut best: Vec<f64> = mean.iter().map(|m| f64::from(*m)).collect();
+    let deviation: Vec<f64> = truth.iter().zip(&best).map(|(t, m)| t - m).collect();
+    for mode in modes.chunks_exact(truth.len()).take(group.coefficients.len()) {
+        let a: f64 = mode.iter().zip(&deviation).map(|(phi, d)| f64::from(*phi) * d).sum();
+        best.iter_mut().zip(mode).for_each(|(b, phi)| *b += a * f64::from(*phi));
+    }
+    Some(best)
+}
+
+fn field_errors(
+    name: &str,
+    truth: &[f64],
+    prediction: &[f32],
+    best: Option<&[f64]>,
+    floor: f64,
+) -> FieldErrors {
+    let largest = truth.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let errors: Vec<f64> = truth.iter().zip(prediction).map(|(t, p)| (f64::from(*p) - t).abs()).collect();
+    let (worst_node, max) =
+        errors.iter().enumerate().fold((0, 0.0), |w, (i, e)| if *e > w.1 { (i, *e) } else { w });
+    let least = (floor * largest).max(f64::MIN_POSITIVE);
+    let mut relative: Vec<f64> = errors.iter().zip(truth).map(|(e, t)| e / t.abs().max(least)).collect();
+    let [relative_mean, relative_p95, relative_max] = spread(&mut relative);
+    let farthest = |a: &dyn Fn(usize) -> f64| (0..truth.len()).map(|i| a(i).abs()).fold(0.0, f64::max);
+    FieldErrors {
+        field: name.to_owned(),
+        mse: errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64,
+        max,
+        worst_node,
+        normalised: if largest > 0.0 { max / largest } else { max },
+        relative_mean,
+        relative_p95,
+        relative_max,
+        truncation_max: best.map(|b| farthest(&|i| truth[i] - b[i])),
+        interpolation_max: best.map(|b| farthest(&|i| f64::from(prediction[i]) - b[i])),
+    }
+}
+
+fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> Option<Summary> {
+    if cases.is_empty() {
+        return None;
+    }
+    let mean =
+        |of: &dyn Fn(&CaseReport) -> f64| cases.iter().map(|c| of(c)).sum::<f64>() / cases.len() as f64;
+    let largest = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
+    let mut forces: Vec<f64> = cases.iter().map(|c| (c.force_n - c.force_true_n).abs() / largest).collect();
+    let share = |of: &dyn Fn(&CaseReport) -> bool| mean(&|c| f64::from(u8::from(of(c))));
+    let fields = database.fields.iter().enumerate().map(|(f, spec)| {
+        let worst = cases
+            .iter()
+            .fold(cases[0], |w, c| if c.fields[f].normalised > w.fields[f].normalised { c } else { w });
+        FieldSummary {
+            field: spec.name.clone(),
+            normalised: spread(&mut cases.iter().map(|c| c.fields[f].normalised).collect::<Vec<_>>()),
+            worst_case: worst.case.clone(),
+            worst_node: worst.fields[f].worst_node,
+        }
+    });
+    Some(Summary {
+        regime,
+        cases: cases.len(),
+        mse: mean(&|c| c.mse),
+        fields: fields.collect(),
+        force_normalised: spread(&mut forces),
+        coverage: [
+            share(&|c| c.covered.displacement),
+            share(&|c| c.covered.stress),
+            share(&|c| c.covered.force),
+        ],
+    })
+}
+
+/// Mean, 95th percentile (nearest rank) and maximum.
+pub fn spread(values: &mut [f64]) -> [f64; 3] {
+    if values.is_empty() {
+        return [f64::NAN; 3];
+    }
+    values.sort_by(f64::total_cmp);
+    let rank = ((values.len() as f64) * 0.95).ceil() as usize;
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    [mean, values[rank.clamp(1, values.len()) - 1], values[values.len() - 1]]
+}
