@@ -114,13 +114,13 @@ impl SlotWalls {
 
     /// Node groups that may couple: each lower triangle with the upper ones opposite it.
     ///
-    /// Walls slide by less than the slot's width; couplings beyond are dropped from the tangent, not from the force.
+    /// Walls slide by less than 1.5 times the slot's width; couplings beyond are dropped from the tangent, not from the force.
     pub fn couplings<'a>(&'a self, x: &'a [Vec3]) -> impl Iterator<Item = [u32; 12]> + 'a {
         let centre = |wall: &[Tri6]| {
             let count = 6.0 * wall.len() as f64;
             wall.iter().flatten().fold([0.0; 3], |sum, n| add(sum, scale(1.0 / count, x[*n as usize])))
         };
-        let reach = norm(sub(centre(&self.upper), centre(&self.lower)));
+        let reach = 1.5 * norm(sub(centre(&self.upper), centre(&self.lower)));
         self.lower.iter().flat_map(move |a| {
             self.upper.iter().filter(move |b| boxes_within(a, b, x, reach)).map(|b| join(a, b))
         })

@@ -127,19 +127,16 @@ pub fn force(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3]) -> [Vec
 #[must_use]
 pub fn tangent(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3], c: [f64; 3]) -> [Mat3; PAIRS] {
     let mut out = [[[0.0; 3]; 3]; PAIRS];
-    for q in 0..3 {
-        let gradients = &geometry.gradients[q];
+    for ((gradients, w), n) in geometry.gradients.iter().zip(geometry.weights).zip(n) {
         let t = tangents(gradients, x);
-        let w = geometry.weights[q];
         let mut pair = 0;
         for a in 0..6 {
             let ra = strain_rows(&t, gradients[a]);
             for b in 0..=a {
                 let rb = strain_rows(&t, gradients[b]);
                 let (ga, gb) = (gradients[a], gradients[b]);
-                let geometric = n[q][0] * ga[0] * gb[0]
-                    + n[q][1] * ga[1] * gb[1]
-                    + n[q][2] * (ga[0] * gb[1] + ga[1] * gb[0]);
+                let geometric =
+                    n[0] * ga[0] * gb[0] + n[1] * ga[1] * gb[1] + n[2] * (ga[0] * gb[1] + ga[1] * gb[0]);
                 let block = &mut out[pair];
                 pair += 1;
                 for i in 0..3 {
