@@ -14,6 +14,7 @@
 pub mod bridge;
 pub mod config;
 pub mod explain;
+pub mod process;
 pub mod realtime;
 pub mod source;
 pub mod twin;

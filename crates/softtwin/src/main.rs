@@ -8,6 +8,7 @@
 mod artefact;
 mod cmd;
 mod failure;
+mod live;
 mod progress;
 mod say;
 

@@ -31,6 +31,10 @@ pub struct ActuatorSpec {
     /// Which gaps can occur.
     #[serde(default)]
     pub gap_mm: Gap,
+    /// So many waiting readings are still answered one by one, oldest first; what waits beyond is superseded. 1: the
+    /// newest wins, as a controller wants it. More: every reading gets its field even when the twin was held up.
+    #[serde(default = "one")]
+    pub backlog: usize,
     /// What the bridge reads.
     pub source: Option<SourceSpec>,
     /// Extras of the state topic.
@@ -208,6 +212,10 @@ impl Scene {
     }
 }
 
+fn one() -> usize {
+    1
+}
+
 impl ActuatorSpec {
     fn problems(&self, place: &str, problems: &mut Vec<String>) {
         if let Err(error) = wire::Topic::state(&self.name) {
@@ -219,6 +227,10 @@ impl ActuatorSpec {
         let (min, max) = self.gap_mm.range_mm();
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
             problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));
+        }
+        let waiting = wire::qos::of(wire::TopicKind::Sensor).buffer;
+        if !(1..=waiting).contains(&self.backlog) {
+            problems.push(format!("{place}.backlog: expected 1 to {waiting}, found {}", self.backlog));
         }
         let mut topics = BTreeSet::new();
         for (index, output) in self.outputs.iter().enumerate() {

@@ -11,6 +11,7 @@ use rom::hull::Verdict as DomainVerdict;
 use rom::predict::Predictor;
 use rom::regime::RegimeSwitch;
 use rom::snapshots::RegimeKind;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use wire::layout::{COEFFICIENTS_MAX, GROUPS_MAX, VERSION, flags, pack_name, regime};
 use wire::{
@@ -33,6 +34,9 @@ pub(super) struct ActuatorTwin {
     evaluation: Evaluation,
     switch: RegimeSwitch,
     checker: Checker,
+    /// Good readings taken from the queue and not answered yet, with the time of taking; never more than `backlog`.
+    waiting: VecDeque<(SensorSample, u64)>,
+    backlog: usize,
     group_sizes: Vec<(RegimeKind, [u8; GROUPS_MAX])>,
     wanted: StateSpec,
     limits: Limits,
@@ -85,6 +89,8 @@ impl ActuatorTwin {
             evaluator: loaded.evaluator,
             switch: RegimeSwitch::default(),
             checker: Checker::new(limits, loaded.spec.gap_mm),
+            waiting: VecDeque::with_capacity(loaded.spec.backlog),
+            backlog: loaded.spec.backlog,
             group_sizes: loaded.group_sizes.iter().map(|(kind, sizes)| (*kind, cut(sizes))).collect(),
             wanted: loaded.spec.state,
             limits,
@@ -108,12 +114,12 @@ impl ActuatorTwin {
         self.next_deadline_ns.min(self.next_health_ns)
     }
 
-    /// Takes all waiting readings (the newest good one wins), then does what is due by the clock.
+    /// Takes all waiting readings, answers the newest good ones (one unless the scene says more), then does what is due
+    /// by the clock.
     pub(super) fn turn(&mut self) {
-        let mut newest: Option<(SensorSample, u64)> = None;
         loop {
             match self.reader.next() {
-                Ok(Some(sample)) => self.take(sample, &mut newest),
+                Ok(Some(sample)) => self.take(sample),
                 Ok(None) => break,
                 Err(_) => {
                     self.transport_failed();
@@ -121,9 +127,7 @@ impl ActuatorTwin {
                 }
             }
         }
-        if let Some((sample, taken_ns)) = newest {
-            self.process(&sample, taken_ns);
-        }
+        self.answer();
         let now = now_ns();
         if now >= self.next_deadline_ns {
             self.miss_deadline(now);
@@ -133,7 +137,7 @@ impl ActuatorTwin {
         }
     }
 
-    fn take(&mut self, sample: SensorSample, newest: &mut Option<(SensorSample, u64)>) {
+    fn take(&mut self, sample: SensorSample) {
         let now = now_ns();
         let verdict = self.checker.judge(&sample, now);
         self.health.received += 1;
@@ -148,19 +152,25 @@ impl ActuatorTwin {
         }
         match verdict.refused {
             None => {
-                if newest.replace((sample, now)).is_some() {
+                if self.waiting.len() == self.backlog {
+                    self.waiting.pop_front();
                     self.end(Outcome::DroppedSuperseded);
                 }
+                self.waiting.push_back((sample, now));
             }
             Some(outcome) if outcome.is_held() => {
-                // The reading before it is still good news, and must not be overtaken by the bad one.
-                if let Some((good, taken_ns)) = newest.take() {
-                    self.process(&good, taken_ns);
-                }
+                // The readings before it are still good news, and must not be overtaken by the bad one.
+                self.answer();
                 self.end(outcome);
                 self.hold(outcome, now);
             }
             Some(outcome) => self.end(outcome),
+        }
+    }
+
+    fn answer(&mut self) {
+        while let Some((sample, taken_ns)) = self.waiting.pop_front() {
+            self.process(&sample, taken_ns);
         }
     }
 

@@ -5,8 +5,14 @@
 
 use formats::database::Scene;
 
+mod demo;
+mod echo;
+mod hz;
+mod info;
 mod inspect;
+mod list;
 mod predict;
+mod scene;
 mod train;
 
 /// Scene as the command line names it.
@@ -48,4 +54,10 @@ commands! {
     Train => train,
     Inspect => inspect,
     Predict => predict,
+    Demo => demo,
+    List => list,
+    Info => info,
+    Echo => echo,
+    Hz => hz,
+    Scene => scene,
 }

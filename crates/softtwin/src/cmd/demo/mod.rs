@@ -1,0 +1,138 @@
+//! `softtwin demo`: bridge and twin as two real processes, a live line, a summary.
+
+mod daemon;
+mod watch;
+
+use crate::failure::{configuration, usage};
+use crate::live::stop_flag;
+use crate::say;
+use daemon::Daemon;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use watch::Watch;
+use wire::{Bus, Domain};
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin demo
+  softtwin demo --trace config/traces/gap80.csv
+  softtwin demo --seconds 10 --json
+
+Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of their own and subscribes like any program.
+`lost` counts readings whose field did not come into this program's hands.";
+
+/// Watch a recorded pressure trace become live fields through two real processes.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Scene with one actuator.
+    #[arg(long, value_name = "FILE", default_value = "config/scenes/finger.toml")]
+    scene: PathBuf,
+    /// Replay this trace instead of the scene's source.
+    #[arg(long, value_name = "CSV")]
+    trace: Option<PathBuf>,
+    /// Use this model instead of the scene's.
+    #[arg(long, value_name = "TWIN")]
+    model: Option<PathBuf>,
+    /// Run for so many seconds, the trace again and again [default: once through the trace].
+    #[arg(long, value_name = "N")]
+    seconds: Option<f64>,
+    /// End with one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Runs the demonstration.
+    pub fn run(self) -> anyhow::Result<()> {
+        let limit = self.seconds.map(super::echo::seconds).transpose()?;
+        let actuator = self.actuator()?;
+        let stop = stop_flag()?;
+        let name = format!("demo_{}", std::process::id());
+        let bus = Bus::open(&Domain { root: Domain::from_env().root, ..Domain::named(&name) })?;
+
+        let mut twin = Daemon::start("twin", &self.twin_arguments(&name))?;
+        twin.wait_ready(&stop)?;
+        let mut watch = Watch::open(&bus, &actuator, !self.json)?;
+        let mut bridge = Daemon::start("bridge", &self.bridge_arguments(&name))?;
+        let reason = follow(&mut watch, &mut twin, &mut bridge, limit, &stop)?;
+        bridge.stop()?;
+        watch.drain()?;
+        twin.stop()?;
+
+        let summary = watch.summary(reason);
+        if self.json { say::json(&summary) } else { summary.print() }
+    }
+
+    /// The one actuator of the scene; wrong scenes are said before anything starts.
+    fn actuator(&self) -> anyhow::Result<String> {
+        let scene = runtime::config::Scene::load(&self.scene).map_err(configuration)?;
+        let [actuator] = scene.actuators.as_slice() else {
+            return Err(usage(format!("--scene: expected one actuator, found {}", scene.actuators.len())));
+        };
+        let model = self.model.clone().unwrap_or_else(|| scene.resolve(&actuator.model));
+        if !model.exists() {
+            return Err(configuration(anyhow::anyhow!(
+                "the model is not there; make it with `softtwin train --database DIR --out FILE.twin`, or name another \
+                 with --model ({})",
+                model.display()
+            )));
+        }
+        Ok(actuator.name.clone())
+    }
+
+    fn twin_arguments(&self, domain: &str) -> Vec<String> {
+        let mut arguments = vec!["--scene".into(), path_text(&self.scene), "--domain".into(), domain.into()];
+        if let Some(model) = &self.model {
+            arguments.extend(["--model".into(), path_text(model)]);
+        }
+        arguments
+    }
+
+    fn bridge_arguments(&self, domain: &str) -> Vec<String> {
+        let mut arguments = vec!["--scene".into(), path_text(&self.scene), "--domain".into(), domain.into()];
+        if let Some(trace) = &self.trace {
+            arguments.extend(["--trace".into(), path_text(trace)]);
+        }
+        if self.seconds.is_some() {
+            arguments.push("--loop".into());
+        }
+        arguments
+    }
+}
+
+fn path_text(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// Watches until the bridge is through, the time is over, a signal comes or a process dies; returns which.
+fn follow(
+    watch: &mut Watch,
+    twin: &mut Daemon,
+    bridge: &mut Daemon,
+    limit: Option<Duration>,
+    stop: &Arc<AtomicBool>,
+) -> anyhow::Result<&'static str> {
+    let begin = Instant::now();
+    loop {
+        watch.take(Duration::from_millis(50))?;
+        if twin.ended()? {
+            anyhow::bail!("the twin ended by itself:\n{}", twin.said());
+        }
+        if bridge.ended()? {
+            return if bridge.succeeded() {
+                Ok("end of trace")
+            } else {
+                anyhow::bail!("the bridge failed:\n{}", bridge.said())
+            };
+        }
+        if stop.load(Ordering::Relaxed) {
+            return Ok("signal");
+        }
+        if limit.is_some_and(|limit| begin.elapsed() >= limit) {
+            return Ok("time");
+        }
+    }
+}

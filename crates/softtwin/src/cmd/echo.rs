@@ -1,0 +1,135 @@
+//! `softtwin echo`.
+
+use crate::failure::usage;
+use crate::live::{self, DomainArgs, Readers, Sample};
+use crate::say;
+use serde_json::json;
+use std::time::Duration;
+use wire::FieldSample;
+use wire::layout::field_id;
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin echo softtwin/finger/state
+  softtwin echo 'softtwin/*/state' --json
+  softtwin echo softtwin/finger/field --once
+  softtwin echo softtwin/finger/field --field von_mises --once        all values of one field
+  softtwin echo softtwin/finger/field --node 1200 --count 10          all fields of one node
+
+A field is shown as a summary: 125,110 numbers help nobody. Ctrl-C ends.";
+
+/// Show what is published: one line a sample.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Topic or key expression.
+    #[arg(value_name = "KEY")]
+    key: String,
+    /// End after one sample.
+    #[arg(long, conflicts_with = "count")]
+    once: bool,
+    /// End after so many samples.
+    #[arg(long, value_name = "N")]
+    count: Option<u64>,
+    /// End after so many seconds; an error when nothing came.
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// All values of this field (x, y, z, displacement, von_mises) of field topics.
+    #[arg(long, value_name = "NAME")]
+    field: Option<String>,
+    /// The values of this node of field topics, numbered within the topic's node set.
+    #[arg(long, value_name = "N")]
+    node: Option<usize>,
+    /// One JSON object a line.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainArgs,
+}
+
+impl Args {
+    /// Listens until the end that was asked for.
+    pub fn run(self) -> anyhow::Result<()> {
+        let field = self.field.as_deref().map(field_number).transpose()?;
+        let limit = self.seconds.map(seconds).transpose()?;
+        let mut readers = Readers::open(&self.domain.join()?, &live::key(&self.key)?, limit)?;
+        let wanted = if self.once { Some(1) } else { self.count };
+        let mut shown = 0;
+        loop {
+            for (topic, reader) in &readers.readers {
+                while let Some(sample) = reader.next()? {
+                    if wanted.is_some_and(|wanted| shown >= wanted) {
+                        return Ok(());
+                    }
+                    self.show(topic.name(), &sample, field)?;
+                    shown += 1;
+                }
+            }
+            let satisfied = wanted.is_some_and(|wanted| shown >= wanted);
+            if satisfied || !readers.wait(Duration::from_secs(1))? {
+                break;
+            }
+        }
+        anyhow::ensure!(
+            shown > 0 || self.seconds.is_none(),
+            "nothing was published on `{}`; is the bridge running? `softtwin hz '{}'` shows the rate",
+            self.key,
+            self.key
+        );
+        Ok(())
+    }
+
+    fn show(&self, topic: &str, sample: &Sample, field: Option<u8>) -> anyhow::Result<()> {
+        if let Sample::Field(values) = sample
+            && (field.is_some() || self.node.is_some())
+        {
+            return self.show_values(topic, values, field);
+        }
+        if self.json {
+            return say::json(&json!({ "topic": topic, "sample": sample.json()? }));
+        }
+        say!("{topic}  {}", sample.line())?;
+        Ok(())
+    }
+
+    /// One field, one node, or one value.
+    fn show_values(&self, topic: &str, sample: &FieldSample, field: Option<u8>) -> anyhow::Result<()> {
+        let header = sample.header();
+        let nodes = header.node_count;
+        if let Some(node) = self.node.filter(|node| *node >= nodes as usize) {
+            return Err(usage(format!("--node {node}: {topic} has {nodes} nodes, numbered from 0")));
+        }
+        let ids: Vec<u8> = field.map_or_else(|| header.fields().collect(), |id| vec![id]);
+        let mut out = serde_json::Map::new();
+        for id in ids {
+            let name = field_id::as_str(id);
+            let values = sample.field(id).ok_or_else(|| {
+                let known: Vec<&str> = header.fields().map(field_id::as_str).collect();
+                usage(format!("--field {name}: {topic} has {}", known.join(", ")))
+            })?;
+            let chosen = self.node.map_or(values, |node| &values[node..=node]);
+            if !self.json {
+                let text: Vec<String> = chosen.iter().map(f32::to_string).collect();
+                say!("{topic}  #{}  {name} {}", header.seq, text.join(" "))?;
+            }
+            out.insert(name.to_owned(), json!(chosen));
+        }
+        if self.json {
+            say::json(&json!({ "topic": topic, "seq": header.seq, "node": self.node, "values": out }))?;
+        }
+        Ok(())
+    }
+}
+
+fn field_number(name: &str) -> anyhow::Result<u8> {
+    field_id::from_name(name)
+        .ok_or_else(|| usage(format!("--field {name}: expected x, y, z, displacement or von_mises")))
+}
+
+/// A positive number of seconds.
+pub(super) fn seconds(seconds: f64) -> anyhow::Result<Duration> {
+    Duration::try_from_secs_f64(seconds)
+        .ok()
+        .filter(|time| !time.is_zero())
+        .ok_or_else(|| usage(format!("--seconds {seconds}: expected a number above 0")))
+}

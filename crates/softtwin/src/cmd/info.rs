@@ -1,0 +1,106 @@
+//! `softtwin info`.
+
+use crate::live::{self, AnyReader, DomainArgs};
+use crate::say;
+use serde_json::{Value, json};
+use std::time::Duration;
+use wire::{Bus, TopicInfo, WakeSet, qos};
+
+/// How long to wait for a sample to show.
+const PATIENCE: Duration = Duration::from_millis(300);
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin info softtwin/finger/field
+  softtwin info 'softtwin/finger/**' --json";
+
+/// Everything about topics: type, writer, readers, memory, quality of service, the newest sample.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Topic or key expression.
+    #[arg(value_name = "KEY")]
+    key: String,
+    /// One JSON object a line.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainArgs,
+}
+
+impl Args {
+    /// Looks and ends.
+    pub fn run(self) -> anyhow::Result<()> {
+        let bus = self.domain.join()?;
+        for info in live::find(&bus, &live::key(&self.key)?)? {
+            let newest = newest(&bus, &info)?;
+            if self.json {
+                let last = newest.as_ref().map(live::Sample::json).transpose()?.unwrap_or(Value::Null);
+                say::json(&describe(&info, last))?;
+            } else {
+                print(&info, newest.as_ref())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The last sample of topics that keep one for late readers.
+fn newest(bus: &Bus, info: &TopicInfo) -> anyhow::Result<Option<live::Sample>> {
+    if qos::of(info.topic.kind()).history == 0 || info.writers.is_empty() {
+        return Ok(None);
+    }
+    let reader = AnyReader::open(bus, &info.topic)?;
+    // The writer hands over the last sample when it next looks at its readers: with its next sample.
+    let sample = reader.next()?;
+    if sample.is_some() {
+        return Ok(sample);
+    }
+    WakeSet::new([reader.wakeable()]).wait([reader.wakeable()], PATIENCE)?;
+    Ok(reader.next()?)
+}
+
+fn describe(info: &TopicInfo, last: Value) -> Value {
+    let qos = qos::of(info.topic.kind());
+    json!({
+        "topic": info.topic.name(),
+        "payload": info.payload_type,
+        "header": info.header_type,
+        "element_bytes": info.payload_bytes,
+        "writers": info.writers,
+        "readers": info.readers,
+        "qos": {
+            "max_readers": qos.max_readers,
+            "buffer": qos.buffer,
+            "max_borrowed": qos.max_borrowed,
+            "history": qos.history,
+            "samples_reserved": qos.samples_in_use(),
+        },
+        "last": last,
+    })
+}
+
+fn print(info: &TopicInfo, newest: Option<&live::Sample>) -> anyhow::Result<()> {
+    let qos = qos::of(info.topic.kind());
+    let list = |ids: &[u32]| match ids {
+        [] => "none".to_owned(),
+        ids => ids.iter().map(|id| format!("pid {id}")).collect::<Vec<_>>().join(", "),
+    };
+    say!("{}", info.topic.name())?;
+    say!("  payload   {} ({} bytes an element)", info.payload_type, info.payload_bytes)?;
+    if info.header_type.starts_with("softtwin.") {
+        say!("  header    {}", info.header_type)?;
+    }
+    say!("  writer    {}", list(&info.writers))?;
+    say!("  readers   {} (at most {})", list(&info.readers), qos.max_readers)?;
+    say!(
+        "  queue     newest {} wait for a reader, {} kept for late readers, {} reserved",
+        qos.buffer,
+        qos.history,
+        qos.samples_in_use()
+    )?;
+    if let Some(sample) = newest {
+        say!("  last      {}", sample.line())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,75 @@
+//! `softtwin scene explain`.
+
+use crate::failure::configuration;
+use crate::say;
+use runtime::config::Scene;
+use runtime::explain::{Explained, explain};
+use runtime::twin::load_scene;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin scene explain config/scenes/finger.toml
+  softtwin scene explain config/scenes/control.toml --json";
+
+/// Look at scenes before they run.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(clap::Subcommand)]
+enum Action {
+    /// Say what a scene will load, how many bytes, and how long a sample takes, measured here and now.
+    #[command(after_help = EXAMPLES)]
+    Explain {
+        /// Scene file.
+        #[arg(value_name = "FILE")]
+        scene: PathBuf,
+        /// One JSON array.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+impl Args {
+    /// Explains and ends.
+    pub fn run(self) -> anyhow::Result<()> {
+        let Action::Explain { scene: path, json } = self.action;
+        let scene = Scene::load(&path).map_err(configuration)?;
+        let mut loaded = load_scene(&scene, &path).map_err(configuration)?;
+        let explained: Vec<Explained> = loaded.iter_mut().map(explain).collect();
+        if json {
+            return say::json(&explained);
+        }
+        explained.iter().try_for_each(print)
+    }
+}
+
+fn print(explained: &Explained) -> anyhow::Result<()> {
+    let mb = |bytes: u64| bytes as f64 / 1e6;
+    let (min, max) = explained.gap_mm;
+    say!("{}: gap {min} .. {max} mm, so regimes: {}", explained.actuator, explained.regimes.join(" and "))?;
+    say!(
+        "  reads {:.2} MB of the model's {:.2} MB ({} blocks)",
+        mb(explained.read_bytes),
+        mb(explained.file_block_bytes),
+        explained.blocks
+    )?;
+    say!("  state: {:.2} us a reading (coefficients, force, gradients, bars)", explained.state_us)?;
+    for output in &explained.outputs {
+        say!(
+            "  {}: {} nodes x {} ({}), {:.2} us a sample, basis {:.2} MB, sample {:.3} MB, {:.1} MB reserved in /dev/shm",
+            output.topic,
+            output.nodes,
+            output.fields.len(),
+            output.fields.join(", "),
+            output.us,
+            mb(output.basis_bytes),
+            mb(output.sample_bytes),
+            mb(output.reserved_bytes)
+        )?;
+    }
+    Ok(())
+}
