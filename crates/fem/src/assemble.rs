@@ -228,17 +228,17 @@ impl System {
         let settings = &problem.config.contact;
         for walls in &problem.slots {
             for contact in walls.contacts(x, settings.slot_smoothing_mm) {
-                let stiffness = settings.slot_penalty_mpa_per_mm * contact.area_mm2;
+                let stiffness = settings.slot_penalty_mpa_per_mm * contact.pair.area_mm2;
                 let force = stiffness * contact.penalty.force;
-                for (n, c) in contact.nodes.iter().zip(contact.coefficients) {
+                for (n, c) in contact.pair.nodes.iter().zip(contact.pair.coefficients) {
                     axpy(-force * c, contact.normal, &mut residual[*n as usize]);
                 }
                 if with_tangent {
-                    let free = contact.nodes.map(|n| problem.free[n as usize]);
+                    let free = contact.pair.nodes.map(|n| problem.free[n as usize]);
                     let normal = outer(stiffness * contact.penalty.stiffness, contact.normal, contact.normal);
                     for a in 0..12 {
                         for b in 0..=a {
-                            let both = contact.coefficients[a] * contact.coefficients[b];
+                            let both = contact.pair.coefficients[a] * contact.pair.coefficients[b];
                             let block = normal.map(|row| crate::algebra::scale(both, row));
                             let rank = problem.pattern.rank(free[a], free[b]);
                             problem.pattern.add(&mut self.tangent, free[a], free[b], rank, &block);

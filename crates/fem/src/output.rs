@@ -72,7 +72,7 @@ pub fn output(problem: &Problem, state: &State, system: &mut System) -> Output {
 fn slot_contact_nodes(problem: &Problem, x: &[Vec3]) -> Vec<u32> {
     let smoothing = problem.config.contact.slot_smoothing_mm;
     let touching = problem.slots.iter().flat_map(|walls| walls.contacts(x, smoothing));
-    let mut nodes: Vec<u32> = touching.flat_map(|contact| contact.nodes).collect();
+    let mut nodes: Vec<u32> = touching.flat_map(|contact| contact.pair.nodes).collect();
     nodes.sort_unstable();
     nodes.dedup();
     nodes

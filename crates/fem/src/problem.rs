@@ -347,7 +347,7 @@ fn pattern(mesh: &Mesh, free: &[u32], sheet: &Sheet, slots: &[SlotWalls]) -> Sym
     groups.extend(mesh.sheet.iter().map(|t| t.iter().map(block).collect()));
     groups.extend(sheet.bending.iter().map(|e| vec![block(&e.row), block(&e.col)]));
     for walls in slots {
-        groups.extend(walls.couplings(&mesh.nodes_mm).map(|g| g.iter().map(block).collect()));
+        groups.extend(walls.pairs().iter().map(|p| p.nodes.iter().map(block).collect()));
     }
     let count = free.iter().filter(|f| **f != HELD).count();
     SymmetricBlocks::new(count, groups.iter().map(Vec::as_slice))
