@@ -7,6 +7,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod actuator;
 pub mod algebra;
 pub mod assemble;
 pub mod config;
@@ -20,6 +21,8 @@ pub mod ordering;
 pub mod output;
 pub mod problem;
 pub mod rng;
+pub mod run;
+pub mod sample;
 pub mod solver;
 pub mod sparse;
 pub mod state;

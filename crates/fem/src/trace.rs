@@ -112,7 +112,11 @@ impl Inflation {
             .collect())
     }
 
-    fn check(&self) -> Result<(), TraceError> {
+    /// Refuses what is no pump or gauge.
+    ///
+    /// # Errors
+    /// [`TraceError::Parameter`] for the first unusable parameter.
+    pub fn check(&self) -> Result<(), TraceError> {
         let positive = [
             ("flow_ml_per_min", self.flow_ml_per_min),
             ("end_pressure_mpa", self.end_pressure_mpa),

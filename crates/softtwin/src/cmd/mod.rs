@@ -12,7 +12,10 @@ mod info;
 mod inspect;
 mod list;
 mod predict;
+mod sample;
 mod scene;
+mod simulate;
+mod trace;
 mod train;
 
 /// Scene as the command line names it.
@@ -60,4 +63,7 @@ commands! {
     Echo => echo,
     Hz => hz,
     Scene => scene,
+    Sample => sample,
+    Simulate => simulate,
+    Trace => trace,
 }

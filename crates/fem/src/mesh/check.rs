@@ -1,0 +1,187 @@
+//! What a mesh must be before anything is computed on it: all problems at once, with what, where and what to do.
+
+use super::{Mesh, TET_EDGES, TRI_EDGES};
+use formats::Problem;
+use std::collections::HashMap;
+
+/// How many of each kind are listed.
+const LISTED: usize = 5;
+/// Mid-side nodes may leave the middle of their edge by this share of its length.
+const MIDSIDE_SHARE: f64 = 0.05;
+
+/// Everything that is wrong with nodes, elements and surfaces; empty for a sound mesh. `O(elements)`.
+#[must_use]
+pub fn problems(mesh: &Mesh) -> Vec<Problem> {
+    let nodes = mesh.nodes_mm.len();
+    let surfaces = surfaces(mesh);
+    let outside = |n: &u32| *n as usize >= nodes;
+    if mesh.tets.iter().flatten().any(outside) || surfaces.iter().any(|s| s.1.iter().flatten().any(outside)) {
+        return vec![Problem::new(
+            "elements",
+            format!("nodes 0 .. {nodes}"),
+            "larger indices; write the mesh again",
+        )];
+    }
+    let mut list = Vec::new();
+    report(&mut list, inverted(mesh), "a positive volume (swap two corners or mesh again)");
+    report(&mut list, duplicates(mesh), "every element once (remove coincident solids and mesh again)");
+    report(&mut list, bent(mesh), "mid-side nodes in the middle of straight edges");
+    report(&mut list, orphans(mesh), "every node in a tetrahedron (save only physical groups)");
+    report(
+        &mut list,
+        parts(mesh),
+        "one connected body (fuse or fragment the solids so that they share faces)",
+    );
+    report(
+        &mut list,
+        strays(mesh, &surfaces),
+        "triangles that are faces of tetrahedra (mesh solids and surfaces together)",
+    );
+    list
+}
+
+fn report(list: &mut Vec<Problem>, bad: Vec<(String, String)>, expected: &str) {
+    let more = bad.len().saturating_sub(LISTED);
+    for (i, (place, found)) in bad.into_iter().take(LISTED).enumerate() {
+        let rest =
+            if i + 1 == LISTED && more > 0 { format!(" (and {more} more like this)") } else { String::new() };
+        list.push(Problem::new(place, expected, found + &rest));
+    }
+}
+
+/// Names and triangles of all surfaces.
+fn surfaces(mesh: &Mesh) -> Vec<(String, &[[u32; 6]])> {
+    let mut all: Vec<(String, &[[u32; 6]])> =
+        vec![("sheet".into(), &mesh.sheet), ("cavity".into(), &mesh.cavity), ("bottom".into(), &mesh.bottom)];
+    for (i, slot) in mesh.slots.iter().enumerate() {
+        all.push((format!("slot_lower_{i}"), &slot.lower));
+        all.push((format!("slot_upper_{i}"), &slot.upper));
+    }
+    all
+}
+
+fn at(mesh: &Mesh, node: u32) -> String {
+    let [x, y, z] = mesh.nodes_mm[node as usize];
+    format!("({x:.3}, {y:.3}, {z:.3}) mm")
+}
+
+fn inverted(mesh: &Mesh) -> Vec<(String, String)> {
+    let volume = |tet: &[u32; 10]| {
+        let p = |i: usize| mesh.nodes_mm[tet[i] as usize];
+        let d = |i: usize| -> [f64; 3] { std::array::from_fn(|k| p(i)[k] - p(0)[k]) };
+        let (a, b, c) = (d(1), d(2), d(3));
+        (a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0]))
+            / 6.0
+    };
+    let bad = mesh.tets.iter().enumerate().map(|(e, tet)| (e, tet, volume(tet))).filter(|(.., v)| *v <= 0.0);
+    bad.map(|(e, tet, v)| (format!("element {e} at {}", at(mesh, tet[0])), format!("{v:.3e} mm3"))).collect()
+}
+
+fn sorted<const N: usize>(mut nodes: [u32; N]) -> [u32; N] {
+    nodes.sort_unstable();
+    nodes
+}
+
+fn duplicates(mesh: &Mesh) -> Vec<(String, String)> {
+    let mut first: HashMap<[u32; 4], usize> = HashMap::with_capacity(mesh.tets.len());
+    let mut bad = Vec::new();
+    for (e, tet) in mesh.tets.iter().enumerate() {
+        let key = sorted([tet[0], tet[1], tet[2], tet[3]]);
+        if let Some(other) = first.insert(key, e) {
+            bad.push((
+                format!("element {e} at {}", at(mesh, tet[0])),
+                format!("the corners of element {other}"),
+            ));
+        }
+    }
+    bad
+}
+
+fn bent(mesh: &Mesh) -> Vec<(String, String)> {
+    let p = |n: u32| mesh.nodes_mm[n as usize];
+    let mut seen = vec![false; mesh.nodes_mm.len()];
+    let mut bad = Vec::new();
+    for (e, tet) in mesh.tets.iter().enumerate() {
+        for (k, [i, j]) in TET_EDGES.into_iter().enumerate() {
+            let (a, b, m) = (p(tet[i]), p(tet[j]), tet[4 + k]);
+            let norm = |f: &dyn Fn(usize) -> f64| (0..3).map(|k| f(k).powi(2)).sum::<f64>().sqrt();
+            let (off, length) = (norm(&|k| p(m)[k] - 0.5 * (a[k] + b[k])), norm(&|k| b[k] - a[k]));
+            if off > MIDSIDE_SHARE * length && !std::mem::replace(&mut seen[m as usize], true) {
+                let place = format!("node {m} at {}, element {e}", at(mesh, m));
+                bad.push((place, format!("{off:.3} mm off the middle of an edge of {length:.3} mm")));
+            }
+        }
+    }
+    bad
+}
+
+fn orphans(mesh: &Mesh) -> Vec<(String, String)> {
+    let mut used = vec![false; mesh.nodes_mm.len()];
+    mesh.tets.iter().flatten().for_each(|n| used[*n as usize] = true);
+    let bad = (0..used.len()).filter(|n| !used[*n]);
+    bad.map(|n| (format!("node {n} at {}", at(mesh, n as u32)), "in none".into())).collect()
+}
+
+/// Bodies that share no node with the first.
+fn parts(mesh: &Mesh) -> Vec<(String, String)> {
+    let mut parent: Vec<u32> = (0..mesh.nodes_mm.len() as u32).collect();
+    for tet in &mesh.tets {
+        let root = find(&mut parent, tet[0]);
+        for n in &tet[1..] {
+            let other = find(&mut parent, *n);
+            parent[other as usize] = root;
+        }
+    }
+    let mut sizes: HashMap<u32, (usize, usize)> = HashMap::new();
+    for (e, tet) in mesh.tets.iter().enumerate() {
+        let root = find(&mut parent, tet[0]);
+        sizes.entry(root).or_insert((e, 0)).1 += 1;
+    }
+    let mut parts: Vec<(usize, usize)> = sizes.into_values().collect();
+    parts.sort_unstable();
+    let others = parts.into_iter().skip(1);
+    others
+        .map(|(e, size)| {
+            let place = format!("element {e} at {}", at(mesh, mesh.tets[e][0]));
+            (place, format!("a part of {size} elements without a node in common with element 0"))
+        })
+        .collect()
+}
+
+fn find(parent: &mut [u32], mut node: u32) -> u32 {
+    while parent[node as usize] != node {
+        let above = parent[parent[node as usize] as usize];
+        parent[node as usize] = above;
+        node = above;
+    }
+    node
+}
+
+/// Triangles whose three corners and mid-sides are not those of a tetrahedron's face.
+fn strays(mesh: &Mesh, surfaces: &[(String, &[[u32; 6]])]) -> Vec<(String, String)> {
+    let mut middle: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut faces = std::collections::HashSet::with_capacity(mesh.tets.len() * 2);
+    for tet in &mesh.tets {
+        for (k, [i, j]) in TET_EDGES.into_iter().enumerate() {
+            middle.insert(sorted([tet[i], tet[j]]), tet[4 + k]);
+        }
+        for face in [[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]] {
+            faces.insert(sorted(face.map(|i: usize| tet[i])));
+        }
+    }
+    let mut bad = Vec::new();
+    for (name, triangles) in surfaces {
+        for (t, tri) in triangles.iter().enumerate() {
+            let on_edges = TRI_EDGES
+                .into_iter()
+                .enumerate()
+                .all(|(k, [i, j])| middle.get(&sorted([tri[i], tri[j]])) == Some(&tri[3 + k]));
+            if !on_edges || !faces.contains(&sorted([tri[0], tri[1], tri[2]])) {
+                bad.push((format!("{name}, triangle {t} at {}", at(mesh, tri[0])), "no such face".into()));
+            }
+        }
+    }
+    bad
+}

@@ -1,0 +1,168 @@
+//! Checkpoints: one file a solved state, written whole or not at all, so that a killed run loses nothing.
+
+use crate::config::Load;
+use crate::solver::Report;
+use crate::state::State;
+use formats::{FormatError, Problem};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// First bytes of a checkpoint.
+const MAGIC: [u8; 8] = *b"STWNFEM1";
+const HASH: usize = 32;
+
+/// A solved state with what the database needs of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solved {
+    /// Where others start from.
+    pub state: State,
+    /// Mean von Mises stress at the nodes (MPa).
+    pub von_mises_mpa: Vec<f32>,
+    /// Force on the obstacle (N).
+    pub contact_force_n: f64,
+    /// Volume of the cavity (mm3).
+    pub cavity_volume_mm3: f64,
+    /// Distance at which an obstacle just clears the state (mm).
+    pub clearance_mm: f64,
+    /// What it took.
+    pub report: Report,
+}
+
+/// Checkpoints of one problem in one folder.
+#[derive(Clone, Debug)]
+pub struct Store {
+    folder: PathBuf,
+    /// blake3 of mesh and configuration: a checkpoint of another problem is not ours.
+    problem: [u8; HASH],
+}
+
+/// Lengths of a problem's state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Nodes.
+    pub nodes: usize,
+    /// Tetrahedra.
+    pub tets: usize,
+    /// Sheet triangles.
+    pub sheet: usize,
+}
+
+impl Store {
+    /// Checkpoints in `folder` (made where absent) for the problem with that hash.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn new(folder: &Path, problem: [u8; HASH]) -> Result<Self, FormatError> {
+        fs::create_dir_all(folder).map_err(|e| FormatError::write(folder, e))?;
+        Ok(Self { folder: folder.into(), problem })
+    }
+
+    /// The file of a state; it is named by its loads, so that lists may be renamed and extended.
+    fn path(&self, load: &Load) -> PathBuf {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&self.problem);
+        for value in load_values(load) {
+            hasher.update(&value.to_le_bytes());
+        }
+        self.folder.join(format!("{}.state", &hasher.finalize().to_hex()[..24]))
+    }
+
+    /// Writes a state: whole to a temporary file, then renamed into place.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn save(&self, solved: &Solved) -> Result<(), FormatError> {
+        let path = self.path(&solved.state.load);
+        // One process a folder, one thread a case: the process id keeps a stray second process apart.
+        let temporary = path.with_extension(format!("tmp{}", std::process::id()));
+        let write = || -> std::io::Result<()> {
+            let mut file = fs::File::create(&temporary)?;
+            file.write_all(&self.encode(solved))?;
+            file.sync_all()?;
+            fs::rename(&temporary, &path)
+        };
+        write().map_err(|e| FormatError::write(&path, e))
+    }
+
+    /// The state with these loads, where it was solved before. A damaged file counts as absent: it is solved again.
+    #[must_use]
+    pub fn load(&self, load: &Load, sizes: Sizes) -> Option<Solved> {
+        let bytes = fs::read(self.path(load)).ok()?;
+        self.decode(&bytes, load, sizes).ok()
+    }
+
+    fn encode(&self, solved: &Solved) -> Vec<u8> {
+        let r = &solved.report;
+        let mut values = load_values(&solved.state.load);
+        values.extend([solved.contact_force_n, solved.cavity_volume_mm3, solved.clearance_mm]);
+        values.extend([r.factorisations, r.steps, r.cuts].map(|n| n as f64));
+        values.extend([r.residual_n, r.seconds]);
+        values.extend(solved.state.displacement_mm.as_flattened());
+        values.extend(&solved.state.element_pressure_mpa);
+        values.extend(solved.state.sheet_resultants_n_per_mm.as_flattened().as_flattened());
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(self.problem);
+        values.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        solved.von_mises_mpa.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        let hash = blake3::hash(&bytes);
+        bytes.extend(hash.as_bytes());
+        bytes
+    }
+
+    fn decode(&self, bytes: &[u8], load: &Load, sizes: Sizes) -> Result<Solved, Problem> {
+        let wrong = |found: &str| Problem::new("checkpoint", "a whole state of this problem", found);
+        let (body, hash) = bytes.split_last_chunk::<HASH>().ok_or_else(|| wrong("too few bytes"))?;
+        if blake3::hash(body).as_bytes() != hash {
+            return Err(wrong("a wrong checksum"));
+        }
+        let content = body
+            .strip_prefix(&MAGIC)
+            .and_then(|rest| rest.strip_prefix(&self.problem))
+            .ok_or_else(|| wrong("another problem"))?;
+        let counts = [HEAD, sizes.nodes * 3, sizes.tets, sizes.sheet * 9];
+        let doubles = counts.iter().sum::<usize>() * 8;
+        if content.len() != doubles + sizes.nodes * 4 {
+            return Err(wrong("another length"));
+        }
+        let (head, stress) = content.split_at(doubles);
+        let values: Vec<f64> = head.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        let (head, rest) = values.split_at(HEAD);
+        if head[..LOAD] != load_values(load)[..] {
+            return Err(wrong("other loads"));
+        }
+        let (displacement, rest) = rest.split_at(counts[1]);
+        let (pressure, sheet) = rest.split_at(counts[2]);
+        let [force, volume, clearance, factorisations, steps, cuts, residual_n, seconds] =
+            std::array::from_fn(|i| head[LOAD + i]);
+        Ok(Solved {
+            state: State {
+                displacement_mm: displacement.as_chunks().0.to_vec(),
+                element_pressure_mpa: pressure.to_vec(),
+                sheet_resultants_n_per_mm: sheet.as_chunks::<3>().0.as_chunks::<3>().0.to_vec(),
+                load: *load,
+            },
+            von_mises_mpa: stress.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
+            contact_force_n: force,
+            cavity_volume_mm3: volume,
+            clearance_mm: clearance,
+            report: Report {
+                factorisations: factorisations as usize,
+                steps: steps as usize,
+                cuts: cuts as usize,
+                residual_n,
+                seconds,
+            },
+        })
+    }
+}
+
+/// Numbers of a load, and of everything before the arrays.
+const LOAD: usize = 5;
+const HEAD: usize = LOAD + 8;
+
+/// Pressure, gap (-1 when free) and gravity.
+fn load_values(load: &Load) -> Vec<f64> {
+    let [x, y, z] = load.gravity_mm_s2;
+    vec![load.pressure_mpa, load.obstacle.gap_mm().unwrap_or(-1.0), x, y, z]
+}

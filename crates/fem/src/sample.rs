@@ -1,0 +1,162 @@
+//! Where to compute states: Latin hypercubes, grids, and points along the onset of contact.
+
+use crate::rng::Rng;
+
+/// A box to sample, one `[lower, upper]` a dimension.
+pub type Bounds = [[f64; 2]];
+
+/// Random hypercubes among which the best start is chosen.
+const STARTS: usize = 50;
+/// Exchanges tried for each point of the best start.
+const EXCHANGES_PER_POINT: usize = 200;
+
+/// A Latin hypercube of `n` points: every one of `n` equal slices of every dimension holds exactly one point, at its
+/// middle. Space-filling: the smallest distance between two points (in the unit box) is made large, first by choosing
+/// among random hypercubes, then by exchanging coordinates (maximin, Morris and Mitchell 1995). `O(n^2)` an exchange.
+#[must_use]
+pub fn latin_hypercube(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
+    let mut rng = Rng::new(seed);
+    let random = |rng: &mut Rng| -> Vec<Vec<f64>> {
+        let mut columns: Vec<Vec<usize>> = bounds.iter().map(|_| (0..n).collect()).collect();
+        columns.iter_mut().for_each(|c| rng.shuffle(c));
+        (0..n).map(|i| columns.iter().map(|c| (c[i] as f64 + 0.5) / n as f64).collect()).collect()
+    };
+    let starts: Vec<_> = (0..STARTS).map(|_| random(&mut rng)).collect();
+    let best = starts.into_iter().map(|p| (spacing(&p), p)).max_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((mut space, mut points)) = best.filter(|_| n > 1) else {
+        return vec![bounds.iter().map(|[low, high]| 0.5 * (low + high)).collect(); n];
+    };
+    for _ in 0..EXCHANGES_PER_POINT * n {
+        let (a, b, dimension) = (rng.below(n), rng.below(n), rng.below(bounds.len()));
+        exchange(&mut points, a, b, dimension);
+        let trial = spacing(&points);
+        if trial >= space {
+            space = trial;
+        } else {
+            exchange(&mut points, a, b, dimension);
+        }
+    }
+    points.into_iter().map(|p| scaled(&p, bounds)).collect()
+}
+
+fn exchange(points: &mut [Vec<f64>], a: usize, b: usize, dimension: usize) {
+    let value = points[a][dimension];
+    points[a][dimension] = points[b][dimension];
+    points[b][dimension] = value;
+}
+
+/// Smallest squared distance between two points.
+fn spacing(points: &[Vec<f64>]) -> f64 {
+    let squared = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
+    let pairs = points.iter().enumerate().flat_map(|(i, a)| points[..i].iter().map(move |b| squared(a, b)));
+    pairs.fold(f64::INFINITY, f64::min)
+}
+
+fn scaled(unit: &[f64], bounds: &Bounds) -> Vec<f64> {
+    unit.iter().zip(bounds).map(|(u, [low, high])| low + u * (high - low)).collect()
+}
+
+/// A full grid with `counts[d]` points in dimension `d`, both bounds included (the middle when there is one point);
+/// the last dimension runs fastest.
+#[must_use]
+pub fn grid(counts: &[usize], bounds: &Bounds) -> Vec<Vec<f64>> {
+    let mut points = vec![Vec::new()];
+    for (count, [low, high]) in counts.iter().zip(bounds) {
+        let at = |i: usize| if *count == 1 { 0.5 } else { i as f64 / (*count - 1) as f64 };
+        let values: Vec<f64> = (0..*count).map(|i| low + at(i) * (high - low)).collect();
+        points = points
+            .into_iter()
+            .flat_map(|p: Vec<f64>| values.iter().map(move |v| [p.as_slice(), &[*v]].concat()))
+            .collect();
+    }
+    points
+}
+
+/// `n` points `[pressure, gap]` along the onset of contact, evenly spread over the gaps.
+///
+/// `clearances` are free states as (pressure in MPa, distance at which an obstacle just clears them in mm), in any
+/// order. While pressure rises the actuator bends away from its base, so the onset pressure of a gap is where the
+/// clearance first reaches it. Empty when fewer than two states are given or none of the gaps is reached.
+#[must_use]
+pub fn onset(n: usize, clearances: &[(f64, f64)], gaps: [f64; 2]) -> Vec<Vec<f64>> {
+    let mut table = clearances.to_vec();
+    table.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (Some(first), Some(reach)) = (table.first(), table.iter().map(|t| t.1).reduce(f64::max)) else {
+        return Vec::new();
+    };
+    let (low, high) = (gaps[0].max(first.1), gaps[1].min(reach));
+    if table.len() < 2 || low >= high {
+        return Vec::new();
+    }
+    let gaps = grid(&[n], &[[low, high]]);
+    gaps.iter().filter_map(|gap| Some(vec![crossing(&table, gap[0])?, gap[0]])).collect()
+}
+
+/// Lowest pressure at which the clearance reaches `gap`.
+fn crossing(table: &[(f64, f64)], gap: f64) -> Option<f64> {
+    let pair = table.windows(2).find(|w| w[0].1 <= gap && gap <= w[1].1)?;
+    let [(p0, c0), (p1, c1)] = [pair[0], pair[1]];
+    Some(if c1 > c0 { p0 + (p1 - p0) * (gap - c0) / (c1 - c0) } else { p0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(12))]
+        #[test]
+        fn every_slice_of_every_dimension_holds_one_point(n in 1..25_usize, seed in any::<u64>()) {
+            let bounds = [[0.0, 0.09], [10.0, 50.0]];
+            let points = latin_hypercube(n, &bounds, seed);
+            prop_assert_eq!(points.len(), n);
+            for (d, [low, high]) in bounds.into_iter().enumerate() {
+                let mut slices: Vec<usize> =
+                    points.iter().map(|p| ((p[d] - low) / (high - low) * n as f64) as usize).collect();
+                slices.sort_unstable();
+                prop_assert_eq!(slices, (0..n).collect::<Vec<_>>());
+            }
+            prop_assert_eq!(&points, &latin_hypercube(n, &bounds, seed));
+        }
+    }
+
+    #[test]
+    fn exchanges_spread_the_points_better_than_chance() {
+        let bounds = [[0.0, 1.0], [0.0, 1.0]];
+        let chosen = spacing(&latin_hypercube(30, &bounds, 1)).sqrt();
+        let mut rng = Rng::new(1);
+        let chance: f64 = (0..100)
+            .map(|_| {
+                let mut order: Vec<usize> = (0..30).collect();
+                rng.shuffle(&mut order);
+                let middle = |i: usize| (i as f64 + 0.5) / 30.0;
+                let points: Vec<_> =
+                    order.iter().enumerate().map(|(i, j)| vec![middle(i), middle(*j)]).collect();
+                spacing(&points).sqrt()
+            })
+            .sum::<f64>()
+            / 100.0;
+        assert!(chosen > 2.0 * chance, "{chosen} against {chance} by chance");
+    }
+
+    #[test]
+    fn a_grid_has_its_bounds_and_the_last_dimension_runs_fastest() {
+        let points = grid(&[2, 3], &[[0.0, 1.0], [10.0, 20.0]]);
+        let expected = [[0.0, 10.0], [0.0, 15.0], [0.0, 20.0], [1.0, 10.0], [1.0, 15.0], [1.0, 20.0]];
+        assert_eq!(points, expected.map(Vec::from));
+        assert_eq!(grid(&[1], &[[2.0, 4.0]]), [vec![3.0]]);
+    }
+
+    #[test]
+    fn onset_points_lie_on_the_curve_within_reach() {
+        let clearance = |p: f64| 27.0 + 1000.0 * p;
+        let table: Vec<(f64, f64)> = [0.0, 0.03, 0.01, 0.02].map(|p| (p, clearance(p))).to_vec();
+        let points = onset(5, &table, [10.0, 50.0]);
+        assert_eq!(points.len(), 5);
+        assert!(points.iter().all(|p| (clearance(p[0]) - p[1]).abs() < 1e-9), "{points:?}");
+        assert_eq!((points[0][1], points[4][1]), (27.0, 50.0));
+        assert!(onset(5, &table, [60.0, 80.0]).is_empty());
+        assert!(onset(5, &[], [10.0, 50.0]).is_empty());
+    }
+}

@@ -1,0 +1,189 @@
+//! `softtwin sample`: lists of cases to simulate.
+
+use crate::artefact::{self, save};
+use crate::failure::usage;
+use crate::say;
+use anyhow::Context;
+use fem::run::cases::{Case, to_csv};
+use fem::sample;
+use formats::database::{Scene, bottom_nodes};
+use rom::snapshots::{Database, RegimeKind};
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  A space-filling Latin hypercube over pressure and gap:
+    softtwin sample --kind hypercube --n 85 --regime contact --out cases.csv
+  Seventeen pressures for the free regime:
+    softtwin sample --kind hypercube --n 17 --regime free --out free.csv
+  A grid of 10 pressures by 9 gaps:
+    softtwin sample --kind grid --n 10 --n-gaps 9 --regime contact --out grid.csv
+  States on the onset of contact, as the free states of a database tell it:
+    softtwin sample --kind onset --n 20 --database database --out onset.csv
+Then:
+    softtwin simulate --cases cases.csv --out database";
+
+/// How states are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Kind {
+    /// Latin hypercube, space-filling (maximin).
+    Hypercube,
+    /// Full grid, bounds included.
+    Grid,
+    /// Points along the onset of contact.
+    Onset,
+}
+
+/// Regimes a list can be for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Regime {
+    /// Pressure alone.
+    Free,
+    /// Pressure and gap, over a plate.
+    Contact,
+    /// Pressure and gap, before a block.
+    Gripper,
+}
+
+/// Splits a list can be for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Split {
+    /// Training looks at them.
+    Train,
+    /// Evaluation only.
+    Check,
+}
+
+/// Choose states to simulate: Latin hypercubes, grids, points on the onset of contact.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// How states are chosen.
+    #[arg(long, value_enum)]
+    kind: Kind,
+    /// Number of states; of a grid: number of pressures.
+    #[arg(long, value_name = "N")]
+    n: usize,
+    /// Number of gaps of a grid.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    n_gaps: usize,
+    /// Regime of the states.
+    #[arg(long, value_enum, default_value = "contact")]
+    regime: Regime,
+    /// What the states are for.
+    #[arg(long, value_enum, default_value = "train")]
+    split: Split,
+    /// Lower and upper pressure in MPa.
+    #[arg(long, value_name = "MPA", num_args = 2, default_values_t = [0.0, 0.09])]
+    pressure_mpa: Vec<f64>,
+    /// Lower and upper gap in mm.
+    #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0])]
+    gap_mm: Vec<f64>,
+    /// Seed of the hypercube.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Database whose free states give the onset of contact.
+    #[arg(long, value_name = "DIR", required_if_eq("kind", "onset"))]
+    database: Option<PathBuf>,
+    /// First part of the cases' names.
+    #[arg(long, value_name = "NAME", default_value = "s")]
+    prefix: String,
+    /// The list: case,regime,split,pressure_mpa,gap_mm.
+    #[arg(long, value_name = "FILE.csv")]
+    out: PathBuf,
+}
+
+/// More states than this are a slip of the keyboard: they would take months.
+const MOST_STATES: usize = 100_000;
+
+impl Args {
+    /// Chooses and writes the list.
+    pub fn run(self) -> anyhow::Result<()> {
+        let bounds = self.bounds()?;
+        let points = match self.kind {
+            Kind::Hypercube => sample::latin_hypercube(self.n, &bounds, self.seed),
+            Kind::Grid => sample::grid(&[self.n, self.n_gaps][..bounds.len()], &bounds),
+            Kind::Onset => self.onset()?,
+        };
+        let cases: Vec<Case> = points.iter().enumerate().map(|(i, p)| self.case(i, p)).collect();
+        save(&self.out, to_csv(&cases).as_bytes())?;
+        say!("{}: {} cases", self.out.display(), cases.len())?;
+        Ok(())
+    }
+
+    /// One range a dimension: pressure, and gap unless free.
+    fn bounds(&self) -> anyhow::Result<Vec<[f64; 2]>> {
+        if self.n == 0 || self.n_gaps == 0 || self.n.saturating_mul(self.n_gaps) > MOST_STATES {
+            let found = format!("{} x {}", self.n, self.n_gaps);
+            return Err(usage(format!("--n, --n-gaps: expected 1 to {MOST_STATES} states, found {found}")));
+        }
+        let mut bounds = Vec::new();
+        for (name, range, least) in
+            [("--pressure-mpa", &self.pressure_mpa, 0.0), ("--gap-mm", &self.gap_mm, 1e-6)]
+        {
+            let [low, high] = range[..] else { return Err(usage(format!("{name}: expected two numbers"))) };
+            if !(low >= least && high > low && high.is_finite()) {
+                return Err(usage(format!("{name}: expected {least} <= lower < upper, found {low} {high}")));
+            }
+            bounds.push([low, high]);
+        }
+        if self.regime == Regime::Free {
+            bounds.truncate(1);
+        }
+        Ok(bounds)
+    }
+
+    fn onset(&self) -> anyhow::Result<Vec<Vec<f64>>> {
+        if self.regime == Regime::Free {
+            return Err(usage("--kind onset: expected --regime contact or gripper, found free"));
+        }
+        let path = self.database.as_deref().unwrap_or(Path::new("."));
+        let database = artefact::database(path, Scene::Plate)?;
+        let clearances =
+            clearances(&database).context("the onset needs the undeformed mesh and a field y")?;
+        let points = sample::onset(self.n, &clearances, [self.gap_mm[0], self.gap_mm[1]]);
+        if points.is_empty() {
+            anyhow::bail!(
+                "{}: its {} free states reach no gap of {} to {} mm; simulate free states at higher pressures",
+                path.display(),
+                clearances.len(),
+                self.gap_mm[0],
+                self.gap_mm[1]
+            );
+        }
+        Ok(points)
+    }
+
+    fn case(&self, index: usize, point: &[f64]) -> Case {
+        let regime = match self.regime {
+            Regime::Free => "free",
+            Regime::Contact => "contact",
+            Regime::Gripper => "gripper",
+        };
+        let split = if self.split == Split::Train { "train" } else { "check" };
+        Case {
+            name: format!("{}{:03}", self.prefix, index + 1),
+            regime: regime.into(),
+            split: split.into(),
+            // A nanomegapascal and a nanometre: shorter lists, no more.
+            pressure_mpa: rounded(point[0], 1e9),
+            gap_mm: point.get(1).map(|gap| rounded(*gap, 1e6)),
+        }
+    }
+}
+
+fn rounded(value: f64, per_unit: f64) -> f64 {
+    (value * per_unit).round() / per_unit
+}
+
+/// Pressure and depth of the lowest point of the base's underside for each free state.
+fn clearances(database: &Database) -> Option<Vec<(f64, f64)>> {
+    let y = database.coordinate(1)?;
+    let bottom = bottom_nodes(database.undeformed_mm.as_ref()?);
+    let free = (0..database.cases.len()).filter(|i| database.cases[*i].regime == RegimeKind::Free);
+    let depth = |case: usize| {
+        let values: Vec<f32> = database.field(case, y).collect();
+        bottom.iter().map(|n| -f64::from(values[*n as usize])).fold(f64::NEG_INFINITY, f64::max)
+    };
+    Some(free.map(|case| (database.cases[case].pressure_mpa, depth(case))).collect())
+}

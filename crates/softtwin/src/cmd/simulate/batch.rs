@@ -1,0 +1,118 @@
+//! A list of cases to a database folder, with progress, checkpoints and a report.
+
+use crate::artefact::refusal;
+use crate::say;
+use fem::Problem;
+use fem::actuator::Actuator;
+use fem::run::{self, Case, Event, Outcome, Run, Store, cases, fingerprint};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Solves what is not yet there, writes the folder and reports. Fails at the end when a case has failed.
+pub fn run(
+    actuator: &Actuator,
+    problem: Arc<Problem>,
+    list: &Path,
+    out: &Path,
+    threads: usize,
+    as_json: bool,
+) -> anyhow::Result<()> {
+    let cases = cases::read(list).map_err(refusal)?;
+    let store = Store::new(&out.join("states"), fingerprint(&problem))?;
+    let bar = ProgressBar::new(cases.len() as u64);
+    bar.set_style(ProgressStyle::with_template(
+        "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
+    )?);
+    let began = Instant::now();
+    let run = Run { actuator, problem: Arc::clone(&problem), store, threads };
+    let outcome = run.solve(&cases, &|event| tell(&bar, &event))?;
+    bar.finish_and_clear();
+    let seconds = began.elapsed().as_secs_f64();
+    run::write(out, &actuator.name, problem.mesh(), &cases, &outcome.solved).map_err(refusal)?;
+    let report = report(&cases, &outcome, seconds);
+    if as_json {
+        say::json(&report)?;
+    } else {
+        print(&report, &cases, &outcome, out)?;
+    }
+    if outcome.failed.is_empty() {
+        return Ok(());
+    }
+    anyhow::bail!(
+        "{} of {} cases failed and are not in {}; correct or remove them in {} and run again",
+        outcome.failed.len(),
+        cases.len(),
+        out.display(),
+        list.display()
+    )
+}
+
+fn tell(bar: &ProgressBar, event: &Event<'_>) {
+    match event {
+        Event::Reused(_) => {
+            bar.inc(1);
+            bar.reset_eta(); // what was there already says nothing about the time the rest takes
+        }
+        Event::Solved(case, solved) => {
+            bar.inc(1);
+            bar.set_message(format!("{} in {} factorisations", case.name, solved.report.factorisations));
+        }
+        Event::Failed { case, reason, again } => {
+            let next = if *again { "will be tried from another state" } else { "given up" };
+            bar.println(format!("case {}: {reason} ({next})", case.name));
+        }
+    }
+}
+
+fn report(cases: &[Case], outcome: &Outcome, seconds: f64) -> Value {
+    let mut contact: Vec<usize> = outcome
+        .solved
+        .iter()
+        .filter(|(index, _)| cases[*index].gap_mm.is_some())
+        .map(|(_, solved)| solved.report.factorisations)
+        .collect();
+    contact.sort_unstable();
+    let sum = |f: fn(&fem::Report) -> usize| outcome.solved.iter().map(|(_, s)| f(&s.report)).sum::<usize>();
+    json!({
+        "cases": cases.len(),
+        "solved": outcome.solved.len() - outcome.reused,
+        "reused": outcome.reused,
+        "failed": outcome.failed.iter().map(|(i, reason)| json!({"case": cases[*i].name, "reason": reason})).collect::<Vec<_>>(),
+        "steps": sum(|r| r.steps),
+        "factorisations": sum(|r| r.factorisations),
+        "cuts": sum(|r| r.cuts),
+        "median_factorisations_contact": contact.get(contact.len() / 2),
+        "seconds": seconds,
+        "solver_seconds": outcome.solved.iter().map(|(_, s)| s.report.seconds).sum::<f64>(),
+    })
+}
+
+fn print(report: &Value, cases: &[Case], outcome: &Outcome, out: &Path) -> anyhow::Result<()> {
+    say!(
+        "{}: {} cases, {} solved now, {} reused, {} failed",
+        out.display(),
+        report["cases"],
+        report["solved"],
+        report["reused"],
+        outcome.failed.len()
+    )?;
+    say!(
+        "{} load steps, {} factorisations (one a Newton iteration), {} steps cut; median of a contact case: {} factorisations",
+        report["steps"],
+        report["factorisations"],
+        report["cuts"],
+        report["median_factorisations_contact"]
+    )?;
+    say!(
+        "{:.0} s elapsed, {:.0} s of solver time in all cases",
+        report["seconds"].as_f64().unwrap_or(0.0),
+        report["solver_seconds"].as_f64().unwrap_or(0.0)
+    )?;
+    for (index, reason) in &outcome.failed {
+        say!("failed: {}: {reason}", cases[*index].name)?;
+    }
+    Ok(())
+}

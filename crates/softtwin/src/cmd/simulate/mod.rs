@@ -1,0 +1,77 @@
+//! `softtwin simulate`: finite-element states of an actuator, one, a path, or a whole database.
+
+mod batch;
+mod single;
+
+use crate::artefact::refusal;
+use crate::failure::{configuration, usage};
+use fem::Problem;
+use fem::actuator::Actuator;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+const EXAMPLES: &str = "\
+Examples:
+  One state as an array, nodes x (x, y, z, displacement, von Mises); force and volume as JSON:
+    softtwin simulate --pressure-mpa 0.05 --gap-mm 40 --out state.npy
+  No obstacle, for ParaView:
+    softtwin simulate --pressure-mpa 0.05 --out state.vtu
+  A path from rest in 10 steps, one JSON line a step:
+    softtwin simulate --pressure-mpa 0.07 --gap-mm 40 --steps 10
+  A whole database, two cases at a time; stop it and start it again as you like:
+    softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/cases.csv --out database
+    softtwin train --database database --out finger.twin
+
+A database run keeps every solved state in OUT/states: what is there is not computed again. Needs about 1 GB a thread.";
+
+/// Compute states of an actuator with the finite-element solver.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Geometry, materials, loads, supports and mesh.
+    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
+    actuator: PathBuf,
+    /// Cavity pressure in MPa, at least 0.
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present = "cases")]
+    pressure_mpa: Option<f64>,
+    /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases")]
+    gap_mm: Option<f64>,
+    /// Steps of the path from rest to the pressure; each is printed.
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "cases")]
+    steps: u32,
+    /// List of cases: case,regime,split,pressure_mpa,gap_mm.
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "pressure_mpa", requires = "out")]
+    cases: Option<PathBuf>,
+    /// One state: .npy, .csv or .vtu. A list of cases: the database's folder.
+    #[arg(long, value_name = "FILE|DIR")]
+    out: Option<PathBuf>,
+    /// Cases solved at the same time.
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "cases")]
+    threads: usize,
+    /// The report of a database run as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Reads actuator and mesh, then computes.
+    pub fn run(self) -> anyhow::Result<()> {
+        if self.steps == 0 || self.threads == 0 {
+            return Err(usage("--steps and --threads: expected at least 1, found 0"));
+        }
+        let actuator = Actuator::read(&self.actuator).map_err(refusal)?;
+        let mesh = actuator.read_mesh(&self.actuator).map_err(refusal)?;
+        let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
+        match (&self.cases, self.pressure_mpa, &self.out) {
+            (Some(cases), _, Some(out)) => {
+                batch::run(&actuator, problem, cases, out, self.threads, self.json)
+            }
+            (_, Some(pressure_mpa), out) => {
+                let target = single::Target { pressure_mpa, gap_mm: self.gap_mm, steps: self.steps };
+                single::run(&actuator, problem, &target, out.as_deref())
+            }
+            _ => Err(usage("expected --pressure-mpa, or --cases with --out")),
+        }
+    }
+}

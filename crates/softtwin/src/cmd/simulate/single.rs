@@ -1,0 +1,103 @@
+//! One state, or a path of states from rest.
+
+use crate::failure::usage;
+use crate::say;
+use anyhow::Context;
+use fem::actuator::Actuator;
+use fem::output::clearance_mm;
+use fem::run::FIELDS;
+use fem::{Output, Problem, Report, SolveError, Solver};
+use formats::fields::{Format, State};
+use formats::vtu::Cells;
+use rom::snapshots::{FieldKind, FieldSpec};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What is asked for.
+pub struct Target {
+    /// Cavity pressure at the end (MPa).
+    pub pressure_mpa: f64,
+    /// Gap (mm).
+    pub gap_mm: Option<f64>,
+    /// Steps from rest.
+    pub steps: u32,
+}
+
+/// Solves step by step, prints a JSON line a step and writes the last state.
+pub fn run(
+    actuator: &Actuator,
+    problem: Arc<Problem>,
+    target: &Target,
+    out: Option<&Path>,
+) -> anyhow::Result<()> {
+    if let Some(out) = out {
+        Format::of(out).map_err(usage)?; // before the work, not after it
+    }
+    let mut solver = Solver::new(Arc::clone(&problem))?;
+    let (mut state, mut work) = solver.rest(actuator.loads.gravity_mm_s2)?;
+    for step in 1..=target.steps {
+        let pressure_mpa = target.pressure_mpa * f64::from(step) / f64::from(target.steps);
+        let (next, report) =
+            solver.reach(&state, &actuator.load(pressure_mpa, target.gap_mm)).map_err(sorted)?;
+        state = next;
+        work = work.and(&report);
+        let output = solver.output(&state);
+        say::json(&line(&output, clearance_mm(&problem, &state), pressure_mpa, target.gap_mm, &work))?;
+        if let (true, Some(out)) = (step == target.steps, out) {
+            write(&problem, &output, out).context("the state was not written")?;
+        }
+    }
+    Ok(())
+}
+
+/// A load that the solver does not take is the user's mistake; a state it cannot reach is not.
+fn sorted(error: SolveError) -> anyhow::Error {
+    match error {
+        SolveError::Load { .. } => usage(error),
+        _ => error.into(),
+    }
+}
+
+fn line(output: &Output, clearance_mm: f64, pressure_mpa: f64, gap_mm: Option<f64>, work: &Report) -> Value {
+    let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    json!({
+        "pressure_mpa": pressure_mpa,
+        "gap_mm": gap_mm,
+        "contact_force_n": output.contact_force_n,
+        "cavity_volume_mm3": output.cavity_volume_mm3,
+        "max_displacement_mm": largest(&output.displacement_mm),
+        "max_von_mises_mpa": largest(&output.von_mises_mpa),
+        "lowest_point_mm": -clearance_mm,
+        "contact_nodes": output.contact_nodes.len(),
+        "slot_contact_nodes": output.slot_contact_nodes.len(),
+        "residual_n": output.residual_n,
+        "steps": work.steps,
+        "factorisations": work.factorisations,
+        "cuts": work.cuts,
+        "seconds": work.seconds,
+    })
+}
+
+fn write(problem: &Problem, output: &Output, out: &Path) -> anyhow::Result<()> {
+    let mesh = problem.mesh();
+    let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect::<Vec<f32>>();
+    let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&output.coordinates_mm, k)).collect();
+    values.extend(output.displacement_mm.iter().chain(&output.von_mises_mpa).map(|v| *v as f32));
+    let kinds =
+        [0, 1, 2].map(FieldKind::Coordinate).into_iter().chain([FieldKind::Magnitude, FieldKind::Stress]);
+    let fields: Vec<FieldSpec> = FIELDS
+        .iter()
+        .zip(kinds)
+        .map(|((name, unit, _), kind)| FieldSpec { name: (*name).into(), unit: (*unit).into(), kind })
+        .collect();
+    let rest = [0, 1, 2].map(|k| axis(&mesh.nodes_mm, k));
+    let state = State {
+        fields: &fields,
+        nodes: mesh.nodes_mm.len(),
+        values: &values,
+        undeformed: Some(rest.each_ref().map(Vec::as_slice)),
+        cells: Cells::QuadraticTets(&mesh.tets),
+    };
+    Ok(state.write(out)?)
+}
