@@ -186,6 +186,8 @@ impl TrainConfig {
             boundary_states: 0,
             free: regime(4),
             contact: regime(6),
+            duplicate_distance: 0.0,
+            full_leave_one_out: false,
             ..Self::default()
         }
     }

@@ -26,5 +26,6 @@ mod radial;
 pub mod regime;
 pub mod select;
 pub mod snapshots;
+pub mod stability;
 pub mod train;
 mod validate;

@@ -15,6 +15,9 @@ use crate::interpolant::Interpolant;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
+/// Fewer scored cases than this say nothing about modes: all are kept, so that at least the samples are reproduced.
+const LEAST_CASES: usize = 4;
+
 /// What was tried and how it fared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
@@ -161,6 +164,7 @@ fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
     match task.modes {
         ModeChoice::Fixed(modes) => modes.min(task.outputs),
         ModeChoice::Energy(_) => task.modes_for_energy.min(task.outputs),
+        ModeChoice::LeaveOneOut(_) if errors.len() < LEAST_CASES => task.outputs,
         ModeChoice::LeaveOneOut(factor) => {
             // Geometric mean over cases: every case asks for the modes it needs at its own level of error. An
             // arithmetic one would stop at the error of the few cases that are hard to interpolate.

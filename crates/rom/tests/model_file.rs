@@ -1,22 +1,20 @@
 //! The model file: round trip, golden bytes, partial loading, and every way of being damaged.
 
-mod support;
-
 use proptest::prelude::*;
 use softtwin_rom::config::TrainConfig;
 use softtwin_rom::evaluation::Input;
 use softtwin_rom::model::{BlockKind, MAGIC, Model, ModelFileError, ModelReader, VERSION};
 use softtwin_rom::predict::{Nodes, PredictError, Predictor, Selection};
 use softtwin_rom::regime::RegimeSwitch;
+use softtwin_rom::stability::world;
 use softtwin_rom::train::train;
 use std::io::Cursor;
 use std::sync::OnceLock;
-use support::synthetic;
 
 fn model() -> &'static (Model, Vec<u8>) {
     static MODEL: OnceLock<(Model, Vec<u8>)> = OnceLock::new();
     MODEL.get_or_init(|| {
-        let (model, _) = train(&synthetic::plate(), &TrainConfig::default(), &mut |_| {}).expect("trains");
+        let (model, _) = train(&world::plate(), &TrainConfig::default(), &mut |_| {}).expect("trains");
         let bytes = model.to_bytes().expect("encodes");
         (model, bytes)
     })

@@ -4,8 +4,6 @@
 
 #![allow(dead_code)] // every test binary uses its own part
 
-pub mod synthetic;
-
 use softtwin_rom::snapshots::{Case, Database, FieldKind, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
 use std::path::{Path, PathBuf};
 

@@ -1,9 +1,13 @@
-//! Small databases from formulas: a beam of nodes that bends with pressure until it meets a plate.
+//! An actuator made of formulas: a beam that bends with pressure until it meets a plate. Its truth is known everywhere,
+//! so that a wrong answer cannot hide. Tests use it where no finite-element database is at hand.
 
-use softtwin_rom::snapshots::{Case, Database, FieldKind, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
+use crate::snapshots::{Case, Database, FieldKind, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
 
 /// Nodes: 12 along x, 5 across z, 2 over the height.
 pub const NODES: usize = 120;
+
+/// A state to simulate: split, pressure in MPa, gap in mm (none: no plate).
+pub type State = (Split, f64, Option<f64>);
 
 /// Undeformed node positions in mm.
 pub fn mesh() -> Vec<[f64; 3]> {
@@ -16,7 +20,7 @@ pub fn sag_mm(pressure_mpa: f64) -> f64 {
     20.0 + 600.0 * pressure_mpa - 1500.0 * pressure_mpa * pressure_mpa
 }
 
-/// Onset pressure of a gap: the inverse of [`sag_mm`].
+/// Onset pressure of a gap in MPa: the inverse of [`sag_mm`], negative below the sag.
 pub fn onset_mpa(gap_mm: f64) -> f64 {
     (600.0 - (360_000.0 - 6000.0 * (gap_mm - 20.0)).sqrt()) / 3000.0
 }
@@ -44,18 +48,23 @@ pub fn snapshot(pressure_mpa: f64, gap_mm: Option<f64>) -> Vec<f32> {
     mesh().iter().flat_map(node).collect()
 }
 
-/// Free and contact states over the plate, some of them kept aside as tests.
-pub fn plate() -> Database {
-    let mut states: Vec<(Split, f64, Option<f64>)> =
-        (0..12).map(|i| (Split::Train, 0.09 * f64::from(i) / 11.0, None)).collect();
-    for i in 0..8 {
-        for j in 0..7 {
-            // A sheared grid: no two states share a gap.
-            let (p, g) =
-                (0.005 + 0.085 * f64::from(i) / 7.0, 8.0 + 30.0 * f64::from(j) / 6.0 + 0.35 * f64::from(i));
-            states.push((Split::Train, p, Some(g)));
+/// Training states: `free` pressures from 0 to 0.09 MPa, and a sheared `rows x columns` grid of pressures and gaps from
+/// 8 to 38 mm in which no two states share a gap.
+pub fn training_states(free: usize, rows: usize, columns: usize) -> Vec<State> {
+    let along = |i: usize, n: usize| i as f64 / (n.max(2) - 1) as f64;
+    let mut states: Vec<State> = (0..free).map(|i| (Split::Train, 0.09 * along(i, free), None)).collect();
+    for i in 0..rows {
+        for j in 0..columns {
+            let gap = 8.0 + 30.0 * along(j, columns) + 0.35 * i as f64;
+            states.push((Split::Train, 0.005 + 0.085 * along(i, rows), Some(gap)));
         }
     }
+    states
+}
+
+/// Free and contact states over the plate, three of them kept aside as tests.
+pub fn plate() -> Database {
+    let mut states = training_states(12, 8, 7);
     states.extend([
         (Split::Test, 0.033, None),
         (Split::Test, 0.061, Some(17.3)),
@@ -65,9 +74,9 @@ pub fn plate() -> Database {
 }
 
 /// A database of the given states.
-pub fn database(states: &[(Split, f64, Option<f64>)]) -> Database {
+pub fn database(states: &[State]) -> Database {
     let field = |name: &str, unit: &str, kind| FieldSpec { name: name.into(), unit: unit.into(), kind };
-    let case = |(i, (split, p, gap)): (usize, &(Split, f64, Option<f64>))| Case {
+    let case = |(i, (split, p, gap)): (usize, &State)| Case {
         name: i.to_string(),
         regime: if gap.is_some() { RegimeKind::Contact } else { RegimeKind::Free },
         split: *split,
