@@ -14,7 +14,7 @@ pub struct Output {
     pub coordinates_mm: Vec<Vec3>,
     /// Displacement magnitude |U| at each node (mm).
     pub displacement_mm: Vec<f64>,
-    /// Von Mises stress at each node (MPa): mean over the elements at the node.
+    /// Von Mises stress at each node (MPa): mean of the elements' values at the node.
     pub von_mises_mpa: Vec<f64>,
     /// Von Mises stress at each node (MPa) of the one element the mesh's `mises_owner` names; empty without it.
     pub von_mises_owner_mpa: Vec<f64>,
@@ -85,9 +85,9 @@ fn von_mises(problem: &Problem, state: &State) -> (Vec<f64>, Vec<f64>) {
     let mut elements = Vec::with_capacity(problem.mesh.tets.len());
     for (e, tet) in problem.mesh.tets.iter().enumerate() {
         let u = tet.map(|n| state.displacement_mm[n as usize]);
-        let points =
-            tet10::von_mises(&problem.tets[e], &u, &problem.elastomer(e).law).unwrap_or([f64::NAN; 4]);
-        let values = tet10::extrapolate(points);
+        let law = &problem.elastomer(e).law;
+        let stress = tet10::deviatoric_stress(&problem.tets[e], &u, law).unwrap_or([[f64::NAN; 6]; 4]);
+        let values = tet10::extrapolate(stress).map(tet10::von_mises);
         for (n, v) in tet.iter().zip(values) {
             sum[*n as usize] += v;
             count[*n as usize] += 1.0;

@@ -265,38 +265,49 @@ pub fn energy(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Res
     Ok(sum)
 }
 
-/// Von Mises stress (MPa) of the Cauchy stress at the four Gauss points: `sqrt(3/2 dev : dev)`.
+/// Deviatoric Cauchy stress (xx, yy, zz, xy, xz, yz; MPa) at the four Gauss points: `2 W' J^(-2/3) dev(F F^T) / J`.
 ///
 /// # Errors
 /// [`Invalid`] as in [`TetTerms::evaluate`].
-pub fn von_mises(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<[f64; 4], Invalid> {
-    let mut out = [0.0; 4];
-    for (q, value) in out.iter_mut().enumerate() {
+pub fn deviatoric_stress(
+    geometry: &TetGeometry,
+    u: &[Vec3; 10],
+    law: &Hyperelastic,
+) -> Result<[[f64; 6]; 4], Invalid> {
+    let mut out = [[0.0; 6]; 4];
+    for (q, stress) in out.iter_mut().enumerate() {
         let p = point(geometry, q, u, law)?;
         let factor = 2.0 * p.d1 * p.iso / p.det;
-        let mut dev_dev = 0.0;
-        for i in 0..3 {
-            for j in 0..3 {
-                let mean = if i == j { p.trace / 3.0 } else { 0.0 };
-                let dev = factor * (dot(p.f[i], p.f[j]) - mean);
-                dev_dev += dev * dev;
-            }
+        for (s, (i, j)) in stress.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+            let mean = if i == j { p.trace / 3.0 } else { 0.0 };
+            *s = factor * (dot(p.f[i], p.f[j]) - mean);
         }
-        *value = (1.5 * dev_dev).sqrt();
     }
     Ok(out)
 }
 
-/// Linear extrapolation of four Gauss point values to the ten nodes (mid-sides: mean of their corners).
+/// Von Mises stress `sqrt(3/2 s : s)` of a deviatoric stress (MPa).
 #[must_use]
-pub fn extrapolate(values: [f64; 4]) -> [f64; 10] {
-    let sum: f64 = values.iter().sum();
-    let mut out = [0.0; 10];
-    for i in 0..4 {
-        out[i] = (values[i] - OTHER * sum) / (OWN - OTHER);
-    }
-    for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
-        out[4 + m] = 0.5 * (out[a] + out[b]);
+pub fn von_mises(s: [f64; 6]) -> f64 {
+    let squares = s.map(|v| v * v);
+    (1.5 * (squares[0] + squares[1] + squares[2] + 2.0 * (squares[3] + squares[4] + squares[5]))).sqrt()
+}
+
+/// Linear extrapolation of Gauss point tensors to the ten nodes (mid-sides: mean of their corners).
+///
+/// Components are extrapolated, not invariants: near a free surface the invariant of the extrapolated tensor stays
+/// positive and meaningful where an extrapolated invariant would turn negative.
+#[must_use]
+pub fn extrapolate(values: [[f64; 6]; 4]) -> [[f64; 6]; 10] {
+    let mut out = [[0.0; 6]; 10];
+    for k in 0..6 {
+        let sum: f64 = values.iter().map(|v| v[k]).sum();
+        for i in 0..4 {
+            out[i][k] = (values[i][k] - OTHER * sum) / (OWN - OTHER);
+        }
+        for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
+            out[4 + m][k] = 0.5 * (out[a][k] + out[b][k]);
+        }
     }
     out
 }
