@@ -197,7 +197,8 @@ impl Predictor {
         }
     }
 
-    /// Answers a query; `switch` remembers the label. The input must be finite: readings are checked before.
+    /// Answers a query; `switch` remembers the label. Any input is answered without panic; one that is no number, or lies
+    /// outside the samples, is flagged as extrapolated (a twin checks its readings before it asks).
     ///
     /// Across the onset the value is continuous (fields to the bars' order, force exactly); slopes are not: the tip
     /// stops and the force starts, so gradients are those of the side the query is on.
@@ -214,7 +215,10 @@ impl Predictor {
         out.flags = Flags { held_by_hysteresis: out.regime != out.basis, ..Flags::default() };
         let Some(part) = self.parts.iter().find(|p| p.model.kind == out.basis) else { return };
         let x = part.model.inputs.scale(input.pressure_mpa, input.gap_mm);
-        out.domain_distance = part.model.domain.distance(x).max(part.model.inputs.off_constant(input.gap_mm));
+        out.domain_distance = match input.pressure_mpa.is_nan() || input.gap_mm.is_nan() {
+            true => f64::INFINITY, // `max` would drop a NaN, and a reading that is no number is nowhere
+            false => part.model.domain.distance(x).max(part.model.inputs.off_constant(input.gap_mm)),
+        };
         out.domain = Domain::verdict(out.domain_distance);
         out.flags.extrapolated = out.domain != Verdict::Inside;
         out.bars = part.model.bars;

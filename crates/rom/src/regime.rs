@@ -70,7 +70,7 @@ impl OnsetTable {
         if gap_mm <= self.sag_mm() {
             return Onset::Always;
         }
-        if gap_mm > self.reach_mm() {
+        if gap_mm > self.reach_mm() || gap_mm.is_nan() {
             return Onset::Never;
         }
         Onset::At(self.pressure_and_slope(gap_mm).0)
@@ -88,7 +88,7 @@ impl OnsetTable {
         if gap_mm >= self.gap_mm[last] {
             return straight(last);
         }
-        let i = self.gap_mm.partition_point(|g| *g <= gap_mm) - 1;
+        let i = self.gap_mm.partition_point(|g| *g <= gap_mm).saturating_sub(1); // 0 for a gap that is no number
         let h = self.gap_mm[i + 1] - self.gap_mm[i];
         let t = (gap_mm - self.gap_mm[i]) / h;
         let (p0, p1) = (self.pressure_mpa[i], self.pressure_mpa[i + 1]);

@@ -1,0 +1,218 @@
+//! Accuracy on the finite-element database of the paper's own cases, against the bounds this project promises. Skipped
+//! with a notice where the database is not at hand. Test and check cases are evaluated only: training never sees them.
+
+mod support;
+
+use softtwin_rom::config::TrainConfig;
+use softtwin_rom::datasheet::DataSheet;
+use softtwin_rom::evaluate::{CaseReport, DEFAULT_FLOOR, Report, evaluate, spread};
+use softtwin_rom::evaluation::Input;
+use softtwin_rom::model::Model;
+use softtwin_rom::predict::{Predictor, Selection};
+use softtwin_rom::regime::{Onset, RegimeSwitch};
+use softtwin_rom::snapshots::{Database, RegimeKind, Split};
+use softtwin_rom::train::train;
+use std::sync::OnceLock;
+use support::{Scene, shared_database};
+
+struct Plate {
+    database: Database,
+    model: Model,
+    sheet: DataSheet,
+    report: Report,
+}
+
+/// The database and the model the defaults make of it; trained once for all tests.
+fn plate() -> Option<&'static Plate> {
+    static PLATE: OnceLock<Option<Plate>> = OnceLock::new();
+    PLATE
+        .get_or_init(|| {
+            let database = shared_database(Scene::Plate)?;
+            let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
+            let report = test_report(&model, &database);
+            Some(Plate { database, model, sheet, report })
+        })
+        .as_ref()
+}
+
+fn test_report(model: &Model, database: &Database) -> Report {
+    let cases: Vec<usize> = database.of_split(Split::Test).collect();
+    evaluate(model, database, &cases, DEFAULT_FLOOR).expect("evaluates")
+}
+
+fn mse(report: &Report, kind: RegimeKind) -> f64 {
+    report.regimes.iter().find(|r| r.regime == kind).expect("regime").mse
+}
+
+fn normalised(case: &CaseReport, field: &str) -> f64 {
+    case.fields.iter().find(|f| f.field == field).expect("field").normalised
+}
+
+fn at_most(what: &str, found: f64, bound: f64) {
+    println!("{what}: {found:.3e}, at most {bound:.1e}");
+    assert!(found <= bound, "{what}: {found} > {bound}");
+}
+
+#[test]
+fn the_papers_test_cases_are_within_the_promised_errors() {
+    let Some(plate) = plate() else { return };
+    at_most("MSE (Eq. 15), free", mse(&plate.report, RegimeKind::Free), 8e-6);
+    at_most("MSE (Eq. 15), contact", mse(&plate.report, RegimeKind::Contact), 3e-5);
+    for case in &plate.report.cases {
+        let (u, s, force) = match case.regime {
+            RegimeKind::Free => (1.5e-4, 1.5e-3, 0.0),
+            RegimeKind::Contact => (1e-3, 1.5e-2, 5e-3),
+        };
+        let name = format!("case {} ({} MPa, gap {:?} mm)", case.case, case.pressure_mpa, case.gap_mm);
+        at_most(&format!("{name}, normalised displacement"), normalised(case, "displacement"), u);
+        at_most(&format!("{name}, normalised stress"), normalised(case, "von_mises"), s);
+        at_most(&format!("{name}, force"), case.force_relative.unwrap_or(0.0), force);
+    }
+}
+
+/// The paper reports 3.56e-4 and 4.18e-3 on its own database; its method on this one gives 4.0e-4 and 4.1e-3.
+#[test]
+fn the_papers_method_gives_the_papers_errors() {
+    let Some(database) = shared_database(Scene::Plate) else { return };
+    let (model, _) = train(&database, &TrainConfig::paper(), &mut |_| {}).expect("trains");
+    let report = test_report(&model, &database);
+    for (kind, expected) in [(RegimeKind::Free, 4.03e-4), (RegimeKind::Contact, 4.11e-3)] {
+        let found = mse(&report, kind);
+        println!("the paper's method, {}: MSE {found:.3e}", kind.name());
+        assert!((found / expected - 1.0).abs() < 0.02, "{}: {found} is not {expected}", kind.name());
+    }
+}
+
+#[test]
+fn fields_and_force_are_continuous_across_the_switch() {
+    let Some(plate) = plate() else { return };
+    let mut predictor = Predictor::new(&plate.model, &Selection::default()).expect("fits");
+    let table = plate.model.header.onset.as_ref().expect("two regimes");
+    let mut evaluation = predictor.evaluation();
+    let mut sides = [vec![0.0; predictor.entries()], vec![0.0; predictor.entries()]];
+    let (mut jump_mm, mut jump_n) = (0.0_f32, 0.0_f64);
+    for step in 0..=100 {
+        let gap_mm = 28.0 + 0.42 * f64::from(step);
+        let Onset::At(onset) = table.onset(gap_mm) else { panic!("gap {gap_mm} mm is within reach") };
+        let mut forces = [0.0; 2];
+        for (side, (out, kind)) in sides.iter_mut().zip([RegimeKind::Free, RegimeKind::Contact]).enumerate() {
+            let pressure_mpa = onset * (1.0 + 1e-9 * (2.0 * side as f64 - 1.0));
+            predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut evaluation);
+            assert_eq!(evaluation.basis, kind);
+            predictor.reconstruct_into(&evaluation, out).expect("length");
+            forces[side] = evaluation.contact_force_n;
+        }
+        let lengths = 4 * predictor.rows(); // x, y, z and the displacement
+        let jumps = sides[0][..lengths].iter().zip(&sides[1]).map(|(a, b)| (a - b).abs());
+        jump_mm = jumps.fold(jump_mm, f32::max);
+        jump_n = jump_n.max((forces[1] - forces[0]).abs());
+    }
+    at_most("jump at the switch, mm", f64::from(jump_mm), 0.05);
+    at_most("jump at the switch, N", jump_n, 1e-3);
+}
+
+#[test]
+fn training_cases_are_reproduced_to_the_truncation_error() {
+    let Some(plate) = plate() else { return };
+    let cases: Vec<usize> = plate.database.of_split(Split::Train).collect();
+    let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
+    // What is not truncated is interpolated through the sample, up to the smoothing leave-one-out asked for.
+    let mut missed = [0.0_f64; 2];
+    for case in &report.cases {
+        for field in &case.fields {
+            let (Some(truncation), Some(interpolation)) = (field.truncation_max, field.interpolation_max)
+            else {
+                continue;
+            };
+            assert!(field.max <= truncation + interpolation + 1e-4, "case {}, {}", case.case, field.field);
+            let kind = usize::from(field.field == "von_mises");
+            missed[kind] =
+                missed[kind].max(interpolation * field.normalised / field.max.max(f64::MIN_POSITIVE));
+        }
+    }
+    at_most("training cases, coordinates missed beyond truncation", missed[0], 1e-3);
+    at_most("training cases, stress missed beyond truncation", missed[1], 1e-2);
+}
+
+/// Leave-one-out over the contact cases inside the hull: what a state never trained on can expect, over-stated.
+#[test]
+fn left_out_contact_cases_are_predicted() {
+    let Some(plate) = plate() else { return };
+    let contact = plate.sheet.regimes.iter().find(|r| r.kind == RegimeKind::Contact).expect("contact");
+    let inside: Vec<_> = contact.leave_one_out.iter().filter(|c| !c.on_hull).collect();
+    let largest = |name: &str, field: usize| {
+        let case = plate.database.cases.iter().position(|c| c.name == name).expect("case");
+        plate.database.field(case, field).fold(0.0, |m: f64, v| m.max(f64::from(v).abs()))
+    };
+    let mut errors = [
+        inside.iter().map(|c| c.displacement_mm / largest(&c.case, 3)).collect::<Vec<_>>(),
+        inside.iter().map(|c| c.stress_mpa / largest(&c.case, 4)).collect(),
+        inside.iter().map(|c| c.force_n / 0.856).collect(),
+    ];
+    let bounds = [("displacement", 6e-4, 1.5e-3), ("stress", 9e-3, 2.0e-2), ("force", 5e-4, 1.2e-3)];
+    for (errors, (name, mean, p95)) in errors.iter_mut().zip(bounds) {
+        let [found_mean, found_p95, _] = spread(errors);
+        at_most(&format!("left-out {name}, mean"), found_mean, mean);
+        at_most(&format!("left-out {name}, 95th percentile"), found_p95, p95);
+    }
+    for group in &contact.groups {
+        let full = group.leave_one_out_full.expect("asked for");
+        println!("{}: closed form {:.3e}, POD redone {full:.3e}", group.name, group.leave_one_out);
+        assert!(full >= 0.9 * group.leave_one_out && full < 3.0 * group.leave_one_out, "{}", group.name);
+    }
+}
+
+/// Bars promise 90 %: two thirds of the contact cases, held out in four turns, without a part in training or calibration,
+/// are covered to 85-99 % (binomial spread allowed for).
+#[test]
+fn bars_cover_what_they_promise_on_held_out_cases() {
+    let Some(plate) = plate() else { return };
+    let touching = |i: &usize| plate.database.cases[*i].contact_force_n > 0.0;
+    let train_cases: Vec<usize> = plate.database.of_split(Split::Train).filter(touching).collect();
+    let config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    let (mut held_out, mut covered) = (0, [0; 3]);
+    for fold in 0..4 {
+        let held: Vec<usize> = train_cases.iter().copied().skip(fold).step_by(6).collect();
+        let mut database = plate.database.clone();
+        held.iter().for_each(|&i| database.cases[i].split = Split::Check);
+        let (model, _) = train(&database, &config, &mut |_| {}).expect("trains");
+        for case in evaluate(&model, &database, &held, DEFAULT_FLOOR).expect("evaluates").cases {
+            held_out += 1;
+            let within = [case.covered.displacement, case.covered.stress, case.covered.force];
+            covered.iter_mut().zip(within).for_each(|(n, c)| *n += usize::from(c));
+        }
+    }
+    for (name, covered) in ["displacement", "stress", "force"].into_iter().zip(covered) {
+        let share = covered as f64 / f64::from(held_out);
+        println!("{name}: {:.1} % of {held_out} held-out cases within the 90 % bar", 100.0 * share);
+        assert!((0.80..=0.995).contains(&share), "{name}: {share}");
+    }
+}
+
+#[test]
+fn outside_the_samples_answers_are_flagged() {
+    let Some(plate) = plate() else { return };
+    let cases: Vec<usize> = plate.database.of_split(Split::Check).collect();
+    let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
+    for case in &report.cases {
+        println!(
+            "check case {}: {:?} by {:.3}, force {:.4} N",
+            case.case, case.domain, case.domain_distance, case.force_n
+        );
+        let beyond = case.pressure_mpa > 0.09 || case.gap_mm.is_some_and(|g| g < 10.0);
+        assert_eq!(beyond, case.domain == softtwin_rom::hull::Verdict::Outside, "case {}", case.case);
+    }
+}
+
+#[test]
+fn a_database_with_one_gap_trains_and_answers() {
+    let Some(database) = shared_database(Scene::Gripper) else { return };
+    let (model, _) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
+    let contact = model.regime(RegimeKind::Contact).expect("contact");
+    assert_eq!(contact.inputs.dimensions(), 1, "a constant gap is no input");
+    for case in test_report(&model, &database).cases {
+        at_most("gripper, normalised displacement", normalised(&case, "displacement"), 1e-3);
+        at_most("gripper, normalised stress", normalised(&case, "von_mises"), 1e-2);
+        at_most("gripper, force", case.force_relative.unwrap_or(0.0), 5e-3);
+    }
+}

@@ -1,0 +1,195 @@
+//! The predictor on the formula world: gradients against finite differences, regimes, hysteresis, bad input.
+
+use proptest::prelude::*;
+use softtwin_rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
+use softtwin_rom::evaluation::{Evaluation, Input};
+use softtwin_rom::hull::Verdict;
+use softtwin_rom::model::Model;
+use softtwin_rom::predict::{Predictor, Selection};
+use softtwin_rom::regime::RegimeSwitch;
+use softtwin_rom::snapshots::{RegimeKind, Split};
+use softtwin_rom::stability::world;
+use softtwin_rom::train::train;
+use std::sync::OnceLock;
+
+fn config(kernel: KernelKind, tail: Tail) -> TrainConfig {
+    let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    for regime in [&mut config.free, &mut config.contact] {
+        regime.kernels = vec![KernelSpec { kernel, tail }];
+    }
+    config
+}
+
+fn model() -> &'static Model {
+    static MODEL: OnceLock<Model> = OnceLock::new();
+    MODEL.get_or_init(|| {
+        train(&world::plate(), &config(KernelKind::Cubic, Tail::Linear), &mut |_| {}).expect("trains").0
+    })
+}
+
+fn predictor() -> Predictor {
+    Predictor::new(model(), &Selection::default()).expect("fits")
+}
+
+fn ask(predictor: &mut Predictor, pressure_mpa: f64, gap_mm: f64) -> Evaluation {
+    let mut evaluation = predictor.evaluation();
+    predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut evaluation);
+    evaluation
+}
+
+/// Central difference with one Richardson step: fourth order, good to 1e-8 where the function is smooth.
+fn difference(f: impl Fn(f64) -> f64, x: f64, h: f64) -> f64 {
+    let central = |h: f64| (f(x + h) - f(x - h)) / (2.0 * h);
+    (4.0 * central(h / 2.0) - central(h)) / 3.0
+}
+
+fn close(name: &str, analytic: f64, numeric: f64, scale: f64) {
+    assert!(
+        (analytic - numeric).abs() <= 1e-6 * scale.abs().max(analytic.abs()),
+        "{name}: {analytic} is not {numeric}"
+    );
+}
+
+#[test]
+fn gradients_agree_with_finite_differences_for_every_kernel() {
+    let kernels = [
+        (KernelKind::ThinPlate, Tail::Linear),
+        (KernelKind::Cubic, Tail::Linear),
+        (KernelKind::Quintic, Tail::Quadratic),
+        (KernelKind::Gaussian { shape: 8.0 }, Tail::Constant),
+        (KernelKind::Matern52, Tail::Quadratic),
+    ];
+    for (kernel, tail) in kernels {
+        let (model, _) = train(&world::plate(), &config(kernel, tail), &mut |_| {}).expect("trains");
+        let mut predictor = Predictor::new(&model, &Selection::default()).expect("fits");
+        for (p, gap) in [(0.0613, 17.27), (0.0471, 28.61), (0.0331, 12.13)] {
+            let here = ask(&mut predictor, p, gap);
+            assert_eq!(here.basis, RegimeKind::Contact);
+            let at = |p: f64, gap: f64| ask(&mut predictor.clone(), p, gap);
+            let name = kernel.name();
+            let (by_p, by_gap) = (1e-5, 1e-3);
+            close(name, here.dforce_dpressure, difference(|p| at(p, gap).contact_force_n, p, by_p), 1.0);
+            close(name, here.dforce_dgap, difference(|g| at(p, g).contact_force_n, gap, by_gap), 1e-2);
+            let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            let (scale_p, scale_gap) =
+                (largest(&here.dcoefficients_dpressure), largest(&here.dcoefficients_dgap));
+            for k in 0..here.coefficients.len() {
+                let numeric = difference(|p| at(p, gap).coefficients[k], p, by_p);
+                close(name, here.dcoefficients_dpressure[k], numeric, scale_p);
+                let numeric = difference(|g| at(p, g).coefficients[k], gap, by_gap);
+                close(name, here.dcoefficients_dgap[k], numeric, scale_gap);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_model_knows_the_onset_it_was_never_told() {
+    let table = model().header.onset.as_ref().expect("two regimes");
+    assert!((table.sag_mm() - world::sag_mm(0.0)).abs() < 0.02, "{} mm", table.sag_mm());
+    for gap in [22.0, 30.0, 45.0, 58.0] {
+        let found = table.onset(gap).pressure_mpa().expect("within reach");
+        assert!((found - world::onset_mpa(gap)).abs() < 1e-4, "gap {gap} mm: {found} MPa");
+    }
+}
+
+#[test]
+fn a_gap_below_the_sag_always_touches_and_one_beyond_reach_never() {
+    let mut predictor = predictor();
+    let touching = ask(&mut predictor, 0.0, 15.0);
+    assert_eq!((touching.basis, touching.onset_pressure_mpa), (RegimeKind::Contact, Some(0.0)));
+    assert!(touching.contact_force_n > 0.0);
+    let free = ask(&mut predictor, 0.09, 80.0);
+    assert_eq!((free.basis, free.onset_pressure_mpa), (RegimeKind::Free, None));
+    assert_eq!((free.contact_force_n, free.dforce_dpressure, free.dforce_dgap), (0.0, 0.0, 0.0));
+    assert_eq!(ask(&mut predictor, 0.05, f64::INFINITY).basis, RegimeKind::Free);
+}
+
+#[test]
+fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
+    let mut predictor = predictor();
+    let onset = model().header.onset.as_ref().expect("two").onset(30.0).pressure_mpa().expect("reach");
+    let margin = model().header.hysteresis_mpa;
+    let mut switch = RegimeSwitch::default();
+    let mut evaluation = predictor.evaluation();
+    let mut say = |offset: f64| {
+        let input = Input { pressure_mpa: onset + offset * margin, gap_mm: 30.0 };
+        predictor.evaluate(input, &mut switch, &mut evaluation);
+        (evaluation.regime, evaluation.basis, evaluation.flags.held_by_hysteresis)
+    };
+    use RegimeKind::{Contact, Free};
+    assert_eq!(say(-0.5), (Free, Free, false));
+    assert_eq!(say(0.1), (Contact, Contact, false));
+    for _ in 0..10 {
+        assert_eq!(say(-0.4), (Contact, Free, true), "noise below the onset keeps the label");
+        assert_eq!(say(0.4), (Contact, Contact, false));
+    }
+    assert_eq!(say(-1.1), (Free, Free, false), "a real release drops it");
+}
+
+#[test]
+fn the_domain_is_the_hull_not_the_box() {
+    let mut predictor = predictor();
+    assert_eq!(ask(&mut predictor, 0.05, 20.0).domain, Verdict::Inside);
+    let corner = ask(&mut predictor, 0.09, 8.2); // inside the box of the samples, outside their sheared hull
+    assert_ne!(corner.domain, Verdict::Inside);
+    assert!(corner.flags.extrapolated && corner.domain_distance > 0.0);
+    assert_eq!(ask(&mut predictor, 0.15, 20.0).domain, Verdict::Outside);
+}
+
+#[test]
+fn readings_that_are_no_numbers_end_in_flags_not_in_panics() {
+    let mut predictor = predictor();
+    let mut out = vec![0.0; predictor.entries()];
+    for (p, gap) in [(f64::NAN, 20.0), (0.05, f64::NAN), (f64::INFINITY, 20.0), (-1.0, 20.0), (0.05, -1e300)]
+    {
+        let evaluation = ask(&mut predictor, p, gap);
+        assert_eq!(evaluation.domain, Verdict::Outside, "({p}, {gap})");
+        assert!(evaluation.flags.extrapolated, "({p}, {gap})");
+        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
+    }
+}
+
+#[test]
+fn untouched_test_states_are_predicted() {
+    let database = world::plate();
+    let cases: Vec<usize> = database.of_split(Split::Test).collect();
+    let report = softtwin_rom::evaluate::evaluate(model(), &database, &cases, 0.01).expect("evaluates");
+    assert_eq!(report.cases.len(), 3);
+    for case in &report.cases {
+        for field in &case.fields {
+            assert!(field.normalised < 5e-3, "case {}, {}: {}", case.case, field.field, field.normalised);
+            if let (Some(t), Some(i)) = (field.truncation_max, field.interpolation_max) {
+                assert!(field.max <= t + i + 1e-5, "{}: {} > {t} + {i}", field.field, field.max);
+            }
+        }
+        assert!((case.force_n - case.force_true_n).abs() < 2e-3, "case {}", case.case);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn stress_and_force_are_never_negative(p in 0.0..0.12_f64, gap in 0.0..90.0_f64) {
+        let mut predictor = predictor();
+        let evaluation = ask(&mut predictor, p, gap);
+        let mut out = vec![0.0; predictor.entries()];
+        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
+        prop_assert!(evaluation.contact_force_n >= 0.0);
+        prop_assert!(out[4 * predictor.rows()..].iter().all(|s| *s >= 0.0));
+    }
+
+    #[test]
+    fn displacement_is_the_distance_from_the_undeformed_mesh(p in 0.0..0.09_f64, gap in 8.0..60.0_f64) {
+        let mut predictor = predictor();
+        let evaluation = ask(&mut predictor, p, gap);
+        let mut out = vec![0.0; predictor.entries()];
+        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
+        let n = predictor.rows();
+        for (i, x0) in world::mesh().iter().enumerate() {
+            let square: f64 = (0..3).map(|axis| (f64::from(out[axis * n + i]) - x0[axis]).powi(2)).sum();
+            prop_assert!((f64::from(out[3 * n + i]) - square.sqrt()).abs() < 1e-4, "node {}", i);
+        }
+    }
+}
