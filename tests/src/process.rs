@@ -32,12 +32,26 @@ pub fn binary(name: &str) -> PathBuf {
 impl Program {
     /// Starts `softtwind` in the stage's domain.
     pub fn daemon(stage: &Stage, arguments: &[&str]) -> Self {
-        Self::start(stage, "softtwind", arguments)
+        Self::daemon_with(stage, arguments, &[])
+    }
+
+    /// The same with more in its environment.
+    pub fn daemon_with(stage: &Stage, arguments: &[&str], environment: &[(&str, String)]) -> Self {
+        let mut command = Command::new(binary("softtwind"));
+        command.args(arguments).env_remove("NOTIFY_SOCKET").env_remove("WATCHDOG_USEC");
+        Self::start(stage, command.envs(environment.iter().map(|(key, value)| (key, value))))
     }
 
     /// Starts `softtwin` in the stage's domain.
     pub fn tool(stage: &Stage, arguments: &[&str]) -> Self {
-        Self::start(stage, "softtwin", arguments)
+        Self::start(stage, Command::new(binary("softtwin")).args(arguments))
+    }
+
+    /// Runs a shell line in which our programs are found by name.
+    pub fn shell(stage: &Stage, line: &str) -> Self {
+        let programs = binary("softtwin").parent().expect("a folder").display().to_string();
+        let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
+        Self::start(stage, Command::new("sh").args(["-c", line]).env("PATH", path))
     }
 
     /// Starts the twin of a scene and waits until it is ready.
@@ -54,14 +68,12 @@ impl Program {
         bridge
     }
 
-    fn start(stage: &Stage, name: &str, arguments: &[&str]) -> Self {
-        let mut child = Command::new(binary(name))
-            .args(arguments)
+    fn start(stage: &Stage, command: &mut Command) -> Self {
+        let mut child = command
             .current_dir(stage.folder.path())
             .env("SOFTTWIN_DOMAIN", &stage.domain_name)
             .env("SOFTTWIN_ROOT", stage.root())
             .env_remove("RUST_LOG")
-            .env_remove("NOTIFY_SOCKET")
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -140,6 +152,11 @@ impl Program {
             }
         }
         (self.child.wait().expect("ended"), self.said.clone())
+    }
+
+    /// As [`Self::end`], for a program that was told to end already.
+    pub fn ended(mut self) -> (ExitStatus, Vec<String>) {
+        self.end()
     }
 
     /// Process id.

@@ -1,0 +1,239 @@
+//! Scenes in one process: what is loaded, what is published, and that what a scene leaves out costs nothing.
+
+use rom::model::BlockKind;
+use rom::snapshots::RegimeKind;
+use runtime::config::{Scene, Settings};
+use runtime::explain::explain;
+use runtime::twin::{Loaded, Ring, Twin, load_scene};
+use softtwin_tests::{Stage, synthetic};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+use wire::layout::{field_id, regime};
+use wire::{Bus, FieldReader, Outcome, SensorSample, SensorWriter, StateReader, Topic, now_ns};
+
+fn load(stage: &Stage, text: &str) -> Vec<Loaded> {
+    let path = stage.write("scene.toml", text);
+    let scene = Scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
+    load_scene(&scene, &path).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn actuator(extra: &str) -> String {
+    format!("name = \"s\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\n{extra}")
+}
+
+fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
+    let of = |block: BlockKind| match block {
+        BlockKind::Mean { regime, .. } | BlockKind::Modes { regime, .. } => regime == kind,
+        BlockKind::Undeformed(_) | BlockKind::Surface => false,
+    };
+    loaded.read.iter().filter(|block| of(block.kind)).count()
+}
+
+const ALL: &str = "[[actuator.output]]\nnodes = \"all\"\n";
+
+#[test]
+fn what_cannot_occur_is_never_read() {
+    let stage = Stage::new("reach");
+    let both = load(&stage, &actuator(ALL)).remove(0);
+    assert_eq!(both.regimes, [RegimeKind::Free, RegimeKind::Contact]);
+    assert!(blocks_of(&both, RegimeKind::Contact) > 0);
+    let out_of_reach = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
+    assert_eq!(out_of_reach.regimes, [RegimeKind::Free]);
+    assert_eq!(blocks_of(&out_of_reach, RegimeKind::Contact), 0, "the contact model was read");
+    let below_the_sag =
+        load(&stage, &actuator(&format!("gap_mm = {{ min = 8.0, max = 12.0 }}\n{ALL}"))).remove(0);
+    assert_eq!(below_the_sag.regimes, [RegimeKind::Contact]);
+    assert_eq!(blocks_of(&below_the_sag, RegimeKind::Free), 0, "the free model was read");
+    let state_only = load(&stage, &actuator("")).remove(0);
+    assert!(state_only.read.is_empty(), "a state needs no basis: {:?}", state_only.read);
+    let stress = load(&stage, &actuator("[[actuator.output]]\nfields = [\"von_mises\"]")).remove(0);
+    assert_eq!(stress.read.len(), 4, "mean and modes of one field in two regimes: {:?}", stress.read);
+    assert!(stress.read.iter().map(|block| block.bytes).sum::<u64>() < stress.file_block_bytes / 3);
+}
+
+#[test]
+fn a_derived_field_pulls_in_what_it_needs_and_no_more() {
+    let stage = Stage::new("derived");
+    let loaded = load(&stage, &actuator("[[actuator.output]]\nnodes = \"tip\"\nfields = [\"displacement\"]"))
+        .remove(0);
+    let output = &loaded.outputs[0];
+    assert_eq!((output.predictor.rows(), output.predictor.field_count()), (10, 1));
+    let undeformed =
+        loaded.read.iter().filter(|block| matches!(block.kind, BlockKind::Undeformed(_))).count();
+    assert_eq!((undeformed, loaded.read.len()), (3, 3 + 2 * 2 * 3), "three coordinates in two regimes");
+}
+
+#[test]
+fn nodes_come_by_name_box_or_list() {
+    let stage = Stage::new("nodes");
+    let text = actuator(
+        "[[actuator.output]]\nnodes = \"tip\"\n\
+         [[actuator.output]]\nname = \"end\"\nnodes = { box = { min = [109.0, -1.0, -1.0], max = [111.0, 1.0, 99.0] } }\n\
+         [[actuator.output]]\nname = \"three\"\nnodes = { list = [7, 0, 119] }\n",
+    );
+    let loaded = load(&stage, &text).remove(0);
+    let rows: Vec<usize> = loaded.outputs.iter().map(|output| output.predictor.rows()).collect();
+    let in_box = synthetic::mesh().iter().filter(|x| x[0] == 110.0 && x[1] == 0.0).count();
+    assert_eq!(rows, [10, in_box, 3]);
+    let empty = stage.write(
+        "empty.toml",
+        &actuator("[[actuator.output]]\nname = \"e\"\nnodes = { box = { min = [500.0, 0.0, 0.0], max = [501.0, 1.0, 1.0] } }"),
+    );
+    let error = load_scene(&Scene::load(&empty).unwrap(), &empty).unwrap_err().to_string();
+    assert!(error.contains("no node lies in the box"), "{error}");
+}
+
+#[test]
+fn explaining_a_scene_measures_what_it_would_do() {
+    let stage = Stage::new("explain");
+    let mut loaded = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
+    let explained = explain(&mut loaded);
+    assert_eq!(explained.regimes, ["free"]);
+    assert!(explained.read_bytes < explained.file_block_bytes);
+    let output = &explained.outputs[0];
+    assert_eq!((output.topic.as_str(), output.nodes), ("softtwin/finger/field", synthetic::NODES));
+    assert_eq!(output.sample_bytes, 4 * 5 * synthetic::NODES as u64);
+    assert!(output.us > explained.state_us && explained.state_us > 0.0);
+}
+
+/// A twin under the test's own hand.
+struct Bench {
+    bus: Bus,
+    twin: Twin,
+}
+
+impl Bench {
+    fn start(stage: &Stage, text: &str) -> Self {
+        let bus = stage.bus();
+        let twin =
+            Twin::start(&bus, load(stage, text), &Settings::default(), &Arc::new(Ring::default())).unwrap();
+        Self { bus, twin }
+    }
+
+    fn sensor(&self, name: &str) -> SensorWriter {
+        SensorWriter::create(&self.bus, &Topic::sensor(name).unwrap()).unwrap()
+    }
+
+    fn turn(&mut self) {
+        self.twin.turn(Duration::from_millis(200));
+    }
+
+    fn count(&self, outcome: Outcome) -> u64 {
+        self.twin.health().map(|health| health.count(outcome)).sum()
+    }
+}
+
+fn reading(seq: u64, pressure_mpa: f64, gap_mm: f64) -> SensorSample {
+    SensorSample { boot_id: 1, seq, t_sensor_ns: now_ns(), pressure_mpa, gap_mm, ..SensorSample::default() }
+}
+
+#[test]
+fn the_newest_wins_unless_the_scene_asks_for_a_backlog() {
+    for (backlog, published) in [(1, 1), (3, 3), (16, 5)] {
+        let stage = Stage::new("backlog");
+        let mut bench = Bench::start(&stage, &actuator(&format!("backlog = {backlog}\n{ALL}")));
+        let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();
+        let mut sensor = bench.sensor("finger");
+        for seq in 1..=5 {
+            sensor.publish(reading(seq, 0.01 * seq as f64, 30.0)).unwrap();
+        }
+        bench.turn();
+        let seqs: Vec<u64> =
+            std::iter::from_fn(|| fields.next().unwrap()).map(|sample| sample.header().sensor_seq).collect();
+        assert_eq!(seqs, (6 - published..=5).collect::<Vec<u64>>(), "backlog {backlog}");
+        assert_eq!(bench.count(Outcome::DroppedSuperseded), 5 - published);
+    }
+}
+
+#[test]
+fn a_gap_outside_the_scene_is_held_and_a_fixed_gap_replaces_the_measured_one() {
+    let stage = Stage::new("range");
+    let mut bench = Bench::start(&stage, &actuator("gap_mm = { min = 70.0, max = 90.0 }"));
+    let mut sensor = bench.sensor("finger");
+    sensor.publish(reading(1, 0.05, 80.0)).unwrap();
+    sensor.publish(reading(2, 0.05, 30.0)).unwrap();
+    bench.turn();
+    assert_eq!((bench.count(Outcome::Published), bench.count(Outcome::HeldOutsideScene)), (1, 1));
+    let stage = Stage::new("fixed");
+    let mut bench = Bench::start(&stage, &actuator("gap_mm = 30.0"));
+    let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
+    let mut sensor = bench.sensor("finger");
+    sensor.publish(reading(1, 0.05, f64::NAN)).unwrap();
+    bench.turn();
+    let state = states.newest().unwrap().expect("a state");
+    assert_eq!((state.gap_mm, state.regime), (30.0, regime::CONTACT));
+}
+
+#[test]
+fn several_actuators_run_in_one_twin_each_with_its_own_regime() {
+    let stage = Stage::new("two");
+    let text = "name = \"two\"\n\
+        [[actuator]]\nname = \"left\"\nmodel = \"beam.twin\"\n[[actuator.output]]\nnodes = \"tip\"\n\
+        [[actuator]]\nname = \"right\"\nmodel = \"beam.twin\"\ngap_mm = 90.0\n[[actuator.output]]\n";
+    let mut bench = Bench::start(&stage, text);
+    let open = |name: &str| StateReader::open(&bench.bus, &Topic::state(name).unwrap()).unwrap();
+    let (left, right) = (open("left"), open("right"));
+    let (mut left_sensor, mut right_sensor) = (bench.sensor("left"), bench.sensor("right"));
+    left_sensor.publish(reading(1, 0.06, 30.0)).unwrap();
+    right_sensor.publish(reading(1, 0.06, 30.0)).unwrap();
+    bench.turn();
+    let (left, right) = (left.newest().unwrap().unwrap(), right.newest().unwrap().unwrap());
+    assert_eq!((left.regime, right.regime), (regime::CONTACT, regime::FREE));
+    assert!(left.contact_force_n > 0.1 && right.contact_force_n == 0.0);
+}
+
+#[test]
+fn a_topic_keeps_its_rate() {
+    let stage = Stage::new("rate");
+    let mut bench = Bench::start(&stage, &actuator("[[actuator.output]]\nrate_hz = 100.0\n"));
+    let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();
+    let mut sensor = bench.sensor("finger");
+    let begin_ns = now_ns() - 500_000_000;
+    for seq in 1..=40 {
+        // 1 kHz by the stamps, whatever the clock says.
+        sensor
+            .publish(SensorSample { t_sensor_ns: begin_ns + seq * 1_000_000, ..reading(seq, 0.03, 40.0) })
+            .unwrap();
+        bench.turn();
+    }
+    let count = std::iter::from_fn(|| fields.next().unwrap()).count();
+    assert_eq!((count, bench.count(Outcome::Published)), (4, 40));
+}
+
+#[test]
+fn sixteen_bit_bases_stay_close() {
+    let stage = Stage::new("i16");
+    let text = actuator(
+        "[[actuator.output]]\n[[actuator.output]]\nname = \"small\"\nnodes = \"all\"\nprecision = \"i16\"\n",
+    );
+    let mut bench = Bench::start(&stage, &text);
+    let open = |set| FieldReader::open(&bench.bus, &Topic::field("finger", set).unwrap()).unwrap();
+    let (exact, small) = (open(None), open(Some("small")));
+    let mut sensor = bench.sensor("finger");
+    sensor.publish(reading(1, 0.05, 30.0)).unwrap();
+    bench.turn();
+    let (exact, small) = (exact.newest().unwrap().unwrap(), small.newest().unwrap().unwrap());
+    let worst = |id: u8| {
+        let pairs = exact.field(id).unwrap().iter().zip(small.field(id).unwrap());
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    assert!(worst(field_id::Y) < 0.02 && worst(field_id::VON_MISES) < 1e-4);
+    assert!(worst(field_id::Y) > 0.0, "both are the same: the precision was ignored");
+}
+
+#[test]
+fn the_projects_own_configuration_is_valid_and_states_the_defaults() {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
+    assert_eq!(Settings::load(&config.join("twin.toml")).unwrap(), Settings::default());
+    let mut seen = 0;
+    for entry in std::fs::read_dir(config.join("scenes")).unwrap() {
+        let path = entry.unwrap().path();
+        let scene = Scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        for source in scene.actuators.iter().filter_map(|actuator| actuator.source.as_ref()) {
+            source.open(&scene.folder).unwrap_or_else(|problems| panic!("{}: {problems:?}", path.display()));
+        }
+        seen += 1;
+    }
+    assert!(seen >= 3);
+}

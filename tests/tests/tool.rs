@@ -1,0 +1,128 @@
+//! The tool's listening commands against a running twin.
+
+use serde_json::Value;
+use softtwin_tests::{Program, Stage, synthetic};
+
+const SOURCE: &str = "kind = \"simulate\"\nrate_hz = 200.0\ngap_mm = 30.0\n";
+
+/// Runs `softtwin` to its end and returns exit code and lines.
+fn run(stage: &Stage, arguments: &[&str]) -> (Option<i32>, Vec<String>) {
+    let (status, said) = Program::tool(stage, arguments).end();
+    (status.code(), said)
+}
+
+fn json(lines: &[String]) -> Vec<Value> {
+    lines
+        .iter()
+        .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}")))
+        .collect()
+}
+
+#[test]
+fn an_empty_domain_is_said_with_what_to_do() {
+    let stage = Stage::new("empty");
+    for command in [["list", "softtwin/**"], ["echo", "softtwin/finger/state"], ["hz", "**"], ["info", "**"]]
+    {
+        let (code, said) = run(&stage, &command);
+        assert_eq!(code, Some(1), "{said:?}");
+        assert!(said.join("\n").contains("nothing is there"), "{said:?}");
+    }
+    let (code, said) = run(&stage, &["list", "softtwin//x"]);
+    assert_eq!(code, Some(2), "{said:?}");
+    assert!(said.join("\n").contains("empty chunk at byte 9"), "{said:?}");
+}
+
+#[test]
+fn the_commands_see_what_is_published() {
+    let stage = Stage::new("tool");
+    let scene = stage.finger(SOURCE);
+    let twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+
+    let (code, said) = run(&stage, &["list", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let listed = json(&said).remove(0);
+    let topics: Vec<&str> =
+        listed.as_array().unwrap().iter().filter_map(|row| row["topic"].as_str()).collect();
+    assert_eq!(
+        topics,
+        [
+            "softtwin/finger/field",
+            "softtwin/finger/field/tip",
+            "softtwin/finger/health",
+            "softtwin/finger/sensor",
+            "softtwin/finger/state"
+        ]
+    );
+    assert_eq!(listed[0]["writers"][0], twin.id());
+    assert_eq!(listed[3]["writers"][0], bridge.id());
+    let (code, said) = run(&stage, &["list", "softtwin/*/nothing"]);
+    assert_eq!(code, Some(1));
+    assert!(said.join("\n").contains("there are:\n  softtwin/finger/field"), "{said:?}");
+
+    let (code, said) = run(&stage, &["echo", "softtwin/*/state", "--once", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let state = json(&said).remove(0);
+    assert_eq!(state["topic"], "softtwin/finger/state");
+    assert!(state["sample"]["contact_force_n"].is_number(), "{state}");
+
+    let (code, said) = run(&stage, &["echo", "softtwin/finger/field", "--once", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    assert_eq!(json(&said)[0]["sample"]["entries"], 5 * synthetic::NODES);
+    let (_, said) = run(&stage, &["echo", "softtwin/finger/field", "--field", "y", "--once", "--json"]);
+    assert_eq!(json(&said)[0]["values"]["y"].as_array().unwrap().len(), synthetic::NODES);
+    let (_, said) =
+        run(&stage, &["echo", "softtwin/finger/field/tip", "--node", "3", "--count", "2", "--json"]);
+    let rows = json(&said);
+    assert_eq!(rows.len(), 2);
+    assert_eq!(rows[0]["values"].as_object().unwrap().len(), 2, "the tip has y and displacement");
+    let (code, said) = run(&stage, &["echo", "softtwin/finger/field/tip", "--node", "10", "--once"]);
+    assert_eq!(code, Some(2), "{said:?}");
+
+    let (code, said) = run(&stage, &["hz", "softtwin/finger/field", "--seconds", "1", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let rate_hz = json(&said)[0]["rate_hz"].as_f64().unwrap();
+    assert!(rate_hz > 20.0 && rate_hz < 400.0, "{rate_hz} Hz of 200");
+
+    let (code, said) = run(&stage, &["info", "softtwin/finger/state", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let info = json(&said).remove(0);
+    assert_eq!(info["payload"], "softtwin.State.v1");
+    assert_eq!(info["writers"][0], twin.id());
+
+    let (code, said) = run(&stage, &["scene", "explain", "finger.toml", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    assert_eq!(json(&said)[0][0]["outputs"][1]["nodes"], 10);
+}
+
+#[test]
+fn a_reader_that_has_had_enough_ends_echo_quietly() {
+    let stage = Stage::new("pipe");
+    let scene = stage.finger(SOURCE);
+    let _twin = Program::twin(&stage, &scene);
+    let _bridge = Program::bridge(&stage, &scene);
+    let (status, said) = Program::shell(&stage, "softtwin echo softtwin/finger/state | head -2").end();
+    assert!(status.success());
+    assert_eq!(said.len(), 2, "two lines and not a word of complaint: {said:?}");
+}
+
+#[test]
+fn the_demonstration_keeps_its_contract() {
+    let stage = Stage::new("demo");
+    stage.trace("trace.csv", 100, 100.0, 0.06, 30.0);
+    stage.finger("kind = \"replay\"\ntrace = \"trace.csv\"");
+    let (code, said) = run(&stage, &["demo", "--scene", "finger.toml", "--json"]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let summary = json(&said[said.len() - 1..]).remove(0);
+    assert_eq!(summary["exit"], "end of trace");
+    assert_eq!(summary["readings"], 100);
+    let received = summary["fields_received"].as_u64().unwrap();
+    assert_eq!(summary["lost"].as_u64().unwrap(), 100 - received);
+    assert_eq!(summary["entries"], 5 * synthetic::NODES);
+    let regimes: u64 = summary["regimes"].as_object().unwrap().values().filter_map(Value::as_u64).sum();
+    assert_eq!(regimes, received);
+    let truth_n = synthetic::force_n(0.06, 30.0);
+    assert!((summary["max_force_n"].as_f64().unwrap() - truth_n).abs() < 0.1 * truth_n, "{summary}");
+    let latency = |key: &str| summary["latency_us"][key].as_f64().unwrap();
+    assert!(0.0 < latency("p50") && latency("p50") <= latency("p99") && latency("p99") <= latency("max"));
+}
