@@ -9,6 +9,7 @@ mod artefact;
 mod cmd;
 mod failure;
 mod live;
+mod picture;
 mod progress;
 mod say;
 

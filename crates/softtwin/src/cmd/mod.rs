@@ -16,6 +16,9 @@ mod sample;
 mod scene;
 mod simulate;
 mod trace;
+mod evaluate;
+mod plot;
+mod report;
 mod train;
 
 /// Scene as the command line names it.
@@ -66,4 +69,7 @@ commands! {
     Sample => sample,
     Simulate => simulate,
     Trace => trace,
+    Evaluate => evaluate,
+    Report => report,
+    Plot => plot,
 }

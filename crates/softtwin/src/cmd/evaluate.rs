@@ -1,0 +1,267 @@
+//! `softtwin evaluate`.
+
+use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::{artefact, say};
+use formats::database::Scene;
+use rom::datasheet::{CaseError, DataSheet};
+use rom::evaluate::{CaseReport, DEFAULT_FLOOR, FieldErrors, Report, Summary, evaluate, spread};
+use rom::snapshots::{Database, RegimeKind, Split};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  The paper's test cases, which training never looks at:
+    softtwin evaluate --model finger.twin --database models/pneunet/database
+  All states kept aside, as JSON, with a picture:
+    softtwin evaluate --model finger.twin --database models/pneunet/database --split held-out --json --picture errors.svg
+  States nobody has seen: sample and simulate them into a folder of their own, then
+    softtwin evaluate --model finger.twin --database fresh --split all
+
+Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share
+of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent;
+interpolation: what the kernels get wrong within the modes.";
+
+/// Measure a model's errors on cases of a database, truncation and interpolation apart.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Model file.
+    #[arg(long, value_name = "FILE.twin")]
+    model: PathBuf,
+    /// Database folder of the same actuator and mesh.
+    #[arg(long, value_name = "DIR")]
+    database: PathBuf,
+    /// Cases to evaluate on.
+    #[arg(long, value_enum, default_value_t)]
+    split: SplitArg,
+    /// Scene whose cases are used.
+    #[arg(long, value_enum, default_value_t)]
+    scene: super::SceneArg,
+    /// Floor of the relative error as a share of the field's largest value.
+    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR)]
+    floor: f64,
+    /// Picture of the errors by case: .svg or .png.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Cases to evaluate on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum SplitArg {
+    /// The paper's test cases.
+    #[default]
+    Test,
+    /// Further states, some outside the domain.
+    Check,
+    /// Test and check cases.
+    HeldOut,
+    /// The training cases themselves: what is left is truncation.
+    Train,
+    /// Every case.
+    All,
+}
+
+impl SplitArg {
+    fn has(self, split: Split) -> bool {
+        match self {
+            Self::Test => split == Split::Test,
+            Self::Check => split == Split::Check,
+            Self::HeldOut => split != Split::Train,
+            Self::Train => split == Split::Train,
+            Self::All => true,
+        }
+    }
+}
+
+impl Args {
+    /// Evaluates and prints.
+    pub fn run(self) -> anyhow::Result<()> {
+        let model = artefact::model(&self.model)?;
+        let database = artefact::database(&self.database, Scene::from(self.scene))?;
+        let cases: Vec<usize> =
+            (0..database.cases.len()).filter(|i| self.split.has(database.cases[*i].split)).collect();
+        if cases.is_empty() {
+            return Err(crate::failure::usage(format!(
+                "--split: {} has no such cases; it has {}",
+                self.database.display(),
+                splits(&database)
+            )));
+        }
+        let report = evaluate(&model, &database, &cases, self.floor)?;
+        let left_out = leave_one_out(&artefact::data_sheet(&self.model));
+        if let Some(path) = &self.picture {
+            picture(&report).save(path)?;
+        }
+        if self.json {
+            say::json(&Printed { report: &report, leave_one_out: left_out })
+        } else {
+            text(&report, &left_out)
+        }
+    }
+}
+
+fn splits(database: &Database) -> String {
+    let count = |split| database.of_split(split).count();
+    format!("{} train, {} test, {} check", count(Split::Train), count(Split::Test), count(Split::Check))
+}
+
+#[derive(Serialize)]
+struct Printed<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    leave_one_out: Vec<LeftOut>,
+}
+
+/// Leave-one-out errors of a regime's training cases: mean, 95th percentile, maximum over cases of the worst node's.
+#[derive(Serialize)]
+struct LeftOut {
+    regime: RegimeKind,
+    /// Cases inside the hull of the others; leaving a corner out measures extrapolation.
+    cases: usize,
+    displacement_mm: [f64; 3],
+    stress_mpa: [f64; 3],
+    force_n: [f64; 3],
+}
+
+/// From the data sheet beside the model; none without one.
+fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
+    let sheet = std::fs::read(sheet).ok().and_then(|bytes| serde_json::from_slice::<DataSheet>(&bytes).ok());
+    let Some(sheet) = sheet else {
+        tracing::warn!("no data sheet beside the model: leave-one-out errors are not shown");
+        return Vec::new();
+    };
+    let of = |regime: &rom::datasheet::RegimeSheet| {
+        let inner: Vec<&CaseError> = regime.leave_one_out.iter().filter(|c| !c.on_hull).collect();
+        let column =
+            |get: fn(&CaseError) -> f64| spread(&mut inner.iter().map(|c| get(c)).collect::<Vec<_>>());
+        LeftOut {
+            regime: regime.kind,
+            cases: inner.len(),
+            displacement_mm: column(|c| c.displacement_mm),
+            stress_mpa: column(|c| c.stress_mpa),
+            force_n: column(|c| c.force_n),
+        }
+    };
+    sheet.regimes.iter().map(of).collect()
+}
+
+fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
+    for summary in &report.regimes {
+        regime_text(report, summary)?;
+    }
+    for left in left_out {
+        say!(
+            "\nleave-one-out on {} training cases, regime {} (mean / 95 % / max of the worst node)",
+            left.cases,
+            left.regime.name()
+        )?;
+        for (name, values) in [
+            ("displacement mm", left.displacement_mm),
+            ("stress MPa", left.stress_mpa),
+            ("force N", left.force_n),
+        ] {
+            say!("  {name:<18}{:>10.2e}{:>10.2e}{:>10.2e}", values[0], values[1], values[2])?;
+        }
+    }
+    Ok(())
+}
+
+fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
+    let cases: Vec<&CaseReport> = report
+        .cases
+        .iter()
+        .filter(|c| c.gap_mm.is_some() == (summary.regime == RegimeKind::Contact))
+        .collect();
+    say!("\nregime {}: {} cases, MSE (Eq. 15) {:.2e}", summary.regime.name(), summary.cases, summary.mse)?;
+    say!(
+        "  {:<14}{:^27}{:^27}{:>11}{:>14}  worst",
+        "field",
+        "normalised %",
+        format!("relative %, floor {}", report.floor),
+        "truncation",
+        "interpolation"
+    )?;
+    for (f, field) in summary.fields.iter().enumerate() {
+        let column =
+            |get: fn(&FieldErrors) -> f64| cases.iter().map(move |c| get(&c.fields[f])).fold(0.0, f64::max);
+        let mean = cases.iter().map(|c| c.fields[f].relative_mean).sum::<f64>() / cases.len().max(1) as f64;
+        let apart = |get: fn(&FieldErrors) -> Option<f64>| {
+            let values: Option<Vec<f64>> = cases.iter().map(|c| get(&c.fields[f])).collect();
+            values.map_or("derived".into(), |v| format!("{:.2e}", v.into_iter().fold(0.0, f64::max)))
+        };
+        say!(
+            "  {:<14}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>14}  case {} node {}",
+            field.field,
+            percent(field.normalised[0]),
+            percent(field.normalised[1]),
+            percent(field.normalised[2]),
+            percent(mean),
+            percent(column(|e| e.relative_p95)),
+            percent(column(|e| e.relative_max)),
+            apart(|e| e.truncation_max),
+            apart(|e| e.interpolation_max),
+            field.worst_case,
+            field.worst_node
+        )?;
+    }
+    if summary.regime == RegimeKind::Contact {
+        let [mean, p95, max] = summary.force_normalised.map(percent);
+        say!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
+    }
+    let [displacement, stress, force] = summary.coverage.map(|share| format!("{:.0} %", share * 100.0));
+    say!("  within the error bars: displacement {displacement}, stress {stress}, force {force}")?;
+    for case in &cases {
+        let worst = |name: &str| {
+            case.fields.iter().find(|f| f.field == name).map_or("-".into(), |f| percent(f.normalised))
+        };
+        let force = case.force_relative.map_or("-".into(), percent);
+        let gap = case.gap_mm.map_or("-".into(), |gap| format!("{gap:.3}"));
+        say!(
+            "  case {:<6} P {:.6} MPa, gap {gap:>7} mm, {:?}: displacement {} %, stress {} %, force {force} %",
+            case.case,
+            case.pressure_mpa,
+            case.domain,
+            worst("displacement"),
+            worst("von_mises")
+        )?;
+    }
+    Ok(())
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.3}", share * 100.0)
+}
+
+/// Normalised errors by case, one panel a regime.
+fn picture(report: &Report) -> Figure {
+    let panel = |regime: RegimeKind| {
+        let cases: Vec<&CaseReport> =
+            report.cases.iter().filter(|c| c.gap_mm.is_some() == (regime == RegimeKind::Contact)).collect();
+        let fields = cases.first()?.fields.iter().enumerate();
+        let series = fields.map(|(f, field)| Series {
+            name: field.field.clone(),
+            colour: f,
+            mark: Mark::Dots,
+            points: cases
+                .iter()
+                .enumerate()
+                .map(|(i, c)| (i as f64, 100.0 * c.fields[f].normalised))
+                .collect(),
+        });
+        // Names are unreadable beyond a few dozen; then the position is enough.
+        let names = if cases.len() > 24 { vec![] } else { cases.iter().map(|c| c.case.clone()).collect() };
+        Some(Panel {
+            title: format!("Regime {}", regime.name()),
+            x: Axis::names("case", names),
+            y: Axis::log("largest error over nodes / largest value [%]"),
+            series: series.collect(),
+            map: None,
+        })
+    };
+    let panels: Vec<Panel> = [RegimeKind::Free, RegimeKind::Contact].into_iter().filter_map(panel).collect();
+    Figure { title: "Errors by case".into(), columns: panels.len().max(1), panels }
+}

@@ -1,0 +1,212 @@
+//! `softtwin plot`.
+
+use crate::artefact;
+use crate::failure::usage;
+use crate::picture::{Axis, Figure, Map, Mark, Panel, Series};
+use crate::say;
+use formats::database::Scene;
+use rom::evaluation::Input;
+use rom::interpolant::Quantity;
+use rom::model::Model;
+use rom::predict::{Nodes, Predictor, Selection};
+use rom::regime::{OnsetTable, RegimeSwitch};
+use rom::snapshots::{Database, RegimeKind, Split};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  Contact force over pressure and gap, with the onset curve and the training states:
+    softtwin plot force-map --model finger.twin --database models/pneunet/database --out force.png
+  How fast the singular values fall, by regime and group:
+    softtwin plot singular-values --model finger.twin --out modes.svg
+  The leading modal coefficients over pressure:
+    softtwin plot coefficients --model finger.twin --out coefficients.svg";
+
+/// Cells of the force map along each axis.
+const CELLS: usize = 120;
+/// Modal coefficients shown.
+const LEADING: usize = 4;
+
+/// Draw what a model has learnt.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// What to draw.
+    #[arg(value_enum)]
+    kind: Kind,
+    /// Model file.
+    #[arg(long, value_name = "FILE.twin")]
+    model: PathBuf,
+    /// Picture: .svg or .png.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Database whose states are marked in the force map.
+    #[arg(long, value_name = "DIR")]
+    database: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Kind {
+    /// Contact force over pressure and gap.
+    ForceMap,
+    /// Singular values by regime and group.
+    SingularValues,
+    /// Leading modal coefficients of the free regime over pressure.
+    Coefficients,
+}
+
+impl Args {
+    /// Draws the picture and prints its name.
+    pub fn run(self) -> anyhow::Result<()> {
+        let model = artefact::model(&self.model)?;
+        let figure = match self.kind {
+            Kind::ForceMap => {
+                let database =
+                    self.database.as_ref().map(|dir| artefact::database(dir, Scene::Plate)).transpose()?;
+                force_map(&model, database.as_ref())?
+            }
+            Kind::SingularValues => singular_values(&model),
+            Kind::Coefficients => coefficients(&model)?,
+        };
+        figure.save(&self.out)?;
+        say!("{}", self.out.display())?;
+        Ok(())
+    }
+}
+
+/// A predictor that reconstructs one node only: pictures of scalars need no fields.
+fn scalars(model: &Model) -> anyhow::Result<Predictor> {
+    Ok(Predictor::new(model, &Selection { fields: None, nodes: Nodes::List(vec![0]) })?)
+}
+
+/// Sampled range of a reading in a regime.
+fn range(model: &Model, regime: RegimeKind, quantity: Quantity) -> Option<[f64; 2]> {
+    let axis = model.regime(regime)?.inputs.axes.iter().find(|a| a.quantity == quantity)?;
+    Some([axis.min, axis.max])
+}
+
+fn force_map(model: &Model, database: Option<&Database>) -> anyhow::Result<Figure> {
+    let contact = |quantity| range(model, RegimeKind::Contact, quantity);
+    let (Some(pressures), Some(gaps)) = (contact(Quantity::PressureMpa), contact(Quantity::GapMm)) else {
+        return Err(usage(
+            "force-map: expected a model with a contact regime over pressure and gap; `softtwin inspect` shows its regimes",
+        ));
+    };
+    let (x, y) = ([0.0, pressures[1]], gaps);
+    let mut predictor = scalars(model)?;
+    let mut evaluation = predictor.evaluation();
+    let mut values = Vec::with_capacity(CELLS * CELLS);
+    for row in 0..CELLS {
+        for column in 0..CELLS {
+            let centre = |range: [f64; 2], i: usize| {
+                range[0] + (i as f64 + 0.5) / CELLS as f64 * (range[1] - range[0])
+            };
+            let input = Input { pressure_mpa: centre(x, column), gap_mm: centre(y, row) };
+            predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
+            values.push(evaluation.contact_force_n);
+        }
+    }
+    let mut series: Vec<Series> = model.header.onset.iter().map(|table| onset_curve(table, x, y)).collect();
+    for (name, split, colour) in
+        [("training states", Split::Train, 4), ("test and check states", Split::Test, 5)]
+    {
+        let same = |s: Split| (s == Split::Train) == (split == Split::Train);
+        let cases = database
+            .iter()
+            .flat_map(|d| &d.cases)
+            .filter(|c| c.regime == RegimeKind::Contact && same(c.split));
+        let seen = cases.filter_map(|c| Some((c.pressure_mpa, c.gap_mm?)));
+        let points: Vec<(f64, f64)> = seen.filter(|(p, g)| *p <= x[1] && (y[0]..=y[1]).contains(g)).collect();
+        if !points.is_empty() {
+            series.push(Series { name: name.into(), colour, mark: Mark::Dots, points });
+        }
+    }
+    let map = Map { label: "contact force [N]".into(), x, y, columns: CELLS, values };
+    let panel = Panel {
+        title: String::new(),
+        x: Axis::linear("pressure [MPa]"),
+        y: Axis::linear("gap [mm]"),
+        series,
+        map: Some(map),
+    };
+    Ok(Figure::one(&format!("Contact force of {}", model.header.actuator), panel))
+}
+
+fn onset_curve(table: &OnsetTable, x: [f64; 2], y: [f64; 2]) -> Series {
+    let points = table.pressure_mpa.iter().copied().zip(table.gap_mm.iter().copied());
+    let inside = points.filter(|(p, g)| (x[0]..=x[1]).contains(p) && (y[0]..=y[1]).contains(g));
+    Series { name: "onset pressure".into(), colour: 1, mark: Mark::Line, points: inside.collect() }
+}
+
+fn singular_values(model: &Model) -> Figure {
+    let panel = |regime: &rom::model::RegimeModel| Panel {
+        title: format!("Regime {}", regime.kind.name()),
+        x: Axis::linear("mode"),
+        y: Axis::log("singular value / largest"),
+        series: regime
+            .groups
+            .iter()
+            .enumerate()
+            .map(|(i, group)| {
+                let largest = group.singular_values.first().copied().unwrap_or(1.0);
+                let values = group.singular_values.iter().enumerate().filter(|(_, s)| **s > 1e-14 * largest);
+                Series {
+                    name: format!("{} ({} kept)", group.name, group.coefficients.len()),
+                    colour: i,
+                    mark: Mark::LineDots,
+                    points: values.map(|(k, s)| (k as f64 + 1.0, s / largest)).collect(),
+                }
+            })
+            .collect(),
+        map: None,
+    };
+    let panels: Vec<Panel> = model.header.regimes.iter().map(panel).collect();
+    Figure {
+        title: format!("Singular values of {}", model.header.actuator),
+        columns: panels.len().max(1),
+        panels,
+    }
+}
+
+fn coefficients(model: &Model) -> anyhow::Result<Figure> {
+    let pressures = range(model, RegimeKind::Free, Quantity::PressureMpa);
+    let (Some(regime), Some([low, high])) = (model.regime(RegimeKind::Free), pressures) else {
+        return Err(usage(
+            "coefficients: expected a model with a free regime; `softtwin inspect` shows its regimes",
+        ));
+    };
+    let mut predictor = scalars(model)?;
+    let mut evaluation = predictor.evaluation();
+    let states: Vec<(f64, Vec<f64>)> = (0..=CELLS)
+        .map(|i| low + i as f64 / CELLS as f64 * (high - low))
+        .map(|pressure_mpa| {
+            let input = Input { pressure_mpa, gap_mm: f64::INFINITY };
+            predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
+            (pressure_mpa, evaluation.coefficients.clone())
+        })
+        .collect();
+    let panel = |group: &rom::model::GroupModel| Panel {
+        title: group.name.clone(),
+        x: Axis::linear("pressure [MPa]"),
+        y: Axis::linear("modal coefficient"),
+        series: group
+            .coefficients
+            .clone()
+            .take(LEADING)
+            .enumerate()
+            .map(|(k, at)| Series {
+                name: format!("mode {}", k + 1),
+                colour: k,
+                mark: Mark::Line,
+                points: states.iter().map(|(p, a)| (*p, a[at])).collect(),
+            })
+            .collect(),
+        map: None,
+    };
+    let panels = regime.groups.iter().map(panel).collect();
+    Ok(Figure {
+        title: format!("Modal coefficients of {}, free regime", model.header.actuator),
+        panels,
+        columns: 2,
+    })
+}

@@ -1,0 +1,66 @@
+//! `softtwin report`: the paper's tables and figures on a database, beside this program's.
+
+mod cases;
+mod curves;
+mod pareto;
+mod published;
+mod study;
+mod switch;
+
+use crate::progress::Progress;
+use crate::{artefact, say};
+use anyhow::Context;
+use formats::database::Scene;
+use std::path::PathBuf;
+use study::Study;
+
+const EXAMPLES: &str = "\
+Examples:
+  The report that is committed (docs/report/README.md and its pictures):
+    softtwin report --database models/pneunet/database
+  On another database, with more random subsets:
+    softtwin report --database fresh --out /tmp/report --repeats 20
+
+Everything is computed on the spot: three columns set the paper's published figures, the paper's method on this database,
+and this program's method side by side. Test cases are looked at here and nowhere else.";
+
+/// Regenerate the paper's tables and figures, and the table of speed against error.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Database folder.
+    #[arg(long, value_name = "DIR")]
+    database: PathBuf,
+    /// Folder for the page and its pictures.
+    #[arg(long, value_name = "DIR", default_value = "docs/report")]
+    out: PathBuf,
+    /// Random subsets for each number of training cases.
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=200))]
+    repeats: u64,
+}
+
+impl Args {
+    /// Computes everything and writes the folder.
+    pub fn run(self) -> anyhow::Result<()> {
+        let mut progress = Progress::new(false);
+        progress.step("reading the database");
+        let database = artefact::database(&self.database, Scene::Plate)?;
+        std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
+        progress.step("training by the paper's method and by ours");
+        let study = Study::new(database)?;
+        let mut page = study.heading(&self.database, self.repeats);
+        progress.step("test cases A to D and states outside the domain");
+        page += &cases::section(&study, &self.out)?;
+        progress.step("errors against modes and training cases (Fig. 5)");
+        page += &curves::section(&study, &self.out, self.repeats, &mut progress)?;
+        progress.step("the switch between the regimes");
+        page += &switch::section(&study)?;
+        progress.step("speed against error");
+        page += &pareto::section(&study, &self.out, &mut progress)?;
+        drop(progress);
+        let path = self.out.join("README.md");
+        artefact::save(&path, page.as_bytes())?;
+        say!("{}", path.display())?;
+        Ok(())
+    }
+}

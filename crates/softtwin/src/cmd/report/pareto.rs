@@ -1,0 +1,236 @@
+//! Speed against error: what another ten microseconds or another megabyte buy.
+
+use super::study::{Study, ours_with, paper, percent, train};
+use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::progress::Progress;
+use rom::config::{KernelKind, ModeChoice, Tail, TrainConfig};
+use rom::evaluation::Input;
+use rom::kernel::Precision;
+use rom::model::Model;
+use rom::predict::{Nodes, Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::snapshots::{FieldKind, RegimeKind};
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+/// Reconstructions timed for one figure; the median is reported, so that a busy machine disturbs little.
+const TIMED: usize = 301;
+
+/// One way to run the twin, measured.
+struct Point {
+    grouping: &'static str,
+    kernel: String,
+    modes: String,
+    precision: &'static str,
+    nodes: &'static str,
+    micros: f64,
+    bytes: usize,
+    /// Largest normalised errors over the untouched states: displacement, stress, force.
+    errors: [f64; 3],
+}
+
+pub fn section(study: &Study, out: &Path, progress: &mut Progress) -> anyhow::Result<String> {
+    let cases = study.untouched()?;
+    let mut points = Vec::new();
+    for (grouping, kernel, modes, config) in grid() {
+        progress.step(&format!("speed against error: {grouping}, {kernel}, {modes} modes"));
+        let model = match &config {
+            Some(config) => &train(&study.database, config)?,
+            None => &study.ours,
+        };
+        for (precision, kind) in [("f32", Precision::F32), ("i16", Precision::I16)] {
+            for nodes in ["all", "surface", "bottom"] {
+                let Some(selection) = selection(model, nodes) else { continue };
+                let mut predictor = Predictor::with_precision(model, &selection, kind)?;
+                let errors = errors(study, &mut predictor, &selection, &cases)?;
+                let (micros, bytes) = (time(study, &mut predictor, &cases)?, basis_bytes(&predictor));
+                let (kernel, modes) = (kernel.clone(), modes.clone());
+                points.push(Point { grouping, kernel, modes, precision, nodes, micros, bytes, errors });
+            }
+        }
+    }
+    picture(&points).save(&out.join("pareto.svg"))?;
+    Ok(page(&points, cases.len()))
+}
+
+type Choice = (&'static str, String, String, Option<TrainConfig>);
+
+/// The grid: our default, the paper's, and one number of modes for every group with one kernel.
+fn grid() -> Vec<Choice> {
+    let mut grid = vec![("per field", "chosen".into(), "chosen".into(), None)];
+    for modes in [4, 6, 12] {
+        grid.push(("joint", "linear, no tail".into(), modes.to_string(), Some(paper([modes; 2]))));
+    }
+    for (kernel, tail, name) in [
+        (KernelKind::Cubic, Tail::Linear, "cubic, linear tail"),
+        (KernelKind::ThinPlate, Tail::Linear, "thin-plate, linear tail"),
+    ] {
+        for modes in [2, 4, 6, 9, 14, 20] {
+            let config = ours_with(ModeChoice::Fixed(modes), kernel, tail);
+            grid.push(("per field", name.into(), modes.to_string(), Some(config)));
+        }
+    }
+    grid
+}
+
+/// All nodes or a set the model has.
+fn selection(model: &Model, nodes: &str) -> Option<Selection> {
+    let nodes = match nodes {
+        "all" => Nodes::All,
+        set => Nodes::Set(model.header.node_sets.iter().find(|s| s.name == set)?.name.clone()),
+    };
+    Some(Selection { fields: None, nodes })
+}
+
+fn basis_bytes(predictor: &Predictor) -> usize {
+    [RegimeKind::Free, RegimeKind::Contact]
+        .into_iter()
+        .filter_map(|r| predictor.basis(r))
+        .map(|b| b.bytes())
+        .sum()
+}
+
+/// Largest errors over cases, normalised by the field's largest value in the case and by the largest force.
+fn errors(
+    study: &Study,
+    predictor: &mut Predictor,
+    selection: &Selection,
+    cases: &[usize],
+) -> anyhow::Result<[f64; 3]> {
+    let database = &study.database;
+    let nodes = study.ours.header.resolve_nodes(&selection.nodes)?;
+    let mut out = vec![0.0; predictor.entries()];
+    let mut evaluation = predictor.evaluation();
+    let largest_force = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
+    let mut worst = [0.0_f64; 3];
+    for &i in cases {
+        let case = &database.cases[i];
+        predictor.evaluate(input(case), &mut RegimeSwitch::default(), &mut evaluation);
+        predictor.reconstruct_into(&evaluation, &mut out)?;
+        for (slot, kind) in [FieldKind::Magnitude, FieldKind::Stress].into_iter().enumerate() {
+            let Some(f) = database.fields.iter().position(|f| f.kind == kind) else { continue };
+            let truth: Vec<f32> = database.field(i, f).collect();
+            let largest = truth.iter().fold(f32::MIN_POSITIVE, |m, v| m.max(v.abs()));
+            let rows = predictor.rows();
+            let at = |row: usize| nodes.as_ref().map_or(row, |n| n[row] as usize);
+            let error =
+                (0..rows).map(|row| (out[f * rows + row] - truth[at(row)]).abs()).fold(0.0_f32, f32::max);
+            worst[slot] = worst[slot].max(f64::from(error / largest));
+        }
+        worst[2] = worst[2].max((evaluation.contact_force_n - case.contact_force_n).abs() / largest_force);
+    }
+    Ok(worst)
+}
+
+fn input(case: &rom::snapshots::Case) -> Input {
+    Input { pressure_mpa: case.pressure_mpa, gap_mm: case.gap_mm.unwrap_or(f64::INFINITY) }
+}
+
+/// Median time of evaluating and reconstructing one state, over the untouched states in turn.
+fn time(study: &Study, predictor: &mut Predictor, cases: &[usize]) -> anyhow::Result<f64> {
+    let mut out = vec![0.0; predictor.entries()];
+    let mut evaluation = predictor.evaluation();
+    let mut micros = Vec::with_capacity(TIMED);
+    for i in 0..TIMED {
+        let Some(case) = cases.get(i % cases.len().max(1)) else { break };
+        let query = input(&study.database.cases[*case]);
+        let started = Instant::now();
+        predictor.evaluate(query, &mut RegimeSwitch::default(), &mut evaluation);
+        predictor.reconstruct_into(&evaluation, &mut out)?;
+        micros.push(started.elapsed().as_secs_f64() * 1e6);
+    }
+    micros.sort_by(f64::total_cmp);
+    Ok(micros.get(micros.len() / 2).copied().unwrap_or(f64::NAN))
+}
+
+/// Nothing else is at least as fast and at least as exact in displacement and stress.
+fn on_front(points: &[Point], point: &Point) -> bool {
+    let better = |o: &Point| {
+        let (a, b) = (&o.errors, &point.errors);
+        o.nodes == point.nodes
+            && o.micros <= point.micros
+            && a[0] <= b[0]
+            && a[1] <= b[1]
+            && (o.micros < point.micros || a[0] < b[0] || a[1] < b[1])
+    };
+    !points.iter().any(better)
+}
+
+fn page(points: &[Point], cases: usize) -> String {
+    let mut text = format!(
+        "\n## Speed against error\n\nOne state evaluated and all its fields reconstructed: the median of {TIMED} runs on {}. \
+         Errors are the largest over {cases} untouched states inside the domain, normalised. The table has what nothing \
+         beats: no other choice for the same nodes is as fast and as exact in displacement and stress.\n\n\
+         ![Errors against time](pareto.svg)\n\n\
+         | nodes | us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+        processor()
+    );
+    for nodes in ["all", "surface", "bottom"] {
+        let mut front: Vec<&Point> =
+            points.iter().filter(|p| p.nodes == nodes && on_front(points, p)).collect();
+        front.sort_by(|a, b| a.micros.total_cmp(&b.micros));
+        for p in front {
+            let [displacement, stress, force] = p.errors.map(percent);
+            let _ = writeln!(
+                text,
+                "| {nodes} | {:.1} | {:.2} | {} | {} | {} | {} | {displacement} | {stress} | {force} |",
+                p.micros,
+                p.bytes as f64 / 1e6,
+                p.grouping,
+                p.kernel,
+                p.modes,
+                p.precision
+            );
+        }
+    }
+    text
+}
+
+/// The processor's name where the system tells it.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or("this machine".into(), |(_, name)| name.trim().to_owned())
+}
+
+fn picture(points: &[Point]) -> Figure {
+    let panel = |title: &str, slot: usize| {
+        let series = |name: &str, colour, keep: &dyn Fn(&Point) -> bool| Series {
+            name: name.into(),
+            colour,
+            mark: Mark::Dots,
+            points: points
+                .iter()
+                .filter(|p| p.nodes == "all" && keep(p))
+                .map(|p| (p.micros, 100.0 * p.errors[slot]))
+                .collect(),
+        };
+        let mut front: Vec<(f64, f64)> = points
+            .iter()
+            .filter(|p| p.nodes == "all" && on_front(points, p))
+            .map(|p| (p.micros, 100.0 * p.errors[slot]))
+            .collect();
+        front.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Panel {
+            title: title.into(),
+            x: Axis::linear("time of one state [us]"),
+            y: Axis::log("largest error, normalised [%]"),
+            series: vec![
+                Series { name: "front".into(), colour: 4, mark: Mark::Line, points: front },
+                series("joint (paper)", 1, &|p| p.grouping == "joint"),
+                series("per field, f32", 0, &|p| {
+                    p.grouping != "joint" && p.precision == "f32" && p.modes != "chosen"
+                }),
+                series("per field, i16", 2, &|p| {
+                    p.grouping != "joint" && p.precision == "i16" && p.modes != "chosen"
+                }),
+                series("default", 3, &|p| p.modes == "chosen"),
+            ],
+            map: None,
+        }
+    };
+    let panels = vec![panel("Displacement", 0), panel("Stress", 1)];
+    Figure { title: "Speed against error, all nodes".into(), panels, columns: 2 }
+}

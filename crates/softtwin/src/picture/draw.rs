@@ -1,0 +1,202 @@
+//! Drawing a figure on any backend of plotters.
+
+use super::{COLOURS, Figure, Map, Mark, Panel, Series};
+use anyhow::{Context, anyhow};
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use plotters::style::{FontStyle, register_font};
+use std::sync::Once;
+
+const PANEL: (u32, u32) = (560, 400);
+const TITLE_HEIGHT: u32 = 44;
+const BAR_WIDTH: u32 = 96;
+const FONT: &str = "sans-serif";
+
+type Area<'a, B> = DrawingArea<B, Shift>;
+type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// The figure as SVG text.
+pub fn svg(figure: &Figure) -> anyhow::Result<String> {
+    let mut text = String::new();
+    paint(figure, SVGBackend::with_string(&mut text, size(figure)))?;
+    Ok(text)
+}
+
+/// The figure as a PNG file.
+pub fn png(figure: &Figure) -> anyhow::Result<Vec<u8>> {
+    let (width, height) = size(figure);
+    let mut pixels = vec![255; (width * height * 3) as usize];
+    paint(figure, BitMapBackend::with_buffer(&mut pixels, (width, height)))?;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.write_header().and_then(|mut w| w.write_image_data(&pixels)).context("encoding the picture")?;
+    Ok(bytes)
+}
+
+fn size(figure: &Figure) -> (u32, u32) {
+    let rows = figure.panels.len().div_ceil(figure.columns.max(1)) as u32;
+    let bar = if figure.panels.iter().any(|p| p.map.is_some()) { BAR_WIDTH } else { 0 };
+    ((PANEL.0 + bar) * figure.columns.max(1) as u32, PANEL.1 * rows.max(1) + TITLE_HEIGHT)
+}
+
+fn paint<B: DrawingBackend>(figure: &Figure, backend: B) -> anyhow::Result<()> {
+    static FONT_ONCE: Once = Once::new();
+    FONT_ONCE.call_once(|| {
+        // The only failure is a font that cannot be parsed; drawing text then reports it.
+        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+    });
+    let root = backend.into_drawing_area();
+    let lift = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("drawing: {e}");
+    root.fill(&WHITE).map_err(lift)?;
+    let rest = root.titled(&figure.title, (FONT, 24)).map_err(lift)?;
+    let columns = figure.columns.max(1);
+    let areas = rest.split_evenly((figure.panels.len().div_ceil(columns).max(1), columns));
+    for (panel, area) in figure.panels.iter().zip(&areas) {
+        draw_panel(panel, area).map_err(lift)?;
+    }
+    root.present().map_err(lift)
+}
+
+type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
+
+fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>) -> Drawn<B> {
+    let (width, _) = area.dim_in_pixel();
+    let area = match &panel.map {
+        Some(map) => {
+            let (chart, bar) = area.split_horizontally(width - BAR_WIDTH);
+            colour_bar(map, &bar)?;
+            chart
+        }
+        None => area.clone(),
+    };
+    let top = head(panel, &area)?;
+    let (xs, ys) = panel.ranges();
+    let (x_labels, y_labels) = (panel.x.labels(&xs), panel.y.labels(&ys));
+    let mut chart = ChartBuilder::on(&area)
+        .margin(10)
+        .margin_top(top)
+        .margin_right(24)
+        .x_label_area_size(46)
+        .y_label_area_size(66)
+        .build_cartesian_2d(xs, ys)?;
+    if let Some(map) = &panel.map {
+        chart.draw_series(cells(map))?;
+    }
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(if panel.map.is_some() { TRANSPARENT.into() } else { BLACK.mix(0.12) })
+        .x_labels(x_labels)
+        .y_labels(y_labels)
+        .x_label_formatter(&|v| panel.x.text(*v))
+        .y_label_formatter(&|v| panel.y.text(*v))
+        .x_desc(&panel.x.label)
+        .y_desc(&panel.y.label)
+        .label_style((FONT, 15))
+        .axis_desc_style((FONT, 16))
+        .draw()?;
+    for series in &panel.series {
+        draw_series(panel, series, &mut chart)?;
+    }
+    Ok(())
+}
+
+/// Title and legend above the axes, where they can hide no data; returns their height.
+fn head<B: DrawingBackend>(
+    panel: &Panel,
+    area: &Area<'_, B>,
+) -> Result<i32, DrawingAreaErrorKind<B::ErrorType>> {
+    const LEFT: i32 = 78;
+    let right = area.dim_in_pixel().0 as i32;
+    area.draw(&Text::new(panel.title.clone(), (LEFT, 6), (FONT, 18)))?;
+    let (mut x, mut y) = (LEFT, 32);
+    let named: Vec<&Series> = panel.series.iter().filter(|s| !s.name.is_empty()).collect();
+    for series in &named {
+        let width = 34 + 8 * series.name.chars().count() as i32; // the font's letters are narrower than 8
+        if x > LEFT && x + width > right {
+            (x, y) = (LEFT, y + 19);
+        }
+        let colour = colour(series);
+        if series.mark != Mark::Dots {
+            area.draw(&PathElement::new(vec![(x, y + 8), (x + 18, y + 8)], colour.stroke_width(2)))?;
+        }
+        if series.mark != Mark::Line {
+            area.draw(&Circle::new((x + 9, y + 8), 4, colour.filled()))?;
+        }
+        area.draw(&Text::new(series.name.clone(), (x + 24, y), (FONT, 15)))?;
+        x += width;
+    }
+    Ok(if named.is_empty() { 34 } else { y + 26 })
+}
+
+fn colour(series: &Series) -> RGBColor {
+    let (r, g, b) = COLOURS[series.colour % COLOURS.len()];
+    RGBColor(r, g, b)
+}
+
+fn draw_series<B: DrawingBackend>(panel: &Panel, series: &Series, chart: &mut Chart<'_, B>) -> Drawn<B> {
+    let colour = colour(series);
+    let placed = || series.points.iter().filter_map(|p| Some((panel.x.place(p.0)?, panel.y.place(p.1)?)));
+    if series.mark != Mark::Dots {
+        chart.draw_series(LineSeries::new(placed(), colour.stroke_width(2)))?;
+    }
+    if series.mark != Mark::Line {
+        chart.draw_series(placed().map(|p| Circle::new(p, 4, colour.filled())))?;
+    }
+    Ok(())
+}
+
+/// The cells of a map; neighbours overlap by nothing, blanks stay white.
+fn cells(map: &Map) -> Vec<Rectangle<(f64, f64)>> {
+    let rows = map.values.len() / map.columns.max(1);
+    let (low, high) = map.limits();
+    let (dx, dy) = ((map.x[1] - map.x[0]) / map.columns as f64, (map.y[1] - map.y[0]) / rows as f64);
+    let cell = |(i, value): (usize, &f64)| {
+        let (column, row) = ((i % map.columns) as f64, (i / map.columns) as f64);
+        let corner = (map.x[0] + column * dx, map.y[0] + row * dy);
+        let colour = shade((value - low) / (high - low).max(f64::MIN_POSITIVE));
+        Rectangle::new([corner, (corner.0 + dx, corner.1 + dy)], colour.filled())
+    };
+    map.values.iter().enumerate().filter(|(_, v)| v.is_finite()).map(cell).collect()
+}
+
+fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>) -> Drawn<B> {
+    let (low, high) = map.limits();
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(40)
+        .margin_bottom(56)
+        .margin_right(8)
+        .y_label_area_size(60)
+        .build_cartesian_2d(0.0..1.0, low..high.max(low + f64::MIN_POSITIVE))?;
+    let steps = 64;
+    let step = (high - low) / f64::from(steps);
+    chart.draw_series((0..steps).map(|i| {
+        let y = low + f64::from(i) * step;
+        Rectangle::new([(0.0, y), (1.0, y + step)], shade(f64::from(i) / f64::from(steps - 1)).filled())
+    }))?;
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        .disable_y_mesh()
+        .x_labels(0)
+        .y_labels(6)
+        .y_label_formatter(&|v| super::scale::number(*v))
+        .y_desc(&map.label)
+        .label_style((FONT, 14))
+        .axis_desc_style((FONT, 15))
+        .draw()
+}
+
+/// White to deep blue over teal: brightness falls evenly, so it reads in grey as well.
+fn shade(t: f64) -> RGBColor {
+    const STOPS: [[f64; 3]; 4] =
+        [[247.0, 250.0, 253.0], [150.0, 205.0, 215.0], [40.0, 125.0, 170.0], [10.0, 40.0, 95.0]];
+    let at = t.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let low = (at as usize).min(STOPS.len() - 2);
+    let part = at - low as f64;
+    let mix = |k: usize| (STOPS[low][k] + part * (STOPS[low + 1][k] - STOPS[low][k])) as u8;
+    RGBColor(mix(0), mix(1), mix(2))
+}

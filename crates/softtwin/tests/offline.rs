@@ -1,0 +1,268 @@
+//! The offline commands as a user runs them: exit codes, texts, files.
+
+#[path = "../../formats/tests/common/mod.rs"]
+mod common;
+
+use rom::snapshots::Split;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// A folder with the bar's database in `db`.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        let (database, tets) = common::database(cases());
+        formats::database::write(&place.at("db"), &database, &tets).unwrap();
+        place
+    }
+
+    fn trained() -> Self {
+        let place = Self::new();
+        let out = place.run(&["train", "--database", "db", "--out", "bar.twin"]);
+        assert_eq!(out.code, 0, "{}", out.err);
+        place
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
+        command.args(args).current_dir(self.0.path()).env_remove("RUST_LOG");
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Ended {
+        Ended::from(self.command(args).output().unwrap())
+    }
+}
+
+struct Ended {
+    code: i32,
+    out: String,
+    err: String,
+}
+
+impl From<Output> for Ended {
+    fn from(output: Output) -> Self {
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        Self { code: output.status.code().unwrap(), out: text(output.stdout), err: text(output.stderr) }
+    }
+}
+
+impl Ended {
+    fn json(&self) -> Value {
+        assert_eq!(self.code, 0, "{}", self.err);
+        assert_eq!(self.out.lines().count(), 1, "one JSON object a line: {}", self.out);
+        serde_json::from_str(&self.out).unwrap()
+    }
+
+    fn refused(&self, code: i32, part: &str) {
+        assert_eq!(self.code, code, "{}{}", self.out, self.err);
+        assert!(self.err.contains(part), "`{part}` is not in {}", self.err);
+        assert!(self.out.is_empty(), "a refusal prints no result: {}", self.out);
+    }
+}
+
+fn cases() -> Vec<rom::snapshots::Case> {
+    let mut cases = Vec::new();
+    for i in 0..12 {
+        cases.push(common::case(&format!("f{i}"), Split::Train, 0.009 * f64::from(i), None));
+    }
+    cases.push(common::case("ft", Split::Test, 0.0415, None));
+    for i in 0..6 {
+        for j in 0..5 {
+            let gap = 1.0 + f64::from(j);
+            let pressure = 0.01 * gap + 0.001 + 0.008 * f64::from(i);
+            cases.push(common::case(&format!("c{i}{j}"), Split::Train, pressure, Some(gap)));
+        }
+    }
+    cases.push(common::case("ct", Split::Test, 0.044, Some(2.5)));
+    cases
+}
+
+fn edit(path: &Path, change: impl FnOnce(&mut Vec<u8>)) {
+    let mut bytes = std::fs::read(path).unwrap();
+    change(&mut bytes);
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn train_writes_a_model_and_its_data_sheet() {
+    let place = Place::new();
+    let done = place.run(&["train", "--database", "db", "--out", "bar.twin", "--json"]).json();
+    assert_eq!(done["cases"], 42);
+    assert!(done["regimes"]["contact"]["force"]["kernel"].is_string());
+    let sheet: Value = serde_json::from_slice(&std::fs::read(place.at("bar.json")).unwrap()).unwrap();
+    assert_eq!(sheet["database_hash"], done["database_hash"]);
+    let inspected = place.run(&["inspect", "bar.twin", "--json"]).json();
+    assert_eq!(inspected["database_hash"], done["database_hash"]);
+    assert_eq!(inspected["regimes"]["free"]["inputs"][0]["name"], "pressure_mpa");
+    assert!(!place.at("bar.twin.part").exists());
+}
+
+#[test]
+fn the_commented_configuration_is_the_default() {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/train.toml");
+    let written: rom::config::TrainConfig =
+        toml::from_str(&std::fs::read_to_string(config).unwrap()).unwrap();
+    assert_eq!(written, rom::config::TrainConfig::default());
+}
+
+#[test]
+fn the_same_database_gives_the_same_model() {
+    let place = Place::trained();
+    assert_eq!(place.run(&["train", "--database", "db", "--out", "again.twin"]).code, 0);
+    assert_eq!(std::fs::read(place.at("bar.twin")).unwrap(), std::fs::read(place.at("again.twin")).unwrap());
+}
+
+#[test]
+fn predict_answers_in_json_and_writes_all_formats() {
+    let place = Place::trained();
+    for out in ["s.npy", "s.csv", "s.vtu"] {
+        let args =
+            ["predict", "--model", "bar.twin", "--pressure-mpa", "0.044", "--gap-mm", "2.5", "--out", out];
+        let answer = place.run(&args).json();
+        assert_eq!(answer["regime"], "contact");
+        assert_eq!(answer["in_domain"], true);
+        // The bar presses with 100 P - gap and touches at P = gap / 100.
+        assert!((answer["contact_force_n"].as_f64().unwrap() - 1.9).abs() < 0.01, "{answer}");
+        assert!((answer["onset_pressure_mpa"].as_f64().unwrap() - 0.025).abs() < 2e-4, "{answer}");
+    }
+    let array = formats::npy::read_f32(&place.at("s.npy")).unwrap();
+    let (points, _) = common::bar(3);
+    assert_eq!(array.shape, [points.len(), 5]);
+    let tip = points.iter().position(|p| *p == [30.0, 0.0, 0.0]).unwrap();
+    assert!(
+        (array.data[tip * 5 + 1] + 2.5).abs() < 0.05,
+        "the tip rests on the plate: {}",
+        array.data[tip * 5 + 1]
+    );
+    let text = std::fs::read_to_string(place.at("s.csv")).unwrap();
+    assert!(text.starts_with("node,x_mm,y_mm,z_mm,displacement_mm,von_mises_mpa\n0,"));
+    assert_eq!(text.lines().count(), points.len() + 1);
+    let grid = std::fs::read_to_string(place.at("s.vtu")).unwrap();
+    assert!(grid.contains("Name=\"von_mises [MPa]\"") && grid.contains("Name=\"displacement vector [mm]\""));
+}
+
+#[test]
+fn without_a_gap_nothing_is_touched() {
+    let place = Place::trained();
+    let answer = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.0415"]).json();
+    assert_eq!(answer["regime"], "free");
+    assert_eq!(answer["contact_force_n"], 0.0);
+    assert!(answer["onset_pressure_mpa"].is_null() && answer["gap_mm"].is_null());
+    assert!((answer["max_displacement_mm"].as_f64().unwrap() - 4.15).abs() < 1e-3, "{answer}");
+}
+
+#[test]
+fn outside_the_training_states_is_flagged() {
+    let place = Place::trained();
+    let answer = place.run(&["predict", "--model", "bar.twin", "--pressure-mpa", "0.3"]).json();
+    assert_eq!(answer["in_domain"], false);
+    assert_eq!(answer["domain"], "outside");
+}
+
+#[test]
+fn evaluation_names_worst_case_and_draws() {
+    let place = Place::trained();
+    let args = ["evaluate", "--model", "bar.twin", "--database", "db", "--json", "--picture", "e.svg"];
+    let report = place.run(&args).json();
+    assert_eq!(report["regimes"][0]["cases"], 1);
+    assert_eq!(report["regimes"][0]["fields"][0]["worst_case"], "ft");
+    assert!(report["regimes"][0]["mse"].as_f64().unwrap() < 1e-6, "{}", report["regimes"][0]);
+    assert_eq!(report["leave_one_out"][0]["regime"], "Free");
+    assert!(std::fs::read_to_string(place.at("e.svg")).unwrap().contains("largest error over nodes"));
+    let text = place.run(&[
+        "evaluate",
+        "--model",
+        "bar.twin",
+        "--database",
+        "db",
+        "--split",
+        "all",
+        "--picture",
+        "e.png",
+    ]);
+    assert!(text.out.contains("regime contact: 31 cases"), "{}", text.out);
+    assert!(std::fs::read(place.at("e.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn wrong_usage_leaves_with_2() {
+    let place = Place::trained();
+    let predict = |more: &[&str]| place.run(&[&["predict", "--model", "bar.twin"], more].concat());
+    predict(&["--pressure-mpa", "nan"]).refused(2, "expected a finite pressure of at least 0 MPa, found NaN");
+    predict(&["--pressure-mpa", "-0.01"]).refused(2, "found -0.01");
+    predict(&["--pressure-mpa", "0.01", "--gap-mm", "inf"]).refused(2, "expected a finite gap in mm");
+    predict(&["--pressure-mpa", "0.01", "--out", "s.xlsx"]).refused(2, ".npy, .csv or .vtu, found xlsx");
+    predict(&["--pressure-mpa", "five"]).refused(2, "invalid value 'five'");
+    place.run(&["fly"]).refused(2, "unrecognized subcommand 'fly'");
+    place.run(&["train", "--database", "db", "--out", "bar.json"]).refused(2, "use .twin");
+    let check = ["evaluate", "--model", "bar.twin", "--database", "db", "--split", "check"];
+    place.run(&check).refused(2, "it has 42 train, 2 test, 0 check");
+}
+
+#[test]
+fn wrong_files_leave_with_78() {
+    let place = Place::trained();
+    std::fs::write(place.at("t.toml"), "modes = 3\n").unwrap();
+    let train = ["train", "--database", "db", "--out", "x.twin"];
+    place.run(&[&train[..], &["--config", "t.toml"]].concat()).refused(78, "unknown field `modes`");
+    std::fs::write(place.at("t.toml"), "coverage = 2.0\nhysteresis_mpa = -1.0\n").unwrap();
+    let both = place.run(&[&train[..], &["--config", "t.toml"]].concat());
+    both.refused(78, "coverage: expected");
+    both.refused(78, "hysteresis_mpa: expected");
+    edit(&place.at("bar.twin"), |bytes| {
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+    });
+    place.run(&["inspect", "bar.twin"]).refused(78, "damaged");
+    edit(&place.at("db/snapshots.npy"), |bytes| {
+        let end = bytes.len();
+        bytes[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    });
+    place.run(&train).refused(78, "case ct: 1 non-finite values");
+    assert!(!place.at("x.twin").exists());
+}
+
+#[test]
+fn what_is_missing_leaves_with_1() {
+    let place = Place::new();
+    place
+        .run(&["inspect", "none.twin"])
+        .refused(1, "cannot read the model none.twin; `softtwin train` makes one");
+    place.run(&["train", "--database", "none", "--out", "x.twin"]).refused(1, "none/database.toml");
+}
+
+#[test]
+fn a_closed_pipe_is_not_a_failure() {
+    let place = Place::trained();
+    let mut child = place
+        .command(&["inspect", "bar.twin"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let ended = Ended::from(child.wait_with_output().unwrap());
+    assert_eq!((ended.code, ended.err.as_str()), (0, ""));
+}
+
+#[test]
+fn every_command_has_worked_examples() {
+    let place = Place(tempfile::tempdir().unwrap());
+    let help = place.run(&["--help"]).out;
+    let listed = help.split("Commands:").nth(1).unwrap().split("\n\n").next().unwrap().to_owned();
+    let names: Vec<&str> = listed.lines().filter(|l| l.starts_with("  ") && !l.starts_with("   ")).collect();
+    assert!(names.len() > 5, "{help}");
+    for name in names.iter().filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help")
+    {
+        let text = place.run(&[name, "--help"]).out;
+        assert!(text.contains("Examples:"), "{name} --help shows no examples");
+    }
+}
