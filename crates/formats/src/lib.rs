@@ -4,6 +4,7 @@
 //! allocated, and a refusal lists everything that is wrong as *where / expected / found*.
 #![forbid(unsafe_code)]
 
+pub mod authors;
 pub mod database;
 pub mod error;
 pub mod fields;

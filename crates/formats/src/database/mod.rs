@@ -12,16 +12,19 @@ pub use manifest::{Extra, Manifest};
 pub use mesh::{bottom_nodes, surface_of_tets};
 
 use crate::error::{FormatError, Problem};
-use crate::{npy, vtu};
+use crate::{authors, npy, vtu};
 use cases::Table;
-use rom::snapshots::{Database, Obstacle};
+use rom::snapshots::{Case, Database, FieldSpec, Obstacle};
 use std::path::Path;
 
-/// Reads the cases of one scene from a database folder. `O(bytes)`.
+/// Reads the cases of one scene from a database folder, ours or (with an `authors.toml`) the authors'. `O(bytes)`.
 ///
 /// # Errors
 /// A file that cannot be read, or everything that is wrong with the folder's files and with how they fit together.
 pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
+    if !dir.join(manifest::FILE).exists() && dir.join(authors::FILE).exists() {
+        return authors::read(dir, scene);
+    }
     let manifest = Manifest::read(&dir.join(manifest::FILE))?;
     let table = Table::read(&dir.join(&manifest.cases), &manifest)?;
     let fields = manifest.field_specs();
@@ -41,19 +44,36 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
         let problem = Problem::new("column regime", format!("cases of scene {}", scene.name()), "none");
         return Err(FormatError::one(&dir.join(&manifest.cases), problem));
     }
-    let body = manifest.mesh.as_ref().map(|file| mesh::read(&dir.join(file), manifest.nodes)).transpose()?;
+    let mesh = manifest.mesh.as_ref().map(|file| dir.join(file));
+    let mut database =
+        assemble(manifest.actuator, fields, manifest.nodes, cases, snapshots, mesh.as_deref(), scene)?;
+    database.obstacle = manifest.obstacle.unwrap_or(database.obstacle);
+    Ok(database)
+}
+
+/// Puts the parts of a database together and takes its hash.
+pub(crate) fn assemble(
+    actuator: String,
+    fields: Vec<FieldSpec>,
+    node_count: usize,
+    cases: Vec<Case>,
+    snapshots: Vec<f32>,
+    mesh: Option<&Path>,
+    scene: Scene,
+) -> Result<Database, FormatError> {
+    let body = mesh.map(|path| mesh::read(path, node_count)).transpose()?;
     let has_mesh = body.is_some();
     let body = body.unwrap_or_default();
     let mut database = Database {
-        actuator: manifest.actuator,
+        actuator,
         fields,
-        node_count: manifest.nodes,
+        node_count,
         cases,
         snapshots,
         undeformed_mm: has_mesh.then_some(body.points_mm),
         surface_triangles: body.triangles,
         node_sets: body.node_sets,
-        obstacle: manifest.obstacle.unwrap_or(scene.obstacle()),
+        obstacle: scene.obstacle(),
         hash: [0; 32],
     };
     database.hash = database.content_hash();
@@ -61,12 +81,7 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
 }
 
 /// Keeps the scene's cases and their snapshots, in file order.
-fn select(
-    table: Table,
-    scene: Scene,
-    all: Vec<f32>,
-    entries: usize,
-) -> (Vec<rom::snapshots::Case>, Vec<f32>) {
+fn select(table: Table, scene: Scene, all: Vec<f32>, entries: usize) -> (Vec<Case>, Vec<f32>) {
     let mut snapshots = Vec::with_capacity(all.len());
     let mut cases = Vec::with_capacity(table.rows.len());
     for (row, snapshot) in table.rows.into_iter().zip(all.chunks_exact(entries.max(1))) {

@@ -54,7 +54,9 @@ fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Arra
         match header.element {
             Element::F32 => data.extend(part.as_chunks().0.iter().map(|b| narrow(f32::from_le_bytes(*b)))),
             Element::F64 => data.extend(part.as_chunks().0.iter().map(|b| wide(f64::from_le_bytes(*b)))),
-            Element::I32 => data.extend(part.as_chunks().0.iter().map(|b| wide(i32::from_le_bytes(*b).into()))),
+            Element::I32 => {
+                data.extend(part.as_chunks().0.iter().map(|b| wide(i32::from_le_bytes(*b).into())))
+            }
         }
         left -= left.min(CHUNK);
     }
