@@ -7,18 +7,18 @@ use formats::database::Scene;
 
 mod demo;
 mod echo;
+mod evaluate;
 mod hz;
 mod info;
 mod inspect;
 mod list;
+mod plot;
 mod predict;
+mod report;
 mod sample;
 mod scene;
 mod simulate;
 mod trace;
-mod evaluate;
-mod plot;
-mod report;
 mod train;
 
 /// Scene as the command line names it.
