@@ -1,6 +1,6 @@
 //! The only place that names bincode: a header to bytes and back, fixed-width little-endian, bounded.
 //!
-//! `tests/golden.rs` holds the bytes of a known header: an encoding that changed by accident is found there, not in
+//! A test below holds the bytes of a known value: an encoding that changed by accident is found there, not in
 //! users' files.
 
 use serde::Serialize;
@@ -25,4 +25,36 @@ pub(crate) fn encode(value: &impl Serialize) -> Result<Vec<u8>, String> {
 pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     let (value, used) = bincode::serde::decode_from_slice(bytes, config()).map_err(|e| e.to_string())?;
     if used == bytes.len() { Ok(value) } else { Err(format!("{} bytes left over", bytes.len() - used)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::OutputField;
+    use crate::snapshots::{FieldKind, FieldSpec};
+
+    /// Bytes of a known value, written out by hand: lengths and indices u64, variants u32, options one byte, all
+    /// little-endian.
+    #[test]
+    fn the_encoding_is_the_one_in_users_files() {
+        let spec = FieldSpec { name: "y".into(), unit: "mm".into(), kind: FieldKind::Coordinate(1) };
+        let field = OutputField { spec, magnitude_of: Some([0, 1, 258]) };
+        let golden: Vec<u8> = [
+            &[1, 0, 0, 0, 0, 0, 0, 0, b'y'][..],
+            &[2, 0, 0, 0, 0, 0, 0, 0, b'm', b'm'],
+            &[0, 0, 0, 0, 1],
+            &[1],
+            &[0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0],
+        ]
+        .concat();
+        assert_eq!(encode(&field).expect("encodes"), golden);
+        assert_eq!(decode::<OutputField>(&golden).expect("decodes"), field);
+    }
+
+    #[test]
+    fn claims_beyond_the_limit_and_left_over_bytes_are_refused() {
+        assert!(decode::<Vec<u64>>(&u64::MAX.to_le_bytes()).is_err());
+        assert!(decode::<Vec<u64>>(&(1_u64 << 40).to_le_bytes()).is_err());
+        assert!(decode::<u32>(&[1, 0, 0, 0, 9]).is_err_and(|e| e.contains("1 bytes left over")));
+    }
 }
