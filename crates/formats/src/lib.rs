@@ -11,6 +11,7 @@ pub mod fields;
 pub mod mesh_file;
 pub mod msh;
 pub mod npy;
+pub mod packed;
 pub mod vtu;
 
 pub use error::{FormatError, Problem};

@@ -12,10 +12,14 @@ pub use manifest::{Extra, Manifest};
 pub use mesh::{bottom_nodes, surface_of_tets};
 
 use crate::error::{FormatError, Problem};
+use crate::packed::{self, Snapshots};
 use crate::{authors, npy, vtu};
 use cases::Table;
 use rom::snapshots::{Case, Database, FieldSpec, Obstacle};
 use std::path::Path;
+
+/// Ending of packed snapshots, see [`packed`].
+pub const PACKED: &str = "pack";
 
 /// Reads the cases of one scene from a database folder, ours or (with an `authors.toml`) the authors'. `O(bytes)`.
 ///
@@ -29,7 +33,8 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
     let table = Table::read(&dir.join(&manifest.cases), &manifest)?;
     let fields = manifest.field_specs();
     let snapshots_path = dir.join(&manifest.snapshots);
-    let array = npy::read_f32(&snapshots_path)?;
+    let mesh = manifest.mesh.as_ref().map(|file| dir.join(file));
+    let array = read_snapshots(&snapshots_path, mesh.as_deref())?;
     let expected = [table.rows.len(), manifest.nodes, fields.len()];
     if array.shape != expected {
         let problem = Problem::new(
@@ -39,12 +44,11 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
         );
         return Err(FormatError::one(&snapshots_path, problem));
     }
-    let (cases, snapshots) = select(table, scene, array.data, manifest.nodes * fields.len());
+    let (cases, snapshots) = select(table, scene, array.values, manifest.nodes * fields.len());
     if cases.is_empty() {
         let problem = Problem::new("column regime", format!("cases of scene {}", scene.name()), "none");
         return Err(FormatError::one(&dir.join(&manifest.cases), problem));
     }
-    let mesh = manifest.mesh.as_ref().map(|file| dir.join(file));
     let mut database =
         assemble(manifest.actuator, fields, manifest.nodes, cases, snapshots, mesh.as_deref(), scene)?;
     database.obstacle = manifest.obstacle.unwrap_or(database.obstacle);
@@ -78,6 +82,19 @@ pub(crate) fn assemble(
     };
     database.hash = database.content_hash();
     Ok(database)
+}
+
+/// Snapshots as an array or, by the ending [`PACKED`], packed; then the mesh gives what follows from it.
+fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, FormatError> {
+    if path.extension().is_some_and(|e| e == PACKED) {
+        let mesh = mesh.map(vtu::read).transpose()?;
+        return packed::read(path, mesh.as_ref().map(|m| m.points_mm.as_slice()));
+    }
+    let array = npy::read_f32(path)?;
+    let shape = <[usize; 3]>::try_from(array.shape).map_err(|found| {
+        FormatError::one(path, Problem::new("shape", "cases x nodes x fields", format!("{found:?}")))
+    })?;
+    Ok(Snapshots { shape, values: array.data })
 }
 
 /// Keeps the scene's cases and their snapshots, in file order.

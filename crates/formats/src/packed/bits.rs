@@ -1,0 +1,122 @@
+//! Counts, numbers and lists of whole numbers; the lists as byte planes, deflated.
+
+use crate::error::Problem;
+use flate2::Compression;
+use flate2::bufread::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use std::io::{Read, Write};
+
+pub(super) struct Writer(Vec<u8>);
+
+impl Writer {
+    pub fn new(magic: &[u8; 8], version: u32) -> Self {
+        let mut bytes = magic.to_vec();
+        bytes.extend(version.to_le_bytes());
+        Self(bytes)
+    }
+
+    pub fn count(&mut self, value: usize) {
+        self.0.extend((value as u64).to_le_bytes());
+    }
+
+    pub fn number(&mut self, value: f64) {
+        self.0.extend(value.to_le_bytes());
+    }
+
+    /// Zigzag (small magnitudes become small), then the four bytes of all numbers apart: the upper planes are zeros.
+    pub fn integers(&mut self, values: &[i32]) {
+        let zigzag: Vec<u32> = values.iter().map(|v| ((v << 1) ^ (v >> 31)) as u32).collect();
+        let planes: Vec<u8> = (0..4).flat_map(|p| zigzag.iter().map(move |z| (z >> (8 * p)) as u8)).collect();
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+        // Writing into memory cannot fail.
+        let packed = encoder.write_all(&planes).and_then(|()| encoder.finish()).unwrap_or_default();
+        self.count(packed.len());
+        self.0.extend(packed);
+    }
+
+    /// Appends the checksum of everything before it.
+    pub fn finish(mut self) -> Vec<u8> {
+        let sum = checksum(&self.0);
+        self.0.extend(sum.to_le_bytes());
+        self.0
+    }
+}
+
+pub(super) struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    pub fn new(bytes: &'a [u8], magic: &[u8; 8], version: u32) -> Result<Self, Problem> {
+        let rest = bytes
+            .strip_prefix(magic)
+            .ok_or_else(|| Problem::new("first bytes", "those of packed snapshots", "others"))?;
+        let (body, sum) = rest
+            .split_last_chunk::<8>()
+            .ok_or_else(|| Problem::new("file", "a checksum at its end", "less"))?;
+        let expected = checksum(&bytes[..bytes.len() - 8]);
+        if u64::from_le_bytes(*sum) != expected {
+            return Err(Problem::new("checksum", format!("{expected:016x}"), "another: the file is damaged"));
+        }
+        let mut reader = Self(body);
+        let found = u32::from_le_bytes(reader.take("version")?);
+        if found != version {
+            return Err(Problem::new("version", version, found));
+        }
+        Ok(reader)
+    }
+
+    pub fn count(&mut self, what: &str) -> Result<usize, Problem> {
+        let value = u64::from_le_bytes(self.take(what)?);
+        usize::try_from(value).map_err(|_| Problem::new(what, "a count that fits into memory", value))
+    }
+
+    pub fn number(&mut self, what: &str) -> Result<f64, Problem> {
+        Ok(f64::from_le_bytes(self.take(what)?))
+    }
+
+    /// As many whole numbers as expected.
+    pub fn integers(&mut self, expected: usize) -> Result<Vec<i32>, Problem> {
+        let length = self.count("block")?;
+        let wrong = |found: String| Problem::new("block", format!("{expected} whole numbers"), found);
+        let (packed, rest) =
+            self.0.split_at_checked(length).ok_or_else(|| wrong(format!("{} bytes left", self.0.len())))?;
+        self.0 = rest;
+        let mut planes = Vec::new(); // grows with what is really there
+        let bound = (expected as u64).saturating_mul(4) + 1;
+        ZlibDecoder::new(packed).take(bound).read_to_end(&mut planes).map_err(|e| wrong(e.to_string()))?;
+        if planes.len() != expected * 4 {
+            return Err(wrong(format!("{} bytes", planes.len())));
+        }
+        let plane = |p: usize| &planes[p * expected..(p + 1) * expected];
+        let bytes = plane(0).iter().zip(plane(1)).zip(plane(2)).zip(plane(3));
+        Ok(bytes
+            .map(|(((a, b), c), d)| {
+                let zigzag = u32::from_le_bytes([*a, *b, *c, *d]);
+                (zigzag >> 1) as i32 ^ -((zigzag & 1) as i32)
+            })
+            .collect())
+    }
+
+    pub fn end(&self) -> Result<(), Problem> {
+        if self.0.is_empty() {
+            Ok(())
+        } else {
+            Err(Problem::new("end", "nothing more", format!("{} bytes", self.0.len())))
+        }
+    }
+
+    fn take<const N: usize>(&mut self, what: &str) -> Result<[u8; N], Problem> {
+        let (head, rest) = self
+            .0
+            .split_first_chunk()
+            .ok_or_else(|| Problem::new(what, format!("{N} bytes"), "the end of the file"))?;
+        self.0 = rest;
+        Ok(*head)
+    }
+}
+
+/// FNV-1a (Fowler, Noll, Vo), 64 bits: finds damage, not malice; malice is met by the checks behind it.
+fn checksum(bytes: &[u8]) -> u64 {
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+}

@@ -1,0 +1,183 @@
+//! Snapshots packed for a repository: a bound on the error of every value, a fifth of the size or less.
+//!
+//! Every value is stored as a whole number of steps, `v = k * step`, so that no error exceeds `step / 2`. A case is
+//! predicted as the linear combination of its nearest earlier cases that fits best (least squares; earlier cases as the
+//! reader will see them, so errors do not add up); what is left is small whole numbers, which deflate well. Fields that
+//! follow from others (the displacement magnitude) are not stored.
+
+mod bits;
+mod fit;
+
+use crate::error::{FormatError, Problem};
+use bits::{Reader, Writer};
+use std::path::Path;
+
+/// First bytes of a file.
+const MAGIC: [u8; 8] = *b"STWNPACK";
+const VERSION: u32 = 1;
+/// Earlier cases a case is predicted from.
+const BASIS: usize = 16;
+/// No file of a plausible database holds more values than this (8 GB as f32).
+const MOST_VALUES: usize = 1 << 31;
+
+/// One field of a packed file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stored {
+    /// Rounded to steps of this size; the error is at most half of it.
+    Steps(f64),
+    /// Not stored: the distance between fields 0 to 2 and the undeformed coordinates.
+    Distance,
+}
+
+/// Snapshots in memory: `cases x nodes x fields`, node-interleaved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshots {
+    /// Cases, nodes, fields.
+    pub shape: [usize; 3],
+    /// The values.
+    pub values: Vec<f32>,
+}
+
+/// Packs snapshots; `fields` says how each is stored. Cost `O(cases x basis^2 x nodes)`.
+///
+/// # Errors
+/// The problem: shapes that do not fit, values that are not finite or too large for their step.
+pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Problem> {
+    let [cases, nodes, count] = snapshots.shape;
+    let values = cases.checked_mul(nodes).and_then(|n| n.checked_mul(count));
+    if values != Some(snapshots.values.len()) || fields.len() != count {
+        let found = format!("{} values, {} fields", snapshots.values.len(), fields.len());
+        return Err(Problem::new("snapshots", format!("{:?}", snapshots.shape), found));
+    }
+    let mut out = Writer::new(&MAGIC, VERSION);
+    [cases, nodes, count].iter().for_each(|n| out.count(*n));
+    for stored in fields {
+        out.number(if let Stored::Steps(step) = stored { *step } else { 0.0 });
+    }
+    for (f, stored) in fields.iter().enumerate() {
+        if let Stored::Steps(step) = stored {
+            pack_field(&mut out, snapshots, f, *step)?;
+        }
+    }
+    Ok(out.finish())
+}
+
+fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) -> Result<(), Problem> {
+    let [cases, nodes, count] = snapshots.shape;
+    let mut known: Vec<Vec<i32>> = Vec::with_capacity(cases);
+    for case in 0..cases {
+        let values =
+            snapshots.values[case * nodes * count..][..nodes * count].iter().skip(field).step_by(count);
+        let steps: Vec<i32> = values
+            .map(|v| {
+                let steps = (f64::from(*v) / step).round();
+                // Half the range is kept free, so that a difference always fits too.
+                if steps.abs() < f64::from(i32::MAX / 4) { Ok(steps as i32) } else { Err(*v) }
+            })
+            .collect::<Result<_, _>>()
+            .map_err(|v| {
+                Problem::new(format!("case {case}, field {field}"), "finite values within 5e8 steps", v)
+            })?;
+        let basis = fit::nearest(&known, &steps, BASIS);
+        let weights = fit::weights(&known, &basis, &steps);
+        let predicted = fit::predict(&known, &basis, &weights, nodes);
+        out.count(basis.len());
+        for (b, w) in basis.iter().zip(&weights) {
+            out.count(*b);
+            out.number(*w);
+        }
+        let rest: Vec<i32> = steps.iter().zip(predicted).map(|(s, p)| s.wrapping_sub(p)).collect();
+        out.integers(&rest);
+        known.push(steps);
+    }
+    Ok(())
+}
+
+/// Unpacks; `undeformed_mm` gives the fields that follow from the coordinates. Memory is bounded by the file's size.
+///
+/// # Errors
+/// What is wrong with the bytes, or a missing or foreign mesh.
+pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, Problem> {
+    let mut input = Reader::new(bytes, &MAGIC, VERSION)?;
+    let shape = [input.count("cases")?, input.count("nodes")?, input.count("fields")?];
+    let [cases, nodes, count] = shape;
+    // Deflate shrinks at most a thousandfold; more is no database but an attack on memory.
+    let most = bytes.len().saturating_mul(2000).min(MOST_VALUES);
+    let total =
+        cases.checked_mul(nodes).and_then(|n| n.checked_mul(count)).filter(|n| (1..=most).contains(n));
+    let Some(total) = total else {
+        return Err(Problem::new("shape", format!("1 to {most} values"), format!("{shape:?}")));
+    };
+    let steps: Vec<f64> = (0..count).map(|_| input.number("step")).collect::<Result<_, _>>()?;
+    if steps.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
+        return Err(Problem::new("step", "finite numbers, 0 or more", format!("{steps:?}")));
+    }
+    let mut values = vec![0.0_f32; total];
+    for (field, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
+        let mut known: Vec<Vec<i32>> = Vec::with_capacity(cases);
+        for case in 0..cases {
+            let whole = unpack_case(&mut input, &known, nodes)?;
+            let slots = values[case * nodes * count..][..nodes * count].iter_mut().skip(field).step_by(count);
+            slots.zip(&whole).for_each(|(slot, k)| *slot = (f64::from(*k) * step) as f32);
+            known.push(whole);
+        }
+    }
+    input.end()?;
+    let mut snapshots = Snapshots { shape, values };
+    for field in (0..count).filter(|f| steps[*f] == 0.0) {
+        distances(&mut snapshots, field, undeformed_mm)?;
+    }
+    Ok(snapshots)
+}
+
+fn unpack_case(input: &mut Reader, known: &[Vec<i32>], nodes: usize) -> Result<Vec<i32>, Problem> {
+    let count = input.count("basis")?;
+    if count > BASIS {
+        return Err(Problem::new("basis", format!("at most {BASIS} cases"), count));
+    }
+    let (mut basis, mut weights) = (Vec::new(), Vec::new());
+    for _ in 0..count {
+        let case = input.count("basis")?;
+        if case >= known.len() {
+            return Err(Problem::new("basis", format!("an earlier case than {}", known.len()), case));
+        }
+        basis.push(case);
+        weights.push(input.number("weight")?);
+    }
+    let mut whole = input.integers(nodes)?;
+    let predicted = fit::predict(known, &basis, &weights, nodes);
+    whole.iter_mut().zip(predicted).for_each(|(k, p)| *k = k.wrapping_add(p));
+    Ok(whole)
+}
+
+fn distances(snapshots: &mut Snapshots, field: usize, mesh: Option<&[[f64; 3]]>) -> Result<(), Problem> {
+    let [_, nodes, count] = snapshots.shape;
+    let found = mesh.map_or("none".into(), |m| format!("{} nodes", m.len()));
+    let expected = format!("the undeformed mesh of {nodes} nodes, and coordinates before field {field}");
+    let Some(mesh) = mesh.filter(|m| m.len() == nodes && field >= 3) else {
+        return Err(Problem::new("mesh", expected, found));
+    };
+    for (entry, rest) in snapshots.values.chunks_exact_mut(count).zip(mesh.iter().cycle()) {
+        let squared: f64 = (0..3).map(|k| (f64::from(entry[k]) - rest[k]).powi(2)).sum();
+        entry[field] = squared.sqrt() as f32;
+    }
+    Ok(())
+}
+
+/// Writes a packed file.
+///
+/// # Errors
+/// As [`pack`], or the operating system's.
+pub fn write(path: &Path, snapshots: &Snapshots, fields: &[Stored]) -> Result<(), FormatError> {
+    let bytes = pack(snapshots, fields).map_err(|p| FormatError::one(path, p))?;
+    std::fs::write(path, bytes).map_err(|e| FormatError::write(path, e))
+}
+
+/// Reads a packed file.
+///
+/// # Errors
+/// As [`unpack`], or the operating system's.
+pub fn read(path: &Path, undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, FormatError> {
+    let bytes = std::fs::read(path).map_err(|e| FormatError::read(path, e))?;
+    unpack(&bytes, undeformed_mm).map_err(|p| FormatError::one(path, p))
+}
