@@ -3,14 +3,12 @@
 //! Every story has its own [`Stage`]: a temporary folder and a shared-memory domain that nobody else is in. Nothing here
 //! sleeps to synchronise: stories wait for lines that a program prints, or for samples, with generous time-outs.
 
-extern crate rom as softtwin_rom; // the synthetic beam is shared with the tests of `rom`, which know it by that name
-
 pub mod process;
 pub mod stage;
-#[path = "../../crates/rom/tests/support/synthetic.rs"]
-pub mod synthetic;
 
 pub use process::Program;
+/// The beam that bends until it meets a plate, with its exact answers.
+pub use rom::stability::world as synthetic;
 pub use stage::Stage;
 
 use std::time::Duration;
