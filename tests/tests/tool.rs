@@ -111,8 +111,17 @@ fn the_demonstration_keeps_its_contract() {
     let stage = Stage::new("demo");
     stage.trace("trace.csv", 100, 100.0, 0.06, 30.0);
     stage.finger("kind = \"replay\"\ntrace = \"trace.csv\"");
-    let (code, said) = run(&stage, &["demo", "--scene", "finger.toml", "--json"]);
-    assert_eq!(code, Some(0), "{said:?}");
+    let mut demo = Program::tool(&stage, &["demo", "--scene", "finger.toml", "--json"]);
+    let own_prefix = format!("iox2_demo_{}_", demo.id());
+    let (status, said) = demo.end();
+    assert!(status.success(), "{said:?}");
+    let left =
+        std::fs::read_dir("/dev/shm").unwrap().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    assert_eq!(
+        left.filter(|name| name.starts_with(&own_prefix)).count(),
+        0,
+        "the demonstration left files behind"
+    );
     let summary = json(&said[said.len() - 1..]).remove(0);
     assert_eq!(summary["exit"], "end of trace");
     assert_eq!(summary["readings"], 100);

@@ -1,6 +1,6 @@
 //! A program's place in a domain, and what else is there.
 
-use crate::port::service;
+use crate::port::{require_headroom, service};
 use crate::{Domain, KeyExpr, Topic, WireError};
 use iceoryx2::prelude::*;
 use std::rc::Rc;
@@ -38,10 +38,12 @@ impl Bus {
     /// Joins `domain`.
     ///
     /// # Errors
-    /// [`WireError::BadDomain`] for names that cannot be files, [`WireError::Node`] when the folders cannot be written.
+    /// [`WireError::BadDomain`] for names that cannot be files, [`WireError::Node`] when the folders cannot be written,
+    /// [`WireError::NoMemory`] when /dev/shm is full.
     pub fn open(domain: &Domain) -> Result<Self, WireError> {
         set_log_level(LogLevel::Fatal); // failures come back as errors; iceoryx2 would print kilobytes besides
         let config = domain.config()?;
+        require_headroom("the shared-memory domain", 0)?;
         let node = NodeBuilder::new()
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)

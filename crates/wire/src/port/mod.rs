@@ -6,4 +6,5 @@ pub(crate) mod service;
 mod sized;
 
 pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
+pub(crate) use segment::{SHM_DIR, require_headroom};
 pub use sized::{HealthReader, HealthWriter, SensorReader, SensorWriter, StateReader, StateWriter};

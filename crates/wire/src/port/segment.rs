@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Where the system keeps POSIX shared memory.
-const SHM_DIR: &str = "/dev/shm";
+pub(crate) const SHM_DIR: &str = "/dev/shm";
 /// The smallest page of any machine we run on.
 const PAGE_BYTES: usize = 4096;
 
@@ -29,9 +29,35 @@ pub(crate) fn reserve(bus: &Bus, topic: &Topic, writer_id: u128) -> Result<(), W
     // SAFETY: the descriptor is open for writing for the whole call; the range is the file's own length.
     let code = unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, length as libc::off_t) };
     match code {
-        0 => Ok(()),
+        0 => require_headroom(topic.name(), length),
         code => Err(no_memory(length, std::io::Error::from_raw_os_error(code).to_string())),
     }
+}
+
+/// Connections and management data come and go with every program; they are small, but they are sparse too.
+const HEADROOM_BYTES: u64 = 1 << 20;
+
+/// Refuses to go on when less than [`HEADROOM_BYTES`] are left for what programs need beside their samples.
+pub(crate) fn require_headroom(whom: &str, reserved_bytes: u64) -> Result<(), WireError> {
+    match free_bytes() {
+        Some(free) if free < HEADROOM_BYTES => Err(WireError::NoMemory {
+            topic: whom.to_owned(),
+            needed_bytes: reserved_bytes + HEADROOM_BYTES,
+            cause: format!("{free} bytes are left, {HEADROOM_BYTES} are needed beside the samples"),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Free space where shared memory lives; `None` where the system does not say.
+fn free_bytes() -> Option<u64> {
+    let path = std::ffi::CString::new(SHM_DIR).ok()?;
+    // SAFETY: all-zero is a valid statvfs; the path is a C string that lives across the call.
+    let (code, status) = unsafe {
+        let mut status: libc::statvfs = std::mem::zeroed();
+        (libc::statvfs(path.as_ptr(), &mut status), status)
+    };
+    (code == 0).then(|| status.f_bavail.saturating_mul(status.f_frsize))
 }
 
 /// Maps the pages of the writer's data segment into this process ahead of their first use, so that no page fault falls

@@ -51,7 +51,8 @@ impl Args {
         let actuator = self.actuator()?;
         let stop = stop_flag()?;
         let name = format!("demo_{}", std::process::id());
-        let bus = Bus::open(&Domain { root: Domain::from_env().root, ..Domain::named(&name) })?;
+        let domain = Domain { root: Domain::from_env().root, ..Domain::named(&name) };
+        let bus = Bus::open(&domain)?;
 
         let mut twin = Daemon::start("twin", &self.twin_arguments(&name))?;
         twin.wait_ready(&stop)?;
@@ -63,6 +64,8 @@ impl Args {
         twin.stop()?;
 
         let summary = watch.summary(reason);
+        drop(bus);
+        domain.remove_leftovers()?; // the domain was made for this run
         if self.json { say::json(&summary) } else { summary.print() }
     }
 
