@@ -38,7 +38,7 @@ pub enum ModelFileError {
         /// First bytes.
         found: Vec<u8>,
     },
-    /// Written by a newer program.
+    /// Written by a newer program (or by none: there is no version 0).
     #[error(
         "the model file has version {found}; this program reads up to {VERSION}: update it, or train the model again"
     )]
@@ -193,7 +193,7 @@ impl<R: Read + Seek> ModelReader<R> {
         }
         fits("the preamble", ALIGN as u64 + TRAILER, length)?;
         let version = u32::from_le_bytes([preamble[8], preamble[9], preamble[10], preamble[11]]);
-        if version > VERSION {
+        if version == 0 || version > VERSION {
             return Err(ModelFileError::Newer { found: version });
         }
         let mut word = [0; 8];

@@ -66,8 +66,10 @@ fn merge(
         let difference = relative_difference(database.snapshot(twin), database.snapshot(i));
         if difference <= MERGE_TOLERANCE + 10.0 * distance(twin, i) {
             remarks.push(format!(
-                "case {} repeats case {} (fields differ by {difference:.1e}); merged",
-                b.name, a.name
+                "case {} is as good as case {} (inputs {:.0e} of the range apart, fields {difference:.0e}); merged",
+                b.name,
+                a.name,
+                distance(twin, i)
             ));
         } else {
             contradictions.push(format!(
