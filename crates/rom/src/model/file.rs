@@ -40,7 +40,7 @@ pub enum ModelFileError {
     },
     /// Written by a newer program (or by none: there is no version 0).
     #[error(
-        "the model file has version {found}; this program reads up to {VERSION}: update it, or train the model again"
+        "the model file has version {found}; this program reads 1 to {VERSION}: update it, or train the model again"
     )]
     Newer {
         /// Version in the file.
