@@ -5,6 +5,7 @@
 
 use formats::database::Scene;
 
+mod bench;
 mod demo;
 mod echo;
 mod evaluate;
@@ -76,4 +77,5 @@ commands! {
     Plot => plot,
     Render => render,
     View => view,
+    Bench => bench,
 }

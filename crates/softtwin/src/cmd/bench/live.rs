@@ -1,0 +1,223 @@
+//! End to end: `softtwind bridge` and `softtwind twin` as processes, this process as the reader.
+
+mod process;
+mod scene;
+
+use super::measure::{Quantiles, Series};
+use crate::progress::Progress;
+use process::Daemons;
+use rom::model::Model;
+use scene::Folder;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+use wire::{Bus, Domain, FieldReader, Reader, State, Topic, Wake, WakeSet, Wakeable, now_ns};
+
+/// What the reader gets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Payload {
+    /// Coefficients, force, gradients, bars.
+    StateOnly,
+    /// Fields of the tip.
+    Tip,
+    /// Fields of the surface.
+    Surface,
+    /// Fields of all nodes.
+    All,
+}
+
+/// How twin and reader wait.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WakeUp {
+    /// Asleep until notified.
+    Event,
+    /// Spinning, one core each.
+    BusyPoll,
+}
+
+/// One row of the table: quantiles in microseconds, from the reading's stamp to the reader's hands.
+#[derive(Debug, Clone, Serialize)]
+pub struct EndToEnd {
+    /// Readings a second.
+    pub rate_hz: f64,
+    /// What is read.
+    pub payload: Payload,
+    /// How twin and reader wait.
+    pub wake: WakeUp,
+    /// Quantiles, us.
+    #[serde(flatten)]
+    pub latency_us: Quantiles,
+    /// Samples received.
+    pub received: usize,
+    /// Readings between the first and the last sample that no sample answered.
+    pub lost: u64,
+}
+
+/// A row with its distribution, or why there is none.
+pub enum Row {
+    /// Measured.
+    Done(EndToEnd, Series),
+    /// Could not be measured.
+    Failed(String),
+}
+
+impl Row {
+    /// The distribution.
+    pub fn series(&self) -> Option<Series> {
+        match self {
+            Self::Done(_, series) => Some(series.clone()),
+            Self::Failed(_) => None,
+        }
+    }
+}
+
+/// Rows that were measured, and remarks on those that were not.
+pub fn split(rows: &[Row]) -> (Vec<EndToEnd>, Vec<String>) {
+    let done = rows.iter().filter_map(|row| match row {
+        Row::Done(row, _) => Some(row.clone()),
+        Row::Failed(_) => None,
+    });
+    let failed = rows.iter().filter_map(|row| match row {
+        Row::Done(..) => None,
+        Row::Failed(text) => Some(text.clone()),
+    });
+    (done.collect(), failed.collect())
+}
+
+const RATES_HZ: [f64; 3] = [100.0, 1000.0, 4000.0];
+const PAYLOADS: [Payload; 4] = [Payload::StateOnly, Payload::Tip, Payload::Surface, Payload::All];
+const WAKES: [WakeUp; 2] = [WakeUp::Event, WakeUp::BusyPoll];
+/// Samples left out at the start of a row: the daemons' first turns touch cold memory.
+const WARM_UP: Duration = Duration::from_millis(300);
+/// How long the first sample may take.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Measures all rows, `seconds` each.
+pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Result<Vec<Row>> {
+    let Some(daemon) = process::daemon() else {
+        let text = "end to end: no softtwind beside this program; build it with `cargo build --release -p softtwind`";
+        return Ok(vec![Row::Failed(text.into())]);
+    };
+    let folder = Folder::create(model)?;
+    let mut rows = Vec::new();
+    for wake in WAKES {
+        for rate_hz in RATES_HZ {
+            for payload in PAYLOADS {
+                let name = format!("{rate_hz} Hz, {payload:?}, {wake:?}");
+                progress.step(&format!("end to end: {name}"));
+                let settings = scene::Row { rate_hz, payload, wake };
+                rows.push(match row(&daemon, &folder, settings, seconds) {
+                    Ok((row, series)) => Row::Done(row, series),
+                    Err(error) => Row::Failed(format!("end to end, {name}: {error:#}")),
+                });
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn row(
+    daemon: &std::path::Path,
+    folder: &Folder,
+    settings: scene::Row,
+    seconds: f64,
+) -> anyhow::Result<(EndToEnd, Series)> {
+    let files = folder.write(settings)?;
+    let domain = format!("bench{}", std::process::id());
+    let bus = Bus::open(&Domain::named(&domain))?;
+    let port = Port::attach(&bus, settings.payload)?;
+    let mut daemons = Daemons::start(daemon, &domain, &files)?;
+    let series =
+        Series::new(format!("{} Hz {:?} {:?}", settings.rate_hz, settings.payload, settings.wake), 0);
+    let received = Listener { port, series, first: None, last: 0 }.listen(settings, seconds, &mut daemons);
+    daemons.stop();
+    let listener = received?;
+    let (first, last) = (listener.first.unwrap_or(0), listener.last);
+    let row = EndToEnd {
+        rate_hz: settings.rate_hz,
+        payload: settings.payload,
+        wake: settings.wake,
+        latency_us: listener.series.quantiles(),
+        received: listener.series.len(),
+        lost: (last - first + 1).saturating_sub(listener.series.len() as u64),
+    };
+    Ok((row, listener.series))
+}
+
+/// The topic that is read.
+enum Port {
+    State(Reader<State>),
+    Field(FieldReader),
+}
+
+impl Port {
+    fn attach(bus: &Bus, payload: Payload) -> anyhow::Result<Self> {
+        let field =
+            |set| anyhow::Ok(Self::Field(FieldReader::attach(bus, &Topic::field(scene::ACTUATOR, set)?)?));
+        match payload {
+            Payload::StateOnly => Ok(Self::State(Reader::attach(bus, &Topic::state(scene::ACTUATOR)?)?)),
+            Payload::Tip => field(Some(scene::TIP)),
+            Payload::Surface => field(Some(scene::SURFACE)),
+            Payload::All => field(None),
+        }
+    }
+
+    fn wakeable(&self) -> &dyn Wakeable {
+        match self {
+            Self::State(reader) => reader,
+            Self::Field(reader) => reader,
+        }
+    }
+
+    /// Sensor number and stamp of the next sample.
+    fn next(&self) -> anyhow::Result<Option<(u64, u64)>> {
+        Ok(match self {
+            Self::State(reader) => reader.next()?.map(|state| (state.sensor_seq, state.t_sensor_ns)),
+            Self::Field(reader) => {
+                reader.next()?.map(|field| (field.header().sensor_seq, field.header().t_sensor_ns))
+            }
+        })
+    }
+}
+
+/// Reads until the time is over.
+struct Listener {
+    port: Port,
+    series: Series,
+    first: Option<u64>,
+    last: u64,
+}
+
+impl Listener {
+    fn listen(mut self, row: scene::Row, seconds: f64, daemons: &mut Daemons) -> anyhow::Result<Self> {
+        let mut wakes = WakeSet::new([self.port.wakeable()]);
+        let started = Instant::now();
+        let mut begin: Option<Instant> = None;
+        loop {
+            if row.wake == WakeUp::Event {
+                let wake = wakes.wait([self.port.wakeable()], Duration::from_millis(100))?;
+                anyhow::ensure!(wake != Wake::Signal, "interrupted");
+            }
+            while let Some((seq, t_sensor_ns)) = self.port.next()? {
+                let latency_ns = now_ns().saturating_sub(t_sensor_ns);
+                let begin = *begin.get_or_insert_with(|| Instant::now() + WARM_UP);
+                if Instant::now() >= begin {
+                    self.first.get_or_insert(seq);
+                    self.last = seq;
+                    self.series.push(latency_ns);
+                }
+            }
+            match begin {
+                Some(begin) if Instant::now() >= begin + Duration::from_secs_f64(seconds) => break,
+                Some(_) => {}
+                None => {
+                    daemons.check()?;
+                    anyhow::ensure!(started.elapsed() < PATIENCE, "nothing received in {PATIENCE:?}");
+                }
+            }
+        }
+        anyhow::ensure!(self.series.len() > 0, "nothing received after the warm-up");
+        Ok(self)
+    }
+}

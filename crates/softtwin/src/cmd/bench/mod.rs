@@ -1,0 +1,96 @@
+//! `softtwin bench`: what a twin costs on this machine, against what the machine can do.
+
+mod compute;
+mod live;
+mod measure;
+mod picture;
+mod report;
+mod scale;
+mod synthetic;
+
+use crate::failure::usage;
+use crate::progress::Progress;
+use crate::{artefact, say};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  Everything, with a synthetic model of full size (25,022 nodes, 6 modes a field); about two minutes:
+    softtwin bench
+  The trained model, for a script, with a picture of the distributions:
+    softtwin bench --model models/pneunet/pneunet.twin --json --picture latency.svg
+  Computation only, no processes:
+    softtwin bench --no-live
+  Cost against nodes, modes, actuators and subscribers (takes up to 3 GB of memory):
+    softtwin bench --scale
+
+All columns of a table are measured in turn inside one loop, so that a disturbance hits all of them: trust ratios of one
+run, not figures of two runs. `evicted` walks through more memory than the caches hold before each call. The end-to-end
+rows start `softtwind bridge` and `softtwind twin` (expected beside this program) and read in this third process; the
+latency runs from the reading's stamp in the bridge to the field in the reader's hands.
+Use a release build: cargo build --release -p softtwin -p softtwind";
+
+/// Measure kernel, prediction and the way from sensor to reader on this machine.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Model to measure; a synthetic one of full size when left out.
+    #[arg(long, value_name = "FILE.twin")]
+    model: Option<PathBuf>,
+    /// Samples of each computation.
+    #[arg(long, value_name = "N", default_value_t = 2000)]
+    samples: usize,
+    /// Seconds of each end-to-end row.
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    seconds: f64,
+    /// Leave the end-to-end rows out.
+    #[arg(long)]
+    no_live: bool,
+    /// Measure cost against nodes, modes, actuators and subscribers instead.
+    #[arg(long, conflicts_with_all = ["model", "picture"])]
+    scale: bool,
+    /// One JSON object on standard output.
+    #[arg(long)]
+    json: bool,
+    /// Write the distributions as a picture.
+    #[arg(long, value_name = "FILE.svg|png")]
+    picture: Option<PathBuf>,
+}
+
+impl Args {
+    /// Measures and prints.
+    pub fn run(self) -> anyhow::Result<()> {
+        self.check()?;
+        let mut progress = Progress::new(false);
+        if self.scale {
+            let study = scale::run(&mut progress)?;
+            drop(progress);
+            return if self.json { say::json(&study) } else { report::scale(&study) };
+        }
+        progress.step("preparing the model");
+        let model = match &self.model {
+            Some(path) => artefact::model(path)?,
+            None => synthetic::model()?,
+        };
+        let (compute, mut series) = compute::run(&model, self.samples, &mut progress)?;
+        let rows = if self.no_live { Vec::new() } else { live::run(&model, self.seconds, &mut progress)? };
+        drop(progress);
+        if let Some(path) = &self.picture {
+            series.extend(rows.iter().filter_map(live::Row::series));
+            picture::draw(path, &series)?;
+        }
+        let (end_to_end, notes) = live::split(&rows);
+        let report = report::Report::new(compute, end_to_end, notes);
+        if self.json { say::json(&report) } else { report.print() }
+    }
+
+    fn check(&self) -> anyhow::Result<()> {
+        if self.samples < 10 {
+            return Err(usage(format!("--samples: expected at least 10, found {}", self.samples)));
+        }
+        if !(self.seconds.is_finite() && self.seconds >= 0.5) {
+            return Err(usage(format!("--seconds: expected at least 0.5, found {}", self.seconds)));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,144 @@
+//! What is printed.
+
+use super::compute::{Compute, Kernel};
+use super::live::EndToEnd;
+use super::scale::Study;
+use crate::say;
+use serde::Serialize;
+
+/// The whole result.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    #[serde(flatten)]
+    compute: Compute,
+    end_to_end: Vec<EndToEnd>,
+    /// What could not be measured.
+    notes: Vec<String>,
+}
+
+impl Report {
+    /// Puts the parts together.
+    pub fn new(compute: Compute, end_to_end: Vec<EndToEnd>, notes: Vec<String>) -> Self {
+        Self { compute, end_to_end, notes }
+    }
+
+    /// Tables for people.
+    pub fn print(&self) -> anyhow::Result<()> {
+        let c = &self.compute;
+        let (nodes, fields, entries, isa) = (c.nodes, c.fields, c.entries, &c.isa);
+        say!("{nodes} nodes x {fields} fields = {entries} entries, {} coefficients, {isa}", c.coefficients)?;
+        say!("one core reads the basis at {:.1} GB/s; medians in microseconds", c.read_gbps)?;
+        say!("")?;
+        say!("kernel     bytes      warm   evicted  GB/s   of reading alone (warm, evicted)")?;
+        kernel("f32", &c.kernel.f32)?;
+        kernel("i16", &c.kernel.i16)?;
+        let (f32, i16) = (&c.kernel.f32, &c.kernel.i16);
+        let (warm, evicted) = (f32.warm_us_p50 / i16.warm_us_p50, f32.evicted_us_p50 / i16.evicted_us_p50);
+        say!("i16 is {warm:.2}x as fast warm, {evicted:.2}x evicted")?;
+        say!("")?;
+        let beyond = c.predict_us_p50 - f32.warm_us_p50;
+        say!("input to full field     {:8.2}   (kernel + {beyond:.2})", c.predict_us_p50)?;
+        say!("input to {:4} nodes      {:8.2}", c.tip_nodes, c.tip_us_p50)?;
+        say!("state only              {:8.2}", c.state_only_us_p50)?;
+        self.print_end_to_end()
+    }
+
+    fn print_end_to_end(&self) -> anyhow::Result<()> {
+        if !self.end_to_end.is_empty() {
+            say!("")?;
+            say!("sensor stamp to reader, us      p50      p99    p99.9      max  received  lost")?;
+        }
+        for row in &self.end_to_end {
+            let name = format!("{:.0} Hz {:?} {:?}", row.rate_hz, row.payload, row.wake);
+            let q = &row.latency_us;
+            let (p50, p99, p999, max) = (q.p50, q.p99, q.p999, q.max);
+            let (received, lost) = (row.received, row.lost);
+            say!("{name:26} {p50:8.1} {p99:8.1} {p999:8.1} {max:8.1}  {received:8}  {lost:4}")?;
+        }
+        for note in &self.notes {
+            say!("not measured: {note}")?;
+        }
+        Ok(())
+    }
+}
+
+fn kernel(name: &str, k: &Kernel) -> anyhow::Result<()> {
+    let evicted_share = 100.0 * k.evicted_read_us_p50 / k.evicted_us_p50;
+    say!(
+        "{name:6} {:9} {:9.1} {:9.1} {:5.1}   {:3.0} %, {evicted_share:3.0} %",
+        k.bytes,
+        k.warm_us_p50,
+        k.evicted_us_p50,
+        k.gbps,
+        100.0 * k.share_of_read
+    )?;
+    Ok(())
+}
+
+/// The tables of the scale study, as they stand in docs/scale.md.
+pub fn scale(study: &Study) -> anyhow::Result<()> {
+    say!("caches of this core: {}", study.caches)?;
+    say!("")?;
+    say!(
+        "| nodes | basis f32 | f32, us | i16, us | reading alone, us | f32 GB/s | us a 1000 nodes | actuators a core at 1 kHz |"
+    )?;
+    say!("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
+    for row in &study.nodes {
+        say!(
+            "| {} | {} | {:.2} | {:.2} | {:.2} | {:.1} | {:.2} | {} |",
+            row.nodes,
+            bytes(row.bytes),
+            row.f32_us,
+            row.i16_us,
+            row.read_us,
+            row.gbps,
+            1e3 * row.f32_us / row.nodes as f64,
+            row.actuators_at_1khz
+        )?;
+    }
+    say!("")?;
+    say!("| modes a field | basis f32 | f32, us | i16, us | f32 GB/s |")?;
+    say!("| ---: | ---: | ---: | ---: | ---: |")?;
+    for row in &study.modes {
+        say!(
+            "| {} | {} | {:.1} | {:.1} | {:.1} |",
+            row.modes,
+            bytes(row.bytes),
+            row.f32_us,
+            row.i16_us,
+            row.gbps
+        )?;
+    }
+    say!("")?;
+    say!(
+        "| actuators in one twin | bases together | full field, us each | tip and force, us each | share of a core, tips at 1 kHz |"
+    )?;
+    say!("| ---: | ---: | ---: | ---: | ---: |")?;
+    for row in &study.actuators {
+        let share = row.actuators as f64 * row.tip_us / 10.0;
+        say!(
+            "| {} | {} | {:.1} | {:.2} | {share:.1} % |",
+            row.actuators,
+            bytes(row.bytes),
+            row.full_us,
+            row.tip_us
+        )?;
+    }
+    say!("")?;
+    say!("| subscribers of a full field | loan, us | send and wake, us |")?;
+    say!("| ---: | ---: | ---: |")?;
+    for row in &study.subscribers {
+        say!("| {} | {:.2} | {:.2} |", row.subscribers, row.loan_us, row.send_us)?;
+    }
+    Ok(())
+}
+
+/// Bytes in the unit that reads best.
+fn bytes(count: usize) -> String {
+    let count = count as f64;
+    match count {
+        c if c < 1e6 => format!("{:.0} kB", c / 1e3),
+        c if c < 1e9 => format!("{:.1} MB", c / 1e6),
+        c => format!("{:.2} GB", c / 1e9),
+    }
+}
