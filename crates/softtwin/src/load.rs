@@ -24,7 +24,8 @@ impl LoadedModel {
         let bytes = std::fs::read(path).with_context(|| {
             format!("cannot read the model; make one with `softtwin train`: {}", path.display())
         })?;
-        let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
+        let model =
+            Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
         let hash = *bytes.last_chunk::<32>().context("the model file has no hash")?;
         Ok(Self { path: path.to_owned(), model, hash })
     }

@@ -30,10 +30,12 @@ pub(super) fn weights(known: &[Vec<i32>], basis: &[usize], target: &[i32]) -> Ve
         row[k] += 1e-12 * row[k] + 1.0;
     }
     for k in 0..n {
-        for below in k + 1..n {
-            let factor = rows[below][k] / rows[k][k];
-            for column in k..=n {
-                rows[below][column] -= factor * rows[k][column];
+        let (above, below) = rows.split_at_mut(k + 1);
+        let pivot = &above[k];
+        for row in below {
+            let factor = row[k] / pivot[k];
+            for (value, p) in row[k..].iter_mut().zip(&pivot[k..]) {
+                *value -= factor * p;
             }
         }
     }

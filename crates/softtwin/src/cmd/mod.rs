@@ -15,12 +15,12 @@ mod inspect;
 mod list;
 mod plot;
 mod predict;
+mod render;
 mod report;
 mod sample;
 mod scene;
 mod simulate;
 mod trace;
-mod render;
 mod train;
 mod view;
 

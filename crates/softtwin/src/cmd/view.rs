@@ -59,7 +59,8 @@ impl Args {
         let key = KeyExpr::new(&self.key).map_err(|error| usage(format!("--key {:?}: {error}", self.key)))?;
         let models = self.model.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
         let catalogue = Arc::new(Catalogue::new(models)?);
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("no web runtime")?;
+        let runtime =
+            tokio::runtime::Builder::new_current_thread().enable_all().build().context("no web runtime")?;
         runtime.block_on(self.serve(key, catalogue))
     }
 

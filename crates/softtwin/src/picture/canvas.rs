@@ -50,7 +50,8 @@ impl Canvas {
         let width = other.width.min(self.width.saturating_sub(x));
         for row in 0..other.height.min(self.height.saturating_sub(y)) {
             let to = (y + row) * self.width + x;
-            self.pixels[to..to + width].copy_from_slice(&other.pixels[row * other.width..row * other.width + width]);
+            self.pixels[to..to + width]
+                .copy_from_slice(&other.pixels[row * other.width..row * other.width + width]);
         }
     }
 
@@ -59,8 +60,9 @@ impl Canvas {
     /// # Errors
     /// When the file cannot be made or written.
     pub fn write_png(&self, path: &Path) -> Result<()> {
-        let file = std::fs::File::create(path)
-            .with_context(|| format!("cannot create the picture; give --out a folder that exists: {}", path.display()))?;
+        let file = std::fs::File::create(path).with_context(|| {
+            format!("cannot create the picture; give --out a folder that exists: {}", path.display())
+        })?;
         let mut encoder = png::Encoder::new(BufWriter::new(file), self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
@@ -83,7 +85,8 @@ mod tests {
         canvas.blend(-1, 0, [255; 3], 1.0);
         canvas.blend(0, 7, [255; 3], 1.0);
         canvas.paste(2, 1, &Canvas::new(9, 1, [5; 3]));
-        let expected = [[0; 3], [0; 3], [0; 3], [0; 3], [0; 3], [0; 3], [5; 3], [5; 3], [0; 3], [0; 3], [0; 3], [9; 3]];
+        let expected =
+            [[0; 3], [0; 3], [0; 3], [0; 3], [0; 3], [0; 3], [5; 3], [5; 3], [0; 3], [0; 3], [0; 3], [9; 3]];
         assert_eq!(canvas.pixels, expected);
     }
 
@@ -100,7 +103,8 @@ mod tests {
         canvas.fill(1, 1, 2, 2, [250, 128, 0]);
         let path = std::env::temp_dir().join(format!("softtwin-canvas-{}.png", std::process::id()));
         canvas.write_png(&path).expect("the temporary folder is writable");
-        let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&path).expect("just written")));
+        let decoder =
+            png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&path).expect("just written")));
         let mut reader = decoder.read_info().expect("a PNG");
         let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
         reader.next_frame(&mut bytes).expect("one frame");

@@ -88,7 +88,7 @@ fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>) -> Drawn<B> 
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
-        .bold_line_style(if panel.map.is_some() { TRANSPARENT.into() } else { BLACK.mix(0.12) })
+        .bold_line_style(if panel.map.is_some() { TRANSPARENT } else { BLACK.mix(0.12) })
         .x_labels(x_labels)
         .y_labels(y_labels)
         .x_label_formatter(&|v| panel.x.text(*v))

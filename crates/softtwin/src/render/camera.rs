@@ -62,7 +62,12 @@ pub struct Window {
 
 impl Window {
     /// The smallest window of the given pixels around all points, with a margin as a share of the size.
-    pub fn around(camera: &Camera, points: impl Iterator<Item = Vec3>, pixels: [usize; 2], margin: f32) -> Self {
+    pub fn around(
+        camera: &Camera,
+        points: impl Iterator<Item = Vec3>,
+        pixels: [usize; 2],
+        margin: f32,
+    ) -> Self {
         let mut low = [f32::INFINITY; 2];
         let mut high = [f32::NEG_INFINITY; 2];
         for point in points.map(|p| camera.project(p)).filter(|p| p.iter().all(|v| v.is_finite())) {
@@ -72,7 +77,10 @@ impl Window {
             }
         }
         let scale = |k: usize| (high[k] - low[k]).max(1e-3) * (1.0 + 2.0 * margin) / pixels[k].max(1) as f32;
-        Self { centre_mm: std::array::from_fn(|k| 0.5 * (low[k] + high[k])), mm_per_px: scale(0).max(scale(1)) }
+        Self {
+            centre_mm: std::array::from_fn(|k| 0.5 * (low[k] + high[k])),
+            mm_per_px: scale(0).max(scale(1)),
+        }
     }
 }
 

@@ -39,7 +39,12 @@ pub struct Raster {
 
 impl Raster {
     /// An empty picture of `width x height` pixels; `background` gives the linear colour for a height 0 (top) ..= 1.
-    pub fn new(camera: Camera, window: Window, pixels: [usize; 2], background: impl Fn(f32) -> [f32; 3]) -> Self {
+    pub fn new(
+        camera: Camera,
+        window: Window,
+        pixels: [usize; 2],
+        background: impl Fn(f32) -> [f32; 3],
+    ) -> Self {
         let (width, height) = (pixels[0] * SAMPLES, pixels[1] * SAMPLES);
         let rows = (0..height).flat_map(|y| std::iter::repeat_n(background(y as f32 / height as f32), width));
         Self {
@@ -75,7 +80,13 @@ impl Raster {
         ]
     }
 
-    fn fill(&mut self, corners: &[Corner; 3], at: [Vec3; 3], outlined: bool, shade: &impl Fn(&Hit) -> [f32; 3]) {
+    fn fill(
+        &mut self,
+        corners: &[Corner; 3],
+        at: [Vec3; 3],
+        outlined: bool,
+        shade: &impl Fn(&Hit) -> [f32; 3],
+    ) {
         let [a, b, c] = at;
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if area.abs() < 1e-9 {
@@ -121,8 +132,11 @@ impl Raster {
     fn is_outline(&self, x: usize, y: usize) -> bool {
         let index = y * self.width + x;
         let step = |other: usize| {
-            let (near, far) = (self.depth[index].max(self.depth[other]), self.depth[index].min(self.depth[other]));
-            (self.outlined[index] || self.outlined[other]) && near > f32::NEG_INFINITY && near - far > OUTLINE_MM
+            let (near, far) =
+                (self.depth[index].max(self.depth[other]), self.depth[index].min(self.depth[other]));
+            (self.outlined[index] || self.outlined[other])
+                && near > f32::NEG_INFINITY
+                && near - far > OUTLINE_MM
         };
         (x + 1 < self.width && step(index + 1)) || (y + 1 < self.height && step(index + self.width))
     }
@@ -203,7 +217,8 @@ mod tests {
         let mut raster = raster();
         let mut broken = triangle(0.0, [1.0; 3]);
         broken[0].position[1] = f32::NAN;
-        let outside = triangle(0.0, [1.0; 3]).map(|c| Corner { position: [c.position[0] + 1e6, 0.0, 0.0], ..c });
+        let outside =
+            triangle(0.0, [1.0; 3]).map(|c| Corner { position: [c.position[0] + 1e6, 0.0, 0.0], ..c });
         raster.draw(&[broken, outside], true, |_| [1.0; 3]);
         assert!(raster.finish().pixels.iter().all(|p| *p == [0; 3]));
     }

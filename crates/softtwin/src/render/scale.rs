@@ -25,7 +25,10 @@ impl Scale {
         }
         let rough = span / count.max(1) as f64;
         let power = 10_f64.powf(rough.log10().floor());
-        let factor = [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().find(|f| f * power >= rough * (1.0 - 1e-9)).unwrap_or(10.0);
+        let factor = [1.0, 2.0, 2.5, 5.0, 10.0]
+            .into_iter()
+            .find(|f| f * power >= rough * (1.0 - 1e-9))
+            .unwrap_or(10.0);
         let step = factor * power;
         let first = (f64::from(range[0]) / step - 1e-6).ceil() as i64;
         let last = (f64::from(range[1]) / step + 1e-6).floor() as i64;
@@ -40,7 +43,9 @@ impl Scale {
     /// The same range, widened outwards to whole ticks.
     pub fn rounded(range: [f32; 2], count: usize) -> Self {
         let scale = Self::new(range, count);
-        let [Some(first), Some(second)] = [scale.ticks.first(), scale.ticks.get(1)].map(Option::<&f32>::copied) else {
+        let [Some(first), Some(second)] =
+            [scale.ticks.first(), scale.ticks.get(1)].map(Option::<&f32>::copied)
+        else {
             return scale;
         };
         let step = second - first;
@@ -102,7 +107,10 @@ mod tests {
         let scale = Scale::new([0.0, 0.46], 4);
         assert_eq!(scale.ticks.iter().map(|t| scale.text(*t)).collect::<Vec<_>>(), ["0.0", "0.2", "0.4"]);
         let scale = Scale::new([-1.0, 1.0], 4);
-        assert_eq!(scale.ticks.iter().map(|t| scale.text(*t)).collect::<Vec<_>>(), ["-1.0", "-0.5", "0.0", "0.5", "1.0"]);
+        assert_eq!(
+            scale.ticks.iter().map(|t| scale.text(*t)).collect::<Vec<_>>(),
+            ["-1.0", "-0.5", "0.0", "0.5", "1.0"]
+        );
     }
 
     #[test]

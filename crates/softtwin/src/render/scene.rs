@@ -45,7 +45,14 @@ impl Scene<'_> {
     }
 
     /// Draws the scene.
-    pub fn draw(&self, camera: Camera, window: Window, pixels: [usize; 2], map: &ColourMap, theme: &Theme) -> Canvas {
+    pub fn draw(
+        &self,
+        camera: Camera,
+        window: Window,
+        pixels: [usize; 2],
+        map: &ColourMap,
+        theme: &Theme,
+    ) -> Canvas {
         let page = theme.panel.map(decode);
         let mut raster = Raster::new(camera, window, pixels, |_| page);
         let light = Light::of(&camera);
@@ -56,7 +63,9 @@ impl Scene<'_> {
         }
         let [low, high] = self.range;
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
-        raster.draw(&self.body.corners(), true, |hit| light.on(map.linear((hit.value - low) * scale), hit.normal));
+        raster.draw(&self.body.corners(), true, |hit| {
+            light.on(map.linear((hit.value - low) * scale), hit.normal)
+        });
         raster.finish()
     }
 }
@@ -103,10 +112,16 @@ struct Light {
 impl Light {
     fn of(camera: &Camera) -> Self {
         let towards = |right: f32, up: f32, near: f32| -> Vec3 {
-            unit(std::array::from_fn(|k| right * camera.right[k] + up * camera.up[k] + near * camera.toward[k]))
+            unit(std::array::from_fn(|k| {
+                right * camera.right[k] + up * camera.up[k] + near * camera.toward[k]
+            }))
         };
         let key = towards(-0.45, 0.75, 0.6);
-        Self { key, fill: towards(0.8, 0.1, 0.6), half: unit(std::array::from_fn(|k| key[k] + camera.toward[k])) }
+        Self {
+            key,
+            fill: towards(0.8, 0.1, 0.6),
+            half: unit(std::array::from_fn(|k| key[k] + camera.toward[k])),
+        }
     }
 
     /// A linear colour under this light; at most a tenth is added, so colours stay readable on the scale.
@@ -134,7 +149,8 @@ mod tests {
         let yellow = canvas.pixels.iter().filter(|p| p[0] > 200 && p[1] > 180 && p[2] < 120).count();
         assert!(yellow > 200, "{yellow} pixels at the top of the scale");
         assert_eq!(canvas.pixels[0], Theme::LIGHT.panel);
-        let grey = canvas.pixels.iter().filter(|p| p[0].abs_diff(p[2]) < 20 && **p != Theme::LIGHT.panel).count();
+        let grey =
+            canvas.pixels.iter().filter(|p| p[0].abs_diff(p[2]) < 20 && **p != Theme::LIGHT.panel).count();
         assert!(grey > 1000, "{grey} pixels of plate");
     }
 }

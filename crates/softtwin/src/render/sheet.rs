@@ -66,7 +66,8 @@ impl Sheet<'_> {
         let columns = self.rows.iter().map(|row| row.panels.len()).max().unwrap_or(0);
         let width = columns * (self.panel_px + gap) + gap;
         let heading = |row: &Row| if row.heading.is_empty() { 0 } else { line + gap / 2 };
-        let rows_px: usize = heights.iter().zip(&self.rows).map(|((_, h), row)| h + line + heading(row) + gap).sum();
+        let rows_px: usize =
+            heights.iter().zip(&self.rows).map(|((_, h), row)| h + line + heading(row) + gap).sum();
         let head = 2 * gap + (self.text_px * 1.45) as usize + line * 2;
         let mut canvas = Canvas::new(width, head + rows_px + gap, self.theme.page);
         self.draw_head(&mut canvas, &fonts, gap);
@@ -98,7 +99,8 @@ impl Sheet<'_> {
         let windows: Vec<Window> = self.rows.iter().map(around).collect();
         let mm_per_px = windows.iter().map(|w| w.mm_per_px).fold(1e-6, f32::max);
         let height = |row: &Row| {
-            let ups = row.panels.iter().flat_map(|panel| panel.scene.extent()).map(|p| self.camera.project(p)[1]);
+            let ups =
+                row.panels.iter().flat_map(|panel| panel.scene.extent()).map(|p| self.camera.project(p)[1]);
             let (low, high) = ups.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
             ((high - low).max(1.0) / mm_per_px) as usize + (2.0 * MARGIN * self.panel_px as f32) as usize
         };
@@ -126,10 +128,26 @@ impl Sheet<'_> {
             fonts.draw(canvas, gap as f32, y, &text, self.style(1.0, false, self.theme.faint));
         }
         let place = [canvas.width - bar_width - 2 * gap, gap];
-        self.scale.draw_bar(canvas, fonts, &self.map, &self.theme, place, bar_width, self.text_px, &self.bar_label);
+        self.scale.draw_bar(
+            canvas,
+            fonts,
+            &self.map,
+            &self.theme,
+            place,
+            bar_width,
+            self.text_px,
+            &self.bar_label,
+        );
     }
 
-    fn draw_panel(&self, canvas: &mut Canvas, fonts: &Fonts, panel: &Panel, window: &Window, place: [usize; 3]) {
+    fn draw_panel(
+        &self,
+        canvas: &mut Canvas,
+        fonts: &Fonts,
+        panel: &Panel,
+        window: &Window,
+        place: [usize; 3],
+    ) {
         let [left, top, height] = place;
         let pixels = [self.panel_px, height];
         // The title stands over the drawing, so the drawing is shifted down by half a line.
@@ -165,7 +183,8 @@ mod tests {
         };
         Sheet {
             title: "Two states".into(),
-            caption: "A caption that says what is seen here, long enough to need a second line of text.".into(),
+            caption: "A caption that says what is seen here, long enough to need a second line of text."
+                .into(),
             rows: vec![Row { heading: "gap".into(), panels: bodies.iter().map(panel).collect() }],
             bar_label: "von Mises stress (MPa)".into(),
             scale: Scale::new([0.0, 1.0], 4),

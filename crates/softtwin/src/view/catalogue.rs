@@ -119,9 +119,13 @@ impl Catalogue {
     /// # Errors
     /// The refusal for the user: no such model, or inputs beyond what any such actuator can have.
     pub fn predict(&self, model: usize, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<Vec<u8>, String> {
-        let known = self.models.get(model).ok_or_else(|| format!("there is no model {model}; start with --model FILE"))?;
+        let known = self
+            .models
+            .get(model)
+            .ok_or_else(|| format!("there is no model {model}; start with --model FILE"))?;
         let limit_mpa = 10.0 * known.card.pressure_mpa[1];
-        if !(0.0..=limit_mpa).contains(&pressure_mpa) || gap_mm.is_some_and(|gap| !(0.0..=1e4).contains(&gap)) {
+        if !(0.0..=limit_mpa).contains(&pressure_mpa) || gap_mm.is_some_and(|gap| !(0.0..=1e4).contains(&gap))
+        {
             return Err(format!(
                 "expected a pressure of 0 to {limit_mpa:.2} MPa and a gap of 0 to 10000 mm, found {pressure_mpa} MPa, {gap_mm:?} mm"
             ));
@@ -137,7 +141,8 @@ impl Known {
         let header = &loaded.model.header;
         let undeformed = loaded.undeformed_mm();
         let facets = loaded.facets();
-        let visible_facets = undeformed.as_ref().map_or_else(Vec::new, |nodes| visible_facets(nodes, &facets));
+        let visible_facets =
+            undeformed.as_ref().map_or_else(Vec::new, |nodes| visible_facets(nodes, &facets));
         let mut visible: Vec<u32> = visible_facets.as_flattened().to_vec();
         visible.sort_unstable();
         visible.dedup();
@@ -180,7 +185,8 @@ impl Oracle {
         let predictor = Predictor::new(&loaded.model, &selection)
             .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
         let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
-        let known = |name| wire::layout::field_id::from_name(name).map_or("other", wire::layout::field_id::as_str);
+        let known =
+            |name| wire::layout::field_id::from_name(name).map_or("other", wire::layout::field_id::as_str);
         Ok(Self {
             evaluation: predictor.evaluation(),
             values: vec![0.0; predictor.entries()],

@@ -25,7 +25,7 @@ enum Request {
 /// What a page is told besides frames.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
-enum Notice<'a> {
+enum Told<'a> {
     Hello { version: &'a str, models: Vec<&'a Card> },
     Notice { text: &'a str },
     Refused { text: String },
@@ -47,7 +47,8 @@ pub async fn serve(mut socket: WebSocket, catalogue: &Catalogue, hub: &Hub) {
         let _gone_anyway = close(&mut socket, text).await;
         return;
     };
-    let mut page = Page { socket, catalogue, hub, seen: 0, ready: false, second: Instant::now(), messages: 0 };
+    let mut page =
+        Page { socket, catalogue, hub, seen: 0, ready: false, second: Instant::now(), messages: 0 };
     if let Err(End::Refused(text)) = page.talk().await {
         let _gone_anyway = close(&mut page.socket, text).await;
     }
@@ -72,14 +73,15 @@ impl Page<'_> {
     async fn talk(&mut self) -> Result<(), End> {
         let models = self.catalogue.cards();
         let known = !models.is_empty();
-        self.tell(&Notice::Hello { version: env!("CARGO_PKG_VERSION"), models }).await?;
+        self.tell(&Told::Hello { version: env!("CARGO_PKG_VERSION"), models }).await?;
         let catalogue = self.catalogue;
         for mesh in catalogue.meshes() {
             self.send(Message::Binary(Bytes::copy_from_slice(mesh))).await?;
         }
         if !known {
-            let text = "No model was given, so the surface is unknown and nodes are drawn as points (--model FILE)";
-            self.tell(&Notice::Notice { text }).await?;
+            let text =
+                "No model was given, so the surface is unknown and nodes are drawn as points (--model FILE)";
+            self.tell(&Told::Notice { text }).await?;
         }
         let mut newest = self.hub.watch();
         loop {
@@ -115,7 +117,7 @@ impl Page<'_> {
                 Ok(Request::Predict { model, pressure_mpa, gap_mm }) => {
                     match self.catalogue.predict(model, pressure_mpa, gap_mm) {
                         Ok(frame) => self.send(Message::Binary(frame.into())).await,
-                        Err(text) => self.tell(&Notice::Refused { text }).await,
+                        Err(text) => self.tell(&Told::Refused { text }).await,
                     }
                 }
                 Err(_) => Err(End::Refused("this is not a message of softtwin view")),

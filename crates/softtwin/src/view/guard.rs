@@ -52,7 +52,9 @@ impl Guard {
         }
         match self {
             Self::Loopback if is_this_machine(host) => Ok(()),
-            Self::Loopback => Err("this viewer answers on localhost only; start it with --bind to open it to others"),
+            Self::Loopback => {
+                Err("this viewer answers on localhost only; start it with --bind to open it to others")
+            }
             Self::Token(token) => {
                 let given = query_token(uri).or_else(|| text(header::COOKIE).and_then(cookie_token));
                 if given.is_some_and(|given| same(given, token)) {
@@ -71,7 +73,10 @@ impl Guard {
 }
 
 fn is_this_machine(host: &str) -> bool {
-    let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|b| b.is_ascii_digit())).map_or(host, |h| h.0);
+    let name = host
+        .rsplit_once(':')
+        .filter(|(_, port)| port.bytes().all(|b| b.is_ascii_digit()))
+        .map_or(host, |h| h.0);
     matches!(name, "localhost" | "[::1]") || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
 }
 
@@ -130,11 +135,16 @@ mod tests {
         let guard = Guard::new("0.0.0.0".parse().expect("address"), None).expect("urandom");
         let token = guard.token().expect("not loopback").to_owned();
         assert_eq!(token.len(), 32);
-        assert_ne!(Guard::new("0.0.0.0".parse().expect("address"), None).expect("urandom").token(), Some(token.as_str()));
+        assert_ne!(
+            Guard::new("0.0.0.0".parse().expect("address"), None).expect("urandom").token(),
+            Some(token.as_str())
+        );
         let guard = Guard::Token("abc".into());
         assert!(asked(&guard, "/?x=1&token=abc", &[("host", "10.0.0.7:7411")]));
         assert!(asked(&guard, "/ws", &[("host", "10.0.0.7"), ("cookie", "a=b; softtwin_token=abc")]));
-        for (uri, cookie) in [("/", "a=b"), ("/?token=", "a=b"), ("/?token=abcd", "a=b"), ("/", "softtwin_token=abd")] {
+        for (uri, cookie) in
+            [("/", "a=b"), ("/?token=", "a=b"), ("/?token=abcd", "a=b"), ("/", "softtwin_token=abd")]
+        {
             assert!(!asked(&guard, uri, &[("host", "10.0.0.7"), ("cookie", cookie)]), "{uri} {cookie}");
         }
     }

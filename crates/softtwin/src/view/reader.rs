@@ -8,8 +8,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
-use wire::port::{FieldReader, StateReader};
-use wire::{Bus, Domain, FieldHeader, KeyExpr, State, Topic, TopicKind, WakeSet, Wakeable};
+use wire::{
+    Bus, Domain, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind, WakeSet, Wakeable,
+};
 
 /// Frames at most this often: a screen's rate.
 const TICK: Duration = Duration::from_millis(16);
@@ -38,8 +39,11 @@ struct Source {
     head: FrameHead,
     pace: Pace,
     /// Model and node places of the last field, looked up again when its header changes.
-    mesh: Option<([u8; 16], Option<(usize, Vec<u32>)>)>,
+    mesh: Option<([u8; 16], Option<Place>)>,
 }
+
+/// Model and the places of a field's nodes on its skin.
+type Place = (usize, Vec<u32>);
 
 /// Readings a second, from sequence numbers about a second apart.
 struct Pace {
@@ -102,9 +106,9 @@ impl Reader {
         live.sort_by_key(rank);
         for topic in live {
             let source = match topic.kind() {
-                TopicKind::Field | TopicKind::State => {
-                    sources.entry(topic.actuator().to_owned()).or_insert_with(|| Source::new(topic.actuator()))
-                }
+                TopicKind::Field | TopicKind::State => sources
+                    .entry(topic.actuator().to_owned())
+                    .or_insert_with(|| Source::new(topic.actuator())),
                 TopicKind::Sensor | TopicKind::Health => continue,
             };
             if let Err(error) = source.open(bus, &topic) {

@@ -83,7 +83,8 @@ impl Server {
     pub async fn run(self, stop: impl Future<Output = ()> + Send + 'static) -> Result<()> {
         let mut router = Router::new().route("/ws", any(websocket)).route("/colours", get(colours));
         for (path, kind, content) in PARTS {
-            router = router.route(path, get(move || async move { ([(header::CONTENT_TYPE, *kind)], *content) }));
+            router =
+                router.route(path, get(move || async move { ([(header::CONTENT_TYPE, *kind)], *content) }));
         }
         let router = router
             .with_state(Shared { catalogue: self.catalogue, hub: self.hub })

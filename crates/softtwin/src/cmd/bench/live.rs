@@ -10,7 +10,7 @@ use rom::model::Model;
 use scene::Folder;
 use serde::Serialize;
 use std::time::{Duration, Instant};
-use wire::{Bus, Domain, FieldReader, Reader, State, Topic, Wake, WakeSet, Wakeable, now_ns};
+use wire::{Bus, Domain, FieldReader, StateReader, Topic, Wake, WakeSet, Wakeable, now_ns};
 
 /// What the reader gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -147,7 +147,7 @@ fn row(
 
 /// The topic that is read.
 enum Port {
-    State(Reader<State>),
+    State(StateReader),
     Field(FieldReader),
 }
 
@@ -156,7 +156,7 @@ impl Port {
         let field =
             |set| anyhow::Ok(Self::Field(FieldReader::attach(bus, &Topic::field(scene::ACTUATOR, set)?)?));
         match payload {
-            Payload::StateOnly => Ok(Self::State(Reader::attach(bus, &Topic::state(scene::ACTUATOR)?)?)),
+            Payload::StateOnly => Ok(Self::State(StateReader::attach(bus, &Topic::state(scene::ACTUATOR)?)?)),
             Payload::Tip => field(Some(scene::TIP)),
             Payload::Surface => field(Some(scene::SURFACE)),
             Payload::All => field(None),

@@ -38,7 +38,7 @@ fn tail(sorted_us: &[f64]) -> Vec<(f64, f64)> {
     let count = sorted_us.len();
     let step = (count / POINTS).max(1);
     // The rare end is what matters: every sample of the last percent is drawn.
-    let drawn = |i: &usize| i % step == 0 || i * 100 >= count * 99;
+    let drawn = |i: &usize| i.is_multiple_of(step) || i * 100 >= count * 99;
     (0..count).filter(drawn).map(|i| (sorted_us[i], (count - i) as f64 / count as f64)).collect()
 }
 

@@ -64,7 +64,8 @@ fn shapes(loaded: &LoadedModel, regime: &RegimeModel, name: &str) -> Result<Vec<
     let field = header.fields.iter().position(|field| field.spec.name == name);
     let field = field.with_context(|| format!("the model has no field {name:?}"))? as u32;
     let block = loaded.model.f32_block(BlockKind::Modes { regime: regime.kind, field });
-    let block = block.with_context(|| format!("the field {name:?} is derived and has no modes of its own"))?;
+    let block =
+        block.with_context(|| format!("the field {name:?} is derived and has no modes of its own"))?;
     let modes = block.chunks_exact(header.node_count).take(MOST);
     Ok(modes
         .map(|mode| {
@@ -87,7 +88,8 @@ fn mean_state(loaded: &LoadedModel, regime: RegimeKind, shapes: &[Vec<f32>]) -> 
     let undeformed = loaded.undeformed_mm().context("the model does not know the undeformed mesh")?;
     let facets = visible_facets(&undeformed, &loaded.facets());
     let nodes_mm: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
-    let body = |shape: &Vec<f32>| Body { nodes_mm: nodes_mm.clone(), facets: facets.clone(), values: shape.clone() };
+    let body =
+        |shape: &Vec<f32>| Body { nodes_mm: nodes_mm.clone(), facets: facets.clone(), values: shape.clone() };
     Ok(shapes.iter().map(body).collect())
 }
 

@@ -47,12 +47,17 @@ impl Studio {
         let (Some(x), Some(y), Some(z), Some(shown)) = (at("x"), at("y"), at("z"), at(shown.name())) else {
             let known: Vec<&str> = fields.iter().map(|field| field.spec.name.as_str()).collect();
             let wanted = shown.name();
-            return Err(usage(format!("a picture needs the fields x, y, z, {wanted}; the model has {}", known.join(", "))));
+            return Err(usage(format!(
+                "a picture needs the fields x, y, z, {wanted}; the model has {}",
+                known.join(", ")
+            )));
         };
         let undeformed = loaded.undeformed_mm();
         let facets = undeformed.map_or_else(Vec::new, |nodes| visible_facets(&nodes, &loaded.facets()));
         if facets.is_empty() {
-            return Err(usage("the model knows no surface; train it on a database with a mesh (mesh.vtu) to draw it"));
+            return Err(usage(
+                "the model knows no surface; train it on a database with a mesh (mesh.vtu) to draw it",
+            ));
         }
         let predictor = Predictor::new(&loaded.model, &Selection::default())?;
         Ok(Self {
@@ -103,11 +108,13 @@ pub fn one(args: &Args, loaded: LoadedModel) -> Result<Canvas> {
 /// The paper's Fig. 9.
 pub fn fig9(args: &Args, loaded: LoadedModel) -> Result<Canvas> {
     let mut studio = Studio::new(&loaded, args.field)?;
-    let mut row = |gap: f64| FIG9_PRESSURES_MPA.iter().map(|pressure| studio.shoot(*pressure, Some(gap))).collect();
+    let mut row =
+        |gap: f64| FIG9_PRESSURES_MPA.iter().map(|pressure| studio.shoot(*pressure, Some(gap))).collect();
     let rows = FIG9_GAPS_MM.iter().map(|gap| row(*gap)).collect::<Result<Vec<Vec<Shot>>>>()?;
     let title = |_: usize, k: usize| format!("P = {} MPa", FIG9_PRESSURES_MPA[k]);
     let heading = |r: usize| format!("gap ΔH = {} mm", FIG9_GAPS_MM[r]);
-    let caption = "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
+    let caption =
+        "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
     draw(args, &rows, title, heading, "Three gaps, five pressures", caption)
 }
 
@@ -136,8 +143,10 @@ pub fn case(args: &Args) -> Result<Canvas> {
 fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
     let axis = |k: u8| database.coordinate(k).with_context(|| format!("the database has no coordinate {k}"));
     let [x, y, z] = [axis(0)?, axis(1)?, axis(2)?].map(|field| database.field(index, field));
-    let shown = database.fields.iter().position(|field| field.name == shown.name()).context("no such field")?;
-    let undeformed = database.undeformed_mm.as_ref().context("the database has no mesh.vtu, so no surface to draw")?;
+    let shown =
+        database.fields.iter().position(|field| field.name == shown.name()).context("no such field")?;
+    let undeformed =
+        database.undeformed_mm.as_ref().context("the database has no mesh.vtu, so no surface to draw")?;
     let undeformed: Vec<[f32; 3]> = undeformed.iter().map(|p| p.map(|v| v as f32)).collect();
     let case = &database.cases[index];
     let drawn = |gap: f64| {
@@ -165,7 +174,10 @@ fn draw(
     headline: &str,
     caption: &str,
 ) -> Result<Canvas> {
-    let shown = rows.iter().flatten().flat_map(|shot| shot.body.facets.as_flattened().iter().map(|n| shot.body.values[*n as usize]));
+    let shown = rows
+        .iter()
+        .flatten()
+        .flat_map(|shot| shot.body.facets.as_flattened().iter().map(|n| shot.body.values[*n as usize]));
     let largest = shown.filter(|value| value.is_finite()).fold(0.0, f32::max);
     let scale = args.range.map_or_else(|| Scale::rounded([0.0, largest], 5), |range| Scale::new(range, 5));
     let panel = |shot: &'_ Shot, r: usize, k: usize| -> (String, String) {

@@ -93,6 +93,7 @@ impl Folder {
                 name: ACTUATOR.into(),
                 model: "bench.twin".into(),
                 gap_mm: Gap::default(),
+                backlog: 1,
                 source: Some(SourceSpec::Simulate(source)),
                 state: StateSpec::default(),
                 outputs,
