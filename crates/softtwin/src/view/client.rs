@@ -137,7 +137,7 @@ impl Page<'_> {
         if self.messages > MAX_MESSAGES { Err(End::Refused("too many messages a second")) } else { Ok(()) }
     }
 
-    async fn tell(&mut self, notice: &Notice<'_>) -> Result<(), End> {
+    async fn tell(&mut self, notice: &Told<'_>) -> Result<(), End> {
         let text = serde_json::to_string(notice).map_err(|_| End::Gone)?;
         self.send(Message::Text(text.into())).await
     }
