@@ -184,9 +184,9 @@ fn cavity_load_and_tangent_are_derivatives_of_the_volume() {
                 assert!((slope - here.gradient[b][j]).abs() < 1.0e-7);
                 for a in 0..6 {
                     let block = skew(here.hessian[a][b]);
-                    for i in 0..3 {
+                    for (i, row) in block.iter().enumerate() {
                         let measured = (up.gradient[a][i] - down.gradient[a][i]) / (2.0 * STEP);
-                        assert!((measured + block[i][j]).abs() < 1.0e-7, "{load:?} {a}{i} {b}{j}");
+                        assert!((measured + row[j]).abs() < 1.0e-7, "{load:?} {a}{i} {b}{j}");
                     }
                 }
             }

@@ -20,6 +20,7 @@ mod report;
 mod sample;
 mod scene;
 mod simulate;
+mod stability;
 mod trace;
 mod train;
 mod view;
@@ -78,4 +79,5 @@ commands! {
     Render => render,
     View => view,
     Bench => bench,
+    Stability => stability,
 }

@@ -1,5 +1,6 @@
 //! Figs. 7 and 8 (cases A-D), appendix A (E-H), appendix B (nearest sample), and states nobody picked.
 
+use super::Folder;
 use super::published::{self, Case as Published};
 use super::study::{REGIMES, Study, percent};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
@@ -7,15 +8,14 @@ use rom::evaluate::{CaseReport, spread};
 use rom::hull::Verdict;
 use rom::snapshots::{Case, FieldKind, RegimeKind, Split};
 use std::fmt::Write as _;
-use std::path::Path;
 
-pub fn section(study: &Study, out: &Path) -> anyhow::Result<String> {
+pub fn section(study: &Study, out: &Folder) -> anyhow::Result<String> {
     let mut page = String::from("\n## Test cases (the paper's Figs. 7 and 8)\n\n");
     page += &mse_table(study)?;
     let test = study.cases(|c| c.split == Split::Test);
     page += &case_table(study, &test, "")?;
-    picture(study, &test)?.save(&out.join("cases.svg"))?;
-    page += "\n![Errors of the test cases by both methods](cases.svg)\n";
+    page +=
+        &out.picture("cases", "Largest errors of the test cases by both methods", &picture(study, &test)?)?;
     page += &untouched(study)?;
     page += "\n## Outside the domain (appendix A)\n\n";
     let held_out = study.cases(|c| c.split == Split::Check);
@@ -55,7 +55,10 @@ fn case_table(study: &Study, cases: &[usize], note: &str) -> anyhow::Result<Stri
     for ((i, theirs), mine) in cases.iter().zip(&paper.cases).zip(&ours.cases) {
         let case = &study.database.cases[*i];
         let known = published::find(case.pressure_mpa, case.gap_mm);
-        let name = known.map_or(case.name.clone(), |k| format!("{} (case {})", k.name, case.name));
+        let name = match known {
+            Some(k) if k.name != case.name => format!("{} (case {})", k.name, case.name),
+            _ => case.name.clone(),
+        };
         let gap = case.gap_mm.map_or(String::new(), |gap| format!(", {gap:.2} mm"));
         let state = format!("{:.4} MPa{gap}, {}", case.pressure_mpa, verdict(mine.domain));
         for (quantity, of, figure) in QUANTITIES {

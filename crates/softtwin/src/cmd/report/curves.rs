@@ -1,5 +1,6 @@
 //! Fig. 5: truncation error and MSE against modes, MSE against the number of training cases.
 
+use super::Folder;
 use super::study::{REGIMES, Study, ours_with, paper, test_mse, train};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::progress::Progress;
@@ -9,15 +10,14 @@ use rom::model::Model;
 use rom::pod::truncation_error;
 use rom::snapshots::{Database, RegimeKind, Split};
 use std::fmt::Write as _;
-use std::path::Path;
 
-/// Modes up to which the curves go.
-const MODES: usize = 12;
+/// Numbers of modes at which models are trained.
+const MODES: [usize; 8] = [1, 2, 3, 4, 5, 6, 9, 12];
 /// Shares of the training cases at which subsets are drawn.
 const SHARES: [f64; 6] = [0.2, 0.35, 0.5, 0.65, 0.8, 1.0];
 const SEED: u64 = 2026;
 
-pub fn section(study: &Study, out: &Path, repeats: u64, progress: &mut Progress) -> anyhow::Result<String> {
+pub fn section(study: &Study, out: &Folder, repeats: u64, progress: &mut Progress) -> anyhow::Result<String> {
     let mut panels = Vec::new();
     let mut tables = String::new();
     for regime in REGIMES {
@@ -32,20 +32,20 @@ pub fn section(study: &Study, out: &Path, repeats: u64, progress: &mut Progress)
     for (panel, letter) in panels.iter_mut().zip('A'..) {
         panel.title = format!("{letter}  {}", panel.title);
     }
-    Figure { title: "Modes and training cases".into(), panels, columns: 3 }.save(&out.join("fig5.svg"))?;
-    let text = "\n## Modes and training cases (the paper's Fig. 5)\n\n![Truncation error and MSE against modes, MSE against \
-        training cases](fig5.svg)\n\nA, D: truncation error (Eq. 4) of the joint uncentred snapshot matrix and of each of \
-        our centred groups. B, E: mean squared error on the test cases against modes (ours: the same number for every \
-        group, cubic kernel with linear tail). C, F: against the number of training cases, random subsets, every subset \
-        a dot.\n";
-    Ok(format!("{text}{tables}"))
+    let figure = Figure { title: "Modes and training cases".into(), panels, columns: 3 };
+    let shown =
+        out.picture("fig5", "Truncation error and MSE against modes, MSE against training cases", &figure)?;
+    let caption = "\nA, D: truncation error (Eq. 4) of the joint uncentred snapshot matrix and of each of our centred groups. \
+        B, E: mean squared error on the test cases against modes (ours: the same number for every group, cubic kernel with \
+        linear tail). C, F: against the number of training cases; every dot is a random subset.\n";
+    Ok(format!("\n## Modes and training cases (the paper's Fig. 5)\n{shown}{caption}{tables}"))
 }
 
 fn truncation(study: &Study, regime: RegimeKind) -> Panel {
     let curves = |model: &Model, joint: bool| -> Vec<(String, Vec<(f64, f64)>)> {
         let groups = model.regime(regime).map_or(&[][..], |r| &r.groups);
         let curve = |g: &rom::model::GroupModel| {
-            let count = g.singular_values.len().min(MODES);
+            let count = g.singular_values.len().min(MODES[MODES.len() - 1]);
             let name = if joint { "joint (paper)".into() } else { g.name.clone() };
             (name, (1..=count).map(|l| (l as f64, truncation_error(&g.singular_values, l))).collect())
         };
@@ -81,7 +81,7 @@ fn for_regime(study: &Study, regime: RegimeKind) -> Database {
 fn against_modes(study: &Study, regime: RegimeKind) -> anyhow::Result<Panel> {
     let database = for_regime(study, regime);
     let mut curves: [Vec<(f64, f64)>; 2] = Default::default();
-    for modes in 1..=MODES {
+    for modes in MODES {
         let configs =
             [paper([modes; 2]), ours_with(ModeChoice::Fixed(modes), KernelKind::Cubic, Tail::Linear)];
         for (curve, config) in curves.iter_mut().zip(configs) {

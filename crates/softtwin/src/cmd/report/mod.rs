@@ -7,6 +7,7 @@ mod published;
 mod study;
 mod switch;
 
+use crate::picture::Figure;
 use crate::progress::Progress;
 use crate::{artefact, say};
 use anyhow::Context;
@@ -37,6 +38,24 @@ pub struct Args {
     /// Random subsets for each number of training cases.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=200))]
     repeats: u64,
+    /// Draw PNG instead of SVG.
+    #[arg(long)]
+    png: bool,
+}
+
+/// The folder the report is written into.
+struct Folder {
+    dir: PathBuf,
+    ending: &'static str,
+}
+
+impl Folder {
+    /// Saves a picture and gives the line that shows it on the page.
+    fn picture(&self, name: &str, caption: &str, figure: &Figure) -> anyhow::Result<String> {
+        let file = format!("{name}.{}", self.ending);
+        figure.save(&self.dir.join(&file))?;
+        Ok(format!("\n![{caption}]({file})\n"))
+    }
 }
 
 impl Args {
@@ -46,19 +65,20 @@ impl Args {
         progress.step("reading the database");
         let database = artefact::database(&self.database, Scene::Plate)?;
         std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
+        let folder = Folder { dir: self.out, ending: if self.png { "png" } else { "svg" } };
         progress.step("training by the paper's method and by ours");
         let study = Study::new(database)?;
         let mut page = study.heading(&self.database, self.repeats);
         progress.step("test cases A to D and states outside the domain");
-        page += &cases::section(&study, &self.out)?;
+        page += &cases::section(&study, &folder)?;
         progress.step("errors against modes and training cases (Fig. 5)");
-        page += &curves::section(&study, &self.out, self.repeats, &mut progress)?;
+        page += &curves::section(&study, &folder, self.repeats, &mut progress)?;
         progress.step("the switch between the regimes");
         page += &switch::section(&study)?;
         progress.step("speed against error");
-        page += &pareto::section(&study, &self.out, &mut progress)?;
+        page += &pareto::section(&study, &folder, &mut progress)?;
         drop(progress);
-        let path = self.out.join("README.md");
+        let path = folder.dir.join("README.md");
         artefact::save(&path, page.as_bytes())?;
         say!("{}", path.display())?;
         Ok(())
