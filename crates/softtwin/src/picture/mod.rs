@@ -2,13 +2,8 @@
 //!
 //! The same drawing code serves both. Text needs no font of the machine: a font comes with the program.
 
-mod canvas;
 mod draw;
 mod scale;
-mod text;
-
-pub use canvas::{Canvas, Rgb};
-pub use text::{Align, Fonts, Style};
 
 use std::path::Path;
 

@@ -4,6 +4,7 @@
 //! plate, light and shadow together, [`sheet`] arranges scenes with texts and a colour bar.
 
 pub mod camera;
+pub mod canvas;
 pub mod colour;
 mod raster;
 pub mod scale;
@@ -11,5 +12,6 @@ pub mod scene;
 mod shadow;
 pub mod sheet;
 pub mod skin;
+pub mod text;
 pub mod theme;
 pub mod visible;

@@ -2,7 +2,8 @@
 
 use super::colour::ColourMap;
 use super::theme::Theme;
-use crate::picture::{Align, Canvas, Fonts, Style};
+use crate::render::canvas::Canvas;
+use crate::render::text::{Align, Fonts, Style};
 
 /// A value range with round numbers along it.
 #[derive(Clone, Debug, PartialEq)]

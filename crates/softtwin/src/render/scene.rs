@@ -6,7 +6,7 @@ use super::raster::{Hit, Raster};
 use super::shadow::Shadow;
 use super::skin::{Body, Corner};
 use super::theme::Theme;
-use crate::picture::Canvas;
+use crate::render::canvas::Canvas;
 
 /// Thickness of the plate as drawn, mm.
 const PLATE_THICKNESS_MM: f32 = 2.0;

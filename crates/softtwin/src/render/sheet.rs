@@ -6,7 +6,8 @@ use super::colour::ColourMap;
 use super::scale::Scale;
 use super::scene::Scene;
 use super::theme::Theme;
-use crate::picture::{Align, Canvas, Fonts, Rgb, Style};
+use crate::render::canvas::{Canvas, Rgb};
+use crate::render::text::{Align, Fonts, Style};
 use anyhow::Result;
 
 /// One state with its texts.

@@ -1,6 +1,6 @@
 //! Colours of pictures for light and for dark pages.
 
-use crate::picture::Rgb;
+use crate::render::canvas::Rgb;
 
 /// Colours of everything that is not data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

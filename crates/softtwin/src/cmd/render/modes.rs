@@ -3,7 +3,7 @@
 use super::{Args, Shown};
 use crate::failure::usage;
 use crate::load::LoadedModel;
-use crate::picture::Canvas;
+use crate::render::canvas::Canvas;
 use crate::render::colour::MapName;
 use crate::render::scale::Scale;
 use crate::render::scene::Scene;

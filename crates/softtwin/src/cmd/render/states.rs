@@ -4,7 +4,7 @@ use super::{Args, Shown};
 use crate::artefact::{self, refusal};
 use crate::failure::usage;
 use crate::load::LoadedModel;
-use crate::picture::Canvas;
+use crate::render::canvas::Canvas;
 use crate::render::colour::MapName;
 use crate::render::scale::Scale;
 use crate::render::scene::{Plate, Scene};
@@ -165,6 +165,24 @@ fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
     })
 }
 
+/// The scale of all shots and the largest value. Stress peaks at single nodes of sharp corners; the scale ends where
+/// 99.5 % of the visible nodes lie, so that the rest of the body is not all one colour, and the label says how far it goes.
+fn colour_scale(args: &Args, rows: &[Vec<Shot>]) -> (Scale, f32) {
+    let visible = |shot: &Shot| {
+        let mut seen = shot.body.facets.as_flattened().to_vec();
+        seen.sort_unstable();
+        seen.dedup();
+        seen.into_iter().map(|node| shot.body.values[node as usize]).collect::<Vec<f32>>()
+    };
+    let mut values: Vec<f32> =
+        rows.iter().flatten().flat_map(visible).filter(|value| value.is_finite()).collect();
+    values.sort_unstable_by(f32::total_cmp);
+    let largest = values.last().copied().unwrap_or(0.0);
+    let most = values.get(values.len() * 995 / 1000).copied().unwrap_or(0.0);
+    let scale = args.range.map_or_else(|| Scale::rounded([0.0, most], 5), |range| Scale::new(range, 5));
+    (scale, largest)
+}
+
 /// Lays shots out with one colour scale for all.
 fn draw(
     args: &Args,
@@ -174,12 +192,7 @@ fn draw(
     headline: &str,
     caption: &str,
 ) -> Result<Canvas> {
-    let shown = rows
-        .iter()
-        .flatten()
-        .flat_map(|shot| shot.body.facets.as_flattened().iter().map(|n| shot.body.values[*n as usize]));
-    let largest = shown.filter(|value| value.is_finite()).fold(0.0, f32::max);
-    let scale = args.range.map_or_else(|| Scale::rounded([0.0, largest], 5), |range| Scale::new(range, 5));
+    let (scale, largest) = colour_scale(args, rows);
     let panel = |shot: &'_ Shot, r: usize, k: usize| -> (String, String) {
         let force = if shot.force_n > 0.0 { format!("{:.3} N", shot.force_n) } else { String::new() };
         let outside = if shot.outside { " (extrapolated)" } else { "" };
@@ -210,7 +223,7 @@ fn draw(
                     .collect(),
             })
             .collect(),
-        bar_label: args.field.label().to_owned(),
+        bar_label: format!("{}, largest {largest:.2}", args.field.label()),
         map: args.map(MapName::Stress),
         camera: args.view.camera(),
         panel_px: usize::from(args.width.unwrap_or(if single { 1100 } else { 420 })),
