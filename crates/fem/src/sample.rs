@@ -102,6 +102,7 @@ fn crossing(table: &[(f64, f64)], gap: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rng::Rng;
     use proptest::prelude::*;
 
     proptest! {
