@@ -14,6 +14,7 @@ Examples:
 
 /// Look at scenes before they run.
 #[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(subcommand)]
     action: Action,

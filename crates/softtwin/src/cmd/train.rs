@@ -41,12 +41,20 @@ pub struct Args {
     /// Train by the paper's method instead of the defaults.
     #[arg(long)]
     paper: bool,
-    /// Scene whose cases are used: the plate, or the gripper's block.
-    #[arg(long, value_enum, default_value_t)]
-    scene: super::SceneArg,
+    /// Scene whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
+    #[arg(long, value_enum)]
+    scene: Option<super::SceneArg>,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
+}
+
+/// The plate, unless all that the database holds is another scene.
+fn only_scene(database: &Path) -> Scene {
+    match formats::database::scenes(database).as_deref() {
+        Ok([scene]) => *scene,
+        _ => Scene::Plate,
+    }
 }
 
 impl Args {
@@ -61,7 +69,8 @@ impl Args {
         let config = self.config()?;
         let mut progress = Progress::new(self.json);
         progress.step("reading the database");
-        let database = artefact::database(&self.database, Scene::from(self.scene))?;
+        let scene = self.scene.map_or_else(|| only_scene(&self.database), Scene::from);
+        let database = artefact::database(&self.database, scene)?;
         let started = Instant::now();
         let trained = rom::train::train(&database, &config, &mut |step| progress.step(step));
         let (model, sheet) = trained.map_err(|e| match e {
