@@ -8,7 +8,7 @@ mod manifest;
 mod mesh;
 
 pub use cases::Scene;
-pub use manifest::{Extra, Manifest};
+pub use manifest::{Extra, Kind, Manifest};
 pub use mesh::{bottom_nodes, surface_of_tets};
 
 use crate::error::{FormatError, Problem};
