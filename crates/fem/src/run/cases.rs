@@ -148,3 +148,46 @@ pub fn to_csv(cases: &[Case]) -> String {
     }
     text
 }
+
+/// Columns of a table of cavity volumes.
+pub(super) const VOLUME_COLUMNS: &str = "case,pressure_mpa,gap_mm,cavity_volume_mm3";
+
+/// A row of `volumes.csv`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Volume {
+    /// Cavity pressure (MPa).
+    pub pressure_mpa: f64,
+    /// Distance of the obstacle (mm); none when free.
+    pub gap_mm: Option<f64>,
+    /// Volume of the cavity (mm3).
+    pub cavity_volume_mm3: f64,
+}
+
+/// Reads the `volumes.csv` of a run.
+///
+/// # Errors
+/// Not readable, another heading, or rows that are no finite numbers; all of them at once.
+pub fn read_volumes(path: &Path) -> Result<Vec<Volume>, FormatError> {
+    let text = std::fs::read_to_string(path).map_err(|e| FormatError::read(path, e))?;
+    let mut lines = text.lines().enumerate();
+    let heading = lines.next().map_or("", |(_, line)| line.trim());
+    if heading != VOLUME_COLUMNS {
+        return Err(FormatError::one(path, Problem::new("heading", VOLUME_COLUMNS, format!("`{heading}`"))));
+    }
+    let (mut rows, mut problems) = (Vec::new(), Vec::new());
+    for (index, line) in lines {
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let number = |c: usize| cells.get(c).and_then(|v| v.parse::<f64>().ok()).filter(|v| v.is_finite());
+        match (number(1), number(3)) {
+            (Some(pressure_mpa), Some(cavity_volume_mm3)) => {
+                rows.push(Volume { pressure_mpa, gap_mm: number(2), cavity_volume_mm3 });
+            }
+            _ => problems.push(Problem::new(
+                format!("line {}", index + 1),
+                VOLUME_COLUMNS,
+                format!("`{line}`"),
+            )),
+        }
+    }
+    FormatError::unless(rows, path, problems)
+}

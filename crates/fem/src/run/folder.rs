@@ -1,5 +1,6 @@
 //! The database folder: what `softtwin train --database` reads, plus the cavity volumes.
 
+use super::cases::VOLUME_COLUMNS;
 use super::{Case, Solved};
 use crate::mesh::Mesh;
 use formats::{FormatError, npy, vtu};
@@ -41,7 +42,7 @@ pub fn write(
 ) -> Result<(), FormatError> {
     fs::create_dir_all(dir).map_err(|e| FormatError::write(dir, e))?;
     let mut table = String::from("case,regime,split,pressure_mpa,gap_mm,contact_force_n\n");
-    let mut volumes = String::from("case,pressure_mpa,gap_mm,cavity_volume_mm3\n");
+    let mut volumes = VOLUME_COLUMNS.to_owned() + "\n";
     let mut snapshots = Vec::with_capacity(solved.len() * mesh.nodes_mm.len() * FIELDS.len());
     for (index, state) in solved {
         let c = &cases[*index];

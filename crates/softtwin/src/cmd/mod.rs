@@ -13,6 +13,7 @@ mod hz;
 mod info;
 mod inspect;
 mod list;
+mod pack;
 mod plot;
 mod predict;
 mod render;
@@ -63,6 +64,7 @@ macro_rules! commands {
 commands! {
     Train => train,
     Inspect => inspect,
+    Pack => pack,
     Predict => predict,
     Demo => demo,
     List => list,

@@ -4,18 +4,20 @@ use crate::artefact::{refusal, save};
 use crate::failure::{configuration, usage};
 use crate::say;
 use fem::actuator::Actuator;
+use fem::run::cases;
 use fem::trace::{Inflation, to_csv};
 use fem::{Problem, Solver};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const EXAMPLES: &str = "\
 Examples:
-  The three traces of the paper's scenes:
-    softtwin trace --gap-mm 80 --seed 1 --out config/traces/gap80.csv
-    softtwin trace --gap-mm 40 --seed 2 --out config/traces/gap40.csv
-    softtwin trace --gap-mm 15 --seed 3 --out config/traces/gap15.csv
+  Simulate the volumes, then make the trace:
+    softtwin trace --gap-mm 40 --out gap40.csv
+  The three traces of the paper's scenes, from one run of the simulator (scripts/make_traces.sh):
+    softtwin simulate --cases models/pneunet/trace_cases.csv --out target/traces
+    softtwin trace --volumes target/traces/volumes.csv --gap-mm 40 --seed 2 --out config/traces/gap40.csv
   Half the flow through a long tube:
     softtwin trace --gap-mm 40 --flow-ml-per-min 62.5 --dead-volume-mm3 3000 --out slow.csv
 
@@ -34,6 +36,9 @@ pub struct Args {
     /// The trace: t_s,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
+    /// Volumes of a `softtwin simulate` run (its volumes.csv) instead of simulating here; rows with this gap are taken.
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "states")]
+    volumes: Option<PathBuf>,
     /// States simulated above rest; the volume is interpolated between them.
     #[arg(long, value_name = "N", default_value_t = 14)]
     states: u32,
@@ -68,8 +73,10 @@ impl Args {
         if self.states == 0 {
             return Err(usage("--states: expected at least 1, found 0"));
         }
-        let actuator = Actuator::read(&self.actuator).map_err(refusal)?;
-        let volumes = self.volumes(&actuator)?;
+        let volumes = match &self.volumes {
+            Some(table) => self.tabulated(table)?,
+            None => self.simulated()?,
+        };
         let readings = pump.readings(&volumes)?;
         save(&self.out, to_csv(&readings, self.gap_mm, &self.made_by(&volumes)).as_bytes())?;
         let seconds = readings.last().map_or(0.0, |r| r.t_s);
@@ -89,8 +96,21 @@ impl Args {
         }
     }
 
+    /// Cavity volumes (MPa, mm3) at this gap from a table, by rising pressure.
+    fn tabulated(&self, table: &Path) -> anyhow::Result<Vec<(f64, f64)>> {
+        let rows = cases::read_volumes(table).map_err(refusal)?;
+        let mut volumes: Vec<(f64, f64)> = rows
+            .into_iter()
+            .filter(|row| row.gap_mm == Some(self.gap_mm))
+            .map(|row| (row.pressure_mpa, row.cavity_volume_mm3))
+            .collect();
+        volumes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(volumes)
+    }
+
     /// Cavity volumes (MPa, mm3) along the path from rest at the gap.
-    fn volumes(&self, actuator: &Actuator) -> anyhow::Result<Vec<(f64, f64)>> {
+    fn simulated(&self) -> anyhow::Result<Vec<(f64, f64)>> {
+        let actuator = Actuator::read(&self.actuator).map_err(refusal)?;
         let mesh = actuator.read_mesh(&self.actuator).map_err(refusal)?;
         let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
         let mut solver = Solver::new(problem)?;

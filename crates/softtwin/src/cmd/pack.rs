@@ -1,0 +1,132 @@
+//! `softtwin pack`: a database small enough for a repository, with a stated bound on every value's error.
+
+use crate::artefact::refusal;
+use crate::failure::usage;
+use crate::say;
+use anyhow::Context;
+use formats::database::{Kind, Manifest, PACKED};
+use formats::npy;
+use formats::packed::{self, Snapshots, Stored};
+use serde_json::json;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin pack --database target/database/pneunet --out models/pneunet/database
+  softtwin pack --database database --out small --length-error-mm 0.01 --stress-error-mpa 1e-4
+
+`softtwin train --database` reads the packed folder like any other. The displacement magnitude is not stored but taken
+from the coordinates and the mesh.";
+
+/// Pack a database's snapshots: every value within a stated error, a fraction of the size.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Database folder with snapshots.npy.
+    #[arg(long, value_name = "DIR")]
+    database: PathBuf,
+    /// Folder to write.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Largest error of a coordinate in mm.
+    #[arg(long, value_name = "MM", default_value_t = 1e-3)]
+    length_error_mm: f64,
+    /// Largest error of a stress, and of any other field in its unit, in MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 1e-5)]
+    stress_error_mpa: f64,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Packs, reads back, measures, writes.
+    pub fn run(self) -> anyhow::Result<()> {
+        for (name, value) in
+            [("--length-error-mm", self.length_error_mm), ("--stress-error-mpa", self.stress_error_mpa)]
+        {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(usage(format!("{name}: expected a finite error above 0, found {value}")));
+            }
+        }
+        let manifest = Manifest::read(&self.database.join("database.toml")).map_err(refusal)?;
+        let snapshots = self.snapshots(&manifest)?;
+        let mesh = match &manifest.mesh {
+            Some(file) => Some(formats::vtu::read(&self.database.join(file)).map_err(refusal)?.points_mm),
+            None => None,
+        };
+        let fields = self.fields(&manifest, mesh.is_some());
+        let bytes = packed::pack(&snapshots, &fields).map_err(anyhow::Error::msg)?;
+        let back = packed::unpack(&bytes, mesh.as_deref()).map_err(anyhow::Error::msg)?;
+        let errors = errors(&snapshots, &back);
+        self.write(&manifest, &bytes)?;
+        let (before, after) = (snapshots.values.len() * 4, bytes.len());
+        if self.json {
+            let names = manifest.field.iter().map(|f| f.name.clone());
+            let errors: serde_json::Map<_, _> = names.zip(errors.iter().map(|e| json!(e))).collect();
+            return say::json(&json!({"bytes_before": before, "bytes": after, "largest_error": errors}));
+        }
+        say!(
+            "{}: {after} bytes, {:.1} % of {before}",
+            self.out.display(),
+            100.0 * after as f64 / before as f64
+        )?;
+        for (field, error) in manifest.field.iter().zip(errors) {
+            say!("largest error of {}: {error:.2e} {}", field.name, field.unit)?;
+        }
+        Ok(())
+    }
+
+    fn snapshots(&self, manifest: &Manifest) -> anyhow::Result<Snapshots> {
+        let path = self.database.join(&manifest.snapshots);
+        let array = npy::read_f32(&path).map_err(refusal)?;
+        let shape = <[usize; 3]>::try_from(array.shape).map_err(|found| {
+            usage(format!("{}: expected cases x nodes x fields, found {found:?}", path.display()))
+        })?;
+        Ok(Snapshots { shape, values: array.data })
+    }
+
+    /// The distance can be left out only behind the three coordinates it follows from.
+    fn fields(&self, manifest: &Manifest, has_mesh: bool) -> Vec<Stored> {
+        let leading = manifest.field.iter().map(|f| f.name.as_str()).take(3).eq(["x", "y", "z"]);
+        let stored = |kind| match kind {
+            Kind::Magnitude if leading && has_mesh => Stored::Distance,
+            Kind::Coordinate | Kind::Magnitude => Stored::Steps(2.0 * self.length_error_mm),
+            Kind::Stress | Kind::Other => Stored::Steps(2.0 * self.stress_error_mpa),
+        };
+        manifest.field.iter().map(|f| stored(f.kind)).collect()
+    }
+
+    /// The same folder with packed snapshots; everything else is copied.
+    fn write(&self, manifest: &Manifest, bytes: &[u8]) -> anyhow::Result<()> {
+        fs::create_dir_all(&self.out).with_context(|| format!("cannot make {}", self.out.display()))?;
+        let packed = Path::new("snapshots").with_extension(PACKED);
+        let put = |name: &Path, bytes: &[u8]| {
+            let path = self.out.join(name);
+            fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
+        };
+        put(&packed, bytes)?;
+        for file in [Some(&manifest.cases), manifest.mesh.as_ref(), Some(&"volumes.csv".to_owned())]
+            .into_iter()
+            .flatten()
+        {
+            if let Ok(content) = fs::read(self.database.join(file)) {
+                put(Path::new(file), &content)?;
+            }
+        }
+        let text = fs::read_to_string(self.database.join("database.toml"))?;
+        let name = format!("\"{}\"", manifest.snapshots);
+        put(Path::new("database.toml"), text.replace(&name, &format!("\"{}\"", packed.display())).as_bytes())
+    }
+}
+
+/// Largest error of each field.
+fn errors(before: &Snapshots, after: &Snapshots) -> Vec<f32> {
+    let fields = before.shape[2];
+    let mut errors = vec![0.0_f32; fields];
+    for (i, (a, b)) in before.values.iter().zip(&after.values).enumerate() {
+        errors[i % fields] = errors[i % fields].max((a - b).abs());
+    }
+    errors
+}
