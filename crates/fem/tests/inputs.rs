@@ -93,7 +93,8 @@ fn sound() -> Mesh {
 #[test]
 fn damaged_meshes_are_refused_with_what_and_where() {
     let good = sound();
-    let damage: [(&str, fn(&mut Mesh)); 7] = [
+    type Damage = (&'static str, fn(&mut Mesh));
+    let damage: [Damage; 7] = [
         ("positive volume", |m| {
             let tet = &mut m.tets[7];
             *tet = [tet[1], tet[0], tet[2], tet[3], tet[4], tet[6], tet[5], tet[8], tet[7], tet[9]];
