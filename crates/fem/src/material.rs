@@ -122,6 +122,7 @@ impl Hyperelastic {
 
 /// A nearly incompressible elastomer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Elastomer {
     /// Isochoric energy.
     pub law: Hyperelastic,
@@ -149,6 +150,7 @@ impl Elastomer {
 
 /// The strain-limiting sheet: a linear elastic plate, weightless as in the authors' model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SheetMaterial {
     /// Young's modulus (MPa).
     pub youngs_mpa: f64,
