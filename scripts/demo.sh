@@ -16,5 +16,6 @@ while [ $# -gt 0 ]; do
   esac
 done
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-cargo build --locked --quiet -p softtwind -p softtwin >&2
+# The whole workspace, so that the tests later build on the same artefacts.
+cargo build --locked --quiet --workspace --bins >&2
 exec "${CARGO_TARGET_DIR:-target}/debug/softtwin" demo "${arguments[@]}"
