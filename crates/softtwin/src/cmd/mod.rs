@@ -6,18 +6,23 @@
 use formats::database::Scene;
 
 mod demo;
+mod doctor;
 mod echo;
 mod evaluate;
+mod export;
 mod hz;
 mod info;
 mod inspect;
 mod list;
 mod plot;
 mod predict;
+mod record;
+mod replay;
 mod report;
 mod sample;
 mod scene;
 mod simulate;
+mod top;
 mod trace;
 mod train;
 
@@ -57,6 +62,11 @@ macro_rules! commands {
 }
 
 commands! {
+    Record => record,
+    Replay => replay,
+    Export => export,
+    Top => top,
+    Doctor => doctor,
     Train => train,
     Inspect => inspect,
     Predict => predict,
