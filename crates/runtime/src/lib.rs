@@ -14,6 +14,8 @@
 pub mod bridge;
 pub mod config;
 pub mod explain;
+pub mod machine;
+pub mod metrics;
 pub mod process;
 pub mod realtime;
 pub mod source;

@@ -4,7 +4,9 @@
 //! ready, loop, summary. Nothing is bound before the whole configuration has been checked.
 
 mod bridge;
+mod metrics;
 mod options;
+mod reload;
 mod reporter;
 mod service;
 mod twin;
