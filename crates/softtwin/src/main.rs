@@ -9,9 +9,12 @@ mod artefact;
 mod cmd;
 mod failure;
 mod live;
+mod load;
 mod picture;
 mod progress;
+mod render;
 mod say;
+mod view;
 
 use clap::Parser;
 use failure::Outcome;

@@ -14,12 +14,14 @@ mod inspect;
 mod list;
 mod plot;
 mod predict;
+mod render;
 mod report;
 mod sample;
 mod scene;
 mod simulate;
 mod trace;
 mod train;
+mod view;
 
 /// Scene as the command line names it.
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
@@ -72,4 +74,6 @@ commands! {
     Evaluate => evaluate,
     Report => report,
     Plot => plot,
+    Render => render,
+    View => view,
 }

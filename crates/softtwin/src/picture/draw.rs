@@ -46,7 +46,7 @@ fn paint<B: DrawingBackend>(figure: &Figure, backend: B) -> anyhow::Result<()> {
     static FONT_ONCE: Once = Once::new();
     FONT_ONCE.call_once(|| {
         // The only failure is a font that cannot be parsed; drawing text then reports it.
-        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+        let _ = register_font(FONT, FontStyle::Normal, dejavu::sans::regular());
     });
     let root = backend.into_drawing_area();
     let lift = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("drawing: {e}");

@@ -1,0 +1,103 @@
+//! POD modes as pictures: each mode's shape as colour on the mean state of its regime (the paper's Fig. 6).
+
+use super::{Args, Shown};
+use crate::failure::usage;
+use crate::load::LoadedModel;
+use crate::render::canvas::Canvas;
+use crate::render::colour::MapName;
+use crate::render::scale::Scale;
+use crate::render::scene::Scene;
+use crate::render::sheet::{Panel, Row, Sheet};
+use crate::render::skin::Body;
+use crate::render::visible::visible_facets;
+use anyhow::{Context, Result};
+use rom::model::{BlockKind, RegimeModel};
+use rom::snapshots::RegimeKind;
+
+/// Modes a picture shows, and drawings a row.
+const MOST: usize = 8;
+const COLUMNS: usize = 4;
+
+/// Draws the leading modes of a field of a regime.
+pub fn draw(args: &Args, loaded: &LoadedModel, kind: RegimeKind) -> Result<Canvas> {
+    let regime = loaded.model.regime(kind).ok_or_else(|| {
+        let known: Vec<&str> = loaded.model.header.regimes.iter().map(|regime| regime.kind.name()).collect();
+        usage(format!("the model has no regime {}; it has {}", kind.name(), known.join(", ")))
+    })?;
+    let (name, label) = match args.field {
+        Shown::Stress => ("von_mises", "von Mises stress"),
+        Shown::Displacement => ("y", "vertical position"),
+    };
+    let shapes = shapes(loaded, regime, name)?;
+    let bodies = mean_state(loaded, kind, &shapes)?;
+    let energies = energies(regime, loaded, name);
+    let panels = bodies.iter().zip(energies).enumerate().map(|(k, (body, energy))| Panel {
+        scene: Scene { body, plate: None, range: [-1.0, 1.0] },
+        title: format!("mode {}", k + 1),
+        note: format!("{:.2} %", 100.0 * energy),
+    });
+    let mut rows: Vec<Row> = Vec::new();
+    for (k, panel) in panels.enumerate() {
+        if k % COLUMNS == 0 {
+            rows.push(Row { heading: String::new(), panels: Vec::new() });
+        }
+        rows.last_mut().context("a row was just made")?.panels.push(panel);
+    }
+    let sheet = Sheet {
+        title: format!("POD modes of the {} regime: {label}", kind.name()),
+        caption: "Drawn on the mean state. Bold: share of the snapshots' variance.".into(),
+        rows,
+        bar_label: "mode / its largest entry".into(),
+        scale: Scale::new([-1.0, 1.0], 4),
+        map: args.map(MapName::Diverging),
+        camera: args.view.camera(),
+        panel_px: usize::from(args.width.unwrap_or(520)),
+        text_px: 21.0,
+        theme: args.theme.colours(),
+    };
+    sheet.draw()
+}
+
+/// The leading modes of a field, each divided by its entry of largest magnitude.
+fn shapes(loaded: &LoadedModel, regime: &RegimeModel, name: &str) -> Result<Vec<Vec<f32>>> {
+    let header = &loaded.model.header;
+    let field = header.fields.iter().position(|field| field.spec.name == name);
+    let field = field.with_context(|| format!("the model has no field {name:?}"))? as u32;
+    let block = loaded.model.f32_block(BlockKind::Modes { regime: regime.kind, field });
+    let block =
+        block.with_context(|| format!("the field {name:?} is derived and has no modes of its own"))?;
+    let modes = block.chunks_exact(header.node_count).take(MOST);
+    Ok(modes
+        .map(|mode| {
+            let largest = mode.iter().copied().fold(0.0_f32, |a, b| if b.abs() > a.abs() { b } else { a });
+            mode.iter().map(|value| if largest == 0.0 { 0.0 } else { value / largest }).collect()
+        })
+        .collect())
+}
+
+/// The mean state of a regime, once a shape, with the shape as values.
+fn mean_state(loaded: &LoadedModel, regime: RegimeKind, shapes: &[Vec<f32>]) -> Result<Vec<Body>> {
+    let fields = &loaded.model.header.fields;
+    let mean = |name: &str| {
+        let field = fields.iter().position(|field| field.spec.name == name)? as u32;
+        loaded.model.f32_block(BlockKind::Mean { regime, field })
+    };
+    let (Some(x), Some(y), Some(z)) = (mean("x"), mean("y"), mean("z")) else {
+        return Err(usage("modes are drawn on the mean state, and this model has no means of x, y and z"));
+    };
+    let undeformed = loaded.undeformed_mm().context("the model does not know the undeformed mesh")?;
+    let facets = visible_facets(&undeformed, &loaded.facets());
+    let nodes_mm: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
+    let body =
+        |shape: &Vec<f32>| Body { nodes_mm: nodes_mm.clone(), facets: facets.clone(), values: shape.clone() };
+    Ok(shapes.iter().map(body).collect())
+}
+
+/// Shares of the variance: `sigma_k^2 / sum sigma^2` of the group that holds the field.
+fn energies(regime: &RegimeModel, loaded: &LoadedModel, name: &str) -> Vec<f64> {
+    let field = loaded.model.header.fields.iter().position(|field| field.spec.name == name);
+    let group = regime.groups.iter().find(|group| field.is_some_and(|field| group.fields.contains(&field)));
+    let sigma = group.map_or(&[][..], |group| &group.singular_values);
+    let all: f64 = sigma.iter().map(|s| s * s).sum();
+    sigma.iter().map(|s| s * s / all).collect()
+}

@@ -1,0 +1,109 @@
+//! `softtwin view`: the live view in a browser.
+
+use crate::failure::usage;
+use crate::load::LoadedModel;
+use crate::say;
+use crate::view::{Catalogue, Guard, Hub, Reader, Server, open_port};
+use anyhow::{Context, Result};
+use std::net::{IpAddr, Ipv4Addr};
+use std::path::PathBuf;
+use std::sync::{Arc, mpsc};
+use wire::{Domain, KeyExpr};
+
+const EXAMPLES: &str = "\
+Examples:
+  Everything that twins on this machine publish, on http://127.0.0.1:7411/:
+    softtwin view --model models/pneunet/model.twin
+  Two actuators of several:
+    softtwin view --model finger.twin --key 'softtwin/finger_*/**'
+  No sensor at hand: press \"What if\" on the page and move the sliders:
+    softtwin view --model finger.twin
+  For other machines, with a token in the printed address:
+    softtwin view --model finger.twin --bind 0.0.0.0
+
+The surface is drawn when the model that the twin runs is given; without it, nodes are drawn as points.
+Keys on the page: 1-4 views, F fit, space pause, L light, M mesh lines, T theme.";
+
+/// Look at running twins in a browser: the deformed, stressed body, live.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Model file of an actuator that will be seen; repeat for several.
+    #[arg(long, value_name = "FILE")]
+    model: Vec<PathBuf>,
+    /// Topics to look at, as a key expression (`*` one chunk, `**` any).
+    #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
+    key: String,
+    /// Address to listen on; anything but loopback asks visitors for a token.
+    #[arg(long, value_name = "IP", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    bind: IpAddr,
+    /// Port to listen on; 0 takes any free one.
+    #[arg(long, value_name = "PORT", default_value_t = 7411)]
+    port: u16,
+    /// Token that visitors must have (8 to 64 letters and digits); made up when needed and left out.
+    #[arg(long, value_name = "TEXT", value_parser = parse_token)]
+    token: Option<String>,
+}
+
+fn parse_token(text: &str) -> Result<String, String> {
+    let fine = (8..=64).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    if fine { Ok(text.to_owned()) } else { Err("expected 8 to 64 letters and digits".into()) }
+}
+
+impl Args {
+    /// Serves until Ctrl-C.
+    ///
+    /// # Errors
+    /// A port in use, a model that cannot be read, a key expression that is none.
+    pub fn run(self) -> Result<()> {
+        let key = KeyExpr::new(&self.key).map_err(|error| usage(format!("--key {:?}: {error}", self.key)))?;
+        let models = self.model.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
+        let catalogue = Arc::new(Catalogue::new(models)?);
+        let runtime =
+            tokio::runtime::Builder::new_current_thread().enable_all().build().context("no web runtime")?;
+        runtime.block_on(self.serve(key, catalogue))
+    }
+
+    async fn serve(self, key: KeyExpr, catalogue: Arc<Catalogue>) -> Result<()> {
+        let listener = open_port(self.bind, self.port).await?;
+        let hub = Arc::new(Hub::default());
+        let guard = Guard::new(self.bind, self.token)?;
+        let server = Server { listener, guard, catalogue: Arc::clone(&catalogue), hub: Arc::clone(&hub) };
+        say!("{}\nOpen it in a browser; Ctrl-C ends the viewer.", server.url()?)?;
+        let reader = Reader { domain: Domain::from_env(), key, catalogue, hub };
+        let (stop, stopped) = mpsc::channel();
+        let thread = std::thread::Builder::new().name("view-reader".into());
+        let thread = thread.spawn(move || reader.run(&stopped)).context("no thread for the reader")?;
+        let served = server.run(end_of_service()).await;
+        drop(stop);
+        match thread.join() {
+            Ok(read) => served.and(read),
+            Err(_) => anyhow::bail!("the reader thread broke; please report this"),
+        }
+    }
+}
+
+/// Done at Ctrl-C or a polite kill.
+async fn end_of_service() {
+    let term = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate());
+    let Ok(mut term) = term else {
+        return std::future::pending().await; // without signals only a kill ends the viewer
+    };
+    tokio::select! {
+        _ = tokio::signal::ctrl_c() => {}
+        _ = term.recv() => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tokens_are_plain_and_not_short() {
+        assert!(parse_token("abcdef12").is_ok());
+        for wrong in ["", "short", "with space 1", "semi;colon1", &"a".repeat(65)] {
+            assert!(parse_token(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! A model file in memory, with what pictures and the viewer ask of it.
+
+use crate::failure::configuration;
+use anyhow::{Context, Result};
+use rom::interpolant::{InputMap, Quantity};
+use rom::model::{BlockKind, Model};
+use std::path::{Path, PathBuf};
+
+/// A model and where it came from.
+pub struct LoadedModel {
+    /// Its file.
+    pub path: PathBuf,
+    /// The model.
+    pub model: Model,
+    hash: [u8; 32],
+}
+
+impl LoadedModel {
+    /// Reads a model file whole, every checksum verified.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is not a model of this version.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).with_context(|| {
+            format!("cannot read the model; make one with `softtwin train`: {}", path.display())
+        })?;
+        let model =
+            Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
+        let hash = *bytes.last_chunk::<32>().context("the model file has no hash")?;
+        Ok(Self { path: path.to_owned(), model, hash })
+    }
+
+    /// First half of the file's hash, as in the headers of its fields.
+    pub fn hash16(&self) -> [u8; 16] {
+        std::array::from_fn(|k| self.hash[k])
+    }
+
+    /// Name for people: that of the file.
+    pub fn name(&self) -> String {
+        self.path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+    }
+
+    /// Undeformed node positions, if the model has them.
+    pub fn undeformed_mm(&self) -> Option<Vec<[f32; 3]>> {
+        let axis = |k| self.model.f32_block(BlockKind::Undeformed(k));
+        let (x, y, z) = (axis(0)?, axis(1)?, axis(2)?);
+        Some(x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect())
+    }
+
+    /// Facets of the surface, cavities included; empty when unknown.
+    pub fn facets(&self) -> Vec<[u32; 3]> {
+        let corners = self.model.u32_block(BlockKind::Surface).unwrap_or(&[]);
+        corners.chunks_exact(3).map(|facet| [facet[0], facet[1], facet[2]]).collect()
+    }
+
+    /// Trained pressures over all regimes, MPa.
+    pub fn pressure_range_mpa(&self) -> [f64; 2] {
+        self.range(Quantity::PressureMpa).unwrap_or([0.0, 0.1])
+    }
+
+    /// Trained gaps, mm; the one gap twice when all samples shared it; none when there is no obstacle at all.
+    pub fn gap_range_mm(&self) -> Option<[f64; 2]> {
+        let constant = self.inputs().find_map(|inputs| inputs.constant_gap_mm);
+        self.range(Quantity::GapMm).or(constant.map(|gap| [gap, gap]))
+    }
+
+    fn inputs(&self) -> impl Iterator<Item = &InputMap> {
+        self.model.header.regimes.iter().map(|regime| &regime.inputs)
+    }
+
+    fn range(&self, quantity: Quantity) -> Option<[f64; 2]> {
+        let axes = self.inputs().flat_map(|inputs| &inputs.axes).filter(|axis| axis.quantity == quantity);
+        axes.map(|axis| [axis.min, axis.max]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    }
+}

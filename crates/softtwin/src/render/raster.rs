@@ -1,0 +1,225 @@
+//! The rasteriser: triangles to pixels with a depth buffer, colours and normals interpolated per pixel.
+//!
+//! Everything is drawn at [`SAMPLES`] times the size in each direction and averaged in linear light, which smooths
+//! edges. `O(pixels covered)` a triangle.
+
+use super::camera::{Camera, Vec3, Window, dot};
+use super::colour::encode;
+use super::skin::Corner;
+use crate::render::canvas::Canvas;
+
+/// Sub-pixels along each side of a pixel.
+pub const SAMPLES: usize = 3;
+/// A step in depth (mm) between neighbours that is drawn as an outline.
+const OUTLINE_MM: f32 = 2.0;
+/// How much darker an outline is.
+const OUTLINE_SHADE: f32 = 0.45;
+
+/// What a triangle looks like at one sub-pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Hit {
+    /// Where, mm.
+    pub position: Vec3,
+    /// Surface normal, turned to the eye, length one.
+    pub normal: Vec3,
+    /// The interpolated value.
+    pub value: f32,
+}
+
+/// Sub-pixels of one picture.
+pub struct Raster {
+    camera: Camera,
+    window: Window,
+    width: usize,
+    height: usize,
+    depth: Vec<f32>,
+    colour: Vec<[f32; 3]>,
+    outlined: Vec<bool>,
+}
+
+impl Raster {
+    /// An empty picture of `width x height` pixels; `background` gives the linear colour for a height 0 (top) ..= 1.
+    pub fn new(
+        camera: Camera,
+        window: Window,
+        pixels: [usize; 2],
+        background: impl Fn(f32) -> [f32; 3],
+    ) -> Self {
+        let (width, height) = (pixels[0] * SAMPLES, pixels[1] * SAMPLES);
+        let rows = (0..height).flat_map(|y| std::iter::repeat_n(background(y as f32 / height as f32), width));
+        Self {
+            camera,
+            window,
+            width,
+            height,
+            depth: vec![f32::NEG_INFINITY; width * height],
+            colour: rows.collect(),
+            outlined: vec![false; width * height],
+        }
+    }
+
+    /// Draws triangles; `shade` gives the linear colour of a hit. Triangles with a coordinate that is not a number are
+    /// left out. With `outlined`, steps in depth against anything else are drawn as dark lines by [`Raster::finish`].
+    pub fn draw(&mut self, triangles: &[[Corner; 3]], outlined: bool, shade: impl Fn(&Hit) -> [f32; 3]) {
+        for triangle in triangles {
+            let at = triangle.map(|corner| self.to_pixels(corner.position));
+            if at.iter().flatten().all(|v| v.is_finite()) {
+                self.fill(triangle, at, outlined, &shade);
+            }
+        }
+    }
+
+    /// Sub-pixel coordinates (right, down) and nearness to the eye.
+    fn to_pixels(&self, point: Vec3) -> Vec3 {
+        let p = self.camera.project(point);
+        let scale = SAMPLES as f32 / self.window.mm_per_px;
+        [
+            0.5 * self.width as f32 + (p[0] - self.window.centre_mm[0]) * scale,
+            0.5 * self.height as f32 - (p[1] - self.window.centre_mm[1]) * scale,
+            p[2],
+        ]
+    }
+
+    fn fill(
+        &mut self,
+        corners: &[Corner; 3],
+        at: [Vec3; 3],
+        outlined: bool,
+        shade: &impl Fn(&Hit) -> [f32; 3],
+    ) {
+        let [a, b, c] = at;
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        if area.abs() < 1e-9 {
+            return;
+        }
+        let span = |k: usize, limit: usize| {
+            let low = a[k].min(b[k]).min(c[k]).floor().clamp(0.0, limit as f32) as usize;
+            let high = (a[k].max(b[k]).max(c[k]).ceil() + 1.0).clamp(0.0, limit as f32) as usize;
+            low..high
+        };
+        for y in span(1, self.height) {
+            for x in span(0, self.width) {
+                let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
+                let wa = ((b[0] - px) * (c[1] - py) - (b[1] - py) * (c[0] - px)) / area;
+                let wb = ((c[0] - px) * (a[1] - py) - (c[1] - py) * (a[0] - px)) / area;
+                let weights = [wa, wb, 1.0 - wa - wb];
+                let index = y * self.width + x;
+                let depth = weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2];
+                if weights.iter().all(|w| *w >= -1e-6) && depth > self.depth[index] {
+                    self.depth[index] = depth;
+                    self.outlined[index] = outlined;
+                    self.colour[index] = shade(&self.hit(corners, weights));
+                }
+            }
+        }
+    }
+
+    fn hit(&self, corners: &[Corner; 3], w: [f32; 3]) -> Hit {
+        let mix = |get: fn(&Corner) -> Vec3| -> Vec3 {
+            let [a, b, c] = [get(&corners[0]), get(&corners[1]), get(&corners[2])];
+            std::array::from_fn(|k| w[0] * a[k] + w[1] * b[k] + w[2] * c[k])
+        };
+        let normal = super::camera::unit(mix(|corner| corner.normal));
+        let sign = if dot(normal, self.camera.toward) < 0.0 { -1.0 } else { 1.0 };
+        Hit {
+            position: mix(|corner| corner.position),
+            normal: normal.map(|v| sign * v),
+            value: w[0] * corners[0].value + w[1] * corners[1].value + w[2] * corners[2].value,
+        }
+    }
+
+    /// True where the surface ends: a right or lower neighbour is farther away or nearer by a visible step.
+    fn is_outline(&self, x: usize, y: usize) -> bool {
+        let index = y * self.width + x;
+        let step = |other: usize| {
+            let (near, far) =
+                (self.depth[index].max(self.depth[other]), self.depth[index].min(self.depth[other]));
+            (self.outlined[index] || self.outlined[other])
+                && near > f32::NEG_INFINITY
+                && near - far > OUTLINE_MM
+        };
+        (x + 1 < self.width && step(index + 1)) || (y + 1 < self.height && step(index + self.width))
+    }
+
+    /// Averages the sub-pixels into a picture.
+    pub fn finish(&self) -> Canvas {
+        let (width, height) = (self.width / SAMPLES, self.height / SAMPLES);
+        let mut canvas = Canvas::new(width, height, [0; 3]);
+        for y in 0..height {
+            for x in 0..width {
+                canvas.pixels[y * width + x] = self.average(x * SAMPLES, y * SAMPLES).map(encode);
+            }
+        }
+        canvas
+    }
+
+    fn average(&self, left: usize, top: usize) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for y in top..top + SAMPLES {
+            for x in left..left + SAMPLES {
+                let light = if self.is_outline(x, y) { OUTLINE_SHADE } else { 1.0 };
+                let colour = self.colour[y * self.width + x];
+                sum = std::array::from_fn(|k| sum[k] + light * colour[k]);
+            }
+        }
+        sum.map(|v| v / (SAMPLES * SAMPLES) as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIDE: usize = 20;
+
+    fn raster() -> Raster {
+        let window = Window { centre_mm: [0.0; 2], mm_per_px: 1.0 };
+        Raster::new(Camera::new(0.0, 0.0), window, [SIDE; 2], |_| [0.0; 3])
+    }
+
+    /// A triangle with corners (-8, -8), (8, -8), (-8, 8) at the given depth.
+    fn triangle(z: f32, values: [f32; 3]) -> [Corner; 3] {
+        let corner = |x, y, value| Corner { position: [x, y, z], normal: [0.0, 0.0, 1.0], value };
+        [corner(-8.0, -8.0, values[0]), corner(8.0, -8.0, values[1]), corner(-8.0, 8.0, values[2])]
+    }
+
+    #[test]
+    fn values_are_interpolated_linearly_per_pixel() {
+        let mut raster = raster();
+        raster.draw(&[triangle(0.0, [0.0, 1.6, 0.0])], false, |hit| [hit.value; 3]);
+        let canvas = raster.finish();
+        // The pixel (6, 15) has its centre at x = -3.5, y = -5.5, so the value is 0.1 (x + 8).
+        assert_eq!(canvas.pixels[15 * SIDE + 6][0], encode(0.45));
+    }
+
+    #[test]
+    fn the_nearer_triangle_wins_in_either_order() {
+        let (near, far) = (triangle(5.0, [1.0; 3]), triangle(-5.0, [0.25; 3]));
+        let pictures = [[near, far], [far, near]].map(|both| {
+            let mut raster = raster();
+            raster.draw(&both, false, |hit| [hit.value; 3]);
+            raster.finish()
+        });
+        assert_eq!(pictures[0], pictures[1]);
+        assert_eq!(pictures[0].pixels[14 * SIDE + 5], [255; 3]);
+    }
+
+    #[test]
+    fn covered_area_is_the_triangle_s() {
+        let mut raster = raster();
+        raster.draw(&[triangle(0.0, [1.0; 3])], false, |_| [1.0; 3]);
+        let covered = raster.colour.iter().filter(|c| c[0] > 0.5).count() as f32 / (SAMPLES * SAMPLES) as f32;
+        assert!((covered - 128.0).abs() < 3.0, "{covered} of 128 px");
+    }
+
+    #[test]
+    fn broken_coordinates_and_triangles_outside_draw_nothing() {
+        let mut raster = raster();
+        let mut broken = triangle(0.0, [1.0; 3]);
+        broken[0].position[1] = f32::NAN;
+        let outside =
+            triangle(0.0, [1.0; 3]).map(|c| Corner { position: [c.position[0] + 1e6, 0.0, 0.0], ..c });
+        raster.draw(&[broken, outside], true, |_| [1.0; 3]);
+        assert!(raster.finish().pixels.iter().all(|p| *p == [0; 3]));
+    }
+}

@@ -1,0 +1,223 @@
+//! A picture of many states: rows of panels that share camera, millimetres a pixel and colour scale, with titles, notes,
+//! a caption and the colour bar.
+
+use super::camera::{Camera, Window};
+use super::colour::ColourMap;
+use super::scale::Scale;
+use super::scene::Scene;
+use super::theme::Theme;
+use crate::render::canvas::{Canvas, Rgb};
+use crate::render::text::{Align, Fonts, Style};
+use anyhow::Result;
+
+/// One state with its texts.
+pub struct Panel<'a> {
+    /// What is drawn.
+    pub scene: Scene<'a>,
+    /// Above the drawing, left.
+    pub title: String,
+    /// Above the drawing, right, bold (contact force, share of energy).
+    pub note: String,
+}
+
+/// Panels side by side.
+pub struct Row<'a> {
+    /// Heading over the row; empty for none.
+    pub heading: String,
+    /// The panels.
+    pub panels: Vec<Panel<'a>>,
+}
+
+/// The whole picture.
+pub struct Sheet<'a> {
+    /// First line.
+    pub title: String,
+    /// Second line.
+    pub caption: String,
+    /// The rows.
+    pub rows: Vec<Row<'a>>,
+    /// Label of the colour bar, with its unit.
+    pub bar_label: String,
+    /// The colour scale of all panels.
+    pub scale: Scale,
+    /// The colours.
+    pub map: ColourMap,
+    /// Direction of view.
+    pub camera: Camera,
+    /// Width of a panel, pixels.
+    pub panel_px: usize,
+    /// Height of text lines, pixels.
+    pub text_px: f32,
+    /// Colours of the page.
+    pub theme: Theme,
+}
+
+/// Space around a drawing as a share of its width.
+const MARGIN: f32 = 0.035;
+
+impl Sheet<'_> {
+    /// Draws everything. The millimetres a pixel are those of the widest scene; a row is as high as its scenes need.
+    ///
+    /// # Errors
+    /// When the embedded font cannot be read.
+    pub fn draw(&self) -> Result<Canvas> {
+        let fonts = Fonts::embedded()?;
+        let [gap, line] = [self.text_px * 0.6, self.text_px * 1.4].map(|v| v as usize);
+        let heights = self.row_windows();
+        let columns = self.rows.iter().map(|row| row.panels.len()).max().unwrap_or(0);
+        let width = columns * (self.panel_px + gap) + gap;
+        let heading = |row: &Row| if row.heading.is_empty() { 0 } else { line + gap / 2 };
+        let rows_px: usize =
+            heights.iter().zip(&self.rows).map(|((_, h), row)| h + line + heading(row) + gap).sum();
+        let head = 2 * gap + (self.text_px * 1.45) as usize + line * 2;
+        let mut canvas = Canvas::new(width, head + rows_px + gap, self.theme.page);
+        self.draw_head(&mut canvas, &fonts, gap);
+        let mut top = head;
+        for (row, (window, height)) in self.rows.iter().zip(&heights) {
+            let style = self.style(1.0, true, self.theme.ink);
+            fonts.draw(&mut canvas, gap as f32, top as f32, &row.heading, style);
+            top += heading(row);
+            for (k, panel) in row.panels.iter().enumerate() {
+                let left = gap + k * (self.panel_px + gap);
+                self.draw_panel(&mut canvas, &fonts, panel, window, [left, top, *height + line]);
+            }
+            top += height + line + gap;
+        }
+        Ok(canvas)
+    }
+
+    fn style(&self, size: f32, bold: bool, colour: Rgb) -> Style {
+        Style { size_px: self.text_px * size, bold, colour, align: Align::Left }
+    }
+
+    /// Window and height in pixels of each row, all at the same millimetres a pixel.
+    fn row_windows(&self) -> Vec<(Window, usize)> {
+        let around = |row: &Row| {
+            let points = row.panels.iter().flat_map(|panel| panel.scene.extent());
+            // Tall enough that the width alone decides the scale, then as low as the content.
+            Window::around(&self.camera, points, [self.panel_px, 100 * self.panel_px], MARGIN)
+        };
+        let windows: Vec<Window> = self.rows.iter().map(around).collect();
+        let mm_per_px = windows.iter().map(|w| w.mm_per_px).fold(1e-6, f32::max);
+        let height = |row: &Row| {
+            let ups =
+                row.panels.iter().flat_map(|panel| panel.scene.extent()).map(|p| self.camera.project(p)[1]);
+            let (low, high) = ups.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            ((high - low).max(1.0) / mm_per_px) as usize + (2.0 * MARGIN * self.panel_px as f32) as usize
+        };
+        windows.iter().zip(&self.rows).map(|(w, row)| (Window { mm_per_px, ..*w }, height(row))).collect()
+    }
+
+    fn draw_head(&self, canvas: &mut Canvas, fonts: &Fonts, gap: usize) {
+        let bar_width = (canvas.width / 4).min((self.text_px * 20.0) as usize);
+        let style = self.style(1.45, true, self.theme.ink);
+        fonts.draw(canvas, gap as f32, gap as f32, &self.title, style);
+        let below = gap as f32 + self.text_px * 1.45 * 1.25;
+        let mut words = self.caption.split(' ').peekable();
+        let room = (canvas.width - bar_width - 4 * gap) as f32;
+        for row in 0..2 {
+            let mut text = String::new();
+            while let Some(word) = words.peek() {
+                let longer = if text.is_empty() { (*word).to_owned() } else { format!("{text} {word}") };
+                if row == 0 && fonts.width_px(&longer, self.text_px, false) > room {
+                    break;
+                }
+                text = longer;
+                words.next();
+            }
+            let y = below + row as f32 * self.text_px * 1.3;
+            fonts.draw(canvas, gap as f32, y, &text, self.style(1.0, false, self.theme.faint));
+        }
+        let place = [canvas.width - bar_width - 2 * gap, gap];
+        self.scale.draw_bar(
+            canvas,
+            fonts,
+            &self.map,
+            &self.theme,
+            place,
+            bar_width,
+            self.text_px,
+            &self.bar_label,
+        );
+    }
+
+    fn draw_panel(
+        &self,
+        canvas: &mut Canvas,
+        fonts: &Fonts,
+        panel: &Panel,
+        window: &Window,
+        place: [usize; 3],
+    ) {
+        let [left, top, height] = place;
+        let pixels = [self.panel_px, height];
+        // The title stands over the drawing, so the drawing is shifted down by half a line.
+        let shift = 0.5 * self.text_px * 1.4 * window.mm_per_px;
+        let window = Window { centre_mm: [window.centre_mm[0], window.centre_mm[1] + shift], ..*window };
+        let drawing = panel.scene.draw(self.camera, window, pixels, &self.map, &self.theme);
+        canvas.paste(left, top, &drawing);
+        let (x, y) = (left as f32 + self.text_px * 0.5, top as f32 + self.text_px * 0.35);
+        fonts.draw(canvas, x, y, &panel.title, self.style(1.0, false, self.theme.ink));
+        let style = Style { align: Align::Right, ..self.style(1.0, true, self.theme.ink) };
+        fonts.draw(canvas, left as f32 + self.panel_px as f32 - self.text_px * 0.5, y, &panel.note, style);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::colour::MapName;
+    use super::super::scene::Plate;
+    use super::super::skin::Body;
+    use super::*;
+
+    fn body(y: f32) -> Body {
+        let nodes_mm = vec![[0.0, y, 0.0], [110.0, y, 0.0], [60.0, y + 20.0, 30.0]];
+        Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0, 0.5, 1.0] }
+    }
+
+    fn sheet(bodies: &[Body], gap_mm: f32) -> Sheet<'_> {
+        let plate = Some(Plate { gap_mm, x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] });
+        let panel = |body| Panel {
+            scene: Scene { body, plate, range: [0.0, 1.0] },
+            title: "0.01 MPa".into(),
+            note: "0.1 N".into(),
+        };
+        Sheet {
+            title: "Two states".into(),
+            caption: "A caption that says what is seen here, long enough to need a second line of text."
+                .into(),
+            rows: vec![Row { heading: "gap".into(), panels: bodies.iter().map(panel).collect() }],
+            bar_label: "von Mises stress (MPa)".into(),
+            scale: Scale::new([0.0, 1.0], 4),
+            map: ColourMap::new(MapName::Stress),
+            camera: Camera::new(20.0, 20.0),
+            panel_px: 160,
+            text_px: 12.0,
+            theme: Theme::LIGHT,
+        }
+    }
+
+    #[test]
+    fn panels_stand_side_by_side_and_none_is_empty() {
+        let canvas = sheet(&[body(0.0), body(-5.0)], 30.0).draw().expect("fonts are embedded");
+        assert!(canvas.width > 2 * 160 && canvas.width < 2 * 160 + 40);
+        for half in 0..2 {
+            let columns = half * canvas.width / 2..(half + 1) * canvas.width / 2;
+            let coloured = (canvas.height / 2..canvas.height)
+                .flat_map(|y| columns.clone().map(move |x| (x, y)))
+                .filter(|(x, y)| {
+                    let p = canvas.pixels[y * canvas.width + x];
+                    p.iter().max().unwrap_or(&0) - p.iter().min().unwrap_or(&0) > 60
+                });
+            assert!(coloured.count() > 100, "half {half} has no coloured body");
+        }
+    }
+
+    #[test]
+    fn a_wider_gap_makes_a_higher_row_at_the_same_scale() {
+        let bodies = [body(0.0)];
+        let [near, far] = [15.0, 80.0].map(|gap| sheet(&bodies, gap).row_windows()[0]);
+        assert!(far.1 > near.1);
+        assert!((far.0.mm_per_px - near.0.mm_per_px).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,64 @@
+// One actuator on the page: its mesh, its minute, the frame that is shown.
+
+import { History } from "./history.js";
+import { Points } from "./mesh.js";
+import { QUANTITIES } from "./scale.js";
+
+const STALE_MS = 1500;
+const SPACING_MM = 70;
+
+export class Actuator {
+  constructor(name, index, colour) {
+    Object.assign(this, { name, colour, offsetZ: index * SPACING_MM, history: new History(), latest: null, shown: null, body: null });
+  }
+
+  // Takes a frame that has just come in.
+  receive(frame) {
+    this.latest = frame;
+    this.history.add(frame);
+  }
+
+  // Makes a frame the shown one; `mesh` is the model's, if known. Returns the largest coloured value.
+  show(frame, mesh, quantity) {
+    this.shown = frame;
+    const { x, y, z } = frame.fields ?? {};
+    if (!x || !y || !z) return NaN;
+    if (!this.body || this.model !== frame.model || this.body.nodes !== x.length) {
+      this.model = frame.model;
+      this.body = mesh && mesh.nodes === x.length ? mesh.copy() : new Points(x.length);
+    }
+    const values = QUANTITIES[quantity].values(frame) ?? new Float32Array(x.length).fill(NaN);
+    this.body.deform(x, y, z, values);
+    this.values = values;
+    return largest(values);
+  }
+
+  // Old data: nothing has come for a while, or what comes says so itself.
+  isStale(now) {
+    return Boolean(this.latest) && !this.latest.predicted &&
+      (now - this.latest.received_ms > STALE_MS || this.latest.flags.includes("stale") || this.latest.flags.includes("no-data"));
+  }
+
+  // Box around the shown shape.
+  box() {
+    const { x, y, z } = this.shown?.fields ?? {};
+    if (!x) return null;
+    const bounds = [x, y, z].map((values) => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]));
+    return { low: [bounds[0][0], bounds[1][0], bounds[2][0] + this.offsetZ], high: [bounds[0][1], bounds[1][1], bounds[2][1] + this.offsetZ] };
+  }
+
+  // A node as text for the pointer.
+  describe(node) {
+    const { fields } = this.shown;
+    const lines = [`${this.name} · node ${this.body.ids[node]}`, `x ${fields.x[node].toFixed(2)}  y ${fields.y[node].toFixed(2)}  z ${fields.z[node].toFixed(2)} mm`];
+    if (fields.displacement) lines.push(`displacement ${fields.displacement[node].toFixed(2)} mm`);
+    if (fields.von_mises) lines.push(`von Mises ${fields.von_mises[node].toFixed(4)} MPa`);
+    return lines.join("\n");
+  }
+}
+
+function largest(values) {
+  let best = -Infinity;
+  for (const value of values) if (value > best) best = value;
+  return best;
+}

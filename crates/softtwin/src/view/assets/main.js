@@ -1,0 +1,233 @@
+// Puts the page together: link -> actuators -> scene, numbers, charts.
+
+import { Actuator } from "./actuator.js";
+import { Camera } from "./camera.js";
+import { COLOURS, Charts } from "./charts.js";
+import { Painter } from "./gl.js";
+import { Link } from "./link.js";
+import { Mesh, pick } from "./mesh.js";
+import { showNumbers } from "./numbers.js";
+import { Scale } from "./scale.js";
+import { WhatIf } from "./whatif.js";
+
+const at = (id) => document.getElementById(id);
+const PREDICTION = "what if";
+const PANEL_FREE = 0.72; // share of the width that the panel leaves to the scene
+
+const table = new Uint8Array(await (await fetch(`colours${location.search}`)).arrayBuffer());
+const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, up: false, everUp: false, paused: false,
+  age_ms: 0, frozen_ms: 0, dirty: true, lit: true, lines: false, drawn: [], frames: 0, fitted: false, reason: "" };
+
+const touch = () => { state.dirty = true; };
+const camera = new Camera(at("scene"), touch);
+const scale = new Scale(table, () => { reshow(); touch(); });
+const charts = new Charts(at("charts"));
+let painter;
+try { painter = new Painter(at("scene"), table); } catch (error) { alarm(error.message); throw error; }
+
+const link = new Link({
+  onUp: () => { Object.assign(state, { up: true, everUp: true, reason: "" }); whatIf.reset(); if (whatIf.active) whatIf.ask(); touch(); },
+  onDown: (reason) => { Object.assign(state, { up: false, reason }); whatIf.reset(); touch(); },
+  onMessage: (message) => {
+    if (message.type === "hello") hello(message);
+    if (message.type === "notice") notice(message.text);
+    if (message.type === "refused") { notice(message.text); whatIf.answered(); }
+  },
+  onFrame: (header, buffer, start) => (header.kind === "mesh" ? addMesh : addFrame)(header, buffer, start),
+});
+const whatIf = new WhatIf((message) => link.send(message), () => { choose(null); reshow(); touch(); });
+
+function hello({ models }) {
+  state.models = new Map(models.map((model) => [model.id, model]));
+  whatIf.useModel(models[0] ?? null);
+}
+
+function addMesh({ model, nodes, facets }, buffer, start) {
+  const undeformed = new Float32Array(buffer, start, 3 * nodes);
+  const corners = new Uint32Array(buffer, start + 12 * nodes, 3 * facets);
+  const ids = new Uint32Array(buffer, start + 12 * (nodes + facets), nodes);
+  state.meshes.set(model, new Mesh(undeformed, corners, ids));
+}
+
+function addFrame(header, buffer, start) {
+  const frame = { ...header, received_ms: performance.now() };
+  if (header.count) {
+    frame.fields = {};
+    header.fields.forEach((name, k) => { frame.fields[name] = new Float32Array(buffer, start + 4 * k * header.count, header.count); });
+    frame.max_displacement_mm = frame.fields.displacement?.reduce((a, b) => Math.max(a, b), 0) ?? null;
+  }
+  if (!state.actuators.has(frame.actuator)) addActuator(frame.actuator);
+  const actuator = state.actuators.get(frame.actuator);
+  actuator.receive(frame);
+  state.frames++;
+  if (frame.predicted) whatIf.answered();
+  if (!looksBack()) show(actuator, frame);
+  touch();
+}
+
+function addActuator(name) {
+  const index = name === PREDICTION ? 0 : [...state.actuators.keys()].filter((key) => key !== PREDICTION).length;
+  state.actuators.set(name, new Actuator(name, index, COLOURS[state.actuators.size % COLOURS.length]));
+  choose(state.chosen);
+}
+
+function show(actuator, frame) {
+  const largest = actuator.show(frame, state.meshes.get(frame.model), scale.quantity);
+  if (visible().includes(actuator)) scale.follow(largest);
+  if (!state.fitted && actuator.box()) { state.fitted = true; fit(); }
+}
+
+const looksBack = () => state.paused || state.age_ms > 0;
+const visible = () => [...state.actuators.values()].filter((a) => (a.name === PREDICTION) === whatIf.active);
+const chosen = () => visible().find((a) => a.name === state.chosen) ?? visible()[0];
+const clock = () => (state.paused ? state.frozen_ms : performance.now());
+
+// Shows all actuators at the chosen moment again (after scrubbing, pausing, or another quantity).
+function reshow() {
+  for (const actuator of state.actuators.values()) {
+    const frame = looksBack() ? actuator.history.shape(clock(), state.age_ms) : actuator.latest;
+    if (frame) show(actuator, frame);
+  }
+}
+
+function choose(name) {
+  state.chosen = name ?? chosen()?.name ?? null;
+  at("actuators").replaceChildren(...visible().map((actuator) => {
+    const button = document.createElement("button");
+    const dot = document.createElement("span");
+    dot.className = "dot";
+    dot.style.background = actuator.colour;
+    button.append(dot, actuator.name);
+    button.setAttribute("aria-pressed", actuator === chosen());
+    button.onclick = () => { choose(actuator.name); touch(); };
+    return button;
+  }));
+  state.fitted = false;
+}
+
+function plates() {
+  return visible().flatMap((actuator) => {
+    const model = state.models.get(actuator.shown?.model);
+    const gap = actuator.shown?.gap_mm;
+    if (!model?.obstacle || !Number.isFinite(gap)) return [];
+    const { x_mm, z_mm } = model.obstacle;
+    return [[[x_mm[0], -gap, z_mm[0] + actuator.offsetZ], [x_mm[1], -gap, z_mm[1] + actuator.offsetZ]]];
+  });
+}
+
+function fit() {
+  const boxes = [...visible().map((actuator) => actuator.box()).filter(Boolean), ...plates().map(([low, high]) => ({ low, high }))];
+  if (!boxes.length) return;
+  const corner = (name, pick) => [0, 1, 2].map((k) => pick(...boxes.map((box) => box[name][k])));
+  camera.fit(corner("low", Math.min), corner("high", Math.max), PANEL_FREE);
+}
+
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
+
+function drawScene() {
+  painter.begin(camera);
+  for (const actuator of visible())
+    if (actuator.body) painter.drawBody(actuator.body, { offsetZ: actuator.offsetZ, range: scale.range, lit: state.lit, lines: state.lines, ink: rgb(css("--ink")) });
+  for (const [low, high] of plates()) painter.drawPlate(low, high, rgb(css("--plate")), rgb(css("--grid")));
+}
+
+function alarm(text) {
+  at("alarm").hidden = !text;
+  at("alarm").textContent = text;
+}
+
+function notice(text) {
+  at("notice").hidden = !text;
+  at("notice").textContent = text;
+}
+
+// What a person must know at once: no connection, nothing published, old data.
+function status() {
+  const now = performance.now();
+  const stale = visible().filter((actuator) => actuator.isStale(now));
+  const oldest = Math.max(0, ...stale.map((actuator) => now - actuator.latest.received_ms));
+  let [badge, mood, text] = ["live", "live", ""];
+  if (!state.up) [badge, mood, text] = ["disconnected", "bad", state.reason || (state.everUp ? "Connection to softtwin view lost; trying again" : "")];
+  else if (whatIf.active) [badge, mood] = ["what if", "warn"];
+  else if (!visible().length) [badge, mood, text] = ["waiting", "warn", "Nothing is published yet: start a twin, or press What if"];
+  else if (stale.length) [badge, mood, text] = ["stale", "bad", `Stale: ${stale.map((a) => a.name).join(", ")} (last data ${(oldest / 1000).toFixed(0)} s ago)`];
+  else if (looksBack()) [badge, mood] = [state.paused ? "paused" : "looking back", "warn"];
+  at("link").textContent = badge;
+  at("link").className = `badge ${mood}`;
+  document.body.classList.toggle("stale", mood === "bad");
+  alarm(text);
+}
+
+function panels() {
+  const actuator = chosen();
+  const now = clock();
+  const recent = state.drawn.filter((time) => performance.now() - time < 1000).length;
+  if (actuator?.shown) showNumbers(at("numbers"), looksBack() ? actuator.shown : actuator.latest, recent);
+  charts.draw(visible().map(({ history, colour }) => ({ states: history.states, colour })), now, state.age_ms,
+    { ink: css("--ink"), line: css("--line"), faint: css("--faint") });
+  at("when").textContent = state.age_ms > 0 ? `−${(state.age_ms / 1000).toFixed(1)} s` : state.paused ? "paused" : "now";
+}
+
+function tick() {
+  if (state.dirty) {
+    state.dirty = false;
+    drawScene();
+    const now = performance.now();
+    state.drawn = [...state.drawn.filter((time) => now - time < 1000), now];
+    link.ready();
+  }
+  requestAnimationFrame(tick);
+}
+
+function pause(paused) {
+  Object.assign(state, { paused, frozen_ms: performance.now() });
+  if (!paused) { state.age_ms = 0; at("scrub").value = 0; }
+  at("pause").setAttribute("aria-pressed", paused);
+  at("pause").textContent = paused ? "Resume" : "Pause";
+  reshow();
+  touch();
+}
+
+at("pause").onclick = () => pause(!state.paused);
+at("scrub").oninput = () => { state.age_ms = -1000 * parseFloat(at("scrub").value); reshow(); touch(); };
+at("views").onclick = (event) => { const { view } = event.target.dataset; if (view === "fit") fit(); else if (view) { camera.view(view); fit(); } };
+const toggle = (id, key) => () => { state[key] = !state[key]; at(id).setAttribute("aria-pressed", state[key]); touch(); };
+at("shading").onclick = toggle("shading", "lit");
+at("lines").onclick = toggle("lines", "lines");
+at("theme").onclick = () => {
+  const root = document.documentElement;
+  const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+  root.dataset.theme = dark ? "light" : "dark";
+  touch();
+};
+const KEYS = { 1: "iso", 2: "side", 3: "top", 4: "end", f: "fit" };
+addEventListener("keydown", (event) => {
+  if (["INPUT", "SELECT"].includes(event.target.tagName)) return;
+  const view = KEYS[event.key.toLowerCase()];
+  if (view) document.querySelector(`[data-view=${view}]`).click();
+  if (event.key === " ") { event.preventDefault(); pause(!state.paused); }
+  const button = { l: "shading", m: "lines", t: "theme" }[event.key.toLowerCase()];
+  if (button) at(button).click();
+});
+addEventListener("resize", touch);
+
+at("scene").addEventListener("pointermove", (event) => {
+  const [origin, direction] = camera.ray(event.clientX, event.clientY);
+  let best = { distance: Infinity };
+  for (const actuator of event.buttons ? [] : visible()) {
+    const hit = actuator.body ? pick(actuator.body, origin, direction, actuator.offsetZ) : best;
+    if (hit.distance < best.distance) best = { ...hit, actuator };
+  }
+  at("tip").hidden = !best.actuator;
+  if (best.actuator) {
+    at("tip").textContent = best.actuator.describe(best.node);
+    at("tip").style.transform = `translate(${event.clientX + 14}px, ${event.clientY + 14}px)`;
+  }
+});
+
+setInterval(() => { status(); panels(); }, 100);
+requestAnimationFrame(tick);
+
+// For scripts and tests: what is on the page right now.
+window.softtwin = { state, scale, camera, chosen, visible };

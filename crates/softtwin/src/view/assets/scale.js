@@ -1,0 +1,85 @@
+// The colour scale: which quantity, which range (fixed or following), the bar and its ticks.
+
+export const QUANTITIES = {
+  von_mises: { unit: "MPa", values: (frame) => frame.fields.von_mises },
+  displacement: { unit: "mm", values: (frame) => frame.fields.displacement },
+  stress_bar: { unit: "%", values: (frame) => share(frame.von_mises_bar_mpa, frame.fields.von_mises) },
+  displacement_bar: { unit: "%", values: (frame) => share(frame.displacement_bar_mm, frame.fields.displacement) },
+};
+
+// Half width of the error bar in percent of each node's value; not a number where either is unknown.
+function share(bar, values) {
+  return values && bar !== null && bar !== undefined ? values.map((v) => (100 * bar) / v) : undefined;
+}
+
+// About `count` round numbers within a range, with the digits that tell them apart.
+export function ticks(low, high, count) {
+  const span = high - low;
+  if (!(span > 0)) return { at: [low], digits: 3 };
+  const power = 10 ** Math.floor(Math.log10(span / count));
+  const factor = [1, 2, 2.5, 5, 10].find((f) => f * power >= (span / count) * (1 - 1e-9));
+  const step = factor * power;
+  const digits = Math.max(0, (factor === 2.5 ? 1 : 0) - Math.floor(Math.log10(step) + 1e-9));
+  const at = [];
+  for (let k = Math.ceil(low / step - 1e-6); k * step <= high + 1e-6 * span; k++) at.push(k * step);
+  return { at, digits };
+}
+
+export class Scale {
+  constructor(table, changed) {
+    Object.assign(this, { range: [0, 1], following: true, quantity: "von_mises" });
+    this.element = Object.fromEntries(["field", "follow", "bar", "ticks", "range", "low", "high"].map((id) => [id, document.getElementById(id)]));
+    const { field, follow, low, high, bar } = this.element;
+    bar.width = 256;
+    const image = new ImageData(256, 1);
+    for (let k = 0; k < 256; k++) image.data.set([table[3 * k], table[3 * k + 1], table[3 * k + 2], 255], 4 * k);
+    const context = bar.getContext("2d");
+    for (let y = 0; y < bar.height; y++) context.putImageData(image, 0, y);
+    field.onchange = () => { this.quantity = field.value; this.following = true; this.range = [0, 0]; this.show(); changed(); };
+    follow.onclick = () => { this.fix(!this.following ? null : this.range); changed(); };
+    const typed = () => {
+      const range = [parseFloat(low.value), parseFloat(high.value)];
+      if (range[1] > range[0]) { this.range = range; this.show(); changed(); }
+    };
+    low.onchange = high.onchange = typed;
+    this.show();
+  }
+
+  // Fixes the range, or lets it follow again (`null`).
+  fix(range) {
+    this.following = range === null;
+    if (range) this.range = range;
+    this.show();
+  }
+
+  // Follows the largest value shown: up at once, down slowly, in round steps, so that colours do not flicker.
+  follow(largest) {
+    if (!this.following || !Number.isFinite(largest) || largest <= 0) return;
+    const limited = this.quantity.endsWith("_bar") ? Math.min(largest, 100) : largest;
+    const target = roundUp(limited);
+    if (target > this.range[1] || target < 0.6 * this.range[1]) {
+      this.range = [0, target];
+      this.show();
+    }
+  }
+
+  show() {
+    const { follow, range, low, high, ticks: list } = this.element;
+    follow.textContent = this.following ? "follows" : "fixed";
+    follow.setAttribute("aria-pressed", this.following);
+    range.hidden = this.following;
+    [low.value, high.value] = this.range;
+    const { at, digits } = ticks(...this.range, 5);
+    list.replaceChildren(...at.map((value) => {
+      const span = document.createElement("span");
+      span.textContent = value.toFixed(digits);
+      span.style.left = `${(100 * (value - this.range[0])) / (this.range[1] - this.range[0] || 1)}%`;
+      return span;
+    }));
+  }
+}
+
+function roundUp(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return power * [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10].find((f) => f * power >= value * (1 - 1e-6));
+}

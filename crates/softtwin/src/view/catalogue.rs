@@ -1,0 +1,234 @@
+//! The models the viewer knows: their visible surfaces, and predictions for "what if".
+
+use super::frame::{FrameHead, bits, encode};
+use crate::load::LoadedModel;
+use crate::render::visible::visible_facets;
+use anyhow::{Context, Result};
+use rom::evaluation::{Evaluation, Input};
+use rom::hull::Verdict;
+use rom::predict::{Nodes, Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::snapshots::Obstacle;
+use serde::Serialize;
+use std::sync::{Mutex, PoisonError};
+
+/// Name of the predicted actuator on the page.
+const PREDICTION: &str = "what if";
+
+/// All loaded models.
+pub struct Catalogue {
+    models: Vec<Known>,
+}
+
+/// One model as the page sees it.
+struct Known {
+    card: Card,
+    hash: [u8; 16],
+    node_sets: Vec<rom::snapshots::NodeSet>,
+    node_count: usize,
+    /// The visible nodes, ascending.
+    visible: Vec<u32>,
+    mesh_message: Option<Vec<u8>>,
+    oracle: Mutex<Oracle>,
+}
+
+/// What the page is told about a model.
+#[derive(Clone, Debug, Serialize)]
+pub struct Card {
+    /// Its number.
+    id: usize,
+    /// Its file's name.
+    name: String,
+    /// Trained pressures, MPa.
+    pressure_mpa: [f64; 2],
+    /// Trained gaps, mm; none when the gap is no input.
+    gap_mm: Option<[f64; 2]>,
+    /// The plate's extent.
+    obstacle: Obstacle,
+}
+
+/// A predictor with its memory.
+struct Oracle {
+    predictor: Predictor,
+    switch: RegimeSwitch,
+    evaluation: Evaluation,
+    values: Vec<f32>,
+    fields: Vec<&'static str>,
+}
+
+/// Header of a mesh message: behind it `3 x nodes` coordinates, `3 x facets` node numbers, `nodes` node names.
+#[derive(Serialize)]
+struct MeshHead {
+    kind: &'static str,
+    model: usize,
+    nodes: usize,
+    facets: usize,
+}
+
+impl Catalogue {
+    /// Prepares the models for viewing.
+    ///
+    /// # Errors
+    /// When a model cannot be made ready to predict.
+    pub fn new(models: Vec<LoadedModel>) -> Result<Self> {
+        let known = models.into_iter().enumerate().map(|(id, loaded)| Known::new(id, &loaded));
+        Ok(Self { models: known.collect::<Result<_>>()? })
+    }
+
+    /// What the page is told first.
+    pub fn cards(&self) -> Vec<&Card> {
+        self.models.iter().map(|known| &known.card).collect()
+    }
+
+    /// Mesh messages, one a model that has a surface.
+    pub fn meshes(&self) -> impl Iterator<Item = &[u8]> {
+        self.models.iter().filter_map(|known| known.mesh_message.as_deref())
+    }
+
+    /// The model with this hash, if it is known.
+    pub fn find(&self, hash: [u8; 16]) -> Option<usize> {
+        self.models.iter().position(|known| known.hash == hash)
+    }
+
+    /// For each visible node of a model its place in a sample of a node set; none when some are not in it.
+    pub fn places(&self, model: usize, node_set: &str) -> Option<Vec<u32>> {
+        let known = self.models.get(model).filter(|known| known.mesh_message.is_some())?;
+        if node_set.is_empty() || node_set == "all" {
+            return Some(known.visible.clone());
+        }
+        let set = known.node_sets.iter().find(|set| set.name == node_set)?;
+        let mut place = vec![u32::MAX; known.node_count];
+        for (k, node) in set.nodes.iter().enumerate() {
+            place[*node as usize] = k as u32;
+        }
+        let places: Vec<u32> = known.visible.iter().map(|node| place[*node as usize]).collect();
+        (!places.contains(&u32::MAX)).then_some(places)
+    }
+
+    /// The model's number of the k-th node of a node set.
+    pub fn node(&self, model: usize, node_set: &str, k: u32) -> Option<u32> {
+        let known = self.models.get(model)?;
+        match known.node_sets.iter().find(|set| set.name == node_set) {
+            Some(set) => set.nodes.get(k as usize).copied(),
+            None => ((k as usize) < known.node_count).then_some(k),
+        }
+    }
+
+    /// Predicts a state and makes a frame of it. A gap of none stands for no plate.
+    ///
+    /// # Errors
+    /// The refusal for the user: no such model, or inputs beyond what any such actuator can have.
+    pub fn predict(&self, model: usize, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<Vec<u8>, String> {
+        let known = self
+            .models
+            .get(model)
+            .ok_or_else(|| format!("there is no model {model}; start with --model FILE"))?;
+        let limit_mpa = 10.0 * known.card.pressure_mpa[1];
+        if !(0.0..=limit_mpa).contains(&pressure_mpa) || gap_mm.is_some_and(|gap| !(0.0..=1e4).contains(&gap))
+        {
+            return Err(format!(
+                "expected a pressure of 0 to {limit_mpa:.2} MPa and a gap of 0 to 10000 mm, found {pressure_mpa} MPa, {gap_mm:?} mm"
+            ));
+        }
+        let mut oracle = known.oracle.lock().unwrap_or_else(PoisonError::into_inner);
+        let input = Input { pressure_mpa, gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
+        oracle.answer(input, known).map_err(|error| error.to_string())
+    }
+}
+
+impl Known {
+    fn new(id: usize, loaded: &LoadedModel) -> Result<Self> {
+        let header = &loaded.model.header;
+        let undeformed = loaded.undeformed_mm();
+        let facets = loaded.facets();
+        let visible_facets =
+            undeformed.as_ref().map_or_else(Vec::new, |nodes| visible_facets(nodes, &facets));
+        let mut visible: Vec<u32> = visible_facets.as_flattened().to_vec();
+        visible.sort_unstable();
+        visible.dedup();
+        let mesh_message = undeformed
+            .filter(|_| !visible.is_empty())
+            .map(|nodes| mesh_message(id, &nodes, &visible, &visible_facets));
+        let nodes = if visible.is_empty() { Nodes::All } else { Nodes::List(visible.clone()) };
+        Ok(Self {
+            card: Card {
+                id,
+                name: loaded.name(),
+                pressure_mpa: loaded.pressure_range_mpa(),
+                gap_mm: loaded.gap_range_mm(),
+                obstacle: Obstacle::PLATE,
+            },
+            hash: loaded.hash16(),
+            node_sets: header.node_sets.clone(),
+            node_count: header.node_count,
+            visible,
+            mesh_message,
+            oracle: Mutex::new(Oracle::new(loaded, nodes)?),
+        })
+    }
+}
+
+fn mesh_message(id: usize, nodes: &[[f32; 3]], visible: &[u32], facets: &[[u32; 3]]) -> Vec<u8> {
+    let mut place = vec![0; nodes.len()];
+    for (k, node) in visible.iter().enumerate() {
+        place[*node as usize] = k as u32;
+    }
+    let coordinates = bits(visible.iter().flat_map(|node| nodes[*node as usize]));
+    let corners: Vec<u32> = facets.as_flattened().iter().map(|node| place[*node as usize]).collect();
+    let head = MeshHead { kind: "mesh", model: id, nodes: visible.len(), facets: facets.len() };
+    encode(&head, &[&coordinates, &corners, visible])
+}
+
+impl Oracle {
+    fn new(loaded: &LoadedModel, nodes: Nodes) -> Result<Self> {
+        let selection = Selection { fields: None, nodes };
+        let predictor = Predictor::new(&loaded.model, &selection)
+            .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
+        let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
+        let known =
+            |name| wire::layout::field_id::from_name(name).map_or("other", wire::layout::field_id::as_str);
+        Ok(Self {
+            evaluation: predictor.evaluation(),
+            values: vec![0.0; predictor.entries()],
+            fields: names.map(known).collect(),
+            switch: RegimeSwitch::default(),
+            predictor,
+        })
+    }
+
+    fn answer(&mut self, input: Input, known: &Known) -> Result<Vec<u8>> {
+        self.predictor.evaluate(input, &mut self.switch, &mut self.evaluation);
+        self.predictor.reconstruct_into(&self.evaluation, &mut self.values)?;
+        let rows = self.predictor.rows();
+        let mut head = FrameHead::empty(PREDICTION);
+        let evaluation = &self.evaluation;
+        head.model = known.mesh_message.is_some().then_some(known.card.id);
+        head.predicted = true;
+        head.fields.clone_from(&self.fields);
+        head.count = rows;
+        head.pressure_mpa = input.pressure_mpa;
+        head.gap_mm = input.gap_mm;
+        head.contact_force_n = evaluation.contact_force_n;
+        head.onset_pressure_mpa = evaluation.onset_pressure_mpa.unwrap_or(f64::INFINITY);
+        head.force_bar_n = evaluation.bars.force_n as f32;
+        head.displacement_bar_mm = evaluation.bars.displacement_mm as f32;
+        head.von_mises_bar_mpa = evaluation.bars.stress_mpa as f32;
+        head.regime = evaluation.regime.name();
+        head.flags = verdict_flag(evaluation.domain).into_iter().collect();
+        if let Some(field) = self.fields.iter().position(|name| *name == "von_mises") {
+            let stress = &self.values[field * rows..(field + 1) * rows];
+            let largest = stress.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+            head.max_von_mises_mpa = largest.map_or(f64::NAN, |(_, value)| f64::from(*value));
+            head.max_von_mises_node = largest.and_then(|(k, _)| known.visible.get(k).copied());
+        }
+        Ok(encode(&head, &[&bits(self.values.iter().copied())]))
+    }
+}
+
+fn verdict_flag(verdict: Verdict) -> Option<&'static str> {
+    match verdict {
+        Verdict::Inside => None,
+        Verdict::Near => Some("near-edge"),
+        Verdict::Outside => Some("outside-domain"),
+    }
+}

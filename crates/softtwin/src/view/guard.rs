@@ -1,0 +1,151 @@
+//! Who may look. On loopback: pages from this machine only. Elsewhere: whoever has the token.
+
+use anyhow::{Context, Result};
+use axum::http::{HeaderMap, Uri, header};
+use std::io::Read;
+use std::net::IpAddr;
+
+/// Name of the cookie that carries the token after the first page.
+const COOKIE: &str = "softtwin_token";
+
+/// The rule for one server.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Guard {
+    /// Bound to loopback: a name that is not this machine's in `Host`, or a foreign page in `Origin`, is refused.
+    /// (Otherwise any page in the user's browser could read the twin.)
+    Loopback,
+    /// Bound elsewhere: the token is asked for.
+    Token(String),
+}
+
+impl Guard {
+    /// Loopback needs no token; elsewhere the given one or a fresh random one is used.
+    ///
+    /// # Errors
+    /// When no random bytes can be had.
+    pub fn new(address: IpAddr, token: Option<String>) -> Result<Self> {
+        match token {
+            Some(token) => Ok(Self::Token(token)),
+            None if address.is_loopback() => Ok(Self::Loopback),
+            None => Ok(Self::Token(random_token()?)),
+        }
+    }
+
+    /// The token, if one is asked for.
+    pub fn token(&self) -> Option<&str> {
+        match self {
+            Self::Loopback => None,
+            Self::Token(token) => Some(token),
+        }
+    }
+
+    /// Whether a request may pass; the text says why not.
+    ///
+    /// # Errors
+    /// The refusal for the user.
+    pub fn check(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), &'static str> {
+        let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+        let host = text(header::HOST).unwrap_or("");
+        let foreign = text(header::ORIGIN).is_some_and(|origin| origin.split("://").nth(1) != Some(host));
+        if foreign {
+            return Err("a page of another site asked; open softtwin view itself");
+        }
+        match self {
+            Self::Loopback if is_this_machine(host) => Ok(()),
+            Self::Loopback => {
+                Err("this viewer answers on localhost only; start it with --bind to open it to others")
+            }
+            Self::Token(token) => {
+                let given = query_token(uri).or_else(|| text(header::COOKIE).and_then(cookie_token));
+                if given.is_some_and(|given| same(given, token)) {
+                    Ok(())
+                } else {
+                    Err("the token is missing or wrong; use the whole address that softtwin view printed")
+                }
+            }
+        }
+    }
+
+    /// The cookie to set on the first page, so that its parts load without the token in their address.
+    pub fn cookie(&self) -> Option<String> {
+        self.token().map(|token| format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/"))
+    }
+}
+
+fn is_this_machine(host: &str) -> bool {
+    let name = host
+        .rsplit_once(':')
+        .filter(|(_, port)| port.bytes().all(|b| b.is_ascii_digit()))
+        .map_or(host, |h| h.0);
+    matches!(name, "localhost" | "[::1]") || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+fn query_token(uri: &Uri) -> Option<&str> {
+    uri.query()?.split('&').find_map(|pair| pair.strip_prefix("token="))
+}
+
+fn cookie_token(cookies: &str) -> Option<&str> {
+    cookies.split(';').find_map(|cookie| cookie.trim().strip_prefix(COOKIE)?.strip_prefix('='))
+}
+
+/// Compares without stopping at the first difference, so that the time tells nothing.
+fn same(a: &str, b: &str) -> bool {
+    a.len() == b.len() && a.bytes().zip(b.bytes()).fold(0, |sum, (x, y)| sum | (x ^ y)) == 0
+}
+
+fn random_token() -> Result<String> {
+    let mut bytes = [0_u8; 16];
+    let read = std::fs::File::open("/dev/urandom").and_then(|mut file| file.read_exact(&mut bytes));
+    read.context("no random bytes for a token; give one with --token")?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(guard: &Guard, uri: &str, headers: &[(&'static str, &'static str)]) -> bool {
+        let mut map = HeaderMap::new();
+        for (name, value) in headers {
+            map.insert(*name, value.parse().expect("header"));
+        }
+        guard.check(&uri.parse().expect("uri"), &map).is_ok()
+    }
+
+    #[test]
+    fn loopback_answers_this_machine_and_its_own_page_only() {
+        let guard = Guard::new("127.0.0.1".parse().expect("address"), None).expect("no token needed");
+        for host in ["localhost:7411", "127.0.0.1:7411", "[::1]:7411", "localhost"] {
+            assert!(asked(&guard, "/", &[("host", host)]), "{host}");
+        }
+        assert!(asked(&guard, "/ws", &[("host", "localhost:1"), ("origin", "http://localhost:1")]));
+        for headers in [
+            vec![("host", "evil.example")],
+            vec![("host", "127.0.0.1.evil.example:7411")],
+            vec![("host", "localhost:1"), ("origin", "http://evil.example")],
+            vec![("host", "localhost:1"), ("origin", "http://localhost:2")],
+            vec![],
+        ] {
+            assert!(!asked(&guard, "/ws", &headers), "{headers:?}");
+        }
+    }
+
+    #[test]
+    fn elsewhere_the_token_is_asked_for_in_address_or_cookie() {
+        let guard = Guard::new("0.0.0.0".parse().expect("address"), None).expect("urandom");
+        let token = guard.token().expect("not loopback").to_owned();
+        assert_eq!(token.len(), 32);
+        assert_ne!(
+            Guard::new("0.0.0.0".parse().expect("address"), None).expect("urandom").token(),
+            Some(token.as_str())
+        );
+        let guard = Guard::Token("abc".into());
+        assert!(asked(&guard, "/?x=1&token=abc", &[("host", "10.0.0.7:7411")]));
+        assert!(asked(&guard, "/ws", &[("host", "10.0.0.7"), ("cookie", "a=b; softtwin_token=abc")]));
+        for (uri, cookie) in
+            [("/", "a=b"), ("/?token=", "a=b"), ("/?token=abcd", "a=b"), ("/", "softtwin_token=abd")]
+        {
+            assert!(!asked(&guard, uri, &[("host", "10.0.0.7"), ("cookie", cookie)]), "{uri} {cookie}");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! The slots between the reader and the pages: the newest frame of each actuator, and who is looking.
+
+use axum::body::Bytes;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use tokio::sync::watch;
+
+/// Pages at the same time; more are refused.
+pub const MAX_VIEWERS: usize = 16;
+
+/// One frame, ready to send, with a number that grows with every frame of any actuator.
+#[derive(Clone, Debug)]
+pub struct Slot {
+    /// Larger than that of every earlier frame.
+    pub number: u64,
+    /// The message.
+    pub message: Bytes,
+}
+
+/// Newest frames by actuator.
+#[derive(Debug)]
+pub struct Hub {
+    slots: Mutex<BTreeMap<String, Slot>>,
+    newest: watch::Sender<u64>,
+    viewers: AtomicUsize,
+}
+
+/// One page that is looking; dropping it takes it off the count.
+#[derive(Debug)]
+pub struct Viewer<'a>(&'a Hub);
+
+impl Default for Hub {
+    fn default() -> Self {
+        Self { slots: Mutex::default(), newest: watch::Sender::new(0), viewers: AtomicUsize::new(0) }
+    }
+}
+
+impl Hub {
+    /// Replaces an actuator's frame and wakes the pages.
+    pub fn put(&self, actuator: &str, message: Vec<u8>) {
+        let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
+        let number = *self.newest.borrow() + 1;
+        slots.insert(actuator.to_owned(), Slot { number, message: message.into() });
+        self.newest.send_replace(number);
+    }
+
+    /// Frames newer than `number`, oldest first.
+    pub fn newer_than(&self, number: u64) -> Vec<Slot> {
+        let slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut newer: Vec<Slot> = slots.values().filter(|slot| slot.number > number).cloned().collect();
+        newer.sort_by_key(|slot| slot.number);
+        newer
+    }
+
+    /// Wakes when there is a newer frame.
+    pub fn watch(&self) -> watch::Receiver<u64> {
+        self.newest.subscribe()
+    }
+
+    /// Counts a page in; none when there are too many.
+    pub fn enter(&self) -> Option<Viewer<'_>> {
+        let more = |now: usize| (now < MAX_VIEWERS).then_some(now + 1);
+        self.viewers.fetch_update(Ordering::AcqRel, Ordering::Acquire, more).ok().map(|_| Viewer(self))
+    }
+
+    /// Pages that are looking.
+    pub fn viewers(&self) -> usize {
+        self.viewers.load(Ordering::Acquire)
+    }
+
+    /// Forgets all frames: nobody looked for a while, so they are old.
+    pub fn clear(&self) {
+        self.slots.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
+impl Drop for Viewer<'_> {
+    fn drop(&mut self) {
+        self.0.viewers.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_page_gets_the_newest_frame_of_each_actuator_and_no_older_one() {
+        let hub = Hub::default();
+        for k in 0..100_u8 {
+            hub.put(if k % 2 == 0 { "left" } else { "right" }, vec![k]);
+        }
+        let frames = hub.newer_than(0);
+        assert_eq!(frames.iter().map(|f| f.message[0]).collect::<Vec<_>>(), [98, 99]);
+        assert!(hub.newer_than(frames[1].number).is_empty());
+        hub.put("left", vec![100]);
+        assert_eq!(hub.newer_than(frames[1].number).len(), 1);
+    }
+
+    #[test]
+    fn pages_are_counted_and_limited() {
+        let hub = Hub::default();
+        let pages: Vec<_> = (0..MAX_VIEWERS).map(|_| hub.enter().expect("room")).collect();
+        assert!(hub.enter().is_none());
+        drop(pages);
+        assert_eq!(hub.viewers(), 0);
+    }
+}

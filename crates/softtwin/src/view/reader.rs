@@ -1,0 +1,218 @@
+//! From shared memory to the slots, while somebody looks.
+
+use super::catalogue::Catalogue;
+use super::frame::{FrameHead, bits, encode};
+use super::hub::Hub;
+use anyhow::{Context, Result};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use wire::{
+    Bus, Domain, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind, WakeSet, Wakeable,
+};
+
+/// Frames at most this often: a screen's rate.
+const TICK: Duration = Duration::from_millis(16);
+/// New topics are looked for this often.
+const LOOK: Duration = Duration::from_secs(1);
+/// The node set that viewers prefer.
+const SURFACE: &str = "surface";
+
+/// What is read and where it goes.
+pub struct Reader {
+    /// Domain of the twins.
+    pub domain: Domain,
+    /// Which topics.
+    pub key: KeyExpr,
+    /// Known models.
+    pub catalogue: Arc<Catalogue>,
+    /// The slots.
+    pub hub: Arc<Hub>,
+}
+
+/// The ports of one actuator and what was last seen on them.
+struct Source {
+    field: Option<FieldReader>,
+    state: Option<StateReader>,
+    last_state: Option<State>,
+    head: FrameHead,
+    pace: Pace,
+    /// Model and node places of the last field, looked up again when its header changes.
+    mesh: Option<([u8; 16], Option<(usize, Vec<u32>)>)>,
+}
+
+/// Readings a second, from sequence numbers about a second apart.
+struct Pace {
+    since: Instant,
+    seq: u64,
+}
+
+impl Reader {
+    /// Reads until the sender of `stop` is dropped. Ports exist only while somebody looks, so that an unwatched twin has
+    /// one reader less.
+    ///
+    /// # Errors
+    /// When the domain cannot be joined.
+    pub fn run(self, stop: &Receiver<()>) -> Result<()> {
+        let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
+        let mut sources = BTreeMap::new();
+        let mut looked: Option<Instant> = None;
+        loop {
+            match stop.recv_timeout(TICK) {
+                Err(RecvTimeoutError::Timeout) => {}
+                _ => return Ok(()),
+            }
+            if self.hub.viewers() == 0 {
+                if !sources.is_empty() {
+                    sources.clear();
+                    self.hub.clear();
+                }
+                looked = None;
+                continue;
+            }
+            if looked.is_none_or(|at| at.elapsed() > LOOK) {
+                self.look(&bus, &mut sources);
+                looked = Some(Instant::now());
+            }
+            for (actuator, source) in &mut sources {
+                if let Err(error) = source.pump(actuator, &self.catalogue, &self.hub) {
+                    tracing::warn!(actuator, "reading failed; the topic is opened again: {error}");
+                    (source.field, source.state) = (None, None);
+                }
+            }
+        }
+    }
+
+    /// Opens ports of topics that are new: of the fields the surface, else all nodes, else any node set.
+    fn look(&self, bus: &Bus, sources: &mut BTreeMap<String, Source>) {
+        let topics = match bus.topics(&self.key) {
+            Ok(topics) => topics,
+            Err(error) => {
+                tracing::warn!("topics cannot be listed: {error}");
+                return;
+            }
+        };
+        let rank = |topic: &Topic| match topic.node_set() {
+            Some(SURFACE) => 0,
+            None => 1,
+            Some(_) => 2,
+        };
+        let mut live: Vec<Topic> =
+            topics.into_iter().filter(|info| !info.writers.is_empty()).map(|info| info.topic).collect();
+        live.sort_by_key(rank);
+        for topic in live {
+            let source = match topic.kind() {
+                TopicKind::Field | TopicKind::State => sources
+                    .entry(topic.actuator().to_owned())
+                    .or_insert_with(|| Source::new(topic.actuator())),
+                TopicKind::Sensor | TopicKind::Health => continue,
+            };
+            if let Err(error) = source.open(bus, &topic) {
+                tracing::warn!("cannot be read: {error}");
+            }
+        }
+    }
+}
+
+impl Source {
+    fn new(actuator: &str) -> Self {
+        Self {
+            field: None,
+            state: None,
+            last_state: None,
+            head: FrameHead::empty(actuator),
+            pace: Pace { since: Instant::now(), seq: 0 },
+            mesh: None,
+        }
+    }
+
+    fn open(&mut self, bus: &Bus, topic: &Topic) -> Result<(), wire::WireError> {
+        match topic.kind() {
+            TopicKind::Field if self.field.is_none() => self.field = Some(FieldReader::open(bus, topic)?),
+            TopicKind::State if self.state.is_none() => self.state = Some(StateReader::open(bus, topic)?),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes the newest of both topics; if anything is new, a frame goes to the hub.
+    fn pump(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
+        self.forget_wake_ups()?;
+        let state = self.state.as_ref().map(StateReader::newest).transpose()?.flatten();
+        if let Some(state) = state {
+            self.pace.count(state.seq, &mut self.head);
+            self.last_state = Some(state);
+        }
+        let sample = self.field.as_ref().map(FieldReader::newest).transpose()?.flatten();
+        if let Some(sample) = &sample {
+            let header = *sample.header();
+            if self.state.is_none() {
+                self.pace.count(header.seq, &mut self.head);
+            }
+            let values = self.take_field(&header, sample.values(), catalogue);
+            self.add_state();
+            hub.put(actuator, encode(&self.head, &[&values]));
+        } else if state.is_some() {
+            self.add_state();
+            self.head.count = 0;
+            hub.put(actuator, encode(&self.head, &[]));
+        }
+        Ok(())
+    }
+
+    /// We look at a fixed rate, so the wake-ups that come with every sample are taken away unread.
+    fn forget_wake_ups(&self) -> Result<(), wire::WireError> {
+        let field = self.field.as_ref().map(|port| port as &dyn Wakeable);
+        let state = self.state.as_ref().map(|port| port as &dyn Wakeable);
+        let ports: Vec<&dyn Wakeable> = field.into_iter().chain(state).collect();
+        WakeSet::new(ports.iter().copied()).wait(ports.iter().copied(), Duration::ZERO)?;
+        Ok(())
+    }
+
+    fn add_state(&mut self) {
+        if let Some(state) = &self.last_state {
+            self.head.set_state(state);
+        }
+    }
+
+    /// The header's facts and the numbers to send: of the visible nodes when the model is known, else of all.
+    fn take_field(&mut self, header: &FieldHeader, values: &[f32], catalogue: &Catalogue) -> Vec<u32> {
+        self.head.set_field(header);
+        let set = wire::layout::unpack_name(&header.node_set);
+        if self.mesh.as_ref().is_none_or(|(hash, _)| *hash != header.model_hash) {
+            let found = catalogue.find(header.model_hash);
+            let places = found.and_then(|model| Some((model, catalogue.places(model, &set)?)));
+            self.mesh = Some((header.model_hash, places));
+        }
+        let nodes = (header.node_count as usize).max(1);
+        let largest = Some(header.max_von_mises_node).filter(|node| *node != u32::MAX);
+        match self.mesh.as_ref().and_then(|(_, mesh)| mesh.as_ref()) {
+            Some((model, places)) if places.iter().all(|place| (*place as usize) < nodes) => {
+                self.head.model = Some(*model);
+                self.head.count = places.len();
+                self.head.max_von_mises_node = largest.and_then(|k| catalogue.node(*model, &set, k));
+                let columns = values.chunks_exact(nodes);
+                bits(columns.flat_map(|column| places.iter().map(|place| column[*place as usize])))
+            }
+            _ => {
+                self.head.model = None;
+                self.head.count = header.node_count as usize;
+                self.head.max_von_mises_node = largest;
+                bits(values.iter().copied())
+            }
+        }
+    }
+}
+
+impl Pace {
+    fn count(&mut self, seq: u64, head: &mut FrameHead) {
+        if seq < self.seq || self.seq == 0 {
+            *self = Self { since: Instant::now(), seq };
+        } else if self.since.elapsed() > Duration::from_secs(1) {
+            head.rate_hz = (seq - self.seq) as f64 / self.since.elapsed().as_secs_f64();
+            *self = Self { since: Instant::now(), seq };
+        }
+    }
+}
