@@ -13,7 +13,7 @@ use wire::{Domain, KeyExpr};
 const EXAMPLES: &str = "\
 Examples:
   Everything that twins on this machine publish, on http://127.0.0.1:7411/:
-    softtwin view --model models/pneunet/model.twin
+    softtwin view --model models/pneunet/pneunet.twin
   Two actuators of several:
     softtwin view --model finger.twin --key 'softtwin/finger_*/**'
   No sensor at hand: press \"What if\" on the page and move the sliders:

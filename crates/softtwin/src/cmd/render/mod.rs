@@ -16,7 +16,7 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   One state, the plate 40 mm below the base:
-    softtwin render --model models/pneunet/model.twin --pressure-mpa 0.05 --gap-mm 40 --out state.png
+    softtwin render --model models/pneunet/pneunet.twin --pressure-mpa 0.05 --gap-mm 40 --out state.png
   The same seen from the side, coloured by displacement, for a dark page:
     softtwin render --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --view side --field displacement --theme dark --out state.png
   The modes of the contact regime (the paper's Fig. 6):
