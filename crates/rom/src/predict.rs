@@ -166,6 +166,11 @@ impl Predictor {
         self.rows * self.field_count
     }
 
+    /// Onset pressure over gap; none for a model of one regime.
+    pub fn onset(&self) -> Option<&OnsetTable> {
+        self.onset.as_ref()
+    }
+
     /// Most coefficients of any regime.
     pub fn max_coefficients(&self) -> usize {
         self.parts.iter().map(|p| p.coefficient_count).max().unwrap_or(0)

@@ -14,7 +14,9 @@
 pub mod bridge;
 pub mod config;
 pub mod explain;
+pub mod grasp;
 pub mod process;
+pub mod query;
 pub mod realtime;
 pub mod source;
 pub mod twin;

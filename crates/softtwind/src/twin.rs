@@ -1,5 +1,6 @@
 //! `softtwind twin`: readings to states and fields.
 
+use crate::beside::{self, Beside};
 use crate::options::TwinOptions;
 use crate::{reporter, service};
 use anyhow::Context;
@@ -16,20 +17,23 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let settings = options.config.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
     let scene = configure(options)?;
     let loaded = load_scene(&scene, &options.scene)?;
+    let beside = Beside::load(&scene, &options.scene)?;
     tracing::info!("limits: {:?}", settings.limits);
     tracing::info!("real time: {:?}", settings.realtime);
     loaded.iter().for_each(describe);
     let names: Vec<String> = loaded.iter().map(|actuator| actuator.spec.name.clone()).collect();
 
     let stop = service::stop_flag().context("cannot listen for signals")?;
-    let bus = Bus::open(&options.domain.domain())?;
+    let domain = options.domain.domain();
+    let bus = Bus::open(&domain)?;
     let ring = Arc::new(Ring::default());
     let mut twin = Twin::start(&bus, loaded, &settings, &ring)?;
     let (progress, done) = (AtomicU64::new(0), AtomicBool::new(false));
     std::thread::scope(|scope| -> anyhow::Result<()> {
         // The reporter starts before this thread takes real-time rights, so that it does not inherit them.
         scope.spawn(|| reporter::run(&ring, &names, &progress, &done));
-        let prepared = prepare(&settings, &twin);
+        let answering = beside::start(scope, &domain, beside, &done);
+        let prepared = answering.and_then(|()| prepare(&settings, &twin));
         if prepared.is_ok() {
             service::tell_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
             twin.run(&stop, &progress);

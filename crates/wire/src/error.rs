@@ -134,6 +134,22 @@ pub enum WireError {
         /// iceoryx2's word for it.
         cause: String,
     },
+    /// No twin answers questions for that actuator.
+    #[error(
+        "{name}: no twin answers questions there; is the twin running in this domain, and does its scene say `queries = \"off\"`?"
+    )]
+    NobodyAnswers {
+        /// The service.
+        name: String,
+    },
+    /// The answer did not come in time.
+    #[error("{name}: no answer within {timeout_ms} ms; the twin is busy or was stopped, ask again")]
+    NoAnswer {
+        /// The service.
+        name: String,
+        /// The time that was given.
+        timeout_ms: u64,
+    },
     /// A field payload that does not fit its header.
     #[error("{topic}: {found} entries, but the header promises {nodes} nodes x {fields} fields")]
     FieldShape {

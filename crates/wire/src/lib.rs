@@ -3,10 +3,12 @@
 //! This is the only crate that names iceoryx2. A program that wants to talk to a twin needs four things:
 //!
 //! 1. a [`Bus`] in a [`Domain`] (programs in different domains do not see one another),
-//! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health`,
+//! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health|command` or `softtwin/<scene>/grasp`,
 //! 3. a typed port: [`SensorWriter`], [`SensorReader`], [`FieldWriter`], [`FieldReader`], [`StateWriter`],
 //!    [`StateReader`], [`HealthWriter`], [`HealthReader`],
 //! 4. a [`WakeSet`] to sleep until one of several readers has something.
+//!
+//! Questions that no topic answers go through a [`QueryClient`]; [`Selector`] is their text form.
 //!
 //! ```
 //! use softtwin_wire::{Bus, Domain, SensorReader, SensorSample, SensorWriter, Topic};
@@ -37,7 +39,9 @@ pub mod layout;
 pub mod outcome;
 mod port;
 pub mod qos;
+mod selector;
 mod topic;
+mod verdict;
 mod wake;
 
 pub use bus::{Bus, TopicInfo};
@@ -45,11 +49,14 @@ pub use clock::{boot_id, now_ns};
 pub use domain::Domain;
 pub use error::WireError;
 pub use keyexpr::KeyExpr;
-pub use layout::{FieldHeader, Health, SensorSample, State};
+pub use layout::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State};
 pub use outcome::Outcome;
 pub use port::{
-    FieldLoan, FieldReader, FieldSample, FieldWriter, HealthReader, HealthWriter, SensorReader, SensorWriter,
-    StateReader, StateWriter,
+    AnswerSample, CommandReader, CommandWriter, FieldLoan, FieldReader, FieldSample, FieldWriter,
+    GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question, SensorReader,
+    SensorWriter, StateReader, StateWriter,
 };
+pub use selector::{Selector, SelectorError};
 pub use topic::{Topic, TopicKind};
+pub use verdict::Verdict;
 pub use wake::{Wake, WakeSet, Wakeable};

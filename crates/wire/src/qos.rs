@@ -43,8 +43,22 @@ pub const fn of(kind: TopicKind) -> Qos {
         TopicKind::Health => {
             Qos { max_readers: 32, buffer: 8, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 128 }
         }
+        TopicKind::Grasp => {
+            Qos { max_readers: 32, buffer: 64, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 64 }
+        }
+        // Only the newest command counts; no history: a valve must not begin with what an earlier controller wanted.
+        TopicKind::Command => {
+            Qos { max_readers: 8, buffer: 16, max_borrowed: 4, history: 0, max_loans: 2, max_nodes: 32 }
+        }
     }
 }
+
+/// Programs that may ask one twin at the same time.
+pub const MAX_CLIENTS: usize = 32;
+/// Questions that a program may have open with one twin at the same time.
+pub const MAX_OPEN_QUESTIONS: usize = 2;
+/// Programs around one twin's questions at the same time.
+pub const MAX_QUERY_NODES: usize = 64;
 
 impl Qos {
     /// Samples that can be in use at the same time: every reader's own borrowed ones, the waiting ones (all readers wait

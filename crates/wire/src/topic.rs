@@ -17,6 +17,10 @@ pub enum TopicKind {
     State,
     /// Counters and latencies at 1 Hz: [`crate::Health`].
     Health,
+    /// Whether a gripper holds its object: [`crate::Grasp`]. The second chunk is the scene's name.
+    Grasp,
+    /// What a controller wants of a pressure source: [`crate::Command`].
+    Command,
 }
 
 impl TopicKind {
@@ -27,6 +31,8 @@ impl TopicKind {
             Self::Field => "field",
             Self::State => "state",
             Self::Health => "health",
+            Self::Grasp => "grasp",
+            Self::Command => "command",
         }
     }
 }
@@ -73,6 +79,22 @@ impl Topic {
         Self::build(actuator, TopicKind::Health, None)
     }
 
+    /// `softtwin/<scene>/grasp`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn grasp(scene: &str) -> Result<Self, WireError> {
+        Self::build(scene, TopicKind::Grasp, None)
+    }
+
+    /// `softtwin/<actuator>/command`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn command(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Command, None)
+    }
+
     /// Reads a topic back from its name; `None` for names that are not ours.
     pub fn parse(name: &str) -> Option<Self> {
         let mut chunks = name.split('/');
@@ -85,6 +107,8 @@ impl Topic {
             "field" => TopicKind::Field,
             "state" => TopicKind::State,
             "health" => TopicKind::Health,
+            "grasp" => TopicKind::Grasp,
+            "command" => TopicKind::Command,
             _ => return None,
         };
         let node_set = chunks.next();
@@ -109,7 +133,7 @@ impl Topic {
         &self.name
     }
 
-    /// The actuator's name.
+    /// The actuator's name (of a grasp: the scene's).
     pub fn actuator(&self) -> &str {
         &self.actuator
     }
@@ -139,7 +163,7 @@ impl fmt::Display for Topic {
 /// Longest name of an actuator or a node set: it travels in a 32-byte field of the headers.
 pub const MAX_NAME_LEN: usize = 31;
 
-fn check_name(what: &'static str, name: &str) -> Result<(), WireError> {
+pub(crate) fn check_name(what: &'static str, name: &str) -> Result<(), WireError> {
     let plain = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'-');
     if name.is_empty() || name.len() > MAX_NAME_LEN || !plain {
         return Err(WireError::BadName { what, found: name.to_owned() });

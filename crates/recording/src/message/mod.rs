@@ -4,16 +4,22 @@
 //! the others as the texts `"NaN"`, `"Infinity"`, `"-Infinity"`. Run numbers and hashes are hexadecimal texts, because
 //! many viewers keep only 53 bits of an integer.
 
+mod answer;
+mod command;
 mod field;
 mod gap;
+mod grasp;
 mod health;
 mod number;
 mod schema;
 mod sensor;
 mod state;
 
+pub use answer::AnswerMessage;
+pub use command::CommandMessage;
 pub use field::FieldMessage;
 pub use gap::GapMessage;
+pub use grasp::GraspMessage;
 pub use health::HealthMessage;
 pub use sensor::SensorMessage;
 pub use state::StateMessage;

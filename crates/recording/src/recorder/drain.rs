@@ -1,11 +1,14 @@
 //! One port of any kind, emptied into the queue.
 
 use wire::{
-    Bus, FieldReader, HealthReader, SensorReader, StateReader, Topic, TopicKind, Wakeable, WireError,
+    Bus, CommandReader, FieldReader, GraspReader, HealthReader, SensorReader, StateReader, Topic, TopicKind,
+    Wakeable, WireError,
 };
 
 use super::queue::{Sink, Stamp};
-use crate::message::{FieldMessage, HealthMessage, SensorMessage, StateMessage};
+use crate::message::{
+    CommandMessage, FieldMessage, GraspMessage, HealthMessage, SensorMessage, StateMessage,
+};
 
 /// A reader of one topic.
 pub enum Port {
@@ -13,6 +16,8 @@ pub enum Port {
     State(StateReader),
     Health(HealthReader),
     Field(FieldReader),
+    Grasp(GraspReader),
+    Command(CommandReader),
 }
 
 impl Port {
@@ -24,6 +29,8 @@ impl Port {
             TopicKind::Health => Some(Self::Health(HealthReader::attach(bus, topic)?)),
             TopicKind::Field if with_fields => Some(Self::Field(FieldReader::attach(bus, topic)?)),
             TopicKind::Field => None,
+            TopicKind::Grasp => Some(Self::Grasp(GraspReader::attach(bus, topic)?)),
+            TopicKind::Command => Some(Self::Command(CommandReader::attach(bus, topic)?)),
         })
     }
 
@@ -33,6 +40,8 @@ impl Port {
             Self::State(reader) => reader.topic(),
             Self::Health(reader) => reader.topic(),
             Self::Field(reader) => reader.topic(),
+            Self::Grasp(reader) => reader.topic(),
+            Self::Command(reader) => reader.topic(),
         }
     }
 
@@ -43,6 +52,8 @@ impl Port {
             Self::State(reader) => reader,
             Self::Health(reader) => reader,
             Self::Field(reader) => reader,
+            Self::Grasp(reader) => reader,
+            Self::Command(reader) => reader,
         }
     }
 
@@ -79,6 +90,20 @@ impl Port {
                     let stamp =
                         Stamp { boot_id: header.boot_id, seq: header.seq, t_publish_ns: header.t_publish_ns };
                     sink.put(topic, stamp, &FieldMessage::new(header, field.values()));
+                }
+            }
+            Self::Grasp(reader) => {
+                while let Some(grasp) = reader.next()? {
+                    let stamp =
+                        Stamp { boot_id: grasp.boot_id, seq: grasp.seq, t_publish_ns: grasp.t_publish_ns };
+                    sink.put(topic, stamp, &GraspMessage::from(&grasp));
+                }
+            }
+            Self::Command(reader) => {
+                while let Some(sample) = reader.next()? {
+                    let stamp =
+                        Stamp { boot_id: sample.boot_id, seq: sample.seq, t_publish_ns: sample.t_publish_ns };
+                    sink.put(topic, stamp, &CommandMessage::from(&sample));
                 }
             }
         }

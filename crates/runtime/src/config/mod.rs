@@ -1,11 +1,13 @@
 //! Configuration in two steps: typed by serde (unknown keys are refused), then checked as a whole. All problems are
 //! reported at once, each with its key, expected and found.
 
+mod grasp;
 mod scene;
 mod settings;
 
+pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use scene::{
-    ActuatorSpec, FixedNodes, Gap, Measured, NodesSpec, OutputSpec, Precision, Scene, StateSpec,
+    ActuatorSpec, FixedNodes, Gap, Measured, NodesSpec, OutputSpec, Precision, Queries, Scene, StateSpec,
 };
 pub(crate) use settings::ms_to_ns;
 pub use settings::{Limits, OnMissingRights, Realtime, Settings};

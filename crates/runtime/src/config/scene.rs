@@ -1,6 +1,6 @@
 //! Scenes: what is there, and what is wanted of it. The twin loads and computes exactly that.
 
-use super::ConfigError;
+use super::{BlockSpec, ConfigError, GraspSpec, PlaceSpec};
 use crate::source::SourceSpec;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -15,6 +15,11 @@ pub struct Scene {
     /// The actuators of the scene.
     #[serde(rename = "actuator")]
     pub actuators: Vec<ActuatorSpec>,
+    /// What the actuators hold between them, and whether it stays there.
+    pub grasp: Option<GraspSpec>,
+    /// Rigid blocks, for pictures.
+    #[serde(default, rename = "block")]
+    pub blocks: Vec<BlockSpec>,
     /// Folder of the file: relative paths in it begin there.
     #[serde(skip)]
     pub folder: PathBuf,
@@ -35,6 +40,14 @@ pub struct ActuatorSpec {
     /// newest wins, as a controller wants it. More: every reading gets its field even when the twin was held up.
     #[serde(default = "one")]
     pub backlog: usize,
+    /// The actuator whose sensor topic counts here too: one pressure source for several fingers. Default: its own.
+    pub sensor: Option<String>,
+    /// Where it stands in the scene, for pictures.
+    #[serde(default)]
+    pub place: PlaceSpec,
+    /// Which questions are answered.
+    #[serde(default)]
+    pub queries: Queries,
     /// What the bridge reads.
     pub source: Option<SourceSpec>,
     /// Extras of the state topic.
@@ -85,6 +98,19 @@ impl Gap {
             Self::Range { min, max } => (min, max),
         }
     }
+}
+
+/// Which questions a twin answers for an actuator, see [`crate::query`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Queries {
+    /// None.
+    Off,
+    /// State and force; a second evaluator in memory, a few hundred kilobytes.
+    #[default]
+    State,
+    /// The fields of the outputs too; a second basis in memory.
+    Fields,
 }
 
 /// Extras of the state topic.
@@ -203,6 +229,12 @@ impl Scene {
             }
             actuator.problems(&place, &mut problems);
         }
+        if let Some(grasp) = &self.grasp {
+            grasp.problems(&self.name, &self.actuators, &mut problems);
+        }
+        for (index, block) in self.blocks.iter().enumerate() {
+            block.problems(&format!("block[{index}]"), &mut problems);
+        }
         problems
     }
 
@@ -217,6 +249,11 @@ fn one() -> usize {
 }
 
 impl ActuatorSpec {
+    /// The actuator whose sensor topic counts.
+    pub fn sensor(&self) -> &str {
+        self.sensor.as_deref().unwrap_or(&self.name)
+    }
+
     fn problems(&self, place: &str, problems: &mut Vec<String>) {
         if let Err(error) = wire::Topic::state(&self.name) {
             problems.push(format!("{place}.name: {error}"));
@@ -224,6 +261,17 @@ impl ActuatorSpec {
         if self.model.as_os_str().is_empty() {
             problems.push(format!("{place}.model: expected a model file, found nothing"));
         }
+        if let Some(sensor) = &self.sensor {
+            if let Err(error) = wire::Topic::sensor(sensor) {
+                problems.push(format!("{place}.sensor: {error}"));
+            }
+            if self.source.is_some() && *sensor != self.name {
+                problems.push(format!(
+                    "{place}: has a source of its own and listens to the sensor of `{sensor}`; leave one out"
+                ));
+            }
+        }
+        self.place.problems(place, problems);
         let (min, max) = self.gap_mm.range_mm();
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
             problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));

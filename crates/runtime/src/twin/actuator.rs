@@ -75,7 +75,7 @@ impl ActuatorTwin {
             .into_iter()
             .map(|output| Output::start(bus, &name, loaded.model_hash, boot_id, output))
             .collect::<Result<_, WireError>>()?;
-        let reader = SensorReader::attach(bus, &Topic::sensor(&name)?)?;
+        let reader = SensorReader::attach(bus, &Topic::sensor(loaded.spec.sensor())?)?;
         let start_ns = now_ns();
         let packed = pack_name(&name);
         let model_hash = loaded.model_hash;
@@ -367,7 +367,7 @@ impl ActuatorTwin {
     }
 }
 
-fn regime_number(kind: RegimeKind) -> u32 {
+pub(crate) fn regime_number(kind: RegimeKind) -> u32 {
     match kind {
         RegimeKind::Free => regime::FREE,
         RegimeKind::Contact => regime::CONTACT,

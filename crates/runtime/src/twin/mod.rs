@@ -11,6 +11,7 @@ mod load;
 mod output;
 mod ring;
 
+pub(crate) use actuator::regime_number;
 pub use histogram::Histogram;
 pub use load::{Loaded, LoadedOutput, ReadBlock, load, load_scene};
 pub use ring::{CAPACITY as RING_CAPACITY, Event, EventKind, Ring};

@@ -9,6 +9,8 @@ mod bench;
 mod demo;
 mod echo;
 mod evaluate;
+mod get;
+mod grasp;
 mod hz;
 mod info;
 mod inspect;
@@ -71,6 +73,8 @@ commands! {
     Info => info,
     Echo => echo,
     Hz => hz,
+    Get => get,
+    Grasp => grasp,
     Scene => scene,
     Sample => sample,
     Simulate => simulate,

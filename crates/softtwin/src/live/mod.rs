@@ -11,8 +11,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use wire::{
-    Bus, Domain, FieldReader, HealthReader, KeyExpr, SensorReader, StateReader, Topic, TopicInfo, TopicKind,
-    Wake, WakeSet, Wakeable, WireError,
+    Bus, CommandReader, Domain, FieldReader, GraspReader, HealthReader, KeyExpr, SensorReader, StateReader,
+    Topic, TopicInfo, TopicKind, Wake, WakeSet, Wakeable, WireError,
 };
 
 /// Which programs see one another.
@@ -69,6 +69,10 @@ pub enum AnyReader {
     Health(HealthReader),
     /// Fields.
     Field(FieldReader),
+    /// Grasps.
+    Grasp(GraspReader),
+    /// Pressure commands.
+    Command(CommandReader),
 }
 
 impl AnyReader {
@@ -79,6 +83,8 @@ impl AnyReader {
             TopicKind::State => Self::State(StateReader::open(bus, topic)?),
             TopicKind::Health => Self::Health(HealthReader::open(bus, topic)?),
             TopicKind::Field => Self::Field(FieldReader::open(bus, topic)?),
+            TopicKind::Grasp => Self::Grasp(GraspReader::open(bus, topic)?),
+            TopicKind::Command => Self::Command(CommandReader::open(bus, topic)?),
         })
     }
 
@@ -89,6 +95,8 @@ impl AnyReader {
             Self::State(reader) => reader.next()?.map(Sample::State),
             Self::Health(reader) => reader.next()?.map(Sample::Health),
             Self::Field(reader) => reader.next()?.map(Sample::Field),
+            Self::Grasp(reader) => reader.next()?.map(Sample::Grasp),
+            Self::Command(reader) => reader.next()?.map(Sample::Command),
         })
     }
 
@@ -99,6 +107,8 @@ impl AnyReader {
             Self::State(reader) => reader,
             Self::Health(reader) => reader,
             Self::Field(reader) => reader,
+            Self::Grasp(reader) => reader,
+            Self::Command(reader) => reader,
         }
     }
 }

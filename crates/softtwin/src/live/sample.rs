@@ -1,10 +1,10 @@
 //! One received sample of any kind.
 
 use super::text;
-use recording::message::{HealthMessage, SensorMessage, StateMessage};
+use recording::message::{CommandMessage, GraspMessage, HealthMessage, SensorMessage, StateMessage};
 use serde_json::{Value, json};
 use wire::layout::{field_id, flags, regime, unpack_name};
-use wire::{FieldSample, Health, SensorSample, State};
+use wire::{Command, FieldSample, Grasp, Health, SensorSample, State};
 
 /// A sample of any kind of topic.
 #[derive(Debug)]
@@ -17,6 +17,10 @@ pub enum Sample {
     Health(Health),
     /// A field, still in shared memory.
     Field(FieldSample),
+    /// A grasp.
+    Grasp(Grasp),
+    /// A pressure command.
+    Command(Command),
 }
 
 impl Sample {
@@ -27,6 +31,8 @@ impl Sample {
             Self::State(sample) => (sample.boot_id, sample.seq),
             Self::Health(sample) => (sample.boot_id, sample.seq),
             Self::Field(sample) => (sample.header().boot_id, sample.header().seq),
+            Self::Grasp(sample) => (sample.boot_id, sample.seq),
+            Self::Command(sample) => (sample.boot_id, sample.seq),
         }
     }
 
@@ -38,6 +44,8 @@ impl Sample {
             Self::State(sample) => (sample.flags & old == 0).then_some(sample.t_sensor_ns),
             Self::Health(_) => None,
             Self::Field(sample) => Some(sample.header().t_sensor_ns),
+            Self::Grasp(sample) => (sample.flags & old == 0).then_some(sample.t_sensor_ns),
+            Self::Command(sample) => (sample.t_sensor_ns != 0).then_some(sample.t_sensor_ns),
         }
     }
 
@@ -48,6 +56,8 @@ impl Sample {
             Self::State(sample) => text::state(sample),
             Self::Health(sample) => text::health(sample),
             Self::Field(sample) => text::field(sample),
+            Self::Grasp(sample) => text::grasp(sample),
+            Self::Command(sample) => text::command(sample),
         }
     }
 
@@ -58,6 +68,8 @@ impl Sample {
             Self::State(sample) => serde_json::to_value(StateMessage::from(sample))?,
             Self::Health(sample) => serde_json::to_value(HealthMessage::from(sample))?,
             Self::Field(sample) => field_json(sample),
+            Self::Grasp(sample) => serde_json::to_value(GraspMessage::from(sample))?,
+            Self::Command(sample) => serde_json::to_value(CommandMessage::from(sample))?,
         })
     }
 }

@@ -1,8 +1,8 @@
 //! Samples as one line for people.
 
 use super::sample::range;
-use wire::layout::{field_id, flags, regime};
-use wire::{FieldSample, Health, Outcome, SensorSample, State, now_ns};
+use wire::layout::{field_id, flags, grasp_verdict, regime};
+use wire::{Command, FieldSample, Grasp, Health, Outcome, SensorSample, State, now_ns};
 
 pub(super) fn sensor(sample: &SensorSample) -> String {
     let status = if sample.status == 0 { String::new() } else { format!("  FAULT {}", sample.status) };
@@ -78,6 +78,30 @@ pub(super) fn field(sample: &FieldSample) -> String {
         ranges.join("  "),
         flag_list(header.flags),
     )
+}
+
+pub(super) fn grasp(grasp: &Grasp) -> String {
+    let forces: Vec<String> = grasp.fingers().map(|(force, _)| format!("{force:.4}")).collect();
+    let stop = match grasp.stop_pressure_mpa {
+        stop if stop.is_nan() => "no sampled pressure holds it".to_owned(),
+        stop => format!("held from {stop:.5} +- {:.5} MPa on", grasp.stop_pressure_bar_mpa),
+    };
+    format!(
+        "#{:<7} {}  F {} N, {:.4} N each needed for {:.1} g at friction {:.2}, safety {:.2}  margin {:+.0} %  {stop}{}",
+        grasp.seq,
+        grasp_verdict::as_str(grasp.verdict),
+        forces.join(" "),
+        grasp.needed_force_n,
+        grasp.mass_kg * 1e3,
+        grasp.friction,
+        grasp.safety,
+        grasp.margin * 100.0,
+        flag_list(grasp.flags),
+    )
+}
+
+pub(super) fn command(command: &Command) -> String {
+    format!("#{:<7} P wanted {:8.5} MPa", command.seq, command.pressure_mpa)
 }
 
 fn optional(label: &str, value: f64, unit: &str) -> String {

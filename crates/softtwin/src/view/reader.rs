@@ -109,7 +109,7 @@ impl Reader {
                 TopicKind::Field | TopicKind::State => sources
                     .entry(topic.actuator().to_owned())
                     .or_insert_with(|| Source::new(topic.actuator())),
-                TopicKind::Sensor | TopicKind::Health => continue,
+                TopicKind::Sensor | TopicKind::Health | TopicKind::Grasp | TopicKind::Command => continue,
             };
             if let Err(error) = source.open(bus, &topic) {
                 tracing::warn!("cannot be read: {error}");

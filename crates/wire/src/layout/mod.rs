@@ -4,13 +4,19 @@
 //! quantities, NaN for "not known", [`VERSION`] in the type name (`softtwin.<Type>.v<VERSION>`), so that programs of
 //! different layouts refuse each other.
 
+mod command;
 mod field;
+mod grasp;
 mod health;
+mod query;
 mod sensor;
 mod state;
 
+pub use command::Command;
 pub use field::{FIELD_SLOTS, FieldHeader};
+pub use grasp::{FINGERS_MAX, Grasp, grasp_verdict};
 pub use health::{Health, OUTCOME_SLOTS};
+pub use query::{Answer, Query, query_kind};
 pub use sensor::SensorSample;
 pub use state::{COEFFICIENTS_MAX, GROUPS_MAX, State};
 
@@ -134,7 +140,17 @@ pub fn unpack_name(packed: &[u8; 32]) -> String {
     String::from_utf8_lossy(&text).into_owned()
 }
 
-/// Checks sizes and offsets at compile time: `layout!(Type, size, { field: offset, ... })`.
+/// A payload that says how it lies in memory, for programs in other languages and for the page that documents it.
+pub trait Described {
+    /// Name of the type on the wire, with its layout version.
+    fn type_name() -> &'static str;
+    /// Size in bytes; the alignment is 8.
+    const SIZE: usize;
+    /// Fields with their offsets, in order.
+    const FIELDS: &'static [(&'static str, usize)];
+}
+
+/// Checks sizes and offsets at compile time and makes them readable: `layout!(Type, size, { field: offset, ... })`.
 macro_rules! layout {
     ($type:ty, $size:literal, { $($field:ident: $offset:literal),+ $(,)? }) => {
         const _: () = {
@@ -142,6 +158,15 @@ macro_rules! layout {
             assert!(std::mem::align_of::<$type>() == 8);
             $(assert!(std::mem::offset_of!($type, $field) == $offset);)+
         };
+
+        impl $crate::layout::Described for $type {
+            fn type_name() -> &'static str {
+                // SAFETY: asks the type for its name, which the derive of `ZeroCopySend` gives.
+                unsafe { <$type as iceoryx2::prelude::ZeroCopySend>::type_name() }
+            }
+            const SIZE: usize = $size;
+            const FIELDS: &'static [(&'static str, usize)] = &[$((stringify!($field), $offset)),+];
+        }
     };
 }
 use layout;

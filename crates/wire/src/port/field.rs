@@ -51,7 +51,7 @@ impl FieldWriter {
     pub fn create(bus: &Bus, topic: &Topic, entries: usize) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
         let service = service::slices(bus, topic, Missing::Create)?;
-        let publisher = service::retry(topic, || {
+        let publisher = service::retry(topic.name(), || {
             service
                 .publisher_builder()
                 .initial_max_slice_len(entries)
@@ -145,7 +145,7 @@ impl FieldReader {
         let service = service::slices(bus, topic, missing)?;
         // The listener comes first: a sample sent in between then wakes us for nothing instead of never.
         let listener = service::listener(bus, topic)?;
-        let subscriber = service::retry(topic, || {
+        let subscriber = service::retry(topic.name(), || {
             service
                 .subscriber_builder()
                 .buffer_size(qos.buffer)

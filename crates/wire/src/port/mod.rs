@@ -1,10 +1,15 @@
 //! Typed ports: one writer and one reader type per kind of topic.
 
 mod field;
+mod query;
 mod segment;
 pub(crate) mod service;
 mod sized;
 
 pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
+pub use query::{AnswerSample, QueryClient, QueryServer, Question};
 pub(crate) use segment::{SHM_DIR, require_headroom};
-pub use sized::{HealthReader, HealthWriter, SensorReader, SensorWriter, StateReader, StateWriter};
+pub use sized::{
+    CommandReader, CommandWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, SensorReader,
+    SensorWriter, StateReader, StateWriter,
+};

@@ -49,6 +49,18 @@ pub(crate) fn require_headroom(whom: &str, reserved_bytes: u64) -> Result<(), Wi
     }
 }
 
+/// Refuses a sample of `bytes` that /dev/shm cannot take now: for memory that grows on demand, off the real-time path.
+pub(crate) fn require_room(whom: &str, bytes: u64) -> Result<(), WireError> {
+    match free_bytes() {
+        Some(free) if bytes > 0 && free < bytes + HEADROOM_BYTES => Err(WireError::NoMemory {
+            topic: whom.to_owned(),
+            needed_bytes: bytes + HEADROOM_BYTES,
+            cause: format!("{free} bytes are left"),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// Free space where shared memory lives; `None` where the system does not say.
 fn free_bytes() -> Option<u64> {
     let path = std::ffi::CString::new(SHM_DIR).ok()?;

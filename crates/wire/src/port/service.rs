@@ -33,8 +33,8 @@ pub(crate) fn sized<P: Debug + ZeroCopySend>(
     topic: &Topic,
     missing: Missing,
 ) -> Result<PubSub<P, ()>, WireError> {
-    let name = service_name(topic)?;
-    retry(topic, || {
+    let name = service_name(topic.name())?;
+    retry(topic.name(), || {
         let builder = with_qos(bus.node.service_builder(&name).publish_subscribe::<P>(), topic.kind());
         match missing {
             Missing::Create => builder.open_or_create().map_err(|error| judge(topic, error)),
@@ -49,8 +49,8 @@ pub(crate) fn slices(
     topic: &Topic,
     missing: Missing,
 ) -> Result<PubSub<[f32], layout::FieldHeader>, WireError> {
-    let name = service_name(topic)?;
-    retry(topic, || {
+    let name = service_name(topic.name())?;
+    retry(topic.name(), || {
         let builder = bus.node.service_builder(&name).publish_subscribe::<[f32]>();
         let builder = with_qos(builder.user_header::<layout::FieldHeader>(), topic.kind());
         match missing {
@@ -63,15 +63,29 @@ pub(crate) fn slices(
 /// The event service that wakes a topic's readers. It has no deadline on purpose: with one, `notify` fails in the writer
 /// although it has delivered. Deadlines are the reader's.
 pub(crate) fn events(bus: &Bus, topic: &Topic) -> Result<Events, WireError> {
-    let name = service_name(topic)?;
     let qos = qos::of(topic.kind());
-    retry(topic, || {
+    let shape = EventShape { listeners: qos.max_readers, notifiers: qos::MAX_WRITERS, nodes: qos.max_nodes };
+    named_events(bus, topic.name(), shape)
+}
+
+/// How many may take part in an event service.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EventShape {
+    pub listeners: usize,
+    pub notifiers: usize,
+    pub nodes: usize,
+}
+
+/// An event service by name.
+pub(crate) fn named_events(bus: &Bus, name: &str, shape: EventShape) -> Result<Events, WireError> {
+    let service = service_name(name)?;
+    retry(name, || {
         bus.node
-            .service_builder(&name)
+            .service_builder(&service)
             .event()
-            .max_listeners(qos.max_readers)
-            .max_notifiers(qos::MAX_WRITERS)
-            .max_nodes(qos.max_nodes)
+            .max_listeners(shape.listeners)
+            .max_notifiers(shape.notifiers)
+            .max_nodes(shape.nodes)
             .event_id_max_value(1)
             .open_or_create()
             .map_err(|error| Refusal::Passing(format!("{error:?}")))
@@ -93,9 +107,9 @@ fn with_qos<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
         .enable_safe_overflow(true)
 }
 
-fn service_name(topic: &Topic) -> Result<ServiceName, WireError> {
-    ServiceName::new(topic.name())
-        .map_err(|error| WireError::Open { topic: topic.name().into(), cause: format!("{error:?}") })
+pub(crate) fn service_name(name: &str) -> Result<ServiceName, WireError> {
+    ServiceName::new(name)
+        .map_err(|error| WireError::Open { topic: name.into(), cause: format!("{error:?}") })
 }
 
 /// Why a try failed: for good, or because somebody is in the middle of something.
@@ -105,10 +119,7 @@ pub(crate) enum Refusal {
 }
 
 /// Tries until success, a final refusal, or [`FLUX_TIMEOUT`].
-pub(crate) fn retry<T>(
-    topic: &Topic,
-    mut attempt: impl FnMut() -> Result<T, Refusal>,
-) -> Result<T, WireError> {
+pub(crate) fn retry<T>(name: &str, mut attempt: impl FnMut() -> Result<T, Refusal>) -> Result<T, WireError> {
     let begin = Instant::now();
     let mut tries = 0;
     loop {
@@ -117,7 +128,7 @@ pub(crate) fn retry<T>(
             Ok(done) => return Ok(done),
             Err(Refusal::Final(error)) => return Err(error),
             Err(Refusal::Passing(cause)) if begin.elapsed() > FLUX_TIMEOUT => {
-                return Err(WireError::InFlux { topic: topic.name().into(), tries, cause });
+                return Err(WireError::InFlux { topic: name.into(), tries, cause });
             }
             Err(Refusal::Passing(_)) => std::thread::sleep(FLUX_PAUSE),
         }
@@ -203,6 +214,8 @@ pub(crate) fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u3
         TopicKind::Sensor => of(&sized::<layout::SensorSample>(bus, topic, Missing::Refuse)?),
         TopicKind::State => of(&sized::<layout::State>(bus, topic, Missing::Refuse)?),
         TopicKind::Health => of(&sized::<layout::Health>(bus, topic, Missing::Refuse)?),
+        TopicKind::Grasp => of(&sized::<layout::Grasp>(bus, topic, Missing::Refuse)?),
+        TopicKind::Command => of(&sized::<layout::Command>(bus, topic, Missing::Refuse)?),
         TopicKind::Field => of(&slices(bus, topic, Missing::Refuse)?),
     })
 }
@@ -213,7 +226,7 @@ pub(crate) fn notifier(
     topic: &Topic,
 ) -> Result<iceoryx2::port::notifier::Notifier<Ipc>, WireError> {
     let service = events(bus, topic)?;
-    retry(topic, || {
+    retry(topic.name(), || {
         service.notifier_builder().create().map_err(|error| Refusal::Passing(format!("{error:?}")))
     })
 }
@@ -225,7 +238,7 @@ pub(crate) fn listener(
 ) -> Result<iceoryx2::port::listener::Listener<Ipc>, WireError> {
     use iceoryx2::port::listener::ListenerCreateError as Error;
     let service = events(bus, topic)?;
-    retry(topic, || {
+    retry(topic.name(), || {
         service.listener_builder().create().map_err(|error| match error {
             Error::ExceedsMaxSupportedListeners => Refusal::Final(WireError::TooManyReaders {
                 topic: topic.name().into(),

@@ -1,10 +1,10 @@
-//! Ports of topics with a payload of fixed size: sensor, state, health.
+//! Ports of topics with a payload of fixed size: sensor, state, health, grasp, command.
 
 use super::segment;
 use super::service::{self, Missing};
 use crate::bus::{Bus, Ipc};
 use crate::wake::Wakeable;
-use crate::{Health, SensorSample, State, Topic, WireError, qos};
+use crate::{Command, Grasp, Health, SensorSample, State, Topic, WireError, qos};
 use iceoryx2::port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::*;
 use std::fmt::Debug;
@@ -37,6 +37,14 @@ pub type StateReader = Reader<State>;
 pub type HealthWriter = Writer<Health>;
 /// Receives health.
 pub type HealthReader = Reader<Health>;
+/// Sends grasps.
+pub type GraspWriter = Writer<Grasp>;
+/// Receives grasps.
+pub type GraspReader = Reader<Grasp>;
+/// Sends pressure commands.
+pub type CommandWriter = Writer<Command>;
+/// Receives pressure commands.
+pub type CommandReader = Reader<Command>;
 
 impl<P: Debug + Copy + ZeroCopySend + 'static> Writer<P> {
     /// Becomes the writer of `topic` and reserves all its memory.
@@ -47,7 +55,7 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Writer<P> {
     pub fn create(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
         let service = service::sized::<P>(bus, topic, Missing::Create)?;
-        let publisher = service::retry(topic, || {
+        let publisher = service::retry(topic.name(), || {
             service
                 .publisher_builder()
                 .max_loaned_samples(qos.max_loans)
@@ -105,7 +113,7 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
         let service = service::sized::<P>(bus, topic, missing)?;
         // The listener comes first: a sample sent in between then wakes us for nothing instead of never.
         let listener = service::listener(bus, topic)?;
-        let subscriber = service::retry(topic, || {
+        let subscriber = service::retry(topic.name(), || {
             service
                 .subscriber_builder()
                 .buffer_size(qos.buffer)

@@ -4,7 +4,8 @@ use super::{Payload, WakeUp};
 use anyhow::Context;
 use rom::model::Model;
 use runtime::config::{
-    ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, Precision, Realtime, Scene, Settings, StateSpec,
+    ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, PlaceSpec, Precision, Queries, Realtime, Scene,
+    Settings, StateSpec,
 };
 use runtime::source::{Profile, SimulateSpec, SourceSpec};
 use std::path::PathBuf;
@@ -94,10 +95,15 @@ impl Folder {
                 model: "bench.twin".into(),
                 gap_mm: Gap::default(),
                 backlog: 1,
+                sensor: None,
+                place: PlaceSpec::default(),
+                queries: Queries::Off,
                 source: Some(SourceSpec::Simulate(source)),
                 state: StateSpec::default(),
                 outputs,
             }],
+            grasp: None,
+            blocks: Vec::new(),
             folder: PathBuf::new(),
         };
         let busy_poll = row.wake == WakeUp::BusyPoll;

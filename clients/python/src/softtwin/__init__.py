@@ -1,0 +1,57 @@
+"""Client of the softtwin runtime: a soft actuator's digital twin in shared memory.
+
+    import softtwin
+
+    for field in softtwin.subscribe("softtwin/finger/field"):
+        print(field.header.contact_force_n, field.x.max(), field.von_mises.max())
+
+    twin = softtwin.Client("finger")
+    print(twin.whatif(0.05, 30.0).contact_force_n, twin.pressure(0.3, 30.0).pressure_mpa)
+
+Everything is woken by event; fields are read-only numpy views of shared memory that keep their sample alive.
+"""
+
+from .bus import Bus, now_ns
+from .errors import (
+    AlreadyPublished,
+    Refused,
+    SofttwinError,
+    TwinAbsent,
+    TwinRestarted,
+    TwinSilent,
+    VersionMismatch,
+)
+from .field import Field
+from .layout import Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State
+from .publish import CommandPublisher, SensorPublisher
+from .query import Client
+from .subscribe import Subscription, newest, subscribe
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AlreadyPublished",
+    "Answer",
+    "Bus",
+    "Client",
+    "Command",
+    "CommandPublisher",
+    "Field",
+    "FieldHeader",
+    "Grasp",
+    "Health",
+    "Query",
+    "Refused",
+    "SensorPublisher",
+    "SensorSample",
+    "SofttwinError",
+    "State",
+    "Subscription",
+    "TwinAbsent",
+    "TwinRestarted",
+    "TwinSilent",
+    "VersionMismatch",
+    "newest",
+    "now_ns",
+    "subscribe",
+]

@@ -1,0 +1,153 @@
+"""A program's place in a shared-memory domain."""
+
+import os
+import time
+from typing import Any, Optional
+
+import iceoryx2 as iox2
+
+from . import layout
+from .errors import SofttwinError, TwinAbsent, VersionMismatch
+from .qos import QOS
+
+_KINDS = {
+    "sensor": layout.SensorSample,
+    "state": layout.State,
+    "health": layout.Health,
+    "grasp": layout.Grasp,
+    "command": layout.Command,
+}
+_FLUX_S = 2.0  # how long to wait for others who create or remove the same topic
+
+
+def now_ns() -> int:
+    """The wire's clock: ns of the machine's monotonic clock, the same in every process."""
+    return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+
+
+class Bus:
+    """Membership in a domain. One is made on demand for the functions of this package; make your own to name the domain.
+
+    The default domain is `$SOFTTWIN_DOMAIN` (with its folder `$SOFTTWIN_ROOT`), or iceoryx2's own: the same rule as of the
+    programs `softtwin` and `softtwind`.
+    """
+
+    def __init__(self, domain: Optional[str] = None, root: Optional[str] = None) -> None:
+        domain = domain or os.environ.get("SOFTTWIN_DOMAIN") or None
+        root = root or os.environ.get("SOFTTWIN_ROOT") or None
+        iox2.set_log_level(iox2.LogLevel.Fatal)  # failures come back as exceptions
+        # The host's configuration file is not read, so that every program of a domain agrees.
+        config = iox2.config.default()
+        config.global_cfg.prefix = iox2.FileName.new(f"iox2_{domain}_" if domain else "iox2_")
+        if root:
+            config.global_cfg.root_path = iox2.Path.new(root)
+        try:
+            self._node = (
+                iox2.NodeBuilder.new()
+                .config(config)
+                .signal_handling_mode(iox2.SignalHandlingMode.Disabled)
+                .create(iox2.ServiceType.Ipc)
+            )
+        except Exception as error:
+            raise SofttwinError(
+                f"cannot join the shared-memory domain: {error}; check that its folder and /dev/shm are writable"
+            ) from error
+
+    def open_topic(self, topic: str, create: bool = False) -> Any:
+        """The publish-subscribe service of a topic."""
+        kind = kind_of(topic)
+        builder = self._node.service_builder(iox2.ServiceName.new(topic))
+        if kind == "field":
+            builder = builder.publish_subscribe(iox2.Slice[layout.f32]).user_header(layout.FieldHeader)
+        else:
+            builder = builder.publish_subscribe(_KINDS[kind])
+        if not create:
+            return self._retry(topic, builder.open)
+        qos = QOS[kind]
+        builder = (
+            builder.max_publishers(1)
+            .max_subscribers(qos.max_readers)
+            .max_nodes(qos.max_nodes)
+            .subscriber_max_buffer_size(qos.buffer)
+            .subscriber_max_borrowed_samples(qos.max_borrowed)
+            .history_size(qos.history)
+            .enable_safe_overflow(True)
+        )
+        return self._retry(topic, builder.open_or_create)
+
+    def open_events(self, name: str, listeners: int, notifiers: int, nodes: int) -> Any:
+        """The event service that wakes the readers of a topic."""
+        builder = (
+            self._node.service_builder(iox2.ServiceName.new(name))
+            .event()
+            .max_listeners(listeners)
+            .max_notifiers(notifiers)
+            .max_nodes(nodes)
+            .event_id_max_value(1)
+        )
+        return self._retry(name, builder.open_or_create)
+
+    def open_topic_events(self, topic: str) -> Any:
+        """As `open_events`, with the settings of the topic's kind."""
+        qos = QOS[kind_of(topic)]
+        return self.open_events(topic, qos.max_readers, 1, qos.max_nodes)
+
+    def open_questions(self, name: str) -> Any:
+        """The request-response service of a twin."""
+        builder = (
+            self._node.service_builder(iox2.ServiceName.new(name))
+            .request_response(layout.Query, iox2.Slice[layout.f32])
+            .response_header(layout.Answer)
+        )
+        return self._retry(name, builder.open)
+
+    @staticmethod
+    def _retry(name: str, attempt: Any) -> Any:
+        """Tries again while others come and go; turns the rest into exceptions that say what to do."""
+        end = time.monotonic() + _FLUX_S
+        while True:
+            try:
+                return attempt()
+            except Exception as error:  # the binding raises one type for each of its enums
+                cause = str(error)
+                if "DoesNotExist" in cause:
+                    raise TwinAbsent(
+                        f"{name}: nothing is there; is the twin running in this domain? `softtwin list` shows what is"
+                    ) from error
+                if "Incompatible" in cause or "DoesNotSupport" in cause or "VersionMismatch" in cause:
+                    raise VersionMismatch(
+                        f"{name}: made by a program of another version ({cause}); this client speaks layout version "
+                        f"{layout.VERSION} over iceoryx2 0.10. Use the client of the twin's release"
+                    ) from error
+                if time.monotonic() > end:
+                    raise SofttwinError(f"{name}: cannot be opened: {cause}") from error
+                time.sleep(0.002)
+
+
+def kind_of(topic: str) -> str:
+    """The kind of a topic: the third chunk of its name."""
+    chunks = topic.split("/")
+    kind = chunks[2] if len(chunks) > 2 else ""
+    ours = chunks[0] == "softtwin" and kind in QOS and (len(chunks) == 3 or (len(chunks) == 4 and kind == "field"))
+    if not ours or "*" in topic:
+        raise ValueError(
+            f"`{topic}`: expected softtwin/<actuator>/sensor, /state, /health, /command, /field or /field/<set>, or "
+            "softtwin/<scene>/grasp, without wildcards"
+        )
+    return kind
+
+
+def payload_type(topic: str) -> Any:
+    """The ctypes structure of a topic of fixed size."""
+    return _KINDS[kind_of(topic)]
+
+
+_default: Optional[Bus] = None
+
+
+def default_bus() -> Bus:
+    """The bus of the functions that were given none."""
+    global _default
+    if _default is None:
+        _default = Bus()
+    return _default

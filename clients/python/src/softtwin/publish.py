@@ -1,0 +1,101 @@
+"""Sending: sensor readings to a twin, pressure commands to a valve."""
+
+import math
+import os
+from typing import Any, Optional
+
+import iceoryx2 as iox2
+
+from .bus import Bus, default_bus, now_ns, payload_type
+from .errors import AlreadyPublished, SofttwinError
+from .layout import Command, SensorSample
+from .qos import MAX_LOANS
+
+
+def _boot_id() -> int:
+    """A number that no other run of a program on this machine shares; never zero."""
+    mixed = (now_ns() << 20 | now_ns() >> 44) & 0xFFFF_FFFF_FFFF_FFFF
+    return (mixed ^ os.getpid() << 1) | 1
+
+
+class _Writer:
+    """The one writer of a topic."""
+
+    def __init__(self, topic: str, bus: Optional[Bus]) -> None:
+        bus = bus or default_bus()
+        #: The topic's name.
+        self.topic = topic
+        self._kind = payload_type(topic)
+        service = bus.open_topic(topic, create=True)
+        try:
+            self._publisher = (
+                service.publisher_builder()
+                .max_loaned_samples(MAX_LOANS)
+                .backpressure_strategy(iox2.BackpressureStrategy.DiscardData)
+                .create()
+            )
+        except Exception as error:
+            if "ExceedsMaxSupportedPublishers" in str(error):
+                raise AlreadyPublished(f"{topic}: another process publishes here already; stop it first") from error
+            raise SofttwinError(f"{topic}: cannot be written: {error}") from error
+        self._notifier = bus.open_topic_events(topic).notifier_builder().create()
+        self._boot_id = _boot_id()
+        self._seq = 0
+
+    def _send(self, payload: Any) -> None:
+        self._publisher.send_copy(payload)
+        self._notifier.notify()
+
+
+class SensorPublisher(_Writer):
+    """Feeds readings to the twin of an actuator, in place of a bridge."""
+
+    def __init__(self, actuator: str, bus: Optional[Bus] = None) -> None:
+        super().__init__(f"softtwin/{actuator}/sensor", bus)
+
+    def send(
+        self,
+        pressure_mpa: float,
+        gap_mm: float = math.nan,
+        measured_force_n: float = math.nan,
+        *,
+        status: int = 0,
+        t_sensor_ns: Optional[int] = None,
+    ) -> int:
+        """Sends one reading (stamped now unless told otherwise) and returns its sequence number."""
+        self._seq += 1
+        stamp = now_ns() if t_sensor_ns is None else t_sensor_ns
+        self._send(
+            SensorSample(
+                boot_id=self._boot_id,
+                seq=self._seq,
+                t_sensor_ns=stamp,
+                pressure_mpa=pressure_mpa,
+                gap_mm=gap_mm,
+                measured_force_n=measured_force_n,
+                t_trace_s=math.nan,
+                status=status,
+            )
+        )
+        return self._seq
+
+
+class CommandPublisher(_Writer):
+    """Commands a pressure source."""
+
+    def __init__(self, actuator: str, bus: Optional[Bus] = None) -> None:
+        super().__init__(f"softtwin/{actuator}/command", bus)
+
+    def send(self, pressure_mpa: float, t_sensor_ns: int = 0) -> int:
+        """Sends one command; `t_sensor_ns` is the stamp of the reading that it answers. Returns its sequence number."""
+        self._seq += 1
+        self._send(
+            Command(
+                boot_id=self._boot_id,
+                seq=self._seq,
+                t_sensor_ns=t_sensor_ns,
+                t_publish_ns=now_ns(),
+                pressure_mpa=pressure_mpa,
+            )
+        )
+        return self._seq

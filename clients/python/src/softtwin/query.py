@@ -1,0 +1,97 @@
+"""Questions to a twin: what if, which pressure, which gap."""
+
+import math
+import time
+from typing import Any, Optional, Union
+
+import iceoryx2 as iox2
+
+from . import layout
+from .bus import Bus, default_bus
+from .errors import Refused, SofttwinError, TwinAbsent, TwinSilent
+from .field import Field, copy_of
+from .qos import MAX_CLIENTS, MAX_QUERY_NODES
+
+VERDICTS = {
+    1: "a quantity that this question needs is missing or not finite",
+    2: "the plate is out of reach at this gap; the largest gap that can be reached is {limit} mm",
+    3: "more force than the sampled states give here: at most {limit} N",
+    4: "less force than the sampled states give here: at least {limit} N",
+    5: "without a force there is no contact: every gap from {limit} mm on explains it",
+    6: "no sampled state is there; the nearest sampled value is {limit}",
+    7: "the gap is no input of this model: all samples have {limit} mm",
+    8: "the twin offers no field of these nodes; see `queries` and the outputs of its scene",
+    9: "not enough shared memory for the field: {limit} bytes are needed in /dev/shm",
+    10: "this twin does not know that kind of question",
+    11: "the model gave no finite value",
+}
+"""Why there is no answer, by the answer's verdict; 0 is answered."""
+
+
+class Client:
+    """Asks the twin of one actuator. Answers come as `Answer`; with a field, as `Field` whose header is the answer."""
+
+    def __init__(self, actuator: str, *, timeout_s: float = 1.0, bus: Optional[Bus] = None) -> None:
+        bus = bus or default_bus()
+        #: Longest wait for an answer, s.
+        self.timeout_s = timeout_s
+        self._name = f"softtwin/{actuator}/query"
+        answers = f"softtwin/{actuator}/answer"
+        service = bus.open_questions(self._name)
+        asked = bus.open_events(self._name, 1, MAX_CLIENTS, MAX_QUERY_NODES)
+        self._notifier = asked.notifier_builder().create()
+        answered = bus.open_events(answers, MAX_CLIENTS, 1, MAX_QUERY_NODES)
+        self._listener = answered.listener_builder().create()
+        self._client = (
+            service.client_builder().backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
+        )
+
+    def whatif(
+        self, pressure_mpa: float, gap_mm: float = math.nan, *, field: Optional[str] = None
+    ) -> Union[layout.Answer, Field]:
+        """State and force at a pressure (MPa) and a gap (mm; NaN: the scene's); with `field`, the node set's field too."""
+        return self._ask("whatif", field, pressure_mpa=pressure_mpa, gap_mm=gap_mm)
+
+    def pressure(
+        self, force_n: float, gap_mm: float = math.nan, *, field: Optional[str] = None
+    ) -> Union[layout.Answer, Field]:
+        """The lowest pressure with this contact force (N) at this gap (mm): `pressure_mpa` +- `uncertainty`."""
+        return self._ask("pressure", field, force_n=force_n, gap_mm=gap_mm)
+
+    def gap(
+        self, pressure_mpa: float, force_n: float, force_bar_n: float = 0.0, *, field: Optional[str] = None
+    ) -> Union[layout.Answer, Field]:
+        """The gap that explains a force (N, known to `force_bar_n`) at a pressure (MPa): `gap_mm` +- `uncertainty`."""
+        return self._ask("gap", field, pressure_mpa=pressure_mpa, force_n=force_n, force_bar_n=force_bar_n)
+
+    def _ask(self, kind: str, field: Optional[str], **given: float) -> Union[layout.Answer, Field]:
+        query = layout.Query(layout_version=layout.VERSION, kind=layout.QUERY_KINDS[kind])
+        for name in ("pressure_mpa", "gap_mm", "force_n", "force_bar_n"):
+            setattr(query, name, given.get(name, math.nan))
+        if field is not None:
+            query.want_field, query.node_set = 1, layout.pack(field)
+        response = self._exchange(query)
+        answer = copy_of(layout.Answer, response.user_header_ptr)
+        if answer.verdict != 0:
+            reason = VERDICTS.get(answer.verdict, f"a reason of another version ({answer.verdict})")
+            raise Refused(f"{self._name}: no answer: {reason.format(limit=answer.limit)}", answer)
+        return answer if field is None else Field(response, answer, response.payload_ptr)
+
+    def _exchange(self, query: layout.Query) -> Any:
+        end = time.monotonic() + self.timeout_s
+        try:
+            pending = self._client.send_copy(query)
+        except Exception as error:
+            raise SofttwinError(f"{self._name}: the question cannot be sent: {error}") from error
+        if pending.number_of_server_connections == 0:
+            raise TwinAbsent(f"{self._name}: no twin answers questions there any more")
+        self._notifier.notify()
+        while True:
+            response = pending.receive()
+            if response is not None:
+                return response
+            left = end - time.monotonic()
+            if left <= 0:
+                raise TwinSilent(f"{self._name}: no answer within {self.timeout_s} s")
+            # Every answer to anybody wakes all who wait: look, do not assume.
+            self._listener.timed_wait(iox2.Duration.from_secs_f64(min(left, 0.2)))

@@ -1,0 +1,137 @@
+"""Reading topics: one sample after the other, woken by event."""
+
+import time
+from typing import Any, Iterator, Optional
+
+import iceoryx2 as iox2
+
+from .bus import Bus, default_bus, kind_of, payload_type
+from .errors import SofttwinError, TwinRestarted, TwinSilent
+from .field import Field, copy_of
+from .layout import VERSION, FieldHeader
+from .qos import QOS
+
+_SLICE_S = 0.2  # a wait is cut into slices, so that Ctrl-C is heard
+
+
+class Subscription:
+    """A reader of one topic; iterate over it, or take samples with `next`, `newest`, `try_next`.
+
+    Fields come as `Field` (views of shared memory), everything else as its structure, copied (at most 512 bytes).
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        *,
+        timeout_s: Optional[float] = None,
+        wait_for_twin: bool = False,
+        on_restart: str = "raise",
+        bus: Optional[Bus] = None,
+    ) -> None:
+        if on_restart not in ("raise", "continue"):
+            raise ValueError(f"on_restart={on_restart!r}: expected 'raise' or 'continue'")
+        bus = bus or default_bus()
+        qos = QOS[kind_of(topic)]
+        #: The topic's name.
+        self.topic = topic
+        #: Samples that never came (jumps in the sequence numbers).
+        self.lost = 0
+        #: Restarts of the sender seen.
+        self.restarts = 0
+        self._timeout_s = timeout_s
+        self._on_restart = on_restart
+        self._last: Optional[tuple] = None
+        self._kind = None if kind_of(topic) == "field" else payload_type(topic)
+        service = bus.open_topic(topic, create=wait_for_twin)
+        # The listener comes first: a sample sent in between then wakes us for nothing instead of never.
+        self._listener = bus.open_topic_events(topic).listener_builder().create()
+        try:
+            self._subscriber = (
+                service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history).create()
+            )
+        except Exception as error:
+            raise SofttwinError(f"{topic}: all {qos.max_readers} reader slots are taken; stop a reader") from error
+
+    def try_next(self) -> Optional[Any]:
+        """The oldest waiting sample, or None. Never waits."""
+        try:
+            sample = self._subscriber.receive()
+        except Exception as error:
+            raise SofttwinError(
+                f"{self.topic}: receiving failed: {error}; a reader may hold 4 samples at the same time, drop some views"
+            ) from error
+        if sample is None:
+            return None
+        if self._kind is not None:
+            value: Any = copy_of(self._kind, sample.payload_ptr)
+            boot_seq = (value.boot_id, value.seq)
+        else:
+            header = copy_of(FieldHeader, sample.user_header_ptr)
+            found = sample.header.number_of_elements
+            if header.layout_version != VERSION or header.node_count * header.field_count != found:
+                raise SofttwinError(f"{self.topic}: {found} values do not fit their header {header!r}")
+            value = Field(sample, header, sample.payload_ptr)
+            boot_seq = (header.boot_id, header.seq)
+        self._count(boot_seq, value)
+        return value
+
+    def next(self, timeout_s: Optional[float] = None) -> Any:
+        """The oldest waiting sample; waits for one by event, at most `timeout_s` (the subscription's when None).
+
+        Raises `TwinSilent` when the time is over and `TwinRestarted` when the sender runs anew.
+        """
+        limit = self._timeout_s if timeout_s is None else timeout_s
+        end = None if limit is None else time.monotonic() + limit
+        while True:
+            value = self.try_next()
+            if value is not None:
+                return value
+            left = _SLICE_S if end is None else min(_SLICE_S, end - time.monotonic())
+            if left <= 0:
+                raise TwinSilent(
+                    f"{self.topic}: nothing came within {limit} s; is the bridge running? `softtwin hz '{self.topic}'`"
+                )
+            self._listener.timed_wait(iox2.Duration.from_secs_f64(left))
+
+    def newest(self, timeout_s: Optional[float] = None) -> Any:
+        """The newest waiting sample (older ones are given back); waits as `next` when there is none."""
+        value = self.next(timeout_s)
+        while True:
+            newer = self.try_next()
+            if newer is None:
+                return value
+            value = newer
+
+    def __iter__(self) -> Iterator[Any]:
+        while True:
+            yield self.next()
+
+    def _count(self, boot_seq: tuple, value: Any) -> None:
+        last, self._last = self._last, boot_seq
+        if last is None:
+            return
+        if last[0] == boot_seq[0]:
+            self.lost += max(0, boot_seq[1] - last[1] - 1)
+            return
+        self.restarts += 1
+        if self._on_restart == "raise":
+            raise TwinRestarted(
+                f"{self.topic}: the sender runs anew (run {boot_seq[0]:016x}); subscribe with on_restart='continue' to "
+                "go on, the sample is in `.sample`",
+                value,
+            )
+
+
+def subscribe(topic: str, **options: Any) -> Subscription:
+    """Reads a topic: `for field in softtwin.subscribe("softtwin/finger/field"): ...`.
+
+    Options: `timeout_s` (None: wait for ever), `wait_for_twin` (True: the topic may come into being later),
+    `on_restart` ("raise" or "continue"), `bus`. Raises `TwinAbsent` and `VersionMismatch`.
+    """
+    return Subscription(topic, **options)
+
+
+def newest(topic: str, timeout_s: float = 5.0, bus: Optional[Bus] = None) -> Any:
+    """One sample of a topic: the last one that was sent, or the next."""
+    return Subscription(topic, timeout_s=timeout_s, bus=bus).newest()

@@ -1,0 +1,117 @@
+//! What a scene says of the object between its fingers, and of where things stand.
+
+use super::ActuatorSpec;
+use serde::{Deserialize, Serialize};
+use wire::layout::FINGERS_MAX;
+
+/// The object that the scene's actuators hold by friction.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GraspSpec {
+    /// Mass of the object, g.
+    pub mass_g: f64,
+    /// Friction coefficient between finger and object.
+    pub friction: f64,
+    /// Safety factor on the weight.
+    #[serde(default = "one")]
+    pub safety: f64,
+    /// The fingers, by name; empty: all actuators of the scene.
+    #[serde(default)]
+    pub fingers: Vec<String>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl GraspSpec {
+    /// The actuators that are fingers, in the order named.
+    pub fn fingers<'a>(&'a self, actuators: &'a [ActuatorSpec]) -> Vec<&'a ActuatorSpec> {
+        if self.fingers.is_empty() {
+            return actuators.iter().collect();
+        }
+        let named = |name: &String| actuators.iter().find(|actuator| actuator.name == *name);
+        self.fingers.iter().filter_map(named).collect()
+    }
+
+    pub(super) fn problems(&self, scene: &str, actuators: &[ActuatorSpec], problems: &mut Vec<String>) {
+        for (key, value) in [("mass_g", self.mass_g), ("friction", self.friction), ("safety", self.safety)] {
+            if !(value.is_finite() && value > 0.0) {
+                problems.push(format!("grasp.{key}: expected a finite number above 0, found {value}"));
+            }
+        }
+        if let Err(error) = wire::Topic::grasp(scene) {
+            problems.push(format!("name: it names the grasp's topic: {error}"));
+        }
+        for name in &self.fingers {
+            if !actuators.iter().any(|actuator| actuator.name == *name) {
+                problems.push(format!("grasp.fingers: no actuator is called `{name}`"));
+            }
+        }
+        let count = self.fingers(actuators).len();
+        if !(2..=FINGERS_MAX).contains(&count) {
+            problems.push(format!("grasp.fingers: expected 2 to {FINGERS_MAX} fingers, found {count}"));
+        }
+    }
+}
+
+/// Where an actuator stands: its own frame (x along it, y up, z across) is mirrored, then moved.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlaceSpec {
+    /// Mirrored up and down: y becomes -y.
+    pub mirrored: bool,
+    /// Then moved by this, mm.
+    pub offset_mm: [f64; 3],
+}
+
+impl PlaceSpec {
+    /// A point of the actuator's frame in the scene's frame, mm.
+    pub fn apply(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let [dx, dy, dz] = self.offset_mm;
+        [x + dx, if self.mirrored { dy - y } else { dy + y }, z + dz]
+    }
+
+    pub(super) fn problems(&self, place: &str, problems: &mut Vec<String>) {
+        if self.offset_mm.iter().any(|value| !value.is_finite()) {
+            problems.push(format!(
+                "{place}.place.offset_mm: expected three finite numbers, found {:?}",
+                self.offset_mm
+            ));
+        }
+    }
+}
+
+/// A rigid block of the scene, for pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlockSpec {
+    /// Lower corner in the scene's frame, mm.
+    pub min_mm: [f64; 3],
+    /// Upper corner, mm.
+    pub max_mm: [f64; 3],
+}
+
+impl BlockSpec {
+    pub(super) fn problems(&self, place: &str, problems: &mut Vec<String>) {
+        if !self.min_mm.iter().zip(&self.max_mm).all(|(min, max)| min < max && (max - min).is_finite()) {
+            problems.push(format!(
+                "{place}: expected min_mm < max_mm, found {:?} .. {:?}",
+                self.min_mm, self.max_mm
+            ));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mirrored_finger_faces_the_other_one_across_the_object() {
+        let place = PlaceSpec { mirrored: true, offset_mm: [0.0, -70.0, 0.0] };
+        // Both near faces of a block 30 mm thick: 20 mm below the first finger, 20 mm above the second.
+        assert_eq!(place.apply([100.0, -20.0, 16.0]), [100.0, -50.0, 16.0]);
+        assert_eq!(PlaceSpec::default().apply([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
+    }
+}

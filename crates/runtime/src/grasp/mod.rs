@@ -1,0 +1,324 @@
+//! Whether a scene's fingers hold their object, published as `softtwin/<scene>/grasp`.
+//!
+//! Coulomb friction at `n` fingers that push with `F` each carries `n mu F`; the object of mass `m` is held with safety `s`
+//! when `n mu F >= s m g` (the paper's section on the gripper, there with `s = 1`). The smallest finger force counts for all.
+//! A thread of its own listens to the fingers' states: the twin's loop knows nothing of it.
+
+use crate::config::{ActuatorSpec, ConfigError, GraspSpec, Scene};
+use crate::query::Answerer;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use wire::layout::{FINGERS_MAX, flags, grasp_verdict, pack_name};
+use wire::{
+    Bus, Grasp, GraspWriter, State, StateReader, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
+};
+
+/// Acceleration of gravity, m/s2, as in the actuators' own finite elements.
+pub const GRAVITY_M_S2: f64 = 9.81;
+/// Longest sleep: the shutdown flag is looked at that often.
+const MAX_WAIT: Duration = Duration::from_millis(100);
+/// The stop point is found anew when the gap has changed by more, mm.
+const GAP_CHANGE_MM: f64 = 0.01;
+
+/// Force that each of `fingers` fingers must bring, N: `s m g / (n mu)`.
+pub fn needed_force_n(spec: &GraspSpec, fingers: usize) -> f64 {
+    spec.safety * spec.mass_g * 1e-3 * GRAVITY_M_S2 / (fingers as f64 * spec.friction)
+}
+
+/// The pressure at which the object is first held, and its error bar, MPa; NaN where there is none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StopPoint {
+    /// Pressure of all fingers, MPa.
+    pub pressure_mpa: f64,
+    /// Half width of its error bar, MPa.
+    pub bar_mpa: f64,
+}
+
+const NO_STOP: StopPoint = StopPoint { pressure_mpa: f64::NAN, bar_mpa: f64::NAN };
+
+/// Finds a finger's stop point at a gap: the lowest sampled pressure with the needed force.
+pub fn stop_point(finger: &mut Answerer, gap_mm: f64, needed_n: f64) -> StopPoint {
+    let found = finger.solver().pressure_for_force(gap_mm, needed_n);
+    found.map_or(NO_STOP, |found| StopPoint { pressure_mpa: found.value, bar_mpa: found.uncertainty })
+}
+
+/// The grasp that follows from the fingers' states; one that is missing or not fresh makes it unknown.
+pub fn judge(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
+    let needed_n = needed_force_n(spec, states.len());
+    let mut grasp = Grasp {
+        flags: 0,
+        finger_count: states.len().min(FINGERS_MAX) as u32,
+        mass_kg: spec.mass_g * 1e-3,
+        friction: spec.friction,
+        safety: spec.safety,
+        needed_force_n: needed_n,
+        t_sensor_ns: u64::MAX,
+        ..Grasp::default()
+    };
+    let (mut least_n, mut bar_n) = (f64::INFINITY, 0.0_f64);
+    let slots = grasp.forces_n.iter_mut().zip(&mut grasp.pressures_mpa);
+    for ((force, pressure), state) in slots.zip(states) {
+        let Some(state) = state else {
+            grasp.flags |= flags::NO_DATA;
+            continue;
+        };
+        (*force, *pressure) = (state.contact_force_n, state.pressure_mpa);
+        grasp.flags |= state.flags;
+        grasp.t_sensor_ns = grasp.t_sensor_ns.min(state.t_sensor_ns);
+        least_n = least_n.min(state.contact_force_n);
+        bar_n = bar_n.max(f64::from(state.force_bar_n)); // NaN (bars off) is passed over
+    }
+    if grasp.t_sensor_ns == u64::MAX {
+        grasp.t_sensor_ns = 0;
+    }
+    if least_n.is_finite() {
+        grasp.least_force_n = least_n;
+        grasp.margin = least_n / needed_n - 1.0;
+        grasp.needed_friction = spec.friction * needed_n / least_n;
+        grasp.force_bar_n = bar_n;
+    }
+    let unusable = flags::NO_DATA | flags::STALE | flags::HELD;
+    grasp.verdict = match grasp.flags & unusable {
+        0 if least_n - bar_n >= needed_n => grasp_verdict::HELD,
+        0 if least_n >= needed_n => grasp_verdict::MARGINAL,
+        0 => grasp_verdict::NOT_HELD,
+        _ => grasp_verdict::UNKNOWN,
+    };
+    grasp
+}
+
+/// What the grasp of a scene needs in memory; loaded before anything is bound.
+#[derive(Debug)]
+pub struct GraspModel {
+    scene: String,
+    spec: GraspSpec,
+    fingers: Vec<(String, Answerer)>,
+    /// The sensor that each finger listens to.
+    sensors: Vec<String>,
+}
+
+impl GraspModel {
+    /// Loads the fingers' small models; `None` for a scene without a grasp.
+    ///
+    /// # Errors
+    /// The problems of all fingers at once.
+    pub fn load(scene: &Scene, path: &Path) -> Result<Option<Self>, ConfigError> {
+        let Some(spec) = &scene.grasp else { return Ok(None) };
+        let (mut fingers, mut sensors, mut problems) = (Vec::new(), Vec::new(), Vec::new());
+        for finger in spec.fingers(&scene.actuators) {
+            let small = ActuatorSpec { outputs: Vec::new(), ..finger.clone() };
+            match Answerer::load(&small, &scene.resolve(&finger.model)) {
+                Ok(answerer) => {
+                    fingers.push((finger.name.clone(), answerer));
+                    sensors.push(finger.sensor().to_owned());
+                }
+                Err(found) => {
+                    problems.extend(found.into_iter().map(|text| format!("grasp: `{}`: {text}", finger.name)))
+                }
+            }
+        }
+        if !problems.is_empty() {
+            return Err(ConfigError { path: path.into(), problems });
+        }
+        Ok(Some(Self { scene: scene.name.clone(), spec: spec.clone(), fingers, sensors }))
+    }
+
+    /// Force that each finger must bring, N.
+    pub fn needed_force_n(&self) -> f64 {
+        needed_force_n(&self.spec, self.fingers.len())
+    }
+
+    /// The grasp with all fingers at one pressure; `gap_mm` stands in as in [`Self::stop_point`].
+    pub fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Grasp {
+        let gaps_mm = vec![gap_mm; self.fingers.len()];
+        let states: Vec<Option<State>> = self
+            .fingers
+            .iter_mut()
+            .map(|(_, finger)| {
+                let gap_mm = finger.default_gap_mm().unwrap_or(gap_mm);
+                let evaluation = finger.solver().evaluate(pressure_mpa, gap_mm);
+                let outside = evaluation.domain == rom::hull::Verdict::Outside;
+                Some(State {
+                    flags: if outside { flags::OUTSIDE_DOMAIN } else { 0 },
+                    pressure_mpa,
+                    gap_mm,
+                    contact_force_n: evaluation.contact_force_n,
+                    force_bar_n: evaluation.bars.force_n as f32,
+                    ..State::default()
+                })
+            })
+            .collect();
+        let stop = self.stop_point(&gaps_mm);
+        Grasp {
+            stop_pressure_mpa: stop.pressure_mpa,
+            stop_pressure_bar_mpa: stop.bar_mpa,
+            scene: pack_name(&self.scene),
+            ..judge(&self.spec, &states)
+        }
+    }
+
+    /// The pressure at which all fingers hold the object, at the gap each of them has: the highest of their stop points.
+    /// `gaps_mm` stands in where a finger's gap is neither fixed by the scene nor by the model.
+    pub fn stop_point(&mut self, gaps_mm: &[f64]) -> StopPoint {
+        let needed_n = self.needed_force_n();
+        let mut stop = StopPoint { pressure_mpa: f64::NEG_INFINITY, bar_mpa: 0.0 };
+        for ((_, finger), measured_mm) in self.fingers.iter_mut().zip(gaps_mm) {
+            let gap_mm = finger.default_gap_mm().unwrap_or(*measured_mm);
+            let own = stop_point(finger, gap_mm, needed_n);
+            if own.pressure_mpa.is_nan() {
+                return NO_STOP;
+            }
+            if own.pressure_mpa > stop.pressure_mpa {
+                stop = own;
+            }
+        }
+        stop
+    }
+}
+
+/// A running grasp.
+#[derive(Debug)]
+pub struct GraspService {
+    model: GraspModel,
+    readers: Vec<StateReader>,
+    states: Vec<Option<State>>,
+    wake: WakeSet,
+    writer: GraspWriter,
+    boot_id: u64,
+    seq: u64,
+    stop: StopPoint,
+    /// Gaps that the stop point was found for, mm.
+    stop_gaps_mm: Vec<f64>,
+}
+
+impl GraspService {
+    /// Becomes the grasp of the scene.
+    ///
+    /// # Errors
+    /// The refusals of the ports.
+    pub fn start(bus: &Bus, mut model: GraspModel) -> Result<Self, WireError> {
+        let writer = GraspWriter::create(bus, &Topic::grasp(&model.scene)?)?;
+        let readers = model
+            .fingers
+            .iter()
+            .map(|(name, _)| StateReader::attach(bus, &Topic::state(name)?))
+            .collect::<Result<Vec<_>, WireError>>()?;
+        let wake = WakeSet::new(readers.iter().map(|reader| reader as &dyn Wakeable));
+        let stop_gaps_mm = vec![f64::NAN; readers.len()];
+        let stop = model.stop_point(&stop_gaps_mm);
+        let states = vec![None; readers.len()];
+        Ok(Self { model, readers, states, wake, writer, boot_id: boot_id(), seq: 0, stop, stop_gaps_mm })
+    }
+
+    /// Judges every new set of states until `stop`.
+    pub fn run(&mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            if let Err(error) = self.turn(MAX_WAIT) {
+                tracing::warn!("grasp: {error}");
+                std::thread::sleep(MAX_WAIT); // a broken port must not become a spin
+            }
+        }
+    }
+
+    /// Waits for states, at most `max_wait`, and publishes one grasp when something new came.
+    ///
+    /// # Errors
+    /// The ports' refusals.
+    pub fn turn(&mut self, max_wait: Duration) -> Result<(), WireError> {
+        self.wake.wait(self.readers.iter().map(|reader| reader as &dyn Wakeable), max_wait)?;
+        let mut is_new = false;
+        for (reader, state) in self.readers.iter().zip(&mut self.states) {
+            if let Some(newest) = reader.newest()? {
+                (*state, is_new) = (Some(newest), true);
+            }
+        }
+        if !is_new || !self.is_coherent() {
+            return Ok(());
+        }
+        self.find_stop();
+        self.seq += 1;
+        self.writer.publish(Grasp {
+            boot_id: self.boot_id,
+            seq: self.seq,
+            t_publish_ns: now_ns(),
+            stop_pressure_mpa: self.stop.pressure_mpa,
+            stop_pressure_bar_mpa: self.stop.bar_mpa,
+            scene: pack_name(&self.model.scene),
+            ..judge(&self.model.spec, &self.states)
+        })
+    }
+
+    /// Whether fingers on the same sensor show the same reading; while they do not, the other one is about to come.
+    fn is_coherent(&self) -> bool {
+        let shown = |i: usize| {
+            let state = self.states.get(i)?.as_ref()?;
+            Some((state.sensor_boot_id, state.sensor_seq))
+        };
+        let sensors = &self.model.sensors;
+        sensors.iter().enumerate().all(|(i, sensor)| {
+            let first = sensors.iter().position(|other| other == sensor).unwrap_or(i);
+            shown(first) == shown(i)
+        })
+    }
+
+    /// The stop point moves with the measured gaps.
+    fn find_stop(&mut self) {
+        let gaps = self.states.iter().map(|state| state.map_or(f64::NAN, |state| state.gap_mm));
+        let moved =
+            |(old, new): (&f64, f64)| (old - new).abs() > GAP_CHANGE_MM || old.is_nan() != new.is_nan();
+        if self.stop_gaps_mm.iter().zip(gaps.clone()).any(moved) {
+            self.stop_gaps_mm.clear();
+            self.stop_gaps_mm.extend(gaps);
+            self.stop = self.model.stop_point(&self.stop_gaps_mm);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The paper's gripper: 17 g, friction 0.2, two fingers.
+    fn paper() -> GraspSpec {
+        GraspSpec { mass_g: 17.0, friction: 0.2, safety: 1.0, fingers: Vec::new() }
+    }
+
+    fn state(force_n: f64, bar_n: f32) -> Option<State> {
+        Some(State {
+            flags: 0,
+            contact_force_n: force_n,
+            force_bar_n: bar_n,
+            t_sensor_ns: 5,
+            ..State::default()
+        })
+    }
+
+    #[test]
+    fn the_papers_gripper_holds_its_object() {
+        let grasp = judge(&paper(), &[state(0.58, 0.001), state(0.58, 0.001)]);
+        assert_eq!(grasp.verdict, grasp_verdict::HELD);
+        assert!((grasp.needed_force_n - 0.017 * 9.81 / 0.4).abs() < 1e-12);
+        assert!((grasp.margin - (0.58 / 0.416925 - 1.0)).abs() < 1e-9);
+        // 17 g on 2 x 0.58 N need a friction coefficient of 0.144; the paper asks for 0.2.
+        assert!((grasp.needed_friction - 0.017 * 9.81 / 1.16).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_weakest_finger_counts_and_the_error_bar_decides_what_is_certain() {
+        let needed_n = needed_force_n(&paper(), 2);
+        let verdict = |a: f64, b: f64, bar| judge(&paper(), &[state(a, bar), state(b, bar)]).verdict;
+        assert_eq!(verdict(needed_n * 0.99, 10.0, 0.0), grasp_verdict::NOT_HELD);
+        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.1), grasp_verdict::MARGINAL);
+        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.001), grasp_verdict::HELD);
+        assert_eq!(verdict(needed_n * 1.01, 10.0, f32::NAN), grasp_verdict::HELD, "bars are off");
+    }
+
+    #[test]
+    fn a_finger_without_fresh_data_makes_the_grasp_unknown() {
+        assert_eq!(judge(&paper(), &[state(1.0, 0.0), None]).verdict, grasp_verdict::UNKNOWN);
+        let stale = State { flags: flags::STALE, contact_force_n: 1.0, ..State::default() };
+        let grasp = judge(&paper(), &[state(1.0, 0.0), Some(stale)]);
+        assert_eq!((grasp.verdict, grasp.flags), (grasp_verdict::UNKNOWN, flags::STALE));
+    }
+}

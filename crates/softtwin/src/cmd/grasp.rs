@@ -1,0 +1,110 @@
+//! `softtwin grasp`.
+
+use crate::failure::{configuration, usage};
+use crate::say;
+use recording::message::GraspMessage;
+use runtime::config::Scene;
+use runtime::grasp::GraspModel;
+use std::path::PathBuf;
+use wire::layout::grasp_verdict;
+
+/// What the paper reports of its gripper: force per finger in N, at a pressure in MPa, object in g, smallest friction.
+const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079
+  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079 --paper      beside the paper's figures
+  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.05 --friction 0.3 --mass-g 30 --json
+
+The object is held when n mu F >= s m g, with the smallest of the n finger forces as F. A running twin publishes the same
+as softtwin/<scene>/grasp.";
+
+/// Say whether a gripper holds its object at a pressure, and from which pressure on.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Scene file with a [grasp].
+    #[arg(long, value_name = "FILE")]
+    scene: PathBuf,
+    /// Pressure of all fingers in MPa.
+    #[arg(long, value_name = "MPA")]
+    pressure_mpa: f64,
+    /// Gap of all fingers in mm, where neither scene nor model fixes it.
+    #[arg(long, value_name = "MM")]
+    gap_mm: Option<f64>,
+    /// Mass of the object in g instead of the scene's.
+    #[arg(long, value_name = "G")]
+    mass_g: Option<f64>,
+    /// Friction coefficient instead of the scene's.
+    #[arg(long, value_name = "MU")]
+    friction: Option<f64>,
+    /// Safety factor instead of the scene's.
+    #[arg(long, value_name = "S")]
+    safety: Option<f64>,
+    /// Compare with the figures of the paper (0.58 N per finger at 0.079 MPa, 17 g, friction above 0.2).
+    #[arg(long)]
+    paper: bool,
+    /// One JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Judges and ends.
+    pub fn run(self) -> anyhow::Result<()> {
+        if !self.pressure_mpa.is_finite() {
+            return Err(usage(format!(
+                "--pressure-mpa: expected a finite pressure, found {}",
+                self.pressure_mpa
+            )));
+        }
+        let mut scene = Scene::load(&self.scene).map_err(configuration)?;
+        let Some(spec) = &mut scene.grasp else {
+            return Err(usage(format!("--scene: {} has no [grasp]", self.scene.display())));
+        };
+        spec.mass_g = self.mass_g.unwrap_or(spec.mass_g);
+        spec.friction = self.friction.unwrap_or(spec.friction);
+        spec.safety = self.safety.unwrap_or(spec.safety);
+        if let Some(problem) = scene.problems().first() {
+            return Err(usage(problem));
+        }
+        let Some(mut model) = GraspModel::load(&scene, &self.scene).map_err(configuration)? else {
+            return Err(usage("--scene: it has no [grasp]"));
+        };
+        let grasp = model.at(self.pressure_mpa, self.gap_mm.unwrap_or(f64::NAN));
+        if self.json {
+            return say::json(&GraspMessage::from(&grasp));
+        }
+        say!(
+            "scene {}: {} at {:.4} MPa",
+            scene.name,
+            grasp_verdict::as_str(grasp.verdict),
+            self.pressure_mpa
+        )?;
+        for (number, (force, _)) in grasp.fingers().enumerate() {
+            say!("  finger {}: {force:.4} +- {:.4} N", number + 1, grasp.force_bar_n)?;
+        }
+        say!(
+            "  needed: {:.4} N each, for {:.1} g at friction {:.3} and safety {:.2}; margin {:+.1} %",
+            grasp.needed_force_n,
+            grasp.mass_kg * 1e3,
+            grasp.friction,
+            grasp.safety,
+            grasp.margin * 100.0
+        )?;
+        say!("  these forces hold it from a friction coefficient of {:.3} on", grasp.needed_friction)?;
+        match grasp.stop_pressure_mpa {
+            stop if stop.is_nan() => say!("  stop point: none, no sampled pressure holds it")?,
+            stop => say!("  stop point: {stop:.5} +- {:.5} MPa", grasp.stop_pressure_bar_mpa)?,
+        }
+        if self.paper {
+            let (force_n, pressure_mpa, mass_g, friction) = PAPER;
+            say!(
+                "  the paper: {force_n} N per finger at {pressure_mpa} MPa, {mass_g} g, friction above {friction}"
+            )?;
+            say!("  ours beside it: {:+.1} % of its force", (grasp.least_force_n / force_n - 1.0) * 100.0)?;
+        }
+        Ok(())
+    }
+}

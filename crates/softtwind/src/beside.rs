@@ -1,0 +1,69 @@
+//! What runs beside the twin's loop, each in an ordinary thread with a node of its own: answers to questions, the grasp.
+
+use runtime::config::{ConfigError, Scene};
+use runtime::grasp::{GraspModel, GraspService};
+use runtime::query::{Answerer, QueryService, load_answerers};
+use runtime::wire::{Bus, Domain, WireError};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Sender, channel};
+use std::thread::Scope;
+
+/// Everything that was loaded for it, before anything is bound.
+pub struct Beside {
+    answerers: Vec<Answerer>,
+    grasp: Option<GraspModel>,
+}
+
+impl Beside {
+    /// Loads the models of a scene once more, as far as answers need them.
+    pub fn load(scene: &Scene, path: &Path) -> Result<Self, ConfigError> {
+        Ok(Self { answerers: load_answerers(scene, path)?, grasp: GraspModel::load(scene, path)? })
+    }
+}
+
+/// Starts the threads and waits until all of them serve; they end with `done`. Called before the loop takes real-time
+/// rights, so that none of them inherits these.
+pub fn start<'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    domain: &Domain,
+    beside: Beside,
+    done: &'scope AtomicBool,
+) -> anyhow::Result<()> {
+    let (started, starts) = channel::<Result<(), WireError>>();
+    let mut threads = 0;
+    if !beside.answerers.is_empty() {
+        let (domain, started) = (domain.clone(), started.clone());
+        threads += 1;
+        scope.spawn(move || {
+            let service = Bus::open(&domain).and_then(|bus| QueryService::start(&bus, beside.answerers));
+            serve(service, &started, |mut service| service.run(done));
+        });
+    }
+    if let Some(model) = beside.grasp {
+        let domain = domain.clone();
+        threads += 1;
+        scope.spawn(move || {
+            let service = Bus::open(&domain).and_then(|bus| GraspService::start(&bus, model));
+            serve(service, &started, |mut service| service.run(done));
+        });
+    }
+    for _ in 0..threads {
+        starts.recv()??;
+    }
+    Ok(())
+}
+
+/// Tells how the start went, then serves.
+fn serve<S>(service: Result<S, WireError>, started: &Sender<Result<(), WireError>>, run: impl FnOnce(S)) {
+    match service {
+        Ok(service) => {
+            // Nobody listens any more when another thread failed to start: then the end is near anyway.
+            let _ = started.send(Ok(()));
+            run(service);
+        }
+        Err(error) => {
+            let _ = started.send(Err(error));
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! Questions and answers: one server a twin, many clients. Nothing here is on the real-time path.
+
+use super::segment;
+use super::service::{self, EventShape, Missing, Refusal};
+use crate::bus::{Bus, Ipc};
+use crate::topic::{ROOT, check_name};
+use crate::wake::{Wake, WakeSet, Wakeable};
+use crate::{Answer, Query, WireError, qos};
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::pending_response::PendingResponse;
+use iceoryx2::port::client::Client;
+use iceoryx2::port::server::Server;
+use iceoryx2::port::{listener::Listener, notifier::Notifier};
+use iceoryx2::prelude::*;
+use iceoryx2::response::Response;
+use iceoryx2::service::builder::request_response::{
+    RequestResponseOpenError as OpenError, RequestResponseOpenOrCreateError as OpenOrCreateError,
+};
+use iceoryx2::service::port_factory::request_response::PortFactory;
+use std::time::{Duration, Instant};
+
+type Service = PortFactory<Ipc, Query, (), [f32], Answer>;
+type Pending = PendingResponse<Ipc, Query, (), [f32], Answer>;
+
+/// The one that answers for an actuator: a twin, in a thread of its own.
+///
+/// Answers without a field take no memory beyond the first page. For a field the memory grows when the first one is asked
+/// for, so that a twin whom nobody asks for fields reserves nothing.
+#[derive(Debug)]
+pub struct QueryServer {
+    name: String,
+    server: Server<Ipc, Query, (), [f32], Answer>,
+    asked: Listener<Ipc>,
+    answered: Notifier<Ipc>,
+}
+
+/// One that asks.
+#[derive(Debug)]
+pub struct QueryClient {
+    name: String,
+    client: Client<Ipc, Query, (), [f32], Answer>,
+    asking: Notifier<Ipc>,
+    answered: Listener<Ipc>,
+    wake: WakeSet,
+}
+
+/// A question that waits for its answer.
+#[derive(Debug)]
+pub struct Question {
+    request: ActiveRequest<Ipc, Query, (), [f32], Answer>,
+}
+
+/// A received answer. Nothing was copied; the memory stays as it is until this is dropped.
+#[derive(Debug)]
+pub struct AnswerSample {
+    response: Response<Ipc, [f32], Answer>,
+}
+
+/// Names of the services of one actuator: questions (with the event that wakes the twin) and the event that wakes clients.
+struct Names {
+    query: String,
+    answer: String,
+}
+
+impl Names {
+    fn of(actuator: &str) -> Result<Self, WireError> {
+        check_name("actuator", actuator)?;
+        Ok(Self { query: format!("{ROOT}/{actuator}/query"), answer: format!("{ROOT}/{actuator}/answer") })
+    }
+}
+
+const ASKED: EventShape =
+    EventShape { listeners: 1, notifiers: qos::MAX_CLIENTS, nodes: qos::MAX_QUERY_NODES };
+const ANSWERED: EventShape =
+    EventShape { listeners: qos::MAX_CLIENTS, notifiers: 1, nodes: qos::MAX_QUERY_NODES };
+
+impl QueryServer {
+    /// Becomes the one that answers for `actuator`.
+    ///
+    /// # Errors
+    /// [`WireError::AlreadyPublished`] when another twin answers, [`WireError::Incompatible`] when a program of another
+    /// version made the service.
+    pub fn create(bus: &Bus, actuator: &str) -> Result<Self, WireError> {
+        let names = Names::of(actuator)?;
+        let name = names.query.as_str();
+        let service = open(bus, name, Missing::Create)?;
+        let asked = listener(&service::named_events(bus, name, ASKED)?, name)?;
+        let answered = notifier(&service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
+        let server = service::retry(name, || {
+            service
+                .server_builder()
+                .initial_max_slice_len(1)
+                .allocation_strategy(AllocationStrategy::BestFit)
+                .max_loaned_responses_per_request(1)
+                .backpressure_strategy(BackpressureStrategy::DiscardData)
+                .create()
+                .map_err(|error| match bus.clean_up(Duration::from_millis(2)) {
+                    0 => Refusal::Final(WireError::AlreadyPublished {
+                        topic: name.to_owned(),
+                        holder: format!(" ({error:?})"),
+                    }),
+                    _ => Refusal::Passing("the slot of a dead twin was freed".into()),
+                })
+        })?;
+        Ok(Self { name: names.query, server, asked, answered })
+    }
+
+    /// The oldest waiting question. Never blocks; one whose asker has gone is passed over.
+    ///
+    /// # Errors
+    /// [`WireError::Receive`] when a connection broke.
+    pub fn next(&self) -> Result<Option<Question>, WireError> {
+        let received = self.server.receive();
+        let request = received
+            .map_err(|error| WireError::Receive { topic: self.name.clone(), cause: format!("{error:?}") })?;
+        Ok(request.map(|request| Question { request }))
+    }
+
+    /// Answers; `fill` writes the field into the memory that the asker maps and may still change the answer. An answer
+    /// without a field (`entries` 0) goes out at once.
+    ///
+    /// # Errors
+    /// [`WireError::NoMemory`] when the field does not fit into /dev/shm (answer then without it),
+    /// [`WireError::Send`] when the port broke.
+    pub fn answer(
+        &self,
+        question: &Question,
+        entries: usize,
+        fill: impl FnOnce(&mut [f32], &mut Answer),
+    ) -> Result<(), WireError> {
+        let needed_bytes = entries as u64 * size_of::<f32>() as u64;
+        segment::require_room(&self.name, needed_bytes)?;
+        let loan = question
+            .request
+            .loan_slice_uninit(entries)
+            .map_err(|error| WireError::Loan { topic: self.name.clone(), cause: format!("{error:?}") })?;
+        // SAFETY: the memory is a shared mapping that the kernel handed out zeroed and that only `f32` are written to;
+        // every bit pattern is a valid `f32`.
+        let mut response = unsafe { loan.assume_init() };
+        let mut answer = Answer::default();
+        fill(response.payload_mut(), &mut answer);
+        *response.user_header_mut() = answer;
+        let failed = |cause: String| WireError::Send { topic: self.name.clone(), cause };
+        response.send().map_err(|error| failed(format!("{error:?}")))?;
+        self.answered.notify().map_err(|error| failed(format!("{error:?}")))?;
+        Ok(())
+    }
+}
+
+impl Wakeable for QueryServer {
+    fn listener(&self) -> &Listener<Ipc> {
+        &self.asked
+    }
+}
+
+impl Question {
+    /// What is asked.
+    pub fn query(&self) -> &Query {
+        self.request.payload()
+    }
+}
+
+impl QueryClient {
+    /// Opens the way to the twin of `actuator`.
+    ///
+    /// # Errors
+    /// [`WireError::NobodyAnswers`] when no twin serves it, [`WireError::Incompatible`] when one of another version does.
+    pub fn open(bus: &Bus, actuator: &str) -> Result<Self, WireError> {
+        let names = Names::of(actuator)?;
+        let name = names.query.as_str();
+        let service = open(bus, name, Missing::Refuse)?;
+        // A server that died leaves its service behind until somebody cleans up.
+        let asking = notifier(&service::named_events(bus, name, ASKED)?, name)?;
+        let answered = listener(&service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
+        let client = service::retry(name, || {
+            service
+                .client_builder()
+                .backpressure_strategy(BackpressureStrategy::DiscardData)
+                .create()
+                .map_err(|error| {
+                    Refusal::Final(WireError::Open { topic: name.to_owned(), cause: format!("{error:?}") })
+                })
+        })?;
+        let wake = WakeSet::new([&Ear(&answered) as &dyn Wakeable]);
+        Ok(Self { name: names.query, client, asking, answered, wake })
+    }
+
+    /// Asks and waits for the answer.
+    ///
+    /// # Errors
+    /// [`WireError::NobodyAnswers`] when the twin has gone, [`WireError::NoAnswer`] when `timeout` is over,
+    /// [`WireError::Receive`] and [`WireError::Send`] when the ports broke. A refusal of the twin is an answer, see
+    /// [`Answer::refusal`].
+    pub fn ask(&mut self, query: &Query, timeout: Duration) -> Result<AnswerSample, WireError> {
+        let end = Instant::now() + timeout;
+        let failed = |cause: String| WireError::Send { topic: self.name.clone(), cause };
+        let pending = self.client.send_copy(*query).map_err(|error| failed(format!("{error:?}")))?;
+        if pending.number_of_server_connections() == 0 {
+            return Err(WireError::NobodyAnswers { name: self.name.clone() });
+        }
+        self.asking.notify().map_err(|error| failed(format!("{error:?}")))?;
+        loop {
+            if let Some(response) = receive(&self.name, &pending)? {
+                return Ok(AnswerSample { response });
+            }
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
+                return Err(WireError::NoAnswer { name: self.name.clone(), timeout_ms });
+            }
+            // Every answer to anybody wakes all who wait: look, do not assume.
+            let woken = self.wake.wait([&Ear(&self.answered) as &dyn Wakeable], left)?;
+            if woken == Wake::Timeout && !pending.is_connected() {
+                return Err(WireError::NobodyAnswers { name: self.name.clone() });
+            }
+        }
+    }
+}
+
+impl AnswerSample {
+    /// The answer.
+    pub fn answer(&self) -> &Answer {
+        self.response.user_header()
+    }
+
+    /// The field, field-major; empty when none was wanted.
+    pub fn values(&self) -> &[f32] {
+        self.response.payload().get(..self.answer().entries() as usize).unwrap_or(&[])
+    }
+}
+
+/// A listener as something to wait for.
+struct Ear<'a>(&'a Listener<Ipc>);
+
+impl Wakeable for Ear<'_> {
+    fn listener(&self) -> &Listener<Ipc> {
+        self.0
+    }
+}
+
+fn receive(name: &str, pending: &Pending) -> Result<Option<Response<Ipc, [f32], Answer>>, WireError> {
+    pending
+        .receive()
+        .map_err(|error| WireError::Receive { topic: name.to_owned(), cause: format!("{error:?}") })
+}
+
+fn open(bus: &Bus, name: &str, missing: Missing) -> Result<Service, WireError> {
+    let service = service::service_name(name)?;
+    service::retry(name, || {
+        let builder = bus
+            .node
+            .service_builder(&service)
+            .request_response::<Query, [f32]>()
+            .response_user_header::<Answer>()
+            .max_servers(1)
+            .max_clients(qos::MAX_CLIENTS)
+            .max_nodes(qos::MAX_QUERY_NODES)
+            .max_active_requests_per_client(qos::MAX_OPEN_QUESTIONS)
+            .max_loaned_requests(qos::MAX_OPEN_QUESTIONS)
+            .max_response_buffer_size(1)
+            .max_borrowed_responses_per_pending_response(1)
+            .enable_safe_overflow_for_requests(true)
+            .enable_safe_overflow_for_responses(true)
+            .enable_fire_and_forget_requests(false);
+        match missing {
+            Missing::Create => builder.open_or_create().map_err(|error| match error {
+                OpenOrCreateError::RequestResponseOpenError(error) => judge(name, error),
+                other => Refusal::Passing(format!("{other:?}")),
+            }),
+            Missing::Refuse => builder.open().map_err(|error| judge(name, error)),
+        }
+    })
+}
+
+fn judge(name: &str, error: OpenError) -> Refusal {
+    let cause = format!("{error:?}");
+    match error {
+        OpenError::DoesNotExist => Refusal::Final(WireError::NobodyAnswers { name: name.to_owned() }),
+        OpenError::IsMarkedForDestruction
+        | OpenError::ServiceInCorruptedState
+        | OpenError::HangsInCreation
+        | OpenError::Interrupt
+        | OpenError::InternalFailure
+        | OpenError::UnableToCreateServiceTag => Refusal::Passing(cause),
+        OpenError::InsufficientPermissions | OpenError::ExceedsMaxNumberOfNodes => {
+            Refusal::Final(WireError::Open { topic: name.to_owned(), cause })
+        }
+        _ => Refusal::Final(WireError::Incompatible { topic: name.to_owned(), cause }),
+    }
+}
+
+fn listener(events: &service::Events, name: &str) -> Result<Listener<Ipc>, WireError> {
+    service::retry(name, || {
+        events.listener_builder().create().map_err(|error| Refusal::Passing(format!("{error:?}")))
+    })
+}
+
+fn notifier(events: &service::Events, name: &str) -> Result<Notifier<Ipc>, WireError> {
+    service::retry(name, || {
+        events.notifier_builder().create().map_err(|error| Refusal::Passing(format!("{error:?}")))
+    })
+}

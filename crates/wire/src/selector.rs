@@ -1,0 +1,158 @@
+//! Selectors: a key expression with parameters, as Zenoh's `get` takes them.
+//!
+//! `softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30`: the key names actuator and kind of question, the parameters are
+//! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way).
+
+use crate::keyexpr::KeyExprError;
+use crate::layout::{Query, pack_name, query_kind};
+use crate::topic::{MAX_NAME_LEN, ROOT};
+use crate::{KeyExpr, Topic};
+
+/// A question with the actuators it goes to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selector {
+    key: KeyExpr,
+    parameters: Query,
+}
+
+/// Why a text is not a selector.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SelectorError {
+    /// The part before `?`.
+    #[error("{0}")]
+    Key(#[from] KeyExprError),
+    /// The key matches no kind of question.
+    #[error(
+        "`{found}` asks nothing: expected softtwin/<actuator>/whatif, .../pressure or .../gap, with parameters after `?`"
+    )]
+    NoQuestion {
+        /// The key as given.
+        found: String,
+    },
+    /// A parameter that is no `name=value`, or has an unknown name.
+    #[error(
+        "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_bar_n, field"
+    )]
+    Parameter {
+        /// The parameter as given.
+        found: String,
+    },
+    /// A value that is no finite number.
+    #[error("{name}={found}: expected a finite number")]
+    Value {
+        /// The parameter.
+        name: String,
+        /// Its value as given.
+        found: String,
+    },
+    /// A parameter given twice.
+    #[error("{name} is given twice")]
+    Twice {
+        /// The parameter.
+        name: String,
+    },
+    /// A parameter that the kind of question needs.
+    #[error("a question for `{kind}` needs {missing}")]
+    Missing {
+        /// The kind.
+        kind: &'static str,
+        /// The parameters that are missing.
+        missing: String,
+    },
+    /// A node set's name that cannot be one.
+    #[error(
+        "field={found}: expected the name of a node set, 1 to {MAX_NAME_LEN} letters, digits, `_` or `-`"
+    )]
+    NodeSet {
+        /// The name as given.
+        found: String,
+    },
+}
+
+impl Selector {
+    /// Parses a selector and checks that every kind it asks for has what it needs.
+    ///
+    /// # Errors
+    /// [`SelectorError`] says what is wrong and what was expected.
+    pub fn parse(text: &str) -> Result<Self, SelectorError> {
+        let (key, parameters) = text.split_once('?').unwrap_or((text, ""));
+        let key = KeyExpr::new(key)?;
+        let mut query = Query::default();
+        let mut seen: Vec<&str> = Vec::new();
+        for pair in parameters.split([';', '&']).filter(|pair| !pair.is_empty()) {
+            let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+            if seen.contains(&name) {
+                return Err(SelectorError::Twice { name: name.into() });
+            }
+            seen.push(name);
+            set(&mut query, pair, name, value)?;
+        }
+        let selector = Self { key, parameters: query };
+        selector.check()?;
+        Ok(selector)
+    }
+
+    /// The questions this selector asks of one actuator.
+    pub fn questions(&self, actuator: &str) -> Vec<Query> {
+        let asked = |kind: &&(u32, &str)| self.key.matches(&format!("{ROOT}/{actuator}/{}", kind.1));
+        query_kind::NAMES
+            .iter()
+            .filter(asked)
+            .map(|(kind, _)| Query { kind: *kind, ..self.parameters })
+            .collect()
+    }
+
+    /// The one actuator it names; `None`: it has a wildcard there, so that twins have to be looked for.
+    pub fn actuator(&self) -> Option<&str> {
+        self.key.as_str().split('/').nth(1).filter(|name| Topic::state(name).is_ok())
+    }
+
+    /// The key expression.
+    pub fn key(&self) -> &KeyExpr {
+        &self.key
+    }
+
+    fn check(&self) -> Result<(), SelectorError> {
+        let asked = self.questions(self.actuator().unwrap_or("any"));
+        if asked.is_empty() {
+            return Err(SelectorError::NoQuestion { found: self.key.to_string() });
+        }
+        asked.iter().try_for_each(needs)
+    }
+}
+
+fn set(query: &mut Query, pair: &str, name: &str, value: &str) -> Result<(), SelectorError> {
+    let slot = match name {
+        "pressure_mpa" => &mut query.pressure_mpa,
+        "gap_mm" => &mut query.gap_mm,
+        "force_n" => &mut query.force_n,
+        "force_bar_n" => &mut query.force_bar_n,
+        "field" => {
+            let set = if value.is_empty() { "all" } else { value };
+            if Topic::field("any", Some(set)).is_err() {
+                return Err(SelectorError::NodeSet { found: value.into() });
+            }
+            (query.want_field, query.node_set) = (1, pack_name(set));
+            return Ok(());
+        }
+        _ => return Err(SelectorError::Parameter { found: pair.into() }),
+    };
+    let number: Option<f64> = value.parse().ok().filter(|number: &f64| number.is_finite());
+    *slot = number.ok_or_else(|| SelectorError::Value { name: name.into(), found: value.into() })?;
+    Ok(())
+}
+
+fn needs(query: &Query) -> Result<(), SelectorError> {
+    // A fixed gap needs not be given: the twin then takes its own (see the scene), and says so when there is none.
+    let needed: &[(&str, f64)] = match query.kind {
+        query_kind::WHATIF => &[("pressure_mpa", query.pressure_mpa)],
+        query_kind::PRESSURE => &[("force_n", query.force_n)],
+        _ => &[("pressure_mpa", query.pressure_mpa), ("force_n", query.force_n)],
+    };
+    let missing: Vec<&str> =
+        needed.iter().filter(|(_, value)| value.is_nan()).map(|(name, _)| *name).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(SelectorError::Missing { kind: query_kind::as_str(query.kind), missing: missing.join(" and ") })
+}
