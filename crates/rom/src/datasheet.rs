@@ -30,7 +30,7 @@ pub struct DataSheet {
 }
 
 /// One field.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FieldSheet {
     /// Name.
     pub name: String,
@@ -38,6 +38,9 @@ pub struct FieldSheet {
     pub unit: String,
     /// `interpolated` or `derived from the coordinates`.
     pub source: String,
+    /// What storing the basis as 16-bit integers adds to the error of a value at most, over the training states, in the
+    /// field's unit.
+    pub i16_error_bound: f64,
 }
 
 /// One regime.

@@ -9,7 +9,7 @@ use super::plan::Plan;
 use super::spec::{BasisError, Spec};
 use super::sweep::{self, Job, RawPeaks};
 use super::tiles::{Precision, Tiles};
-use super::{MAX_COEFFICIENTS, Role};
+use super::{MAX_ROWS, Role};
 
 /// Modes, means and rest shape of the published fields over a node set, stored in the order of use.
 ///
@@ -128,24 +128,27 @@ impl Basis {
         if len != self.plan.entries() {
             return Err(ReconstructError::Output { found: len, expected: self.plan.entries() });
         }
-        let scaled = self.scale(coefficients);
-        let job = Job { plan: &self.plan, tiles: &self.tiles, coefficients: &scaled, out };
+        let factors = self.factors(coefficients);
+        let job = Job { plan: &self.plan, tiles: &self.tiles, factors: &factors, out };
         // SAFETY: `isa` was found available when the basis was built, and the length is checked above.
         let raw = unsafe { sweep::run(self.isa, self.precision, job) };
         Ok(self.peaks(raw))
     }
 
-    /// Coefficients in the order of the mode rows, times the scale of their mode.
-    fn scale(&self, coefficients: &[f64]) -> [f32; MAX_COEFFICIENTS] {
-        let mut scaled = [0.0; MAX_COEFFICIENTS];
+    /// Coefficients in the order of the rows, 1 for means and rest shape, times the scale of their storage.
+    fn factors(&self, coefficients: &[f64]) -> [f32; MAX_ROWS] {
+        let mut factors = [0.0; MAX_ROWS];
         let mut row = 0;
+        let mut push = |factor: f64| {
+            factors[row] = (factor * self.tiles.factor(row)) as f32;
+            row += 1;
+        };
         for op in &self.plan.ops {
-            for &coefficient in &coefficients[op.first_coefficient..][..op.modes] {
-                scaled[row] = (coefficient * self.tiles.factor(row)) as f32;
-                row += 1;
-            }
+            (0..usize::from(op.has_mean)).for_each(|_| push(1.0));
+            coefficients[op.first_coefficient..][..op.modes].iter().for_each(|&a| push(a));
+            (0..usize::from(op.has_rest)).for_each(|_| push(1.0));
         }
-        scaled
+        factors
     }
 
     fn peaks(&self, raw: RawPeaks) -> Peaks {
@@ -162,24 +165,26 @@ impl Basis {
     }
 
     /// Largest error of a value of published field `slot` that the storage causes, for these coefficients, in the
-    /// unit of the field: `|a_j|` times half a step of each mode. 0 for F32, whose
+    /// unit of the field: half a step of each row, times `|a_j|` for a mode. 0 for F32, whose
     /// rounding is that of the output itself. For a magnitude it is the bound of the longest component vector.
+    ///
+    /// # Panics
+    /// When there are fewer coefficients than [`Basis::reconstruct`] needs.
     pub fn error_bound(&self, slot: usize, coefficients: &[f64]) -> f64 {
-        if self.precision == Precision::F32 {
-            return 0.0;
-        }
         let mut row = 0;
+        let mut next = |factor: f64| {
+            row += 1;
+            factor.abs() * self.tiles.half_step(row - 1)
+        };
         let mut squares = 0.0;
         for op in &self.plan.ops {
-            let mut bound = 0.0;
-            for coefficient in coefficients.iter().skip(op.first_coefficient).take(op.modes) {
-                bound += coefficient.abs() * self.tiles.mode_error(row);
-                row += 1;
-            }
+            let mut bound = if op.has_mean { next(1.0) } else { 0.0 };
+            bound += coefficients[op.first_coefficient..][..op.modes].iter().map(|&a| next(a)).sum::<f64>();
+            squares += if op.in_magnitude { bound * bound } else { 0.0 };
+            bound += if op.has_rest { next(1.0) } else { 0.0 };
             if op.slot == Some(slot) {
                 return bound;
             }
-            squares += if op.in_magnitude { bound * bound } else { 0.0 };
         }
         squares.sqrt()
     }

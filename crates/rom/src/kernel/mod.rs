@@ -12,9 +12,9 @@
 //!
 //! One reconstruction reads the basis once and writes the fields once: 8 flops per 4 bytes at most, so the time is the
 //! time of moving the bytes. [`Basis`] therefore stores them in the order of use: tiles of [`TILE_NODES`] nodes,
-//! and in a tile, field after field, the mean and the modes as rows of 32 values. The sweep touches each cache line
+//! and in a tile, field after field, the mean and the modes as rows of 64 values. The sweep touches each cache line
 //! once, in order, and all fields of a node are at hand together, so that derived fields cost no second pass.
-//! [`Precision::I16`] halves the bytes of the modes (a scale per mode; mean and rest shape stay f32).
+//! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape).
 //!
 //! The module knows nothing of the model: [`Spec`] describes what to build from plain slices. [`reference`] computes
 //! the same in the plainest way and in f64; tests hold every instruction set to it.
@@ -36,10 +36,10 @@ pub use isa::Isa;
 pub use spec::{Affine, BasisError, Field, Role, Source, Spec, Values};
 pub use tiles::Precision;
 
-/// Nodes a tile: two AVX-512 registers of f32, four of AVX2, eight of NEON. Twice what one register holds, because the
-/// control flow of a tile then costs half as much a node.
-pub const TILE_NODES: usize = 32;
+/// Nodes a tile: four AVX-512 registers of f32, eight of AVX2, sixteen of NEON. More than one register holds, because
+/// the control flow of a tile then costs less a node; with twice as many, sums no longer fit the registers.
+pub const TILE_NODES: usize = 64;
 
-/// Most coefficients, summed over the affine fields, that one basis may use. They live on the stack of a
-/// reconstruction, which must not allocate.
-pub const MAX_COEFFICIENTS: usize = 512;
+/// Most rows (means, modes and rest coordinates, summed over the affine fields) that one basis may have. Their factors
+/// live on the stack of a reconstruction, which must not allocate.
+pub const MAX_ROWS: usize = 512;

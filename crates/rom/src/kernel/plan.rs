@@ -1,7 +1,7 @@
 //! From a [`Spec`] to the order of work inside a tile.
 
 use super::spec::{Affine, BasisError, Field, Role, Source, Spec};
-use super::{MAX_COEFFICIENTS, TILE_NODES};
+use super::{MAX_ROWS, TILE_NODES};
 
 /// One affine field inside a tile: the rows it reads, in this order, and what becomes of the result.
 #[derive(Debug, Clone)]
@@ -12,16 +12,23 @@ pub(super) struct Op {
     pub first_coefficient: usize,
     /// Rows of modes.
     pub modes: usize,
-    /// A row with the mean comes first.
+    /// A row with the mean comes first; less the rest shape for a component of the displacement.
     pub has_mean: bool,
     /// A row with the undeformed coordinate comes last.
     pub has_rest: bool,
-    /// The result (less the rest row) is a component of the displacement.
+    /// The result before the rest row is added is a component of the displacement.
     pub in_magnitude: bool,
     /// Which of the published fields it is written to.
     pub slot: Option<usize>,
     /// Clamp and peak.
     pub role: Role,
+}
+
+impl Op {
+    /// Rows it reads.
+    fn rows(&self) -> usize {
+        usize::from(self.has_mean) + self.modes + usize::from(self.has_rest)
+    }
 }
 
 /// The order of work inside a tile, the same for all tiles of a basis.
@@ -31,10 +38,8 @@ pub(super) struct Plan {
     pub ops: Vec<Op>,
     /// Which published field takes the displacement magnitude.
     pub magnitude_slot: Option<usize>,
-    /// Rows with a value a node: means and rest coordinates.
-    pub constant_rows: usize,
-    /// Rows of modes, which is also the number of coefficients converted.
-    pub mode_rows: usize,
+    /// Rows a tile: means, modes and rest coordinates.
+    pub rows: usize,
     /// Published fields.
     pub published: usize,
     /// Output nodes.
@@ -69,17 +74,16 @@ impl Plan {
             }
         }
         let plan = Self {
-            constant_rows: ops.iter().map(|op| usize::from(op.has_mean) + usize::from(op.has_rest)).sum(),
-            mode_rows: ops.iter().map(|op| op.modes).sum(),
+            rows: ops.iter().map(Op::rows).sum(),
             coefficients: ops.iter().map(|op| op.first_coefficient + op.modes).max().unwrap_or(0),
             published: slots,
             nodes: spec.output_nodes(),
             magnitude_slot,
             ops,
         };
-        match (slots, plan.mode_rows) {
+        match (slots, plan.rows) {
             (0, _) => Err(BasisError::NothingPublished),
-            (_, found) if found > MAX_COEFFICIENTS => Err(BasisError::Coefficients { found }),
+            (_, found) if found > MAX_ROWS => Err(BasisError::Rows { found }),
             _ => Ok(plan),
         }
     }
@@ -95,13 +99,14 @@ impl Plan {
     }
 }
 
-/// An unpublished coordinate needs no rest row: its mean is stored relative to the rest shape instead.
+/// A component of the displacement is summed relative to the rest shape, so that small displacements keep their digits;
+/// the rest row is added where the coordinate itself is published.
 fn op(index: usize, field: &Field<'_>, affine: &Affine<'_>, slot: Option<usize>, in_magnitude: bool) -> Op {
     Op {
         field: index,
         first_coefficient: affine.coefficients.start,
         modes: affine.coefficients.len(),
-        has_mean: affine.mean.is_some() || (in_magnitude && slot.is_none()),
+        has_mean: affine.mean.is_some() || in_magnitude,
         has_rest: in_magnitude && slot.is_some(),
         in_magnitude,
         slot,

@@ -10,11 +10,14 @@ use super::spec::{Affine, Role, Source, Spec};
 /// is too short.
 pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
     let mut out = Vec::new();
-    for field in spec.fields.iter().filter(|field| field.published) {
+    for (index, field) in spec.fields.iter().enumerate().filter(|(_, field)| field.published) {
         for i in 0..spec.output_nodes() {
             let node = spec.source_node(i);
             let value = match &field.source {
-                Source::Affine(affine) => combine(affine, coefficients, node),
+                Source::Affine(affine) => {
+                    let sum = combine(affine, coefficients, node);
+                    Reference { terms: sum.terms + 2.0 * rest_of(spec, index, node), ..sum }
+                }
                 Source::Magnitude { coordinates, rest } => {
                     let mut squares = Reference { value: 0.0, terms: 0.0 };
                     for (&coordinate, rest) in coordinates.iter().zip(rest) {
@@ -41,8 +44,21 @@ pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
 pub struct Reference {
     /// The value in the unit of its field.
     pub value: f64,
-    /// `|mean| + sum_j |phi_j a_j|` (for a magnitude: the length of that vector, rest shape included).
+    /// `|mean| + sum_j |phi_j a_j|` (for a magnitude: the length of that vector, rest shape included; for a coordinate
+    /// whose displacement is published: with the rest shape twice, which is taken off and added again).
     pub terms: f64,
+}
+
+/// Magnitude of the undeformed coordinate that a published magnitude measures field `index` against, or 0.
+fn rest_of(spec: &Spec<'_>, index: usize, node: usize) -> f64 {
+    let of_magnitude = |field: &super::Field<'_>| match &field.source {
+        Source::Magnitude { coordinates, rest } if field.published => {
+            let axis = coordinates.iter().position(|&coordinate| coordinate == index)?;
+            Some(rest[axis].get(node).abs())
+        }
+        _ => None,
+    };
+    spec.fields.iter().find_map(of_magnitude).unwrap_or(0.0)
 }
 
 fn combine(affine: &Affine<'_>, coefficients: &[f64], node: usize) -> Reference {

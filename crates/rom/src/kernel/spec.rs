@@ -170,10 +170,13 @@ pub enum BasisError {
         /// The role both claim.
         role: Role,
     },
-    /// Too many coefficients for the stack.
-    #[error("the fields use {found} coefficients; expected at most {}", super::MAX_COEFFICIENTS)]
-    Coefficients {
-        /// Sum of the fields' modes.
+    /// Too many rows for the stack.
+    #[error(
+        "the fields need {found} rows of means, modes and rest coordinates; expected at most {}",
+        super::MAX_ROWS
+    )]
+    Rows {
+        /// Sum over the fields.
         found: usize,
     },
     /// NaN or infinity, or a value beyond f32.

@@ -5,7 +5,7 @@ use super::lanes::{Lanes, portable::Portable};
 use super::plan::{Op, Plan};
 use super::spec::Role;
 use super::tiles::{LINE, Precision, Tiles};
-use super::{MAX_COEFFICIENTS, TILE_NODES};
+use super::{MAX_ROWS, TILE_NODES};
 
 /// Largest value and the output node that has it, per peak.
 #[derive(Debug, Clone, Copy)]
@@ -19,8 +19,8 @@ pub(super) struct RawPeaks {
 pub(super) struct Job<'a> {
     pub plan: &'a Plan,
     pub tiles: &'a Tiles,
-    /// In the order of the mode rows, scales multiplied in.
-    pub coefficients: &'a [f32; MAX_COEFFICIENTS],
+    /// What each row is multiplied by, in the order of the rows: modal coefficients, scales of the storage included.
+    pub factors: &'a [f32; MAX_ROWS],
     /// Valid for writes of `plan.entries()` values.
     pub out: *mut f32,
 }
@@ -99,22 +99,42 @@ mod x86 {
 #[cfg(target_arch = "x86_64")]
 use x86::*;
 
-/// How rows of modes are stored; means and rest shape are f32 in either.
+/// How rows are stored.
 ///
 /// # Safety
-/// Implementations advance the cursor by exactly the row they read.
+/// Implementations read the row at the cursor and advance the cursor by exactly that row.
 trait Rows {
-    /// The next row of modes.
-    unsafe fn mode<V: Lanes>(cursor: &mut *const u8) -> V;
+    /// The next row, in steps of its storage.
+    unsafe fn next<V: Lanes>(cursor: &mut *const u8) -> V;
+    /// The next row, which no coefficient belongs to, times the scale of its storage.
+    unsafe fn constant<V: Lanes>(cursor: &mut *const u8, scale: f32) -> V;
+    /// `sum` plus such a row.
+    unsafe fn plus<V: Lanes>(sum: V, cursor: &mut *const u8, scale: f32) -> V;
 }
 
 struct F32Rows;
 
 impl Rows for F32Rows {
     #[inline(always)]
-    unsafe fn mode<V: Lanes>(cursor: &mut *const u8) -> V {
-        // SAFETY: a mode row looks like any other f32 row here.
-        unsafe { float_row(cursor) }
+    unsafe fn next<V: Lanes>(cursor: &mut *const u8) -> V {
+        // SAFETY: the plan that laid out the tile drives the sweep, so a row of aligned f32 lies here.
+        unsafe {
+            let row = V::load(cursor.cast());
+            *cursor = cursor.add(TILE_NODES * 4);
+            row
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn constant<V: Lanes>(cursor: &mut *const u8, _: f32) -> V {
+        // SAFETY: as above; the scale of f32 is 1.
+        unsafe { Self::next(cursor) }
+    }
+
+    #[inline(always)]
+    unsafe fn plus<V: Lanes>(sum: V, cursor: &mut *const u8, _: f32) -> V {
+        // SAFETY: as above; the scale of f32 is 1.
+        unsafe { Self::next::<V>(cursor).add(sum) }
     }
 }
 
@@ -122,7 +142,7 @@ struct I16Rows;
 
 impl Rows for I16Rows {
     #[inline(always)]
-    unsafe fn mode<V: Lanes>(cursor: &mut *const u8) -> V {
+    unsafe fn next<V: Lanes>(cursor: &mut *const u8) -> V {
         // SAFETY: the plan that laid out the tile drives the sweep, so a row of aligned pairs of i16 lies here.
         unsafe {
             let row = V::load_pairs(cursor.cast());
@@ -130,16 +150,17 @@ impl Rows for I16Rows {
             row
         }
     }
-}
 
-/// The next row of f32.
-#[inline(always)]
-unsafe fn float_row<V: Lanes>(cursor: &mut *const u8) -> V {
-    // SAFETY: the plan that laid out the tile drives the sweep, so a row of aligned f32 lies here.
-    unsafe {
-        let row = V::load(cursor.cast());
-        *cursor = cursor.add(TILE_NODES * 4);
-        row
+    #[inline(always)]
+    unsafe fn constant<V: Lanes>(cursor: &mut *const u8, scale: f32) -> V {
+        // SAFETY: as above.
+        unsafe { Self::plus(V::splat(0.0), cursor, scale) }
+    }
+
+    #[inline(always)]
+    unsafe fn plus<V: Lanes>(sum: V, cursor: &mut *const u8, scale: f32) -> V {
+        // SAFETY: as above.
+        unsafe { Self::next::<V>(cursor).mul_add(V::splat(scale), sum) }
     }
 }
 
@@ -222,19 +243,21 @@ impl<V: Lanes> Sweep<'_, V> {
     #[inline(always)]
     unsafe fn tile<R: Rows, W: Write>(&mut self, tile: *const u8, index: usize) {
         let job = self.job;
-        // SAFETY: the cursor follows the plan that laid out the tile, coefficients hold `mode_rows` values, and each
-        // slot is below `published`.
+        // SAFETY: the cursor follows the plan that laid out the tile, factors hold one value a row, and each slot is
+        // below `published`.
         unsafe {
             let number = V::splat(f32::from_bits(index as u32));
             let mut cursor = tile;
-            let mut coefficients = job.coefficients.as_ptr();
+            let mut factors = job.factors.as_ptr();
             let mut squares = V::splat(0.0);
             for op in &job.plan.ops {
-                let value = combine::<V, R>(op, &mut cursor, coefficients);
-                coefficients = coefficients.add(op.modes);
+                let mut value = combine::<V, R>(op, &mut cursor, &mut factors);
                 if op.in_magnitude {
-                    let component = if op.has_rest { value.sub(float_row(&mut cursor)) } else { value };
-                    squares = component.mul_add(component, squares);
+                    squares = value.mul_add(value, squares);
+                }
+                if op.has_rest {
+                    value = R::plus(value, &mut cursor, *factors);
+                    factors = factors.add(1);
                 }
                 let value = self.finish::<W>(op.role, value, number, index);
                 if let Some(slot) = op.slot {
@@ -249,32 +272,41 @@ impl<V: Lanes> Sweep<'_, V> {
         }
     }
 
-    /// Clamp and peak.
+    /// Clamp and peak. One branch a peak: chosen through a pointer they would live in memory, and each tile would wait
+    /// for the stores of the tile before.
     #[inline(always)]
     unsafe fn finish<W: Write>(&mut self, role: Role, value: V, number: V, tile: usize) -> V {
+        if role == Role::Plain {
+            return value;
+        }
         // SAFETY: the instruction set is available.
         unsafe {
-            let peak = match role {
-                Role::Plain => return value,
-                Role::Displacement => &mut self.displacement,
-                Role::Stress => &mut self.stress,
-            };
             let value = value.at_least_zero();
-            peak.update(W::existing(value, self.job.plan, tile), number);
+            let existing = W::existing(value, self.job.plan, tile);
+            if role == Role::Stress {
+                self.stress.update(existing, number);
+            } else {
+                self.displacement.update(existing, number);
+            }
             value
         }
     }
 }
 
-/// `mean + sum_j mode_j a_j` of one field in one tile.
+/// `mean + sum_j mode_j a_j` of one field in one tile; of a component of the displacement, less the rest shape.
 #[inline(always)]
-unsafe fn combine<V: Lanes, R: Rows>(op: &Op, cursor: &mut *const u8, coefficients: *const f32) -> V {
-    // SAFETY: the plan promises these rows and these coefficients.
+unsafe fn combine<V: Lanes, R: Rows>(op: &Op, cursor: &mut *const u8, factors: &mut *const f32) -> V {
+    // SAFETY: the plan promises these rows and these factors.
     unsafe {
-        let mut sum = if op.has_mean { float_row(cursor) } else { V::splat(0.0) };
-        for j in 0..op.modes {
-            sum = R::mode::<V>(cursor).mul_add(V::splat(*coefficients.add(j)), sum);
+        let mut sum = V::splat(0.0);
+        if op.has_mean {
+            sum = R::constant(cursor, **factors);
+            *factors = factors.add(1);
         }
+        for j in 0..op.modes {
+            sum = R::next::<V>(cursor).mul_add(V::splat(*factors.add(j)), sum);
+        }
+        *factors = factors.add(op.modes);
         sum
     }
 }

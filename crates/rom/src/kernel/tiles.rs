@@ -3,16 +3,15 @@
 //! A tile holds, for [`TILE_NODES`] nodes and for each affine field in turn: the mean row, the mode rows, the rest row.
 //!
 //! ```text
-//! mean, rest            32 f32    128 bytes a row
-//! modes in F32          32 f32    128 bytes a row
-//! modes in I16          32 i16     64 bytes a row
+//! F32    64 f32    256 bytes a row
+//! I16    64 i16    128 bytes a row
 //! ```
 //!
-//! An I16 mode is `q * step_j`, with one step a mode that is multiplied into the coefficient, so the sweep never sees it.
-//! Means and rest shape stay f32: they carry most of a coordinate's magnitude, and converting them costs as much time
-//! as their bytes.
+//! A row of I16 is `q * step`, with one step a row that is multiplied into its factor, so the sweep never sees it. The
+//! mean of a coordinate is stored less the rest shape: the displacement then has the small steps of a displacement, and
+//! only the published coordinate carries those of the body's size.
 //!
-//! Two i16 share a 32-bit word, node `i` in the low half and node `i + 16` in the high half. The sweep converts
+//! Two i16 share a 32-bit word, node `i` in the low half and node `i + 32` in the high half. The sweep converts
 //! `word << 16` and `word` itself to f32, which is 65536 times either value: no widening, no mask. The low half stays in
 //! the second as a fraction below one step; the rounding of the high half allows for it, so neither is off by more than
 //! half a step.
@@ -49,7 +48,7 @@ pub(super) struct Tiles {
     lines: Vec<Line>,
     /// Bytes a tile: whole cache lines.
     pub tile_bytes: usize,
-    /// Step of each mode row; 1 for F32, which has none.
+    /// Step of each row; 1 for F32, which has none.
     steps: Vec<f64>,
     precision: Precision,
 }
@@ -66,7 +65,7 @@ impl Tiles {
             lines: vec![Line([0; LINE]); total / LINE],
             tile_bytes,
             precision,
-            steps: mode_steps(spec, plan, precision),
+            steps: steps(spec, plan, precision),
         };
         let mut bytes = vec![0u8; tile_bytes];
         for tile in 0..plan.tiles() {
@@ -76,7 +75,7 @@ impl Tiles {
         Ok(tiles)
     }
 
-    /// What the coefficient of mode row `row` is multiplied by.
+    /// What the coefficient of row `row` is multiplied by.
     pub(super) fn factor(&self, row: usize) -> f64 {
         match self.precision {
             Precision::F32 => 1.0,
@@ -84,8 +83,8 @@ impl Tiles {
         }
     }
 
-    /// Half a step of mode row `row`.
-    pub(super) fn mode_error(&self, row: usize) -> f64 {
+    /// Half a step of row `row`: the most that rounding moves a value of it.
+    pub(super) fn half_step(&self, row: usize) -> f64 {
         match self.precision {
             Precision::F32 => 0.0,
             Precision::I16 => self.steps[row] / 2.0,
@@ -110,25 +109,12 @@ impl Tiles {
         bytes: &mut [u8],
     ) -> Result<(), BasisError> {
         let mut writer = TileWriter { bytes, position: 0 };
-        let mut mode = 0;
-        for op in &plan.ops {
-            let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
-            let gather = |values: &dyn Fn(usize) -> f64| gather(spec, op.field, tile, values);
-            let rest = rest_of(spec, op);
-            if op.has_mean {
-                let mean = |i| affine.mean.map_or(0.0, |m| m.get(i)) - folded_rest(op, rest, i);
-                writer.floats(&gather(&mean)?);
-            }
-            for j in 0..op.modes {
-                let row = gather(&|i| affine.modes.get(j * affine.stride + i))?;
-                match self.precision {
-                    Precision::F32 => writer.floats(&row),
-                    Precision::I16 => writer.integers(&row, self.steps[mode]),
-                }
-                mode += 1;
-            }
-            if let (true, Some(rest)) = (op.has_rest, rest) {
-                writer.floats(&gather(&|i| rest.get(i))?);
+        let rows = plan.ops.iter().flat_map(|op| rows(spec, op).into_iter().map(move |row| (op.field, row)));
+        for ((field, row), &step) in rows.zip(&self.steps) {
+            let row = gather(spec, field, tile, &|node| row.value(node))?;
+            match self.precision {
+                Precision::F32 => writer.floats(&row),
+                Precision::I16 => writer.integers(&row, step),
             }
         }
         Ok(())
@@ -141,6 +127,37 @@ impl Tiles {
     }
 }
 
+/// What one row of a tile holds.
+enum RowOf<'a> {
+    /// The mean, less the undeformed coordinate for a component of the displacement.
+    Mean { mean: Option<Values<'a>>, rest: Option<Values<'a>> },
+    /// A mode, from its first entry in the mode matrix.
+    Mode { modes: Values<'a>, first: usize },
+    /// The undeformed coordinate.
+    Rest(Values<'a>),
+}
+
+impl RowOf<'_> {
+    fn value(&self, node: usize) -> f64 {
+        let at = |values: &Option<Values<'_>>| values.map_or(0.0, |values| values.get(node));
+        match self {
+            Self::Mean { mean, rest } => at(mean) - at(rest),
+            Self::Mode { modes, first } => modes.get(first + node),
+            Self::Rest(rest) => rest.get(node),
+        }
+    }
+}
+
+/// The rows of one field in their order.
+fn rows<'a>(spec: &Spec<'a>, op: &Op) -> Vec<RowOf<'a>> {
+    let Source::Affine(affine) = &spec.fields[op.field].source else { return Vec::new() };
+    let rest = rest_of(spec, op);
+    let mean = op.has_mean.then_some(RowOf::Mean { mean: affine.mean, rest });
+    let modes = (0..op.modes).map(|j| RowOf::Mode { modes: affine.modes, first: j * affine.stride });
+    let rest = rest.filter(|_| op.has_rest).map(RowOf::Rest);
+    mean.into_iter().chain(modes).chain(rest).collect()
+}
+
 /// The undeformed coordinate that belongs to a component of the displacement.
 fn rest_of<'a>(spec: &Spec<'a>, op: &Op) -> Option<Values<'a>> {
     spec.fields.iter().find_map(|field| match &field.source {
@@ -151,20 +168,12 @@ fn rest_of<'a>(spec: &Spec<'a>, op: &Op) -> Option<Values<'a>> {
     })
 }
 
-/// What to take off the mean of a coordinate that is computed for the displacement alone.
-fn folded_rest(op: &Op, rest: Option<Values<'_>>, node: usize) -> f64 {
-    match rest {
-        Some(rest) if !op.has_rest => rest.get(node),
-        _ => 0.0,
-    }
-}
-
 fn tile_bytes(plan: &Plan, precision: Precision) -> usize {
-    let mode_entry = match precision {
+    let entry = match precision {
         Precision::F32 => size_of::<f32>(),
         Precision::I16 => size_of::<i16>(),
     };
-    TILE_NODES * (plan.constant_rows * size_of::<f32>() + plan.mode_rows * mode_entry)
+    TILE_NODES * plan.rows * entry
 }
 
 /// One tile's row of values; lanes beyond the last node repeat it.
@@ -187,22 +196,16 @@ fn gather(
     Ok(row)
 }
 
-/// One step a mode over the node set, so that its largest entry is the largest i16.
-fn mode_steps(spec: &Spec<'_>, plan: &Plan, precision: Precision) -> Vec<f64> {
-    let mut steps = Vec::with_capacity(plan.mode_rows);
-    for op in &plan.ops {
-        let Source::Affine(affine) = &spec.fields[op.field].source else { continue };
-        for j in 0..op.modes {
-            steps.push(match precision {
-                Precision::F32 => 1.0,
-                Precision::I16 => {
-                    let entry = |i| affine.modes.get(j * affine.stride + spec.source_node(i)).abs();
-                    (0..spec.output_nodes()).map(entry).fold(0.0, f64::max) / I16_MAX
-                }
-            });
+/// One step a row over the node set, so that its largest entry is the largest i16.
+fn steps(spec: &Spec<'_>, plan: &Plan, precision: Precision) -> Vec<f64> {
+    let step = |row: RowOf<'_>| match precision {
+        Precision::F32 => 1.0,
+        Precision::I16 => {
+            let entry = |i| row.value(spec.source_node(i)).abs();
+            (0..spec.output_nodes()).map(entry).fold(0.0, f64::max) / I16_MAX
         }
-    }
-    steps
+    };
+    plan.ops.iter().flat_map(|op| rows(spec, op)).map(step).collect()
 }
 
 /// Writes the rows of one tile in order.

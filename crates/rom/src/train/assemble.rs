@@ -30,6 +30,7 @@ pub(super) fn assemble(
                 unit: f.unit.clone(),
                 source: if derived.is_some() { "derived from the coordinates" } else { "interpolated" }
                     .into(),
+                i16_error_bound: 0.0,
             })
             .collect(),
         regimes: parts.iter().map(|part| regime_sheet(plan, part)).collect(),

@@ -10,12 +10,14 @@ mod group;
 mod onset;
 mod regime;
 mod sort;
+mod storage;
 
 use crate::config::TrainConfig;
 use crate::datasheet::DataSheet;
 use crate::fit::FitError;
 use crate::model::Model;
 use crate::pod::PodError;
+use crate::predict::PredictError;
 use crate::snapshots::Database;
 use thiserror::Error;
 
@@ -53,6 +55,9 @@ pub enum TrainError {
         "the onset pressure cannot be derived: {0}; add coordinate fields, or train one regime by leaving the other's cases out"
     )]
     Onset(String),
+    /// The trained model does not answer.
+    #[error("the trained model cannot predict: {0}")]
+    Predict(#[from] PredictError),
 }
 
 /// Trains a model. `progress` is told what is being done. Reads the training split only.
@@ -94,5 +99,8 @@ pub fn train(
         parts.push(contact);
     }
     progress("assembling the model");
-    Ok(assemble::assemble(database, config, &plan, parts, onset, sorted.remarks))
+    let (model, mut sheet) = assemble::assemble(database, config, &plan, parts, onset, sorted.remarks);
+    let bounds = storage::i16_bounds(&model, database)?;
+    sheet.fields.iter_mut().zip(bounds).for_each(|(field, bound)| field.i16_error_bound = bound);
+    Ok((model, sheet))
 }

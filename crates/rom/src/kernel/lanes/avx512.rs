@@ -67,9 +67,9 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn sub(self, other: Self) -> Self {
+    unsafe fn add(self, other: Self) -> Self {
         // SAFETY: see the impl.
-        unsafe { each(|r| _mm512_sub_ps(self.0[r], other.0[r])) }
+        unsafe { each(|r| _mm512_add_ps(self.0[r], other.0[r])) }
     }
 
     #[inline(always)]

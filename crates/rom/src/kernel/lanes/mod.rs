@@ -27,8 +27,8 @@ pub(super) trait Lanes: Copy {
     unsafe fn store(self, to: *mut f32);
     /// `self * factor + addend`.
     unsafe fn mul_add(self, factor: Self, addend: Self) -> Self;
-    /// `self - other`.
-    unsafe fn sub(self, other: Self) -> Self;
+    /// `self + other`.
+    unsafe fn add(self, other: Self) -> Self;
     /// Square root, correctly rounded.
     unsafe fn sqrt(self) -> Self;
     /// `max(self, 0)`; NaN stays NaN, so that a damaged input cannot pass for a number.

@@ -67,9 +67,9 @@ impl Lanes for Neon {
     }
 
     #[inline(always)]
-    unsafe fn sub(self, other: Self) -> Self {
+    unsafe fn add(self, other: Self) -> Self {
         // SAFETY: see the impl.
-        unsafe { each(|r| vsubq_f32(self.0[r], other.0[r])) }
+        unsafe { each(|r| vaddq_f32(self.0[r], other.0[r])) }
     }
 
     #[inline(always)]

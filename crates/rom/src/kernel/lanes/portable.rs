@@ -56,8 +56,8 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    unsafe fn sub(self, other: Self) -> Self {
-        each(|i| self.0[i] - other.0[i])
+    unsafe fn add(self, other: Self) -> Self {
+        each(|i| self.0[i] + other.0[i])
     }
 
     #[inline(always)]

@@ -2,8 +2,7 @@
 
 use super::cases::{Body, available};
 use crate::kernel::{
-    Affine, Basis, BasisError, Field, Isa, MAX_COEFFICIENTS, Precision, ReconstructError, Role, Source, Spec,
-    Values,
+    Affine, Basis, BasisError, Field, Isa, MAX_ROWS, Precision, ReconstructError, Role, Source, Spec, Values,
 };
 
 const ALL: [bool; 5] = [true; 5];
@@ -67,11 +66,11 @@ fn values_that_are_no_f32_are_refused_with_their_node() {
 }
 
 #[test]
-fn more_coefficients_than_the_stack_takes_are_refused() {
-    let modes = vec![1.0; MAX_COEFFICIENTS + 1];
-    assert!(Basis::build(&single(&modes, MAX_COEFFICIENTS, 1), Precision::F32).is_ok());
-    let refused = error(&single(&modes, MAX_COEFFICIENTS + 1, 1));
-    assert_eq!(refused, BasisError::Coefficients { found: MAX_COEFFICIENTS + 1 });
+fn more_rows_than_the_stack_takes_are_refused() {
+    let modes = vec![1.0; MAX_ROWS + 1];
+    assert!(Basis::build(&single(&modes, MAX_ROWS, 1), Precision::F32).is_ok());
+    let refused = error(&single(&modes, MAX_ROWS + 1, 1));
+    assert_eq!(refused, BasisError::Rows { found: MAX_ROWS + 1 });
 }
 
 #[test]
@@ -133,9 +132,9 @@ fn fields_of_a_joint_pod_share_coefficients() {
 
 #[test]
 fn a_coordinate_that_only_the_magnitude_needs_costs_no_rest_row() {
-    let body = Body::new(32, 3, 1);
+    let body = Body::new(64, 3, 1);
     let bytes = |published| Basis::build(&body.spec(published, None), Precision::F32).unwrap().bytes();
-    let row = 128;
+    let row = 256;
     assert_eq!(bytes([false, false, false, true, false]), 3 * (1 + 3) * row);
     assert_eq!(bytes([true, true, true, true, false]), 3 * (1 + 3 + 1) * row);
     assert_eq!(bytes([true, true, true, false, false]), 3 * (1 + 3) * row);
@@ -143,18 +142,28 @@ fn a_coordinate_that_only_the_magnitude_needs_costs_no_rest_row() {
 }
 
 #[test]
-fn i16_halves_the_modes_and_states_its_error() {
+fn i16_halves_the_bytes_and_states_its_error() {
     let body = Body::new(1600, 6, 3);
     let spec = body.spec(ALL, None);
     let wide = Basis::build(&spec, Precision::F32).unwrap();
     let narrow = Basis::build(&spec, Precision::I16).unwrap();
-    // Four means, three rest coordinates in f32; four times six modes.
+    // Four means, three rest coordinates, four times six modes.
     assert_eq!(wide.bytes(), 1600 * (7 + 24) * 4);
-    assert_eq!(narrow.bytes(), 1600 * (7 * 4 + 24 * 2));
+    assert_eq!(narrow.bytes(), 1600 * (7 + 24) * 2);
     assert_eq!(wide.error_bound(0, &body.coefficients), 0.0);
-    // Modes of 0.02 in steps of 0.02 / 32767, six coefficients up to 500: at most 6 * 500 * half a step.
-    let bound = narrow.error_bound(0, &body.coefficients);
-    assert!(bound > 0.0 && bound < 6.0 * 500.0 * 0.01 / 32767.0, "{bound}");
+    // Half a step of: a mean within 10 of the rest shape, a rest shape within 115, six modes of 0.02 times 500 at most.
+    let bound = |terms: f64| terms / 32767.0 / 2.0;
+    let coordinate = narrow.error_bound(0, &body.coefficients);
+    assert!(
+        coordinate > bound(100.0) && coordinate < bound(10.0 + 115.0 + 6.0 * 0.02 * 500.0),
+        "{coordinate}"
+    );
+    // The displacement is summed before the rest shape comes in, so it does not carry its step.
+    let displacement = narrow.error_bound(3, &body.coefficients);
+    assert!(
+        displacement > 0.0 && displacement < 3f64.sqrt() * bound(10.0 + 6.0 * 0.02 * 500.0),
+        "{displacement}"
+    );
 }
 
 #[test]

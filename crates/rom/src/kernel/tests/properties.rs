@@ -61,7 +61,7 @@ proptest! {
 
     #[test]
     fn every_instruction_set_is_within_the_rounding_of_the_reference(
-        nodes in 1usize..120,
+        nodes in 1usize..200,
         modes in 0usize..9,
         seed: u64,
         mut published: [bool; 5],
