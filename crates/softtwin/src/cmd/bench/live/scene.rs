@@ -94,7 +94,8 @@ impl Folder {
                 name: ACTUATOR.into(),
                 model: "bench.twin".into(),
                 gap_mm: Gap::default(),
-                backlog: 1,
+                // Every reading is answered, also after a hiccup: what is lost is then the transport's doing.
+                backlog: 64,
                 sensor: None,
                 place: PlaceSpec::default(),
                 queries: Queries::Off,
