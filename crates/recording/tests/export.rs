@@ -14,7 +14,7 @@ fn recording() -> Vec<u8> {
         SensorMessage::from(&SensorSample { seq, pressure_mpa, gap_mm: 40.0, ..SensorSample::default() })
             .encode(&mut bytes);
         writer.message(sensor, seq as u32, 100 + seq, 90 + seq, &bytes).expect("memory");
-        let mut coefficients = [0.0f32; 40];
+        let mut coefficients = [0.0f32; wire::layout::COEFFICIENTS_MAX];
         coefficients[0] = 0.5;
         let known = State { seq, coefficient_count: 2, coefficients, flags: 0b11, ..State::default() };
         StateMessage::from(&known).encode(&mut bytes);

@@ -6,9 +6,12 @@ use softtwin_runtime::source::live::{
     Encoding, FilterSpec, LinesSpec, LiveReading, LiveSource, LiveSpec, ModbusSpec, RegisterSpec, SerialSpec,
     Table, WordOrder,
 };
+use std::fs::File;
 use std::future::{Ready, ready};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU16, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -172,13 +175,14 @@ fn a_device_over_tcp_with_three_quantities_and_an_exception() {
 }
 
 /// A pseudo-terminal: the test holds one end, the sensor opens the other by its name.
-fn pseudo_terminal() -> (SerialStream, SerialStream, SerialSpec) {
-    let (ours, mut theirs) = SerialStream::pair().unwrap();
-    theirs.set_exclusive(false).unwrap();
-    let port = theirs.name().expect("a pseudo-terminal has a name").into();
+fn pseudo_terminal() -> (SerialStream, File, SerialSpec) {
+    let (ours, theirs) = SerialStream::pair().unwrap();
+    let port = PathBuf::from(theirs.name().expect("a pseudo-terminal has a name"));
+    // The other end stays open without the library's lock on it: a terminal that nobody has open reports a hang-up.
+    let held = File::options().read(true).custom_flags(libc::O_NOCTTY).open(&port).unwrap();
+    drop(theirs);
     let spec = SerialSpec { port, baud: 115_200, data_bits: 8, parity: Default::default(), stop_bits: 1 };
-    // `theirs` is kept: a terminal that nobody has open reports a hang-up.
-    (ours, theirs, spec)
+    (ours, held, spec)
 }
 
 #[test]
@@ -189,10 +193,10 @@ fn a_device_over_a_serial_line() {
     let (sender, receiver) = sync_channel(1);
     thread::spawn(move || {
         runtime().block_on(async move {
-            let (ours, theirs, spec) = pseudo_terminal();
+            let (ours, held, spec) = pseudo_terminal();
             sender.send(spec).unwrap();
             tokio_modbus::server::rtu::Server::new(ours).serve_forever(served).await.unwrap();
-            drop(theirs);
+            drop(held);
         });
     });
     let spec = receiver.recv_timeout(PATIENCE).unwrap();
@@ -300,11 +304,11 @@ fn a_line_protocol_over_a_serial_line_with_garbage_between() {
     let (sender, receiver) = sync_channel(1);
     let (say, said) = sync_channel::<&'static [u8]>(0);
     thread::spawn(move || {
-        let (ours, theirs, spec) = runtime().block_on(async { pseudo_terminal() });
-        let mut ours = std::fs::File::from(dup(&ours));
+        let (ours, held, spec) = runtime().block_on(async { pseudo_terminal() });
+        let mut ours = File::from(dup(&ours));
         sender.send(spec).unwrap();
         said.iter().for_each(|bytes| ours.write_all(bytes).unwrap());
-        drop(theirs);
+        drop(held);
     });
     let serial = receiver.recv_timeout(PATIENCE).unwrap();
     let spec = LinesSpec { serial: Some(serial), pressure_unit: Some("bar".into()), ..LinesSpec::default() };

@@ -10,9 +10,9 @@ use super::{Backoff, Feed, LiveReading, blank};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval, timeout};
-use tokio_modbus::client::{Context, Reader, rtu, tcp};
+use tokio_modbus::client::{Client, Context, rtu, tcp};
 use tokio_modbus::slave::SlaveContext;
-use tokio_modbus::{Error, ExceptionCode, Slave};
+use tokio_modbus::{Error, ExceptionCode, Request, Response, Slave};
 
 /// A Modbus sensor as written in a scene file: `tcp` or `serial`, and where each quantity stands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -216,14 +216,18 @@ async fn ask_all(spec: &ModbusSpec, context: &mut Context) -> Answer {
 
 async fn ask(context: &mut Context, spec: &RegisterSpec, quantity: Quantity) -> Result<f64, Answer> {
     context.set_slave(Slave(spec.unit_id));
-    let reply = match spec.table {
-        Table::Input => context.read_input_registers(spec.register, spec.count()).await,
-        Table::Holding => context.read_holding_registers(spec.register, spec.count()).await,
+    // The library's typed readers assert that the device sent as many registers as were asked for; a device may not.
+    let request = match spec.table {
+        Table::Input => Request::ReadInputRegisters(spec.register, spec.count()),
+        Table::Holding => Request::ReadHoldingRegisters(spec.register, spec.count()),
     };
-    match reply {
-        Ok(Ok(registers)) => spec.decode(quantity, &registers).ok_or_else(|| {
-            Answer::Garbage(format!("{} registers, {} asked for", registers.len(), spec.count()))
-        }),
+    match context.call(request).await {
+        Ok(Ok(Response::ReadInputRegisters(registers) | Response::ReadHoldingRegisters(registers))) => {
+            spec.decode(quantity, &registers).ok_or_else(|| {
+                Answer::Garbage(format!("{} registers, {} asked for", registers.len(), spec.count()))
+            })
+        }
+        Ok(Ok(other)) => Err(Answer::Garbage(format!("registers asked for, {other:?} sent"))),
         Ok(Err(code)) => Err(Answer::Exception(code)),
         Err(Error::Protocol(error)) => Err(Answer::Garbage(error.to_string())),
         // A frame with a wrong checksum ends as "invalid data".

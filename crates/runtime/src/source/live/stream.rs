@@ -110,7 +110,7 @@ async fn read_serial(serial: &SerialSpec, reader: &mut LineReader) {
             Ok(mut port) => {
                 let mut bytes = [0; 1024];
                 while !reader.feed.is_stopped() {
-                    match tokio::time::timeout(LOOK, port.read(&mut bytes)).await {
+                    match tokio::time::timeout(LOOK, AsyncReadExt::read(&mut port, &mut bytes)).await {
                         Err(_) => {} // silence: look at the stop flag, go on listening
                         Ok(Ok(count)) if count > 0 => {
                             reader.push(bytes.get(..count).unwrap_or_default());
