@@ -1,20 +1,23 @@
 #!/usr/bin/env bash
-# Soak test: bridge, twin, recorder and readers that come and go, with faults injected, for a given time. Reports memory,
-# files, latency drift, lost and wrong samples, and exits with 1 when something was lost, wrong or grew.
-#   scripts/soak.sh --seconds 3600 --model models/pneunet/model.twin
+# Soak test in one domain: a steady twin that nobody touches, a disturbed twin that is killed, stopped, reloaded and starved, a
+# recorder of both, a judge of each that computes every sample again, and readers that come and go. Reports memory, files,
+# latency drift, lost and wrong samples; ends with 1 when something was lost, wrong or grew.
+#   scripts/soak.sh --seconds 3600 --model models/pneunet/pneunet.twin --report soak.json
 #   scripts/soak.sh --seconds 60 --model FILE --rate 1000 --no-faults
-# Needs the two programs (cargo build --release --bins), bash, awk, and python3 for the summary.
+# --rate is that of the steady twin, Hz. Needs the programs (cargo build --release --workspace --bins; SOFTTWIN_BIN names their
+# folder), bash, awk, and python3 for the summary.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-seconds=60 rate=1000 model="" faults=1 bin=${SOFTTWIN_BIN:-target/release} keep=0
-usage() { sed -n '2,7s/^# \{0,1\}//p' "$0"; exit "${1:-2}"; }
+seconds=60 rate=1000 model="" faults=1 bin=${SOFTTWIN_BIN:-target/release} keep=0 report=/dev/null
+usage() { sed -n '2,8s/^# \{0,1\}//p' "$0"; exit "${1:-2}"; }
 while (($#)); do
     case $1 in
         --seconds) seconds=$2; shift 2 ;;
         --rate) rate=$2; shift 2 ;;
         --model) model=$2; shift 2 ;;
         --bin) bin=$2; shift 2 ;;
+        --report) report=$(realpath -m "$2"); shift 2 ;;
         --no-faults) faults=0; shift ;;
         --keep) keep=1; shift ;;
         -h | --help) usage 0 ;;
@@ -22,8 +25,8 @@ while (($#)); do
     esac
 done
 [[ -n $model && -f $model ]] || { echo "soak: --model: expected a model file, found '${model}'" >&2; exit 2; }
-for program in softtwind softtwin; do
-    [[ -x $bin/$program ]] || { echo "soak: $bin/$program is not built; cargo build --release --bins" >&2; exit 2; }
+for program in softtwind softtwin soak_reader; do
+    [[ -x $bin/$program ]] || { echo "soak: $bin/$program is not built; cargo build --release --workspace --bins" >&2; exit 2; }
 done
 bin=$(realpath "$bin") model=$(realpath "$model")
 
@@ -31,105 +34,118 @@ work=$(mktemp -d)
 export SOFTTWIN_DOMAIN=soak_$$ SOFTTWIN_ROOT=$work/iox
 pids=()
 finish() {
-    for pid in "${pids[@]}"; do kill "$pid" 2>/dev/null || true; done
+    for pid in "${pids[@]}"; do kill -CONT "$pid" 2>/dev/null || true; kill "$pid" 2>/dev/null || true; done
     wait 2>/dev/null || true
     rm -f /dev/shm/iox2_soak_$$_*
     if ((keep)); then echo "soak: files are in $work" >&2; else rm -rf "$work"; fi
 }
 trap finish EXIT
 
-cat >"$work/scene.toml" <<SCENE
-name = "soak"
+scene() { # name, rate in Hz, gap in mm
+    cp "$model" "$work/$1.twin"
+    cat >"$work/$1.toml" <<SCENE
+name = "$1"
 [[actuator]]
-name = "finger"
-model = "$model"
+name = "$1"
+model = "$1.twin"
 [actuator.source]
 kind = "simulate"
-rate_hz = $rate
-gap_mm = 40.0
+rate_hz = $2
+gap_mm = $3
 profile = { shape = "sine", mean_mpa = 0.035, amplitude_mpa = 0.03, frequency_hz = 0.5 }
 [[actuator.output]]
 nodes = "all"
 SCENE
+}
+scene steady "$rate" 40.0
+scene disturbed 200 40.0
 
-start_twin() { "$bin/softtwind" twin --scene "$work/scene.toml" 2>>"$work/twin.log" & twin=$!; pids+=("$twin"); }
-start_bridge() { "$bin/softtwind" bridge --scene "$work/scene.toml" 2>>"$work/bridge.log" & bridge=$!; pids+=("$bridge"); }
-start_twin
-start_bridge
+declare -A injected=()
+count() { injected[$1]=$((${injected[$1]:-0} + 1)); }
+daemon() { # role, scene: sets `started` once it is ready; a start that fails is tried again, as systemd would, and counted
+    local log=$work/$2.$1.log said attempt
+    touch "$log"
+    for attempt in 1 2 3 4 5; do
+        said=$(grep -c "ready:" "$log" || true)
+        "$bin/softtwind" "$1" --scene "$work/$2.toml" 2>>"$log" &
+        started=$!
+        pids+=("$started")
+        while kill -0 "$started" 2>/dev/null; do
+            if (($(grep -c 'ready:' "$log" || true) > said)); then return; fi
+            sleep 0.02
+        done
+        count failed_start
+        sleep 0.2
+    done
+    echo "soak: the $1 of $2 does not start: $(tail -n 3 "$log")" >&2
+    exit 1
+}
+daemon twin steady; steady_twin=$started
+daemon twin disturbed; twin=$started
 "$bin/softtwin" record --out "$work/run.mcap" --rotate-mb 256 --keep 4 --json >"$work/record.json" 2>"$work/record.log" &
 recorder=$!
 pids+=("$recorder")
+sleep 1 # the recorder looks for topics once in a while; what is sent before it has found them is not lost
+daemon bridge steady; steady_bridge=$started
+daemon bridge disturbed; bridge=$started
+judges=()
+for name in steady disturbed; do
+    "$bin/soak_reader" "$model" "$name" "$seconds" 20 >"$work/judge.$name.json" 2>"$work/judge.$name.log" &
+    judges+=($!)
+    pids+=($!)
+done
 
-resident_kb() { awk '/^VmRSS/ {print $2}' "/proc/$1/status" 2>/dev/null || echo 0; }
-open_files() { find "/proc/$1/fd" -mindepth 1 2>/dev/null | wc -l; }
+resident_kb() { awk '/^VmRSS/ {print $2}' "/proc/$1/status"; }
+open_files() { find "/proc/$1/fd" -mindepth 1 | wc -l; }
+threads() { awk '/^Threads/ {print $2}' "/proc/$1/status"; }
 shm_files() { find /dev/shm -name "iox2_soak_$$_*" | wc -l; }
 row() {
-    local top
+    local top pid
     top=$("$bin/softtwin" top --once --json 2>/dev/null || echo '[]')
-    echo "$SECONDS $(resident_kb "$twin") $(resident_kb "$bridge") $(resident_kb "$recorder") $(open_files "$twin") $(open_files "$recorder") $(shm_files) $top" >>"$work/rows"
+    {
+        printf '%s' "$SECONDS"
+        for pid in "$steady_twin" "$steady_bridge" "$recorder"; do
+            printf ' %s %s %s' "$(resident_kb "$pid")" "$(open_files "$pid")" "$(threads "$pid")"
+        done
+        printf ' %s %s %s\n' "$(shm_files)" "$(find "$SOFTTWIN_ROOT" -type f | wc -l)" "$top"
+    } >>"$work/rows"
 }
 
-echo "soak: ${seconds} s at ${rate} Hz, faults: $faults, model $model" >&2
-begin=$SECONDS turn=0 kills=0 readers=0
-sleep 3
+echo "soak: ${seconds} s, steady at ${rate} Hz, faults: $faults, model $model" >&2
+begin=$SECONDS turn=0 readers=0
+disturb() {
+    case $((turn % 8)) in
+        0) count kill_bridge; kill -9 "$bridge"; wait "$bridge" 2>/dev/null || true; daemon bridge disturbed; bridge=$started ;;
+        1) count kill_twin; kill -9 "$twin"; wait "$twin" 2>/dev/null || true; daemon twin disturbed; twin=$started ;;
+        2) count stop_bridge_500ms; kill -STOP "$bridge"; sleep 0.5; kill -CONT "$bridge" ;;
+        3) count reload; kill -HUP "$twin" ;;
+        4) count damaged_model; printf 'damage' | dd of="$work/disturbed.twin" bs=1 seek=5000 conv=notrunc status=none
+           kill -HUP "$twin"; sleep 1; cp "$model" "$work/disturbed.twin" ;;
+        5) count stopped_reader
+           "$bin/softtwin" echo softtwin/disturbed/field >/dev/null 2>&1 & local reader=$!
+           sleep 0.5; kill -STOP "$reader"; sleep 2; kill -9 "$reader"; wait "$reader" 2>/dev/null || true ;;
+        6) count stop_twin_500ms; kill -STOP "$twin"; sleep 0.5; kill -CONT "$twin" ;;
+        7) count kill_both; kill -9 "$twin" "$bridge"; wait "$twin" "$bridge" 2>/dev/null || true
+           daemon bridge disturbed; bridge=$started; daemon twin disturbed; twin=$started ;;
+    esac
+}
 while ((SECONDS - begin < seconds)); do
     row
-    turn=$((turn + 1))
     # A reader that comes, takes a few states and goes; every third is killed in the middle.
-    timeout 3 "$bin/softtwin" top --key 'softtwin/**' --once >/dev/null 2>&1 & reader=$!
+    "$bin/softtwin" echo 'softtwin/*/state' >/dev/null 2>&1 & reader=$!
+    sleep 0.5
+    if ((turn % 3 == 0)); then kill -9 "$reader" || true; else kill -INT "$reader" || true; fi
+    wait "$reader" 2>/dev/null || true
     readers=$((readers + 1))
-    ((turn % 3 == 0)) && { sleep 0.2; kill -9 "$reader" 2>/dev/null || true; }
-    if ((faults && turn % 6 == 0)); then
-        kill -9 "$bridge"; wait "$bridge" 2>/dev/null || true; start_bridge; kills=$((kills + 1))
-    fi
-    if ((faults && turn % 10 == 0)); then
-        kill -9 "$twin"; wait "$twin" 2>/dev/null || true; start_twin; kills=$((kills + 1))
-    fi
+    if ((faults)); then disturb; fi
+    turn=$((turn + 1))
     sleep 5
 done
 row
+for judge in "${judges[@]}"; do wait "$judge" || true; done
 kill -INT "$recorder"
 wait "$recorder" || true
-cat "$work/record.json" >&2
-
-python3 - "$work" "$faults" "$kills" "$readers" <<'SUMMARY'
-import json, sys
-work, faults, kills, readers = sys.argv[1], sys.argv[2] == "1", int(sys.argv[3]), int(sys.argv[4])
-rows = [line.split(" ", 7) for line in open(f"{work}/rows")]
-# The first rows are the programs' own warm-up; a row right after a restart is one too.
-settled = rows[max(1, len(rows) // 5):] or rows
-column = lambda index: [int(row[index]) for row in settled]
-tops = [entry for row in settled for entry in json.loads(row[7])]
-p50 = [entry["latency_p50_us"] for entry in tops if entry.get("latency_p50_us")]
-p99 = [entry["latency_p99_us"] for entry in tops if entry.get("latency_p99_us")]
-half = max(1, len(p50) // 2)
-mean = lambda values: sum(values) / len(values) if values else float("nan")
-record = json.load(open(f"{work}/record.json"))
-bad = {}
-for entry in tops:
-    for name, count in entry["outcomes"].items():
-        if name not in ("published", "dropped: superseded") and count:
-            bad[name] = max(bad.get(name, 0), count)
-growth = lambda values: values[-1] - values[0] if values else 0
-report = {
-    "seconds": int(rows[-1][0]) - int(rows[0][0]),
-    "kills": kills,
-    "readers": readers,
-    "recorded": sum(record["messages"].values()),
-    "lost_in_recorder": record["missing"] + record["dropped"],
-    "wrong_outcomes": bad,
-    "twin_rss_kb": [column(1)[0], column(1)[-1]],
-    "bridge_rss_kb": [column(2)[0], column(2)[-1]],
-    "recorder_rss_kb": [column(3)[0], column(3)[-1]],
-    "twin_open_files": [column(4)[0], column(4)[-1]],
-    "recorder_open_files": [column(5)[0], column(5)[-1]],
-    "shm_files": [column(6)[0], column(6)[-1]],
-    "latency_p50_us_first_and_second_half": [round(mean(p50[:half]), 1), round(mean(p50[half:]), 1)],
-    "latency_p99_us_first_and_second_half": [round(mean(p99[:half]), 1), round(mean(p99[half:]), 1)],
-}
-print(json.dumps(report))
-grew = [name for name, values in (("twin", column(1)), ("bridge", column(2)), ("recorder", column(3))) if growth(values) > 8192]
-leaked = growth(column(6)) > 4 or growth(column(5)) > 8
-failed = record["missing"] + record["dropped"] > 0 or bad or leaked or (not faults and grew)
-sys.exit(1 if failed else 0)
-SUMMARY
+for pid in "$bridge" "$steady_bridge" "$twin" "$steady_twin"; do kill -TERM "$pid"; wait "$pid" || true; done
+for name in "${!injected[@]}"; do echo "$name ${injected[$name]}"; done >"$work/injected"
+python3 scripts/soak_summary.py "$work" "$seconds" "$rate" "$readers" | tee "$report"
+exit "${PIPESTATUS[0]}"

@@ -112,9 +112,9 @@ impl ActuatorTwin {
         })
     }
 
-    /// Its name.
-    pub(super) fn name(&self) -> &str {
-        self.reader.topic().actuator()
+    /// Its name and that of the sensor it reads.
+    pub(super) fn names(&self) -> (&str, &str) {
+        (self.state_writer.topic().actuator(), self.reader.topic().actuator())
     }
 
     /// Field topics with the values of a sample.

@@ -9,7 +9,7 @@ use rom::predict::Predictor;
 /// Why a running twin cannot go on with what was loaded. It goes on with what it has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SwapError {
-    /// Other actuators than before.
+    /// Other actuators, or sensors, than before.
     #[error("the scene has the actuators {new}, this twin runs {running}; start the twin anew for that")]
     Actuators {
         /// Running.
@@ -44,11 +44,10 @@ impl Twin {
     /// # Errors
     /// [`SwapError`]; the twin is as before.
     pub fn swap(&mut self, loaded: Vec<Loaded>) -> Result<Retired, SwapError> {
-        let names = |names: Vec<&str>| names.join(", ");
-        let running: Vec<&str> = self.actuators.iter().map(ActuatorTwin::name).collect();
-        let new: Vec<&str> = loaded.iter().map(|loaded| loaded.spec.name.as_str()).collect();
+        let running = list(self.actuators.iter().map(ActuatorTwin::names));
+        let new = list(loaded.iter().map(|loaded| (loaded.spec.name.as_str(), loaded.spec.sensor())));
         if running != new {
-            return Err(SwapError::Actuators { running: names(running), new: names(new) });
+            return Err(SwapError::Actuators { running, new });
         }
         for (actuator, loaded) in self.actuators.iter().zip(&loaded) {
             let (running, new) = (actuator.shapes(), shapes(loaded));
@@ -67,6 +66,14 @@ impl Twin {
         }
         Ok(Retired(retired))
     }
+}
+
+/// Actuators, with the sensor of those that read another's.
+fn list<'a>(names: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+    let text = |(name, sensor)| {
+        if name == sensor { String::from(name) } else { format!("{name} (sensor {sensor})") }
+    };
+    names.map(text).collect::<Vec<String>>().join(", ")
 }
 
 /// Topics with the values of a sample, as the model would have them.

@@ -9,7 +9,10 @@ use runtime::twin::load_scene;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
-use wire::{Bus, FieldReader, HealthReader, KeyExpr, SensorReader, StateReader, TopicKind, WireError};
+use wire::{
+    Bus, CommandReader, FieldReader, GraspReader, HealthReader, KeyExpr, SensorReader, StateReader,
+    TopicKind, WireError,
+};
 
 /// What to look at besides the machine.
 pub struct Subject<'a> {
@@ -118,6 +121,8 @@ fn versions(bus: &Bus) -> Vec<Finding> {
             TopicKind::State => StateReader::open(bus, topic).map(drop),
             TopicKind::Health => HealthReader::open(bus, topic).map(drop),
             TopicKind::Field => FieldReader::open(bus, topic).map(drop),
+            TopicKind::Grasp => GraspReader::open(bus, topic).map(drop),
+            TopicKind::Command => CommandReader::open(bus, topic).map(drop),
         };
         let writers = info.writers.len();
         findings.push(match opened {
