@@ -18,21 +18,28 @@ pub struct Stage {
 /// The trained beam as a model file; trained once per test program.
 pub fn model_bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| {
-        let regime = || RegimeConfig {
-            kernels: vec![KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear }],
-            ..RegimeConfig::default()
-        };
-        let config = TrainConfig {
-            free: regime(),
-            contact: regime(),
-            full_leave_one_out: false,
-            ..TrainConfig::default()
-        };
-        let (model, _) =
-            rom::train::train(&synthetic::plate(), &config, &mut |_| {}).expect("the beam trains");
-        model.to_bytes().expect("the beam can be written")
-    })
+    BYTES.get_or_init(|| train(KernelKind::Cubic))
+}
+
+/// The same beam with another kernel: another model of the same shape.
+pub fn other_model_bytes() -> &'static [u8] {
+    static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
+    BYTES.get_or_init(|| train(KernelKind::ThinPlate))
+}
+
+fn train(kernel: KernelKind) -> Vec<u8> {
+    let regime = || RegimeConfig {
+        kernels: vec![KernelSpec { kernel, tail: Tail::Linear }],
+        ..RegimeConfig::default()
+    };
+    let config = TrainConfig {
+        free: regime(),
+        contact: regime(),
+        full_leave_one_out: false,
+        ..TrainConfig::default()
+    };
+    let (model, _) = rom::train::train(&synthetic::plate(), &config, &mut |_| {}).expect("the beam trains");
+    model.to_bytes().expect("the beam can be written")
 }
 
 impl Stage {

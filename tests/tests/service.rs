@@ -1,36 +1,241 @@
-//! The daemon under a service manager: ready, watchdog, stopping, over a real notification socket.
+//! The daemons as a service: told to the service manager, reloaded, watched.
 
 use softtwin_tests::{PATIENCE, Program, Stage};
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::os::unix::net::UnixDatagram;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use wire::{StateReader, Topic, WakeSet, Wakeable};
 
-/// Waits for a message that contains `text`.
-fn wait_for(socket: &UnixDatagram, text: &str) -> String {
-    let mut buffer = [0; 1024];
+const STEADY: &str = r#"kind = "simulate"
+rate_hz = 200.0
+gap_mm = 30.0
+profile = { shape = "sine", mean_mpa = 0.035, amplitude_mpa = 0.03, frequency_hz = 1.0 }"#;
+
+/// What a program tells its service manager, up to the message with `text` in it.
+fn told(socket: &UnixDatagram, text: &str) -> Vec<String> {
+    socket.set_read_timeout(Some(PATIENCE)).unwrap();
+    let mut messages = Vec::new();
+    let mut bytes = [0; 4096];
     loop {
-        let length =
-            socket.recv(&mut buffer).unwrap_or_else(|error| panic!("`{text}` did not come: {error}"));
-        let message = String::from_utf8_lossy(&buffer[..length]).into_owned();
-        if message.contains(text) {
-            return message;
+        let count = socket.recv(&mut bytes).unwrap_or_else(|_| panic!("`{text}` was not told: {messages:?}"));
+        messages.push(String::from_utf8_lossy(&bytes[..count]).into_owned());
+        if messages.last().is_some_and(|message| message.contains(text)) {
+            return messages;
         }
     }
 }
 
-#[test]
-fn the_manager_hears_ready_watchdog_and_stopping() {
-    let stage = Stage::new("notify");
-    let scene = stage.finger("kind = \"simulate\"").display().to_string();
+fn notified(stage: &Stage, arguments: &[&str]) -> (Program, UnixDatagram) {
     let path = stage.path("notify.sock");
+    let _none_yet = std::fs::remove_file(&path);
     let socket = UnixDatagram::bind(&path).unwrap();
-    socket.set_read_timeout(Some(PATIENCE)).unwrap();
-    let environment = [("NOTIFY_SOCKET", path.display().to_string()), ("WATCHDOG_USEC", "200000".to_owned())];
-    let twin = Program::daemon_with(&stage, &["twin", "--scene", &scene], &environment);
-    let ready = wait_for(&socket, "READY=1");
-    assert!(ready.contains("STATUS=twin of scene finger: finger"), "{ready}");
-    wait_for(&socket, "WATCHDOG=1");
-    wait_for(&socket, "WATCHDOG=1"); // again and again, not once
-    twin.signal(libc::SIGTERM);
-    wait_for(&socket, "STOPPING=1");
-    let (status, said) = twin.ended();
-    assert!(status.success(), "{said:?}");
+    let environment = [("NOTIFY_SOCKET", path.display().to_string()), ("WATCHDOG_USEC", "400000".to_owned())];
+    (Program::daemon_with(stage, arguments, &environment), socket)
+}
+
+/// Ready once everything is open, alive while the loop turns, stopping when asked.
+#[test]
+fn both_daemons_tell_the_service_manager_how_they_are() {
+    for daemon in ["twin", "bridge"] {
+        let stage = Stage::new("notify");
+        let scene = stage.finger(STEADY).display().to_string();
+        let (program, socket) = notified(&stage, &[daemon, "--scene", &scene]);
+        let ready = told(&socket, "READY=1");
+        assert!(ready.last().unwrap().contains("STATUS="), "{daemon}: {ready:?}");
+        assert!(
+            !ready.iter().any(|message| message.contains("WATCHDOG=1")),
+            "{daemon} is alive before it is ready: {ready:?}"
+        );
+        told(&socket, "WATCHDOG=1");
+        told(&socket, "WATCHDOG=1");
+        let (status, said) = program.stop();
+        assert!(status.success(), "{daemon}: {said:?}");
+        told(&socket, "STOPPING=1");
+    }
+}
+
+/// A process that is stopped (SIGSTOP) feeds no watchdog: the manager would restart it.
+#[test]
+fn a_loop_without_progress_feeds_no_watchdog() {
+    let stage = Stage::new("watchdog");
+    let scene = stage.finger(STEADY).display().to_string();
+    let (program, socket) = notified(&stage, &["twin", "--scene", &scene]);
+    told(&socket, "WATCHDOG=1");
+    program.signal(libc::SIGSTOP);
+    socket.set_read_timeout(Some(Duration::from_millis(800))).unwrap();
+    let mut bytes = [0; 4096];
+    // One message may have been on its way.
+    let silence = (0..3).any(|_| socket.recv(&mut bytes).is_err());
+    program.signal(libc::SIGCONT);
+    assert!(silence, "a stopped process went on telling that it is alive");
+    told(&socket, "WATCHDOG=1");
+}
+
+#[test]
+fn a_wrong_configuration_ends_with_78_and_never_says_ready() {
+    let stage = Stage::new("config");
+    let scene = stage.write("wrong.toml", "name = 3\n[[actuators]]\n").display().to_string();
+    for daemon in ["twin", "bridge"] {
+        let (mut program, socket) = notified(&stage, &[daemon, "--scene", &scene]);
+        let (status, said) = program.end();
+        assert_eq!(status.code(), Some(78), "{daemon}: {said:?}");
+        socket.set_nonblocking(true).unwrap();
+        let mut bytes = [0; 4096];
+        while let Ok(count) = socket.recv(&mut bytes) {
+            let message = String::from_utf8_lossy(&bytes[..count]).into_owned();
+            assert!(!message.contains("READY"), "{daemon}: {message}");
+        }
+    }
+}
+
+/// The first state whose model hash is `wanted`.
+fn wait_for_model(reader: &StateReader, wanted: impl Fn(&[u8; 16]) -> bool) -> wire::State {
+    let mut wake = WakeSet::new([reader as &dyn Wakeable]);
+    let end = Instant::now() + PATIENCE;
+    loop {
+        while let Some(state) = reader.next().unwrap() {
+            if wanted(&state.model_hash) {
+                return state;
+            }
+        }
+        assert!(Instant::now() < end, "no state of that model came");
+        wake.wait([reader as &dyn Wakeable], Duration::from_millis(200)).unwrap();
+    }
+}
+
+/// SIGHUP swaps a good model between two readings, and keeps the old one when the new one is damaged, truncated, absent, or
+/// of another shape; each refusal says why, and the stream goes on without a jump in its numbers.
+#[test]
+fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
+    let stage = Stage::new("reload");
+    let scene = stage.finger(STEADY);
+    let mut twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+    let bus = stage.bus();
+    let reader = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
+    let first = wait_for_model(&reader, |_| true);
+    let model = stage.path("beam.twin");
+    let good = std::fs::read(&model).unwrap();
+
+    let mut flipped = good.clone();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 0x10;
+    for (what, bytes) in
+        [("bit-flipped", &flipped[..]), ("truncated", &good[..good.len() - 7]), ("empty", &[])]
+    {
+        std::fs::write(&model, bytes).unwrap();
+        twin.signal(libc::SIGHUP);
+        let line = twin.wait_for("reload refused");
+        assert!(line.contains("old scene and models go on"), "{what}: {line}");
+    }
+    std::fs::remove_file(&model).unwrap();
+    twin.signal(libc::SIGHUP);
+    twin.wait_for("reload refused");
+    std::fs::write(&model, &good).unwrap();
+    let text = std::fs::read_to_string(&scene).unwrap();
+    std::fs::write(&scene, text.replace("fields = [\"y\", \"displacement\"]", "fields = [\"y\"]")).unwrap();
+    twin.signal(libc::SIGHUP);
+    let line = twin.wait_for("reload refused");
+    assert!(line.contains("start the twin anew"), "{line}");
+    std::fs::write(&scene, &text).unwrap();
+
+    let other = softtwin_tests::stage::other_model_bytes();
+    assert_ne!(other, good, "the two models differ");
+    std::fs::write(&model, other).unwrap();
+    twin.signal(libc::SIGHUP);
+    twin.wait_for("reloaded");
+    let swapped = wait_for_model(&reader, |hash| *hash != first.model_hash);
+    assert_eq!(swapped.boot_id, first.boot_id, "the same run of the twin");
+    let next = wait_for_model(&reader, |hash| *hash == swapped.model_hash);
+    assert_eq!(next.seq, swapped.seq + 1);
+    let (status, said) = twin.stop();
+    assert!(status.success() && bridge.stop().0.success(), "{said:?}");
+}
+
+fn get(address: &str, path: &str) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).unwrap();
+    reply
+}
+
+fn free_address() -> String {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
+}
+
+#[test]
+fn metrics_are_served_on_loopback_when_asked_for() {
+    let stage = Stage::new("metrics");
+    let scene = stage.finger(STEADY).display().to_string();
+    let (twin_at, bridge_at) = (free_address(), free_address());
+    let mut twin = Program::daemon(&stage, &["twin", "--scene", &scene, "--metrics", &twin_at]);
+    twin.wait_for("ready:");
+    let mut bridge = Program::daemon(&stage, &["bridge", "--scene", &scene, "--metrics", &bridge_at]);
+    bridge.wait_for("ready:");
+    let end = Instant::now() + PATIENCE;
+    loop {
+        let page = get(&twin_at, "/metrics");
+        assert!(page.starts_with("HTTP/1.1 200 OK"), "{page}");
+        let readings =
+            page.lines().find_map(|line| line.strip_prefix("softtwin_readings_total{actuator=\"finger\"} "));
+        if readings.is_some_and(|count| count.parse::<f64>().unwrap() > 0.0) {
+            break;
+        }
+        assert!(Instant::now() < end, "no readings on the page:\n{page}");
+    }
+    assert!(get(&bridge_at, "/metrics").contains("\nsofttwin_bridge_failed_total 0\n"));
+    assert!(get(&bridge_at, "/").starts_with("HTTP/1.1 404"));
+    // A visitor who says nothing holds nobody up for long.
+    let _silent = TcpStream::connect(&twin_at).unwrap();
+    assert!(get(&twin_at, "/metrics").contains("softtwin_flag"));
+    let mut open = Program::daemon(&stage, &["twin", "--scene", &scene, "--metrics", "0.0.0.0:9464"]);
+    let (status, said) = open.end();
+    assert_eq!(status.code(), Some(2), "the page has no guard, so no other address: {said:?}");
+}
+
+/// The units of `config/systemd` as systemd reads them, with our own binaries in the place where they are installed.
+#[test]
+fn systemd_accepts_the_units() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/systemd");
+    if Command::new("systemd-analyze").arg("--version").output().is_err() {
+        println!("SKIPPED: systemd-analyze is not installed on this machine");
+        return;
+    }
+    let copies = tempfile::tempdir().unwrap();
+    let mut units = Vec::new();
+    for entry in std::fs::read_dir(&folder).unwrap().flatten() {
+        let text = std::fs::read_to_string(entry.path()).unwrap();
+        for daemon in ["softtwind", "softtwin"] {
+            assert!(softtwin_tests::process::binary(daemon).is_file());
+        }
+        let bin = softtwin_tests::process::binary("softtwind").parent().unwrap().display().to_string();
+        let path = copies.path().join(entry.file_name());
+        std::fs::write(&path, text.replace("/usr/local/bin", &bin)).unwrap();
+        units.push(path);
+        if text.contains("Type=notify") {
+            for line in [
+                "RestartPreventExitStatus=78",
+                "RemoveIPC=no",
+                "PrivateTmp=no",
+                "DynamicUser=no",
+                "WatchdogSec=2s",
+            ] {
+                assert!(
+                    text.lines().any(|found| found == line),
+                    "{line} is missing in {}",
+                    entry.path().display()
+                );
+            }
+        }
+    }
+    assert!(units.len() >= 3, "{units:?}");
+    let output = Command::new("systemd-analyze").arg("verify").args(&units).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    let ours: Vec<&str> = said.lines().filter(|line| line.contains("softtwin")).collect();
+    assert!(output.status.success() && ours.is_empty(), "{said}");
 }

@@ -13,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 mod chunk;
+mod csv;
 mod encode;
 mod gaps;
 pub mod message;
@@ -24,6 +25,7 @@ mod store;
 mod summary;
 mod writer;
 
+pub use csv::{ExportError, Exported, export_csv};
 pub use gaps::{Gap, GapCounter};
 pub use reader::{Ending, Item, Message, ReadError, Reader};
 pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions};

@@ -1,7 +1,10 @@
 //! The bridge: takes readings from sources, stamps them, sends them. One thread, any number of actuators.
 
+use crate::source::live::{self, LiveReading, LiveSource, SensorCounters};
 use crate::source::{Reading, Source};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 use wire::{Bus, SensorSample, SensorWriter, Topic, WireError, boot_id, now_ns};
 
@@ -9,9 +12,18 @@ use wire::{Bus, SensorSample, SensorWriter, Topic, WireError, boot_id, now_ns};
 #[derive(Debug)]
 struct Line {
     writer: SensorWriter,
-    source: Source,
+    origin: Origin,
     next: Option<Reading>,
     seq: u64,
+}
+
+/// Where a line's readings come from.
+#[derive(Debug)]
+enum Origin {
+    /// Readings are asked for and are due at a known time.
+    Scheduled(Source),
+    /// Readings come when the sensor has them.
+    Live(LiveSource),
 }
 
 /// What the bridge has done so far; readable from other threads while it runs.
@@ -23,6 +35,8 @@ pub struct BridgeCounters {
     pub failed: AtomicU64,
     /// Readings sent later than one millisecond after they were due.
     pub late: AtomicU64,
+    /// Turns of the loop, so that a watchdog can see that it lives.
+    pub turns: AtomicU64,
 }
 
 /// A reading sent so much after its due time is counted as late.
@@ -35,48 +49,121 @@ const MAX_SLEEP: Duration = Duration::from_millis(100);
 pub struct Bridge {
     lines: Vec<Line>,
     boot_id: u64,
+    /// Readings of all sensors; `None` when there is no sensor.
+    live: Option<Receiver<LiveReading>>,
+}
+
+/// Why a bridge cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum BridgeError {
+    /// The topics.
+    #[error(transparent)]
+    Wire(#[from] WireError),
+    /// The system refuses a thread for a sensor.
+    #[error("no thread for the sensor of `{actuator}`: {cause}")]
+    Sensor {
+        /// The actuator.
+        actuator: String,
+        /// The system's word for it.
+        cause: std::io::Error,
+    },
 }
 
 impl Bridge {
-    /// Becomes the sensor of every named actuator.
+    /// Becomes the sensor of every named actuator, then starts the sensors' threads.
     ///
     /// # Errors
-    /// [`WireError::AlreadyPublished`] when another bridge feeds one of them, and the other refusals of
-    /// [`SensorWriter::create`].
-    pub fn start(bus: &Bus, sources: Vec<(String, Source)>) -> Result<Self, WireError> {
-        let lines = sources
-            .into_iter()
-            .map(|(actuator, mut source)| {
-                let writer = SensorWriter::create(bus, &Topic::sensor(&actuator)?)?;
-                let next = source.next_reading();
-                Ok(Line { writer, source, next, seq: 0 })
-            })
-            .collect::<Result<_, WireError>>()?;
-        Ok(Self { lines, boot_id: boot_id() })
+    /// [`WireError::AlreadyPublished`] when another bridge feeds one of them, the other refusals of
+    /// [`SensorWriter::create`], [`BridgeError::Sensor`].
+    pub fn start(bus: &Bus, sources: Vec<(String, Source)>) -> Result<Self, BridgeError> {
+        let writers = sources
+            .iter()
+            .map(|(actuator, _)| SensorWriter::create(bus, &Topic::sensor(actuator)?))
+            .collect::<Result<Vec<_>, WireError>>()?;
+        let (sender, receiver) = sync_channel(live::QUEUE);
+        let mut lines = Vec::new();
+        for (number, (writer, (actuator, mut source))) in writers.into_iter().zip(sources).enumerate() {
+            let next = source.next_reading();
+            let origin = match source {
+                Source::Live(spec) => Origin::Live(
+                    LiveSource::start(spec, number, sender.clone())
+                        .map_err(|cause| BridgeError::Sensor { actuator, cause })?,
+                ),
+                source => Origin::Scheduled(source),
+            };
+            lines.push(Line { writer, origin, next, seq: 0 });
+        }
+        let has_live = lines.iter().any(|line| matches!(line.origin, Origin::Live(_)));
+        Ok(Self { lines, boot_id: boot_id(), live: has_live.then_some(receiver) })
     }
 
-    /// Sends every reading when it is due, until all sources are at their end or `stop` is set. A bridge that was held up
-    /// sends what is due at once and loses nothing.
+    /// What became of each sensor's answers, with the number of its actuator in the order given to [`Bridge::start`].
+    pub fn sensors(&self) -> impl Iterator<Item = (usize, &Arc<SensorCounters>)> {
+        self.lines.iter().enumerate().filter_map(|(number, line)| match &line.origin {
+            Origin::Live(source) => Some((number, source.counters())),
+            Origin::Scheduled(_) => None,
+        })
+    }
+
+    /// Sends every reading when it is due or when its sensor has it, until all sources are at their end or `stop` is set. A
+    /// bridge that was held up sends what is due at once and loses nothing.
     pub fn run(&mut self, stop: &AtomicBool, counters: &BridgeCounters) {
         let begin_ns = now_ns();
         while !stop.load(Ordering::Relaxed) {
-            let next = self
-                .lines
-                .iter()
-                .filter_map(|line| line.next)
-                .map(|reading| due_ns(begin_ns, &reading))
-                .min();
-            let Some(next_ns) = next else { return };
+            counters.turns.fetch_add(1, Ordering::Relaxed);
+            let next = self.lines.iter().filter_map(|line| line.next);
+            let next_ns = next.map(|reading| due_ns(begin_ns, &reading)).min();
+            if next_ns.is_none() && self.lines.iter().all(Line::is_finished) {
+                // A sensor that ended has handed over all it had.
+                self.take_live(Duration::ZERO, counters);
+                return;
+            }
             let now = now_ns();
-            if next_ns > now {
+            let wait = Duration::from_nanos(next_ns.map_or(u64::MAX, |next| next.saturating_sub(now)));
+            if !wait.is_zero() {
                 // The system may oversleep, never undersleep; long pauses are cut so that the flag is seen.
-                std::thread::sleep(Duration::from_nanos(next_ns - now).min(MAX_SLEEP));
+                self.take_live(wait.min(MAX_SLEEP), counters);
                 continue;
             }
             for line in &mut self.lines {
                 line.send_due(begin_ns, self.boot_id, counters);
             }
         }
+    }
+
+    /// Waits for the sensors' next reading, or simply waits; then sends all that has come.
+    fn take_live(&mut self, wait: Duration, counters: &BridgeCounters) {
+        let Some(live) = &self.live else {
+            std::thread::sleep(wait);
+            return;
+        };
+        let first = match live.recv_timeout(wait) {
+            Ok(reading) => Some(reading),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                // All sensors have ended, at once: the wait is still owed.
+                std::thread::sleep(wait);
+                None
+            }
+        };
+        let waiting: Vec<LiveReading> = first.into_iter().chain(live.try_iter().take(live::QUEUE)).collect();
+        for reading in waiting {
+            if let Some(line) = self.lines.get_mut(reading.line) {
+                line.send(self.boot_id, counters, sample_of(&reading));
+            }
+        }
+    }
+}
+
+/// A sensor's reading as it goes on the wire.
+fn sample_of(reading: &LiveReading) -> SensorSample {
+    SensorSample {
+        t_sensor_ns: reading.t_sensor_ns,
+        pressure_mpa: reading.pressure_mpa,
+        gap_mm: reading.gap_mm,
+        measured_force_n: reading.measured_force_n,
+        status: reading.status,
+        ..SensorSample::default()
     }
 }
 
@@ -88,24 +175,39 @@ impl Line {
             if due > t_sensor_ns {
                 return;
             }
-            self.seq += 1;
             let sample = SensorSample {
-                boot_id,
-                seq: self.seq,
                 t_sensor_ns,
                 pressure_mpa: reading.pressure_mpa,
                 gap_mm: reading.gap_mm,
                 measured_force_n: reading.measured_force_n,
                 t_trace_s: reading.t_trace_s,
                 status: reading.status,
-                reserved: 0,
+                ..SensorSample::default()
             };
-            let counter = if self.writer.publish(sample).is_ok() { &counters.sent } else { &counters.failed };
-            counter.fetch_add(1, Ordering::Relaxed);
+            self.send(boot_id, counters, sample);
             if t_sensor_ns - due > LATE_NS {
                 counters.late.fetch_add(1, Ordering::Relaxed);
             }
-            self.next = self.source.next_reading();
+            self.next = match &mut self.origin {
+                Origin::Scheduled(source) => source.next_reading(),
+                Origin::Live(_) => None,
+            };
+        }
+    }
+
+    /// Numbers and sends.
+    fn send(&mut self, boot_id: u64, counters: &BridgeCounters, sample: SensorSample) {
+        self.seq += 1;
+        let sent = self.writer.publish(SensorSample { boot_id, seq: self.seq, ..sample });
+        let counter = if sent.is_ok() { &counters.sent } else { &counters.failed };
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Whether nothing more will come.
+    fn is_finished(&self) -> bool {
+        match &self.origin {
+            Origin::Scheduled(_) => self.next.is_none(),
+            Origin::Live(source) => source.is_finished(),
         }
     }
 }

@@ -15,6 +15,8 @@ pub mod bridge;
 pub mod config;
 pub mod explain;
 pub mod grasp;
+pub mod machine;
+pub mod metrics;
 pub mod process;
 pub mod query;
 pub mod realtime;

@@ -1,14 +1,23 @@
 //! `softtwind bridge`: sources to sensor topics.
 
 use crate::options::BridgeOptions;
-use crate::service;
+use crate::service::{self, Watchdog};
 use anyhow::Context;
 use runtime::bridge::{Bridge, BridgeCounters};
 use runtime::config::{ConfigError, Scene};
+use runtime::metrics;
+use runtime::source::live::SensorCounters;
 use runtime::source::{Source, SourceSpec};
 use runtime::wire::{Bus, Topic};
 use std::path::Path;
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often the slow thread looks.
+const KEEP_EVERY: Duration = Duration::from_millis(50);
+/// How often the service manager is told how far we are.
+const STATUS_EVERY: Duration = Duration::from_secs(5);
 
 /// Runs until the sources end or a signal comes.
 pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
@@ -18,13 +27,32 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     for (name, source) in &sources {
         tracing::info!("{}: from {}", Topic::sensor(name)?, describe(source, &scene, name));
     }
+    let names: Vec<String> = sources.iter().map(|(name, _)| name.clone()).collect();
+    let listener = options.metrics.open()?;
     let stop = service::stop_flag().context("cannot listen for signals")?;
     let bus = Bus::open(&options.domain.domain())?;
     let mut bridge = Bridge::start(&bus, sources)?;
     service::tell_ready(&format!("bridge of scene {}, {} actuator(s)", scene.name, scene.actuators.len()));
 
     let counters = BridgeCounters::default();
-    bridge.run(&stop, &counters);
+    let sensors: Vec<(String, Arc<SensorCounters>)> = bridge
+        .sensors()
+        .map(|(number, counters)| (names.get(number).cloned().unwrap_or_default(), counters.clone()))
+        .collect();
+    let page = || {
+        let sensors: Vec<(String, &SensorCounters)> =
+            sensors.iter().map(|(name, counters)| (name.clone(), counters.as_ref())).collect();
+        metrics::bridge(&counters, &sensors)
+    };
+    let done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| keep(&counters, &sensors, &done));
+        if let Some(listener) = listener {
+            scope.spawn(|| crate::metrics::serve(listener, &done, page));
+        }
+        bridge.run(&stop, &counters);
+        done.store(true, Ordering::Release);
+    });
 
     service::tell_manager(&[sd_notify::NotifyState::Stopping]);
     let reason = if stop.load(Ordering::Relaxed) { "signal" } else { "end of the sources" };
@@ -33,8 +61,40 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     tracing::info!(
         "stopped ({reason}): {sent} readings sent, {late} of them late, {failed} could not be sent"
     );
+    for (name, counters) in &sensors {
+        tracing::info!("{name}: {}", account(counters));
+    }
     anyhow::ensure!(failed == 0, "{failed} readings could not be sent");
     Ok(())
+}
+
+/// The slow thread beside the loop: feeds the watchdog while the loop turns, and keeps the status line true.
+fn keep(counters: &BridgeCounters, sensors: &[(String, Arc<SensorCounters>)], done: &AtomicBool) {
+    let mut watchdog = Watchdog::from_env();
+    let mut next_status = Instant::now() + STATUS_EVERY;
+    while !done.load(Ordering::Acquire) {
+        watchdog.look(&counters.turns);
+        if Instant::now() >= next_status {
+            next_status = Instant::now() + STATUS_EVERY;
+            let mut status = format!("{} readings sent", counters.sent.load(Ordering::Relaxed));
+            for (name, counters) in sensors {
+                status += &format!("; {name}: {}", account(counters));
+            }
+            service::tell_manager(&[sd_notify::NotifyState::Status(&status)]);
+        }
+        std::thread::sleep(KEEP_EVERY);
+    }
+}
+
+/// What became of a sensor's answers, without the zeros.
+fn account(counters: &SensorCounters) -> String {
+    let counted: Vec<String> = counters
+        .all()
+        .iter()
+        .filter(|(name, count)| *count > 0 || *name == "readings")
+        .map(|(name, count)| format!("{count} {name}"))
+        .collect();
+    counted.join(", ")
 }
 
 /// The scene with the command line's changes.

@@ -5,7 +5,9 @@
 
 mod beside;
 mod bridge;
+mod metrics;
 mod options;
+mod reload;
 mod reporter;
 mod service;
 mod twin;

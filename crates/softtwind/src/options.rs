@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::metrics::MetricsOptions;
 use clap::{Args, Parser, Subcommand};
 use runtime::wire::Domain;
 use std::path::PathBuf;
@@ -11,7 +12,8 @@ Examples (two terminals):
   softtwind bridge --scene config/scenes/finger.toml --trace config/traces/gap80.csv --speed 2
 
 Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 78 configuration.
-RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly.";
+RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly,
+SIGHUP makes a twin read its scene and models again.";
 
 /// Digital twin daemon: readings in, deformed and stressed actuators out, through shared memory.
 #[derive(Debug, Parser)]
@@ -72,6 +74,8 @@ pub struct BridgeOptions {
     #[arg(long, value_name = "SECONDS")]
     pub to_s: Option<f64>,
     #[command(flatten)]
+    pub metrics: MetricsOptions,
+    #[command(flatten)]
     pub domain: DomainOptions,
 }
 
@@ -87,6 +91,8 @@ pub struct TwinOptions {
     /// Use this model instead of the scene's (scenes with one actuator)
     #[arg(long, value_name = "TWIN")]
     pub model: Option<PathBuf>,
+    #[command(flatten)]
+    pub metrics: MetricsOptions,
     #[command(flatten)]
     pub domain: DomainOptions,
 }

@@ -52,6 +52,12 @@ fn write(name: &str, event: &Event) {
         EventKind::Fresh => tracing::info!("{name}: fresh again after {ms:.0} ms"),
         EventKind::SensorStarted => tracing::info!("{name}: bridge started (run {:016x})", event.value),
         EventKind::Missed => tracing::warn!("{name}: {} readings never arrived", event.value),
+        EventKind::ForceMismatch if event.value != 0 => {
+            tracing::warn!(
+                "{name}: MEASURED FORCE DIFFERS from the predicted one: a leak, a wrong gap, a torn chamber?"
+            );
+        }
+        EventKind::ForceMismatch => tracing::info!("{name}: measured and predicted force agree again"),
         EventKind::TransportFailed => {
             tracing::error!(
                 "{name}: shared memory refused {} times; `softtwin info` shows who holds it",

@@ -2,7 +2,7 @@
 
 use crate::beside::{self, Beside};
 use crate::options::TwinOptions;
-use crate::{reporter, service};
+use crate::{metrics, reload, reporter, service};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::realtime;
@@ -29,14 +29,23 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let ring = Arc::new(Ring::default());
     let mut twin = Twin::start(&bus, loaded, &settings, &ring)?;
     let (progress, done) = (AtomicU64::new(0), AtomicBool::new(false));
+    let (desk, loader) = reload::pair();
+    let asked = service::reload_flag().context("cannot listen for signals")?;
+    let listener = options.metrics.open()?;
     std::thread::scope(|scope| -> anyhow::Result<()> {
         // The reporter starts before this thread takes real-time rights, so that it does not inherit them.
         scope.spawn(|| reporter::run(&ring, &names, &progress, &done));
+        // Receivers belong to one thread: the loader goes there whole.
+        let (asked, ended) = (&asked, &done);
+        scope.spawn(move || loader.run(asked, ended, || load_scene(&configure(options)?, &options.scene)));
+        if let Some(listener) = listener {
+            scope.spawn(|| metrics::serve(listener, &done, metrics::twins(&domain, &names)));
+        }
         let answering = beside::start(scope, &domain, beside, &done);
         let prepared = answering.and_then(|()| prepare(&settings, &twin));
         if prepared.is_ok() {
             service::tell_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
-            twin.run(&stop, &progress);
+            twin.run_with(&stop, &progress, |twin| desk.serve(twin));
             service::tell_manager(&[sd_notify::NotifyState::Stopping]);
         }
         done.store(true, Ordering::Release);
@@ -87,7 +96,7 @@ fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<()> {
 fn describe(loaded: &Loaded) {
     let read: u64 = loaded.read.iter().map(|block| block.bytes).sum();
     let regimes: Vec<&str> = loaded.regimes.iter().map(|kind| kind.name()).collect();
-    let hash: String = loaded.model_hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    let hash = service::hex(&loaded.model_hash);
     tracing::info!(
         "{}: model {hash}, regimes {}, {read} of {} bytes read ({})",
         loaded.spec.name,

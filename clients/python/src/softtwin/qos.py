@@ -16,9 +16,9 @@ class Qos:
 
 
 QOS: Dict[str, Qos] = {
-    "sensor": Qos(max_readers=16, buffer=64, max_borrowed=4, history=0, max_nodes=64),
+    "sensor": Qos(max_readers=16, buffer=2048, max_borrowed=4, history=0, max_nodes=64),
     "field": Qos(max_readers=24, buffer=16, max_borrowed=4, history=1, max_nodes=64),
-    "state": Qos(max_readers=64, buffer=256, max_borrowed=4, history=1, max_nodes=128),
+    "state": Qos(max_readers=64, buffer=2048, max_borrowed=4, history=1, max_nodes=128),
     "health": Qos(max_readers=32, buffer=8, max_borrowed=4, history=1, max_nodes=128),
     "grasp": Qos(max_readers=32, buffer=64, max_borrowed=4, history=1, max_nodes=64),
     "command": Qos(max_readers=8, buffer=16, max_borrowed=4, history=0, max_nodes=32),

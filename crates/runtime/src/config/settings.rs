@@ -33,6 +33,8 @@ pub struct Limits {
     pub max_ahead_ms: f64,
     /// A reading sent later than this after its stamp is counted and flagged late, ms.
     pub late_ms: f64,
+    /// A measured force outside the predicted one's error bar for so long raises the alarm, ms.
+    pub force_mismatch_ms: f64,
 }
 
 impl Default for Limits {
@@ -45,6 +47,7 @@ impl Default for Limits {
             max_age_ms: 1000.0,
             max_ahead_ms: 100.0,
             late_ms: 5.0,
+            force_mismatch_ms: 500.0,
         }
     }
 }
@@ -117,6 +120,7 @@ impl Settings {
             ("max_age_ms", limits.max_age_ms),
             ("max_ahead_ms", limits.max_ahead_ms),
             ("late_ms", limits.late_ms),
+            ("force_mismatch_ms", limits.force_mismatch_ms),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 problems.push(format!("limits.{key}: expected a finite number above 0, found {value}"));

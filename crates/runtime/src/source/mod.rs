@@ -1,5 +1,7 @@
 //! Where readings come from. One file a source, one variant of [`Source`]; a conformance test runs over all variants.
 
+pub mod live;
+mod recorded;
 mod replay;
 mod rng;
 mod simulate;
@@ -37,11 +39,15 @@ pub enum SourceSpec {
     Replay(ReplaySpec),
     /// A formula.
     Simulate(SimulateSpec),
+    /// Modbus sensors, over TCP or a serial line.
+    Modbus(live::ModbusSpec),
+    /// Lines of text, from a serial line or standard input.
+    Lines(live::LinesSpec),
 }
 
-/// A running source.
+/// An opened source.
 ///
-/// The contract that every variant keeps (and the conformance test checks): readings come in order of `due_s`, beginning at
+/// The contract that every scheduled variant keeps (and the conformance test checks): readings come in order of `due_s`, beginning at
 /// or after 0; the same specification gives the same readings, bit for bit; `next` does not block; after `None` it stays
 /// `None`.
 #[derive(Debug)]
@@ -50,14 +56,17 @@ pub enum Source {
     Replay(Replay),
     /// A formula.
     Simulate(Simulate),
+    /// A sensor, not yet started: the bridge starts it and is woken by its readings.
+    Live(live::LiveSpec),
 }
 
 impl Source {
-    /// The next reading; `None` at the end.
+    /// The next scheduled reading; `None` at the end, and always for a sensor.
     pub fn next_reading(&mut self) -> Option<Reading> {
         match self {
             Self::Replay(source) => source.next_reading(),
             Self::Simulate(source) => source.next_reading(),
+            Self::Live(_) => None,
         }
     }
 }
@@ -71,6 +80,8 @@ impl SourceSpec {
         match self {
             Self::Replay(spec) => Replay::open(spec, folder).map(Source::Replay),
             Self::Simulate(spec) => Simulate::new(spec).map(Source::Simulate),
+            Self::Modbus(spec) => live(spec.problems(), || live::LiveSpec::Modbus(spec.clone())),
+            Self::Lines(spec) => live(spec.problems(), || live::LiveSpec::Lines(spec.clone())),
         }
     }
 
@@ -78,6 +89,10 @@ impl SourceSpec {
     pub fn replay_of(trace: PathBuf) -> Self {
         Self::Replay(ReplaySpec { trace, ..ReplaySpec::default() })
     }
+}
+
+fn live(problems: Vec<String>, spec: impl FnOnce() -> live::LiveSpec) -> Result<Source, Vec<String>> {
+    if problems.is_empty() { Ok(Source::Live(spec())) } else { Err(problems) }
 }
 
 /// Notes a problem when `value` is not a finite number above `above`.

@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ReplaySpec {
-    /// The trace; a relative path is taken from the scene file's folder.
+    /// The trace, CSV or a recording; a relative path is taken from the scene file's folder.
     pub trace: PathBuf,
+    /// Which sensor topic of a recording; needed when it holds several.
+    pub topic: Option<String>,
     /// Factor on the speed: 2 sends twice as fast.
     pub speed: f64,
     /// Begin again at the end, for ever.
@@ -25,6 +27,7 @@ impl Default for ReplaySpec {
     fn default() -> Self {
         Self {
             trace: PathBuf::new(),
+            topic: None,
             speed: 1.0,
             repeat: false,
             from_s: f64::NEG_INFINITY,
@@ -60,7 +63,7 @@ impl Replay {
             return Err(problems);
         }
         let path = folder.join(&spec.trace);
-        let trace = match Trace::read(&path) {
+        let trace = match Trace::read_topic(&path, spec.topic.as_deref()) {
             Ok(trace) => trace,
             Err(errors) => {
                 problems.extend(
@@ -121,7 +124,7 @@ impl Replay {
             pressure_mpa: row.pressure_mpa,
             gap_mm: row.gap_mm,
             measured_force_n: row.measured_force_n,
-            status: 0,
+            status: row.status,
         })
     }
 }

@@ -1,8 +1,11 @@
 //! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n]`, comment lines begin with `#`.
 //!
 //! A trace is read as a whole before anything is sent: a stray text in line 900 is said at start, not after 4.5 s.
+//! Recordings (MCAP) are traces as well, see `recorded`.
+//!
 //! `nan` and `inf` are values (gauges say such things); text that is no number is an error.
 
+use super::recorded;
 use std::path::Path;
 
 /// One line of a trace.
@@ -16,6 +19,8 @@ pub struct TraceRow {
     pub gap_mm: f64,
     /// Measured contact force, N; NaN when the trace has no such column.
     pub measured_force_n: f64,
+    /// The sensor's own fault code, 0: good; CSV has none.
+    pub status: u32,
 }
 
 /// A trace in memory.
@@ -50,9 +55,11 @@ pub enum TraceError {
         found: u64,
     },
     /// No header or no rows.
-    #[error("the trace has no {what}; expected the header `t_s,pressure_mpa,gap_mm` and at least one row")]
+    #[error(
+        "the trace has no {what}; expected the header `t_s,pressure_mpa,gap_mm` and at least one row, or a recording with readings"
+    )]
     Empty {
-        /// `header` or `rows`.
+        /// `header`, `rows` or `readings`.
         what: &'static str,
     },
     /// A required column is missing.
@@ -77,6 +84,36 @@ pub enum TraceError {
         /// The text.
         found: String,
     },
+    /// A message of a recording that is no reading.
+    #[error("reading {number} of the recording cannot be read: {cause}")]
+    NotAReading {
+        /// Which reading, from 1.
+        number: usize,
+        /// What is wrong with it.
+        cause: String,
+    },
+    /// A recording of several actuators.
+    #[error("the recording has several sensors ({found}); say which with `topic`")]
+    SeveralTopics {
+        /// Their topics.
+        found: String,
+    },
+    /// The topic that was asked for is not there.
+    #[error("the recording has no readings on `{topic}`; found: {found}")]
+    NoSuchTopic {
+        /// Asked for.
+        topic: String,
+        /// What there is.
+        found: String,
+    },
+    /// More than fits into memory.
+    #[error(
+        "the recording has more than {limit} readings; record with --rotate-minutes and replay the part you need"
+    )]
+    TooManyRows {
+        /// The limit.
+        limit: usize,
+    },
     /// Time is not finite or runs backwards.
     #[error("line {line}: time goes from {before} s to {found} s; expected rows in order of time")]
     TimeOrder {
@@ -98,11 +135,24 @@ struct Columns {
 }
 
 impl Trace {
-    /// Reads and checks a file.
+    /// Reads and checks a file: CSV or a recording, told apart by its first bytes.
     ///
     /// # Errors
     /// All problems found, each with its line (at most 20 of them: a wrong file would give thousands).
     pub fn read(path: &Path) -> Result<Self, Vec<TraceError>> {
+        Self::read_topic(path, None)
+    }
+
+    /// The same for a recording that holds several sensors: the readings of `topic`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_topic(path: &Path, topic: Option<&str>) -> Result<Self, Vec<TraceError>> {
+        if recorded::is_recording(path) {
+            let rows = recorded::rows(path, topic)?;
+            let numbers = (1..=rows.len()).collect();
+            return Ok(Self::of_rows(rows, numbers));
+        }
         let unreadable = |error: std::io::Error| vec![TraceError::Unreadable { cause: error.to_string() }];
         let length = std::fs::metadata(path).map_err(unreadable)?.len();
         if length > MAX_BYTES {
@@ -146,6 +196,11 @@ impl Trace {
         if !problems.is_empty() {
             return Err(problems);
         }
+        Ok(Self::of_rows(rows, line_of))
+    }
+
+    /// Adds what is known about time as a whole.
+    fn of_rows(rows: Vec<TraceRow>, line_of: Vec<usize>) -> Self {
         let period_s = median_period(&rows);
         let gaps = rows
             .windows(2)
@@ -157,7 +212,7 @@ impl Trace {
                 _ => None,
             })
             .collect();
-        Ok(Self { rows, period_s, gaps })
+        Self { rows, period_s, gaps }
     }
 }
 
@@ -197,6 +252,7 @@ impl Columns {
             pressure_mpa: cell("pressure_mpa", self.pressure_mpa)?,
             gap_mm: optional("gap_mm", self.gap_mm)?,
             measured_force_n: optional("measured_force_n", self.measured_force_n)?,
+            status: 0,
         };
         let before = before.unwrap_or(f64::NEG_INFINITY);
         if !row.t_s.is_finite() || row.t_s < before {

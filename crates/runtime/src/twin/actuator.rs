@@ -5,6 +5,7 @@ use super::histogram::Histogram;
 use super::load::Loaded;
 use super::output::Output;
 use super::ring::{Event, EventKind, Ring};
+use super::watch::ForceWatch;
 use crate::config::{Limits, StateSpec, ms_to_ns};
 use rom::evaluation::{Evaluation, Input};
 use rom::hull::Verdict as DomainVerdict;
@@ -37,6 +38,7 @@ pub(super) struct ActuatorTwin {
     /// Good readings taken from the queue and not answered yet, with the time of taking; never more than `backlog`.
     waiting: VecDeque<(SensorSample, u64)>,
     backlog: usize,
+    force_watch: ForceWatch,
     group_sizes: Vec<(RegimeKind, [u8; GROUPS_MAX])>,
     wanted: StateSpec,
     limits: Limits,
@@ -91,6 +93,7 @@ impl ActuatorTwin {
             checker: Checker::new(limits, loaded.spec.gap_mm),
             waiting: VecDeque::with_capacity(loaded.spec.backlog),
             backlog: loaded.spec.backlog,
+            force_watch: ForceWatch::default(),
             group_sizes: loaded.group_sizes.iter().map(|(kind, sizes)| (*kind, cut(sizes))).collect(),
             wanted: loaded.spec.state,
             limits,
@@ -107,6 +110,34 @@ impl ActuatorTwin {
             transport_failures: 0,
             ring,
         })
+    }
+
+    /// Its name and that of the sensor it reads.
+    pub(super) fn names(&self) -> (&str, &str) {
+        (self.state_writer.topic().actuator(), self.reader.topic().actuator())
+    }
+
+    /// Field topics with the values of a sample.
+    pub(super) fn shapes(&self) -> Vec<String> {
+        let set = |output: &Output| output.topic().node_set().unwrap_or("all").to_owned();
+        self.outputs.iter().map(|output| format!("{} ({})", set(output), output.entries())).collect()
+    }
+
+    /// Continues with another model; the caller has checked that names and shapes are the same.
+    pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Vec<Predictor>) {
+        self.evaluation = loaded.evaluator.evaluation();
+        retired.push(std::mem::replace(&mut self.evaluator, loaded.evaluator));
+        for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {
+            retired.push(output.swap(loaded.model_hash, new));
+        }
+        self.switch = RegimeSwitch::default();
+        self.checker.set_gap(loaded.spec.gap_mm);
+        self.backlog = loaded.spec.backlog;
+        self.waiting.reserve(self.backlog.saturating_sub(self.waiting.len()));
+        self.group_sizes = loaded.group_sizes.iter().map(|(kind, sizes)| (*kind, cut(sizes))).collect();
+        self.wanted = loaded.spec.state;
+        self.state.model_hash = loaded.model_hash;
+        self.health.model_hash = loaded.model_hash;
     }
 
     /// When this actuator wants to be looked at again at the latest.
@@ -185,8 +216,12 @@ impl ActuatorTwin {
             self.end(Outcome::DroppedModel);
             return;
         }
-        let before = self.state.regime;
+        let (before, flags_before) = (self.state.regime, self.health.flags);
         self.describe(sample, taken_ns);
+        let alarm = self.state.flags & flags::FORCE_MISMATCH;
+        if alarm != flags_before & flags::FORCE_MISMATCH {
+            self.tell(EventKind::ForceMismatch, u64::from(alarm != 0));
+        }
         if before != self.state.regime {
             self.tell(EventKind::Regime, u64::from(self.state.regime));
         }
@@ -247,7 +282,9 @@ impl ActuatorTwin {
         let sizes = self.group_sizes.iter().find(|(kind, _)| *kind == e.basis);
         state.group_sizes = sizes.map(|(_, sizes)| *sizes).unwrap_or_default();
         let measured = sample.measured_force_n.is_finite();
-        let mismatch = measured && (sample.measured_force_n - e.contact_force_n).abs() > e.bars.force_n;
+        let after_ns = ms_to_ns(self.limits.force_mismatch_ms);
+        let residual_n = sample.measured_force_n - e.contact_force_n;
+        let mismatch = self.force_watch.update(sample.t_sensor_ns, residual_n, e.bars.force_n, after_ns);
         for (bit, set) in [
             (flags::NEAR_EDGE, e.domain == DomainVerdict::Near),
             (flags::OUTSIDE_DOMAIN, e.domain == DomainVerdict::Outside),

@@ -29,6 +29,11 @@ impl Checker {
         Self { limits, gap, boot_id: 0, last_seq: 0, last_t_sensor_ns: 0 }
     }
 
+    /// Continues with another gap; what came before stays known.
+    pub(super) fn set_gap(&mut self, gap: Gap) {
+        self.gap = gap;
+    }
+
     /// Judges `sample`, which arrived at `now_ns`, and remembers it.
     pub(super) fn judge(&mut self, sample: &SensorSample, now_ns: u64) -> Verdict {
         let restarted = sample.boot_id != self.boot_id;

@@ -10,11 +10,14 @@ mod histogram;
 mod load;
 mod output;
 mod ring;
+mod swap;
+mod watch;
 
 pub(crate) use actuator::regime_number;
 pub use histogram::Histogram;
 pub use load::{Loaded, LoadedOutput, ReadBlock, load, load_scene};
 pub use ring::{CAPACITY as RING_CAPACITY, Event, EventKind, Ring};
+pub use swap::{Retired, SwapError};
 
 use crate::config::Settings;
 use actuator::ActuatorTwin;
@@ -68,9 +71,15 @@ impl Twin {
 
     /// Runs until `stop`. `progress` counts turns, so that a watchdog can see that the loop lives.
     pub fn run(&mut self, stop: &AtomicBool, progress: &AtomicU64) {
+        self.run_with(stop, progress, |_| ());
+    }
+
+    /// The same, with something to do between two turns (a swap, say).
+    pub fn run_with(&mut self, stop: &AtomicBool, progress: &AtomicU64, mut between: impl FnMut(&mut Self)) {
         while !stop.load(Ordering::Relaxed) {
             self.turn(MAX_WAIT);
             progress.fetch_add(1, Ordering::Relaxed);
+            between(self);
         }
     }
 

@@ -32,24 +32,31 @@ impl Output {
     ) -> Result<Self, WireError> {
         let set = loaded.spec.topic_name();
         let writer = FieldWriter::create(bus, &Topic::field(actuator, set)?, loaded.predictor.entries())?;
-        let mut field_ids = [0; FIELD_SLOTS];
-        for (to, from) in field_ids.iter_mut().zip(&loaded.field_ids) {
-            *to = *from;
-        }
-        let template = FieldHeader {
-            model_hash,
-            boot_id,
-            node_count: loaded.predictor.rows() as u32,
-            field_count: loaded.predictor.field_count() as u32,
-            field_ids,
-            node_set: pack_name(set.unwrap_or("all")),
-            ..FieldHeader::default()
-        };
-        let period_ns = if loaded.spec.rate_hz > 0.0 { (1e9 / loaded.spec.rate_hz) as u64 } else { 0 };
+        let template = template(model_hash, boot_id, &loaded, 0);
+        let period_ns = period_ns(&loaded);
         let mut output =
             Self { writer, predictor: loaded.predictor, template, next: None, period_ns, next_due_ns: 0 };
         output.loan_ahead();
         Ok(output)
+    }
+
+    /// Name of the node set as in the topic; `None`: all.
+    pub(super) fn topic(&self) -> &Topic {
+        self.writer.topic()
+    }
+
+    /// Values of a sample.
+    pub(super) fn entries(&self) -> usize {
+        self.writer.entries()
+    }
+
+    /// Continues with another model on the same topic; returns the old one, so that it is freed elsewhere. The caller has
+    /// checked that a sample has as many values as before.
+    pub(super) fn swap(&mut self, model_hash: [u8; 16], loaded: LoadedOutput) -> Predictor {
+        self.template = template(model_hash, self.template.boot_id, &loaded, self.template.seq);
+        self.period_ns = period_ns(&loaded);
+        self.next_due_ns = 0;
+        std::mem::replace(&mut self.predictor, loaded.predictor)
     }
 
     /// Whether a reading of this time is to be published here.
@@ -99,4 +106,27 @@ impl Output {
     pub(super) fn prefault(&self) -> std::io::Result<u64> {
         self.writer.prefault()
     }
+}
+
+/// What is the same in every header.
+fn template(model_hash: [u8; 16], boot_id: u64, loaded: &LoadedOutput, seq: u64) -> FieldHeader {
+    let mut field_ids = [0; FIELD_SLOTS];
+    for (to, from) in field_ids.iter_mut().zip(&loaded.field_ids) {
+        *to = *from;
+    }
+    FieldHeader {
+        model_hash,
+        boot_id,
+        seq,
+        node_count: loaded.predictor.rows() as u32,
+        field_count: loaded.predictor.field_count() as u32,
+        field_ids,
+        node_set: pack_name(loaded.spec.topic_name().unwrap_or("all")),
+        ..FieldHeader::default()
+    }
+}
+
+/// Time between two fields; 0: every reading.
+fn period_ns(loaded: &LoadedOutput) -> u64 {
+    if loaded.spec.rate_hz > 0.0 { (1e9 / loaded.spec.rate_hz) as u64 } else { 0 }
 }

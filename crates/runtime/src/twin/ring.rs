@@ -33,9 +33,11 @@ pub enum EventKind {
     Missed = 5,
     /// The transport failed; value: failures so far.
     TransportFailed = 6,
+    /// The measured force left or found back to its error bar; value: 1 left, 0 back.
+    ForceMismatch = 7,
 }
 
-const KINDS: [EventKind; 7] = [
+const KINDS: [EventKind; 8] = [
     EventKind::Outcome,
     EventKind::Regime,
     EventKind::Stale,
@@ -43,6 +45,7 @@ const KINDS: [EventKind; 7] = [
     EventKind::SensorStarted,
     EventKind::Missed,
     EventKind::TransportFailed,
+    EventKind::ForceMismatch,
 ];
 
 /// Events that fit; more are counted as lost. A power of two.

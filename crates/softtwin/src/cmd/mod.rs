@@ -7,8 +7,10 @@ use formats::database::Scene;
 
 mod bench;
 mod demo;
+mod doctor;
 mod echo;
 mod evaluate;
+mod export;
 mod get;
 mod grasp;
 mod hz;
@@ -18,12 +20,15 @@ mod list;
 mod pack;
 mod plot;
 mod predict;
+mod record;
 mod render;
+mod replay;
 mod report;
 mod sample;
 mod scene;
 mod simulate;
 mod stability;
+mod top;
 mod trace;
 mod train;
 mod view;
@@ -64,6 +69,11 @@ macro_rules! commands {
 }
 
 commands! {
+    Record => record,
+    Replay => replay,
+    Export => export,
+    Top => top,
+    Doctor => doctor,
     Train => train,
     Inspect => inspect,
     Pack => pack,

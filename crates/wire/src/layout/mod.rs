@@ -35,7 +35,7 @@ pub mod flags {
     pub const OUTSIDE_DOMAIN: u32 = 1 << 3;
     /// A measured contact force came with the reading.
     pub const FORCE_MEASURED: u32 = 1 << 4;
-    /// The measured force differs from the predicted one by more than its error bar.
+    /// The measured force has been outside the predicted one's error bar for longer than configured.
     pub const FORCE_MISMATCH: u32 = 1 << 5;
     /// The reading waited longer than the configured limit before its field was sent.
     pub const LATE: u32 = 1 << 6;

@@ -1,0 +1,67 @@
+//! Recordings as tables.
+
+use softtwin_recording::message::{Recorded, SensorMessage, StateMessage};
+use softtwin_recording::{Channel, Ending, Reader, Writer, export_csv};
+use wire::{KeyExpr, SensorSample, State};
+
+fn recording() -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new()).expect("memory");
+    let mut bytes = Vec::new();
+    let sensor = writer.channel(&SensorMessage::channel("softtwin/finger/sensor")).expect("a channel");
+    let state = writer.channel(&StateMessage::channel("softtwin/finger/state")).expect("a channel");
+    for seq in 0..3u64 {
+        let pressure_mpa = [0.1 + 0.2, f64::NAN, 0.05][seq as usize];
+        SensorMessage::from(&SensorSample { seq, pressure_mpa, gap_mm: 40.0, ..SensorSample::default() })
+            .encode(&mut bytes);
+        writer.message(sensor, seq as u32, 100 + seq, 90 + seq, &bytes).expect("memory");
+        let mut coefficients = [0.0f32; wire::layout::COEFFICIENTS_MAX];
+        coefficients[0] = 0.5;
+        let known = State { seq, coefficient_count: 2, coefficients, flags: 0b11, ..State::default() };
+        StateMessage::from(&known).encode(&mut bytes);
+        writer.message(state, seq as u32, 100 + seq, 95 + seq, &bytes).expect("memory");
+    }
+    writer.finish().expect("memory").1
+}
+
+#[test]
+fn each_topic_becomes_a_table_that_reads_back_to_the_bit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bytes = recording();
+    let key = KeyExpr::new("softtwin/**").expect("a key");
+    let exported = export_csv(Reader::new(bytes.as_slice()).expect("a recording"), folder.path(), &key)
+        .expect("written");
+    assert_eq!((exported.rows.len(), exported.left_out, exported.ending), (2, 0, Ending::Complete));
+    let text = std::fs::read_to_string(folder.path().join("softtwin.finger.sensor.csv")).expect("there");
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(
+        lines[0],
+        "log_time_ns,publish_time_ns,seq,t_sensor_ns,pressure_mpa,gap_mm,measured_force_n,t_trace_s,status,boot_id"
+    );
+    assert_eq!(lines.len(), 4);
+    let cells: Vec<&str> = lines[1].split(',').collect();
+    assert_eq!(cells[..3], ["100", "90", "0"]);
+    assert_eq!(cells[4].parse::<f64>().expect("a number").to_bits(), (0.1f64 + 0.2).to_bits());
+    assert_eq!(lines[2].split(',').nth(4), Some("NaN"));
+    let state = std::fs::read_to_string(folder.path().join("softtwin.finger.state.csv")).expect("there");
+    assert!(state.contains("stale held") && state.contains(",0.5 0.0,"), "{state}");
+}
+
+#[test]
+fn a_topic_cannot_lead_out_of_the_folder_and_texts_are_quoted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut writer = Writer::new(Vec::new()).expect("memory");
+    let odd = writer
+        .channel(&Channel { topic: "../../x/a b".into(), ..SensorMessage::channel("") })
+        .expect("a channel");
+    writer.message(odd, 0, 0, 0, br#"{"note":"a \"b\", c","list":[],"none":null}"#).expect("memory");
+    writer.message(odd, 0, 0, 0, b"no object").expect("memory");
+    let bytes = writer.finish().expect("memory").1;
+    let key = KeyExpr::new("**").expect("a key");
+    let exported = export_csv(Reader::new(bytes.as_slice()).expect("a recording"), folder.path(), &key)
+        .expect("written");
+    assert_eq!(exported.left_out, 1);
+    let path = folder.path().join("x.a.b.csv");
+    assert_eq!(exported.rows.get(&path), Some(&1));
+    let text = std::fs::read_to_string(path).expect("there");
+    assert_eq!(text.lines().nth(1), Some(r#"0,0,"a ""b"", c",,"#));
+}

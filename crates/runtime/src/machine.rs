@@ -1,0 +1,88 @@
+//! What the machine allows: room in a file system, limits of this process.
+
+use std::ffi::CString;
+use std::io;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+
+/// Room in a file system, bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Room {
+    /// Free for this user.
+    pub free_bytes: u64,
+    /// In all.
+    pub total_bytes: u64,
+}
+
+/// Room in the file system of `path`.
+///
+/// # Errors
+/// The system's refusal to look.
+pub fn room(path: &Path) -> io::Result<Room> {
+    let path = CString::new(path.as_os_str().as_bytes())?;
+    // SAFETY: an all-zero `statvfs` is a valid value of this plain C structure.
+    let mut found: libc::statvfs = unsafe { std::mem::zeroed() };
+    // SAFETY: `path` is a terminated string and `found` is writable; both live across the call.
+    if unsafe { libc::statvfs(path.as_ptr(), &mut found) } != 0 {
+        return Err(io::Error::last_os_error());
+    }
+    let bytes = |blocks: u64| blocks.saturating_mul(found.f_frsize);
+    Ok(Room { free_bytes: bytes(found.f_bavail), total_bytes: bytes(found.f_blocks) })
+}
+
+/// Whether this process may write to `path`.
+pub fn is_writable(path: &Path) -> bool {
+    let Ok(path) = CString::new(path.as_os_str().as_bytes()) else { return false };
+    // SAFETY: `path` is a terminated string that lives across the call.
+    unsafe { libc::access(path.as_ptr(), libc::W_OK) == 0 }
+}
+
+/// Largest SCHED_FIFO priority this process may take; `None`: any (root).
+pub fn fifo_priority_limit() -> Option<u64> {
+    if is_root() { None } else { limit(libc::RLIMIT_RTPRIO) }
+}
+
+/// Memory this process may lock, bytes; `None`: all.
+pub fn locked_memory_limit() -> Option<u64> {
+    if is_root() { None } else { limit(libc::RLIMIT_MEMLOCK) }
+}
+
+fn is_root() -> bool {
+    // SAFETY: the call has no arguments and cannot fail.
+    unsafe { libc::geteuid() == 0 }
+}
+
+/// `None`: no limit. A limit that cannot be read counts as none: the real refusal comes with a text of its own.
+fn limit(resource: libc::__rlimit_resource_t) -> Option<u64> {
+    let mut found = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    // SAFETY: `found` is writable across the call and the resource is a constant the kernel knows.
+    let known = unsafe { libc::getrlimit(resource, &mut found) } == 0;
+    (known && found.rlim_cur != libc::RLIM_INFINITY).then_some(found.rlim_cur)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_temporary_folder_has_room_and_a_missing_one_is_an_error() {
+        let room = room(&std::env::temp_dir()).unwrap();
+        assert!(room.free_bytes <= room.total_bytes && room.total_bytes > 0);
+        assert!(is_writable(&std::env::temp_dir()));
+        assert!(
+            super::room(Path::new("/no/such/folder")).is_err() && !is_writable(Path::new("/no/such/folder"))
+        );
+    }
+
+    /// The kernel's own account of the limits agrees.
+    #[test]
+    fn limits_are_those_of_proc() {
+        let text = std::fs::read_to_string("/proc/self/limits").unwrap();
+        let soft = |name: &str| {
+            let line = text.lines().find(|line| line.starts_with(name)).unwrap();
+            line[name.len()..].split_whitespace().next().unwrap().parse::<u64>().ok()
+        };
+        assert_eq!(limit(libc::RLIMIT_RTPRIO), soft("Max realtime priority"));
+        assert_eq!(limit(libc::RLIMIT_MEMLOCK), soft("Max locked memory"));
+    }
+}

@@ -1,0 +1,254 @@
+//! From Modbus registers to a physical quantity. Pure functions: the fuzz targets feed them anything.
+
+use serde::{Deserialize, Serialize};
+
+/// Where a quantity stands in a device, and how it is written there.
+///
+/// value = (registers in `encoding` and `word_order`) x `scale` + `offset`, in `unit`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegisterSpec {
+    /// Unit identifier ("slave address") of the device, 1-247; gateways on TCP often ignore it.
+    #[serde(default = "first_unit")]
+    pub unit_id: u8,
+    /// Address of the first register, from 0.
+    pub register: u16,
+    /// Which table it stands in.
+    #[serde(default)]
+    pub table: Table,
+    /// How the number is written.
+    #[serde(default)]
+    pub encoding: Encoding,
+    /// Which of two registers comes first.
+    #[serde(default)]
+    pub word_order: WordOrder,
+    /// Factor on the raw number.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Added after the factor, in `unit`.
+    #[serde(default)]
+    pub offset: f64,
+    /// Unit of the result: Pa, kPa, MPa, mbar, bar, psi; um, mm, m; mN, N, gf, kgf. Default: MPa, mm or N.
+    #[serde(default)]
+    pub unit: Option<String>,
+}
+
+fn first_unit() -> u8 {
+    1
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Modbus tables that hold numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Table {
+    /// Input registers, function 4.
+    #[default]
+    Input,
+    /// Holding registers, function 3.
+    Holding,
+}
+
+/// How a number is written into registers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Encoding {
+    /// One register, unsigned.
+    U16,
+    /// One register, two's complement.
+    #[default]
+    I16,
+    /// Two registers, unsigned.
+    U32,
+    /// Two registers, two's complement.
+    I32,
+    /// Two registers, IEEE 754.
+    F32,
+}
+
+/// Which of two registers comes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WordOrder {
+    /// The high half first, as Modbus itself orders bytes.
+    #[default]
+    Big,
+    /// The low half first.
+    Little,
+}
+
+/// What is measured; each has its base unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// MPa.
+    Pressure,
+    /// mm.
+    Gap,
+    /// N.
+    Force,
+}
+
+impl Quantity {
+    /// Units by name with their size in the base unit.
+    pub fn units(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Self::Pressure => &[
+                ("MPa", 1.0),
+                ("kPa", 1e-3),
+                ("Pa", 1e-6),
+                ("bar", 0.1),
+                ("mbar", 1e-4),
+                ("psi", 0.006_894_757_293_168),
+            ],
+            Self::Gap => &[("mm", 1.0), ("um", 1e-3), ("m", 1e3)],
+            Self::Force => &[("N", 1.0), ("mN", 1e-3), ("gf", 0.009_806_65), ("kgf", 9.806_65)],
+        }
+    }
+
+    /// Size of `unit` in the base unit; the base unit itself when none is named.
+    pub fn factor(self, unit: Option<&str>) -> Option<f64> {
+        let Some(unit) = unit else { return Some(1.0) };
+        self.units().iter().find(|(name, _)| *name == unit).map(|(_, factor)| *factor)
+    }
+
+    /// Notes a problem when the unit is none of this quantity.
+    pub fn check_unit(self, key: &str, unit: Option<&str>, problems: &mut Vec<String>) {
+        if self.factor(unit).is_none() {
+            let known: Vec<&str> = self.units().iter().map(|(name, _)| *name).collect();
+            let found = unit.unwrap_or_default();
+            problems.push(format!("{key}: expected one of {}, found `{found}`", known.join(", ")));
+        }
+    }
+}
+
+impl RegisterSpec {
+    /// How many registers to ask for.
+    pub fn count(&self) -> u16 {
+        match self.encoding {
+            Encoding::U16 | Encoding::I16 => 1,
+            Encoding::U32 | Encoding::I32 | Encoding::F32 => 2,
+        }
+    }
+
+    /// The quantity in its base unit (MPa, mm, N); `None` when the device sent another number of registers than was
+    /// asked for, or the unit is unknown.
+    pub fn decode(&self, quantity: Quantity, registers: &[u16]) -> Option<f64> {
+        let raw = match (self.encoding, registers) {
+            (Encoding::U16, [word]) => f64::from(*word),
+            (Encoding::I16, [word]) => f64::from(word.cast_signed()),
+            (Encoding::U32, [a, b]) => f64::from(self.join(*a, *b)),
+            (Encoding::I32, [a, b]) => f64::from(self.join(*a, *b).cast_signed()),
+            (Encoding::F32, [a, b]) => f64::from(f32::from_bits(self.join(*a, *b))),
+            _ => return None,
+        };
+        Some((raw * self.scale + self.offset) * quantity.factor(self.unit.as_deref())?)
+    }
+
+    fn join(&self, first: u16, second: u16) -> u32 {
+        let (high, low) = match self.word_order {
+            WordOrder::Big => (first, second),
+            WordOrder::Little => (second, first),
+        };
+        u32::from(high) << 16 | u32::from(low)
+    }
+
+    /// Everything that is wrong with the specification; `key` is its place in the file.
+    pub fn problems(&self, key: &str, quantity: Quantity, problems: &mut Vec<String>) {
+        if !(1..=247).contains(&self.unit_id) {
+            problems.push(format!("{key}.unit_id: expected 1-247, found {}", self.unit_id));
+        }
+        if self.register.checked_add(self.count() - 1).is_none() {
+            problems
+                .push(format!("{key}.register: expected room for two registers, found {}", self.register));
+        }
+        if !(self.scale.is_finite() && self.scale != 0.0) {
+            problems
+                .push(format!("{key}.scale: expected a finite number other than 0, found {}", self.scale));
+        }
+        if !self.offset.is_finite() {
+            problems.push(format!("{key}.offset: expected a finite number, found {}", self.offset));
+        }
+        quantity.check_unit(&format!("{key}.unit"), self.unit.as_deref(), problems);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn spec(encoding: Encoding, word_order: WordOrder) -> RegisterSpec {
+        RegisterSpec {
+            unit_id: 1,
+            register: 0,
+            table: Table::Input,
+            encoding,
+            word_order,
+            scale: 1.0,
+            offset: 0.0,
+            unit: None,
+        }
+    }
+
+    #[test]
+    fn every_encoding_and_order() {
+        let value =
+            |encoding, order, registers: &[u16]| spec(encoding, order).decode(Quantity::Pressure, registers);
+        assert_eq!(value(Encoding::U16, WordOrder::Big, &[0xfffe]), Some(65534.0));
+        assert_eq!(value(Encoding::I16, WordOrder::Big, &[0xfffe]), Some(-2.0));
+        assert_eq!(value(Encoding::U32, WordOrder::Big, &[1, 2]), Some(65538.0));
+        assert_eq!(value(Encoding::U32, WordOrder::Little, &[1, 2]), Some(131_073.0));
+        assert_eq!(value(Encoding::I32, WordOrder::Big, &[0xffff, 0xffff]), Some(-1.0));
+        let bits = 0.0375f32.to_bits();
+        let (high, low) = ((bits >> 16) as u16, bits as u16);
+        assert_eq!(value(Encoding::F32, WordOrder::Little, &[low, high]), Some(f64::from(0.0375f32)));
+        assert_eq!(value(Encoding::F32, WordOrder::Big, &[low]), None, "one register is no f32");
+    }
+
+    #[test]
+    fn scale_offset_and_unit_are_applied_in_this_order() {
+        let gauge = RegisterSpec {
+            scale: 0.1,
+            offset: -5.0,
+            unit: Some("kPa".into()),
+            ..spec(Encoding::I16, WordOrder::Big)
+        };
+        let pressure_mpa = gauge.decode(Quantity::Pressure, &[450]).unwrap();
+        assert!((pressure_mpa - 0.040).abs() < 1e-15, "{pressure_mpa}: (450 x 0.1 - 5) kPa");
+        for (unit, mpa) in [("bar", 0.1), ("psi", 0.006894757293168), ("Pa", 1e-6), ("mbar", 1e-4)] {
+            assert_eq!(Quantity::Pressure.factor(Some(unit)), Some(mpa));
+        }
+    }
+
+    #[test]
+    fn all_problems_at_once() {
+        let bad = RegisterSpec {
+            unit_id: 0,
+            register: u16::MAX,
+            scale: 0.0,
+            offset: f64::NAN,
+            unit: Some("furlong".into()),
+            ..spec(Encoding::F32, WordOrder::Big)
+        };
+        let mut problems = Vec::new();
+        bad.problems("source.gap", Quantity::Gap, &mut problems);
+        assert_eq!(problems.len(), 5, "{problems:#?}");
+    }
+
+    proptest! {
+        /// Any reply of a device, any configuration: a number or nothing.
+        #[test]
+        fn any_registers_are_answered(
+            registers in prop::collection::vec(any::<u16>(), 0..6), scale in any::<f64>(), which in 0usize..5, little in any::<bool>()
+        ) {
+            let encoding = [Encoding::U16, Encoding::I16, Encoding::U32, Encoding::I32, Encoding::F32][which];
+            let order = if little { WordOrder::Little } else { WordOrder::Big };
+            let spec = RegisterSpec { scale, ..spec(encoding, order) };
+            let found = spec.decode(Quantity::Force, &registers);
+            prop_assert_eq!(found.is_some(), registers.len() == usize::from(spec.count()));
+        }
+    }
+}

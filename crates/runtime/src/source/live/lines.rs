@@ -1,0 +1,176 @@
+//! The line protocol: one reading a line, `pressure`, `pressure,gap`, `pressure,gap,force`, or a JSON object.
+
+use serde::Deserialize;
+
+/// Longest accepted line; what is longer is skipped to its end.
+pub const MAX_LINE_BYTES: usize = 512;
+
+/// One line's numbers in the units of the line; NaN for what it does not say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineReading {
+    /// Pressure.
+    pub pressure: f64,
+    /// Gap.
+    pub gap: f64,
+    /// Contact force.
+    pub force: f64,
+}
+
+/// Why a line is no reading.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LineError {
+    /// Longer than [`MAX_LINE_BYTES`].
+    #[error("a line has more than {MAX_LINE_BYTES} bytes")]
+    TooLong,
+    /// Not text.
+    #[error("a line is not UTF-8")]
+    NotText,
+    /// A cell that is no number.
+    #[error("expected a number, found `{found}`")]
+    NotANumber {
+        /// The cell.
+        found: String,
+    },
+    /// More cells than there are quantities.
+    #[error("expected 1 to 3 numbers (pressure, gap, force), found {found}")]
+    TooMany {
+        /// How many.
+        found: usize,
+    },
+    /// A JSON line without what is needed.
+    #[error("expected JSON such as {{\"pressure\": 0.03, \"gap\": 40}}: {cause}")]
+    Json {
+        /// The parser's word for it.
+        cause: String,
+    },
+}
+
+#[derive(Deserialize)]
+struct JsonLine {
+    #[serde(alias = "pressure_mpa")]
+    pressure: f64,
+    #[serde(alias = "gap_mm", default = "unknown")]
+    gap: f64,
+    #[serde(alias = "measured_force_n", default = "unknown")]
+    force: f64,
+}
+
+fn unknown() -> f64 {
+    f64::NAN
+}
+
+/// Parses one line without its end. `None` for empty lines and comments (`#`).
+///
+/// # Errors
+/// [`LineError`].
+pub fn parse_line(line: &[u8]) -> Result<Option<LineReading>, LineError> {
+    if line.len() > MAX_LINE_BYTES {
+        return Err(LineError::TooLong);
+    }
+    let text = std::str::from_utf8(line).map_err(|_| LineError::NotText)?.trim();
+    if text.is_empty() || text.starts_with('#') {
+        return Ok(None);
+    }
+    if text.starts_with('{') {
+        let line: JsonLine =
+            serde_json::from_str(text).map_err(|error| LineError::Json { cause: error.to_string() })?;
+        return Ok(Some(LineReading { pressure: line.pressure, gap: line.gap, force: line.force }));
+    }
+    let mut numbers = [f64::NAN; 3];
+    let cells: Vec<&str> = text.split([',', ';', '\t']).collect();
+    if cells.len() > numbers.len() {
+        return Err(LineError::TooMany { found: cells.len() });
+    }
+    for (number, cell) in numbers.iter_mut().zip(&cells) {
+        let cell = cell.trim();
+        *number =
+            cell.parse().map_err(|_| LineError::NotANumber { found: cell.chars().take(40).collect() })?;
+    }
+    let [pressure, gap, force] = numbers;
+    Ok(Some(LineReading { pressure, gap, force }))
+}
+
+/// Cuts a stream of bytes into lines without ever keeping more than [`MAX_LINE_BYTES`] + 1 of them.
+#[derive(Debug, Default)]
+pub struct LineBuffer {
+    line: Vec<u8>,
+}
+
+impl LineBuffer {
+    /// Takes bytes as they come and calls `each` with every finished line.
+    pub fn push(&mut self, bytes: &[u8], mut each: impl FnMut(Result<Option<LineReading>, LineError>)) {
+        for byte in bytes {
+            match byte {
+                b'\n' | b'\r' => {
+                    if !self.line.is_empty() {
+                        each(parse_line(&self.line));
+                    }
+                    self.line.clear();
+                }
+                // One byte too many is kept: it makes the line an error when its end comes.
+                byte if self.line.len() <= MAX_LINE_BYTES => self.line.push(*byte),
+                _ => {}
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn numbers(line: &str) -> [f64; 3] {
+        let reading = parse_line(line.as_bytes()).unwrap().unwrap();
+        [reading.pressure, reading.gap, reading.force]
+    }
+
+    #[test]
+    fn what_a_gauge_sends() {
+        assert_eq!(numbers(" 0.0312 \r")[0], 0.0312);
+        assert_eq!(numbers("0.03,40")[..2], [0.03, 40.0]);
+        assert_eq!(numbers("0.03; 40; 0.5"), [0.03, 40.0, 0.5]);
+        assert_eq!(numbers(r#"{"pressure_mpa": 0.03, "gap": 40, "serial": "A7"}"#)[..2], [0.03, 40.0]);
+        assert!(numbers("nan")[0].is_nan(), "a gauge that says nan is heard; the twin judges it");
+        assert_eq!(parse_line(b"# started"), Ok(None));
+        assert_eq!(parse_line(b"0,1,2,3"), Err(LineError::TooMany { found: 4 }));
+        assert_eq!(parse_line(b"0.03,"), Err(LineError::NotANumber { found: String::new() }));
+        assert_eq!(parse_line(b"ERR 7"), Err(LineError::NotANumber { found: "ERR 7".into() }));
+        assert_eq!(parse_line(b"\xff\xfe"), Err(LineError::NotText));
+        assert!(matches!(parse_line(br#"{"gap": 40}"#), Err(LineError::Json { .. })));
+    }
+
+    #[test]
+    fn a_line_without_end_costs_no_memory_and_one_error() {
+        let mut buffer = LineBuffer::default();
+        let mut found = Vec::new();
+        for _ in 0..1_000 {
+            buffer.push(&[b'1'; 1_000], |line| found.push(line));
+        }
+        assert!(found.is_empty() && buffer.line.capacity() < 4 * MAX_LINE_BYTES);
+        buffer.push(b"\n0.5\n", |line| found.push(line));
+        assert_eq!(found.len(), 2);
+        assert_eq!(found[0], Err(LineError::TooLong));
+        assert_eq!(found[1].as_ref().unwrap().unwrap().pressure, 0.5);
+    }
+
+    proptest! {
+        /// However the bytes are cut into pieces, the lines are the same.
+        #[test]
+        fn pieces_do_not_matter(values in prop::collection::vec(-1e3f64..1e3, 1..20), piece in 1usize..9) {
+            let text: String = values.iter().map(|value| format!("{value}\r\n")).collect();
+            let (mut buffer, mut found) = (LineBuffer::default(), Vec::new());
+            for part in text.as_bytes().chunks(piece) {
+                buffer.push(part, |line| found.push(line.unwrap().unwrap().pressure));
+            }
+            prop_assert_eq!(found, values);
+        }
+
+        #[test]
+        fn any_bytes_are_answered(bytes in prop::collection::vec(any::<u8>(), 0..700)) {
+            let mut buffer = LineBuffer::default();
+            buffer.push(&bytes, |_| {});
+            prop_assert!(buffer.line.len() <= MAX_LINE_BYTES + 1);
+        }
+    }
+}

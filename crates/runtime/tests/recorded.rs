@@ -1,0 +1,76 @@
+//! Recordings as traces: what was published comes back to the bit.
+
+use recording::message::{Recorded, SensorMessage};
+use recording::{RotateOptions, RotatingWriter};
+use softtwin_runtime::source::{SourceSpec, Trace, TraceError};
+use std::path::{Path, PathBuf};
+use wire::SensorSample;
+
+/// Values a gauge can say, the awkward ones included.
+const PRESSURES_MPA: [f64; 6] = [0.0, 0.1 + 0.2, f64::NAN, f64::INFINITY, -0.0, 5e-324];
+
+fn sample(seq: u64) -> SensorSample {
+    SensorSample {
+        seq,
+        t_sensor_ns: 5_000_000_000 + seq * 5_000_000,
+        pressure_mpa: PRESSURES_MPA[seq as usize % PRESSURES_MPA.len()],
+        gap_mm: 40.0,
+        status: u32::from(seq == 3),
+        ..SensorSample::default()
+    }
+}
+
+fn record(path: &Path, topics: &[&str], count: u64) {
+    let mut writer = RotatingWriter::create(path, RotateOptions::default()).unwrap();
+    let mut bytes = Vec::new();
+    for seq in 0..count {
+        for topic in topics {
+            SensorMessage::from(&sample(seq)).encode(&mut bytes);
+            writer.message(&SensorMessage::channel(topic), seq as u32, seq, seq, &bytes).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+fn recording(topics: &[&str], count: u64) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    record(&path, topics, count);
+    (folder, path)
+}
+
+#[test]
+fn a_recording_is_replayed_to_the_bit() {
+    let (_folder, path) = recording(&["softtwin/finger/sensor"], 12);
+    let mut source = SourceSpec::replay_of(path).open(Path::new("/")).unwrap();
+    for seq in 0..12 {
+        let (reading, sent) = (source.next_reading().unwrap(), sample(seq));
+        assert_eq!(reading.pressure_mpa.to_bits(), sent.pressure_mpa.to_bits());
+        assert_eq!((reading.gap_mm, reading.status), (sent.gap_mm, sent.status));
+        assert!((reading.due_s - seq as f64 * 0.005).abs() < 1e-9, "original timing, {}", reading.due_s);
+    }
+    assert_eq!(source.next_reading(), None);
+}
+
+#[test]
+fn several_sensors_need_a_topic() {
+    let (_folder, path) = recording(&["softtwin/left/sensor", "softtwin/right/sensor"], 4);
+    let errors = Trace::read(&path).unwrap_err();
+    assert!(
+        matches!(&errors[..], [TraceError::SeveralTopics { found }] if found.contains("softtwin/left/sensor")),
+        "{errors:?}"
+    );
+    assert_eq!(Trace::read_topic(&path, Some("softtwin/right/sensor")).unwrap().rows.len(), 4);
+    let errors = Trace::read_topic(&path, Some("softtwin/middle/sensor")).unwrap_err();
+    assert!(errors[0].to_string().contains("softtwin/right/sensor"), "{errors:?}");
+}
+
+#[test]
+fn a_recording_cut_short_gives_what_it_has_and_an_empty_one_is_refused() {
+    let (_folder, path) = recording(&["softtwin/finger/sensor"], 50);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
+    assert_eq!(Trace::read(&path).unwrap().rows.len(), 50);
+    std::fs::write(&path, recording::MAGIC).unwrap();
+    assert!(matches!(&Trace::read(&path).unwrap_err()[..], [TraceError::Empty { what: "readings" }]));
+}

@@ -1,0 +1,380 @@
+//! Sensors against the other end of the wire: a real Modbus server over TCP and over a pseudo-terminal, and one that
+//! misbehaves in every way a cable and a device can.
+
+use proptest::prelude::*;
+use softtwin_runtime::source::live::{
+    Encoding, FilterSpec, LinesSpec, LiveReading, LiveSource, LiveSpec, ModbusSpec, RegisterSpec, SerialSpec,
+    Table, WordOrder,
+};
+use std::fs::File;
+use std::future::{Ready, ready};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU16, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+use tokio_modbus::server::Service;
+use tokio_modbus::{ExceptionCode, Request, Response, SlaveRequest};
+use tokio_serial::{SerialPort, SerialStream};
+
+/// Longest wait for something that must come; a failing test ends there.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A device: pressure 0.1 kPa a step in input register 2, gap as little-word f32 in holding registers 10-11, force in
+/// unit 7; `fault` is the exception it answers with, 0: none.
+#[derive(Clone, Default)]
+struct Device {
+    steps: Arc<AtomicU16>,
+    fault: Arc<AtomicU16>,
+}
+
+impl Service for Device {
+    type Request = SlaveRequest<'static>;
+    type Response = Response;
+    type Exception = ExceptionCode;
+    type Future = Ready<Result<Response, ExceptionCode>>;
+
+    fn call(&self, request: Self::Request) -> Self::Future {
+        let fault = self.fault.load(Ordering::SeqCst) as u8;
+        if fault != 0 {
+            return ready(Err(ExceptionCode::new(fault)));
+        }
+        let gap = 40.25f32.to_bits();
+        ready(match (request.slave, request.request) {
+            (1, Request::ReadInputRegisters(2, 1)) => {
+                Ok(Response::ReadInputRegisters(vec![self.steps.load(Ordering::SeqCst)]))
+            }
+            (1, Request::ReadHoldingRegisters(10, 2)) => {
+                Ok(Response::ReadHoldingRegisters(vec![gap as u16, (gap >> 16) as u16]))
+            }
+            (7, Request::ReadInputRegisters(0, 2)) => Ok(Response::ReadInputRegisters(vec![0xffff, 0xff9c])),
+            _ => Err(ExceptionCode::IllegalDataAddress),
+        })
+    }
+}
+
+fn register(unit_id: u8, register: u16, table: Table, encoding: Encoding) -> RegisterSpec {
+    RegisterSpec {
+        unit_id,
+        register,
+        table,
+        encoding,
+        word_order: WordOrder::Big,
+        scale: 1.0,
+        offset: 0.0,
+        unit: None,
+    }
+}
+
+fn pressure() -> RegisterSpec {
+    RegisterSpec { scale: 0.1, unit: Some("kPa".into()), ..register(1, 2, Table::Input, Encoding::I16) }
+}
+
+/// Polls fast and gives up fast, so that the tests do.
+fn modbus() -> ModbusSpec {
+    ModbusSpec {
+        tcp: None,
+        serial: None,
+        poll_hz: 200.0,
+        timeout_ms: 300.0,
+        backoff_max_ms: 50.0,
+        filter: FilterSpec::Off,
+        pressure: pressure(),
+        gap: None,
+        force: None,
+    }
+}
+
+fn start(spec: LiveSpec) -> (LiveSource, Receiver<LiveReading>) {
+    let (sender, receiver) = sync_channel(1024);
+    (LiveSource::start(spec, 3, sender).unwrap(), receiver)
+}
+
+/// The first reading that fits; readings before it may be older news.
+fn wait_for(
+    receiver: &Receiver<LiveReading>,
+    what: &str,
+    fits: impl Fn(&LiveReading) -> bool,
+) -> LiveReading {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        let left = end.saturating_duration_since(Instant::now());
+        let reading =
+            receiver.recv_timeout(left).unwrap_or_else(|_| panic!("{what}: nothing within {PATIENCE:?}"));
+        if fits(&reading) {
+            return reading;
+        }
+    }
+}
+
+fn counter(source: &LiveSource, name: &str) -> u64 {
+    source.counters().all().iter().find(|(found, _)| *found == name).unwrap().1
+}
+
+fn wait_for_count(source: &LiveSource, name: &str) {
+    let end = Instant::now() + PATIENCE;
+    while counter(source, name) == 0 {
+        assert!(Instant::now() < end, "{name} was never counted: {:?}", source.counters().all());
+        thread::yield_now();
+    }
+}
+
+fn runtime() -> tokio::runtime::Runtime {
+    tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap()
+}
+
+/// Serves `device` on a free port until the test's process ends.
+fn serve_tcp(device: Device) -> SocketAddr {
+    let (sender, receiver) = sync_channel(1);
+    thread::spawn(move || {
+        runtime().block_on(async move {
+            let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+            sender.send(listener.local_addr().unwrap()).unwrap();
+            let server = tokio_modbus::server::tcp::Server::new(listener);
+            let accept = |stream, _| ready(Ok(Some((device.clone(), stream))));
+            server.serve(&accept, |_| ()).await.unwrap();
+        });
+    });
+    receiver.recv_timeout(PATIENCE).unwrap()
+}
+
+#[test]
+fn a_device_over_tcp_with_three_quantities_and_an_exception() {
+    let device = Device::default();
+    device.steps.store(450, Ordering::SeqCst);
+    let spec = ModbusSpec {
+        tcp: Some(serve_tcp(device.clone()).to_string()),
+        gap: Some(RegisterSpec {
+            word_order: WordOrder::Little,
+            ..register(1, 10, Table::Holding, Encoding::F32)
+        }),
+        force: Some(RegisterSpec { unit: Some("mN".into()), ..register(7, 0, Table::Input, Encoding::I32) }),
+        ..modbus()
+    };
+    assert_eq!(spec.problems(), Vec::<String>::new());
+    let (source, receiver) = start(LiveSpec::Modbus(spec));
+    let reading = wait_for(&receiver, "first reading", |reading| reading.status == 0);
+    assert!((reading.pressure_mpa - 0.045).abs() < 1e-15, "{reading:?}: 450 x 0.1 kPa");
+    assert_eq!((reading.gap_mm, reading.line), (40.25, 3));
+    assert!((reading.measured_force_n + 0.1).abs() < 1e-15, "{reading:?}: -100 mN");
+
+    device.fault.store(4, Ordering::SeqCst);
+    let faulty = wait_for(&receiver, "exception", |reading| reading.status != 0);
+    assert!(
+        faulty.status == 4 && faulty.pressure_mpa.is_nan(),
+        "{faulty:?}: a device failure is told as one"
+    );
+    device.fault.store(0, Ordering::SeqCst);
+    device.steps.store((-30i16).cast_unsigned(), Ordering::SeqCst);
+    wait_for(&receiver, "recovery", |reading| (reading.pressure_mpa + 0.003).abs() < 1e-15);
+    assert!(counter(&source, "exceptions") > 0 && counter(&source, "disconnects") == 0);
+}
+
+/// A pseudo-terminal: the test holds one end, the sensor opens the other by its name.
+fn pseudo_terminal() -> (SerialStream, File, SerialSpec) {
+    let (ours, theirs) = SerialStream::pair().unwrap();
+    let port = PathBuf::from(theirs.name().expect("a pseudo-terminal has a name"));
+    // The other end stays open without the library's lock on it: a terminal that nobody has open reports a hang-up.
+    let held = File::options().read(true).custom_flags(libc::O_NOCTTY).open(&port).unwrap();
+    drop(theirs);
+    let spec = SerialSpec { port, baud: 115_200, data_bits: 8, parity: Default::default(), stop_bits: 1 };
+    (ours, held, spec)
+}
+
+#[test]
+fn a_device_over_a_serial_line() {
+    let device = Device::default();
+    device.steps.store(700, Ordering::SeqCst);
+    let served = device.clone();
+    let (sender, receiver) = sync_channel(1);
+    thread::spawn(move || {
+        runtime().block_on(async move {
+            let (ours, held, spec) = pseudo_terminal();
+            sender.send(spec).unwrap();
+            tokio_modbus::server::rtu::Server::new(ours).serve_forever(served).await.unwrap();
+            drop(held);
+        });
+    });
+    let spec = receiver.recv_timeout(PATIENCE).unwrap();
+    let (_source, readings) = start(LiveSpec::Modbus(ModbusSpec { serial: Some(spec), ..modbus() }));
+    let reading = wait_for(&readings, "first reading", |reading| reading.status == 0);
+    assert!((reading.pressure_mpa - 0.07).abs() < 1e-15, "{reading:?}");
+    device.fault.store(2, Ordering::SeqCst);
+    wait_for(&readings, "exception", |reading| reading.status == 2);
+    device.fault.store(0, Ordering::SeqCst);
+    wait_for(&readings, "recovery", |reading| reading.status == 0);
+}
+
+/// What a bad device does with its n-th connection.
+#[derive(Clone, Copy, PartialEq)]
+enum Mischief {
+    CloseAtOnce,
+    Silence,
+    Garbage,
+    WrongCount,
+    CloseInTheMiddle,
+    Behave,
+}
+
+/// A device over TCP that runs through `plan`, one connection each, and then behaves.
+fn misbehave(plan: &'static [Mischief]) -> (SocketAddr, Arc<AtomicUsize>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let connections = Arc::new(AtomicUsize::new(0));
+    let counted = connections.clone();
+    let silent = Arc::new(Mutex::new(Vec::new()));
+    thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let number = counted.fetch_add(1, Ordering::SeqCst);
+            let mischief = plan.get(number).copied().unwrap_or(Mischief::Behave);
+            let silent = silent.clone();
+            thread::spawn(move || answer(stream, mischief, &silent));
+        }
+    });
+    (address, connections)
+}
+
+fn answer(mut stream: TcpStream, mischief: Mischief, silent: &Mutex<Vec<TcpStream>>) {
+    if mischief == Mischief::CloseAtOnce {
+        return;
+    }
+    let mut request = [0u8; 12];
+    while stream.read_exact(&mut request).is_ok() {
+        let transaction = [request[0], request[1]];
+        let reply: Vec<u8> = match mischief {
+            // Kept open and unanswered.
+            Mischief::Silence => return silent.lock().unwrap().push(stream),
+            Mischief::Garbage => b"\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad".to_vec(),
+            Mischief::WrongCount => [&transaction[..], &[0, 0, 0, 7, 1, 4, 4, 1, 2, 3, 4]].concat(),
+            Mischief::CloseInTheMiddle => [&transaction[..], &[0, 0, 0, 5, 1]].concat(),
+            _ => [&transaction[..], &[0, 0, 0, 5, 1, 4, 2, 0x01, 0xc2]].concat(),
+        };
+        if stream.write_all(&reply).is_err() || mischief == Mischief::CloseInTheMiddle {
+            return;
+        }
+    }
+}
+
+#[test]
+fn every_mischief_ends_in_a_new_connection_and_a_good_reading() {
+    const PLAN: &[Mischief] = &[
+        Mischief::CloseAtOnce,
+        Mischief::Silence,
+        Mischief::Garbage,
+        Mischief::WrongCount,
+        Mischief::CloseInTheMiddle,
+    ];
+    let (address, connections) = misbehave(PLAN);
+    let (source, receiver) =
+        start(LiveSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
+    let reading = receiver.recv_timeout(PATIENCE).expect("a good reading in the end");
+    assert!(
+        (reading.pressure_mpa - 0.045).abs() < 1e-15 && reading.status == 0,
+        "nothing wrong came first: {reading:?}"
+    );
+    assert_eq!(connections.load(Ordering::SeqCst), PLAN.len() + 1, "one connection for each mischief");
+    let failures = ["timeouts", "garbage", "disconnects"].map(|name| counter(&source, name));
+    assert_eq!(failures.iter().sum::<u64>(), PLAN.len() as u64, "{:?}", source.counters().all());
+    assert!(failures[0] >= 1, "the silent one ran into the time-out: {:?}", source.counters().all());
+}
+
+#[test]
+fn a_device_that_is_not_there_is_tried_again_until_it_is() {
+    let reserved = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = reserved.local_addr().unwrap();
+    drop(reserved);
+    let (source, receiver) =
+        start(LiveSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
+    wait_for_count(&source, "refusals");
+    let listener = TcpListener::bind(address).unwrap();
+    thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            answer(stream, Mischief::Behave, &Mutex::default());
+        }
+    });
+    wait_for(&receiver, "first reading", |reading| reading.status == 0);
+}
+
+#[test]
+fn a_line_protocol_over_a_serial_line_with_garbage_between() {
+    let (sender, receiver) = sync_channel(1);
+    let (say, said) = sync_channel::<&'static [u8]>(0);
+    thread::spawn(move || {
+        let (ours, held, spec) = runtime().block_on(async { pseudo_terminal() });
+        let mut ours = File::from(dup(&ours));
+        sender.send(spec).unwrap();
+        said.iter().for_each(|bytes| ours.write_all(bytes).unwrap());
+        drop(held);
+    });
+    let serial = receiver.recv_timeout(PATIENCE).unwrap();
+    let spec = LinesSpec { serial: Some(serial), pressure_unit: Some("bar".into()), ..LinesSpec::default() };
+    assert_eq!(spec.problems(), Vec::<String>::new());
+    let (source, readings) = start(LiveSpec::Lines(spec));
+    // What is sent before the sensor has opened the line is cleared away; so the first line is repeated until heard.
+    let first = loop {
+        say.send(b"0.31,40\n").unwrap();
+        if let Ok(reading) = readings.recv_timeout(Duration::from_millis(20)) {
+            break reading;
+        }
+    };
+    assert!((first.pressure_mpa - 0.031).abs() < 1e-15 && first.gap_mm == 40.0, "{first:?}");
+    say.send(b"E\xfcRR 99\n\n# note\n").unwrap();
+    say.send(b"{\"pressure\": 0.5, \"gap\": 15}\r\n").unwrap();
+    let second = wait_for(&readings, "the line after the garbage", |reading| reading.gap_mm == 15.0);
+    assert!((second.pressure_mpa - 0.05).abs() < 1e-15);
+    assert!(counter(&source, "garbage") >= 1);
+}
+
+fn dup(stream: &SerialStream) -> std::os::fd::OwnedFd {
+    use std::os::fd::{AsRawFd, BorrowedFd};
+    // SAFETY: the descriptor is open for as long as `stream` is borrowed, and only duplicated here.
+    unsafe { BorrowedFd::borrow_raw(stream.as_raw_fd()) }.try_clone_to_owned().unwrap()
+}
+
+#[test]
+fn a_specification_tells_all_its_problems_at_once() {
+    let bad = ModbusSpec {
+        tcp: Some("nowhere".into()),
+        poll_hz: f64::NAN,
+        timeout_ms: -1.0,
+        filter: FilterSpec::Median(4),
+        pressure: RegisterSpec { unit: Some("N".into()), ..pressure() },
+        ..modbus()
+    };
+    let problems = bad.problems();
+    assert_eq!(problems.len(), 5, "{problems:#?}");
+    let neither = modbus().problems();
+    assert!(neither[0].contains("exactly one"), "{neither:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// Any bytes as the answer to a request, then the end of the connection: no panic, no reading made of noise that the
+    /// protocol does not carry, and a new connection afterwards.
+    #[test]
+    fn any_answer_of_a_device_is_survived(noise in prop::collection::vec(any::<u8>(), 0..64)) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let server = thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut request = [0u8; 12];
+            stream.read_exact(&mut request).unwrap();
+            stream.write_all(&noise).unwrap();
+            drop(stream);
+            let (stream, _) = listener.accept().unwrap();
+            answer(stream, Mischief::Behave, &Mutex::default());
+        });
+        let spec = ModbusSpec { tcp: Some(address.to_string()), ..modbus() };
+        let (source, receiver) = start(LiveSpec::Modbus(spec));
+        let good = wait_for(&receiver, "a good reading", |reading| (reading.pressure_mpa - 0.045).abs() < 1e-15);
+        prop_assert_eq!(good.status, 0);
+        drop(source);
+        drop(receiver);
+        server.join().unwrap();
+    }
+}

@@ -1,0 +1,152 @@
+//! `softtwin record`: everything on the wire into an MCAP file.
+
+use crate::failure::usage;
+use crate::live::{DomainArgs, stop_flag};
+use crate::say;
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
+use recording::{RecordSummary, Recorder, RecorderOptions, RotateOptions};
+use serde_json::json;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+use wire::KeyExpr;
+
+const EXAMPLES: &str = "\
+Examples:
+  Everything but fields, until Ctrl-C:
+    softtwin record --out run.mcap
+  States of two actuators for one minute, fields of the surface too:
+    softtwin record 'softtwin/finger_*/state' 'softtwin/*/field/surface' --fields --seconds 60 --out run.mcap
+  For months: a new file each hour, the last 48 kept (run-0001.mcap, run-0002.mcap, ...):
+    softtwin record --out run.mcap --rotate-minutes 60 --keep 48
+
+A kill or a power cut loses at most the last second; the file reads without its footer. Open it with any MCAP viewer, with
+`softtwin replay`, `softtwin export`. It ends with exit code 1 when the disk is full; what is written stays readable.";
+
+/// Record readings, states, health and, if asked, fields into MCAP files.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Topics, as key expressions (`*` one chunk, `**` any)
+    #[arg(value_name = "KEY", default_value = "softtwin/**")]
+    keys: Vec<String>,
+    /// File to write; an existing one is never overwritten
+    #[arg(long, value_name = "MCAP")]
+    out: PathBuf,
+    /// Record whole fields too (half a megabyte a sample at full size)
+    #[arg(long)]
+    fields: bool,
+    /// Stop after so many seconds
+    #[arg(long, value_name = "SECONDS")]
+    seconds: Option<f64>,
+    /// Begin a new file at this size, MB
+    #[arg(long, value_name = "MB")]
+    rotate_mb: Option<u64>,
+    /// Begin a new file after this time, minutes
+    #[arg(long, value_name = "MINUTES")]
+    rotate_minutes: Option<f64>,
+    /// Keep only so many files of this run
+    #[arg(long, value_name = "FILES")]
+    keep: Option<usize>,
+    /// Memory for what waits for the disk, MB; beyond, messages are dropped and counted
+    #[arg(long, value_name = "MB", default_value_t = 64)]
+    queue_mb: u64,
+    /// End with one JSON object
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainArgs,
+}
+
+impl Args {
+    /// Records until a signal, the end of the time, or a full disk.
+    ///
+    /// # Errors
+    /// Wrong key expressions or options, an existing file, a disk that refuses.
+    pub fn run(self) -> Result<()> {
+        let options = self.options()?;
+        let stop = stop_flag()?;
+        let bus = self.domain.join()?;
+        let mut recorder = Recorder::start(&bus, options)?;
+        let end = self.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
+        let bar = progress();
+        let ran = recorder.run(&stop, |summary| {
+            bar.set_message(line(summary));
+            if end.is_some_and(|end| Instant::now() >= end) {
+                stop.store(true, Ordering::Relaxed);
+            }
+        });
+        bar.finish_and_clear();
+        // The file is closed before anything is reported: a broken port must not cost the footer.
+        let summary = recorder.finish()?;
+        ran?;
+        self.report(&summary)
+    }
+
+    fn options(&self) -> Result<RecorderOptions> {
+        let keys =
+            self.keys.iter().map(|key| KeyExpr::new(key).map_err(usage)).collect::<Result<Vec<_>>>()?;
+        for (name, value) in [("--seconds", self.seconds), ("--rotate-minutes", self.rotate_minutes)] {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && *value < 1e9)) {
+                return Err(usage(format!("{name}: expected a number above 0, found {value}")));
+            }
+        }
+        if self.keep == Some(0) {
+            return Err(usage("--keep: expected at least 1 file, found 0"));
+        }
+        if self.keep.is_some() && self.rotate_mb.is_none() && self.rotate_minutes.is_none() {
+            return Err(usage(
+                "--keep needs --rotate-mb or --rotate-minutes: without them there is one file",
+            ));
+        }
+        let rotate = RotateOptions {
+            max_bytes: self.rotate_mb.map(|mb| mb << 20),
+            max_time_ns: self.rotate_minutes.map(|minutes| (minutes * 60e9) as u64),
+            keep: self.keep,
+        };
+        let queue_bytes = self.queue_mb << 20;
+        Ok(RecorderOptions { keys, with_fields: self.fields, path: self.out.clone(), rotate, queue_bytes })
+    }
+
+    fn report(&self, summary: &RecordSummary) -> Result<()> {
+        let files: Vec<String> = summary.files.files.iter().map(|path| path.display().to_string()).collect();
+        if self.json {
+            return say::json(&json!({
+                "messages": summary.messages,
+                "missing": summary.missing,
+                "dropped": summary.dropped,
+                "written": summary.files.messages,
+                "files": files,
+                "files_removed": summary.files.removed,
+            }));
+        }
+        for (topic, count) in &summary.messages {
+            say!("{topic}  {count} messages")?;
+        }
+        say!(
+            "{} published samples never arrived, {} were dropped before the disk",
+            summary.missing,
+            summary.dropped
+        )?;
+        say!("{} messages in {}", summary.files.messages, files.join(", "))?;
+        Ok(())
+    }
+}
+
+fn progress() -> ProgressBar {
+    let style = ProgressStyle::with_template("{elapsed_precise} recording: {msg}");
+    let bar = ProgressBar::new_spinner();
+    bar.set_draw_target(indicatif::ProgressDrawTarget::stderr_with_hz(4));
+    if let Ok(style) = style { bar.with_style(style) } else { bar }
+}
+
+fn line(summary: &RecordSummary) -> String {
+    let messages: u64 = summary.messages.values().sum();
+    format!(
+        "{messages} messages, {} topics, {} missing, {} dropped",
+        summary.messages.len(),
+        summary.missing,
+        summary.dropped
+    )
+}

@@ -1,0 +1,137 @@
+//! `softtwin replay`: a recording or a trace back onto the wire, as a bridge would.
+
+use crate::failure::{configuration, usage};
+use crate::live::{DomainArgs, stop_flag};
+use crate::say;
+use anyhow::{Result, anyhow};
+use runtime::bridge::{Bridge, BridgeCounters};
+use runtime::source::{Reading, ReplaySpec, Source, SourceSpec};
+use serde_json::json;
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use wire::{Bus, SensorSample, SensorWriter, Topic, boot_id, now_ns};
+
+const EXAMPLES: &str = "\
+Examples:
+  As it was, to the twin of the actuator `finger`:
+    softtwin replay run.mcap --actuator finger
+  Seconds 10 to 20, ten times as fast, for ever:
+    softtwin replay run.mcap --actuator finger --from-s 10 --to-s 20 --speed 10 --loop
+  One reading each time Enter is pressed:
+    softtwin replay config/traces/gap40.csv --actuator finger --step
+  A recording of two actuators: say which one:
+    softtwin replay run.mcap --actuator left --topic softtwin/left/sensor
+
+A running bridge of the same actuator must be stopped first: there is one sensor for an actuator.";
+
+/// Play readings of a recording (MCAP) or a trace (CSV) to a twin.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Recording or trace
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Actuator whose sensor to be
+    #[arg(long, value_name = "NAME")]
+    actuator: String,
+    /// Sensor topic of a recording that holds several
+    #[arg(long, value_name = "TOPIC")]
+    topic: Option<String>,
+    /// Factor on the speed
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    speed: f64,
+    /// Begin at this time of the recording
+    #[arg(long, value_name = "SECONDS", default_value_t = f64::NEG_INFINITY, hide_default_value = true)]
+    from_s: f64,
+    /// End at this time of the recording
+    #[arg(long, value_name = "SECONDS", default_value_t = f64::INFINITY, hide_default_value = true)]
+    to_s: f64,
+    /// Begin again at the end, for ever
+    #[arg(long = "loop")]
+    repeat: bool,
+    /// Send one reading for each line on standard input, whatever it says
+    #[arg(long, conflicts_with_all = ["speed", "repeat"])]
+    step: bool,
+    /// End with one JSON object
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainArgs,
+}
+
+impl Args {
+    /// Plays until the end, a signal, or the end of standard input when stepping.
+    ///
+    /// # Errors
+    /// A file that is no trace, options that leave nothing of it, another bridge for this actuator.
+    pub fn run(self) -> Result<()> {
+        let topic = Topic::sensor(&self.actuator).map_err(usage)?;
+        let spec = ReplaySpec {
+            trace: self.file.clone(),
+            topic: self.topic.clone(),
+            speed: self.speed,
+            repeat: self.repeat,
+            from_s: self.from_s,
+            to_s: self.to_s,
+        };
+        let source = SourceSpec::Replay(spec)
+            .open(Path::new(""))
+            .map_err(|problems| configuration(anyhow!("{}", problems.join("\n  "))))?;
+        let stop = stop_flag()?;
+        let bus = self.domain.join()?;
+        let sent =
+            if self.step { step(&bus, &topic, source, &stop)? } else { self.play(&bus, source, &stop)? };
+        if self.json {
+            say::json(&json!({"sent": sent}))
+        } else {
+            Ok(say!("{sent} readings sent to {topic}")?)
+        }
+    }
+
+    fn play(&self, bus: &Bus, source: Source, stop: &AtomicBool) -> Result<u64> {
+        let mut bridge = Bridge::start(bus, vec![(self.actuator.clone(), source)])?;
+        let counters = BridgeCounters::default();
+        bridge.run(stop, &counters);
+        let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        let failed = count(&counters.failed);
+        anyhow::ensure!(failed == 0, "{failed} readings could not be sent");
+        Ok(count(&counters.sent))
+    }
+}
+
+/// A reading for each line that comes in.
+fn step(bus: &Bus, topic: &Topic, mut source: Source, stop: &AtomicBool) -> Result<u64> {
+    let mut writer = SensorWriter::create(bus, topic)?;
+    let boot_id = boot_id();
+    let mut sent = 0;
+    let mut lines = std::io::stdin().lock().lines();
+    while !stop.load(Ordering::Relaxed) {
+        let Some(reading) = source.next_reading() else { break };
+        say!(
+            "{:.6} s  {} MPa  {} mm  (Enter sends it)",
+            reading.t_trace_s,
+            reading.pressure_mpa,
+            reading.gap_mm
+        )?;
+        if lines.next().transpose()?.is_none() {
+            break;
+        }
+        sent += 1;
+        writer.publish(SensorSample { boot_id, seq: sent, ..sample(&reading) })?;
+    }
+    Ok(sent)
+}
+
+/// The reading as it goes on the wire, stamped now.
+fn sample(reading: &Reading) -> SensorSample {
+    SensorSample {
+        t_sensor_ns: now_ns(),
+        pressure_mpa: reading.pressure_mpa,
+        gap_mm: reading.gap_mm,
+        measured_force_n: reading.measured_force_n,
+        t_trace_s: reading.t_trace_s,
+        status: reading.status,
+        ..SensorSample::default()
+    }
+}

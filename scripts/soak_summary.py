@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+"""Sums up what scripts/soak.sh left in its folder; prints one JSON object, ends with 1 when something is wrong."""
+import json
+import statistics
+import sys
+from pathlib import Path
+
+work, seconds, rate, readers = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
+PROGRAMS = ["twin", "bridge", "recorder"]
+# The first tenth is warm-up: pages are touched as samples first travel through them.
+WARM_UP = 0.1
+# Growth that counts as a leak over the whole run: a page more now and then is the allocator's business.
+GROWTH_KB = 2048
+GROWTH_FILES = 4
+# What may end otherwise than published without anything being wrong: the newest reading won.
+HARMLESS = {"published", "dropped: superseded"}
+
+rows = []
+for line in (work / "rows").read_text().splitlines():
+    *numbers, top = line.split(" ", 12)
+    rows.append(([int(number) for number in numbers], json.loads(top)))
+settled = rows[min(len(rows) - 1, max(1, int(len(rows) * WARM_UP))):]
+
+
+def first_last(index):
+    column = [numbers[index] for numbers, _ in settled]
+    return [column[0], column[-1], max(column)]
+
+
+def halves(key):
+    values = [twin[key] for _, top in settled for twin in top if twin["actuator"] == "steady" and twin.get(key)]
+    middle = max(1, len(values) // 2)
+    return [round(statistics.median(half), 1) for half in (values[:middle], values[middle:] or values[:middle])]
+
+
+record = json.loads((work / "record.json").read_text())
+judges = {name: json.loads((work / f"judge.{name}.json").read_text()) for name in ("steady", "disturbed")}
+last_top = {twin["actuator"]: twin for _, top in rows for twin in top}
+unusual = {k: v for k, v in last_top["steady"]["outcomes"].items() if v and k not in HARMLESS}
+report = {
+    "seconds": seconds,
+    "rate_hz": rate,
+    "faults": dict(line.split() for line in (work / "injected").read_text().splitlines()),
+    "readers_come_and_gone": readers,
+    "recorded_messages": sum(record["messages"].values()),
+    "lost_in_recorder": record["missing"] + record["dropped"],
+    "judges": judges,
+    "unusual_outcomes_steady": unusual,
+    "resident_kb_first_last_max": {name: first_last(1 + 3 * i) for i, name in enumerate(PROGRAMS)},
+    "open_files_first_last_max": {name: first_last(2 + 3 * i) for i, name in enumerate(PROGRAMS)},
+    "threads_first_last_max": {name: first_last(3 + 3 * i) for i, name in enumerate(PROGRAMS)},
+    "shared_memory_files_first_last_max": first_last(10),
+    "management_files_first_last_max": first_last(11),
+    "latency_p50_us_first_and_second_half": halves("latency_p50_us"),
+    "latency_p99_us_first_and_second_half": halves("latency_p99_us"),
+}
+wrong = [
+    f"{report['lost_in_recorder']} samples lost in the recorder" if report["lost_in_recorder"] else "",
+    *(f"{name}: {judge}" for name, judge in judges.items()
+      if judge["wrong_fields"] or judge["wrong_states"] or judge["states_out_of_order"] or not judge["fields_checked"]),
+    f"unusual outcomes {unusual}" if unusual else "",
+    *(f"{name} grew by {v[1] - v[0]} kB" for name, v in report["resident_kb_first_last_max"].items()
+      if v[1] - v[0] > GROWTH_KB),
+    *(f"{name} holds {v[1] - v[0]} more files" for name, v in report["open_files_first_last_max"].items()
+      if v[1] - v[0] > GROWTH_FILES),
+    *(f"{what} grew: {report[what]}" for what in ("shared_memory_files_first_last_max", "management_files_first_last_max")
+      if report[what][1] - report[what][0] > 2 * GROWTH_FILES),
+]
+report["wrong"] = [text for text in wrong if text]
+print(json.dumps(report, indent=1))
+sys.exit(1 if report["wrong"] else 0)

@@ -1,0 +1,171 @@
+//! Everything that reads bytes from outside, each as one function from bytes to nothing: no panic, no hang, no large
+//! allocation, whatever the bytes. The fuzz targets of `fuzz/` and the property test `inputs` run the same bodies.
+
+use recording::message::{Recorded, SensorMessage};
+use recording::{Reader, Writer};
+use runtime::config::{Scene, Settings};
+use runtime::source::Trace;
+use runtime::source::live::{Encoding, LineBuffer, Quantity, RegisterSpec, Table, WordOrder};
+use std::io::Cursor;
+use wire::{KeyExpr, SensorSample, Topic};
+
+/// One entrance for bytes from outside.
+#[derive(Debug, Clone, Copy)]
+pub struct Entrance {
+    /// Name of the fuzz target and of the folder with its found cases.
+    pub name: &'static str,
+    /// Takes the bytes.
+    pub body: fn(&[u8]),
+    /// A good input, to be damaged.
+    pub seed: fn() -> Vec<u8>,
+}
+
+/// All entrances.
+pub const ENTRANCES: [Entrance; 8] = [
+    Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
+    Entrance { name: "npy", body: npy, seed: npy_seed },
+    Entrance {
+        name: "trace",
+        body: trace,
+        seed: || b"t_s,pressure_mpa,gap_mm\n0,0,40\n0.005,1e-3,40\n".to_vec(),
+    },
+    Entrance { name: "recording", body: recording, seed: recording_seed },
+    Entrance { name: "config", body: config, seed: config_seed },
+    Entrance { name: "modbus", body: modbus, seed: || vec![0, 1, 63, 240, 0, 0, 0, 0, 0, 0, 12, 34, 56, 78] },
+    Entrance {
+        name: "lines",
+        body: lines,
+        seed: || b"0.03,40\n{\"pressure\": 0.03, \"gap\": 40}\n# note\n".to_vec(),
+    },
+    Entrance { name: "key", body: key, seed: || b"softtwin/*/state\0softtwin/**/field/$*top".to_vec() },
+];
+
+/// A model file, read whole and read block by block.
+pub fn model(bytes: &[u8]) {
+    let whole = rom::model::Model::from_bytes(bytes);
+    if let Ok(mut reader) = rom::model::ModelReader::open(Cursor::new(bytes)) {
+        let entries = reader.blocks().to_vec();
+        for entry in &entries {
+            // A block that cannot be read means that the whole file could not be either.
+            assert!(reader.read_block(entry).is_ok() || whole.is_err());
+        }
+    }
+}
+
+/// A `.npy` array; the reader takes files.
+pub fn npy(bytes: &[u8]) {
+    thread_local! {
+        static FOLDER: tempfile::TempDir = tempfile::tempdir().expect("a temporary folder");
+    }
+    let path = FOLDER.with(|folder| folder.path().join("input.npy"));
+    std::fs::write(&path, bytes).expect("writable");
+    if let Ok(array) = formats::npy::read_f32(&path) {
+        assert!(array.data.len() <= bytes.len(), "more values than bytes");
+    }
+}
+
+fn npy_seed() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    formats::npy::write_f32_to(&mut bytes, &[3, 2], &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]).expect("memory");
+    bytes
+}
+
+/// A trace in CSV.
+pub fn trace(bytes: &[u8]) {
+    if let Ok(trace) = Trace::parse(&String::from_utf8_lossy(bytes)) {
+        assert!(trace.rows.windows(2).all(|pair| pair[0].t_s <= pair[1].t_s), "rows out of order");
+    }
+}
+
+/// A recording, its readings too.
+pub fn recording(bytes: &[u8]) {
+    let Ok(mut reader) = Reader::new(bytes) else { return };
+    while let Ok(Some(item)) = reader.next_item() {
+        if let recording::Item::Message(message) = item
+            && let Ok(reading) = SensorMessage::decode(&message.data)
+        {
+            std::hint::black_box(reading.sample());
+        }
+    }
+}
+
+fn recording_seed() -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new()).expect("memory");
+    let channel = writer.channel(&SensorMessage::channel("softtwin/finger/sensor")).expect("a channel");
+    let mut bytes = Vec::new();
+    for seq in 0..4 {
+        SensorMessage::from(&SensorSample { seq, pressure_mpa: 0.01, ..SensorSample::default() })
+            .encode(&mut bytes);
+        writer.message(channel, seq as u32, seq, seq, &bytes).expect("memory");
+    }
+    writer.finish().expect("memory").1
+}
+
+/// Scene and settings.
+pub fn config(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    if let Ok(scene) = toml::from_str::<Scene>(&text) {
+        std::hint::black_box(scene.problems());
+    }
+    if let Ok(settings) = toml::from_str::<Settings>(&text) {
+        std::hint::black_box(settings.problems());
+    }
+}
+
+fn config_seed() -> Vec<u8> {
+    br#"name = "x"
+[[actuator]]
+name = "finger"
+model = "m.twin"
+gap_mm = 40.0
+[actuator.source]
+kind = "modbus"
+tcp = "gauge:502"
+filter = { median = 5 }
+pressure = { register = 2, encoding = "f32", word_order = "little", unit = "kPa" }
+[[actuator.output]]
+nodes = { box = { min = [0, 0, 0], max = [1, 1, 1] } }
+name = "tip"
+"#
+    .to_vec()
+}
+
+/// Registers as a device may send them: encoding, order, scale (8 bytes), then the registers.
+pub fn modbus(bytes: &[u8]) {
+    let Some(([encoding, order, scale @ ..], registers)) = bytes.split_first_chunk::<10>() else { return };
+    let encodings = [Encoding::U16, Encoding::I16, Encoding::U32, Encoding::I32, Encoding::F32];
+    let spec = RegisterSpec {
+        unit_id: 1,
+        register: 0,
+        table: Table::Input,
+        encoding: encodings[usize::from(*encoding) % encodings.len()],
+        word_order: if order % 2 == 0 { WordOrder::Big } else { WordOrder::Little },
+        scale: f64::from_be_bytes(*scale),
+        offset: 0.0,
+        unit: None,
+    };
+    let registers: Vec<u16> =
+        registers.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+    let found = spec.decode(Quantity::Pressure, &registers);
+    assert_eq!(found.is_some(), registers.len() == usize::from(spec.count()));
+}
+
+/// Lines of text from a sensor, in pieces.
+pub fn lines(bytes: &[u8]) {
+    let mut buffer = LineBuffer::default();
+    for piece in bytes.chunks(7) {
+        buffer.push(piece, |line| drop(std::hint::black_box(line)));
+    }
+}
+
+/// Two key expressions, parted by a zero: canonical form is stable, matching is symmetric.
+pub fn key(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let (left, right) = text.split_once('\0').unwrap_or((&text, "softtwin/**"));
+    std::hint::black_box(Topic::parse(left));
+    if let (Ok(left), Ok(right)) = (KeyExpr::new(left), KeyExpr::new(right)) {
+        assert_eq!(KeyExpr::new(left.as_str()).as_ref(), Ok(&left), "the canonical form is its own");
+        assert_eq!(left.intersects(&right), right.intersects(&left), "{left} {right}");
+        assert!(left.intersects(&left), "{left}");
+    }
+}

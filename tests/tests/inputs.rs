@@ -1,0 +1,156 @@
+//! Damaged inputs at every entrance: the bodies of the fuzz targets, on stable, with every allocation watched.
+//!
+//! `SOFTTWIN_INPUTS=1250000 cargo test --release -p softtwin-tests --test inputs -- --nocapture` tries so many inputs at
+//! each entrance and says how many it tried.
+
+use softtwin_tests::inputs::{ENTRANCES, Entrance};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// No input of at most [`MAX_INPUT`] bytes may make a reader ask for more than this at once.
+const LARGEST_ALLOCATION: usize = 64 << 20;
+const MAX_INPUT: usize = 1 << 20;
+
+/// The system's allocator, with the largest request noted.
+struct Watching;
+
+static LARGEST: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is passed on to the system's allocator unchanged; noting a number allocates nothing.
+unsafe impl GlobalAlloc for Watching {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        LARGEST.fetch_max(size, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Watching = Watching;
+
+/// A small generator, so that every run tries the same inputs.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        (self.next() % limit.max(1) as u64) as usize
+    }
+}
+
+/// One to four damages: bits, bytes, cuts, repetitions, numbers at their limits, or noise from the start.
+fn damage(seed: &[u8], random: &mut Random) -> Vec<u8> {
+    let mut bytes = seed.to_vec();
+    for _ in 0..1 + random.below(4) {
+        let at = random.below(bytes.len());
+        match random.below(8) {
+            0 if !bytes.is_empty() => bytes[at] ^= 1 << random.below(8),
+            1 if !bytes.is_empty() => bytes[at] = random.next() as u8,
+            2 => bytes.truncate(at),
+            3 => drop(bytes.drain(at..(at + random.below(16)).min(bytes.len()))),
+            4 => {
+                let piece: Vec<u8> = bytes[at..(at + random.below(32)).min(bytes.len())].to_vec();
+                let to = random.below(bytes.len() + 1);
+                bytes.splice(to..to, piece);
+            }
+            5 => {
+                let value = [u64::MAX, 1 << 63, 1 << 40, 1 << 31, u64::from(u32::MAX), 0][random.below(6)];
+                for (offset, byte) in value.to_le_bytes().into_iter().enumerate() {
+                    if let Some(place) = bytes.get_mut(at + offset) {
+                        *place = byte;
+                    }
+                }
+            }
+            6 => bytes.insert(at, random.next() as u8),
+            _ => bytes = (0..random.below(300)).map(|_| random.next() as u8).collect(),
+        }
+    }
+    bytes.truncate(MAX_INPUT);
+    bytes
+}
+
+/// A model file takes longer than a key expression: so many inputs that the ordinary run stays within seconds.
+fn usual_count(entrance: &Entrance) -> usize {
+    match entrance.name {
+        "model" => 300,
+        "npy" => 2_000,
+        _ => 20_000,
+    }
+}
+
+#[test]
+fn no_input_breaks_an_entrance() {
+    let asked: Option<usize> = std::env::var("SOFTTWIN_INPUTS").ok().and_then(|count| count.parse().ok());
+    let mut total = 0;
+    for entrance in &ENTRANCES {
+        let seed = (entrance.seed)();
+        assert!(seed.len() <= MAX_INPUT, "{}", entrance.name);
+        (entrance.body)(&seed);
+        let count = asked.unwrap_or_else(|| usual_count(entrance));
+        let mut random = Random(0x9e37_79b9_7f4a_7c15 ^ seed.len() as u64);
+        LARGEST.store(0, Ordering::Relaxed);
+        for _ in 0..count {
+            let input = damage(&seed, &mut random);
+            if let Err(panic) = std::panic::catch_unwind(|| (entrance.body)(&input)) {
+                keep(entrance, &input);
+                std::panic::resume_unwind(panic);
+            }
+        }
+        let largest = LARGEST.load(Ordering::Relaxed);
+        assert!(largest <= LARGEST_ALLOCATION, "{}: {largest} bytes at once", entrance.name);
+        println!("{}: {count} inputs, largest allocation {largest} bytes", entrance.name);
+        total += count;
+    }
+    println!("{total} inputs over {} entrances", ENTRANCES.len());
+}
+
+/// Where found cases are kept.
+fn corpus(entrance: &Entrance) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(entrance.name)
+}
+
+fn keep(entrance: &Entrance, input: &[u8]) {
+    let path = corpus(entrance).join(format!(
+        "found-{:016x}",
+        input.iter().fold(7u64, |hash, byte| hash.wrapping_mul(31) ^ u64::from(*byte))
+    ));
+    let kept = std::fs::create_dir_all(corpus(entrance)).and_then(|()| std::fs::write(&path, input));
+    println!("this input broke {}: {} ({kept:?})", entrance.name, path.display());
+}
+
+/// Inputs that broke something once are tried for ever.
+#[test]
+fn found_cases_stay_mended() {
+    let mut tried = 0;
+    for entrance in &ENTRANCES {
+        for entry in std::fs::read_dir(corpus(entrance)).into_iter().flatten().flatten() {
+            (entrance.body)(&std::fs::read(entry.path()).unwrap());
+            tried += 1;
+        }
+    }
+    println!("{tried} found cases tried");
+}

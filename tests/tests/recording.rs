@@ -1,0 +1,165 @@
+//! Recorder and player as real processes: what was recorded plays back to the bit, and a kill costs a second at most.
+
+use recording::message::{Recorded, SensorMessage, StateMessage};
+use recording::{Ending, Item, Reader};
+use softtwin_tests::{PATIENCE, Program, Stage};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use wire::{StateReader, Topic, WakeSet, Wakeable};
+
+const STEADY: &str = r#"kind = "simulate"
+rate_hz = 200.0
+gap_mm = 30.0
+profile = { shape = "sine", mean_mpa = 0.035, amplitude_mpa = 0.03, frequency_hz = 1.0 }"#;
+
+/// What a state says of its reading, without time stamps and numbers of the run.
+fn essence(data: &[u8]) -> (u64, String) {
+    let mut state: serde_json::Value = serde_json::from_slice(data).unwrap();
+    let object = state.as_object_mut().unwrap();
+    let seq = object["sensor_seq"].as_u64().unwrap();
+    let late = wire::layout::flags::LATE;
+    let bits = object["flag_bits"].as_u64().unwrap() & !u64::from(late);
+    object.insert("flag_bits".into(), bits.into());
+    for moment in ["seq", "t_sensor_ns", "t_publish_ns", "age_ns", "boot_id", "sensor_boot_id", "flags"] {
+        object.remove(moment);
+    }
+    (seq, state.to_string())
+}
+
+/// Readings and fresh states of a recording, by the reading's number.
+fn contents(path: &Path) -> (Vec<SensorMessage>, BTreeMap<u64, String>, Ending) {
+    let bytes = std::fs::read(path).unwrap();
+    let mut reader = Reader::new(bytes.as_slice()).unwrap();
+    let (mut readings, mut states) = (Vec::new(), BTreeMap::new());
+    while let Some(item) = reader.next_item().unwrap() {
+        let Item::Message(message) = item else { continue };
+        if message.channel.schema_name == SensorMessage::SCHEMA_NAME {
+            readings.push(SensorMessage::decode(&message.data).unwrap());
+        }
+        if message.channel.schema_name == StateMessage::SCHEMA_NAME {
+            let text = String::from_utf8_lossy(&message.data);
+            let (seq, essence) = essence(&message.data);
+            if seq > 0 && !text.contains("stale") {
+                states.entry(seq).or_insert(essence);
+            }
+        }
+    }
+    (readings, states, reader.ending().unwrap().clone())
+}
+
+/// Records while `play` feeds the twin of `scene`; ends when the last reading's state is in the file.
+fn record(stage: &Stage, scene: &Path, name: &str, play: &[&str], last: u64) -> std::path::PathBuf {
+    let path = stage.path(name);
+    let twin = Program::twin(stage, scene);
+    let out = path.display().to_string();
+    let mut recorder = Program::tool(stage, &["record", "--out", &out, "--json"]);
+    let bus = stage.bus();
+    let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
+    // The recorder reads the state topic once it is there as a second reader.
+    let end = Instant::now() + PATIENCE;
+    let all = wire::KeyExpr::new("softtwin/finger/*").unwrap();
+    loop {
+        let topics = bus.topics(&all).unwrap();
+        if topics.iter().filter(|info| info.readers.contains(&recorder.id())).count() >= 3 {
+            break;
+        }
+        assert!(Instant::now() < end, "the recorder does not listen: {topics:?}");
+        std::thread::yield_now();
+    }
+    let mut player = match play {
+        ["bridge", ..] => Program::daemon(stage, play),
+        _ => Program::tool(stage, play),
+    };
+    let mut wake = WakeSet::new([&states as &dyn Wakeable]);
+    let end = Instant::now() + PATIENCE;
+    'heard: loop {
+        while let Some(state) = states.next().unwrap() {
+            if state.sensor_seq >= last {
+                break 'heard;
+            }
+        }
+        assert!(Instant::now() < end, "reading {last} was not answered");
+        wake.wait([&states as &dyn Wakeable], Duration::from_millis(200)).unwrap();
+    }
+    let (status, said) = player.end();
+    assert!(status.success(), "{said:?}");
+    recorder.signal(libc::SIGINT);
+    let (status, said) = recorder.end();
+    assert!(status.success(), "{said:?}");
+    let report: serde_json::Value = serde_json::from_str(said.last().unwrap()).unwrap();
+    assert_eq!((&report["missing"], &report["dropped"]), (&0.into(), &0.into()), "{report}");
+    assert!(twin.stop().0.success());
+    path
+}
+
+/// The criterion of recording: the same readings through the same model give the same states, to the bit.
+#[test]
+fn replaying_a_recording_gives_bit_identical_states() {
+    const READINGS: u64 = 150;
+    let stage = Stage::new("replay");
+    // 100 Hz leaves a loaded machine the time to answer each reading by itself.
+    let trace = stage.trace("trace.csv", READINGS as usize, 100.0, 0.069, 30.0);
+    let scene = stage.finger("kind = \"replay\"\ntrace = \"trace.csv\"");
+    let scene_text = scene.display().to_string();
+    let first = record(&stage, &scene, "first.mcap", &["bridge", "--scene", &scene_text], READINGS);
+    let played = first.display().to_string();
+    let again = record(&stage, &scene, "again.mcap", &["replay", &played, "--actuator", "finger"], READINGS);
+    drop(trace);
+    let (readings_1, states_1, ending_1) = contents(&first);
+    let (readings_2, states_2, ending_2) = contents(&again);
+    assert_eq!((ending_1, ending_2), (Ending::Complete, Ending::Complete));
+    assert_eq!((readings_1.len() as u64, readings_2.len() as u64), (READINGS, READINGS));
+    for (one, two) in readings_1.iter().zip(&readings_2) {
+        assert_eq!(one.pressure_mpa.to_bits(), two.pressure_mpa.to_bits());
+    }
+    let both: Vec<u64> = states_1.keys().filter(|seq| states_2.contains_key(seq)).copied().collect();
+    assert!(
+        both.len() as u64 >= READINGS * 9 / 10,
+        "only {} readings were answered in both runs",
+        both.len()
+    );
+    for seq in both {
+        assert_eq!(states_1[&seq], states_2[&seq], "reading {seq}");
+    }
+}
+
+/// `kill -9` of the recorder: the file ends in the middle and holds all but the last second.
+#[test]
+fn a_killed_recorder_leaves_all_but_the_last_second() {
+    let stage = Stage::new("killrec");
+    let scene = stage.finger(STEADY);
+    let path = stage.path("killed.mcap");
+    let mut recorder = Program::tool(&stage, &["record", "--out", &path.display().to_string()]);
+    let bridge = Program::bridge(&stage, &scene);
+    let readings = |path: &Path| {
+        let Ok(bytes) = std::fs::read(path) else { return (0, 0, 0) };
+        let Ok(mut reader) = Reader::new(bytes.as_slice()) else { return (0, 0, 0) };
+        let (mut count, mut first_ns, mut last_ns) = (0u64, 0, 0);
+        while let Some(item) = reader.next_item().unwrap() {
+            if let Item::Message(message) = item {
+                first_ns = if count == 0 { message.log_time_ns } else { first_ns };
+                last_ns = message.log_time_ns;
+                count += 1;
+            }
+        }
+        (count, first_ns, last_ns)
+    };
+    let end = Instant::now() + PATIENCE;
+    while readings(&path).0 < 300 {
+        assert!(Instant::now() < end, "300 readings did not reach the disk");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    let wall = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
+    recorder.signal(libc::SIGKILL);
+    recorder.end();
+    let (count, first_ns, last_ns) = readings(&path);
+    let lost = Duration::from_nanos((wall.as_nanos() as u64).saturating_sub(last_ns));
+    assert!(lost < Duration::from_secs(1), "{lost:?} of readings are gone");
+    let span_s = (last_ns - first_ns) as f64 * 1e-9;
+    assert!(
+        (count as f64) > 0.95 * span_s * 200.0,
+        "{count} readings in {span_s} s: nothing is missing between"
+    );
+    assert!(bridge.stop().0.success());
+}
