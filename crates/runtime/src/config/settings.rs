@@ -33,6 +33,21 @@ pub struct Limits {
     pub max_ahead_ms: f64,
     /// A reading sent later than this after its stamp is counted and flagged late, ms.
     pub late_ms: f64,
+    /// What becomes of a reading outside the model's domain.
+    pub outside_domain: OutsideDomain,
+}
+
+/// What becomes of a reading outside the model's domain, where every answer is extrapolation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutsideDomain {
+    /// It is answered; verdict, distance and a flag say so.
+    #[default]
+    Answer,
+    /// The last good state stands, with the reason.
+    Hold,
+    /// Nothing is sent; the reading is counted as dropped.
+    Refuse,
 }
 
 impl Default for Limits {
@@ -45,6 +60,7 @@ impl Default for Limits {
             max_age_ms: 1000.0,
             max_ahead_ms: 100.0,
             late_ms: 5.0,
+            outside_domain: OutsideDomain::default(),
         }
     }
 }

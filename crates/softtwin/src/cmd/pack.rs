@@ -126,7 +126,8 @@ impl Args {
         if self.json {
             return say::json(&json!({"cases": cases, "nodes": nodes, "fields": fields, "snapshots": path}));
         }
-        say!("{}: {cases} cases x {nodes} nodes x {fields} fields", path.display())
+        say!("{}: {cases} cases x {nodes} nodes x {fields} fields", path.display())?;
+        Ok(())
     }
 
     /// Everything but the snapshots, whose new name the description gets.

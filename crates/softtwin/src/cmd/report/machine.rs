@@ -136,9 +136,10 @@ impl Machine for Double {
         }
         for (f, field) in fields.iter().enumerate() {
             let Field::Distance { axes, rest } = field else { continue };
-            for i in 0..rows {
-                let square = |k: usize| (self.out[axes[k] * rows + i] - rest[k][i]).powi(2);
-                self.out[f * rows + i] = (square(0) + square(1) + square(2)).sqrt();
+            let [xs, ys, zs] = rest;
+            for (i, ((x, y), z)) in xs.iter().zip(ys).zip(zs).enumerate() {
+                let off = |k: usize, rest: &f64| (self.out[axes[k] * rows + i] - rest).powi(2);
+                self.out[f * rows + i] = (off(0, x) + off(1, y) + off(2, z)).sqrt();
             }
         }
         Ok(self.evaluation.contact_force_n)
