@@ -2,14 +2,14 @@
 
 use rom::model::BlockKind;
 use rom::snapshots::RegimeKind;
-use runtime::config::{Scene, Settings};
+use runtime::config::{OutsideDomain, Scene, Settings};
 use runtime::explain::explain;
 use runtime::twin::{Loaded, Ring, Twin, load_scene};
 use softtwin_tests::{Stage, synthetic};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
-use wire::layout::{field_id, regime};
+use wire::layout::{field_id, flags, regime};
 use wire::{Bus, FieldReader, Outcome, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
 fn load(stage: &Stage, text: &str) -> Vec<Loaded> {
@@ -105,9 +105,12 @@ struct Bench {
 
 impl Bench {
     fn start(stage: &Stage, text: &str) -> Self {
+        Self::start_with(stage, text, &Settings::default())
+    }
+
+    fn start_with(stage: &Stage, text: &str, settings: &Settings) -> Self {
         let bus = stage.bus();
-        let twin =
-            Twin::start(&bus, load(stage, text), &Settings::default(), &Arc::new(Ring::default())).unwrap();
+        let twin = Twin::start(&bus, load(stage, text), settings, &Arc::new(Ring::default())).unwrap();
         Self { bus, twin }
     }
 
@@ -163,6 +166,34 @@ fn a_gap_outside_the_scene_is_held_and_a_fixed_gap_replaces_the_measured_one() {
     bench.turn();
     let state = states.newest().unwrap().expect("a state");
     assert_eq!((state.gap_mm, state.regime), (30.0, regime::CONTACT));
+}
+
+#[test]
+fn what_lies_outside_the_domain_is_answered_held_or_refused_as_configured() {
+    for (policy, outcome, states_sent) in [
+        (OutsideDomain::Answer, Outcome::Published, 2),
+        (OutsideDomain::Hold, Outcome::HeldOutsideDomain, 2),
+        (OutsideDomain::Refuse, Outcome::DroppedOutsideDomain, 1),
+    ] {
+        let stage = Stage::new("policy");
+        let mut settings = Settings::default();
+        settings.limits.outside_domain = policy;
+        let mut bench = Bench::start_with(&stage, &actuator(""), &settings);
+        let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
+        let mut sensor = bench.sensor("finger");
+        for (seq, pressure_mpa) in [(1, 0.05), (2, 0.2)] {
+            sensor.publish(reading(seq, pressure_mpa, 30.0)).unwrap();
+            bench.turn();
+        }
+        assert_eq!(bench.count(outcome), if policy == OutsideDomain::Answer { 2 } else { 1 }, "{policy:?}");
+        let sent: Vec<_> = std::iter::from_fn(|| states.next().unwrap()).collect();
+        assert_eq!(sent.len(), states_sent, "{policy:?}");
+        let (last, pressure_mpa) =
+            (sent.last().unwrap(), if policy == OutsideDomain::Answer { 0.2 } else { 0.05 });
+        assert_eq!(last.pressure_mpa, pressure_mpa, "{policy:?}");
+        assert_eq!(last.flags & flags::OUTSIDE_DOMAIN != 0, policy == OutsideDomain::Answer, "{policy:?}");
+        assert_eq!(last.flags & flags::HELD != 0, policy == OutsideDomain::Hold, "{policy:?}");
+    }
 }
 
 #[test]

@@ -60,6 +60,11 @@ pub enum KernelKind {
     },
     /// Gaussian process: Matern 5/2 with one length a dimension, by maximum likelihood.
     Matern52,
+    /// Matern 7/2 of one length over scaled inputs: between quintic (long) and a process that forgets (short).
+    Matern72 {
+        /// Length over scaled inputs, > 0.
+        length: f64,
+    },
 }
 
 /// A kernel with its tail.
@@ -86,26 +91,42 @@ pub struct RegimeConfig {
     pub kernels: Vec<KernelSpec>,
     /// Candidate factors on the second scaled input before distances are taken (fields vary less along the gap).
     pub anisotropy: Vec<f64>,
-    /// Smoothing candidates, relative to the kernel matrix's scale; 0 interpolates.
+    /// Candidate shares of the second scaled input added to the first before distances are taken (features run aslant),
+    /// tried on the best few kernels.
+    pub shear: Vec<f64>,
+    /// Smoothing candidates, relative to the kernel matrix's scale; 0 interpolates exactly. The defaults are so small that
+    /// training states are missed by less than truncation costs.
     pub smoothing: Vec<f64>,
 }
 
 impl Default for RegimeConfig {
     fn default() -> Self {
+        Self::over(2.0)
+    }
+}
+
+/// Length of the Matern 7/2 candidate over the free regime's one input: longer ones are quintic splines at a condition
+/// number a thousand times as high.
+const FREE_LENGTH: f64 = 0.5;
+
+impl RegimeConfig {
+    /// The defaults, with a Matern 7/2 candidate of this length.
+    fn over(length: f64) -> Self {
         Self {
             modes: ModeChoice::LeaveOneOut(1.02),
             group_modes: BTreeMap::new(),
-            max_modes: 24,
-            kernels: KernelSpec::candidates(),
+            max_modes: 32,
+            kernels: KernelSpec::candidates(length),
             anisotropy: vec![0.25, 0.35, 0.5, 0.7, 1.0, 1.4],
-            smoothing: vec![0.0, 1e-7, 1e-6],
+            shear: vec![-0.5, -0.4, -0.3, -0.2, -0.1, 0.0, 0.2],
+            smoothing: vec![0.0, 1e-9, 1e-8, 3e-8],
         }
     }
 }
 
 impl KernelSpec {
-    /// The default candidates.
-    pub fn candidates() -> Vec<Self> {
+    /// The default candidates, Matern 7/2 with this length.
+    pub fn candidates(length: f64) -> Vec<Self> {
         let spec = |kernel, tail| Self { kernel, tail };
         vec![
             spec(KernelKind::Linear, Tail::Constant),
@@ -114,6 +135,7 @@ impl KernelSpec {
             spec(KernelKind::Cubic, Tail::Quadratic),
             spec(KernelKind::Quintic, Tail::Quadratic),
             spec(KernelKind::Matern52, Tail::Linear),
+            spec(KernelKind::Matern72 { length }, Tail::Linear),
         ]
     }
 }
@@ -133,6 +155,8 @@ pub struct TrainConfig {
     pub split_at_onset: bool,
     /// States on the onset boundary taken from the free model, 0 for none.
     pub boundary_states: usize,
+    /// How far beyond the largest sampled gap these states reach, as a share of the sampled range of gaps.
+    pub boundary_overshoot: f64,
     /// What can be touched; the database's own when absent.
     pub obstacle: Option<Obstacle>,
     /// Choices for the free regime.
@@ -157,8 +181,9 @@ impl Default for TrainConfig {
             derive_magnitude: true,
             split_at_onset: true,
             boundary_states: 24,
+            boundary_overshoot: 0.55,
             obstacle: None,
-            free: RegimeConfig::default(),
+            free: RegimeConfig::over(FREE_LENGTH),
             contact: RegimeConfig::default(),
             coverage: 0.9,
             hysteresis_mpa: 2e-4,
@@ -175,6 +200,7 @@ impl TrainConfig {
             modes: ModeChoice::Fixed(modes),
             kernels: vec![KernelSpec { kernel: KernelKind::Linear, tail: Tail::None }],
             anisotropy: vec![1.0],
+            shear: vec![0.0],
             smoothing: vec![0.0],
             ..RegimeConfig::default()
         };

@@ -8,7 +8,7 @@
 //! Leave-one-out residuals follow in closed form (Rippa) from the augmented inverse `C = A^-1`: `e_i = w_i / C_ii`.
 
 use crate::config::{KernelSpec, Tail};
-use crate::interpolant::Interpolant;
+use crate::interpolant::{Interpolant, Metric};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use thiserror::Error;
@@ -77,12 +77,12 @@ pub struct Fit {
     pub residuals: Vec<f64>,
 }
 
-/// Fits one kernel and reports its condition number. `metric` scales the inputs before distances; `smoothing` is relative to the largest absolute
-/// kernel value. Cost `O((n + q)^3)`.
+/// Fits one kernel and reports its condition number. `metric` says how distances between inputs are taken; `smoothing` is
+/// relative to the largest absolute kernel value. Cost `O((n + q)^3)`.
 ///
 /// # Errors
 /// [`FitError`] when the samples do not determine the interpolant or the solution fails its residual check.
-pub fn fit(samples: &Samples, spec: KernelSpec, metric: [f64; 2], smoothing: f64) -> Result<Fit, FitError> {
+pub fn fit(samples: &Samples, spec: KernelSpec, metric: Metric, smoothing: f64) -> Result<Fit, FitError> {
     let mut fit = fit_candidate(samples, spec, metric, smoothing)?;
     fit.interpolant.condition = condition_of(&fit.interpolant);
     Ok(fit)
@@ -98,15 +98,14 @@ pub(crate) fn condition_of(interpolant: &Interpolant) -> f64 {
 pub(crate) fn fit_candidate(
     samples: &Samples,
     spec: KernelSpec,
-    metric: [f64; 2],
+    metric: Metric,
     smoothing: f64,
 ) -> Result<Fit, FitError> {
     let n = samples.inputs.len();
     if n == 0 {
         return Err(FitError::Empty);
     }
-    let centres: Vec<[f64; 2]> =
-        samples.inputs.iter().map(|x| [x[0] * metric[0], x[1] * metric[1]]).collect();
+    let centres: Vec<[f64; 2]> = samples.inputs.iter().map(|x| metric.apply(*x)).collect();
     refuse_coincident(&centres, smoothing)?;
     refuse_undetermined(samples.dimensions, &centres, spec.tail)?;
     let system = assemble(samples.dimensions, &centres, spec, smoothing);

@@ -1,7 +1,8 @@
 //! A trained interpolant: kernel sums with a polynomial tail, over scaled inputs, with analytic gradients.
 //!
-//! `a(x) = sum_k w_k g(|s (x - x_k)|) + tail(x)` (Eqs. 8-14 with scaling and tail), where `s` scales each input to the
-//! training range (and, for a Gaussian process, by its length). One kernel vector serves all outputs.
+//! `a(x) = sum_k w_k g(|M (x - x_k)|) + tail(M x)` (Eqs. 8-14 with scaling and tail), where `x` is scaled to the training
+//! range and the metric `M` stretches and shears it (for a Gaussian process by its lengths). One kernel vector serves all
+//! outputs.
 
 use crate::config::{KernelKind, Tail};
 use serde::{Deserialize, Serialize};
@@ -76,6 +77,38 @@ impl InputMap {
     }
 }
 
+/// How distances between scaled inputs are taken: `M x = (s0 (x0 + shear x1), s1 x1)`. Contact features run aslant over
+/// pressure and gap (what counts is how far the pressure is above the onset), so the shear pays.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metric {
+    /// Factors on the two inputs after shearing.
+    pub scale: [f64; 2],
+    /// Share of the second scaled input added to the first.
+    pub shear: f64,
+}
+
+impl Metric {
+    /// Distances as they are.
+    pub const IDENTITY: Self = Self { scale: [1.0, 1.0], shear: 0.0 };
+
+    /// `M x`.
+    pub fn apply(&self, x: [f64; 2]) -> [f64; 2] {
+        [self.scale[0] * (x[0] + self.shear * x[1]), self.scale[1] * x[1]]
+    }
+
+    /// `M^T g`: a gradient over `M x` as a gradient over `x`.
+    fn pull_back(&self, g: [f64; 2]) -> [f64; 2] {
+        let first = self.scale[0] * g[0];
+        [first, self.scale[1] * g[1] + self.shear * first]
+    }
+}
+
+impl From<[f64; 2]> for Metric {
+    fn from(scale: [f64; 2]) -> Self {
+        Self { scale, shear: 0.0 }
+    }
+}
+
 /// A trained interpolant of `outputs` functions over `dimensions` scaled inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interpolant {
@@ -85,9 +118,9 @@ pub struct Interpolant {
     pub tail: Tail,
     /// Inputs, 1 or 2.
     pub dimensions: usize,
-    /// Factor on each scaled input before distances are taken (1 unless lengths were fitted).
-    pub metric: [f64; 2],
-    /// Centres, scaled by `metric`.
+    /// How distances are taken.
+    pub metric: Metric,
+    /// Centres, `M x_k`.
     pub centres: Vec<[f64; 2]>,
     /// `centres x outputs`, all outputs of a centre together.
     pub weights: Vec<f64>,
@@ -143,14 +176,14 @@ impl Interpolant {
 
     /// Kernel values and their gradients at `x`, into `scratch`.
     pub(crate) fn kernel_values(&self, x: [f64; 2], scratch: &mut KernelScratch) {
-        let u = [x[0] * self.metric[0], x[1] * self.metric[1]];
+        let u = self.metric.apply(x);
         let n = self.centres.len();
         let (g, dg) = (&mut scratch.value[..n], &mut scratch.slope[..n]);
         for ((centre, g), dg) in self.centres.iter().zip(g.iter_mut()).zip(dg.iter_mut()) {
             let d = [u[0] - centre[0], u[1] - centre[1]];
             let (phi, over_r) = self.kernel.radial(d[0] * d[0] + d[1] * d[1]);
             *g = phi;
-            *dg = [over_r * d[0] * self.metric[0], over_r * d[1] * self.metric[1]];
+            *dg = self.metric.pull_back([over_r * d[0], over_r * d[1]]);
         }
     }
 
@@ -173,11 +206,11 @@ impl Interpolant {
         for (w, (g, dg)) in self.weights.chunks_exact(self.outputs).zip(kernels) {
             accumulate(w, *g, *dg, value, dx0, dx1);
         }
-        let u = [x[0] * self.metric[0], x[1] * self.metric[1]];
+        let u = self.metric.apply(x);
         let terms = self.tail.terms(self.dimensions);
         let (t, dt) = (self.tail.values(self.dimensions, u), self.tail.gradients(self.dimensions, u));
         for (i, w) in self.tail_weights.chunks_exact(self.outputs).enumerate().take(terms) {
-            accumulate(w, t[i], [dt[i][0] * self.metric[0], dt[i][1] * self.metric[1]], value, dx0, dx1);
+            accumulate(w, t[i], self.metric.pull_back(dt[i]), value, dx0, dx1);
         }
     }
 

@@ -205,8 +205,8 @@ impl Predictor {
     /// Answers a query; `switch` remembers the label. Any input is answered without panic; one that is no number, or lies
     /// outside the samples, is flagged as extrapolated (a twin checks its readings before it asks).
     ///
-    /// Across the onset the value is continuous (fields to the bars' order, force exactly); slopes are not: the tip
-    /// stops and the force starts, so gradients are those of the side the query is on.
+    /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
+    /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the query is on.
     pub fn evaluate(&mut self, input: Input, switch: &mut RegimeSwitch, out: &mut Evaluation) {
         let onset = match (&self.onset, self.parts.first()) {
             (Some(table), _) => table.onset(input.gap_mm),
@@ -282,6 +282,9 @@ fn coefficients(part: &RegimePart, x: [f64; 2], scratch: &mut KernelScratch, out
         for (d0, d1) in dx0.iter_mut().zip(dx1.iter_mut()) {
             (*d0, *d1) = part.model.inputs.unscale_gradient([*d0, *d1]);
         }
+    }
+    if let Some(far) = &part.model.far_onset {
+        far.correct(out.input.gap_mm, &mut out.coefficients, &mut out.dcoefficients_dgap);
     }
 }
 

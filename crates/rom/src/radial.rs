@@ -34,6 +34,12 @@ impl KernelKind {
                 let g = (-shape * shape * r2).exp();
                 (g, -2.0 * shape * shape * g)
             }
+            Self::Matern72 { length } => {
+                let s = (7.0 * r2).sqrt() / length;
+                let e = (-s).exp();
+                let over_r = -1.4 / (length * length) * (1.0 + s + s * s / 3.0) * e;
+                ((1.0 + s + s * s * (0.4 + s / 15.0)) * e, over_r)
+            }
             Self::Matern52 => {
                 let s = (5.0 * r2).sqrt();
                 let e = (-s).exp();
@@ -51,6 +57,7 @@ impl KernelKind {
             Self::Quintic => "quintic",
             Self::Gaussian { .. } => "gaussian",
             Self::Matern52 => "matern-5/2 process",
+            Self::Matern72 { .. } => "matern-7/2",
         }
     }
 }

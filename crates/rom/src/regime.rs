@@ -15,7 +15,12 @@ pub struct OnsetTable {
     pub pressure_mpa: Vec<f64>,
     /// dP_c/dgap in MPa/mm at the entries.
     pub slope: Vec<f64>,
+    /// Relative growth of the slope at the sag, per mm: how the table goes on below it.
+    pub bend_per_mm: f64,
 }
+
+/// The bend at the sag is read off this share of the table's gaps.
+const BEND_SHARE: f64 = 0.2;
 
 /// When a gap is touched.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +67,8 @@ impl OnsetTable {
     /// Builds the table from increasing gaps and pressures; slopes by the monotone (Fritsch-Carlson) rule.
     pub fn new(gap_mm: Vec<f64>, pressure_mpa: Vec<f64>) -> Self {
         let slope = monotone_slopes(&gap_mm, &pressure_mpa);
-        Self { gap_mm, pressure_mpa, slope }
+        let bend_per_mm = bend(&gap_mm, &pressure_mpa);
+        Self { gap_mm, pressure_mpa, slope, bend_per_mm }
     }
 
     /// When a gap is touched. `O(log entries)`.
@@ -76,17 +82,20 @@ impl OnsetTable {
         Onset::At(self.pressure_and_slope(gap_mm).0)
     }
 
-    /// `P_c(gap)` in MPa and its slope in MPa/mm: monotone cubic within the table, straight beyond its ends. Below the
-    /// sag it is negative: how far the pressure would have to fall for the actuator to let go.
+    /// `P_c(gap)` in MPa and its slope in MPa/mm: monotone cubic within the table, straight beyond the reach. Below the
+    /// sag it is negative: how far the pressure would have to fall for the actuator to let go. There it goes on with the
+    /// table's own slope and bend, `slope (e^(bend x) - 1) / bend`: a kink in P_c would be one in the factor of the force.
     pub fn pressure_and_slope(&self, gap_mm: f64) -> (f64, f64) {
         let last = self.gap_mm.len() - 1;
-        let straight =
-            |i: usize| (self.pressure_mpa[i] + self.slope[i] * (gap_mm - self.gap_mm[i]), self.slope[i]);
         if gap_mm <= self.gap_mm[0] {
-            return straight(0);
+            let x = self.bend_per_mm * (gap_mm - self.gap_mm[0]);
+            let relative = if x == 0.0 { 1.0 } else { x.exp_m1() / x };
+            let below = self.slope[0] * (gap_mm - self.gap_mm[0]) * relative;
+            return (self.pressure_mpa[0] + below, self.slope[0] * x.exp());
         }
         if gap_mm >= self.gap_mm[last] {
-            return straight(last);
+            let slope = self.slope[last];
+            return (self.pressure_mpa[last] + slope * (gap_mm - self.gap_mm[last]), slope);
         }
         let i = self.gap_mm.partition_point(|g| *g <= gap_mm).saturating_sub(1); // 0 for a gap that is no number
         let h = self.gap_mm[i + 1] - self.gap_mm[i];
@@ -96,6 +105,23 @@ impl OnsetTable {
         let (a, b) = (2.0 * (p0 - p1) + m0 + m1, -3.0 * (p0 - p1) - 2.0 * m0 - m1);
         (((a * t + b) * t + m0) * t + p0, ((3.0 * a * t + 2.0 * b) * t + m0) / h)
     }
+}
+
+/// d ln(slope) / dgap at the low end, a least-squares line through the logarithms of the secants there. Never negative:
+/// a slope that grew towards lower gaps would run away below the sag.
+fn bend(x: &[f64], y: &[f64]) -> f64 {
+    let limit = x[0] + BEND_SHARE * (x[x.len() - 1] - x[0]);
+    let secant = |i: usize| ((y[i + 1] - y[i]) / (x[i + 1] - x[i])).ln();
+    let points: Vec<(f64, f64)> = (0..x.len() - 1)
+        .filter(|&i| x[i + 1] <= limit)
+        .map(|i| (0.5 * (x[i] + x[i + 1]), secant(i)))
+        .filter(|p| p.1.is_finite())
+        .collect();
+    let n = points.len() as f64;
+    let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+    let square: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
+    let product: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
+    if square > 0.0 { (product / square).max(0.0) } else { 0.0 }
 }
 
 /// Slopes that keep a cubic Hermite interpolant monotone: harmonic means of neighbouring secants.

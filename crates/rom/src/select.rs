@@ -8,10 +8,10 @@
 //! Groups that belong together (the three coordinates: what counts is the length of their error) are chosen together and
 //! share a kernel; each keeps its own number of modes.
 
-use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig};
+use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail};
 use crate::fit::{Fit, FitError, Samples, condition_of, fit_candidate};
 use crate::gp::maximum_likelihood;
-use crate::interpolant::Interpolant;
+use crate::interpolant::{Interpolant, Metric};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -23,8 +23,8 @@ const LEAST_CASES: usize = 4;
 pub struct Candidate {
     /// Kernel and tail in words.
     pub kernel: String,
-    /// Factors on the scaled inputs.
-    pub metric: [f64; 2],
+    /// How distances were taken.
+    pub metric: Metric,
     /// Smoothing on the diagonal.
     pub smoothing: f64,
     /// Modes the group would keep.
@@ -74,13 +74,29 @@ pub struct Task {
     pub modes_for_energy: usize,
 }
 
+impl Task {
+    /// Square of the norm of a state's coefficients, those that cannot be kept included.
+    fn square(&self, state: usize) -> f64 {
+        let kept = &self.values[state * self.outputs..(state + 1) * self.outputs];
+        self.dropped[state] + kept.iter().map(|a| a * a).sum::<f64>()
+    }
+}
+
 /// A candidate's verdict: score of all groups together, and by group modes and own score.
 struct Verdict {
     score: f64,
     groups: Vec<(usize, f64)>,
 }
 
-/// Tries every candidate of `config` on groups that belong together and keeps the best. Cost `O(candidates x n^3)`.
+/// So many of the best kernels get their metric refined.
+const REFINED: usize = 3;
+
+/// Factors on the second input around the metric being refined.
+const STRETCHES: [f64; 3] = [0.7, 1.0, 1.4];
+
+/// Tries every candidate of `config` on groups that belong together and keeps the best: first every kernel with every
+/// anisotropy and smoothing, then sheared and stretched metrics around the best of the best few kernels. Cost
+/// `O(candidates x n^3)`.
 ///
 /// # Errors
 /// The last refusal when no candidate could be fitted.
@@ -88,44 +104,106 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
     let outputs: usize = tasks.iter().map(|t| t.outputs).sum();
     let values = side_by_side(tasks, states.inputs.len());
     let samples = Samples { dimensions: states.dimensions, inputs: states.inputs, values: &values, outputs };
-    let mut best: Option<(Verdict, Fit)> = None;
-    let mut refusal = FitError::Empty;
-    let mut rows: Vec<(Candidate, Vec<usize>)> = Vec::new();
+    let floor = DATA_ROUNDING * size(states, tasks);
+    let mut search =
+        Search { samples, states, tasks, floor, best: None, refusal: FitError::Empty, trials: Vec::new() };
     for spec in &config.kernels {
-        for (metric, smoothing) in variants(&samples, *spec, config) {
-            let kernel = format!("{}, {}", spec.kernel.name(), spec.tail.name());
-            let mut row = Candidate { kernel, metric, smoothing, modes: 0, error: None, refused: None };
-            let mut modes = vec![0; tasks.len()];
-            match fit_candidate(&samples, *spec, metric, smoothing) {
-                Ok(fit) => {
-                    let verdict = judge(states, tasks, &fit.residuals);
-                    row.error = Some(verdict.score);
-                    modes = verdict.groups.iter().map(|g| g.0).collect();
-                    if best.as_ref().is_none_or(|(b, _)| verdict.score < b.score) {
-                        best = Some((verdict, fit));
-                    }
-                }
-                Err(e) => {
-                    row.refused = Some(e.to_string());
-                    refusal = e;
-                }
-            }
-            rows.push((row, modes));
+        for (metric, smoothing) in variants(&search.samples, *spec, config) {
+            search.attempt(*spec, metric, smoothing);
         }
     }
-    rows.sort_by(|a, b| a.0.error.unwrap_or(f64::INFINITY).total_cmp(&b.0.error.unwrap_or(f64::INFINITY)));
-    let (verdict, mut fit) = best.ok_or(refusal)?;
-    fit.interpolant.condition = condition_of(&fit.interpolant);
-    let mut first = 0;
-    let choice = |(g, task): (usize, &Task)| {
-        let (modes, error) = verdict.groups[g];
-        let kept = first..first + modes;
-        first += task.outputs;
-        let candidates =
-            rows.iter().map(|(row, modes)| Candidate { modes: modes[g], ..row.clone() }).collect();
-        Choice { fit: keep_outputs(&fit, kept), modes, error, candidates }
-    };
-    Ok(tasks.iter().enumerate().map(choice).collect())
+    if states.dimensions > 1 {
+        search.refine(&config.shear);
+    }
+    search.choices()
+}
+
+/// A candidate that was tried, and the modes each group would keep with it.
+struct Trial {
+    spec: KernelSpec,
+    row: Candidate,
+    modes: Vec<usize>,
+}
+
+struct Search<'a> {
+    samples: Samples<'a>,
+    states: States<'a>,
+    tasks: &'a [Task],
+    /// Errors below this are the data's own rounding.
+    floor: f64,
+    best: Option<(Verdict, Fit)>,
+    refusal: FitError,
+    trials: Vec<Trial>,
+}
+
+impl Search<'_> {
+    fn attempt(&mut self, spec: KernelSpec, metric: Metric, smoothing: f64) {
+        let kernel = format!("{}, {}", spec.kernel.name(), spec.tail.name());
+        let mut row = Candidate { kernel, metric, smoothing, modes: 0, error: None, refused: None };
+        let mut modes = vec![0; self.tasks.len()];
+        match fit_candidate(&self.samples, spec, metric, smoothing) {
+            Ok(fit) => {
+                let verdict = judge(self.states, self.tasks, &fit.residuals);
+                row.error = Some(verdict.score);
+                modes = verdict.groups.iter().map(|g| g.0).collect();
+                if self.best.as_ref().is_none_or(|(b, f)| self.better((&verdict, spec), (b, f))) {
+                    self.best = Some((verdict, fit));
+                }
+            }
+            Err(e) => {
+                row.refused = Some(e.to_string());
+                self.refusal = e;
+            }
+        }
+        self.trials.push(Trial { spec, row, modes });
+    }
+
+    /// By score; where both are down at the rounding of the data, by the tail: the higher one extrapolates.
+    fn better(&self, (verdict, spec): (&Verdict, KernelSpec), (best, fit): (&Verdict, &Fit)) -> bool {
+        let (new, old) = (verdict.score.max(self.floor), best.score.max(self.floor));
+        let terms = |tail: Tail| tail.terms(self.samples.dimensions);
+        new < old || (new == old && terms(spec.tail) > terms(fit.interpolant.tail))
+    }
+
+    /// Best first; refused ones last.
+    fn sort(&mut self) {
+        let score = |t: &Trial| t.row.error.unwrap_or(f64::INFINITY);
+        self.trials.sort_by(|a, b| score(a).total_cmp(&score(b)));
+    }
+
+    fn refine(&mut self, shears: &[f64]) {
+        self.sort();
+        let mut starts: Vec<(KernelSpec, Metric, f64)> = Vec::new();
+        for trial in self.trials.iter().filter(|t| t.row.error.is_some()) {
+            if starts.len() < REFINED && starts.iter().all(|s| s.0 != trial.spec) {
+                starts.push((trial.spec, trial.row.metric, trial.row.smoothing));
+            }
+        }
+        for (spec, metric, smoothing) in starts {
+            for shear in shears.iter().copied().filter(|s| *s != metric.shear) {
+                for stretch in STRETCHES {
+                    let scale = [metric.scale[0], metric.scale[1] * stretch];
+                    self.attempt(spec, Metric { scale, shear }, smoothing);
+                }
+            }
+        }
+    }
+
+    fn choices(mut self) -> Result<Vec<Choice>, FitError> {
+        self.sort();
+        let (verdict, mut fit) = self.best.ok_or(self.refusal)?;
+        fit.interpolant.condition = condition_of(&fit.interpolant);
+        let mut first = 0;
+        let choice = |(g, task): (usize, &Task)| {
+            let (modes, error) = verdict.groups[g];
+            let kept = first..first + modes;
+            first += task.outputs;
+            let candidates =
+                self.trials.iter().map(|t| Candidate { modes: t.modes[g], ..t.row.clone() }).collect();
+            Choice { fit: keep_outputs(&fit, kept), modes, error, candidates }
+        };
+        Ok(self.tasks.iter().enumerate().map(choice).collect())
+    }
 }
 
 /// All groups' coefficients of a state in one row: one factorisation serves all.
@@ -137,12 +215,26 @@ fn side_by_side(tasks: &[Task], states: usize) -> Vec<f64> {
 }
 
 /// Metric and smoothing variants of a kernel: fitted lengths for a process, the configured factors otherwise.
-fn variants(samples: &Samples, spec: KernelSpec, config: &RegimeConfig) -> Vec<([f64; 2], f64)> {
+fn variants(samples: &Samples, spec: KernelSpec, config: &RegimeConfig) -> Vec<(Metric, f64)> {
     if spec.kernel == KernelKind::Matern52 {
-        return maximum_likelihood(samples, spec.tail).map(|l| (l.metric, l.nugget)).into_iter().collect();
+        return maximum_likelihood(samples, spec.tail)
+            .map(|l| (l.metric.into(), l.nugget))
+            .into_iter()
+            .collect();
     }
     let factors = if samples.dimensions > 1 { config.anisotropy.as_slice() } else { &[1.0] };
-    factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| ([1.0, *f], *s))).collect()
+    factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| (Metric::from([1.0, *f]), *s))).collect()
+}
+
+/// Snapshots are f32: what they are off by, as a share.
+const DATA_ROUNDING: f64 = 6e-8;
+
+/// Mean over the scored cases of the weighted norm of all groups' coefficients.
+fn size(states: States, tasks: &[Task]) -> f64 {
+    let square = |i: usize| tasks.iter().map(|t| t.square(i)).sum::<f64>();
+    let scored = states.score.iter().enumerate().filter(|(_, w)| **w > 0.0);
+    let (sum, count) = scored.fold((0.0, 0.0), |(s, n), (i, w)| (s + w * square(i).sqrt(), n + 1.0));
+    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 /// Modes to keep by group, and the scores with them.

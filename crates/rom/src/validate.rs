@@ -111,9 +111,11 @@ impl TrainConfig {
         if !(self.coverage > 0.0 && self.coverage < 1.0) {
             problems.push(format!("coverage: expected a share between 0 and 1, found {}", self.coverage));
         }
-        for (name, value) in
-            [("hysteresis_mpa", self.hysteresis_mpa), ("duplicate_distance", self.duplicate_distance)]
-        {
+        for (name, value) in [
+            ("boundary_overshoot", self.boundary_overshoot),
+            ("hysteresis_mpa", self.hysteresis_mpa),
+            ("duplicate_distance", self.duplicate_distance),
+        ] {
             if !(value.is_finite() && value >= 0.0) {
                 problems.push(format!("{name}: expected a number >= 0, found {value}"));
             }
@@ -138,11 +140,18 @@ impl RegimeConfig {
             );
         }
         for kernel in &self.kernels {
-            if let KernelKind::Gaussian { shape } = kernel.kernel
-                && !(shape.is_finite() && shape > 0.0)
-            {
-                problems.push(format!("gaussian: expected a shape > 0, found {shape}"));
+            let (KernelKind::Gaussian { shape: width } | KernelKind::Matern72 { length: width }) =
+                kernel.kernel
+            else {
+                continue;
+            };
+            if !(width.is_finite() && width > 0.0) {
+                problems
+                    .push(format!("{}: expected a shape or length > 0, found {width}", kernel.kernel.name()));
             }
+        }
+        if self.shear.iter().any(|s| !s.is_finite()) {
+            problems.push("shear: expected finite shares".into());
         }
         if self.anisotropy.iter().any(|a| !(a.is_finite() && *a > 0.0)) {
             problems.push("anisotropy: expected factors > 0".into());

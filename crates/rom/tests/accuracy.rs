@@ -91,9 +91,14 @@ fn fields_and_force_are_continuous_across_the_switch() {
     let mut evaluation = predictor.evaluation();
     let mut sides = [vec![0.0; predictor.entries()], vec![0.0; predictor.entries()]];
     let (mut jump_mm, mut jump_n) = (0.0_f32, 0.0_f64);
-    for step in 0..=100 {
-        let gap_mm = 28.0 + 0.42 * f64::from(step);
-        let Onset::At(onset) = table.onset(gap_mm) else { panic!("gap {gap_mm} mm is within reach") };
+    let (sag, reach) = (table.sag_mm(), table.reach_mm());
+    for step in 0..=200 {
+        let gap_mm = sag + (reach - sag) * f64::from(step) / 200.0;
+        let onset = match table.onset(gap_mm) {
+            Onset::At(onset) => onset,
+            Onset::Always if step == 0 => continue, // at the sag itself there is no other side
+            other => panic!("gap {gap_mm} mm is within reach, found {other:?}"),
+        };
         let mut forces = [0.0; 2];
         for (side, (out, kind)) in sides.iter_mut().zip([RegimeKind::Free, RegimeKind::Contact]).enumerate() {
             let pressure_mpa = onset * (1.0 + 1e-9 * (2.0 * side as f64 - 1.0));
@@ -116,8 +121,9 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
     let Some(plate) = plate() else { return };
     let cases: Vec<usize> = plate.database.of_split(Split::Train).collect();
     let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
-    // What is not truncated is interpolated through the sample, up to the smoothing leave-one-out asked for.
-    let mut missed = [0.0_f64; 2];
+    // What is not truncated is interpolated through the sample, up to the smoothing leave-one-out asked for, which must
+    // cost less than the truncation does.
+    let (mut missed, mut truncated) = ([0.0_f64; 2], [0.0_f64; 2]);
     for case in &report.cases {
         for field in &case.fields {
             let (Some(truncation), Some(interpolation)) = (field.truncation_max, field.interpolation_max)
@@ -126,12 +132,13 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
             };
             assert!(field.max <= truncation + interpolation + 1e-4, "case {}, {}", case.case, field.field);
             let kind = usize::from(field.field == "von_mises");
-            missed[kind] =
-                missed[kind].max(interpolation * field.normalised / field.max.max(f64::MIN_POSITIVE));
+            let share = field.normalised / field.max.max(f64::MIN_POSITIVE);
+            missed[kind] = missed[kind].max(interpolation * share);
+            truncated[kind] = truncated[kind].max(truncation * share);
         }
     }
-    at_most("training cases, coordinates missed beyond truncation", missed[0], 1e-3);
-    at_most("training cases, stress missed beyond truncation", missed[1], 1e-2);
+    at_most("training cases, coordinates missed beyond truncation", missed[0], truncated[0].min(3e-4));
+    at_most("training cases, stress missed beyond truncation", missed[1], truncated[1].min(5e-3));
 }
 
 /// Leave-one-out over the contact cases inside the hull: what a state never trained on can expect, over-stated.

@@ -95,7 +95,7 @@ fn foreign_and_newer_files_are_named_as_such() {
     let mut newer = bytes.clone();
     newer[8..12].copy_from_slice(&(VERSION + 1).to_le_bytes());
     assert!(
-        matches!(Model::from_bytes(&newer), Err(ModelFileError::Newer { found }) if found == VERSION + 1)
+        matches!(Model::from_bytes(&newer), Err(ModelFileError::Version { found }) if found == VERSION + 1)
     );
     let mut giant = bytes.clone();
     giant[16..24].copy_from_slice(&u64::MAX.to_le_bytes());

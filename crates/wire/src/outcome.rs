@@ -50,6 +50,10 @@ outcomes! {
     DroppedNotSent = 10, "dropped: could not be sent";
     /// The model gave a value that is not finite.
     DroppedModel = 11, "dropped: model gave no finite value";
+    /// The reading lies outside the model's domain and the settings say to hold: the last good state stands.
+    HeldOutsideDomain = 12, "held: outside the model's domain";
+    /// The reading lies outside the model's domain and the settings say to refuse it.
+    DroppedOutsideDomain = 13, "dropped: outside the model's domain";
 }
 
 impl Outcome {
@@ -60,12 +64,13 @@ impl Outcome {
 
     /// Whether the last good state stands in its place.
     pub fn is_held(self) -> bool {
-        (Outcome::HeldNotFinite.code()..=Outcome::HeldOutsideScene.code()).contains(&self.code())
+        self == Outcome::HeldOutsideDomain
+            || (Outcome::HeldNotFinite.code()..=Outcome::HeldOutsideScene.code()).contains(&self.code())
     }
 
     /// Whether nothing came of it.
     pub fn is_dropped(self) -> bool {
-        self.code() >= Outcome::DroppedDuplicate.code()
+        self != Outcome::Published && !self.is_held()
     }
 }
 

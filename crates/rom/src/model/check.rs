@@ -76,6 +76,16 @@ impl ModelHeader {
             regime.force.as_ref().is_none_or(|f| f.surrogate.outputs == 1),
             "the force needs one output",
         )?;
+        if let Some(far) = &regime.far_onset {
+            require(
+                far.gap_mm.len() >= 2 && far.gap_mm.windows(2).all(|w| w[0] < w[1]),
+                "far onset: gaps do not increase",
+            )?;
+            require(
+                far.corrections.len() == far.gap_mm.len() * regime.coefficient_count(),
+                "far onset: corrections are cut",
+            )?;
+        }
         regime.interpolants().try_for_each(|fit| {
             let (weights, tail) = (fit.centres.len() * fit.outputs, fit.tail.terms(dimensions) * fit.outputs);
             require(fit.dimensions == dimensions, "an interpolant has other inputs than its regime")?;

@@ -24,8 +24,8 @@ use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// Version this program writes, and the newest it reads.
-pub const VERSION: u32 = 1;
+/// Version this program writes and reads. Models are made again in seconds, so older layouts are refused, not converted.
+pub const VERSION: u32 = 2;
 const ALIGN: usize = 64;
 const TRAILER: u64 = 32;
 
@@ -38,11 +38,12 @@ pub enum ModelFileError {
         /// First bytes.
         found: Vec<u8>,
     },
-    /// Written by a newer program (or by none: there is no version 0).
+    /// Written by an older or a newer program.
     #[error(
-        "the model file has version {found}; this program reads 1 to {VERSION}: update it, or train the model again"
+        "the model file has version {found}, expected {VERSION}; {}",
+        if *.found > VERSION { "update this program" } else { "train the model again: `softtwin train`" }
     )]
-    Newer {
+    Version {
         /// Version in the file.
         found: u32,
     },
@@ -193,8 +194,8 @@ impl<R: Read + Seek> ModelReader<R> {
         }
         fits("the preamble", ALIGN as u64 + TRAILER, length)?;
         let version = u32::from_le_bytes([preamble[8], preamble[9], preamble[10], preamble[11]]);
-        if version == 0 || version > VERSION {
-            return Err(ModelFileError::Newer { found: version });
+        if version != VERSION {
+            return Err(ModelFileError::Version { found: version });
         }
         let mut word = [0; 8];
         word.copy_from_slice(&preamble[16..24]);

@@ -56,6 +56,38 @@ pub struct RegimeModel {
     pub domain: crate::hull::Domain,
     /// Half-widths that cover the stated share of states.
     pub bars: CoverageBars,
+    /// Contact beyond the last onset state that was trained on; none where there is no such gap.
+    pub far_onset: Option<FarOnset>,
+}
+
+/// Keeps fields continuous across the onset where contact was not trained: a correction of the coefficients by gap,
+/// `a(P, gap) = surrogate(P, gap) + d(gap)`. At every tabulated gap `d` is the free state at the onset, in contact modes,
+/// minus the surrogate there; straight between. It begins with 0 at the last onset state that was trained on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FarOnset {
+    /// Gaps in mm, strictly increasing, at least two.
+    pub gap_mm: Vec<f64>,
+    /// `gaps x coefficients`, all coefficients of a gap together.
+    pub corrections: Vec<f64>,
+}
+
+impl FarOnset {
+    /// Adds the correction of a gap to coefficients, and its slope to their derivatives by gap. `O(coefficients)`.
+    pub fn correct(&self, gap_mm: f64, coefficients: &mut [f64], by_gap: &mut [f64]) {
+        let last = self.gap_mm.len() - 1;
+        if gap_mm.is_nan() || gap_mm <= self.gap_mm[0] {
+            return;
+        }
+        let i = self.gap_mm.partition_point(|g| *g <= gap_mm).clamp(1, last) - 1;
+        let width = self.gap_mm[i + 1] - self.gap_mm[i];
+        let share = ((gap_mm - self.gap_mm[i]) / width).min(1.0); // beyond the reach nothing touches
+        let (count, held) = (coefficients.len(), gap_mm > self.gap_mm[last]);
+        let row = |i: usize| &self.corrections[i * count..(i + 1) * count];
+        for (((a, d), low), high) in coefficients.iter_mut().zip(by_gap).zip(row(i)).zip(row(i + 1)) {
+            *a += low + share * (high - low);
+            *d += if held { 0.0 } else { (high - low) / width };
+        }
+    }
 }
 
 /// Contact force of a regime. Near the onset it grows in proportion to `P - P_c(gap)`; what is interpolated there is the

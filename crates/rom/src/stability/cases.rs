@@ -137,7 +137,7 @@ fn edge() -> HardCase {
 }
 
 fn switch() -> HardCase {
-    let hard = "both sides of the onset at 101 gaps from the sag to the last trained, both included";
+    let hard = "both sides of the onset at 101 gaps from the sag to the reach, both included";
     HardCase {
         probe: Probe::Switch,
         bound: 1e-3,

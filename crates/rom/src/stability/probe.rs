@@ -4,11 +4,10 @@ use super::{HardCase, Probe, Query};
 use crate::config::TrainConfig;
 use crate::evaluation::{Evaluation, Input};
 use crate::hull::Verdict;
-use crate::interpolant::Quantity;
 use crate::model::Model;
 use crate::predict::{Predictor, Selection};
 use crate::regime::{Onset, RegimeSwitch};
-use crate::snapshots::{Database, FieldKind, RegimeKind};
+use crate::snapshots::{Database, FieldKind};
 use crate::train::train;
 
 /// The largest error, and whether every answer beyond the bound said that it should not be trusted.
@@ -87,18 +86,12 @@ fn answer(predictor: &mut Predictor, pressure: f64, gap: f64) -> (Evaluation, Ve
     (evaluation, out)
 }
 
-/// Largest jump of any field value over the field's size, and of the force over the largest force, across the onset, as far as
-/// contact was trained (beyond, answers are flagged as extrapolated).
+/// Largest jump of any field value over the field's size, and of the force over the largest force, across the onset from
+/// the sag to the reach.
 fn largest_jump(model: &Model) -> f64 {
     let Some(table) = model.header.onset.as_ref() else { return f64::INFINITY };
     let Ok(mut predictor) = Predictor::new(model, &Selection::default()) else { return f64::INFINITY };
-    let contact = model.regime(RegimeKind::Contact).map(|r| &r.inputs.axes);
-    let trained = contact
-        .into_iter()
-        .flatten()
-        .find(|a| a.quantity == Quantity::GapMm)
-        .map_or(f64::INFINITY, |a| a.max);
-    let (sag, last) = (table.sag_mm(), table.reach_mm().min(trained));
+    let (sag, last) = (table.sag_mm(), table.reach_mm());
     let gaps = (0..=100).map(|i| sag + (last - sag) * f64::from(i) / 100.0);
     let fields = predictor.field_count();
     // By field: the largest jump, and the largest value at any gap (at P = 0 there is hardly a stress to compare with).

@@ -83,6 +83,7 @@ fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
         force: part.force.as_ref().map(|f| f.0.clone()),
         domain: part.domain.clone(),
         bars: part.bars,
+        far_onset: part.far_onset.clone(),
     }
 }
 

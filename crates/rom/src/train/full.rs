@@ -21,7 +21,7 @@ pub(super) fn full_leave_one_out(
     states: States,
 ) -> Option<f64> {
     let r = &compact.r;
-    let (rank, m) = (r.nrows(), r.ncols());
+    let (rank, m, all) = (r.nrows(), states.inputs.len(), r.ncols());
     let values: Vec<f64> = (0..m).flat_map(|j| r.col(j).iter().copied().collect::<Vec<_>>()).collect();
     let samples =
         Samples { dimensions: states.dimensions, inputs: states.inputs, values: &values, outputs: rank };
@@ -30,7 +30,7 @@ pub(super) fn full_leave_one_out(
     let scored: Vec<usize> = (0..m).filter(|&i| states.score[i] > 0.0).collect();
     let mut total = 0.0;
     for &i in &scored {
-        let others: Vec<usize> = (0..m).filter(|&j| j != i).collect();
+        let others: Vec<usize> = (0..all).filter(|&j| j != i).collect();
         let mean = Col::from_fn(rank, |k| match centred {
             true => others.iter().map(|&j| r[(k, j)]).sum::<f64>() / others.len() as f64,
             false => 0.0,

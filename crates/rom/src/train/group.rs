@@ -83,10 +83,11 @@ pub(super) struct Decomposed {
 }
 
 impl Decomposed {
-    /// Decomposes `snapshots`, one column a state.
+    /// Decomposes `snapshots`, one column a state, of which the first `states` are interpolated between.
     pub fn new(
         group: &Group,
         snapshots: Mat<f64>,
+        states: usize,
         regime: &'static str,
         config: &RegimeConfig,
         centred: bool,
@@ -99,9 +100,9 @@ impl Decomposed {
         let dropped = |j| (compact.r.col(j).squared_norm_l2() - a.col(j).squared_norm_l2()).max(0.0);
         let modes = *config.group_modes.get(&group.name).unwrap_or(&config.modes);
         let task = Task {
-            values: (0..a.ncols()).flat_map(|j| a.col_as_slice(j)).copied().collect(),
+            values: (0..states).flat_map(|j| a.col_as_slice(j)).copied().collect(),
             outputs: limit,
-            dropped: (0..a.ncols()).map(dropped).collect(),
+            dropped: (0..states).map(dropped).collect(),
             modes,
             modes_for_energy: if let ModeChoice::Energy(e) = modes { pod.modes_for_energy(e) } else { limit },
         };
@@ -162,6 +163,13 @@ impl GroupFit {
             }
         }
         y
+    }
+
+    /// Coefficients of the group's stacked fields: their best approximation by the modes kept.
+    pub fn project(&self, fields: &[f64]) -> Vec<f64> {
+        let deviation: Vec<f64> = fields.iter().zip(&self.compact.mean).map(|(y, mean)| y - mean).collect();
+        let one = |k: usize| self.basis.col_as_slice(k).iter().zip(&deviation).map(|(phi, y)| phi * y).sum();
+        (0..self.choice.modes).map(one).collect()
     }
 
     /// Leave-one-out error fields of the first `cases` states, one column a case: data minus prediction, closed form.

@@ -7,7 +7,7 @@ use crate::conformal;
 use crate::datasheet::CaseError;
 use crate::hull::Domain;
 use crate::interpolant::{InputAxis, InputMap, Quantity};
-use crate::model::{CoverageBars, ForceModel};
+use crate::model::{CoverageBars, FarOnset, ForceModel};
 use crate::regime::OnsetTable;
 use crate::select::{Candidate, States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
@@ -15,10 +15,6 @@ use faer::Mat;
 
 /// Excess pressures below this share of the largest say more about the onset table than about the force.
 const LEAST_EXCESS: f64 = 0.01;
-
-/// The onset is taken beyond the largest sampled gap by this share of the sampled range: fields stay continuous there,
-/// but the free model's uncertainty far out (walls of the chambers touching) does not reach into the samples.
-const BOUNDARY_OVERSHOOT: f64 = 0.55;
 
 /// A trained regime, before assembly.
 pub(super) struct Part {
@@ -30,6 +26,7 @@ pub(super) struct Part {
     pub bars: CoverageBars,
     pub cases: usize,
     pub boundary_states: usize,
+    pub far_onset: Option<FarOnset>,
     pub errors: Vec<CaseError>,
 }
 
@@ -54,6 +51,8 @@ struct Training<'a> {
     /// 1 for cases inside the hull of the cases, 0 for the others.
     score: Vec<f64>,
     domain: Domain,
+    /// `(pressure, gap)` on the onset beyond the states above: the modes know them, the kernels do not.
+    far: Vec<(f64, f64)>,
 }
 
 pub(super) fn free(
@@ -80,30 +79,45 @@ pub(super) fn contact(
     let mut points: Vec<(f64, f64)> = cases.iter().map(|&i| case(i)).collect();
     let largest_gap = points.iter().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
     if let Some((_, table)) = boundary {
-        points.extend(boundary_points(&points, table, config.boundary_states));
+        points.extend(boundary_points(&points, table, config));
     }
-    let training =
+    let far = boundary.map_or(Vec::new(), |(_, table)| far_points(&points[cases.len()..], table));
+    let mut training =
         Training::new(database, cases, points, &[Quantity::PressureMpa, Quantity::GapMm], largest_gap);
+    training.far = far.iter().copied().skip(1).step_by(FAR_STRIDE).collect();
     let groups =
         training.groups(RegimeKind::Contact, config, &config.contact, plan, boundary.map(|b| b.0))?;
+    let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
     let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
     let force = training.force(&config.contact, onset)?;
     let (errors, bars) = training.errors(plan, &groups, Some(&force.1), config.coverage);
-    Ok(training.part(RegimeKind::Contact, groups, Some(force.0), errors, bars))
+    Ok(Part { far_onset, ..training.part(RegimeKind::Contact, groups, Some(force.0), errors, bars) })
 }
 
 /// States on the onset, evenly spread over pressure; one only where all cases share a gap.
-fn boundary_points(cases: &[(f64, f64)], table: &OnsetTable, count: usize) -> Vec<(f64, f64)> {
+fn boundary_points(cases: &[(f64, f64)], table: &OnsetTable, config: &TrainConfig) -> Vec<(f64, f64)> {
+    let count = config.boundary_states;
     let gap = cases[0].1;
     if cases.iter().all(|c| c.1 == gap) {
         let onset = table.onset(gap).pressure_mpa().filter(|p| count > 0 && *p > 0.0);
         return onset.map(|p| (p, gap)).into_iter().collect();
     }
     let (low, high) = cases.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), c| (l.min(c.1), h.max(c.1)));
-    let limit = high + BOUNDARY_OVERSHOOT * (high - low);
+    let limit = high + config.boundary_overshoot * (high - low);
     let last = table.gap_mm.partition_point(|g| *g <= limit).saturating_sub(1);
     let pick = |i: usize| i * last / (count - 1).max(1);
     (0..count).map(pick).map(|i| (table.pressure_mpa[i], table.gap_mm[i])).collect()
+}
+
+/// Every so many entries of the onset table beyond the trained ones take part in the POD.
+const FAR_STRIDE: usize = 20;
+
+/// The last onset state among `boundary` and all entries of the table beyond it; none when it is the table's end.
+fn far_points(boundary: &[(f64, f64)], table: &OnsetTable) -> Vec<(f64, f64)> {
+    let Some(last) = boundary.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
+    let entries = table.pressure_mpa.iter().copied().zip(table.gap_mm.iter().copied());
+    let beyond: Vec<(f64, f64)> = entries.filter(|e| e.1 > last.1).collect();
+    if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
 }
 
 type Force = (ForceModel, Vec<Candidate>, f64);
@@ -134,7 +148,7 @@ impl<'a> Training<'a> {
         if score.iter().sum::<f64>() < 3.0 {
             score[..cases.len()].fill(1.0); // too few inside to judge by: judge by all
         }
-        Self { database, cases, points, inputs, scaled, score, domain }
+        Self { database, cases, points, inputs, scaled, score, domain, far: Vec::new() }
     }
 
     fn groups(
@@ -148,7 +162,8 @@ impl<'a> Training<'a> {
         let states = self.states(&self.scaled, &self.score);
         let one = |(g, group): (usize, &super::group::Group)| {
             let nodes = self.database.node_count;
-            let mut y = Mat::zeros(nodes * group.fields.len(), self.points.len());
+            let all = self.points.iter().chain(&self.far);
+            let mut y = Mat::zeros(nodes * group.fields.len(), self.points.len() + self.far.len());
             for (j, &case) in self.cases.iter().enumerate() {
                 for (at, &field) in group.fields.iter().enumerate() {
                     let column = &mut y.col_as_slice_mut(j)[at * nodes..(at + 1) * nodes];
@@ -158,16 +173,37 @@ impl<'a> Training<'a> {
                         .for_each(|(y, v)| *y = f64::from(v));
                 }
             }
-            for (j, point) in self.points.iter().enumerate().skip(self.cases.len()) {
+            for (j, point) in all.enumerate().skip(self.cases.len()) {
                 if let Some(free) = free {
                     let state = free.groups[g].evaluate(free.inputs.scale(point.0, 0.0));
                     y.col_as_slice_mut(j).copy_from_slice(&state);
                 }
             }
-            Decomposed::new(group, y, kind.name(), choices, config.centred)
+            Decomposed::new(group, y, self.points.len(), kind.name(), choices, config.centred)
         };
         let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
         fit_groups(plan, decomposed, states, kind.name(), choices, config)
+    }
+
+    /// What makes the contact fields meet the free ones at the onset entries `far`, of which the first is trained on.
+    fn far_onset(&self, free: &Part, groups: &[GroupFit], far: &[(f64, f64)]) -> Option<FarOnset> {
+        if far.len() < 2 || self.inputs.dimensions() < 2 {
+            return None;
+        }
+        let correction = |(at, point): (usize, &(f64, f64))| {
+            let one = |(fit, free_fit): (&GroupFit, &GroupFit)| {
+                let surrogate = fit.choice.fit.interpolant.values_at(self.inputs.scale(point.0, point.1));
+                let wanted = fit.project(&free_fit.evaluate(free.inputs.scale(point.0, 0.0)));
+                let difference =
+                    wanted.iter().zip(&surrogate).map(|(w, s)| if at == 0 { 0.0 } else { w - s });
+                difference.collect::<Vec<_>>()
+            };
+            groups.iter().zip(&free.groups).flat_map(one).collect::<Vec<_>>()
+        };
+        Some(FarOnset {
+            gap_mm: far.iter().map(|p| p.1).collect(),
+            corrections: far.iter().enumerate().flat_map(correction).collect(),
+        })
     }
 
     fn states<'b>(&self, inputs: &'b [[f64; 2]], score: &'b [f64]) -> States<'b> {
@@ -274,6 +310,7 @@ impl<'a> Training<'a> {
             errors,
             bars,
             cases: self.cases.len(),
+            far_onset: None,
             boundary_states: self.points.len() - self.cases.len(),
             inputs: self.inputs,
             domain: self.domain,

@@ -10,7 +10,7 @@ pub use scene::{
     ActuatorSpec, FixedNodes, Gap, Measured, NodesSpec, OutputSpec, Precision, Queries, Scene, StateSpec,
 };
 pub(crate) use settings::ms_to_ns;
-pub use settings::{Limits, OnMissingRights, Realtime, Settings};
+pub use settings::{Limits, OnMissingRights, OutsideDomain, Realtime, Settings};
 
 use serde::de::DeserializeOwned;
 use std::fmt;

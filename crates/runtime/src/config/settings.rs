@@ -35,6 +35,21 @@ pub struct Limits {
     pub late_ms: f64,
     /// A measured force outside the predicted one's error bar for so long raises the alarm, ms.
     pub force_mismatch_ms: f64,
+    /// What becomes of a reading outside the model's domain.
+    pub outside_domain: OutsideDomain,
+}
+
+/// What becomes of a reading outside the model's domain, where every answer is extrapolation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OutsideDomain {
+    /// It is answered; verdict, distance and a flag say so.
+    #[default]
+    Answer,
+    /// The last good state stands, with the reason.
+    Hold,
+    /// Nothing is sent; the reading is counted as dropped.
+    Refuse,
 }
 
 impl Default for Limits {
@@ -48,6 +63,7 @@ impl Default for Limits {
             max_ahead_ms: 100.0,
             late_ms: 5.0,
             force_mismatch_ms: 500.0,
+            outside_domain: OutsideDomain::default(),
         }
     }
 }

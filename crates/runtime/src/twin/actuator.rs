@@ -6,7 +6,7 @@ use super::load::Loaded;
 use super::output::Output;
 use super::ring::{Event, EventKind, Ring};
 use super::watch::ForceWatch;
-use crate::config::{Limits, StateSpec, ms_to_ns};
+use crate::config::{Limits, OutsideDomain, StateSpec, ms_to_ns};
 use rom::evaluation::{Evaluation, Input};
 use rom::hull::Verdict as DomainVerdict;
 use rom::predict::Predictor;
@@ -216,6 +216,9 @@ impl ActuatorTwin {
             self.end(Outcome::DroppedModel);
             return;
         }
+        if self.evaluation.domain == DomainVerdict::Outside && self.left_out(taken_ns) {
+            return;
+        }
         let (before, flags_before) = (self.state.regime, self.health.flags);
         self.describe(sample, taken_ns);
         let alarm = self.state.flags & flags::FORCE_MISMATCH;
@@ -243,6 +246,19 @@ impl ActuatorTwin {
         self.refresh(taken_ns);
         // Off the critical path: the next samples are on loan before the next reading comes.
         self.outputs.iter_mut().for_each(Output::loan_ahead);
+    }
+
+    /// A reading outside the domain that the settings do not want answered is ended here.
+    fn left_out(&mut self, now: u64) -> bool {
+        match self.limits.outside_domain {
+            OutsideDomain::Answer => return false,
+            OutsideDomain::Hold => {
+                self.end(Outcome::HeldOutsideDomain);
+                self.hold(Outcome::HeldOutsideDomain, now);
+            }
+            OutsideDomain::Refuse => self.end(Outcome::DroppedOutsideDomain),
+        }
+        true
     }
 
     /// Fills the state from the evaluation.

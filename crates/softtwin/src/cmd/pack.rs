@@ -1,4 +1,4 @@
-//! `softtwin pack`: a database small enough for a repository, with a stated bound on every value's error.
+//! `softtwin pack`: a database small enough for a repository, with a stated bound on every value's error; and back.
 
 use crate::artefact::refusal;
 use crate::failure::usage;
@@ -15,6 +15,8 @@ const EXAMPLES: &str = "\
 Examples:
   softtwin pack --database target/database/pneunet --out models/pneunet/database
   softtwin pack --database database --out small --length-error-mm 0.01 --stress-error-mpa 1e-4
+  Back to snapshots.npy (float32, cases x nodes x fields), for other programs:
+    softtwin pack --unpack --database models/pneunet/database --out plain
 
 `softtwin train --database` reads the packed folder like any other. The displacement magnitude is not stored but taken
 from the coordinates and the mesh.";
@@ -23,7 +25,7 @@ from the coordinates and the mesh.";
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Database folder with snapshots.npy.
+    /// Database folder with snapshots.npy (with --unpack: with packed snapshots).
     #[arg(long, value_name = "DIR")]
     database: PathBuf,
     /// Folder to write.
@@ -35,10 +37,16 @@ pub struct Args {
     /// Largest error of a stress, and of any other field in its unit, in MPa.
     #[arg(long, value_name = "MPA", default_value_t = 1e-5)]
     stress_error_mpa: f64,
+    /// The other way: packed snapshots to snapshots.npy.
+    #[arg(long)]
+    unpack: bool,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
 }
+
+/// Name of snapshots that are not packed.
+const PLAIN: &str = "snapshots.npy";
 
 impl Args {
     /// Packs, reads back, measures, writes.
@@ -51,16 +59,22 @@ impl Args {
             }
         }
         let manifest = Manifest::read(&self.database.join("database.toml")).map_err(refusal)?;
-        let snapshots = self.snapshots(&manifest)?;
         let mesh = match &manifest.mesh {
             Some(file) => Some(formats::vtu::read(&self.database.join(file)).map_err(refusal)?.points_mm),
             None => None,
         };
+        if self.unpack {
+            return self.write_plain(&manifest, mesh.as_deref());
+        }
+        let snapshots = self.snapshots(&manifest)?;
         let fields = self.fields(&manifest, mesh.is_some());
         let bytes = packed::pack(&snapshots, &fields).map_err(anyhow::Error::msg)?;
         let back = packed::unpack(&bytes, mesh.as_deref()).map_err(anyhow::Error::msg)?;
         let errors = errors(&snapshots, &back);
-        self.write(&manifest, &bytes)?;
+        fs::create_dir_all(&self.out).with_context(|| format!("cannot make {}", self.out.display()))?;
+        let packed = Path::new("snapshots").with_extension(PACKED).display().to_string();
+        fs::write(self.out.join(&packed), &bytes).with_context(|| format!("cannot write {packed}"))?;
+        self.copy_rest(&manifest, &packed)?;
         let (before, after) = (snapshots.values.len() * 4, bytes.len());
         if self.json {
             let names = manifest.field.iter().map(|f| f.name.clone());
@@ -98,26 +112,39 @@ impl Args {
         manifest.field.iter().map(|f| stored(f.kind)).collect()
     }
 
-    /// The same folder with packed snapshots; everything else is copied.
-    fn write(&self, manifest: &Manifest, bytes: &[u8]) -> anyhow::Result<()> {
+    /// The other way: packed snapshots to an array that other programs read.
+    fn write_plain(&self, manifest: &Manifest, mesh: Option<&[[f64; 3]]>) -> anyhow::Result<()> {
+        if Path::new(&manifest.snapshots).extension().is_none_or(|ending| ending != PACKED) {
+            return Err(usage(format!("--unpack: expected packed snapshots, found {}", manifest.snapshots)));
+        }
+        let snapshots = packed::read(&self.database.join(&manifest.snapshots), mesh).map_err(refusal)?;
         fs::create_dir_all(&self.out).with_context(|| format!("cannot make {}", self.out.display()))?;
-        let packed = Path::new("snapshots").with_extension(PACKED);
-        let put = |name: &Path, bytes: &[u8]| {
+        let path = self.out.join(PLAIN);
+        npy::write_f32(&path, &snapshots.shape, &snapshots.values).map_err(refusal)?;
+        self.copy_rest(manifest, PLAIN)?;
+        let [cases, nodes, fields] = snapshots.shape;
+        if self.json {
+            return say::json(&json!({"cases": cases, "nodes": nodes, "fields": fields, "snapshots": path}));
+        }
+        say!("{}: {cases} cases x {nodes} nodes x {fields} fields", path.display())?;
+        Ok(())
+    }
+
+    /// Everything but the snapshots, whose new name the description gets.
+    fn copy_rest(&self, manifest: &Manifest, snapshots: &str) -> anyhow::Result<()> {
+        let put = |name: &str, bytes: &[u8]| {
             let path = self.out.join(name);
             fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
         };
-        put(&packed, bytes)?;
-        for file in [Some(&manifest.cases), manifest.mesh.as_ref(), Some(&"volumes.csv".to_owned())]
-            .into_iter()
-            .flatten()
-        {
+        let others = [Some(manifest.cases.as_str()), manifest.mesh.as_deref(), Some("volumes.csv")];
+        for file in others.into_iter().flatten() {
             if let Ok(content) = fs::read(self.database.join(file)) {
-                put(Path::new(file), &content)?;
+                put(file, &content)?;
             }
         }
         let text = fs::read_to_string(self.database.join("database.toml"))?;
-        let name = format!("\"{}\"", manifest.snapshots);
-        put(Path::new("database.toml"), text.replace(&name, &format!("\"{}\"", packed.display())).as_bytes())
+        let (old, new) = (format!("\"{}\"", manifest.snapshots), format!("\"{snapshots}\""));
+        put("database.toml", text.replace(&old, &new).as_bytes())
     }
 }
 

@@ -20,6 +20,7 @@ pub fn model() -> anyhow::Result<Model> {
         modes: ModeChoice::Fixed(MODES),
         kernels: vec![kernel],
         anisotropy: vec![1.0],
+        shear: vec![0.0],
         ..RegimeConfig::default()
     };
     let config = TrainConfig { free: regime.clone(), contact: regime, ..TrainConfig::default() };

@@ -2,9 +2,13 @@
 
 mod cases;
 mod curves;
+mod hard;
+mod machine;
 mod pareto;
 mod published;
+mod reproduction;
 mod study;
+mod summary;
 mod switch;
 
 use crate::picture::Figure;
@@ -69,12 +73,18 @@ impl Args {
         progress.step("training by the paper's method and by ours");
         let study = Study::new(database)?;
         let mut page = study.heading(&self.database, self.repeats);
+        progress.step("what was promised");
+        page += &summary::section(&study)?;
         progress.step("test cases A to D and states outside the domain");
         page += &cases::section(&study, &folder)?;
         progress.step("errors against modes and training cases (Fig. 5)");
         page += &curves::section(&study, &folder, self.repeats, &mut progress)?;
         progress.step("the switch between the regimes");
         page += &switch::section(&study)?;
+        progress.step("how exactly training cases come back");
+        page += &reproduction::section(&study)?;
+        progress.step("hard cases");
+        page += &hard::section();
         progress.step("speed against error");
         page += &pareto::section(&study, &folder, &mut progress)?;
         drop(progress);

@@ -1,6 +1,7 @@
 //! Speed against error: what another ten microseconds or another megabyte buy.
 
 use super::Folder;
+use super::machine::{Double, Kernel, Machine};
 use super::study::{Study, ours_with, paper, percent, train};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::progress::Progress;
@@ -8,9 +9,8 @@ use rom::config::{KernelKind, ModeChoice, Tail, TrainConfig};
 use rom::evaluation::Input;
 use rom::kernel::Precision;
 use rom::model::Model;
-use rom::predict::{Nodes, Predictor, Selection};
-use rom::regime::RegimeSwitch;
-use rom::snapshots::{FieldKind, RegimeKind};
+use rom::predict::{Nodes, Selection};
+use rom::snapshots::FieldKind;
 use std::fmt::Write as _;
 use std::time::Instant;
 
@@ -39,12 +39,12 @@ pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::
             Some(config) => &train(&study.database, config)?,
             None => &study.ours,
         };
-        for (precision, kind) in [("f32", Precision::F32), ("i16", Precision::I16)] {
+        for precision in ["f64", "f32", "i16"] {
             for nodes in ["all", "surface", "bottom"] {
                 let Some(selection) = selection(model, nodes) else { continue };
-                let mut predictor = Predictor::with_precision(model, &selection, kind)?;
-                let errors = errors(study, &mut predictor, &selection, &cases)?;
-                let (micros, bytes) = (time(study, &mut predictor, &cases)?, basis_bytes(&predictor));
+                let mut machine = machine(model, &selection, precision)?;
+                let errors = errors(study, machine.as_mut(), &selection, &cases)?;
+                let (micros, bytes) = (time(study, machine.as_mut(), &cases)?, machine.bytes());
                 let (kernel, modes) = (kernel.clone(), modes.clone());
                 points.push(Point { grouping, kernel, modes, precision, nodes, micros, bytes, errors });
             }
@@ -83,42 +83,38 @@ fn selection(model: &Model, nodes: &str) -> Option<Selection> {
     Some(Selection { fields: None, nodes })
 }
 
-fn basis_bytes(predictor: &Predictor) -> usize {
-    [RegimeKind::Free, RegimeKind::Contact]
-        .into_iter()
-        .filter_map(|r| predictor.basis(r))
-        .map(|b| b.bytes())
-        .sum()
+fn machine(model: &Model, selection: &Selection, precision: &str) -> anyhow::Result<Box<dyn Machine>> {
+    Ok(match precision {
+        "f64" => Box::new(Double::new(model, selection)?),
+        "i16" => Box::new(Kernel::new(model, selection, Precision::I16)?),
+        _ => Box::new(Kernel::new(model, selection, Precision::F32)?),
+    })
 }
 
 /// Largest errors over cases, normalised by the field's largest value in the case and by the largest force.
 fn errors(
     study: &Study,
-    predictor: &mut Predictor,
+    machine: &mut dyn Machine,
     selection: &Selection,
     cases: &[usize],
 ) -> anyhow::Result<[f64; 3]> {
     let database = &study.database;
     let nodes = study.ours.header.resolve_nodes(&selection.nodes)?;
-    let mut out = vec![0.0; predictor.entries()];
-    let mut evaluation = predictor.evaluation();
     let largest_force = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
     let mut worst = [0.0_f64; 3];
     for &i in cases {
         let case = &database.cases[i];
-        predictor.evaluate(input(case), &mut RegimeSwitch::default(), &mut evaluation);
-        predictor.reconstruct_into(&evaluation, &mut out)?;
+        let force_n = machine.answer(input(case))?;
         for (slot, kind) in [FieldKind::Magnitude, FieldKind::Stress].into_iter().enumerate() {
             let Some(f) = database.fields.iter().position(|f| f.kind == kind) else { continue };
             let truth: Vec<f32> = database.field(i, f).collect();
             let largest = truth.iter().fold(f32::MIN_POSITIVE, |m, v| m.max(v.abs()));
-            let rows = predictor.rows();
+            let rows = machine.rows();
             let at = |row: usize| nodes.as_ref().map_or(row, |n| n[row] as usize);
-            let error =
-                (0..rows).map(|row| (out[f * rows + row] - truth[at(row)]).abs()).fold(0.0_f32, f32::max);
-            worst[slot] = worst[slot].max(f64::from(error / largest));
+            let off = |row: usize| (machine.value(f * rows + row) - f64::from(truth[at(row)])).abs();
+            worst[slot] = worst[slot].max((0..rows).map(off).fold(0.0, f64::max) / f64::from(largest));
         }
-        worst[2] = worst[2].max((evaluation.contact_force_n - case.contact_force_n).abs() / largest_force);
+        worst[2] = worst[2].max((force_n - case.contact_force_n).abs() / largest_force);
     }
     Ok(worst)
 }
@@ -128,16 +124,13 @@ fn input(case: &rom::snapshots::Case) -> Input {
 }
 
 /// Median time of evaluating and reconstructing one state, over the untouched states in turn.
-fn time(study: &Study, predictor: &mut Predictor, cases: &[usize]) -> anyhow::Result<f64> {
-    let mut out = vec![0.0; predictor.entries()];
-    let mut evaluation = predictor.evaluation();
+fn time(study: &Study, machine: &mut dyn Machine, cases: &[usize]) -> anyhow::Result<f64> {
     let mut micros = Vec::with_capacity(TIMED);
     for i in 0..TIMED {
         let Some(case) = cases.get(i % cases.len().max(1)) else { break };
         let query = input(&study.database.cases[*case]);
         let started = Instant::now();
-        predictor.evaluate(query, &mut RegimeSwitch::default(), &mut evaluation);
-        predictor.reconstruct_into(&evaluation, &mut out)?;
+        machine.answer(query)?;
         micros.push(started.elapsed().as_secs_f64() * 1e6);
     }
     micros.sort_by(f64::total_cmp);
@@ -162,7 +155,7 @@ fn page(points: &[Point], cases: usize, shown: &str) -> String {
         "\n## Speed against error\n\nOne state evaluated and all its fields reconstructed: the median of {TIMED} runs on {}. \
          Errors are the largest over {cases} untouched states inside the domain, normalised. The table goes \
          from fast to slow: each row gains at least a tenth in displacement or stress over every faster one; the default \
-         (`chosen`) is always shown.\n\
+         (`chosen`) is always shown. f64 is plain sums over mode after mode, f32 and i16 are the twin's kernel.\n\
          {shown}\n| nodes | us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         processor()
@@ -232,6 +225,9 @@ fn picture(points: &[Point]) -> Figure {
             series: vec![
                 Series { name: "front".into(), colour: 4, mark: Mark::Line, points: front },
                 series("joint (paper)", 1, &|p| p.grouping == "joint"),
+                series("per field, f64", 5, &|p| {
+                    p.grouping != "joint" && p.precision == "f64" && p.modes != "chosen"
+                }),
                 series("per field, f32", 0, &|p| {
                     p.grouping != "joint" && p.precision == "f32" && p.modes != "chosen"
                 }),

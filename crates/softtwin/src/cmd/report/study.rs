@@ -97,6 +97,7 @@ pub fn ours_with(modes: ModeChoice, kernel: KernelKind, tail: Tail) -> TrainConf
         modes,
         kernels: vec![KernelSpec { kernel, tail }],
         anisotropy: vec![0.5],
+        shear: vec![0.0],
         smoothing: vec![0.0],
         ..RegimeConfig::default()
     };

@@ -21,17 +21,9 @@ pub fn run(
     as_json: bool,
 ) -> anyhow::Result<()> {
     let cases = cases::read(list).map_err(refusal)?;
-    let store = Store::new(&out.join("states"), fingerprint(&problem))?;
-    let bar = ProgressBar::new(cases.len() as u64);
-    bar.set_style(ProgressStyle::with_template(
-        "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
-    )?);
     let began = Instant::now();
-    let run = Run { actuator, problem: Arc::clone(&problem), store, threads };
-    let outcome = run.solve(&cases, &|event| tell(&bar, &event))?;
-    bar.finish_and_clear();
+    let outcome = solve(actuator, problem, &cases, out, threads)?;
     let seconds = began.elapsed().as_secs_f64();
-    run::write(out, &actuator.name, problem.mesh(), &cases, &outcome.solved).map_err(refusal)?;
     let report = report(&cases, &outcome, seconds);
     if as_json {
         say::json(&report)?;
@@ -48,6 +40,26 @@ pub fn run(
         out.display(),
         list.display()
     )
+}
+
+/// Solves what is not yet there, under a progress bar, and writes the folder.
+pub fn solve(
+    actuator: &Actuator,
+    problem: Arc<Problem>,
+    cases: &[Case],
+    out: &Path,
+    threads: usize,
+) -> anyhow::Result<Outcome> {
+    let store = Store::new(&out.join("states"), fingerprint(&problem))?;
+    let bar = ProgressBar::new(cases.len() as u64);
+    bar.set_style(ProgressStyle::with_template(
+        "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
+    )?);
+    let run = Run { actuator, problem: Arc::clone(&problem), store, threads };
+    let outcome = run.solve(cases, &|event| tell(&bar, &event))?;
+    bar.finish_and_clear();
+    run::write(out, &actuator.name, problem.mesh(), cases, &outcome.solved).map_err(refusal)?;
+    Ok(outcome)
 }
 
 fn tell(bar: &ProgressBar, event: &Event<'_>) {

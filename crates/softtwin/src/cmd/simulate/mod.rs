@@ -1,13 +1,13 @@
 //! `softtwin simulate`: finite-element states of an actuator, one, a path, or a whole database.
 
-mod batch;
+pub mod batch;
 mod single;
 
 use crate::artefact::refusal;
 use crate::failure::{configuration, usage};
 use fem::Problem;
 use fem::actuator::Actuator;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const EXAMPLES: &str = "\
@@ -54,15 +54,21 @@ pub struct Args {
     json: bool,
 }
 
+/// An actuator and its problem, ready to be solved.
+pub fn open(path: &Path) -> anyhow::Result<(Actuator, Arc<Problem>)> {
+    let actuator = Actuator::read(path).map_err(refusal)?;
+    let mesh = actuator.read_mesh(path).map_err(refusal)?;
+    let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
+    Ok((actuator, problem))
+}
+
 impl Args {
     /// Reads actuator and mesh, then computes.
     pub fn run(self) -> anyhow::Result<()> {
         if self.steps == 0 || self.threads == 0 {
             return Err(usage("--steps and --threads: expected at least 1, found 0"));
         }
-        let actuator = Actuator::read(&self.actuator).map_err(refusal)?;
-        let mesh = actuator.read_mesh(&self.actuator).map_err(refusal)?;
-        let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
+        let (actuator, problem) = open(&self.actuator)?;
         match (&self.cases, self.pressure_mpa, &self.out) {
             (Some(cases), _, Some(out)) => {
                 batch::run(&actuator, problem, cases, out, self.threads, self.json)

@@ -19,7 +19,7 @@ pub struct Cost {
 }
 
 /// Values touched per size of basis, so that small ones are measured often and large ones end.
-const WORK: usize = 1_500_000_000;
+const WORK: usize = 300_000_000;
 
 /// X, Y, Z, |U| and S of a synthetic body. Its fields share one set of modes as source; the basis stores each field's
 /// own copy, as for a model.

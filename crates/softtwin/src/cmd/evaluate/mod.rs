@@ -1,5 +1,7 @@
 //! `softtwin evaluate`.
 
+mod fresh;
+
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::{artefact, say};
 use formats::database::Scene;
@@ -15,8 +17,9 @@ Examples:
     softtwin evaluate --model finger.twin --database models/pneunet/database
   All states kept aside, as JSON, with a picture:
     softtwin evaluate --model finger.twin --database models/pneunet/database --split held-out --json --picture errors.svg
-  States nobody has seen: sample and simulate them into a folder of their own, then
-    softtwin evaluate --model finger.twin --database fresh --split all
+  On 12 states that nobody has seen, drawn at random inside the model's domain and simulated now (about 10 s each) into a
+  folder of their own:
+    softtwin evaluate --model models/pneunet/pneunet.twin --simulate 12 --seed 7 --database fresh
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent;
@@ -29,11 +32,28 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
-    /// Database folder of the same actuator and mesh.
+    /// Database folder of the same actuator and mesh; with --simulate: where the fresh states go.
     #[arg(long, value_name = "DIR")]
     database: PathBuf,
+    /// Draw so many contact states at random inside the model's domain, simulate them and evaluate on them.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    simulate: Option<u64>,
+    /// Seed of the random states.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "simulate")]
+    seed: u64,
+    /// Actuator that is simulated.
+    #[arg(
+        long,
+        value_name = "FILE.toml",
+        default_value = "models/pneunet/actuator.toml",
+        requires = "simulate"
+    )]
+    actuator: PathBuf,
+    /// States simulated at the same time; about 1 GB each.
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "simulate")]
+    threads: usize,
     /// Cases to evaluate on.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, conflicts_with = "simulate")]
     split: SplitArg,
     /// Scene whose cases are used.
     #[arg(long, value_enum, default_value_t)]
@@ -81,9 +101,16 @@ impl Args {
     /// Evaluates and prints.
     pub fn run(self) -> anyhow::Result<()> {
         let model = artefact::model(&self.model)?;
+        let split = match self.simulate {
+            Some(count) => {
+                self.simulate(&model, count as usize)?;
+                SplitArg::Check
+            }
+            None => self.split,
+        };
         let database = artefact::database(&self.database, Scene::from(self.scene))?;
         let cases: Vec<usize> =
-            (0..database.cases.len()).filter(|i| self.split.has(database.cases[*i].split)).collect();
+            (0..database.cases.len()).filter(|i| split.has(database.cases[*i].split)).collect();
         if cases.is_empty() {
             return Err(crate::failure::usage(format!(
                 "--split: {} has no such cases; it has {}",

@@ -1,0 +1,75 @@
+//! States that no training saw: drawn at random inside a model's domain and simulated on the spot.
+
+use super::Args;
+use crate::cmd::simulate::{batch, open};
+use anyhow::Context;
+use fem::rng::Rng;
+use fem::run::Case;
+use formats::database::Scene;
+use rom::evaluation::Input;
+use rom::hull::Verdict;
+use rom::interpolant::{InputAxis, Quantity};
+use rom::model::{Model, RegimeModel};
+use rom::predict::{Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::snapshots::RegimeKind;
+
+/// Draws within the box of a domain that may fall outside it: a domain of a hundredth of its box is still found.
+const TRIES: usize = 100_000;
+
+impl Args {
+    /// Simulates `count` random contact states into the database folder. States already there are not solved again.
+    pub(super) fn simulate(&self, model: &Model, count: usize) -> anyhow::Result<()> {
+        anyhow::ensure!(self.threads > 0, crate::failure::usage("--threads: expected at least 1, found 0"));
+        let (actuator, problem) = open(&self.actuator)?;
+        let nodes = problem.mesh().nodes_mm.len();
+        if nodes != model.header.node_count {
+            return Err(crate::failure::usage(format!(
+                "--actuator {}: its mesh has {nodes} nodes, expected the model's {}; the model was trained on another mesh",
+                self.actuator.display(),
+                model.header.node_count
+            )));
+        }
+        let cases = random_states(model, count, self.seed, Scene::from(self.scene))?;
+        let outcome = batch::solve(&actuator, problem, &cases, &self.database, self.threads)?;
+        for (index, reason) in &outcome.failed {
+            tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);
+        }
+        Ok(())
+    }
+}
+
+/// Random states inside the contact domain, evenly over pressure and gap.
+fn random_states(model: &Model, count: usize, seed: u64, scene: Scene) -> anyhow::Result<Vec<Case>> {
+    let contact =
+        model.regime(RegimeKind::Contact).context("the model has no contact regime to draw from")?;
+    let mut predictor =
+        Predictor::new(model, &Selection { fields: Some(Vec::new()), ..Selection::default() })?;
+    let mut evaluation = predictor.evaluation();
+    let mut random = Rng::new(seed);
+    let mut cases = Vec::new();
+    for _ in 0..TRIES {
+        let mut within =
+            |quantity| range(contact, quantity).map(|[low, high]| low + (high - low) * random.uniform());
+        let pressure = within(Quantity::PressureMpa).context("the contact regime takes no pressure")?;
+        let gap = within(Quantity::GapMm).or(contact.inputs.constant_gap_mm).context("no gap")?;
+        // What is simulated is what is written: rounded as a list of cases would round it.
+        let [pressure_mpa, gap_mm] = [(pressure, 1e6), (gap, 1e4)].map(|(v, per)| (v * per).round() / per);
+        predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut evaluation);
+        if evaluation.basis == RegimeKind::Contact && evaluation.domain == Verdict::Inside {
+            let name = format!("fresh{seed}-{:03}", cases.len());
+            let regime = if scene == Scene::Gripper { "gripper" } else { "contact" }.into();
+            let split = "check".into();
+            cases.push(Case { name, regime, split, pressure_mpa, gap_mm: Some(gap_mm) });
+        }
+        if cases.len() == count {
+            return Ok(cases);
+        }
+    }
+    anyhow::bail!("only {} of {count} random states fell inside the contact domain", cases.len())
+}
+
+fn range(contact: &RegimeModel, quantity: Quantity) -> Option<[f64; 2]> {
+    let axis: Option<&InputAxis> = contact.inputs.axes.iter().find(|a| a.quantity == quantity);
+    axis.map(|a| [a.min, a.max])
+}

@@ -1,0 +1,163 @@
+//! Ways to turn an input into fields: the twin's own kernel in f32 and i16, and plain f64 sums beside it.
+
+use rom::evaluation::{Evaluation, Input};
+use rom::kernel::Precision;
+use rom::model::{BlockKind, Model, RegimeModel};
+use rom::predict::{Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::snapshots::{FieldKind, RegimeKind};
+
+/// Something that answers inputs with fields, and can be timed.
+pub trait Machine {
+    /// Evaluates and reconstructs one state; returns the contact force in N.
+    fn answer(&mut self, input: Input) -> anyhow::Result<f64>;
+    /// The last state, field-major.
+    fn value(&self, index: usize) -> f64;
+    /// Nodes a field.
+    fn rows(&self) -> usize;
+    /// Bytes of mean and modes, both regimes.
+    fn bytes(&self) -> usize;
+}
+
+/// The twin's reconstruction kernel.
+pub struct Kernel {
+    predictor: Predictor,
+    evaluation: Evaluation,
+    out: Vec<f32>,
+}
+
+impl Kernel {
+    pub fn new(model: &Model, selection: &Selection, precision: Precision) -> anyhow::Result<Self> {
+        let predictor = Predictor::with_precision(model, selection, precision)?;
+        let (evaluation, out) = (predictor.evaluation(), vec![0.0; predictor.entries()]);
+        Ok(Self { predictor, evaluation, out })
+    }
+}
+
+impl Machine for Kernel {
+    fn answer(&mut self, input: Input) -> anyhow::Result<f64> {
+        self.predictor.evaluate(input, &mut RegimeSwitch::default(), &mut self.evaluation);
+        self.predictor.reconstruct_into(&self.evaluation, &mut self.out)?;
+        Ok(self.evaluation.contact_force_n)
+    }
+
+    fn value(&self, index: usize) -> f64 {
+        f64::from(self.out[index])
+    }
+
+    fn rows(&self) -> usize {
+        self.predictor.rows()
+    }
+
+    fn bytes(&self) -> usize {
+        let regimes = [RegimeKind::Free, RegimeKind::Contact].into_iter();
+        regimes.filter_map(|r| self.predictor.basis(r)).map(|b| b.bytes()).sum()
+    }
+}
+
+/// One field of one regime in f64.
+enum Field {
+    /// Mean and modes, and which coefficients they take.
+    Sum { mean: Vec<f64>, modes: Vec<f64>, first: usize, stress: bool },
+    /// Distance from the undeformed position, by the coordinates' places among the fields.
+    Distance { axes: [usize; 3], rest: [Vec<f64>; 3] },
+}
+
+/// All in f64: mean plus mode after mode, in pieces that stay in the first cache. What f32 and i16 are measured against.
+pub struct Double {
+    predictor: Predictor,
+    evaluation: Evaluation,
+    regimes: Vec<(RegimeKind, Vec<Field>)>,
+    out: Vec<f64>,
+    rows: usize,
+}
+
+/// Rows of a piece: a mean, a mode and the output of so many rows fit a 32 kB cache.
+const PIECE: usize = 1024;
+
+impl Double {
+    pub fn new(model: &Model, selection: &Selection) -> anyhow::Result<Self> {
+        let nodes = model.header.resolve_nodes(&selection.nodes)?;
+        let all: Vec<u32> = (0..model.header.node_count as u32).collect();
+        let nodes = nodes.unwrap_or(all);
+        let no_fields = Selection { fields: Some(Vec::new()), nodes: selection.nodes.clone() };
+        let predictor = Predictor::new(model, &no_fields)?;
+        let regimes =
+            model.header.regimes.iter().map(|regime| (regime.kind, fields(model, regime, &nodes))).collect();
+        let (evaluation, rows) = (predictor.evaluation(), nodes.len());
+        let out = vec![0.0; rows * model.header.fields.len()];
+        Ok(Self { predictor, evaluation, regimes, out, rows })
+    }
+}
+
+fn fields(model: &Model, regime: &RegimeModel, nodes: &[u32]) -> Vec<Field> {
+    let count = model.header.node_count;
+    let pick = |values: &[f32]| nodes.iter().map(|n| f64::from(values[*n as usize])).collect::<Vec<f64>>();
+    let block = |kind| model.f32_block(kind).unwrap_or_default();
+    let field = |(f, spec): (usize, &rom::model::OutputField)| match spec.magnitude_of {
+        Some(axes) => {
+            Field::Distance { axes, rest: [0, 1, 2].map(|axis| pick(block(BlockKind::Undeformed(axis)))) }
+        }
+        None => {
+            let group = regime.groups.iter().find(|g| g.fields.contains(&f));
+            let (kind, field) = (regime.kind, f as u32);
+            let modes = block(BlockKind::Modes { regime: kind, field });
+            Field::Sum {
+                mean: pick(block(BlockKind::Mean { regime: kind, field })),
+                modes: modes.chunks_exact(count).flat_map(pick).collect(),
+                first: group.map_or(0, |g| g.coefficients.start),
+                stress: spec.spec.kind == FieldKind::Stress,
+            }
+        }
+    };
+    model.header.fields.iter().enumerate().map(field).collect()
+}
+
+impl Machine for Double {
+    fn answer(&mut self, input: Input) -> anyhow::Result<f64> {
+        self.predictor.evaluate(input, &mut RegimeSwitch::default(), &mut self.evaluation);
+        let regime = self.regimes.iter().find(|r| r.0 == self.evaluation.basis);
+        let fields = regime.map_or(&[][..], |r| r.1.as_slice());
+        let rows = self.rows;
+        for (f, field) in fields.iter().enumerate() {
+            let Field::Sum { mean, modes, first, stress } = field else { continue };
+            let out = &mut self.out[f * rows..(f + 1) * rows];
+            let coefficients = &self.evaluation.coefficients[*first..];
+            for (piece, out) in out.chunks_mut(PIECE).enumerate() {
+                let (start, length) = (piece * PIECE, out.len());
+                out.copy_from_slice(&mean[start..start + length]);
+                for (mode, a) in modes.chunks_exact(rows).zip(coefficients) {
+                    out.iter_mut().zip(&mode[start..start + length]).for_each(|(y, phi)| *y += a * phi);
+                }
+                if *stress {
+                    out.iter_mut().for_each(|s| *s = s.max(0.0));
+                }
+            }
+        }
+        for (f, field) in fields.iter().enumerate() {
+            let Field::Distance { axes, rest } = field else { continue };
+            let [xs, ys, zs] = rest;
+            for (i, ((x, y), z)) in xs.iter().zip(ys).zip(zs).enumerate() {
+                let off = |k: usize, rest: &f64| (self.out[axes[k] * rows + i] - rest).powi(2);
+                self.out[f * rows + i] = (off(0, x) + off(1, y) + off(2, z)).sqrt();
+            }
+        }
+        Ok(self.evaluation.contact_force_n)
+    }
+
+    fn value(&self, index: usize) -> f64 {
+        self.out[index]
+    }
+
+    fn rows(&self) -> usize {
+        self.rows
+    }
+
+    fn bytes(&self) -> usize {
+        let one = |field: &Field| match field {
+            Field::Sum { mean, modes, .. } => mean.len() + modes.len(),
+            Field::Distance { rest, .. } => rest.iter().map(Vec::len).sum(),
+        };
+        8 * self.regimes.iter().flat_map(|r| r.1.iter().map(one)).sum::<usize>()
+    }
+}

@@ -1,0 +1,118 @@
+//! What this project promises, line by line, beside what it measures.
+
+use super::study::{REGIMES, Study, percent, test_mse};
+use super::switch;
+use rom::evaluate::{Report, spread};
+use rom::model::Model;
+use rom::snapshots::{FieldKind, RegimeKind, Split};
+use std::fmt::Write as _;
+
+/// Most a mean squared error on the test cases may be, free and contact.
+const MSE: [f64; 2] = [8e-6, 3e-5];
+/// Most the test cases may be off: normalised displacement and stress, relative force; free and contact.
+const TEST: [[f64; 3]; 2] = [[1.5e-4, 1.5e-3, 0.0], [1e-3, 1.5e-2, 5e-3]];
+/// Most the untouched contact states may be off, mean and 95th percentile: displacement, stress, force.
+const UNTOUCHED: [[f64; 2]; 3] = [[3e-4, 8e-4], [7e-3, 2e-2], [2e-4, 8e-4]];
+/// Most the fields and the force may jump at the switch, mm and N.
+const JUMP: [f64; 2] = [0.05, 1e-3];
+
+pub fn section(study: &Study) -> anyhow::Result<String> {
+    let mut table = Table { text: String::from(HEAD) };
+    for (at, regime) in REGIMES.into_iter().enumerate() {
+        let mse = |model| test_mse(model, &study.database, regime);
+        let values = [mse(&study.paper)?, mse(&study.ours)?].map(|v| (v, format!("{v:.2e}")));
+        table.row(&format!("mean squared error (Eq. 15), {} test cases", regime.name()), values, MSE[at], "");
+    }
+    let reports = [&study.paper, &study.ours].map(|model| tests(study, model));
+    let [theirs, mine] = reports;
+    let (theirs, mine) = (theirs?, mine?);
+    for (at, regime) in REGIMES.into_iter().enumerate() {
+        for (k, name) in ["normalised displacement", "normalised stress", "relative force"].iter().enumerate()
+        {
+            if regime == RegimeKind::Free && k == 2 {
+                continue;
+            }
+            let worst = |report: &Report| largest(study, report, regime, k);
+            let values = [worst(&theirs), worst(&mine)].map(|v| (v, format!("{} %", percent(v))));
+            table.row(&format!("{} test cases: {name}, largest", regime.name()), values, TEST[at][k], "%");
+        }
+    }
+    jumps(study, &mut table)?;
+    untouched(study, &mut table)?;
+    Ok(table.text)
+}
+
+const HEAD: &str = "\n## What is promised, and what is measured\n\nLargest over the two test cases of a regime; untouched contact states: \
+    the random check cases of the database, wherever they lie.\n\n\
+    | quantity | paper's method | ours | at most | holds |\n| --- | --- | --- | --- | --- |\n";
+
+struct Table {
+    text: String,
+}
+
+impl Table {
+    /// `[theirs, ours]` as number and text; `unit` "%" shows the bound as a percentage.
+    fn row(&mut self, name: &str, [theirs, mine]: [(f64, String); 2], bound: f64, unit: &str) {
+        let holds = if mine.0 <= bound { "yes" } else { "**no**" };
+        let most = if unit == "%" { format!("{} %", percent(bound)) } else { format!("{bound:.0e}{unit}") };
+        let _ = writeln!(self.text, "| {name} | {} | {} | {most} | {holds} |", theirs.1, mine.1);
+    }
+}
+
+fn tests(study: &Study, model: &Model) -> anyhow::Result<Report> {
+    study.evaluate(model, &study.cases(|c| c.split == Split::Test))
+}
+
+/// Displacement (0), stress (1) or force (2): the largest over a regime's cases.
+fn largest(study: &Study, report: &Report, regime: RegimeKind, quantity: usize) -> f64 {
+    let cases = report.cases.iter().filter(|c| c.gap_mm.is_some() == (regime == RegimeKind::Contact));
+    let of = |c: &rom::evaluate::CaseReport| match quantity {
+        2 => c.force_relative.unwrap_or(0.0),
+        k => field(study, k).map_or(0.0, |f| c.fields[f].normalised),
+    };
+    cases.map(of).fold(0.0, f64::max)
+}
+
+fn field(study: &Study, quantity: usize) -> Option<usize> {
+    let kind = [FieldKind::Magnitude, FieldKind::Stress][quantity];
+    study.database.fields.iter().position(|f| f.kind == kind)
+}
+
+fn jumps(study: &Study, table: &mut Table) -> anyhow::Result<()> {
+    let Some(onset) = &study.ours.header.onset else { return Ok(()) };
+    let range = [onset.sag_mm(), onset.reach_mm()];
+    let both = [switch::jumps(&study.paper, range)?, switch::jumps(&study.ours, range)?];
+    let name = format!("jump at the switch, gaps {:.1} to {:.1} mm", range[0], range[1]);
+    table.row(&format!("{name}: mm"), both.map(|j| (j.0, format!("{:.3} mm", j.0))), JUMP[0], " mm");
+    table.row(&format!("{name}: N"), both.map(|j| (j.1, format!("{:.1e} N", j.1))), JUMP[1], " N");
+    Ok(())
+}
+
+fn untouched(study: &Study, table: &mut Table) -> anyhow::Result<()> {
+    let random = study.cases(|c| c.split == Split::Check && c.name.starts_with("random"));
+    if random.is_empty() {
+        table.text += "\nThis database has no random check cases.\n";
+        return Ok(());
+    }
+    let reports = [study.evaluate(&study.paper, &random)?, study.evaluate(&study.ours, &random)?];
+    for (k, name) in
+        ["normalised displacement", "normalised stress", "force over the largest force"].iter().enumerate()
+    {
+        let both = reports.each_ref().map(|report| match (k, report.regimes.first()) {
+            (2, Some(summary)) => summary.force_normalised,
+            _ => spread(
+                &mut report
+                    .cases
+                    .iter()
+                    .filter_map(|c| Some(c.fields[field(study, k)?].normalised))
+                    .collect::<Vec<_>>(),
+            ),
+        });
+        for (at, which) in ["mean", "95th percentile"].iter().enumerate() {
+            let values = both.map(|s| (s[at], format!("{} %", percent(s[at]))));
+            let name = format!("{} random contact states never trained on: {name}, {which}", random.len());
+            table.row(&name, values, UNTOUCHED[k][at], "%");
+        }
+    }
+    Ok(())
+}
