@@ -59,7 +59,7 @@ impl Default for NewtonSettings {
             max_iterations: 14,
             step_length_mm: 8.0,
             displacement_cap_mm: 12.0,
-            correction_tolerance_mm: 3.0e-4,
+            correction_tolerance_mm: 1.0e-3,
             smallest_step: 1.0 / 256.0,
         }
     }

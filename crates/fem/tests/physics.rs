@@ -7,12 +7,10 @@ use std::sync::Arc;
 use common::{Builder, close, noise};
 use softtwin_fem::algebra::{Mat3, Vec3, add, axpy, dot, mat_vec, norm, scale, sub};
 use softtwin_fem::assemble::System;
-use softtwin_fem::config::GRAVITY_DOWN_MM_S2;
+use softtwin_fem::config::{GRAVITY_DOWN_MM_S2, NewtonSettings};
 use softtwin_fem::contact::obstacle::Footprint;
-use softtwin_fem::element::cavity::CavityLoad;
 use softtwin_fem::element::{membrane, tet10};
 use softtwin_fem::energy::potential_n_mm;
-use softtwin_fem::material::{Elastomer, Hyperelastic};
 use softtwin_fem::mesh::{Mesh, Slot};
 use softtwin_fem::ordering::nested_dissection;
 use softtwin_fem::{Load, Obstacle, Problem, ProblemConfig, ProblemError, SolveError, Solver, State};
@@ -113,6 +111,9 @@ fn patch_test_a_homogeneous_deformation_is_in_equilibrium_inside() {
     let state = follow(&problem, u, Load::default());
     let forces = residual(&problem, &state, &Load::default());
     let scale_n = forces.iter().map(|f| norm(*f)).fold(0.0, f64::max);
+    let inner = problem.mesh().nodes_mm.iter().zip(&forces).filter(|(x, _)| inside(**x));
+    let worst = inner.map(|(_, f)| norm(*f)).fold(0.0, f64::max) / scale_n;
+    println!("patch test: largest force inside {worst:.1e} of the largest on the boundary");
     for (x, f) in problem.mesh().nodes_mm.iter().zip(&forces) {
         assert!(!inside(*x) || norm(*f) < 1.0e-10 * scale_n, "{x:?}: {f:?} of {scale_n}");
     }
@@ -143,6 +144,7 @@ fn residual_is_the_derivative_of_the_energy_and_the_tangent_that_of_the_residual
     system.assemble(&problem, &state, &load, 0.0, true).unwrap();
     assert!(system.contact_force_n > 0.0, "the plate must touch for the test to mean anything");
     let work: f64 = system.condensed.iter().zip(&direction).map(|(f, d)| dot(*f, *d)).sum();
+    println!("energy: derivative {slope:.9e} N, force {:.9e} N along the same direction", -work);
     assert!(close(-work, slope, 1.0e-6), "{} against {slope}", -work);
 
     let mut v = vec![0.0; problem.pattern().unknowns()];
@@ -184,11 +186,16 @@ fn forces_turn_with_the_body_and_vanish_under_rigid_motion() {
     let (before, after) =
         (residual(&problem, &state, &load), residual(&problem, &turned(&state.displacement_mm), &load));
     let largest = before.iter().map(|f| norm(*f)).fold(0.0, f64::max);
+    let turned_by = |(a, b): (&Vec3, &Vec3)| norm(sub(mat_vec(&turn, *a), *b)) / largest;
+    let worst = before.iter().zip(&after).map(turned_by).fold(0.0, f64::max);
+    println!("frame invariance: forces turn with the body to {worst:.1e} of the largest");
     for (a, b) in before.iter().zip(&after) {
         assert!(norm(sub(mat_vec(&turn, *a), *b)) < 1.0e-9 * largest);
     }
     let rest = vec![[0.0; 3]; state.displacement_mm.len()];
     let unloaded = residual(&problem, &turned(&rest), &Load::default());
+    let most = unloaded.iter().map(|f| norm(*f)).fold(0.0, f64::max);
+    println!("rigid motion: largest force {most:.1e} N");
     assert!(unloaded.iter().all(|f| norm(*f) < 1.0e-8), "a rigid motion must not strain the body");
 }
 
@@ -221,93 +228,18 @@ fn internal_pressure_and_wall_forces_balance_and_the_plate_reacts() {
     let on_left = contact.iter().zip(&nodes).filter(|(_, x)| x[0] < 2.5).map(|(f, _)| *f);
     let on_left = total(&on_left.collect::<Vec<_>>());
     assert!(on_left[0] < -0.1, "the left tower must be pushed: {on_left:?}");
+    println!(
+        "wall contact: {:.4} N on the left, sum of both sides {:.1e} N",
+        on_left[0],
+        norm(total(&contact))
+    );
     assert!(norm(total(&contact)) < 1.0e-12 * norm(on_left).max(1.0), "action = reaction");
-}
-
-/// Pressure of a neo-Hookean incompressible sphere whose inner radius has grown by `stretch`.
-fn sphere_pressure(mu: f64, inner: f64, outer: f64, stretch: f64) -> f64 {
-    let grown = (inner * stretch).powi(3) - inner.powi(3);
-    let out = (outer.powi(3) + grown).cbrt() / outer;
-    let term = |l: f64| 1.0 / l + 0.25 / l.powi(4);
-    2.0 * mu * (term(out) - term(stretch))
-}
-
-/// Pressure from the computed energy and volume of a hollow cube mapped to a sphere: `dW/dV` along the exact motion.
-fn computed_sphere_pressure(cells: usize, mu: f64, stretch: f64) -> f64 {
-    let mut b = Builder::default();
-    let hole = cells / 2 - cells / 4..cells / 2 + cells / 4;
-    let inside = |c: [usize; 3]| c.iter().all(|i| hole.contains(i));
-    b.cells([-2.0; 3], [2.0; 3], [cells; 3], |c| !inside(c));
-    b.mesh.cavity = b.faces(|p| p.iter().all(|v| v.abs() < 1.0 + 1.0e-9));
-    b.mesh.fixed_nodes = vec![0];
-    for p in &mut b.mesh.nodes_mm {
-        let reach = p.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        *p = scale(reach / norm(*p), *p);
-    }
-    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
-    let elastomers = vec![Elastomer { law, bulk_mpa: 10.0 * mu, density_t_per_mm3: 0.0 }];
-    let config = ProblemConfig { elastomers, cavity_load: CavityLoad::Consistent, ..config() };
-    let problem = Problem::new(b.mesh, config).unwrap();
-    let at = |stretch: f64| {
-        let grown = stretch.powi(3) - 1.0;
-        let radial = |x: &Vec3| {
-            let r = norm(*x);
-            scale((r.powi(3) + grown).cbrt() / r - 1.0, *x)
-        };
-        let u: Vec<Vec3> = problem.mesh().nodes_mm.iter().map(radial).collect();
-        let state = follow(&problem, u, Load::default());
-        let energy: f64 = problem
-            .mesh()
-            .tets
-            .iter()
-            .map(|t| {
-                let x = t.map(|n| problem.mesh().nodes_mm[n as usize]);
-                let geometry = tet10::TetGeometry::new(&x).unwrap();
-                tet10::energy(&geometry, &t.map(|n| state.displacement_mm[n as usize]), &law).unwrap().0
-            })
-            .sum();
-        let mut system = System::new(&problem);
-        system.assemble(&problem, &state, &Load::default(), 0.0, false).unwrap();
-        (energy, system.cavity_volume_mm3)
-    };
-    let (up, down) = (at(stretch + 1.0e-4), at(stretch - 1.0e-4));
-    (up.0 - down.0) / (up.1 - down.1)
-}
-
-#[test]
-fn inflated_sphere_needs_the_closed_form_pressure_and_converges_with_the_mesh() {
-    let (mu, stretch) = (0.8, 1.3);
-    let exact = sphere_pressure(mu, 1.0, 2.0, stretch);
-    let error = |cells| (computed_sphere_pressure(cells, mu, stretch) / exact - 1.0).abs();
-    let (coarse, fine) = (error(4), error(8));
-    assert!(fine < 0.01 && fine < 0.35 * coarse, "errors {coarse:.4} and {fine:.4}");
-}
-
-#[test]
-fn cantilever_sags_as_beam_theory_says() {
-    let (length, side, mu) = (24.0, 2.0, 1.0);
-    let mut b = Builder::default();
-    b.solid([0.0; 3], [length, side, side], [16, 2, 2]);
-    b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
-    let (bulk, density) = (2000.0, 1.0e-9);
-    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
-    let elastomers = vec![Elastomer { law, bulk_mpa: bulk, density_t_per_mm3: density }];
-    let problem = Problem::new(b.mesh, ProblemConfig { elastomers, ..config() }).unwrap();
-    let mut solver = Solver::new(Arc::new(problem)).unwrap();
-    let gravity = 500.0;
-    let (state, report) = solver.rest([0.0, -gravity, 0.0]).unwrap();
-    assert!(report.residual_n < 1.0e-9 && report.steps == 3, "{report:?}");
-    let youngs = 9.0 * bulk * mu / (3.0 * bulk + mu);
-    let load = density * gravity * side * side;
-    let bending = load * length.powi(4) / (8.0 * youngs * side.powi(4) / 12.0);
-    let shear = load * length * length / (2.0 * (5.0 / 6.0) * mu * side * side);
-    let tip = state.displacement_mm.iter().map(|u| -u[1]).fold(0.0, f64::max);
-    assert!(close(tip, bending + shear, 0.03), "{tip} against {}", bending + shear);
 }
 
 #[test]
 fn a_plate_state_does_not_depend_on_the_path_and_is_in_equilibrium() {
-    let problem = Arc::new(Problem::new(finger(), config()).unwrap());
+    let newton = NewtonSettings { correction_tolerance_mm: 1.0e-7, ..NewtonSettings::default() };
+    let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
     let mut solver = Solver::new(problem).unwrap();
     let (rest, _) = solver.rest(GRAVITY_DOWN_MM_S2).unwrap();
     let at = |pressure_mpa, gap: Option<f64>| Load {
@@ -315,35 +247,41 @@ fn a_plate_state_does_not_depend_on_the_path_and_is_in_equilibrium() {
         obstacle: gap.map_or(Obstacle::None, |gap_mm| Obstacle::Plate { gap_mm }),
         gravity_mm_s2: GRAVITY_DOWN_MM_S2,
     };
-    let (free, _) = solver.reach(&rest, &at(0.06, None)).unwrap();
+    let (free, _) = solver.reach(&rest, &at(0.5, None)).unwrap();
     let sag = softtwin_fem::output::clearance_mm(solver.problem(), &free);
     assert!(sag > 0.2, "the finger must bend towards the plate: {sag}");
-    let target = at(0.06, Some(0.5 * sag));
+    let target = at(0.5, Some(0.5 * sag));
     let (direct, report) = solver.reach(&rest, &target).unwrap();
     let (pressed, _) = solver.reach(&free, &target).unwrap();
-    assert!(report.residual_n < 1.0e-4, "{report:?}");
     for (a, b) in direct.displacement_mm.iter().zip(&pressed.displacement_mm) {
-        assert!(norm(sub(*a, *b)) < 1.0e-3);
+        assert!(norm(sub(*a, *b)) < 1.0e-6);
     }
+    let apart = direct.displacement_mm.iter().zip(&pressed.displacement_mm).map(|(a, b)| norm(sub(*a, *b)));
+    println!("path independence: two paths to one state differ by {:.1e} mm", apart.fold(0.0, f64::max));
     let output = solver.output(&direct);
-    assert!(output.contact_force_n > 1.0e-3 && !output.contact_nodes.is_empty());
+    assert!(output.contact_force_n > 1.0e-2 && !output.contact_nodes.is_empty());
+    println!("equilibrium: {:.1e} N out of balance at {:.4} N", report.residual_n, output.contact_force_n);
+    assert!(report.residual_n < 1.0e-6 * output.contact_force_n, "{report:?}");
     assert!(output.von_mises_mpa.iter().all(|s| s.is_finite()) && output.von_mises_owner_mpa.is_empty());
     // Withdrawn, the plate leaves the free state behind.
-    let (back, _) = solver.reach(&direct, &at(0.06, None)).unwrap();
+    let (back, _) = solver.reach(&direct, &at(0.5, None)).unwrap();
     for (a, b) in back.displacement_mm.iter().zip(&free.displacement_mm) {
-        assert!(norm(sub(*a, *b)) < 1.0e-3);
+        assert!(norm(sub(*a, *b)) < 1.0e-6);
     }
 }
 
 #[test]
 fn an_unbearable_pressure_is_stated_with_the_last_equilibrium() {
-    let problem = Arc::new(Problem::new(finger(), config()).unwrap());
+    // Where the path ends is not the question here, so it need not be found to a 256th.
+    let newton = NewtonSettings { smallest_step: 0.1, max_iterations: 8, ..NewtonSettings::default() };
+    let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
     let mut solver = Solver::new(problem).unwrap();
     let start = solver.undeformed();
-    let load = Load { pressure_mpa: 40.0, ..Load::default() };
+    let load = Load { pressure_mpa: 5.0, ..Load::default() };
     let Err(SolveError::Unreached(stop)) = solver.reach(&start, &load) else { panic!("must not be reached") };
-    assert!(stop.share > 0.0 && stop.share < 1.0 && stop.last.pressure_mpa < 40.0);
-    assert!(stop.to_string().contains("40 MPa"), "{stop}");
+    println!("unbearable: {stop}");
+    assert!(stop.share > 0.0 && stop.share < 1.0 && stop.last.pressure_mpa < 5.0, "{stop}");
+    assert!(stop.to_string().contains("5 MPa"), "{stop}");
     for (bad, name) in [(f64::NAN, "pressure_mpa"), (-0.1, "pressure_mpa")] {
         let load = Load { pressure_mpa: bad, ..Load::default() };
         assert!(matches!(solver.reach(&start, &load), Err(SolveError::Load { name: n, .. }) if n == name));
@@ -354,6 +292,11 @@ fn an_unbearable_pressure_is_stated_with_the_last_equilibrium() {
     assert!(matches!(solver.reach(&foreign, &Load::default()), Err(SolveError::ForeignState { .. })));
 }
 
+/// The same element with corners 0 and 1 exchanged: inside out.
+fn mirrored(t: [u32; 10]) -> [u32; 10] {
+    [t[1], t[0], t[2], t[3], t[4], t[6], t[5], t[8], t[7], t[9]]
+}
+
 #[test]
 fn broken_problems_are_refused_with_what_and_where() {
     let refuse = |change: &dyn Fn(&mut Mesh, &mut ProblemConfig)| {
@@ -361,9 +304,9 @@ fn broken_problems_are_refused_with_what_and_where() {
         change(&mut mesh, &mut config);
         Problem::new(mesh, config).unwrap_err()
     };
-    let inverted = refuse(&|m, _| m.tets[5].swap(0, 1));
+    let inverted = refuse(&|m, _| m.tets[5] = mirrored(m.tets[5]));
     assert!(matches!(inverted, ProblemError::Inverted { element: 5, .. }), "{inverted}");
-    let open = refuse(&|m, _| drop(m.cavity.pop()));
+    let open = refuse(&|m, _| m.cavity.truncate(m.cavity.len() - 1));
     assert!(matches!(open, ProblemError::OpenCavity(..)), "{open}");
     let loose = refuse(&|m, _| m.nodes_mm.push([99.0; 3]));
     assert!(matches!(loose, ProblemError::Unconnected { .. }), "{loose}");

@@ -15,6 +15,7 @@ mod hz;
 mod info;
 mod inspect;
 mod list;
+mod mesh;
 mod pack;
 mod plot;
 mod predict;
@@ -26,6 +27,7 @@ mod simulate;
 mod stability;
 mod trace;
 mod train;
+mod validate;
 mod view;
 
 /// Scene as the command line names it.
@@ -76,8 +78,10 @@ commands! {
     Get => get,
     Grasp => grasp,
     Scene => scene,
+    Mesh => mesh,
     Sample => sample,
     Simulate => simulate,
+    Validate => validate,
     Trace => trace,
     Evaluate => evaluate,
     Report => report,
