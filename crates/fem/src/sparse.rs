@@ -121,11 +121,11 @@ impl SymmetricBlocks {
     pub fn multiply(&self, values: &[f64], v: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; v.len()];
         for (c, range) in self.col_ptr.windows(2).enumerate() {
-            for k in range[0]..range[1] {
-                let r = self.row_idx[k];
-                out[r] += values[k] * v[c];
+            let column = range[0]..range[1];
+            for (&r, value) in self.row_idx[column.clone()].iter().zip(&values[column]) {
+                out[r] += value * v[c];
                 if r != c {
-                    out[c] += values[k] * v[r];
+                    out[c] += value * v[r];
                 }
             }
         }

@@ -92,11 +92,9 @@ fn patch_test_a_homogeneous_deformation_is_in_equilibrium_inside() {
     let inside = |p: Vec3| p.iter().all(|v| *v > 1.0e-6 && *v < 3.0 - 1.0e-6);
     // Corners inside are moved, mid-sides follow: an irregular patch of straight-sided elements.
     let nodes = &mut b.mesh.nodes_mm;
-    for n in 0..nodes.len() {
-        if inside(nodes[n]) && nodes[n].iter().all(|v| (v - v.round()).abs() < 1.0e-6) {
-            for i in 0..3 {
-                nodes[n][i] += 0.2 * noise(3 * n + i);
-            }
+    for (n, p) in nodes.iter_mut().enumerate() {
+        if inside(*p) && p.iter().all(|v| (v - v.round()).abs() < 1.0e-6) {
+            *p = std::array::from_fn(|i| p[i] + 0.2 * noise(3 * n + i));
         }
     }
     for tet in &b.mesh.tets {
