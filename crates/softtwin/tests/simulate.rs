@@ -102,6 +102,9 @@ fn one_state_and_a_path_are_written_and_described() {
     assert_eq!(array.shape, [nodes, 5]);
     let largest = array.data.iter().skip(3).step_by(5).copied().fold(0.0, f32::max);
     assert!((f64::from(largest) - of("max_displacement_mm")[2]).abs() < 1.0e-5);
+    let sets = place.run("simulate --actuator a.toml --pressure-mpa 0.06 --gap-mm 0.3 --json").json();
+    let set = sets["contact_node_set"].as_array().unwrap();
+    assert!(!set.is_empty() && Some(set.len() as u64) == sets["contact_nodes"].as_u64(), "{sets}");
     let free = place.run("simulate --actuator a.toml --pressure-mpa 0.03 --out s.vtu").json();
     assert_eq!((free["gap_mm"].is_null(), free["contact_force_n"].as_f64()), (true, Some(0.0)));
     let grid = formats::vtu::read(&place.at("s.vtu")).unwrap();
