@@ -7,7 +7,7 @@ use std::sync::Arc;
 use common::{Builder, close, noise};
 use softtwin_fem::algebra::{Mat3, Vec3, add, axpy, dot, mat_vec, norm, scale, sub};
 use softtwin_fem::assemble::System;
-use softtwin_fem::config::{GRAVITY_DOWN_MM_S2, NewtonSettings};
+use softtwin_fem::config::{ContactSettings, GRAVITY_DOWN_MM_S2, NewtonSettings};
 use softtwin_fem::contact::obstacle::Footprint;
 use softtwin_fem::element::{membrane, tet10};
 use softtwin_fem::energy::potential_n_mm;
@@ -216,7 +216,7 @@ fn internal_pressure_and_wall_forces_balance_and_the_plate_reacts() {
         |x: &Vec3| if x[0] > 2.9 && x[1] > 0.9 { [-0.7 * (x[1] - 0.5), 0.02 * x[2], 0.0] } else { [0.0; 3] };
     let state = follow(&towers, nodes.iter().map(lean).collect(), Load::default());
     let none = ProblemConfig {
-        contact: softtwin_fem::config::ContactSettings { slot_penalty_mpa_per_mm: 0.0, ..Default::default() },
+        contact: ContactSettings { slot_penalty_mpa_per_mm: 0.0, ..Default::default() },
         ..config()
     };
     let apart = Problem::new(towers.mesh().clone(), none).unwrap();
@@ -288,6 +288,50 @@ fn an_unbearable_pressure_is_stated_with_the_last_equilibrium() {
     assert!(matches!(solver.reach(&start, &inside), Err(SolveError::Load { name: "gap_mm", .. })));
     let foreign = State::default();
     assert!(matches!(solver.reach(&foreign, &Load::default()), Err(SolveError::ForeignState { .. })));
+}
+
+/// The walls' normal is held while force and tangent are formed; along a motion that does not turn the walls the
+/// tangent must then be exact. Contact alone: the same body without it is subtracted.
+#[test]
+fn wall_contact_has_the_tangent_of_its_force_where_the_walls_do_not_turn() {
+    let with_penalty = |slot_penalty_mpa_per_mm| {
+        // Rounded so widely that the walls touch before the body between them is crushed.
+        let contact =
+            ContactSettings { slot_penalty_mpa_per_mm, slot_smoothing_mm: 1.5, ..Default::default() };
+        Problem::new(towers(), ProblemConfig { contact, ..config() }).unwrap()
+    };
+    let problems = [with_penalty(50.0), with_penalty(0.0)];
+    let nodes = &problems[0].mesh().nodes_mm;
+    let right = |x: &Vec3| x[0] > 2.9 && x[1] > 0.9;
+    let load = Load::default();
+    let shifted = |by: f64| {
+        let u = nodes.iter().map(|x| if right(x) { [-by, 0.0, 0.0] } else { [0.0; 3] });
+        follow(&problems[0], u.collect(), load)
+    };
+    let contact = |of: &dyn Fn(&Problem) -> Vec<f64>| -> Vec<f64> {
+        of(&problems[0]).iter().zip(of(&problems[1])).map(|(a, b)| a - b).collect()
+    };
+    let mut v = vec![0.0; problems[0].pattern().unknowns()];
+    for k in nodes.iter().enumerate().filter(|(_, x)| right(x)).filter_map(|(n, _)| problems[0].unknown(n)) {
+        v[k] = -1.0;
+    }
+    for by in [0.1, 0.4] {
+        let stated = contact(&|problem| {
+            let mut system = System::new(problem);
+            system.assemble(problem, &shifted(by), &load, 0.0, true).unwrap();
+            problem.pattern().multiply(&system.tangent, &v)
+        });
+        let force = |by: f64| contact(&|p| residual(p, &shifted(by), &load).into_flattened());
+        let (up, down) = (force(by + 1.0e-4), force(by - 1.0e-4));
+        let largest = stated.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        assert!(largest > 0.1, "the walls must touch for the test to mean anything");
+        for (n, k) in (0..nodes.len()).filter_map(|n| Some((n, problems[0].unknown(n)?))) {
+            for i in 0..3 {
+                let measured = -(up[3 * n + i] - down[3 * n + i]) / 2.0e-4;
+                assert!((stated[k + i] - measured).abs() < 1.0e-6 * largest, "node {n}, shift {by}");
+            }
+        }
+    }
 }
 
 /// The same element with corners 0 and 1 exchanged: inside out.
