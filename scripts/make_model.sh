@@ -5,7 +5,8 @@
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
 cd "$(dirname "$0")/.."
-softtwin() { cargo run --quiet --release -p softtwin -- "$@"; }
+# SOFTTWIN=path/to/softtwin takes a program that is already built.
+softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
 [ $# -gt 0 ] || set -- pneunet gripper
 for name in "$@"; do
     model="models/$name"

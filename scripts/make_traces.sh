@@ -3,7 +3,8 @@
 # About 45 states; stop it and start it again as you like.
 set -eu
 cd "$(dirname "$0")/.."
-softtwin() { cargo run --quiet --release -p softtwin -- "$@"; }
+# SOFTTWIN=path/to/softtwin takes a program that is already built.
+softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
 softtwin simulate --cases models/pneunet/trace_cases.csv --out target/traces
 seed=1
 for gap in 80 40 15; do

@@ -13,6 +13,7 @@ pub mod assemble;
 pub mod config;
 pub mod contact;
 pub mod element;
+pub mod energy;
 pub mod linear;
 pub mod material;
 pub mod mesh;
@@ -27,6 +28,7 @@ pub mod solver;
 pub mod sparse;
 pub mod state;
 pub mod trace;
+pub mod validate;
 
 pub use config::{Load, ProblemConfig};
 pub use contact::obstacle::Obstacle;

@@ -182,6 +182,18 @@ impl Problem {
         (self.pattern.unknowns(), self.pattern.stored(), self.analysis.factor_entries())
     }
 
+    /// Pattern of the tangent.
+    #[must_use]
+    pub fn pattern(&self) -> &SymmetricBlocks {
+        &self.pattern
+    }
+
+    /// First scalar unknown of a node; `None` where it is held.
+    #[must_use]
+    pub fn unknown(&self, node: usize) -> Option<usize> {
+        (self.free[node] != HELD).then(|| 3 * self.free[node] as usize)
+    }
+
     /// The elastomer of element `e`.
     #[must_use]
     pub fn elastomer(&self, e: usize) -> &crate::material::Elastomer {

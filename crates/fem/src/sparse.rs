@@ -115,4 +115,20 @@ impl SymmetricBlocks {
             }
         }
     }
+
+    /// Matrix times vector, both over scalar unknowns.
+    #[must_use]
+    pub fn multiply(&self, values: &[f64], v: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; v.len()];
+        for (c, range) in self.col_ptr.windows(2).enumerate() {
+            let column = range[0]..range[1];
+            for (&r, value) in self.row_idx[column.clone()].iter().zip(&values[column]) {
+                out[r] += value * v[c];
+                if r != c {
+                    out[c] += value * v[r];
+                }
+            }
+        }
+        out
+    }
 }

@@ -1,5 +1,9 @@
 //! What people give the simulator: actuator files, meshes, lists of cases. Sound ones pass, bad ones are refused by name.
 
+#[path = "common/actuators.rs"]
+mod actuators;
+
+use actuators::{reference, with};
 use proptest::prelude::*;
 use softtwin_fem::actuator::Actuator;
 use softtwin_fem::mesh::Mesh;
@@ -9,10 +13,6 @@ use std::path::{Path, PathBuf};
 
 fn model(file: &str) -> PathBuf {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models")).join(file)
-}
-
-fn text() -> String {
-    std::fs::read_to_string(model("pneunet/actuator.toml")).unwrap()
 }
 
 #[test]
@@ -40,15 +40,6 @@ fn every_case_of_the_list_is_where_the_issue_wants_it() {
     assert_eq!(gripper.iter().filter(|c| c.split != "check").count(), 32 + 2);
 }
 
-/// Changes the value of a key within a section of the reference file.
-fn with(section: &str, key: &str, value: &str) -> String {
-    let text = text();
-    let at = text.find(&format!("[{section}]")).unwrap();
-    let line = at + text[at..].find(&format!("\n{key} = ")).unwrap() + 1;
-    let end = line + text[line..].find('\n').unwrap();
-    format!("{}{key} = {value}{}", &text[..line], &text[end..])
-}
-
 #[test]
 fn parts_that_vanish_or_overlap_and_impossible_materials_are_named() {
     for (section, key, value, word) in [
@@ -71,16 +62,16 @@ fn parts_that_vanish_or_overlap_and_impossible_materials_are_named() {
         ("obstacle", "x_mm", "[120.0, 0.0]", "obstacle.x_mm"),
         ("loads", "gravity_mm_s2", "[0.0, inf, 0.0]", "gravity_mm_s2"),
     ] {
-        let list = Actuator::parse(&with(section, key, value)).unwrap_err();
+        let list = Actuator::parse(&with(&reference(), section, key, value)).unwrap_err();
         assert!(list.iter().any(|p| p.to_string().contains(word)), "{key} = {value}: {list:?}");
     }
 }
 
 #[test]
 fn all_problems_come_at_once_and_unknown_keys_are_refused() {
-    let both = with("base", "lower_mm", "-1.0").replace("poisson = 0.2", "poisson = 2.0");
+    let both = with(&reference(), "base", "lower_mm", "-1.0").replace("poisson = 0.2", "poisson = 2.0");
     assert!(Actuator::parse(&both).unwrap_err().len() >= 2);
-    let unknown = text().replace("[sheet]", "[sheet]\ncolour = \"white\"");
+    let unknown = reference().replace("[sheet]", "[sheet]\ncolour = \"white\"");
     assert!(Actuator::parse(&unknown).unwrap_err()[0].to_string().contains("colour"));
 }
 

@@ -13,6 +13,7 @@ mod load;
 mod picture;
 mod progress;
 mod render;
+mod resources;
 mod say;
 mod view;
 

@@ -1,21 +1,29 @@
 //! From a mesh file to a [`Mesh`] with its named surfaces.
 
-use super::{Mesh, Slot, Tri6, check};
+use super::{Mesh, Slot, Tri6, check, surfaces};
 use crate::actuator::Actuator;
 use formats::mesh_file::MeshFile;
-use formats::{FormatError, Problem, msh};
+use formats::{FormatError, Problem, msh, vtu};
 use std::path::Path;
 
-/// Reads the `.msh` of an actuator and checks it; surfaces by the names the mesh script gives.
+/// Reads the mesh of an actuator and checks it. A `.msh` names its surfaces as the mesh script does; in a `.vtu`, which
+/// carries no names, they are found by where they lie.
 ///
 /// # Errors
 /// Not readable, another kind of file, or everything that is wrong with the mesh.
 pub fn read_mesh(path: &Path, actuator: &Actuator) -> Result<Mesh, FormatError> {
-    if path.extension().is_none_or(|e| e != "msh") {
-        let expected = "a .msh with named surfaces (a .vtu carries no names; make one with scripts/mesh.sh)";
-        return Err(FormatError::one(path, Problem::new("file name", expected, path.display())));
-    }
-    let file = msh::read(path)?;
+    let file = match path.extension().and_then(|e| e.to_str()) {
+        Some("msh") => msh::read(path)?,
+        Some("vtu") => {
+            let mut file = vtu::read(path)?;
+            file.surfaces = surfaces::locate(actuator, &file.points_mm, &file.tets);
+            file
+        }
+        _ => {
+            let expected = "a .msh or a .vtu (scripts/mesh.sh and `softtwin mesh` make them)";
+            return Err(FormatError::one(path, Problem::new("file name", expected, path.display())));
+        }
+    };
     let (mesh, mut problems) = named(file, actuator.chambers.count - 1);
     problems.extend(check::problems(&mesh));
     FormatError::unless(mesh, path, problems)
@@ -29,7 +37,7 @@ pub fn named(mut file: MeshFile, slots: usize) -> (Mesh, Vec<Problem>) {
         let triangles = file.surfaces.remove(name).unwrap_or_default();
         if triangles.is_empty() {
             let found = if present.is_empty() { "no names".into() } else { present.join(", ") };
-            let expected = "6-node triangles in a physical surface of that name";
+            let expected = "6-node triangles in a physical surface of that name (.msh) or on that face of the geometry in actuator.toml (.vtu)";
             problems.push(Problem::new(format!("surface {name}"), expected, found));
         }
         triangles

@@ -4,9 +4,12 @@
 //! `0 1 2 3` and the mid-sides of `01 12 02 03 13 23`; a triangle lists `0 1 2` and the mid-sides of `01 12 20`.
 
 pub mod abaqus_arrays;
+pub mod boxes;
 pub mod check;
+pub mod grid;
 pub mod load;
 pub mod orient;
+pub mod surfaces;
 
 /// A second-order triangle: three corners, then the mid-sides of 01, 12 and 20.
 pub type Tri6 = [u32; 6];

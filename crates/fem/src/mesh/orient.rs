@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use super::{Tet10, Tri6};
 
-/// Corners of the four faces, turned so that the normal leaves the tetrahedron.
-const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+/// The four faces of a [`Tet10`] as [`Tri6`], turned so that the normal leaves the tetrahedron.
+pub const FACES: [[usize; 6]; 4] =
+    [[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6]];
 
 /// Oriented corners of every boundary face (a face of exactly one tetrahedron), by sorted corners.
 pub struct Boundary(HashMap<[u32; 3], [u32; 3]>);
@@ -21,8 +22,8 @@ impl Boundary {
     pub fn new(tets: &[Tet10]) -> Self {
         let mut faces = HashMap::with_capacity(4 * tets.len());
         for tet in tets {
-            for face in FACES {
-                let face = face.map(|k| tet[k]);
+            for [a, b, c, ..] in FACES {
+                let face = [a, b, c].map(|k| tet[k]);
                 // The second owner takes the face off the boundary.
                 if faces.insert(sorted(face), face).is_some() {
                     faces.remove(&sorted(face));
@@ -30,6 +31,12 @@ impl Boundary {
             }
         }
         Self(faces)
+    }
+
+    /// Whether a face with these corners is on the boundary.
+    #[must_use]
+    pub fn has(&self, corners: [u32; 3]) -> bool {
+        self.0.contains_key(&sorted(corners))
     }
 
     /// The triangle with its normal out of the solid; `None` when it is not a boundary face.

@@ -6,14 +6,14 @@ mod schedule;
 mod store;
 
 pub use cases::Case;
-pub use folder::{FIELDS, snapshot, write};
+pub use folder::{FIELDS, extend, snapshot, write};
 pub use store::{Sizes, Solved, Store};
 
 use crate::actuator::Actuator;
 use crate::config::Load;
 use crate::output::clearance_mm;
 use crate::problem::Problem;
-use crate::solver::{Report, SolveError, Solver};
+use crate::solver::{FORMULATION, Report, SolveError, Solver};
 use formats::FormatError;
 use schedule::{Next, Schedule};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -219,11 +219,12 @@ pub fn describe(solver: &mut Solver, state: crate::state::State, report: Report)
     }
 }
 
-/// What tells one problem from another: blake3 of its mesh and configuration.
+/// What tells one problem from another: blake3 of the formulation's version, the mesh and the configuration.
 #[must_use]
 pub fn fingerprint(problem: &Problem) -> [u8; 32] {
     let mesh = problem.mesh();
     let mut hasher = blake3::Hasher::new();
+    hasher.update(&FORMULATION.to_le_bytes());
     mesh.nodes_mm.as_flattened().iter().for_each(|v| {
         hasher.update(&v.to_le_bytes());
     });

@@ -85,7 +85,10 @@ pub(crate) fn assemble(
 }
 
 /// Snapshots as an array or, by the ending [`PACKED`], packed; then the mesh gives what follows from it.
-fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, FormatError> {
+///
+/// # Errors
+/// Not readable, or not of three dimensions.
+pub fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, FormatError> {
     if path.extension().is_some_and(|e| e == PACKED) {
         let mesh = mesh.map(vtu::read).transpose()?;
         return packed::read(path, mesh.as_ref().map(|m| m.points_mm.as_slice()));

@@ -13,7 +13,9 @@ use wire::layout::{field_id, flags, query_kind, regime, unpack_name};
 use wire::{Answer, AnswerSample, Bus, KeyExpr, Query, QueryClient, Selector, TopicKind};
 
 const EXAMPLES: &str = "\
-Examples (a twin must be running: softtwind twin --scene config/scenes/finger.toml):
+Examples:
+  A twin must be running for all that follows
+    softtwind twin --scene config/scenes/finger.toml
   What if: state and force at a pressure and a gap that the sensors do not show
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30'
   With the whole field, as an array of fields x nodes (x, y, z, displacement, von Mises), float32

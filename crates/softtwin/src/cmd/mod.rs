@@ -17,6 +17,7 @@ mod hz;
 mod info;
 mod inspect;
 mod list;
+mod mesh;
 mod pack;
 mod plot;
 mod predict;
@@ -31,6 +32,7 @@ mod stability;
 mod top;
 mod trace;
 mod train;
+mod validate;
 mod view;
 
 /// Scene as the command line names it.
@@ -86,8 +88,10 @@ commands! {
     Get => get,
     Grasp => grasp,
     Scene => scene,
+    Mesh => mesh,
     Sample => sample,
     Simulate => simulate,
+    Validate => validate,
     Trace => trace,
     Evaluate => evaluate,
     Report => report,

@@ -1,7 +1,7 @@
 //! A list of cases to a database folder, with progress, checkpoints and a report.
 
 use crate::artefact::refusal;
-use crate::say;
+use crate::{resources, say};
 use fem::Problem;
 use fem::actuator::Actuator;
 use fem::run::{self, Case, Event, Outcome, Run, Store, cases, fingerprint};
@@ -70,7 +70,9 @@ fn tell(bar: &ProgressBar, event: &Event<'_>) {
         }
         Event::Solved(case, solved) => {
             bar.inc(1);
-            bar.set_message(format!("{} in {} factorisations", case.name, solved.report.factorisations));
+            let (factorisations, seconds) = (solved.report.factorisations, solved.report.seconds);
+            bar.set_message(format!("{} in {factorisations} factorisations", case.name));
+            tracing::info!(case = case.name, factorisations, seconds, "solved");
         }
         Event::Failed { case, reason, again } => {
             let next = if *again { "will be tried from another state" } else { "given up" };
@@ -99,6 +101,9 @@ fn report(cases: &[Case], outcome: &Outcome, seconds: f64) -> Value {
         "median_factorisations_contact": contact.get(contact.len() / 2),
         "seconds": seconds,
         "solver_seconds": outcome.solved.iter().map(|(_, s)| s.report.seconds).sum::<f64>(),
+        "cpu_seconds": resources::cpu_s(),
+        "peak_memory_mb": resources::peak_memory_bytes().map(|bytes| bytes / 1_000_000),
+        "largest_residual_n": outcome.solved.iter().map(|(_, s)| s.report.residual_n).fold(0.0, f64::max),
     })
 }
 
@@ -119,9 +124,15 @@ fn print(report: &Value, cases: &[Case], outcome: &Outcome, out: &Path) -> anyho
         report["median_factorisations_contact"]
     )?;
     say!(
-        "{:.0} s elapsed, {:.0} s of solver time in all cases",
+        "{:.0} s elapsed, {:.0} s of processor time, {} MB at most; {:.0} s of solver time in all cases",
         report["seconds"].as_f64().unwrap_or(0.0),
+        report["cpu_seconds"].as_f64().unwrap_or(f64::NAN),
+        report["peak_memory_mb"],
         report["solver_seconds"].as_f64().unwrap_or(0.0)
+    )?;
+    say!(
+        "largest force out of balance at a node: {:.1e} N",
+        report["largest_residual_n"].as_f64().unwrap_or(f64::NAN)
     )?;
     for (index, reason) in &outcome.failed {
         say!("failed: {}: {reason}", cases[*index].name)?;

@@ -49,7 +49,7 @@ pub struct Args {
     /// Cases solved at the same time.
     #[arg(long, value_name = "N", default_value_t = 2, requires = "cases")]
     threads: usize,
-    /// The report of a database run as one JSON object.
+    /// The report of a database run as one JSON object. One state or a path is JSON anyway: adds the nodes that touch.
     #[arg(long)]
     json: bool,
 }
@@ -74,7 +74,8 @@ impl Args {
                 batch::run(&actuator, problem, cases, out, self.threads, self.json)
             }
             (_, Some(pressure_mpa), out) => {
-                let target = single::Target { pressure_mpa, gap_mm: self.gap_mm, steps: self.steps };
+                let (gap_mm, steps, node_sets) = (self.gap_mm, self.steps, self.json);
+                let target = single::Target { pressure_mpa, gap_mm, steps, node_sets };
                 single::run(&actuator, problem, &target, out.as_deref())
             }
             _ => Err(usage("expected --pressure-mpa, or --cases with --out")),

@@ -22,6 +22,8 @@ pub struct Target {
     pub gap_mm: Option<f64>,
     /// Steps from rest.
     pub steps: u32,
+    /// Print which nodes touch, besides how many.
+    pub node_sets: bool,
 }
 
 /// Solves step by step, prints a JSON line a step and writes the last state.
@@ -43,7 +45,12 @@ pub fn run(
         state = next;
         work = work.and(&report);
         let output = solver.output(&state);
-        say::json(&line(&output, clearance_mm(&problem, &state), pressure_mpa, target.gap_mm, &work))?;
+        let mut described = line(&output, clearance_mm(&problem, &state), pressure_mpa, target.gap_mm, &work);
+        if target.node_sets {
+            described["contact_node_set"] = json!(output.contact_nodes);
+            described["slot_contact_node_set"] = json!(output.slot_contact_nodes);
+        }
+        say::json(&described)?;
         if let (true, Some(out)) = (step == target.steps, out) {
             write(&problem, &output, out).context("the state was not written")?;
         }

@@ -1,4 +1,7 @@
-//! `softtwin sample`: lists of cases to simulate.
+//! `softtwin sample`: lists of cases to simulate, and cases where a trained model is least sure.
+
+mod gain;
+mod refine;
 
 use crate::artefact::{self, save};
 use crate::failure::usage;
@@ -21,7 +24,13 @@ Examples:
   States on the onset of contact, as the free states of a database tell it:
     softtwin sample --kind onset --n 20 --database database --out onset.csv
 Then:
-    softtwin simulate --cases cases.csv --out database";
+    softtwin simulate --cases cases.csv --out database
+  Eight more states where the model trained on a database is least sure: simulated, added, retrained, compared:
+    softtwin sample --refine 8 --database models/pneunet/database --out refined
+
+Refinement picks, one after another, the state with the largest product of the nearest sample's leave-one-out error (by the
+model's own error bars) and the distance to it. It writes a database folder with the trained model in it; stopped and
+started again it goes on where it was.";
 
 /// How states are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -45,6 +54,17 @@ enum Regime {
     Gripper,
 }
 
+impl Regime {
+    /// Its name in lists and databases.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::Contact => "contact",
+            Self::Gripper => "gripper",
+        }
+    }
+}
+
 /// Splits a list can be for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Split {
@@ -59,11 +79,14 @@ enum Split {
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// How states are chosen.
-    #[arg(long, value_enum)]
-    kind: Kind,
+    #[arg(long, value_enum, required_unless_present = "refine")]
+    kind: Option<Kind>,
     /// Number of states; of a grid: number of pressures.
-    #[arg(long, value_name = "N")]
-    n: usize,
+    #[arg(long, value_name = "N", required_unless_present = "refine")]
+    n: Option<usize>,
+    /// Instead: simulate this many more states where the model of --database is least sure, and retrain.
+    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires = "database")]
+    refine: Option<usize>,
     /// Number of gaps of a grid.
     #[arg(long, value_name = "N", default_value_t = 1)]
     n_gaps: usize,
@@ -82,15 +105,24 @@ pub struct Args {
     /// Seed of the hypercube.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Database whose free states give the onset of contact.
+    /// Database whose free states give the onset of contact, or which is refined.
     #[arg(long, value_name = "DIR", required_if_eq("kind", "onset"))]
     database: Option<PathBuf>,
     /// First part of the cases' names.
     #[arg(long, value_name = "NAME", default_value = "s")]
     prefix: String,
-    /// The list: case,regime,split,pressure_mpa,gap_mm.
-    #[arg(long, value_name = "FILE.csv")]
+    /// Geometry, materials, loads, supports and mesh of a database that is refined.
+    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
+    actuator: PathBuf,
+    /// Cases a refinement solves at the same time.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    threads: usize,
+    /// The list: case,regime,split,pressure_mpa,gap_mm. Of a refinement: the new database's folder.
+    #[arg(long, value_name = "FILE.csv|DIR")]
     out: PathBuf,
+    /// What a refinement gained as one JSON object.
+    #[arg(long, requires = "refine")]
+    json: bool,
 }
 
 /// More states than this are a slip of the keyboard: they would take months.
@@ -99,11 +131,27 @@ const MOST_STATES: usize = 100_000;
 impl Args {
     /// Chooses and writes the list.
     pub fn run(self) -> anyhow::Result<()> {
-        let bounds = self.bounds()?;
-        let points = match self.kind {
-            Kind::Hypercube => sample::latin_hypercube(self.n, &bounds, self.seed),
-            Kind::Grid => sample::grid(&[self.n, self.n_gaps][..bounds.len()], &bounds),
-            Kind::Onset => self.onset()?,
+        if let (Some(count), Some(database)) = (self.refine, &self.database) {
+            let order = refine::Order {
+                count,
+                database,
+                actuator: &self.actuator,
+                out: &self.out,
+                regime: self.regime,
+                threads: self.threads,
+                seed: self.seed,
+                json: self.json,
+            };
+            return order.run();
+        }
+        let (Some(kind), Some(n)) = (self.kind, self.n) else {
+            return Err(usage("expected --kind and --n, or --refine with --database"));
+        };
+        let bounds = self.bounds(n)?;
+        let points = match kind {
+            Kind::Hypercube => sample::latin_hypercube(n, &bounds, self.seed),
+            Kind::Grid => sample::grid(&[n, self.n_gaps][..bounds.len()], &bounds),
+            Kind::Onset => self.onset(n)?,
         };
         let cases: Vec<Case> = points.iter().enumerate().map(|(i, p)| self.case(i, p)).collect();
         save(&self.out, to_csv(&cases).as_bytes())?;
@@ -112,9 +160,9 @@ impl Args {
     }
 
     /// One range a dimension: pressure, and gap unless free.
-    fn bounds(&self) -> anyhow::Result<Vec<[f64; 2]>> {
-        if self.n == 0 || self.n_gaps == 0 || self.n.saturating_mul(self.n_gaps) > MOST_STATES {
-            let found = format!("{} x {}", self.n, self.n_gaps);
+    fn bounds(&self, n: usize) -> anyhow::Result<Vec<[f64; 2]>> {
+        if n == 0 || self.n_gaps == 0 || n.saturating_mul(self.n_gaps) > MOST_STATES {
+            let found = format!("{n} x {}", self.n_gaps);
             return Err(usage(format!("--n, --n-gaps: expected 1 to {MOST_STATES} states, found {found}")));
         }
         let mut bounds = Vec::new();
@@ -133,7 +181,7 @@ impl Args {
         Ok(bounds)
     }
 
-    fn onset(&self) -> anyhow::Result<Vec<Vec<f64>>> {
+    fn onset(&self, n: usize) -> anyhow::Result<Vec<Vec<f64>>> {
         if self.regime == Regime::Free {
             return Err(usage("--kind onset: expected --regime contact or gripper, found free"));
         }
@@ -141,7 +189,7 @@ impl Args {
         let database = artefact::database(path, Scene::Plate)?;
         let clearances =
             clearances(&database).context("the onset needs the undeformed mesh and a field y")?;
-        let points = sample::onset(self.n, &clearances, [self.gap_mm[0], self.gap_mm[1]]);
+        let points = sample::onset(n, &clearances, [self.gap_mm[0], self.gap_mm[1]]);
         if points.is_empty() {
             anyhow::bail!(
                 "{}: its {} free states reach no gap of {} to {} mm; simulate free states at higher pressures",
@@ -155,20 +203,20 @@ impl Args {
     }
 
     fn case(&self, index: usize, point: &[f64]) -> Case {
-        let regime = match self.regime {
-            Regime::Free => "free",
-            Regime::Contact => "contact",
-            Regime::Gripper => "gripper",
-        };
         let split = if self.split == Split::Train { "train" } else { "check" };
-        Case {
-            name: format!("{}{:03}", self.prefix, index + 1),
-            regime: regime.into(),
-            split: split.into(),
-            // A nanomegapascal and a nanometre: shorter lists, no more.
-            pressure_mpa: rounded(point[0], 1e9),
-            gap_mm: point.get(1).map(|gap| rounded(*gap, 1e6)),
-        }
+        let name = format!("{}{:03}", self.prefix, index + 1);
+        case_at(name, self.regime, split, (point[0], point.get(1).copied()))
+    }
+}
+
+/// A case at a point (MPa, mm); a nanomegapascal and a nanometre make shorter lists, no more.
+fn case_at(name: String, regime: Regime, split: &str, (pressure_mpa, gap_mm): (f64, Option<f64>)) -> Case {
+    Case {
+        name,
+        regime: regime.name().into(),
+        split: split.into(),
+        pressure_mpa: rounded(pressure_mpa, 1e9),
+        gap_mm: gap_mm.map(|gap| rounded(gap, 1e6)),
     }
 }
 

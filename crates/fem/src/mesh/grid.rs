@@ -1,0 +1,124 @@
+//! A mesh without a mesher: planes through every face of the actuator, each box between them split into tetrahedra.
+//!
+//! Every cube becomes the six tetrahedra of Kuhn's triangulation, which is conforming on a grid. Elements are as flat as
+//! the parts are, so it takes more of them than a mesher's; it is exact in shape and needs no other program.
+
+use super::boxes::Boxes;
+use super::{TET_EDGES, Tet10, surfaces};
+use crate::actuator::Actuator;
+use formats::Problem;
+use formats::mesh_file::MeshFile;
+use std::collections::HashMap;
+
+/// Corner paths of the six tetrahedra of a cube, and whether they run against the right-hand rule.
+const PATHS: [([usize; 3], bool); 6] = [
+    ([0, 1, 2], false),
+    ([0, 2, 1], true),
+    ([1, 0, 2], true),
+    ([1, 2, 0], false),
+    ([2, 0, 1], false),
+    ([2, 1, 0], true),
+];
+
+/// More cubes than this make no mesh that a computer of today solves.
+const MOST_CUBES: usize = 200_000;
+
+/// Meshes an actuator with elements no longer than `size_mm` along any axis; surfaces are named.
+///
+/// Cost: linear in the elements, about `6 x volume / size^3`.
+///
+/// # Errors
+/// A size that is no length, or so small that nobody could solve the mesh.
+pub fn mesh(actuator: &Actuator, size_mm: f64) -> Result<MeshFile, Problem> {
+    if !(size_mm.is_finite() && size_mm > 0.0) {
+        return Err(Problem::new("element size", "a finite length above 0 mm", size_mm));
+    }
+    let boxes = Boxes::of(actuator);
+    let planes = [0, 1, 2].map(|axis| boxes.planes(axis));
+    let cubes: f64 = planes.iter().map(|axis| parts(axis, size_mm).iter().sum::<f64>()).product();
+    if cubes > MOST_CUBES as f64 {
+        let expected = format!("a size that makes at most {MOST_CUBES} boxes; choose a larger one");
+        return Err(Problem::new("element size", expected, format!("{cubes:.0} boxes at {size_mm} mm")));
+    }
+    let mut grid = Grid::new(planes.map(|axis| divided(&axis, size_mm)));
+    grid.fill(|centre| boxes.solid_at(centre));
+    let surfaces = surfaces::locate(actuator, &grid.points_mm, &grid.tets);
+    Ok(MeshFile { points_mm: grid.points_mm, tets: grid.tets, surfaces })
+}
+
+/// Into how many parts each interval is divided.
+fn parts(planes: &[f64], size_mm: f64) -> Vec<f64> {
+    // A length that is a whole number of sizes but for rounding is not divided once more.
+    planes.windows(2).map(|w| ((w[1] - w[0]) / size_mm - 1.0e-9).ceil().max(1.0)).collect()
+}
+
+fn divided(planes: &[f64], size_mm: f64) -> Vec<f64> {
+    let mut values = vec![planes[0]];
+    for (w, count) in planes.windows(2).zip(parts(planes, size_mm)) {
+        values.extend((1..=count as usize).map(|i| w[0] + (w[1] - w[0]) * i as f64 / count));
+    }
+    values
+}
+
+/// Nodes and elements as they come about. A node's key is its place on the grid with halved steps.
+struct Grid {
+    axes: [Vec<f64>; 3],
+    nodes: HashMap<[usize; 3], u32>,
+    points_mm: Vec<[f64; 3]>,
+    tets: Vec<Tet10>,
+}
+
+impl Grid {
+    fn new(axes: [Vec<f64>; 3]) -> Self {
+        Self { axes, nodes: HashMap::new(), points_mm: Vec::new(), tets: Vec::new() }
+    }
+
+    fn fill(&mut self, solid: impl Fn([f64; 3]) -> bool) {
+        let [nx, ny, nz] = self.axes.each_ref().map(|axis| axis.len() - 1);
+        for cube in (0..nx).flat_map(|i| (0..ny).flat_map(move |j| (0..nz).map(move |k| [i, j, k]))) {
+            if solid(self.place(cube.map(|c| 2 * c + 1))) {
+                for (path, against) in PATHS {
+                    self.tet(cube, path, against);
+                }
+            }
+        }
+    }
+
+    /// Position of a key: on a plane where it is even, halfway between two where it is odd.
+    fn place(&self, key: [usize; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| {
+            let axis = &self.axes[k];
+            0.5 * (axis[key[k] / 2] + axis[key[k].div_ceil(2)])
+        })
+    }
+
+    fn node(&mut self, key: [usize; 3]) -> u32 {
+        if let Some(node) = self.nodes.get(&key) {
+            return *node;
+        }
+        let node = self.points_mm.len() as u32;
+        self.points_mm.push(self.place(key));
+        self.nodes.insert(key, node);
+        node
+    }
+
+    fn tet(&mut self, cube: [usize; 3], path: [usize; 3], against: bool) {
+        let mut corners = [cube.map(|c| 2 * c); 4];
+        for (step, axis) in path.into_iter().enumerate() {
+            for corner in &mut corners[step + 1..] {
+                corner[axis] += 2;
+            }
+        }
+        if against {
+            corners.swap(2, 3);
+        }
+        let mut tet: Tet10 = [0; 10];
+        for (n, corner) in tet.iter_mut().zip(corners) {
+            *n = self.node(corner);
+        }
+        for (n, [i, j]) in TET_EDGES.into_iter().enumerate() {
+            tet[4 + n] = self.node(std::array::from_fn(|k| (corners[i][k] + corners[j][k]) / 2));
+        }
+        self.tets.push(tet);
+    }
+}

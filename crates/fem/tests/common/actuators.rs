@@ -1,0 +1,50 @@
+//! Actuator files made from the reference by changing values.
+#![allow(dead_code, reason = "each test binary uses a part of it")]
+
+use std::path::Path;
+
+/// The text of the reference actuator.
+pub fn reference() -> String {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/actuator.toml"));
+    std::fs::read_to_string(path).unwrap()
+}
+
+/// Changes the value of a key within a section.
+pub fn with(text: &str, section: &str, key: &str, value: &str) -> String {
+    let at = text.find(&format!("[{section}]")).unwrap();
+    let line = at + text[at..].find(&format!("\n{key} = ")).unwrap() + 1;
+    let end = line + text[line..].find('\n').unwrap();
+    format!("{}{key} = {value}{}", &text[..line], &text[end..])
+}
+
+/// The reference with another number of chambers; its mesh is `mesh.vtu`, of any size.
+pub fn chambers(count: usize) -> String {
+    let length = 9.0 * count as f64 + 4.0;
+    let mut text = reference();
+    for (section, key, value) in [
+        ("chambers", "count", count.to_string()),
+        ("body", "length_mm", format!("{length:.1}")),
+        ("base", "length_mm", format!("{:.1}", length + 12.0)),
+        ("mesh", "file", "\"mesh.vtu\"".into()),
+        ("mesh", "nodes", "0".into()),
+    ] {
+        text = with(&text, section, key, &value);
+    }
+    text
+}
+
+/// Two chambers as wide as base and channels, so that a grid has few elements, and a solver that gives up early.
+pub fn tiny() -> String {
+    let mut text = chambers(2);
+    for (section, key, value) in [
+        ("base", "width_mm", "16.0"),
+        ("body", "width_mm", "16.0"),
+        ("chambers", "width_mm", "12.0"),
+        ("channels", "width_mm", "12.0"),
+        ("newton", "smallest_step", "0.2"),
+        ("newton", "max_iterations", "8"),
+    ] {
+        text = with(&text, section, key, value);
+    }
+    text
+}

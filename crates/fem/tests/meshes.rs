@@ -1,0 +1,130 @@
+//! Meshes of any number of chambers, from the grid and from VTU files; a solved state that pins the formulation.
+
+#[path = "common/actuators.rs"]
+mod actuators;
+
+use actuators::{chambers, tiny, with};
+use softtwin_fem::actuator::Actuator;
+use softtwin_fem::mesh::{check, grid, load, surfaces};
+use softtwin_fem::run::fingerprint;
+use softtwin_fem::solver::FORMULATION;
+use softtwin_fem::{Output, Problem, Solver};
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+fn problem(text: &str, size_mm: f64) -> (Actuator, Arc<Problem>) {
+    let actuator = Actuator::parse(text).unwrap();
+    let file = grid::mesh(&actuator, size_mm).unwrap();
+    let (mesh, mut problems) = load::named(file, actuator.chambers.count - 1);
+    problems.extend(check::problems(&mesh));
+    assert!(problems.is_empty(), "{problems:?}");
+    let problem = Problem::new(mesh, actuator.problem_config()).unwrap();
+    (actuator, Arc::new(problem))
+}
+
+/// Volume between the undeformed walls of the cavity: chambers and the channels that join them.
+fn cavity_mm3(a: &Actuator) -> f64 {
+    let floor = a.base.lower_mm + a.base.upper_mm - a.body.pocket_mm;
+    let (n, c, h) = (a.chambers.count as f64, &a.chambers, &a.channels);
+    let channel = (c.pitch_mm - c.length_mm) * h.width_mm * (h.top_mm - floor);
+    n * c.length_mm * c.width_mm * (c.top_mm - floor) + (n - 1.0) * channel
+}
+
+#[test]
+fn grids_of_one_three_and_five_chambers_have_their_surfaces_and_a_closed_cavity() {
+    for count in [1, 3, 5] {
+        let (actuator, problem) = problem(&chambers(count), 9.0);
+        assert_eq!(problem.mesh().slots.len(), count - 1);
+        let mut solver = Solver::new(problem).unwrap();
+        let start = solver.undeformed();
+        let (found, expected) = (solver.output(&start).cavity_volume_mm3, cavity_mm3(&actuator));
+        assert!((found / expected - 1.0).abs() < 1.0e-12, "{count}: {found} against {expected} mm3");
+    }
+}
+
+#[test]
+fn smaller_elements_mean_more_of_them_and_nonsense_is_refused() {
+    let actuator = Actuator::parse(&tiny()).unwrap();
+    let tets = |size| grid::mesh(&actuator, size).unwrap().tets.len();
+    assert!(tets(3.0) > tets(9.0) && tets(1.5) > 4 * tets(3.0));
+    for size in [0.0, -1.0, f64::NAN, 0.01] {
+        let problem = grid::mesh(&actuator, size).unwrap_err();
+        assert!(problem.to_string().contains("element size"), "{problem}");
+    }
+}
+
+#[test]
+fn surfaces_are_found_where_the_mesher_named_them() {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/actuator.toml"));
+    let actuator = Actuator::read(path).unwrap();
+    let file = formats::msh::read(&path.with_file_name("mesh.msh")).unwrap();
+    let found = surfaces::locate(&actuator, &file.points_mm, &file.tets);
+    assert_eq!(found.keys().collect::<Vec<_>>(), file.surfaces.keys().collect::<Vec<_>>());
+    let keys = |tris: &[[u32; 6]]| -> BTreeSet<[u32; 3]> {
+        let corners = |t: &[u32; 6]| {
+            let mut key = [t[0], t[1], t[2]];
+            key.sort_unstable();
+            key
+        };
+        tris.iter().map(corners).collect()
+    };
+    for (name, named) in &file.surfaces {
+        assert_eq!(keys(named), keys(&found[name]), "{name}");
+    }
+}
+
+#[test]
+fn a_vtu_makes_the_same_problem_as_the_mesh_it_was_written_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("actuator.toml");
+    std::fs::write(&path, tiny()).unwrap();
+    let (actuator, direct) = problem(&tiny(), 9.0);
+    let mesh = direct.mesh();
+    let cells = formats::vtu::Cells::QuadraticTets(&mesh.tets);
+    let grid = formats::vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] };
+    formats::vtu::write(&folder.path().join("mesh.vtu"), &grid).unwrap();
+    let read = actuator.read_mesh(&path).unwrap();
+    let problem = Problem::new(read, actuator.problem_config()).unwrap();
+    assert_eq!(fingerprint(&problem), fingerprint(&direct));
+    // The same file for another geometry: its faces are not where they should be.
+    let other = Actuator::parse(&with(&tiny(), "chambers", "top_mm", "16.0")).unwrap();
+    let text = other.read_mesh(&path).map(|mesh| Problem::new(mesh, other.problem_config()).is_err());
+    assert!(!matches!(text, Ok(false)), "a mesh of another geometry must not be taken");
+    std::fs::write(&path, with(&tiny(), "mesh", "file", "\"mesh.stl\"")).unwrap();
+    let refused = Actuator::read(&path).unwrap().read_mesh(&path).unwrap_err().to_string();
+    assert!(refused.contains(".msh or a .vtu"), "{refused}");
+}
+
+fn solved(actuator: &Actuator, problem: &Arc<Problem>, pressure_mpa: f64, gap_mm: f64) -> Output {
+    let mut solver = Solver::new(Arc::clone(problem)).unwrap();
+    let (rest, _) = solver.rest(actuator.loads.gravity_mm_s2).unwrap();
+    let (state, report) = solver.reach(&rest, &actuator.load(pressure_mpa, Some(gap_mm))).unwrap();
+    assert!(report.residual_n < 1.0e-3, "{report:?}");
+    solver.output(&state)
+}
+
+#[test]
+fn three_chambers_bend_press_and_touch() {
+    let (actuator, problem) = problem(&chambers(3), 9.0);
+    let output = solved(&actuator, &problem, 0.06, 1.5);
+    assert!(output.contact_force_n > 0.05 && !output.contact_nodes.is_empty(), "{}", output.contact_force_n);
+    assert!(output.cavity_volume_mm3 > 1.1 * cavity_mm3(&actuator));
+}
+
+/// Figures of one small state. Should they change on purpose, raise `FORMULATION` too, so that no checkpoint of the old
+/// solver is mixed with states of the new one.
+#[test]
+fn the_formulation_has_the_version_it_says() {
+    let (actuator, problem) = problem(&tiny(), 9.0);
+    let output = solved(&actuator, &problem, 0.06, 0.3);
+    let largest = output.displacement_mm.iter().copied().fold(0.0, f64::max);
+    let stress = output.von_mises_mpa.iter().copied().fold(0.0, f64::max);
+    let found = [largest, output.cavity_volume_mm3, output.contact_force_n, stress];
+    println!("formulation {FORMULATION}: {found:?}");
+    let expected = [2.002_317_4, 1_490.030_46, 1.327_099_94, 0.489_674_13];
+    assert_eq!(FORMULATION, 1);
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found / expected - 1.0).abs() < 1.0e-4, "{found} against {expected}");
+    }
+}

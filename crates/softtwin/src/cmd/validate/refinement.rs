@@ -1,0 +1,94 @@
+//! The same states of a shorter actuator on finer and finer grids: what the element size costs.
+
+use super::{Book, largest};
+use crate::artefact::refusal;
+use crate::failure::{configuration, usage};
+use fem::actuator::Actuator;
+use fem::mesh::{grid, load};
+use fem::output::clearance_mm;
+use fem::{Problem, Solver};
+use std::path::Path;
+use std::sync::Arc;
+
+const PART: &str = "refinement";
+
+/// Pressure of the study (MPa).
+const PRESSURE_MPA: f64 = 0.05;
+/// Where the plate stands: this share of the way from the resting to the inflated tip.
+const PLATE_SHARE: f64 = 0.5;
+/// Bounds on the last refinement's change (%): displacement, volume, force.
+const BOUNDS: [f64; 3] = [1.0, 0.5, 2.0];
+
+/// What is watched while the mesh is refined.
+const WATCHED: [&str; 3] = ["largest displacement (mm)", "cavity volume (mm3)", "contact force (N)"];
+
+struct Level {
+    size_mm: f64,
+    figures: [f64; 3],
+}
+
+pub fn run(path: &Path, chambers: usize, sizes_mm: &[f64], book: &mut Book) -> anyhow::Result<()> {
+    let actuator = shortened(Actuator::read(path).map_err(refusal)?, chambers)?;
+    book.heading(&format!(
+        "mesh refinement, {chambers} chambers, {PRESSURE_MPA} MPa: coarser mesh against the finest"
+    ))?;
+    let mut gap_mm = None;
+    let mut levels: Vec<Level> = Vec::new();
+    // The finest first: the plate then stands at the same place for all.
+    let mut sizes = sizes_mm.to_vec();
+    sizes.sort_by(f64::total_cmp);
+    for size_mm in sizes {
+        let level = level(&actuator, size_mm, &mut gap_mm, book)?;
+        levels.push(level);
+    }
+    let Some((finest, coarser)) = levels.split_first() else { return Ok(()) };
+    for (k, level) in coarser.iter().enumerate() {
+        for (i, what) in WATCHED.iter().enumerate() {
+            // Only the last step of the refinement has a bound; those before show the order.
+            let bound = if k == 0 { BOUNDS[i] } else { 100.0 };
+            let quantity = format!("{} mm against {} mm: {what}", level.size_mm, finest.size_mm);
+            book.relative(PART, quantity, (level.figures[i], finest.figures[i]), bound)?;
+        }
+    }
+    Ok(())
+}
+
+/// The actuator with fewer (or more) chambers; body and base keep their ends.
+fn shortened(mut actuator: Actuator, chambers: usize) -> anyhow::Result<Actuator> {
+    if chambers == 0 {
+        return Err(usage("--chambers: expected at least 1, found 0"));
+    }
+    let less_mm = (actuator.chambers.count as f64 - chambers as f64) * actuator.chambers.pitch_mm;
+    actuator.chambers.count = chambers;
+    actuator.body.length_mm -= less_mm;
+    actuator.base.length_mm -= less_mm;
+    Ok(actuator)
+}
+
+fn level(actuator: &Actuator, size_mm: f64, gap_mm: &mut Option<f64>, book: &Book) -> anyhow::Result<Level> {
+    let file = grid::mesh(actuator, size_mm).map_err(|e| usage(format!("--sizes-mm: {e}")))?;
+    let (mesh, _) = load::named(file, actuator.chambers.count - 1);
+    let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
+    let mut solver = Solver::new(Arc::clone(&problem))?;
+    let (rest, _) = solver.rest(actuator.loads.gravity_mm_s2)?;
+    let (free, report) = solver.reach(&rest, &actuator.load(PRESSURE_MPA, None))?;
+    let (low, high) = (clearance_mm(&problem, &rest), clearance_mm(&problem, &free));
+    let gap = *gap_mm.get_or_insert(low + PLATE_SHARE * (high - low));
+    let (touching, _) = solver.reach(&free, &actuator.load(PRESSURE_MPA, Some(gap)))?;
+    let output = solver.output(&free);
+    let figures = [
+        largest(&output.displacement_mm),
+        output.cavity_volume_mm3,
+        solver.output(&touching).contact_force_n,
+    ];
+    book.remark(&format!(
+        "{size_mm} mm: {} nodes, {} elements, |U| {:.4} mm, volume {:.2} mm3, force {:.5} N at gap {gap:.3} mm, {:.2} s a factorisation",
+        problem.mesh().nodes_mm.len(),
+        problem.mesh().tets.len(),
+        figures[0],
+        figures[1],
+        figures[2],
+        report.seconds / report.factorisations as f64
+    ))?;
+    Ok(Level { size_mm, figures })
+}

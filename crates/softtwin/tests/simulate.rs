@@ -1,0 +1,251 @@
+//! The simulator as a user runs it, on an actuator small enough for a test: mesh, states, paths, databases that survive
+//! being killed, samples, refinement, packing, traces.
+
+#[path = "../../fem/tests/common/actuators.rs"]
+mod actuators;
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant, SystemTime};
+
+/// Long enough for any machine; reached only when something hangs.
+const DEADLINE: Duration = Duration::from_secs(300);
+
+/// A folder with the tiny actuator and its mesh.
+struct Place(tempfile::TempDir);
+
+struct Ended {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+impl Ended {
+    fn lines(&self) -> Vec<Value> {
+        assert_eq!(self.code, Some(0), "{}", self.err);
+        self.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+
+    fn json(&self) -> Value {
+        let mut lines = self.lines();
+        assert_eq!(lines.len(), 1, "{}", self.out);
+        lines.remove(0)
+    }
+
+    fn refused(&self, code: i32, part: &str) {
+        assert_eq!(self.code, Some(code), "{} {}", self.out, self.err);
+        assert!(self.err.contains(part), "{}", self.err);
+    }
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        place.put("a.toml", &actuators::tiny());
+        let mesh = place.run("mesh --actuator a.toml --size-mm 9 --json").json();
+        assert!(mesh["nodes"].as_u64().unwrap() > 1000 && place.at("mesh.vtu").exists(), "{mesh}");
+        place
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn put(&self, name: &str, text: &str) {
+        std::fs::write(self.at(name), text).unwrap();
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.at(name)).unwrap()
+    }
+
+    fn command(&self, line: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
+        command.args(line.split_whitespace()).current_dir(self.0.path()).env_remove("RUST_LOG");
+        command
+    }
+
+    fn run(&self, line: &str) -> Ended {
+        let output = self.command(line).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    }
+
+    /// Checkpoints and when they were written.
+    fn states(&self, folder: &str) -> BTreeMap<PathBuf, SystemTime> {
+        let Ok(entries) = std::fs::read_dir(self.at(folder)) else { return BTreeMap::new() };
+        let whole =
+            entries.map(|e| e.unwrap().path()).filter(|p| p.extension().is_some_and(|e| e == "state"));
+        whole.map(|p| (p.clone(), std::fs::metadata(&p).unwrap().modified().unwrap())).collect()
+    }
+}
+
+fn bytes(path: &Path) -> Vec<u8> {
+    std::fs::read(path).unwrap()
+}
+
+#[test]
+fn one_state_and_a_path_are_written_and_described() {
+    let place = Place::new();
+    let path = place
+        .run("simulate --actuator a.toml --pressure-mpa 0.06 --gap-mm 0.3 --steps 3 --out s.npy")
+        .lines();
+    assert_eq!(path.len(), 3);
+    let of = |key: &str| path.iter().map(|line| line[key].as_f64().unwrap()).collect::<Vec<_>>();
+    assert!(of("cavity_volume_mm3").windows(2).all(|w| w[0] < w[1]));
+    assert!(of("contact_force_n")[2] > of("contact_force_n")[0]);
+    assert!(of("lowest_point_mm")[2] < -0.2 && of("residual_n")[2] < 1.0e-3);
+    let array = formats::npy::read_f32(&place.at("s.npy")).unwrap();
+    let nodes = formats::vtu::read(&place.at("mesh.vtu")).unwrap().points_mm.len();
+    assert_eq!(array.shape, [nodes, 5]);
+    let largest = array.data.iter().skip(3).step_by(5).copied().fold(0.0, f32::max);
+    assert!((f64::from(largest) - of("max_displacement_mm")[2]).abs() < 1.0e-5);
+    let sets = place.run("simulate --actuator a.toml --pressure-mpa 0.06 --gap-mm 0.3 --json").json();
+    let set = sets["contact_node_set"].as_array().unwrap();
+    assert!(!set.is_empty() && Some(set.len() as u64) == sets["contact_nodes"].as_u64(), "{sets}");
+    let free = place.run("simulate --actuator a.toml --pressure-mpa 0.03 --out s.vtu").json();
+    assert_eq!((free["gap_mm"].is_null(), free["contact_force_n"].as_f64()), (true, Some(0.0)));
+    let grid = formats::vtu::read(&place.at("s.vtu")).unwrap();
+    assert_eq!(grid.points_mm.len(), nodes);
+}
+
+#[test]
+fn loads_that_make_no_sense_are_refused_before_any_work() {
+    let place = Place::new();
+    place.run("simulate --actuator a.toml --pressure-mpa -0.1").refused(2, "pressure_mpa = -0.1");
+    place
+        .run("simulate --actuator a.toml --pressure-mpa 0.01 --gap-mm -2")
+        .refused(2, "outside the undeformed base");
+    place.run("simulate --actuator a.toml --pressure-mpa 0.01 --out s.stl").refused(2, ".vtu");
+    place.run("simulate --actuator b.toml --pressure-mpa 0.01").refused(1, "b.toml");
+    place.put("b.toml", &actuators::with(&actuators::tiny(), "slots", "floor_mm", "5.0"));
+    place.run("simulate --actuator b.toml --pressure-mpa 0.01").refused(78, "slots.floor_mm");
+    place.run("mesh --actuator b.toml").refused(78, "slots.floor_mm");
+    place.run("mesh --actuator a.toml --size-mm 0").refused(2, "element size");
+}
+
+#[test]
+fn a_failed_case_stops_nothing_and_enters_no_database() {
+    let place = Place::new();
+    place.put(
+        "cases.csv",
+        "case,regime,split,pressure_mpa,gap_mm\nlow,free,train,0.02,\nburst,free,train,4,\nhigh,free,train,0.04,\n",
+    );
+    let ended = place.run("simulate --actuator a.toml --cases cases.csv --out db --json");
+    ended.refused(1, "1 of 3 cases failed");
+    let report: Value = serde_json::from_str(ended.out.trim()).unwrap();
+    assert_eq!((report["solved"].as_u64(), report["failed"][0]["case"].as_str()), (Some(2), Some("burst")));
+    let reason = report["failed"][0]["reason"].as_str().unwrap();
+    assert!(reason.contains("P = 4 MPa") && reason.contains("Last equilibrium"), "{reason}");
+    assert_eq!(place.read("db/cases.csv").lines().count(), 3, "heading and two cases");
+    assert!(!place.read("db/cases.csv").contains("burst"));
+    assert_eq!(formats::npy::read_f32(&place.at("db/snapshots.npy")).unwrap().shape[0], 2);
+}
+
+const LIST: &str = "case,regime,split,pressure_mpa,gap_mm
+c0,free,train,0,
+c1,free,train,0.01,
+c2,free,train,0.02,
+c3,free,train,0.03,
+c4,free,train,0.04,
+c5,free,train,0.05,
+c6,free,train,0.06,
+c7,contact,train,0.05,0.3
+c8,contact,train,0.06,0.4
+c9,contact,train,0.04,0.2
+";
+
+#[test]
+fn a_killed_run_loses_nothing_and_does_nothing_twice() {
+    let place = Place::new();
+    place.put("cases.csv", LIST);
+    let line = "simulate --actuator a.toml --cases cases.csv --out db --threads 1 --json";
+    let mut child = place.command(line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let began = Instant::now();
+    while place.states("db/states").len() < 3 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it could be killed");
+        assert!(began.elapsed() < DEADLINE, "no state within {DEADLINE:?}");
+        std::thread::yield_now();
+    }
+    child.kill().unwrap(); // SIGKILL: nothing of its own runs any more
+    child.wait().unwrap();
+    let kept = place.states("db/states");
+    assert!(!place.at("db/database.toml").exists(), "no database before all cases are there");
+    let again = place.run(line).json();
+    let count = |key: &str| again[key].as_u64().unwrap() as usize;
+    assert_eq!(count("solved") + count("reused"), 10);
+    // The state at rest is a checkpoint and a case at once.
+    assert!(count("reused") >= kept.len() - 1 && count("reused") < 10, "{again} after {} states", kept.len());
+    let now = place.states("db/states");
+    assert!(kept.iter().all(|(path, time)| now[path] == *time), "a state was computed twice");
+    assert_eq!(place.read("db/cases.csv").lines().count(), 11);
+    let whole = bytes(&place.at("db/snapshots.npy"));
+    let third = place.run(line).json();
+    assert_eq!((third["solved"].as_u64(), third["reused"].as_u64()), (Some(0), Some(10)));
+    assert_eq!(bytes(&place.at("db/snapshots.npy")), whole);
+
+    pack_refine_and_trace(&place);
+}
+
+/// What follows a database: packed it is within its bound; refined it has more states and a model; its volumes make a
+/// trace.
+fn pack_refine_and_trace(place: &Place) {
+    let packed = place.run("pack --database db --out small --json").json();
+    let errors = packed["largest_error"].as_object().unwrap();
+    assert!(
+        errors["x"].as_f64().unwrap() <= 1.01e-3 && errors["von_mises"].as_f64().unwrap() <= 1.01e-5,
+        "{packed}"
+    );
+    let gain = place
+        .run("sample --refine 2 --regime free --database small --actuator a.toml --out more --json")
+        .json();
+    assert_eq!(gain["added"].as_u64(), Some(2));
+    let blind = gain["before"]["added"][0].as_f64().unwrap();
+    assert!(blind > 0.0 && gain["after"]["added"][0].as_f64().unwrap() <= blind, "{gain}");
+    assert!(place.at("more/pneunet.twin").exists() && place.at("more/pneunet.json").exists());
+    assert_eq!(place.read("more/cases.csv").lines().count(), 13);
+    assert_eq!(place.read("small/cases.csv").lines().count(), 11, "the database it began with is kept");
+    // The same once more: all that was solved is there.
+    let kept = place.states("more/states");
+    place.run("sample --refine 2 --regime free --database small --actuator a.toml --out more --json").json();
+    assert_eq!(place.states("more/states"), kept);
+    place
+        .run("sample --refine 2 --database small --actuator a.toml --out small")
+        .refused(2, "another folder than --database");
+
+    place.put(
+        "volumes.csv",
+        &place.read("db/volumes.csv").replace("c0,0,,", "c0,0,0.5,").replace("c6,0.06,,", "c6,0.06,0.5,"),
+    );
+    let trace =
+        "trace --actuator a.toml --volumes volumes.csv --gap-mm 0.5 --end-pressure-mpa 0.06 --out t.csv";
+    assert_eq!(place.run(trace).code, Some(0));
+    let text = place.read("t.csv");
+    assert!(text.contains("t_s,pressure_mpa,gap_mm\n") && text.lines().count() > 20, "{text}");
+    place.run(&trace.replace("0.5", "7.5")).refused(1, "volume table");
+}
+
+#[test]
+fn lists_are_sampled_reproducibly_and_can_be_simulated() {
+    let place = Place::new();
+    let line = "sample --kind hypercube --n 7 --regime contact --pressure-mpa 0.01 0.06 --gap-mm 0.1 0.5 --out h.csv";
+    assert_eq!(place.run(line).code, Some(0));
+    let first = place.read("h.csv");
+    place.run(line);
+    assert_eq!(place.read("h.csv"), first, "the same seed gives the same list");
+    place.run(&format!("{line} --seed 2"));
+    assert_ne!(place.read("h.csv"), first);
+    place.run("sample --kind grid --n 3 --n-gaps 2 --out g.csv");
+    assert_eq!(fem::run::cases::read(&place.at("g.csv")).unwrap().len(), 6);
+    for (wrong, part) in [
+        ("sample --out x.csv", "--kind"),
+        ("sample --kind grid --n 0 --out x.csv", "--n"),
+        ("sample --kind grid --n 2 --gap-mm 5 2 --out x.csv", "--gap-mm"),
+        ("sample --refine 2 --out x", "--database"),
+        ("sample --refine 2 --kind grid --database db --out x", "--refine"),
+    ] {
+        place.run(wrong).refused(2, part);
+    }
+}
