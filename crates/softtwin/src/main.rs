@@ -14,6 +14,7 @@ mod picture;
 mod progress;
 mod render;
 mod say;
+mod tape;
 mod view;
 
 use clap::Parser;

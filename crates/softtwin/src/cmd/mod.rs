@@ -9,9 +9,11 @@ mod bench;
 mod demo;
 mod echo;
 mod evaluate;
+mod export;
 mod get;
 mod grasp;
 mod hz;
+mod import;
 mod info;
 mod inspect;
 mod list;
@@ -68,6 +70,8 @@ commands! {
     Inspect => inspect,
     Pack => pack,
     Predict => predict,
+    Export => export,
+    Import => import,
     Demo => demo,
     List => list,
     Info => info,

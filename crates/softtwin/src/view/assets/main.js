@@ -4,9 +4,11 @@ import { Actuator } from "./actuator.js";
 import { Camera } from "./camera.js";
 import { COLOURS, Charts } from "./charts.js";
 import { Painter } from "./gl.js";
+import { SPAN_MS } from "./history.js";
 import { Link } from "./link.js";
 import { Mesh, pick } from "./mesh.js";
 import { showNumbers } from "./numbers.js";
+import { Recording } from "./recording.js";
 import { Scale } from "./scale.js";
 import { WhatIf } from "./whatif.js";
 
@@ -31,10 +33,12 @@ const link = new Link({
   onMessage: (message) => {
     if (message.type === "hello") hello(message);
     if (message.type === "notice") notice(message.text);
+    if (message.type === "recording") openRecording(message);
     if (message.type === "refused") { notice(message.text); whatIf.answered(); }
   },
   onFrame: (header, buffer, start) => (header.kind === "mesh" ? addMesh : addFrame)(header, buffer, start),
 });
+const recording = new Recording((message) => link.send(message));
 const whatIf = new WhatIf((message) => link.send(message), () => { choose(null); reshow(); touch(); });
 
 function hello({ models }) {
@@ -49,8 +53,19 @@ function addMesh({ model, nodes, facets }, buffer, start) {
   state.meshes.set(model, new Mesh(undeformed, corners, ids));
 }
 
+// Another recording: its actuators, and their whole way for the charts.
+function openRecording(message) {
+  recording.take(message);
+  state.actuators.clear();
+  for (const track of message.tracks) {
+    addActuator(track.actuator);
+    state.actuators.get(track.actuator).history.states = recording.states(track);
+  }
+}
+
 function addFrame(header, buffer, start) {
   const frame = { ...header, received_ms: performance.now() };
+  delete frame.fields; // until now the names
   if (header.count) {
     frame.fields = {};
     header.fields.forEach((name, k) => { frame.fields[name] = new Float32Array(buffer, start + 4 * k * header.count, header.count); });
@@ -61,6 +76,7 @@ function addFrame(header, buffer, start) {
   actuator.receive(frame);
   state.frames++;
   if (frame.predicted) whatIf.answered();
+  if (frame.t_s !== null) recording.follow(frame);
   if (!looksBack()) show(actuator, frame);
   touch();
 }
@@ -72,12 +88,12 @@ function addActuator(name) {
 }
 
 function show(actuator, frame) {
-  const largest = actuator.show(frame, state.meshes.get(frame.model), scale.quantity);
-  if (visible().includes(actuator)) scale.follow(largest);
+  actuator.show(frame, state.meshes.get(frame.model), scale.quantity);
+  if (visible().includes(actuator)) scale.follow(visible());
   if (!state.fitted && actuator.box()) { state.fitted = true; fit(); }
 }
 
-const looksBack = () => state.paused || state.age_ms > 0;
+const looksBack = () => !recording.on && (state.paused || state.age_ms > 0);
 const visible = () => [...state.actuators.values()].filter((a) => (a.name === PREDICTION) === whatIf.active);
 const chosen = () => visible().find((a) => a.name === state.chosen) ?? visible()[0];
 const clock = () => (state.paused ? state.frozen_ms : performance.now());
@@ -111,12 +127,12 @@ function plates() {
     const gap = actuator.shown?.gap_mm;
     if (!model?.obstacle || !Number.isFinite(gap)) return [];
     const { x_mm, z_mm } = model.obstacle;
-    return [[[x_mm[0], -gap, z_mm[0] + actuator.offsetZ], [x_mm[1], -gap, z_mm[1] + actuator.offsetZ]]];
+    return [{ actuator, low: [x_mm[0], -gap, z_mm[0] + actuator.offsetZ], high: [x_mm[1], -gap, z_mm[1] + actuator.offsetZ] }];
   });
 }
 
 function fit() {
-  const boxes = [...visible().map((actuator) => actuator.box()).filter(Boolean), ...plates().map(([low, high]) => ({ low, high }))];
+  const boxes = [...visible().map((actuator) => actuator.box()).filter(Boolean), ...plates()];
   if (!boxes.length) return;
   const corner = (name, pick) => [0, 1, 2].map((k) => pick(...boxes.map((box) => box[name][k])));
   camera.fit(corner("low", Math.min), corner("high", Math.max), PANEL_FREE);
@@ -128,8 +144,9 @@ const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 25
 function drawScene() {
   painter.begin(camera);
   for (const actuator of visible())
-    if (actuator.body) painter.drawBody(actuator.body, { offsetZ: actuator.offsetZ, range: scale.range, lit: state.lit, lines: state.lines, ink: rgb(css("--ink")) });
-  for (const [low, high] of plates()) painter.drawPlate(low, high, rgb(css("--plate")), rgb(css("--grid")));
+    if (actuator.body) painter.drawBody(actuator.body, { offsetZ: actuator.offsetZ, range: scale.range, lit: state.lit, lines: state.lines });
+  for (const { low, high } of plates()) painter.drawPlate(low, high, rgb(css("--plate")), rgb(css("--grid")));
+  for (const { actuator, low } of plates()) if (actuator.body) painter.drawShadow(actuator.body, { offsetZ: actuator.offsetZ, height: low[1] });
 }
 
 function alarm(text) {
@@ -152,6 +169,7 @@ function status() {
   else if (whatIf.active) [badge, mood] = ["what if", "warn"];
   else if (!visible().length) [badge, mood, text] = ["waiting", "warn", "Nothing is published yet: start a twin, or press What if"];
   else if (stale.length) [badge, mood, text] = ["stale", "bad", `Stale: ${stale.map((a) => a.name).join(", ")} (last data ${(oldest / 1000).toFixed(0)} s ago)`];
+  else if (recording.on) [badge, mood] = [`recording ${recording.told.name}`, "warn"];
   else if (looksBack()) [badge, mood] = [state.paused ? "paused" : "looking back", "warn"];
   at("link").textContent = badge;
   at("link").className = `badge ${mood}`;
@@ -164,16 +182,25 @@ function panels() {
   const now = clock();
   const recent = state.drawn.filter((time) => performance.now() - time < 1000).length;
   if (actuator?.shown) showNumbers(at("numbers"), looksBack() ? actuator.shown : actuator.latest, recent);
-  charts.draw(visible().map(({ history, colour }) => ({ states: history.states, colour })), now, state.age_ms,
-    { ink: css("--ink"), line: css("--line"), faint: css("--faint") });
-  at("when").textContent = state.age_ms > 0 ? `−${(state.age_ms / 1000).toFixed(1)} s` : state.paused ? "paused" : "now";
+  const series = visible().map(({ history, colour }) => ({ states: history.states, colour }));
+  const window = recording.on && !whatIf.active
+    ? { now: recording.span_ms, age_ms: recording.span_ms - recording.at_ms, span_ms: recording.span_ms }
+    : { now, age_ms: state.age_ms, span_ms: SPAN_MS };
+  charts.draw(series, window, { ink: css("--ink"), line: css("--line"), faint: css("--faint") });
+  if (!recording.on) at("when").textContent = state.age_ms > 0 ? `−${(state.age_ms / 1000).toFixed(1)} s` : state.paused ? "paused" : "now";
 }
 
+let [lastTick, drew] = [performance.now(), false];
+
 function tick() {
+  const passed_ms = performance.now() - lastTick;
+  lastTick += passed_ms;
+  if (drew) painter.pace(passed_ms);
+  drew = state.dirty;
   if (state.dirty) {
     state.dirty = false;
-    drawScene();
     const now = performance.now();
+    drawScene();
     state.drawn = [...state.drawn.filter((time) => now - time < 1000), now];
     link.ready();
   }
@@ -181,6 +208,7 @@ function tick() {
 }
 
 function pause(paused) {
+  if (recording.on) { recording.toggle(); return; }
   Object.assign(state, { paused, frozen_ms: performance.now() });
   if (!paused) { state.age_ms = 0; at("scrub").value = 0; }
   at("pause").setAttribute("aria-pressed", paused);
@@ -190,7 +218,7 @@ function pause(paused) {
 }
 
 at("pause").onclick = () => pause(!state.paused);
-at("scrub").oninput = () => { state.age_ms = -1000 * parseFloat(at("scrub").value); reshow(); touch(); };
+at("scrub").oninput = () => { if (recording.on) { recording.seek(); return; } state.age_ms = -1000 * parseFloat(at("scrub").value); reshow(); touch(); };
 at("views").onclick = (event) => { const { view } = event.target.dataset; if (view === "fit") fit(); else if (view) { camera.view(view); fit(); } };
 const toggle = (id, key) => () => { state[key] = !state[key]; at(id).setAttribute("aria-pressed", state[key]); touch(); };
 at("shading").onclick = toggle("shading", "lit");
@@ -230,4 +258,4 @@ setInterval(() => { status(); panels(); }, 100);
 requestAnimationFrame(tick);
 
 // For scripts and tests: what is on the page right now.
-window.softtwin = { state, scale, camera, chosen, visible };
+window.softtwin = { state, scale, camera, painter, chosen, visible };

@@ -1,5 +1,6 @@
 // A model's visible surface: facets over nodes, split into drawable vertices where the surface has an edge.
 
+const POINT_ANGLE = 0.002; // rad: about four pixels
 const CREASE_COS = Math.cos((40 * Math.PI) / 180);
 
 export class Mesh {
@@ -117,7 +118,7 @@ export class Points {
 // The node nearest to where a ray first meets the surface, or -1. `positions` are the drawn vertices.
 export function pick(mesh, origin, direction, offsetZ) {
   const p = mesh.positions;
-  if (!mesh.corners) return { node: -1, distance: Infinity };
+  if (!mesh.corners) return nearestPoint(mesh, origin, direction, offsetZ);
   let [best, bestT] = [-1, Infinity];
   for (let f = 0; f < mesh.corners.length; f += 3) {
     const hit = meet(p, mesh.corners, f, origin, direction, offsetZ);
@@ -128,6 +129,19 @@ export function pick(mesh, origin, direction, offsetZ) {
     }
   }
   return { node: best, distance: bestT };
+}
+
+// Of points without a surface: the first one within a small angle of the ray.
+function nearestPoint({ positions: p, nodes }, origin, direction, offsetZ) {
+  const length = Math.hypot(...direction);
+  let [node, distance] = [-1, Infinity];
+  for (let k = 0; k < nodes; k++) {
+    const to = [p[3 * k] - origin[0], p[3 * k + 1] - origin[1], p[3 * k + 2] + offsetZ - origin[2]];
+    const along = dot(to, direction) / length;
+    const aside = Math.sqrt(Math.max(0, dot(to, to) - along * along));
+    if (along > 0 && along < distance && aside < POINT_ANGLE * along) [node, distance] = [k, along];
+  }
+  return { node, distance: distance / length };
 }
 
 // Where a ray meets one triangle: distance and weights of the second and third corner.
