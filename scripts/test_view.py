@@ -326,6 +326,42 @@ def ports_paths_hosts_and_tokens_are_guarded(stage, program, keep):
     stage.end(view)
 
 
+@check
+def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, program, keep):
+    folder = pathlib.Path(stage.folder.name)
+    if "unrecognized subcommand" in stage.run("softtwin", "record", "--help").stderr:
+        print("SKIPPED: this softtwin cannot record", flush=True)
+        return
+    twin, bridge = stage.twin()
+    for name in ("first.mcap", "second.mcap"):
+        ended = stage.run("softtwin", "record", "--seconds", "4", "--out", folder / name)
+        assert ended.returncode == 0, ended.stderr
+    stage.end(bridge, twin)
+    view, url = stage.view("--model", MODEL, "--recording", folder)
+    page = Page(program, url)
+    try:
+        wait(lambda: page.badge() == "recording first.mcap", "the recording's name", 60)
+        wait(lambda: (page.shown("t_s") or 0) > 0.5, "the recording to run")
+        assert page.run("softtwin.chosen().body.corners.length") > 3000, "the model makes the surface"
+        assert page.run("softtwin.chosen().history.states.length") > 100, "the charts know the whole recording"
+        page.click("pause")
+        wait(lambda: page.shown("playing") is False, "the recording to stand still")
+        page.slide("scrub", 3.0)
+        wait(lambda: abs(page.shown("t_s") - 3.0) < 0.02, "the place sought")
+        assert page.picture().colours() > 300
+        page.run("(() => { const e = document.getElementById('recordings'); e.value = 'second.mcap'; e.onchange(); })()")
+        wait(lambda: page.badge() == "recording second.mcap", "the second recording")
+        socket = WebSocket(url.replace("http", "ws") + "ws")
+        for wrong in ("../view.png", "/etc/passwd", "third.mcap"):
+            socket.send(json.dumps({"type": "open", "name": wrong}))
+            texts = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
+            refused = next(text for text in texts if text["type"] == "refused")
+            assert "expected a recording of the folder (first.mcap, second.mcap)" in refused["text"], refused
+        stage.end(view)
+    finally:
+        page.browser.close()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--programs", required=True, help="folder of softtwin and softtwind")
