@@ -130,16 +130,16 @@ def answer(url, **headers):
 
 # The visible node with the largest stress, and the direction from which the freest look at it is: it may lie in a slot.
 AIM = """(async () => {
-  const { scale, camera, state, chosen } = softtwin; const { body, shape, offsetZ } = chosen();
+  const { scale, camera, state, chosen } = softtwin; const { body, shape, place } = chosen();
   const { pick } = await import("/mesh.js");
   Object.assign(state, { lit: false, lines: false });
   let v = 0; body.values.forEach((value, k) => { if (value > body.values[v]) v = k; });
-  const p = [0, 1, 2].map((k) => body.positions[3 * v + k] + (k === 2 ? offsetZ : 0));
+  const p = [0, 1, 2].map((k) => body.positions[3 * v + k] * (k === 1 ? place.flip : 1) + place.offset[k]);
   let best = { free: 0 };
   for (let k = 0; k < 400; k++) {
     const y = 1 - (2 * k + 1) / 400, r = Math.sqrt(1 - y * y), turn = k * 2.399963;
     const d = [r * Math.sin(turn), y, r * Math.cos(turn)];
-    const hit = pick(body, p.map((c, i) => c + 0.02 * d[i]), d, offsetZ);
+    const hit = pick(body, p.map((c, i) => c + 0.02 * d[i]), d, place);
     const free = Math.min(hit.distance, 30) * (1 + 0.01 * k / 400);
     if (free > best.free) best = { free, d };
   }
@@ -259,6 +259,27 @@ def without_a_model_nodes_are_points_and_a_second_browser_sees_the_same(stage, p
         page.browser.close()
         if other:
             other.browser.close()
+
+
+@check
+def a_scene_says_where_its_fingers_and_blocks_stand(stage, program, keep):
+    scene = "config/scenes/gripper.toml"
+    twin, _ = stage.start("softtwind", "twin", "--scene", scene, ready="ready:")
+    bridge, _ = stage.start("softtwind", "bridge", "--scene", scene, ready="ready:")
+    view, url = stage.view("--scene", scene)
+    page = Page(program, url)
+    try:
+        wait(lambda: page.run("[...softtwin.state.actuators.keys()].sort().join()") == "left,right", "both fingers", 60)
+        wait(lambda: page.run("softtwin.visible().every((a) => a.body?.corners)"), "both surfaces", 60)
+        low = page.run("softtwin.visible().map((a) => [a.name, a.box().low[1]]).sort().map((pair) => pair[1])")
+        assert low[1] < low[0] - 20, f"the right finger is mirrored and stands below: {low}"
+        assert page.run("softtwin.state.blocks.length") == 1
+        assert page.picture().colours() > 300
+        page.run("document.querySelectorAll('#actuators button')[1].click()")
+        wait(lambda: page.run("softtwin.chosen().name") == "right", "the numbers of the other finger")
+        stage.end(view, bridge, twin)
+    finally:
+        page.browser.close()
 
 
 @check

@@ -1,10 +1,10 @@
 //! `softtwin view`: the live view in a browser.
 
-use crate::failure::usage;
+use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
 use crate::load::LoadedModel;
 use crate::say;
-use crate::view::{Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, open_port};
+use crate::view::{Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, Stand, open_port};
 use anyhow::{Context, Result};
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -16,6 +16,8 @@ const EXAMPLES: &str = "\
 Examples:
   Everything that twins on this machine publish, on http://127.0.0.1:7411/:
     softtwin view --model models/pneunet/pneunet.twin
+  A whole scene, every actuator where it stands:
+    softtwin view --scene config/scenes/gripper.toml
   Two actuators of several:
     softtwin view --model finger.twin --key 'softtwin/finger_*/**'
   No sensor at hand: press \"What if\" on the page and move the sliders:
@@ -35,6 +37,9 @@ pub struct Args {
     /// Model file of an actuator that will be seen; repeat for several.
     #[arg(long, value_name = "FILE")]
     model: Vec<PathBuf>,
+    /// Scene file: its models, and where its actuators and blocks stand.
+    #[arg(long, value_name = "FILE.toml")]
+    scene: Option<PathBuf>,
     /// Topics to look at, as a key expression (`*` one chunk, `**` any).
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
@@ -78,8 +83,17 @@ impl Args {
     /// A port in use, a model that cannot be read, a key expression that is none.
     pub fn run(self) -> Result<()> {
         let key = KeyExpr::new(&self.key).map_err(|error| usage(format!("--key {:?}: {error}", self.key)))?;
-        let models = self.model.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
-        let catalogue = Arc::new(Catalogue::new(models)?);
+        let scene = self.scene.as_deref().map(runtime::config::Scene::load).transpose();
+        let scene = scene.map_err(configuration)?;
+        let mut paths = self.model.clone();
+        for actuator in scene.iter().flat_map(|scene| &scene.actuators) {
+            let path = scene.as_ref().map(|scene| scene.resolve(&actuator.model)).unwrap_or_default();
+            if !paths.contains(&path) {
+                paths.push(path);
+            }
+        }
+        let models = paths.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
+        let catalogue = Arc::new(Catalogue::new(models, scene.as_ref().map(Stand::of).unwrap_or_default())?);
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().context("no web runtime")?;
         runtime.block_on(self.serve(key, catalogue))

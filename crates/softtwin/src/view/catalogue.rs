@@ -9,15 +9,36 @@ use rom::hull::Verdict;
 use rom::predict::{Nodes, Predictor, Selection};
 use rom::regime::RegimeSwitch;
 use rom::snapshots::Obstacle;
+use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 /// Name of the predicted actuator on the page.
 const PREDICTION: &str = "what if";
 
-/// All loaded models.
+/// All loaded models, and where actuators and blocks stand in the scene.
 pub struct Catalogue {
     models: Vec<Known>,
+    stand: Stand,
+}
+
+/// Where things stand, for pages.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Stand {
+    /// Actuators by name; without any they stand one behind the other.
+    places: BTreeMap<String, PlaceSpec>,
+    blocks: Vec<BlockSpec>,
+}
+
+impl Stand {
+    /// What a scene file says.
+    pub fn of(scene: &Scene) -> Self {
+        let is_told = scene.actuators.iter().any(|actuator| actuator.place != PlaceSpec::default());
+        let told = scene.actuators.iter().filter(|_| is_told);
+        let places = told.map(|actuator| (actuator.name.clone(), actuator.place)).collect();
+        Self { places, blocks: scene.blocks.clone() }
+    }
 }
 
 /// One model as the page sees it.
@@ -70,9 +91,14 @@ impl Catalogue {
     ///
     /// # Errors
     /// When a model cannot be made ready to predict.
-    pub fn new(models: Vec<LoadedModel>) -> Result<Self> {
+    pub fn new(models: Vec<LoadedModel>, stand: Stand) -> Result<Self> {
         let known = models.into_iter().enumerate().map(|(id, loaded)| Known::new(id, &loaded));
-        Ok(Self { models: known.collect::<Result<_>>()? })
+        Ok(Self { models: known.collect::<Result<_>>()?, stand })
+    }
+
+    /// Where actuators and blocks stand.
+    pub fn stand(&self) -> &Stand {
+        &self.stand
     }
 
     /// What the page is told first.

@@ -1,6 +1,6 @@
 //! One page: frames out when it is ready for them, questions in, patience limited on both sides.
 
-use super::catalogue::Card;
+use super::catalogue::{Card, Stand};
 use super::player::Command;
 use super::server::Shared;
 use axum::body::Bytes;
@@ -33,9 +33,18 @@ enum Request {
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Told<'a> {
-    Hello { version: &'a str, models: Vec<&'a Card> },
-    Notice { text: &'a str },
-    Refused { text: String },
+    Hello {
+        version: &'a str,
+        models: Vec<&'a Card>,
+        #[serde(flatten)]
+        stand: &'a Stand,
+    },
+    Notice {
+        text: &'a str,
+    },
+    Refused {
+        text: String,
+    },
 }
 
 /// Why a conversation ended.
@@ -79,7 +88,8 @@ impl Page<'_> {
         let catalogue = &self.shared.catalogue;
         let models = catalogue.cards();
         let known = !models.is_empty();
-        self.tell(&Told::Hello { version: env!("CARGO_PKG_VERSION"), models }).await?;
+        self.tell(&Told::Hello { version: env!("CARGO_PKG_VERSION"), models, stand: catalogue.stand() })
+            .await?;
         for mesh in catalogue.meshes() {
             self.send(Message::Binary(Bytes::copy_from_slice(mesh))).await?;
         }

@@ -14,7 +14,7 @@ mod player;
 mod reader;
 mod server;
 
-pub use catalogue::Catalogue;
+pub use catalogue::{Catalogue, Stand};
 pub use guard::Guard;
 pub use hub::Hub;
 pub use player::{Command, Library, Player};

@@ -5,11 +5,12 @@ import { Points } from "./mesh.js";
 import { QUANTITIES } from "./scale.js";
 
 const STALE_MS = 1500;
-const SPACING_MM = 70;
+const SPACING_MM = 70; // where the scene does not say where it stands: one behind the other
 
 export class Actuator {
-  constructor(name, index, colour) {
-    Object.assign(this, { name, colour, offsetZ: index * SPACING_MM, history: new History(), latest: null, shown: null, shape: null, body: null, largest: NaN });
+  constructor(name, index, colour, place) {
+    const where = place ? { offset: place.offset_mm, flip: place.mirrored ? -1 : 1 } : { offset: [0, 0, index * SPACING_MM], flip: 1 };
+    Object.assign(this, { name, colour, place: where, history: new History(), latest: null, shown: null, shape: null, body: null, largest: NaN });
   }
 
   // Takes a frame that has just come in.
@@ -45,7 +46,9 @@ export class Actuator {
     const { x, y, z } = this.shape?.fields ?? {};
     if (!x) return null;
     const bounds = [x, y, z].map((values) => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]));
-    return { low: [bounds[0][0], bounds[1][0], bounds[2][0] + this.offsetZ], high: [bounds[0][1], bounds[1][1], bounds[2][1] + this.offsetZ] };
+    const { offset, flip } = this.place;
+    if (flip < 0) bounds[1] = [-bounds[1][1], -bounds[1][0]];
+    return { low: bounds.map(([low], k) => low + offset[k]), high: bounds.map(([, high], k) => high + offset[k]) };
   }
 
   // A node as text for the pointer.

@@ -1,13 +1,14 @@
 // WebGL2: bodies with a colour table, plates with a grid, points when no mesh is known. No library.
 
 const BODY_VS = `#version 300 es
-uniform mat4 matrix; uniform vec3 offset; uniform vec2 range; uniform float size; uniform vec4 shadow;
+uniform mat4 matrix; uniform vec3 offset; uniform vec2 range; uniform float size; uniform vec4 shadow; uniform float flip;
 layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; layout(location = 2) in float value;
 out vec3 n; out float t; out vec3 where;
 void main() {
-  vec3 p = position + offset;
+  vec3 side = vec3(1.0, flip, 1.0);
+  vec3 p = position * side + offset;
   if (shadow.w > 0.0) p = vec3(p.xz + shadow.xz * (p.y - shadow.y), 0.0).xzy + vec3(0.0, shadow.y, 0.0);
-  n = normal; where = p; t = (value - range.x) / max(range.y - range.x, 1e-30);
+  n = normal * side; where = p; t = (value - range.x) / max(range.y - range.x, 1e-30);
   gl_Position = matrix * vec4(p, 1.0); gl_PointSize = size;
 }`;
 
@@ -95,13 +96,14 @@ export class Painter {
   }
 
   // The shadow of a body on the plate, under a light from above; the stencil lets each pixel be darkened once.
-  drawShadow(mesh, { offsetZ, height }) {
+  drawShadow(mesh, { offset, flip }, height) {
     if (!mesh.corners) return;
     const { gl, body } = this;
     const buffers = this.buffersOf(mesh);
     gl.useProgram(body.program);
     gl.uniformMatrix4fv(body.at.matrix, false, this.frame.matrix);
-    gl.uniform3f(body.at.offset, 0, 0, offsetZ);
+    gl.uniform3fv(body.at.offset, offset);
+    gl.uniform1f(body.at.flip, flip);
     gl.uniform4f(body.at.shadow, SHADOW_SLOPE[0], height + 0.02, SHADOW_SLOPE[1], 1);
     gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0.22);
     gl.bindVertexArray(buffers.array);
@@ -117,14 +119,15 @@ export class Painter {
   }
 
   // `mesh` has positions, normals, values and corners, or no corners at all (then points are drawn).
-  drawBody(mesh, { offsetZ, range, lit, lines }) {
+  drawBody(mesh, { offset, flip }, { range, lit, lines }) {
     const { gl, body, frame } = this;
     const buffers = this.buffersOf(mesh);
     gl.useProgram(body.program);
     gl.uniformMatrix4fv(body.at.matrix, false, frame.matrix);
     gl.uniform3fv(body.at.eye, frame.eye);
     gl.uniform3fv(body.at.key, frame.key);
-    gl.uniform3f(body.at.offset, 0, 0, offsetZ);
+    gl.uniform3fv(body.at.offset, offset);
+    gl.uniform1f(body.at.flip, flip);
     gl.uniform2fv(body.at.range, range);
     gl.uniform1f(body.at.lit, lit ? 1 : 0);
     gl.uniform4f(body.at.shadow, 0, 0, 0, 0);

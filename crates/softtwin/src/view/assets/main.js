@@ -6,7 +6,7 @@ import { COLOURS, Charts } from "./charts.js";
 import { Painter } from "./gl.js";
 import { SPAN_MS } from "./history.js";
 import { Link } from "./link.js";
-import { Mesh, pick } from "./mesh.js";
+import { Mesh, block, pick } from "./mesh.js";
 import { showNumbers } from "./numbers.js";
 import { Recording } from "./recording.js";
 import { Scale } from "./scale.js";
@@ -14,10 +14,11 @@ import { WhatIf } from "./whatif.js";
 
 const at = (id) => document.getElementById(id);
 const PREDICTION = "what if";
+const HERE = { offset: [0, 0, 0], flip: 1 };
 const PANEL_FREE = 0.72; // share of the width that the panel leaves to the scene
 
 const table = new Uint8Array(await (await fetch(`colours${location.search}`)).arrayBuffer());
-const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, up: false, everUp: false, paused: false,
+const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, places: {}, blocks: [], up: false, everUp: false, paused: false,
   age_ms: 0, frozen_ms: 0, dirty: true, lit: true, lines: false, drawn: [], frames: 0, fitted: false, reason: "" };
 
 const touch = () => { state.dirty = true; };
@@ -41,8 +42,10 @@ const link = new Link({
 const recording = new Recording((message) => link.send(message));
 const whatIf = new WhatIf((message) => link.send(message), () => { choose(null); reshow(); touch(); });
 
-function hello({ models }) {
+function hello({ models, places, blocks }) {
   state.models = new Map(models.map((model) => [model.id, model]));
+  state.places = places;
+  state.blocks = blocks.map(({ min_mm, max_mm }) => ({ low: min_mm, high: max_mm, mesh: block(min_mm, max_mm) }));
   whatIf.useModel(models[0] ?? null);
 }
 
@@ -83,7 +86,7 @@ function addFrame(header, buffer, start) {
 
 function addActuator(name) {
   const index = name === PREDICTION ? 0 : [...state.actuators.keys()].filter((key) => key !== PREDICTION).length;
-  state.actuators.set(name, new Actuator(name, index, COLOURS[state.actuators.size % COLOURS.length]));
+  state.actuators.set(name, new Actuator(name, index, COLOURS[state.actuators.size % COLOURS.length], state.places[name]));
   choose(state.chosen);
 }
 
@@ -121,18 +124,22 @@ function choose(name) {
   state.fitted = false;
 }
 
+// What can be touched: the blocks of the scene, or else a plate below each actuator.
 function plates() {
+  if (state.blocks.length && !whatIf.active) return [];
   return visible().flatMap((actuator) => {
     const model = state.models.get(actuator.shown?.model);
     const gap = actuator.shown?.gap_mm;
     if (!model?.obstacle || !Number.isFinite(gap)) return [];
     const { x_mm, z_mm } = model.obstacle;
-    return [{ actuator, low: [x_mm[0], -gap, z_mm[0] + actuator.offsetZ], high: [x_mm[1], -gap, z_mm[1] + actuator.offsetZ] }];
+    const { offset, flip } = actuator.place;
+    const y = -gap * flip + offset[1];
+    return [{ actuator, low: [x_mm[0] + offset[0], y, z_mm[0] + offset[2]], high: [x_mm[1] + offset[0], y, z_mm[1] + offset[2]] }];
   });
 }
 
 function fit() {
-  const boxes = [...visible().map((actuator) => actuator.box()).filter(Boolean), ...plates()];
+  const boxes = [...visible().map((actuator) => actuator.box()).filter(Boolean), ...plates(), ...(whatIf.active ? [] : state.blocks)];
   if (!boxes.length) return;
   const corner = (name, pick) => [0, 1, 2].map((k) => pick(...boxes.map((box) => box[name][k])));
   camera.fit(corner("low", Math.min), corner("high", Math.max), PANEL_FREE);
@@ -144,9 +151,10 @@ const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 25
 function drawScene() {
   painter.begin(camera);
   for (const actuator of visible())
-    if (actuator.body) painter.drawBody(actuator.body, { offsetZ: actuator.offsetZ, range: scale.range, lit: state.lit, lines: state.lines });
+    if (actuator.body) painter.drawBody(actuator.body, actuator.place, { range: scale.range, lit: state.lit, lines: state.lines });
+  for (const { mesh } of whatIf.active ? [] : state.blocks) painter.drawBody(mesh, HERE, { range: scale.range, lit: true, lines: false });
   for (const { low, high } of plates()) painter.drawPlate(low, high, rgb(css("--plate")), rgb(css("--grid")));
-  for (const { actuator, low } of plates()) if (actuator.body) painter.drawShadow(actuator.body, { offsetZ: actuator.offsetZ, height: low[1] });
+  for (const { actuator, low } of plates()) if (actuator.body) painter.drawShadow(actuator.body, actuator.place, low[1]);
 }
 
 function alarm(text) {
@@ -244,7 +252,7 @@ at("scene").addEventListener("pointermove", (event) => {
   const [origin, direction] = camera.ray(event.clientX, event.clientY);
   let best = { distance: Infinity };
   for (const actuator of event.buttons ? [] : visible()) {
-    const hit = actuator.body ? pick(actuator.body, origin, direction, actuator.offsetZ) : best;
+    const hit = actuator.body ? pick(actuator.body, origin, direction, actuator.place) : best;
     if (hit.distance < best.distance) best = { ...hit, actuator };
   }
   at("tip").hidden = !best.actuator;
