@@ -1,6 +1,8 @@
-//! One reconstructed state as a file people open: `.npy` (f32, nodes x fields), `.csv` or `.vtu`, by the name's end.
+//! One reconstructed state as a file people open, by the name's end: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
+//! a series of one state as Tecplot ASCII (`.dat`) or XDMF.
 
 use crate::error::{FormatError, Problem};
+use crate::export::{Moment, Series, SeriesFormat};
 use crate::{npy, vtu};
 use rom::snapshots::{FieldKind, FieldSpec};
 use std::fmt::Write as _;
@@ -15,6 +17,8 @@ pub enum Format {
     Csv,
     /// VTK unstructured grid of the deformed body.
     Vtu,
+    /// Tecplot ASCII or XDMF.
+    OneOfSeries,
 }
 
 impl Format {
@@ -27,13 +31,14 @@ impl Format {
             Some("npy") => Ok(Self::Npy),
             Some("csv") => Ok(Self::Csv),
             Some("vtu") => Ok(Self::Vtu),
-            other => {
-                let found = other.unwrap_or("no ending");
-                Err(FormatError::one(
-                    path,
-                    Problem::new("file name", "an ending of .npy, .csv or .vtu", found),
-                ))
-            }
+            other => match SeriesFormat::of(path) {
+                Ok(SeriesFormat::Tecplot | SeriesFormat::Xdmf) => Ok(Self::OneOfSeries),
+                _ => {
+                    let expected = "an ending of .npy, .csv, .vtu, .dat or .xdmf";
+                    let found = other.unwrap_or("no ending");
+                    Err(FormatError::one(path, Problem::new("file name", expected, found)))
+                }
+            },
         }
     }
 }
@@ -70,6 +75,7 @@ impl State<'_> {
             Format::Npy => npy::write_f32(path, &[self.nodes, self.fields.len()], &self.interleaved()),
             Format::Csv => std::fs::write(path, self.csv()).map_err(|e| FormatError::write(path, e)),
             Format::Vtu => self.write_vtu(path),
+            Format::OneOfSeries => self.write_series(path),
         }
     }
 
@@ -102,6 +108,15 @@ impl State<'_> {
             text.push('\n');
         }
         text
+    }
+
+    fn write_series(&self, path: &Path) -> Result<(), FormatError> {
+        let Self { fields, nodes, values, undeformed, cells } = *self;
+        let title = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let moment = Moment { time: 0.0, title, values: values.to_vec() };
+        Series { fields, nodes, cells, undeformed, count: 1 }
+            .write(path, std::iter::once(Ok::<_, FormatError>(moment)))?;
+        Ok(())
     }
 
     fn write_vtu(&self, path: &Path) -> Result<(), FormatError> {

@@ -7,7 +7,9 @@
 pub mod authors;
 pub mod database;
 pub mod error;
+pub mod export;
 pub mod fields;
+pub mod import;
 pub mod mesh_file;
 pub mod msh;
 pub mod npy;

@@ -10,9 +10,17 @@ use std::path::{Path, PathBuf};
 
 /// Loads a whole model.
 pub fn model(path: &Path) -> anyhow::Result<Model> {
+    Ok(model_and_hash(path)?.0)
+}
+
+/// Loads a whole model with the hash at the file's end, whose first half stands in the headers of its fields.
+pub fn model_and_hash(path: &Path) -> anyhow::Result<(Model, [u8; 32])> {
     let bytes = std::fs::read(path)
         .with_context(|| format!("cannot read the model {}; `softtwin train` makes one", path.display()))?;
-    Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)
+    let model =
+        Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
+    let hash = *bytes.last_chunk::<32>().context("the model file has no hash")?;
+    Ok((model, hash))
 }
 
 /// Loads the cases of one scene of a database.

@@ -1,7 +1,7 @@
 //! A model file in memory, with what pictures and the viewer ask of it.
 
-use crate::failure::configuration;
-use anyhow::{Context, Result};
+use crate::artefact;
+use anyhow::Result;
 use rom::interpolant::{InputMap, Quantity};
 use rom::model::{BlockKind, Model};
 use std::path::{Path, PathBuf};
@@ -21,12 +21,7 @@ impl LoadedModel {
     /// # Errors
     /// When the file cannot be read or is not a model of this version.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).with_context(|| {
-            format!("cannot read the model; make one with `softtwin train`: {}", path.display())
-        })?;
-        let model =
-            Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
-        let hash = *bytes.last_chunk::<32>().context("the model file has no hash")?;
+        let (model, hash) = artefact::model_and_hash(path)?;
         Ok(Self { path: path.to_owned(), model, hash })
     }
 

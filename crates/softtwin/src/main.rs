@@ -15,6 +15,7 @@ mod progress;
 mod render;
 mod resources;
 mod say;
+mod tape;
 mod view;
 
 use clap::Parser;

@@ -199,7 +199,8 @@ fn wrong_usage_leaves_with_2() {
     predict(&["--pressure-mpa", "nan"]).refused(2, "expected a finite pressure of at least 0 MPa, found NaN");
     predict(&["--pressure-mpa", "-0.01"]).refused(2, "found -0.01");
     predict(&["--pressure-mpa", "0.01", "--gap-mm", "inf"]).refused(2, "expected a finite gap in mm");
-    predict(&["--pressure-mpa", "0.01", "--out", "s.xlsx"]).refused(2, ".npy, .csv or .vtu, found xlsx");
+    predict(&["--pressure-mpa", "0.01", "--out", "s.xlsx"])
+        .refused(2, ".npy, .csv, .vtu, .dat or .xdmf, found xlsx");
     predict(&["--pressure-mpa", "five"]).refused(2, "invalid value 'five'");
     place.run(&["fly"]).refused(2, "unrecognized subcommand 'fly'");
     place.run(&["train", "--database", "db", "--out", "bar.json"]).refused(2, "use .twin");

@@ -1,7 +1,7 @@
 //! What the undeformed mesh adds to a database: node positions, the skin for viewers, node sets.
 
 use crate::error::{FormatError, Problem};
-use crate::vtu;
+use crate::mesh_file;
 use rom::snapshots::NodeSet;
 use std::collections::HashMap;
 use std::path::Path;
@@ -22,9 +22,9 @@ pub struct Body {
 
 /// Reads a mesh and checks it against the node count.
 pub fn read(path: &Path, nodes: usize) -> Result<Body, FormatError> {
-    let mesh = vtu::read(path)?;
+    let mesh = mesh_file::read(path)?;
     if mesh.points_mm.len() != nodes {
-        let problem = Problem::new("points", format!("{nodes} as in database.toml"), mesh.points_mm.len());
+        let problem = Problem::new("points", format!("{nodes} as in the snapshots"), mesh.points_mm.len());
         return Err(FormatError::one(path, problem));
     }
     let triangles = surface_of_tets(&mesh.tets);

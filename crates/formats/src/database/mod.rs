@@ -12,6 +12,7 @@ pub use manifest::{Extra, Kind, Manifest};
 pub use mesh::{bottom_nodes, surface_of_tets};
 
 use crate::error::{FormatError, Problem};
+use crate::import::ansys;
 use crate::packed::{self, Snapshots};
 use crate::{authors, npy, vtu};
 use cases::Table;
@@ -21,13 +22,19 @@ use std::path::Path;
 /// Ending of packed snapshots, see [`packed`].
 pub const PACKED: &str = "pack";
 
-/// Reads the cases of one scene from a database folder, ours or (with an `authors.toml`) the authors'. `O(bytes)`.
+/// Reads the cases of one scene from a database folder: ours, or (with an `authors.toml`) the authors', or the exchange
+/// of Ansys' static reduced-order models. `O(bytes)`.
 ///
 /// # Errors
 /// A file that cannot be read, or everything that is wrong with the folder's files and with how they fit together.
 pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
-    if !dir.join(manifest::FILE).exists() && dir.join(authors::FILE).exists() {
-        return authors::read(dir, scene);
+    if !dir.join(manifest::FILE).exists() {
+        if dir.join(authors::FILE).exists() {
+            return authors::read(dir, scene);
+        }
+        if ansys::is_exchange(dir) {
+            return ansys::read(dir, scene);
+        }
     }
     let manifest = Manifest::read(&dir.join(manifest::FILE))?;
     let table = Table::read(&dir.join(&manifest.cases), &manifest)?;

@@ -7,6 +7,17 @@ use std::path::Path;
 const QUADRATIC_TETRA: u8 = 24;
 const TRIANGLE: u8 = 5;
 
+/// Cells of one kind in a mixed mesh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// VTK's number of the cell type.
+    pub kind: u8,
+    /// Nodes a cell.
+    pub nodes_per_cell: usize,
+    /// `cells x nodes_per_cell`, in VTK's order.
+    pub nodes: Vec<u32>,
+}
+
 /// Cells of a grid, by node index.
 #[derive(Clone, Copy, Debug)]
 pub enum Cells<'a> {
@@ -14,13 +25,19 @@ pub enum Cells<'a> {
     QuadraticTets(&'a [[u32; 10]]),
     /// Flat triangles.
     Triangles(&'a [[u32; 3]]),
+    /// Cells of several kinds.
+    Mixed(&'a [Block]),
 }
 
 impl Cells<'_> {
-    fn parts(&self) -> (usize, usize, u8, Vec<u32>) {
+    /// For each kind of cell: VTK's number of the kind, nodes a cell, and all their nodes.
+    fn parts(&self) -> Vec<(u8, usize, &[u32])> {
         match self {
-            Self::QuadraticTets(cells) => (cells.len(), 10, QUADRATIC_TETRA, cells.as_flattened().to_vec()),
-            Self::Triangles(cells) => (cells.len(), 3, TRIANGLE, cells.as_flattened().to_vec()),
+            Self::QuadraticTets(cells) => vec![(QUADRATIC_TETRA, 10, cells.as_flattened())],
+            Self::Triangles(cells) => vec![(TRIANGLE, 3, cells.as_flattened())],
+            Self::Mixed(blocks) => {
+                blocks.iter().map(|b| (b.kind, b.nodes_per_cell, b.nodes.as_slice())).collect()
+            }
         }
     }
 }
@@ -59,8 +76,8 @@ pub fn write(path: &Path, grid: &Grid<'_>) -> Result<(), FormatError> {
 fn problems(grid: &Grid<'_>) -> Vec<Problem> {
     let nodes = grid.points_mm.len();
     let mut problems = Vec::new();
-    let (.., connectivity) = grid.cells.parts();
-    if let Some(bad) = connectivity.iter().find(|i| **i as usize >= nodes) {
+    let parts = grid.cells.parts();
+    if let Some(bad) = parts.iter().flat_map(|part| part.2).find(|i| **i as usize >= nodes) {
         problems.push(Problem::new("cells", format!("node indices below {nodes}"), bad));
     }
     for data in grid.point_data.iter().filter(|d| d.values.len() != nodes * d.components) {
@@ -71,7 +88,13 @@ fn problems(grid: &Grid<'_>) -> Vec<Problem> {
 }
 
 fn compose(grid: &Grid<'_>) -> String {
-    let (count, nodes_per_cell, kind, connectivity) = grid.cells.parts();
+    let parts = grid.cells.parts();
+    // One entry a cell: how many nodes it has and what it is.
+    let cells: Vec<(u32, u8)> = parts
+        .iter()
+        .flat_map(|(kind, width, nodes)| std::iter::repeat_n((*width as u32, *kind), nodes.len() / width))
+        .collect();
+    let count = cells.len();
     let mut xml = String::from("<?xml version=\"1.0\"?>\n");
     xml += "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n";
     let _ = writeln!(
@@ -83,10 +106,14 @@ fn compose(grid: &Grid<'_>) -> String {
     let points = grid.points_mm.as_flattened().iter().flat_map(|v| v.to_le_bytes());
     array(&mut xml, "Float64", "Points", 3, points);
     xml += "</Points>\n<Cells>\n";
-    array(&mut xml, "Int32", "connectivity", 1, connectivity.iter().flat_map(|v| v.to_le_bytes()));
-    let offsets = (1..=count).map(|i| (i * nodes_per_cell) as u32);
+    let connectivity = parts.iter().flat_map(|part| part.2).flat_map(|node| node.to_le_bytes());
+    array(&mut xml, "Int32", "connectivity", 1, connectivity);
+    let offsets = cells.iter().scan(0_u32, |end, (width, _)| {
+        *end += width;
+        Some(*end)
+    });
     array(&mut xml, "Int32", "offsets", 1, offsets.flat_map(u32::to_le_bytes));
-    array(&mut xml, "UInt8", "types", 1, std::iter::repeat_n(kind, count));
+    array(&mut xml, "UInt8", "types", 1, cells.iter().map(|(_, kind)| *kind));
     xml += "</Cells>\n<PointData>\n";
     for data in grid.point_data {
         array(

@@ -58,6 +58,29 @@ impl FieldMessage {
     }
 }
 
+/// The values of a recorded field's text; none when it is no base64 of whole numbers. `O(bytes)`.
+pub fn field_values(text: &str) -> Option<Vec<f32>> {
+    let digits = text.trim_end_matches('=').bytes().map(|byte| match byte {
+        b'A'..=b'Z' => Some(byte - b'A'),
+        b'a'..=b'z' => Some(byte - b'a' + 26),
+        b'0'..=b'9' => Some(byte - b'0' + 52),
+        b'+' => Some(62),
+        b'/' => Some(63),
+        _ => None,
+    });
+    let (mut bytes, mut word, mut bits) = (Vec::with_capacity(text.len() / 4 * 3), 0_u32, 0);
+    for digit in digits {
+        word = word << 6 | u32::from(digit?);
+        bits += 6;
+        if bits >= 8 {
+            bits -= 8;
+            bytes.push((word >> bits) as u8);
+        }
+    }
+    let (numbers, rest) = bytes.as_chunks::<4>();
+    rest.is_empty().then(|| numbers.iter().map(|b| f32::from_le_bytes(*b)).collect())
+}
+
 /// RFC 4648, section 4, with padding.
 fn base64(bytes: impl Iterator<Item = u8>) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -111,7 +134,21 @@ impl Recorded for FieldMessage {
 
 #[cfg(test)]
 mod tests {
-    use super::base64;
+    use super::{base64, field_values};
+
+    #[test]
+    fn values_come_back_to_the_bit() {
+        for values in [vec![], vec![1.5_f32], vec![0.1, -2.0], vec![f32::MIN_POSITIVE, 3.0e8, -0.0]] {
+            let text = base64(values.iter().flat_map(|v| v.to_le_bytes()));
+            let back = field_values(&text).expect("our own text");
+            assert_eq!(
+                back.iter().map(|v| v.to_bits()).collect::<Vec<_>>(),
+                values.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+            );
+        }
+        assert_eq!(field_values("!!!!"), None);
+        assert_eq!(field_values("Zm9v"), None, "three bytes are no number");
+    }
 
     #[test]
     fn base64_gives_the_vectors_of_its_standard() {

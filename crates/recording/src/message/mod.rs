@@ -17,7 +17,7 @@ mod state;
 
 pub use answer::AnswerMessage;
 pub use command::CommandMessage;
-pub use field::FieldMessage;
+pub use field::{FieldMessage, field_values};
 pub use gap::GapMessage;
 pub use grasp::GraspMessage;
 pub use health::HealthMessage;

@@ -4,6 +4,7 @@ use crate::failure::usage;
 use crate::live::{self, DomainArgs, Readers, Sample};
 use crate::say;
 use serde_json::json;
+use std::io::IsTerminal;
 use std::time::Duration;
 use wire::FieldSample;
 use wire::layout::field_id;
@@ -17,6 +18,9 @@ Examples:
   softtwin echo softtwin/finger/field --node 1200 --count 10          all fields of one node
 
 A field is shown as a summary: 125,110 numbers help nobody. Ctrl-C ends.";
+
+/// Width that a terminal always has.
+const COLUMNS: usize = 80;
 
 /// Show what is published: one line a sample.
 #[derive(clap::Args)]
@@ -88,7 +92,12 @@ impl Args {
         if self.json {
             return say::json(&json!({ "topic": topic, "sample": sample.json()? }));
         }
-        say!("{topic}  {}", sample.line())?;
+        let line = format!("{topic}  {}", sample.line());
+        if std::io::stdout().is_terminal() {
+            say!("{}", fold(&line, COLUMNS))?
+        } else {
+            say!("{line}")?
+        }
         Ok(())
     }
 
@@ -121,6 +130,28 @@ impl Args {
     }
 }
 
+/// Breaks a line where two spaces separate its parts, so that none is wider than the terminals people have; programs get
+/// one line a sample.
+fn fold(line: &str, columns: usize) -> String {
+    let (mut text, mut width) = (String::new(), 0);
+    for part in line.split("  ").filter(|part| !part.is_empty()) {
+        let length = part.chars().count();
+        match width {
+            0 => width = length,
+            _ if width + 2 + length > columns => {
+                text += "\n    ";
+                width = 4 + length;
+            }
+            _ => {
+                text += "  ";
+                width += 2 + length;
+            }
+        }
+        text += part;
+    }
+    text
+}
+
 fn field_number(name: &str) -> anyhow::Result<u8> {
     field_id::from_name(name)
         .ok_or_else(|| usage(format!("--field {name}: expected x, y, z, displacement or von_mises")))
@@ -132,4 +163,20 @@ pub(super) fn seconds(seconds: f64) -> anyhow::Result<Duration> {
         .ok()
         .filter(|time| !time.is_zero())
         .ok_or_else(|| usage(format!("--seconds {seconds}: expected a number above 0")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fold;
+
+    #[test]
+    fn a_long_line_is_broken_between_its_parts_and_nothing_is_lost() {
+        let line = "softtwin/finger/state  #12   P  0.05000 MPa  gap  40.00 mm  contact  F  0.2500 +- 0.0010 N  dF/dP 6.5000 N/MPa  age 0.12 ms";
+        let folded = fold(line, 80);
+        assert!(folded.lines().all(|line| line.chars().count() <= 80), "{folded}");
+        assert!(folded.lines().skip(1).all(|line| line.starts_with("    ")), "{folded}");
+        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(words(&folded), words(line));
+        assert_eq!(fold("short  line", 80), "short  line");
+    }
 }

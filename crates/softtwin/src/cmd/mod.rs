@@ -14,6 +14,7 @@ mod export;
 mod get;
 mod grasp;
 mod hz;
+mod import;
 mod info;
 mod inspect;
 mod list;
@@ -80,6 +81,8 @@ commands! {
     Inspect => inspect,
     Pack => pack,
     Predict => predict,
+    Export => export,
+    Import => import,
     Demo => demo,
     List => list,
     Info => info,

@@ -1,5 +1,7 @@
 //! `softtwin plot`.
 
+mod recording;
+
 use crate::artefact;
 use crate::failure::usage;
 use crate::picture::{Axis, Figure, Map, Mark, Panel, Series};
@@ -20,14 +22,17 @@ Examples:
   How fast the singular values fall, by regime and group:
     softtwin plot singular-values --model finger.twin --out modes.svg
   The leading modal coefficients over pressure:
-    softtwin plot coefficients --model finger.twin --out coefficients.svg";
+    softtwin plot coefficients --model finger.twin --out coefficients.svg
+  A recording: pressure, gap, force, displacement, stress and latency over time (displacement and stress by the model):
+    softtwin plot recording --recording run.mcap --model finger.twin --out run.png
+The modes themselves are drawn by `softtwin render --modes`.";
 
 /// Cells of the force map along each axis.
 const CELLS: usize = 120;
 /// Modal coefficients shown.
 const LEADING: usize = 4;
 
-/// Draw what a model has learnt.
+/// Draw what a model has learnt, or what a recording holds.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -35,8 +40,11 @@ pub struct Args {
     #[arg(value_enum)]
     kind: Kind,
     /// Model file.
-    #[arg(long, value_name = "FILE.twin")]
-    model: PathBuf,
+    #[arg(long, value_name = "FILE.twin", required_unless_present = "recording")]
+    model: Option<PathBuf>,
+    /// Recording to draw.
+    #[arg(long, value_name = "FILE.mcap", required_if_eq("kind", "recording"))]
+    recording: Option<PathBuf>,
     /// Picture: .svg or .png.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -53,24 +61,40 @@ enum Kind {
     SingularValues,
     /// Leading modal coefficients of the free regime over pressure.
     Coefficients,
+    /// A recording over time.
+    Recording,
 }
 
 impl Args {
     /// Draws the picture and prints its name.
     pub fn run(self) -> anyhow::Result<()> {
-        let model = artefact::model(&self.model)?;
         let figure = match self.kind {
+            Kind::Recording => self.recording()?,
+            _ => self.of_model()?,
+        };
+        figure.save(&self.out)?;
+        say!("{}", self.out.display())?;
+        Ok(())
+    }
+
+    fn recording(&self) -> anyhow::Result<Figure> {
+        let path = self.recording.as_ref().ok_or_else(|| usage("which recording? --recording FILE.mcap"))?;
+        let model = self.model.as_ref().map(|path| artefact::model(path)).transpose()?;
+        recording::figure(path, model.as_ref())
+    }
+
+    fn of_model(&self) -> anyhow::Result<Figure> {
+        let path = self.model.as_ref().ok_or_else(|| usage("which model? --model FILE.twin"))?;
+        let model = artefact::model(path)?;
+        Ok(match self.kind {
             Kind::ForceMap => {
                 let database =
                     self.database.as_ref().map(|dir| artefact::database(dir, Scene::Plate)).transpose()?;
                 force_map(&model, database.as_ref())?
             }
             Kind::SingularValues => singular_values(&model),
-            Kind::Coefficients => coefficients(&model)?,
-        };
-        figure.save(&self.out)?;
-        say!("{}", self.out.display())?;
-        Ok(())
+            Kind::Coefficients | Kind::Recording => coefficients(&model)?,
+        })
     }
 }
 

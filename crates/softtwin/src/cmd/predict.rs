@@ -1,14 +1,15 @@
 //! `softtwin predict`.
 
-use crate::failure::{configuration, usage};
+use super::export::Body;
+use crate::failure::usage;
 use crate::{artefact, say};
 use anyhow::Context;
+use formats::export::Series;
 use formats::fields::{Format, State};
-use formats::vtu::Cells;
 use rom::evaluation::{Evaluation, Input};
 use rom::hull::Verdict;
 use rom::kernel::Peaks;
-use rom::model::{BlockKind, Model};
+use rom::model::Model;
 use rom::predict::{Predictor, Selection};
 use rom::regime::RegimeSwitch;
 use rom::snapshots::FieldSpec;
@@ -40,11 +41,11 @@ pub struct Args {
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     gap_mm: Option<f64>,
-    /// File for the fields: .npy, .csv or .vtu.
+    /// File for the fields: .npy, .csv, .vtu, .dat (Tecplot ASCII) or .xdmf.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Undeformed mesh whose cells a .vtu output shall have; the model's surface when left out.
-    #[arg(long, value_name = "FILE.vtu", requires = "out")]
+    /// Undeformed mesh (.vtu, .msh, .inp) whose cells the output shall have; the model's surface when left out.
+    #[arg(long, value_name = "FILE", requires = "out")]
     mesh: Option<PathBuf>,
 }
 
@@ -88,21 +89,10 @@ impl Args {
 
     fn write(&self, model: &Model, values: &[f32]) -> anyhow::Result<()> {
         let Some(out) = &self.out else { return Ok(()) };
-        let header = &model.header;
-        let fields: Vec<FieldSpec> = header.fields.iter().map(|f| f.spec.clone()).collect();
-        let rest = |axis| model.f32_block(BlockKind::Undeformed(axis));
-        let undeformed = rest(0).zip(rest(1)).zip(rest(2)).map(|((x, y), z)| [x, y, z]);
-        let mesh =
-            self.mesh.as_ref().map(|path| formats::vtu::read(path)).transpose().map_err(artefact::refusal)?;
-        if let Some(found) = mesh.as_ref().map(|m| m.points_mm.len()).filter(|n| *n != header.node_count) {
-            return Err(configuration(anyhow::anyhow!(
-                "--mesh: expected {} nodes as in the model, found {found}",
-                header.node_count
-            )));
-        }
-        let (triangles, _) = model.u32_block(BlockKind::Surface).unwrap_or(&[]).as_chunks();
-        let cells = mesh.as_ref().map_or(Cells::Triangles(triangles), |m| Cells::QuadraticTets(&m.tets));
-        let state = State { fields: &fields, nodes: header.node_count, values, undeformed, cells };
+        let fields: Vec<FieldSpec> = model.header.fields.iter().map(|f| f.spec.clone()).collect();
+        let body = Body::of_model(model).with_mesh(self.mesh.as_deref())?;
+        let Series { nodes, cells, undeformed, .. } = body.series(&fields, 1);
+        let state = State { fields: &fields, nodes, values, undeformed, cells };
         state.write(out).context("the fields were not written")
     }
 }

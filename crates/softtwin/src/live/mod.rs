@@ -29,10 +29,15 @@ pub struct DomainArgs {
 impl DomainArgs {
     /// Joins the domain.
     pub fn join(&self) -> Result<Bus, WireError> {
+        Bus::open(&self.domain())
+    }
+
+    /// The domain that is meant.
+    pub fn domain(&self) -> Domain {
         let from_env = Domain::from_env();
         let prefix = self.domain.as_deref().map_or(from_env.prefix, |name| Domain::named(name).prefix);
         let root = self.domain_root.as_ref().map(|root| root.display().to_string()).or(from_env.root);
-        Bus::open(&Domain { prefix, root })
+        Domain { prefix, root }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The models the viewer knows: their visible surfaces, and predictions for "what if".
 
-use super::frame::{FrameHead, bits, encode};
+use super::frame::{FrameHead, Word, bits, encode};
 use crate::load::LoadedModel;
 use crate::render::visible::visible_facets;
 use anyhow::{Context, Result};
@@ -9,15 +9,36 @@ use rom::hull::Verdict;
 use rom::predict::{Nodes, Predictor, Selection};
 use rom::regime::RegimeSwitch;
 use rom::snapshots::Obstacle;
+use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 /// Name of the predicted actuator on the page.
 const PREDICTION: &str = "what if";
 
-/// All loaded models.
+/// All loaded models, and where actuators and blocks stand in the scene.
 pub struct Catalogue {
     models: Vec<Known>,
+    stand: Stand,
+}
+
+/// Where things stand, for pages.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Stand {
+    /// Actuators by name; without any they stand one behind the other.
+    places: BTreeMap<String, PlaceSpec>,
+    blocks: Vec<BlockSpec>,
+}
+
+impl Stand {
+    /// What a scene file says.
+    pub fn of(scene: &Scene) -> Self {
+        let is_told = scene.actuators.iter().any(|actuator| actuator.place != PlaceSpec::default());
+        let told = scene.actuators.iter().filter(|_| is_told);
+        let places = told.map(|actuator| (actuator.name.clone(), actuator.place)).collect();
+        Self { places, blocks: scene.blocks.clone() }
+    }
 }
 
 /// One model as the page sees it.
@@ -53,7 +74,7 @@ struct Oracle {
     switch: RegimeSwitch,
     evaluation: Evaluation,
     values: Vec<f32>,
-    fields: Vec<&'static str>,
+    fields: Vec<Word>,
 }
 
 /// Header of a mesh message: behind it `3 x nodes` coordinates, `3 x facets` node numbers, `nodes` node names.
@@ -70,9 +91,14 @@ impl Catalogue {
     ///
     /// # Errors
     /// When a model cannot be made ready to predict.
-    pub fn new(models: Vec<LoadedModel>) -> Result<Self> {
+    pub fn new(models: Vec<LoadedModel>, stand: Stand) -> Result<Self> {
         let known = models.into_iter().enumerate().map(|(id, loaded)| Known::new(id, &loaded));
-        Ok(Self { models: known.collect::<Result<_>>()? })
+        Ok(Self { models: known.collect::<Result<_>>()?, stand })
+    }
+
+    /// Where actuators and blocks stand.
+    pub fn stand(&self) -> &Stand {
+        &self.stand
     }
 
     /// What the page is told first.
@@ -90,6 +116,12 @@ impl Catalogue {
         self.models.iter().position(|known| known.hash == hash)
     }
 
+    /// The model whose hash a recording gives as hexadecimal digits.
+    pub fn find_text(&self, hash: &str) -> Option<usize> {
+        let text = |hash: &[u8]| hash.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        self.models.iter().position(|known| text(&known.hash) == hash)
+    }
+
     /// For each visible node of a model its place in a sample of a node set; none when some are not in it.
     pub fn places(&self, model: usize, node_set: &str) -> Option<Vec<u32>> {
         let known = self.models.get(model).filter(|known| known.mesh_message.is_some())?;
@@ -103,15 +135,6 @@ impl Catalogue {
         }
         let places: Vec<u32> = known.visible.iter().map(|node| place[*node as usize]).collect();
         (!places.contains(&u32::MAX)).then_some(places)
-    }
-
-    /// The model's number of the k-th node of a node set.
-    pub fn node(&self, model: usize, node_set: &str, k: u32) -> Option<u32> {
-        let known = self.models.get(model)?;
-        match known.node_sets.iter().find(|set| set.name == node_set) {
-            Some(set) => set.nodes.get(k as usize).copied(),
-            None => ((k as usize) < known.node_count).then_some(k),
-        }
     }
 
     /// Predicts a state and makes a frame of it. A gap of none stands for no plate.
@@ -133,6 +156,17 @@ impl Catalogue {
         let mut oracle = known.oracle.lock().unwrap_or_else(PoisonError::into_inner);
         let input = Input { pressure_mpa, gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
         oracle.answer(input, known).map_err(|error| error.to_string())
+    }
+
+    /// Makes a frame of a recorded state: its numbers are in `head`, its shape is computed. `O(visible nodes x modes)`.
+    ///
+    /// # Errors
+    /// When the model cannot reconstruct the state's regime.
+    pub fn replay(&self, model: usize, input: Input, mut head: FrameHead) -> Result<Vec<u8>> {
+        let known = self.models.get(model).context("no such model")?;
+        let mut oracle = known.oracle.lock().unwrap_or_else(PoisonError::into_inner);
+        let values = oracle.shape(input, known, &mut head)?;
+        Ok(encode(&head, &[&values]))
     }
 }
 
@@ -185,8 +219,11 @@ impl Oracle {
         let predictor = Predictor::new(&loaded.model, &selection)
             .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
         let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
-        let known =
-            |name| wire::layout::field_id::from_name(name).map_or("other", wire::layout::field_id::as_str);
+        let known = |name| {
+            Word::from(
+                wire::layout::field_id::from_name(name).map_or("other", wire::layout::field_id::as_str),
+            )
+        };
         Ok(Self {
             evaluation: predictor.evaluation(),
             values: vec![0.0; predictor.entries()],
@@ -196,16 +233,28 @@ impl Oracle {
         })
     }
 
-    fn answer(&mut self, input: Input, known: &Known) -> Result<Vec<u8>> {
+    /// The values to send, and what the header says of them.
+    fn shape(&mut self, input: Input, known: &Known, head: &mut FrameHead) -> Result<Vec<u32>> {
         self.predictor.evaluate(input, &mut self.switch, &mut self.evaluation);
         self.predictor.reconstruct_into(&self.evaluation, &mut self.values)?;
         let rows = self.predictor.rows();
-        let mut head = FrameHead::empty(PREDICTION);
-        let evaluation = &self.evaluation;
         head.model = known.mesh_message.is_some().then_some(known.card.id);
-        head.predicted = true;
         head.fields.clone_from(&self.fields);
         head.count = rows;
+        if let Some(field) = self.fields.iter().position(|name| name == "von_mises") {
+            let stress = &self.values[field * rows..(field + 1) * rows];
+            let largest = stress.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+            head.max_von_mises_mpa = largest.map_or(f64::NAN, |(_, value)| f64::from(*value));
+            head.max_von_mises_node = largest.and_then(|(k, _)| known.visible.get(k).copied());
+        }
+        Ok(bits(self.values.iter().copied()))
+    }
+
+    fn answer(&mut self, input: Input, known: &Known) -> Result<Vec<u8>> {
+        let mut head = FrameHead::empty(PREDICTION);
+        let values = self.shape(input, known, &mut head)?;
+        let evaluation = &self.evaluation;
+        head.predicted = true;
         head.pressure_mpa = input.pressure_mpa;
         head.gap_mm = input.gap_mm;
         head.contact_force_n = evaluation.contact_force_n;
@@ -213,15 +262,9 @@ impl Oracle {
         head.force_bar_n = evaluation.bars.force_n as f32;
         head.displacement_bar_mm = evaluation.bars.displacement_mm as f32;
         head.von_mises_bar_mpa = evaluation.bars.stress_mpa as f32;
-        head.regime = evaluation.regime.name();
-        head.flags = verdict_flag(evaluation.domain).into_iter().collect();
-        if let Some(field) = self.fields.iter().position(|name| *name == "von_mises") {
-            let stress = &self.values[field * rows..(field + 1) * rows];
-            let largest = stress.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
-            head.max_von_mises_mpa = largest.map_or(f64::NAN, |(_, value)| f64::from(*value));
-            head.max_von_mises_node = largest.and_then(|(k, _)| known.visible.get(k).copied());
-        }
-        Ok(encode(&head, &[&bits(self.values.iter().copied())]))
+        head.regime = evaluation.regime.name().into();
+        head.flags = verdict_flag(evaluation.domain).into_iter().map(Into::into).collect();
+        Ok(encode(&head, &[&values]))
     }
 }
 

@@ -1,9 +1,10 @@
 //! One page: frames out when it is ready for them, questions in, patience limited on both sides.
 
-use super::catalogue::{Card, Catalogue};
-use super::hub::Hub;
+use super::catalogue::{Card, Stand};
+use super::player::Command;
+use super::server::Shared;
 use axum::body::Bytes;
-use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -20,15 +21,30 @@ enum Request {
     Ready {},
     /// A prediction is wanted; no gap: no plate.
     Predict { model: usize, pressure_mpa: f64, gap_mm: Option<f64> },
+    /// Another place in the recording.
+    Seek { at_s: f64 },
+    /// Run or stand still.
+    Play { playing: bool },
+    /// Another recording, by its name in the folder.
+    Open { name: String },
 }
 
 /// What a page is told besides frames.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Told<'a> {
-    Hello { version: &'a str, models: Vec<&'a Card> },
-    Notice { text: &'a str },
-    Refused { text: String },
+    Hello {
+        version: &'a str,
+        models: Vec<&'a Card>,
+        #[serde(flatten)]
+        stand: &'a Stand,
+    },
+    Notice {
+        text: &'a str,
+    },
+    Refused {
+        text: String,
+    },
 }
 
 /// Why a conversation ended.
@@ -41,14 +57,13 @@ enum End {
 }
 
 /// Talks to one page until it goes.
-pub async fn serve(mut socket: WebSocket, catalogue: &Catalogue, hub: &Hub) {
-    let Some(_place) = hub.enter() else {
+pub async fn serve(mut socket: WebSocket, shared: &Shared) {
+    let Some(_place) = shared.hub.enter() else {
         let text = "too many viewers at once; close one of them";
         let _gone_anyway = close(&mut socket, text).await;
         return;
     };
-    let mut page =
-        Page { socket, catalogue, hub, seen: 0, ready: false, second: Instant::now(), messages: 0 };
+    let mut page = Page { socket, shared, seen: 0, ready: false, second: Instant::now(), messages: 0 };
     if let Err(End::Refused(text)) = page.talk().await {
         let _gone_anyway = close(&mut page.socket, text).await;
     }
@@ -60,8 +75,7 @@ async fn close(socket: &mut WebSocket, reason: &'static str) -> Result<(), axum:
 
 struct Page<'a> {
     socket: WebSocket,
-    catalogue: &'a Catalogue,
-    hub: &'a Hub,
+    shared: &'a Shared,
     /// Number of the newest frame that was sent.
     seen: u64,
     ready: bool,
@@ -71,10 +85,11 @@ struct Page<'a> {
 
 impl Page<'_> {
     async fn talk(&mut self) -> Result<(), End> {
-        let models = self.catalogue.cards();
+        let catalogue = &self.shared.catalogue;
+        let models = catalogue.cards();
         let known = !models.is_empty();
-        self.tell(&Told::Hello { version: env!("CARGO_PKG_VERSION"), models }).await?;
-        let catalogue = self.catalogue;
+        self.tell(&Told::Hello { version: env!("CARGO_PKG_VERSION"), models, stand: catalogue.stand() })
+            .await?;
         for mesh in catalogue.meshes() {
             self.send(Message::Binary(Bytes::copy_from_slice(mesh))).await?;
         }
@@ -83,7 +98,7 @@ impl Page<'_> {
                 "No model was given, so the surface is unknown and nodes are drawn as points (--model FILE)";
             self.tell(&Told::Notice { text }).await?;
         }
-        let mut newest = self.hub.watch();
+        let mut newest = self.shared.hub.watch();
         loop {
             tokio::select! {
                 message = self.socket.recv() => self.hear(message).await?,
@@ -97,10 +112,16 @@ impl Page<'_> {
 
     /// Sends what is newer than what the page has.
     async fn show(&mut self) -> Result<(), End> {
-        for frame in self.hub.newer_than(self.seen) {
+        for frame in self.shared.hub.newer_than(self.seen) {
             self.seen = frame.number;
-            self.ready = false;
-            self.send(Message::Binary(frame.message)).await?;
+            let message = match Utf8Bytes::try_from(frame.message.clone()) {
+                Ok(text) if frame.is_text => Message::Text(text),
+                _ => {
+                    self.ready = false;
+                    Message::Binary(frame.message)
+                }
+            };
+            self.send(message).await?;
         }
         Ok(())
     }
@@ -115,17 +136,36 @@ impl Page<'_> {
                     self.show().await
                 }
                 Ok(Request::Predict { model, pressure_mpa, gap_mm }) => {
-                    match self.catalogue.predict(model, pressure_mpa, gap_mm) {
+                    match self.shared.catalogue.predict(model, pressure_mpa, gap_mm) {
                         Ok(frame) => self.send(Message::Binary(frame.into())).await,
                         Err(text) => self.tell(&Told::Refused { text }).await,
                     }
                 }
+                Ok(Request::Seek { at_s }) => self.play(Command::Seek(at_s)).await,
+                Ok(Request::Play { playing }) => self.play(Command::Play(playing)).await,
+                Ok(Request::Open { name }) => self.play(Command::Open(name)).await,
                 Err(_) => Err(End::Refused("this is not a message of softtwin view")),
             },
             Message::Binary(_) => Err(End::Refused("this is not a message of softtwin view")),
             Message::Close(_) => Err(End::Gone),
             Message::Ping(_) | Message::Pong(_) => Ok(()),
         }
+    }
+
+    /// Passes a wish on to the player of recordings; only recordings of the folder can be opened.
+    async fn play(&mut self, command: Command) -> Result<(), End> {
+        let Some((library, player)) = &self.shared.player else {
+            let text = "this is live; recordings are shown by softtwin view --recording FILE".into();
+            return self.tell(&Told::Refused { text }).await;
+        };
+        if let Command::Open(name) = &command
+            && !library.names().contains(name)
+        {
+            let known = library.names().join(", ");
+            let text = format!("expected a recording of the folder ({known}), found {name:?}");
+            return self.tell(&Told::Refused { text }).await;
+        }
+        player.send(command).map_err(|_| End::Gone)
     }
 
     /// Ends the conversation with a page that floods.

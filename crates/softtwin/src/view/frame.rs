@@ -4,7 +4,11 @@
 //! little-endian 32-bit numbers. Values that are not known are `null`.
 
 use serde::Serialize;
+use std::borrow::Cow;
 use wire::layout::{field_id, flags, regime};
+
+/// A name: a fixed one from shared memory, or one out of a recording.
+pub type Word = Cow<'static, str>;
 
 /// Header of one frame of one actuator; the numbers behind it are `fields x count`, field-major `f32`.
 #[derive(Clone, Debug, Serialize)]
@@ -20,7 +24,7 @@ pub struct FrameHead {
     /// Sequence number of the field on the wire.
     pub seq: u64,
     /// Names of the fields behind the header.
-    pub fields: Vec<&'static str>,
+    pub fields: Vec<Word>,
     /// Nodes a field.
     pub count: usize,
     /// Pressure, MPa.
@@ -44,15 +48,19 @@ pub struct FrameHead {
     /// The model's node with that stress.
     pub max_von_mises_node: Option<u32>,
     /// Regime for people.
-    pub regime: &'static str,
+    pub regime: Word,
     /// Names of the set flags.
-    pub flags: Vec<&'static str>,
+    pub flags: Vec<Word>,
     /// What became of the newest reading.
-    pub outcome: &'static str,
+    pub outcome: Word,
     /// From sensor stamp to published, ms.
     pub latency_ms: f64,
     /// Readings a second.
     pub rate_hz: f64,
+    /// Place in the recording, s; null: live.
+    pub t_s: f64,
+    /// Whether a recording is running.
+    pub playing: bool,
 }
 
 impl FrameHead {
@@ -76,11 +84,13 @@ impl FrameHead {
             von_mises_bar_mpa: f32::NAN,
             max_von_mises_mpa: f64::NAN,
             max_von_mises_node: None,
-            regime: regime::as_str(regime::UNKNOWN),
+            regime: regime::as_str(regime::UNKNOWN).into(),
             flags: Vec::new(),
-            outcome: "",
+            outcome: Word::default(),
             latency_ms: f64::NAN,
             rate_hz: f64::NAN,
+            t_s: f64::NAN,
+            playing: false,
         }
     }
 
@@ -91,10 +101,27 @@ impl FrameHead {
         self.gap_mm = header.gap_mm;
         self.contact_force_n = header.contact_force_n;
         self.max_von_mises_mpa = header.max_von_mises_mpa;
-        self.regime = regime::as_str(header.regime);
-        self.flags = flags::names(header.flags).collect();
+        self.regime = regime::as_str(header.regime).into();
+        self.flags = flags::names(header.flags).map(Word::from).collect();
         self.latency_ms = header.t_publish_ns.saturating_sub(header.t_sensor_ns) as f64 * 1e-6;
-        self.fields = header.fields().map(field_id::as_str).collect();
+        self.fields = header.fields().map(field_id::as_str).map(Word::from).collect();
+    }
+
+    /// Takes what a recording says of a state.
+    pub fn set_recorded(&mut self, state: &crate::tape::TapeState) {
+        self.seq = state.seq;
+        self.pressure_mpa = state.pressure_mpa;
+        self.gap_mm = state.gap_mm;
+        self.contact_force_n = state.contact_force_n;
+        self.measured_force_n = state.measured_force_n;
+        self.onset_pressure_mpa = state.onset_pressure_mpa;
+        self.force_bar_n = state.force_bar_n as f32;
+        self.displacement_bar_mm = state.displacement_bar_mm as f32;
+        self.von_mises_bar_mpa = state.von_mises_bar_mpa as f32;
+        self.regime = state.regime.clone().into();
+        self.flags = state.flags.iter().cloned().map(Word::from).collect();
+        self.outcome = state.outcome.clone().into();
+        self.latency_ms = state.latency_ms();
     }
 
     /// Takes what the state adds.
@@ -107,9 +134,9 @@ impl FrameHead {
         self.force_bar_n = state.force_bar_n;
         self.displacement_bar_mm = state.displacement_bar_mm;
         self.von_mises_bar_mpa = state.von_mises_bar_mpa;
-        self.regime = regime::as_str(state.regime);
-        self.flags = flags::names(state.flags).collect();
-        self.outcome = wire::Outcome::from_code(state.outcome).map_or("", wire::Outcome::as_str);
+        self.regime = regime::as_str(state.regime).into();
+        self.flags = flags::names(state.flags).map(Word::from).collect();
+        self.outcome = wire::Outcome::from_code(state.outcome).map_or("", wire::Outcome::as_str).into();
         self.latency_ms = state.t_publish_ns.saturating_sub(state.t_sensor_ns) as f64 * 1e-6;
     }
 }

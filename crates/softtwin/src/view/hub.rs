@@ -16,6 +16,8 @@ pub struct Slot {
     pub number: u64,
     /// The message.
     pub message: Bytes,
+    /// A text for the page instead of a frame.
+    pub is_text: bool,
 }
 
 /// Newest frames by actuator.
@@ -39,9 +41,18 @@ impl Default for Hub {
 impl Hub {
     /// Replaces an actuator's frame and wakes the pages.
     pub fn put(&self, actuator: &str, message: Vec<u8>) {
+        self.replace(actuator, message, false);
+    }
+
+    /// Replaces what all pages are told of the recording.
+    pub fn announce(&self, text: String) {
+        self.replace("", text.into_bytes(), true); // no actuator has an empty name
+    }
+
+    fn replace(&self, actuator: &str, message: Vec<u8>, is_text: bool) {
         let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
         let number = *self.newest.borrow() + 1;
-        slots.insert(actuator.to_owned(), Slot { number, message: message.into() });
+        slots.insert(actuator.to_owned(), Slot { number, message: message.into(), is_text });
         self.newest.send_replace(number);
     }
 

@@ -194,7 +194,7 @@ impl Source {
             Some((model, places)) if places.iter().all(|place| (*place as usize) < nodes) => {
                 self.head.model = Some(*model);
                 self.head.count = places.len();
-                self.head.max_von_mises_node = largest.and_then(|k| catalogue.node(*model, &set, k));
+                self.head.max_von_mises_node = largest; // the model's number already
                 let columns = values.chunks_exact(nodes);
                 bits(columns.flat_map(|column| places.iter().map(|place| column[*place as usize])))
             }

@@ -4,6 +4,7 @@ use super::catalogue::Catalogue;
 use super::client;
 use super::guard::Guard;
 use super::hub::Hub;
+use super::player::{Command, Library};
 use crate::render::colour::{ColourMap, ENTRIES, MapName};
 use anyhow::{Context, Result};
 use axum::Router;
@@ -15,6 +16,7 @@ use axum::routing::{any, get};
 use std::future::Future;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 use tokio::net::TcpListener;
 
 /// Largest message a page may send, bytes.
@@ -35,6 +37,7 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("/link.js", SCRIPT, include_str!("assets/link.js")),
     ("/mesh.js", SCRIPT, include_str!("assets/mesh.js")),
     ("/numbers.js", SCRIPT, include_str!("assets/numbers.js")),
+    ("/recording.js", SCRIPT, include_str!("assets/recording.js")),
     ("/scale.js", SCRIPT, include_str!("assets/scale.js")),
     ("/whatif.js", SCRIPT, include_str!("assets/whatif.js")),
 ];
@@ -50,6 +53,8 @@ pub struct Server {
     pub catalogue: Arc<Catalogue>,
     /// The slots.
     pub hub: Arc<Hub>,
+    /// Where a recording is played instead of live topics: what may be opened, and who plays it.
+    pub player: Option<(Library, Sender<Command>)>,
 }
 
 /// Binds the port.
@@ -62,10 +67,15 @@ pub async fn open_port(address: IpAddr, port: u16) -> Result<TcpListener> {
     })
 }
 
+/// What every page's task needs.
 #[derive(Clone)]
-struct Shared {
-    catalogue: Arc<Catalogue>,
-    hub: Arc<Hub>,
+pub struct Shared {
+    /// Known models.
+    pub catalogue: Arc<Catalogue>,
+    /// The slots.
+    pub hub: Arc<Hub>,
+    /// The player of recordings, if that is what is shown.
+    pub player: Option<(Library, Sender<Command>)>,
 }
 
 impl Server {
@@ -87,7 +97,7 @@ impl Server {
                 router.route(path, get(move || async move { ([(header::CONTENT_TYPE, *kind)], *content) }));
         }
         let router = router
-            .with_state(Shared { catalogue: self.catalogue, hub: self.hub })
+            .with_state(Shared { catalogue: self.catalogue, hub: self.hub, player: self.player })
             .layer(from_fn_with_state(Arc::new(self.guard), admit));
         let serve = axum::serve(self.listener, router).into_future();
         tokio::select! {
@@ -126,5 +136,5 @@ async fn websocket(State(shared): State<Shared>, upgrade: WebSocketUpgrade) -> R
     upgrade
         .max_message_size(MAX_MESSAGE)
         .max_frame_size(MAX_MESSAGE)
-        .on_upgrade(move |socket| async move { client::serve(socket, &shared.catalogue, &shared.hub).await })
+        .on_upgrade(move |socket| async move { client::serve(socket, &shared).await })
 }

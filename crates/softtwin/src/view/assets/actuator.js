@@ -5,24 +5,26 @@ import { Points } from "./mesh.js";
 import { QUANTITIES } from "./scale.js";
 
 const STALE_MS = 1500;
-const SPACING_MM = 70;
+const SPACING_MM = 70; // where the scene does not say where it stands: one behind the other
 
 export class Actuator {
-  constructor(name, index, colour) {
-    Object.assign(this, { name, colour, offsetZ: index * SPACING_MM, history: new History(), latest: null, shown: null, body: null });
+  constructor(name, index, colour, place) {
+    const where = place ? { offset: place.offset_mm, flip: place.mirrored ? -1 : 1 } : { offset: [0, 0, index * SPACING_MM], flip: 1 };
+    Object.assign(this, { name, colour, place: where, history: new History(), latest: null, shown: null, shape: null, body: null, largest: NaN });
   }
 
   // Takes a frame that has just come in.
   receive(frame) {
     this.latest = frame;
-    this.history.add(frame);
+    if (frame.t_s === null) this.history.add(frame); // of a recording all is known already
   }
 
-  // Makes a frame the shown one; `mesh` is the model's, if known. Returns the largest coloured value.
+  // Makes a frame the shown one; `mesh` is the model's, if known.
   show(frame, mesh, quantity) {
     this.shown = frame;
     const { x, y, z } = frame.fields ?? {};
-    if (!x || !y || !z) return NaN;
+    if (!x || !y || !z) return; // a state came without its field: the shape stays
+    this.shape = frame;
     if (!this.body || this.model !== frame.model || this.body.nodes !== x.length) {
       this.model = frame.model;
       this.body = mesh && mesh.nodes === x.length ? mesh.copy() : new Points(x.length);
@@ -30,29 +32,32 @@ export class Actuator {
     const values = QUANTITIES[quantity].values(frame) ?? new Float32Array(x.length).fill(NaN);
     this.body.deform(x, y, z, values);
     this.values = values;
-    return largest(values);
+    this.largest = largest(values);
   }
 
   // Old data: nothing has come for a while, or what comes says so itself.
   isStale(now) {
-    return Boolean(this.latest) && !this.latest.predicted &&
+    return Boolean(this.latest) && !this.latest.predicted && this.latest.t_s === null &&
       (now - this.latest.received_ms > STALE_MS || this.latest.flags.includes("stale") || this.latest.flags.includes("no-data"));
   }
 
   // Box around the shown shape.
   box() {
-    const { x, y, z } = this.shown?.fields ?? {};
+    const { x, y, z } = this.shape?.fields ?? {};
     if (!x) return null;
     const bounds = [x, y, z].map((values) => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]));
-    return { low: [bounds[0][0], bounds[1][0], bounds[2][0] + this.offsetZ], high: [bounds[0][1], bounds[1][1], bounds[2][1] + this.offsetZ] };
+    const { offset, flip } = this.place;
+    if (flip < 0) bounds[1] = [-bounds[1][1], -bounds[1][0]];
+    return { low: bounds.map(([low], k) => low + offset[k]), high: bounds.map(([, high], k) => high + offset[k]) };
   }
 
   // A node as text for the pointer.
   describe(node) {
-    const { fields } = this.shown;
+    const { fields, displacement_bar_mm: bar_mm, von_mises_bar_mpa: bar_mpa } = this.shape;
+    const half = (bar, digits) => (Number.isFinite(bar) ? ` ± ${bar.toFixed(digits)}` : "");
     const lines = [`${this.name} · node ${this.body.ids[node]}`, `x ${fields.x[node].toFixed(2)}  y ${fields.y[node].toFixed(2)}  z ${fields.z[node].toFixed(2)} mm`];
-    if (fields.displacement) lines.push(`displacement ${fields.displacement[node].toFixed(2)} mm`);
-    if (fields.von_mises) lines.push(`von Mises ${fields.von_mises[node].toFixed(4)} MPa`);
+    if (fields.displacement) lines.push(`displacement ${fields.displacement[node].toFixed(2)}${half(bar_mm, 2)} mm`);
+    if (fields.von_mises) lines.push(`von Mises ${fields.von_mises[node].toFixed(4)}${half(bar_mpa, 4)} MPa`);
     return lines.join("\n");
   }
 }

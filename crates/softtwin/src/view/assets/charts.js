@@ -1,6 +1,5 @@
 // Strip charts of the last minute: one quantity each, one line an actuator.
 
-import { SPAN_MS } from "./history.js";
 import { ticks } from "./scale.js";
 
 export const COLOURS = ["#2f81f7", "#e8742c", "#2da44e", "#a475f9", "#d4a72c", "#e85aad"];
@@ -22,21 +21,21 @@ export class Charts {
       name.className = "name";
       const [label, span] = [document.createElement("span"), document.createElement("span")];
       label.textContent = `${strip.name} (${strip.unit})`;
-      span.textContent = "60 s";
       name.append(label, span);
       const canvas = document.createElement("canvas");
       box.append(name, canvas);
       parent.append(box);
-      return { ...strip, canvas };
+      return { ...strip, canvas, span };
     });
   }
 
-  // `series`: [{ states, colour }]; `age_ms`: where the cursor stands, 0 is now.
-  draw(series, now, age_ms, style) {
-    for (const strip of this.strips) this.drawStrip(strip, series, now, age_ms, style);
+  // `series`: [{ states, colour }]; of the window `now` is the right end, `age_ms` where the cursor stands before it.
+  draw(series, window, style) {
+    for (const strip of this.strips) this.drawStrip(strip, series, window, style);
   }
 
-  drawStrip({ canvas, key }, series, now, age_ms, { ink, line, faint }) {
+  drawStrip({ canvas, span, key }, series, { now, age_ms, span_ms }, { ink, line, faint }) {
+    span.textContent = `${(span_ms / 1000).toFixed(span_ms < 10000 ? 1 : 0)} s`;
     const ratio = devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     canvas.width = width * ratio;
@@ -46,7 +45,7 @@ export class Charts {
     const [left, bottom] = [38, height - 4];
     const [low, high] = rangeOf(series, key);
     const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - 6);
-    const x = (time) => left + (1 - (now - time) / SPAN_MS) * (width - left - 2);
+    const x = (time) => left + (1 - (now - time) / span_ms) * (width - left - 2);
     context.font = "10px system-ui, sans-serif";
     context.textAlign = "right";
     context.textBaseline = "middle";

@@ -1,12 +1,14 @@
 // WebGL2: bodies with a colour table, plates with a grid, points when no mesh is known. No library.
 
 const BODY_VS = `#version 300 es
-uniform mat4 matrix; uniform vec3 offset; uniform vec2 range; uniform float size;
+uniform mat4 matrix; uniform vec3 offset; uniform vec2 range; uniform float size; uniform vec4 shadow; uniform float flip;
 layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; layout(location = 2) in float value;
 out vec3 n; out float t; out vec3 where;
 void main() {
-  vec3 p = position + offset;
-  n = normal; where = p; t = (value - range.x) / max(range.y - range.x, 1e-30);
+  vec3 side = vec3(1.0, flip, 1.0);
+  vec3 p = position * side + offset;
+  if (shadow.w > 0.0) p = vec3(p.xz + shadow.xz * (p.y - shadow.y), 0.0).xzy + vec3(0.0, shadow.y, 0.0);
+  n = normal * side; where = p; t = (value - range.x) / max(range.y - range.x, 1e-30);
   gl_Position = matrix * vec4(p, 1.0); gl_PointSize = size;
 }`;
 
@@ -47,11 +49,16 @@ void main() {
   colour = vec4(c * 0.86, 0.86);
 }`;
 
+const SLOW_MS = 45; // a software renderer that needs longer draws fewer pixels
+const COARSEST = 0.5;
+const SHADOW_SLOPE = [0.18, 0.25]; // mm to the side for each mm of height
+
 export class Painter {
   constructor(canvas, table) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, premultipliedAlpha: true, preserveDrawingBuffer: true });
+    const software = drawsInSoftware();
+    const gl = canvas.getContext("webgl2", { antialias: !software, alpha: true, premultipliedAlpha: true, stencil: true });
     if (!gl) throw new Error("this browser has no WebGL2; use a current Firefox, Chrome, Edge or Safari");
-    Object.assign(this, { canvas, gl, buffers: new WeakMap() });
+    Object.assign(this, { canvas, gl, software, sharpness: 1, buffers: new WeakMap() });
     this.body = program(gl, BODY_VS, BODY_FS);
     this.plate = program(gl, PLATE_VS, PLATE_FS);
     this.square = gl.createVertexArray();
@@ -71,29 +78,59 @@ export class Painter {
 
   begin(camera) {
     const { gl, canvas } = this;
-    const ratio = Math.min(devicePixelRatio || 1, 2);
+    const ratio = Math.min(devicePixelRatio || 1, 2) * this.sharpness;
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
     const { right, up, toward } = camera.axes();
     const key = right.map((r, k) => -0.45 * r + 0.75 * up[k] + 0.6 * toward[k]);
     const length = Math.hypot(...key);
     this.frame = { matrix: camera.matrix(), eye: camera.eye(), key: key.map((v) => v / length) };
   }
 
+  // Without a graphics card pixels are dear: what took too long is drawn coarser from then on.
+  pace(took_ms) {
+    if (this.software && took_ms > SLOW_MS) this.sharpness = Math.max(COARSEST, this.sharpness * 0.9);
+  }
+
+  // The shadow of a body on the plate, under a light from above; the stencil lets each pixel be darkened once.
+  drawShadow(mesh, { offset, flip }, height) {
+    if (!mesh.corners) return;
+    const { gl, body } = this;
+    const buffers = this.buffersOf(mesh);
+    gl.useProgram(body.program);
+    gl.uniformMatrix4fv(body.at.matrix, false, this.frame.matrix);
+    gl.uniform3fv(body.at.offset, offset);
+    gl.uniform1f(body.at.flip, flip);
+    gl.uniform4f(body.at.shadow, SHADOW_SLOPE[0], height + 0.02, SHADOW_SLOPE[1], 1);
+    gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0.22);
+    gl.bindVertexArray(buffers.array);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.corners);
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.EQUAL, 0, 0xff);
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
+    gl.depthMask(false);
+    gl.drawElements(gl.TRIANGLES, mesh.corners.length, gl.UNSIGNED_INT, 0);
+    gl.depthMask(true);
+    gl.disable(gl.STENCIL_TEST);
+    gl.uniform4f(body.at.shadow, 0, 0, 0, 0);
+  }
+
   // `mesh` has positions, normals, values and corners, or no corners at all (then points are drawn).
-  drawBody(mesh, { offsetZ, range, lit, lines, ink }) {
+  drawBody(mesh, { offset, flip }, { range, lit, lines }) {
     const { gl, body, frame } = this;
     const buffers = this.buffersOf(mesh);
     gl.useProgram(body.program);
     gl.uniformMatrix4fv(body.at.matrix, false, frame.matrix);
     gl.uniform3fv(body.at.eye, frame.eye);
     gl.uniform3fv(body.at.key, frame.key);
-    gl.uniform3f(body.at.offset, 0, 0, offsetZ);
+    gl.uniform3fv(body.at.offset, offset);
+    gl.uniform1f(body.at.flip, flip);
     gl.uniform2fv(body.at.range, range);
     gl.uniform1f(body.at.lit, lit ? 1 : 0);
+    gl.uniform4f(body.at.shadow, 0, 0, 0, 0);
     gl.uniform1f(body.at.size, 2.5 * (devicePixelRatio || 1));
     gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0);
     gl.bindVertexArray(buffers.array);
@@ -104,7 +141,7 @@ export class Painter {
     gl.drawElements(gl.TRIANGLES, mesh.corners.length, gl.UNSIGNED_INT, 0);
     gl.disable(gl.POLYGON_OFFSET_FILL);
     if (lines) {
-      gl.uniform4f(body.at.flat_colour, ...ink, 0.28);
+      gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0.22);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.edges);
       gl.drawElements(gl.LINES, mesh.edges.length, gl.UNSIGNED_INT, 0);
     }
@@ -150,6 +187,14 @@ export class Painter {
     }
     return buffers;
   }
+}
+
+function drawsInSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const names = gl?.getExtension("WEBGL_debug_renderer_info");
+  const found = names ? /swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL)) : false;
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return found;
 }
 
 function program(gl, vertex, fragment) {

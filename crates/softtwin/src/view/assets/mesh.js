@@ -1,5 +1,6 @@
 // A model's visible surface: facets over nodes, split into drawable vertices where the surface has an edge.
 
+const POINT_ANGLE = 0.002; // rad: about four pixels
 const CREASE_COS = Math.cos((40 * Math.PI) / 180);
 
 export class Mesh {
@@ -98,6 +99,24 @@ function edgesOf(corners) {
   return new Uint32Array(edges);
 }
 
+// A rigid block of the scene, with flat faces and no values.
+export function block([x0, y0, z0], [x1, y1, z1]) {
+  const faces = [
+    [[x0, y0, z0], [x0, y0, z1], [x0, y1, z1], [x0, y1, z0], [-1, 0, 0]], [[x1, y0, z0], [x1, y1, z0], [x1, y1, z1], [x1, y0, z1], [1, 0, 0]],
+    [[x0, y0, z0], [x1, y0, z0], [x1, y0, z1], [x0, y0, z1], [0, -1, 0]], [[x0, y1, z0], [x0, y1, z1], [x1, y1, z1], [x1, y1, z0], [0, 1, 0]],
+    [[x0, y0, z0], [x0, y1, z0], [x1, y1, z0], [x1, y0, z0], [0, 0, -1]], [[x0, y0, z1], [x1, y0, z1], [x1, y1, z1], [x0, y1, z1], [0, 0, 1]],
+  ];
+  const corners = faces.flatMap((_, f) => [0, 1, 2, 0, 2, 3].map((k) => 4 * f + k));
+  return {
+    version: 0,
+    positions: Float32Array.from(faces.flatMap((face) => face.slice(0, 4).flat())),
+    normals: Float32Array.from(faces.flatMap((face) => [0, 1, 2, 3].flatMap(() => face[4]))),
+    values: new Float32Array(24).fill(NaN),
+    corners: Uint32Array.from(corners),
+    edges: new Uint32Array(0),
+  };
+}
+
 // Nodes without a known surface: drawn as points.
 export class Points {
   constructor(nodes) {
@@ -114,13 +133,16 @@ export class Points {
   }
 }
 
-// The node nearest to where a ray first meets the surface, or -1. `positions` are the drawn vertices.
-export function pick(mesh, origin, direction, offsetZ) {
+// The node nearest to where a ray first meets the surface, or -1. The body stands at a place of the scene, so the ray is
+// taken into the body's own frame; distances stay as they are.
+export function pick(mesh, sceneOrigin, sceneDirection, { offset, flip }) {
+  const origin = sceneOrigin.map((v, k) => (v - offset[k]) * (k === 1 ? flip : 1));
+  const direction = sceneDirection.map((v, k) => v * (k === 1 ? flip : 1));
   const p = mesh.positions;
-  if (!mesh.corners) return { node: -1, distance: Infinity };
+  if (!mesh.corners) return nearestPoint(mesh, origin, direction);
   let [best, bestT] = [-1, Infinity];
   for (let f = 0; f < mesh.corners.length; f += 3) {
-    const hit = meet(p, mesh.corners, f, origin, direction, offsetZ);
+    const hit = meet(p, mesh.corners, f, origin, direction);
     if (hit && hit.t < bestT) {
       bestT = hit.t;
       const weights = [1 - hit.u - hit.v, hit.u, hit.v];
@@ -130,15 +152,28 @@ export function pick(mesh, origin, direction, offsetZ) {
   return { node: best, distance: bestT };
 }
 
+// Of points without a surface: the first one within a small angle of the ray.
+function nearestPoint({ positions: p, nodes }, origin, direction) {
+  const length = Math.hypot(...direction);
+  let [node, distance] = [-1, Infinity];
+  for (let k = 0; k < nodes; k++) {
+    const to = [p[3 * k] - origin[0], p[3 * k + 1] - origin[1], p[3 * k + 2] - origin[2]];
+    const along = dot(to, direction) / length;
+    const aside = Math.sqrt(Math.max(0, dot(to, to) - along * along));
+    if (along > 0 && along < distance && aside < POINT_ANGLE * along) [node, distance] = [k, along];
+  }
+  return { node, distance: distance / length };
+}
+
 // Where a ray meets one triangle: distance and weights of the second and third corner.
-function meet(p, corners, f, origin, direction, offsetZ) {
+function meet(p, corners, f, origin, direction) {
   const [i, j, k] = [3 * corners[f], 3 * corners[f + 1], 3 * corners[f + 2]];
   const e1 = [p[j] - p[i], p[j + 1] - p[i + 1], p[j + 2] - p[i + 2]];
   const e2 = [p[k] - p[i], p[k + 1] - p[i + 1], p[k + 2] - p[i + 2]];
   const h = [direction[1] * e2[2] - direction[2] * e2[1], direction[2] * e2[0] - direction[0] * e2[2], direction[0] * e2[1] - direction[1] * e2[0]];
   const a = dot(e1, h);
   if (Math.abs(a) < 1e-12) return null;
-  const s = [origin[0] - p[i], origin[1] - p[i + 1], origin[2] - p[i + 2] - offsetZ];
+  const s = [origin[0] - p[i], origin[1] - p[i + 1], origin[2] - p[i + 2]];
   const u = dot(s, h) / a;
   if (u < 0 || u > 1) return null;
   const q = [s[1] * e1[2] - s[2] * e1[1], s[2] * e1[0] - s[0] * e1[2], s[0] * e1[1] - s[1] * e1[0]];

@@ -27,7 +27,7 @@ export function ticks(low, high, count) {
 
 export class Scale {
   constructor(table, changed) {
-    Object.assign(this, { range: [0, 1], following: true, quantity: "von_mises" });
+    Object.assign(this, { range: [0, 1], mode: "peak", quantity: "von_mises" });
     this.element = Object.fromEntries(["field", "follow", "bar", "ticks", "range", "low", "high"].map((id) => [id, document.getElementById(id)]));
     const { field, follow, low, high, bar } = this.element;
     bar.width = 256;
@@ -35,8 +35,8 @@ export class Scale {
     for (let k = 0; k < 256; k++) image.data.set([table[3 * k], table[3 * k + 1], table[3 * k + 2], 255], 4 * k);
     const context = bar.getContext("2d");
     for (let y = 0; y < bar.height; y++) context.putImageData(image, 0, y);
-    field.onchange = () => { this.quantity = field.value; this.following = true; this.range = [0, 0]; this.show(); changed(); };
-    follow.onclick = () => { this.fix(!this.following ? null : this.range); changed(); };
+    field.onchange = () => { this.quantity = field.value; if (this.mode === "fixed") this.mode = "peak"; this.range = [0, 0]; this.show(); changed(); };
+    follow.onclick = () => { this.choose({ peak: "most", most: "fixed", fixed: "peak" }[this.mode]); changed(); };
     const typed = () => {
       const range = [parseFloat(low.value), parseFloat(high.value)];
       if (range[1] > range[0]) { this.range = range; this.show(); changed(); }
@@ -45,16 +45,19 @@ export class Scale {
     this.show();
   }
 
-  // Fixes the range, or lets it follow again (`null`).
-  fix(range) {
-    this.following = range === null;
-    if (range) this.range = range;
+  // "peak": the range follows the largest value; "most": what 99 % of the nodes stay below, which shows more where single
+  // corners stand out; "fixed": it stays.
+  choose(mode) {
+    this.mode = mode;
     this.show();
   }
 
-  // Follows the largest value shown: up at once, down slowly, in round steps, so that colours do not flicker.
-  follow(largest) {
-    if (!this.following || !Number.isFinite(largest) || largest <= 0) return;
+  // Follows the values of the bodies shown: up at once, down slowly, in round steps, so that colours do not flicker.
+  follow(bodies) {
+    if (this.mode === "fixed") return;
+    const tops = bodies.map(({ values, largest }) => (this.mode === "peak" || !values ? largest : quantile(values, 0.99)));
+    const largest = Math.max(...tops.filter(Number.isFinite));
+    if (!Number.isFinite(largest) || largest <= 0) return;
     const limited = this.quantity.endsWith("_bar") ? Math.min(largest, 100) : largest;
     const target = roundUp(limited);
     if (target > this.range[1] || target < 0.6 * this.range[1]) {
@@ -65,9 +68,9 @@ export class Scale {
 
   show() {
     const { follow, range, low, high, ticks: list } = this.element;
-    follow.textContent = this.following ? "follows" : "fixed";
-    follow.setAttribute("aria-pressed", this.following);
-    range.hidden = this.following;
+    follow.textContent = { peak: "follows peak", most: "follows 99 %", fixed: "fixed" }[this.mode];
+    follow.setAttribute("aria-pressed", this.mode !== "fixed");
+    range.hidden = this.mode !== "fixed";
     [low.value, high.value] = this.range;
     const { at, digits } = ticks(...this.range, 5);
     list.replaceChildren(...at.map((value) => {
@@ -77,6 +80,11 @@ export class Scale {
       return span;
     }));
   }
+}
+
+function quantile(values, share) {
+  const sorted = Float32Array.from(values).sort();
+  return sorted[Math.floor(share * (sorted.length - 1))];
 }
 
 function roundUp(value) {

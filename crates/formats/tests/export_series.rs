@@ -1,0 +1,66 @@
+//! Series of states: what is written, and what is refused before anything is.
+
+mod common;
+
+use rom::snapshots::Split;
+use softtwin_formats::export::{Moment, Series};
+use softtwin_formats::vtu::Cells;
+use softtwin_formats::{FormatError, npy};
+use std::path::Path;
+
+fn write(
+    path: &Path,
+    count: usize,
+    change: impl Fn(&mut Vec<Moment>),
+) -> Result<Vec<std::path::PathBuf>, FormatError> {
+    let cases = [0.01, 0.02, 0.05].map(|p| common::case(&format!("{p}"), Split::Train, p, None));
+    let (database, tets) = common::database(cases.to_vec());
+    let state = |k: usize| (0..5).flat_map(|field| database.field(k, field)).collect();
+    let mut moments: Vec<Moment> = (0..3)
+        .map(|k| Moment { time: k as f64 / 2.0, title: format!("state \"{k}\""), values: state(k) })
+        .collect();
+    change(&mut moments);
+    let series = Series {
+        fields: &database.fields,
+        nodes: database.node_count,
+        cells: Cells::QuadraticTets(&tets),
+        undeformed: None,
+        count,
+    };
+    series.write(path, moments.into_iter().map(Ok))
+}
+
+#[test]
+fn every_format_holds_every_state() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let text = |name: &str| std::fs::read_to_string(at(name)).unwrap();
+    let written = write(&at("run.pvd"), 3, |_| {}).unwrap();
+    assert_eq!(written.len(), 4, "{written:?}");
+    assert!(text("run.pvd").contains("timestep=\"0.5\" part=\"0\" file=\"run_0001.vtu\""));
+    write(&at("run.dat"), 3, |_| {}).unwrap();
+    assert_eq!(text("run.dat").matches("ZONETYPE=FETETRAHEDRON").count(), 3);
+    assert!(text("run.dat").contains("T=\"state '1'\""), "quotes would end the title");
+    write(&at("run.xdmf"), 3, |_| {}).unwrap();
+    assert_eq!(text("run.xdmf").matches("<Time Value=").count(), 3);
+    write(&at("run.csv"), 3, |_| {}).unwrap();
+    write(&at("run.npy"), 3, |_| {}).unwrap();
+    let array = npy::read_f32(&at("run.npy")).unwrap();
+    assert_eq!(array.shape[0], 3);
+    assert_eq!(text("run.csv").lines().count(), 1 + 3 * array.shape[1]);
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |name: &str, count, change: fn(&mut Vec<Moment>)| {
+        write(&dir.path().join(name), count, change).expect_err("refused").to_string()
+    };
+    assert!(refused("run.xls", 3, |_| {}).contains(".pvd, .dat, .xdmf, .csv or .npy, found xls"));
+    assert!(refused("run.npy", 0, |_| {}).contains("at least one state"));
+    assert!(refused("run.npy", 4, |_| {}).contains("4 states, found 3"));
+    let short = refused("run.csv", 3, |moments| {
+        moments[1].values.pop();
+    });
+    assert!(short.contains("state 1"), "{short}");
+}

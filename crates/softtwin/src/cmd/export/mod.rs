@@ -1,0 +1,91 @@
+//! `softtwin export`: states as files that other programs open.
+
+mod body;
+mod source;
+
+use crate::artefact;
+use crate::failure::usage;
+use crate::say;
+use anyhow::Result;
+pub use body::Body;
+use formats::export::SeriesFormat;
+use serde_json::json;
+use source::Source;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  A sweep of predictions for ParaView (one .vtu a state, the .pvd opens them all):
+    softtwin export finger.twin --pressure-mpa 0.01,0.025,0.04,0.055,0.07 --gap-mm 40 --out sweep.pvd
+  The same with the inside of the body (the model itself knows its surface only), for Tecplot:
+    softtwin export finger.twin --pressure-mpa 0.01,0.04,0.07 --mesh mesh.vtu --out sweep.dat
+  Two cases of a database, or all of them as one array (cases x nodes x fields):
+    softtwin export models/pneunet/database --case A --case C --out cases.xdmf
+    softtwin export models/pneunet/database --out all.npy
+  A recording: its fields as they were recorded, or made again from its states by the model, every tenth:
+    softtwin export run.mcap --out run.pvd
+    softtwin export run.mcap --model finger.twin --every 10 --out run.pvd
+
+Endings of --out: .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy.";
+
+/// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// What to export: a model (.twin), a database folder, or a recording (.mcap).
+    #[arg(value_name = "SOURCE")]
+    source: PathBuf,
+    /// File to write; its ending says the format.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Of a model: pressures to predict, in MPa.
+    #[arg(long, value_name = "MPA,...", value_delimiter = ',')]
+    pressure_mpa: Vec<f64>,
+    /// Of a model: the gap in mm; no obstacle when left out.
+    #[arg(long, value_name = "MM")]
+    gap_mm: Option<f64>,
+    /// Of a database: the names of cases; all when left out.
+    #[arg(long, value_name = "NAME")]
+    case: Vec<String>,
+    /// Of a recording: the model that makes its fields; left out, recorded fields are exported.
+    #[arg(long, value_name = "FILE.twin")]
+    model: Option<PathBuf>,
+    /// Of a recording: the actuator, when there are several.
+    #[arg(long, value_name = "NAME")]
+    actuator: Option<String>,
+    /// Take every n-th state only.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    every: u64,
+    /// Undeformed mesh (.vtu, .msh, .inp) whose cells the states shall have; the surface when left out.
+    #[arg(long, value_name = "FILE")]
+    mesh: Option<PathBuf>,
+    /// End with one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Writes the files and names them.
+    ///
+    /// # Errors
+    /// A source that cannot be read, options that do not belong to it, a file that cannot be written.
+    pub fn run(self) -> Result<()> {
+        SeriesFormat::of(&self.out).map_err(usage)?; // before the work, not after it
+        let source = Source::open(&self)?;
+        let body = source.body(self.mesh.as_deref())?;
+        let series = body.series(source.fields(), source.count());
+        let written = series.write(&self.out, source.moments()).map_err(|error: anyhow::Error| {
+            error.downcast::<formats::FormatError>().map_or_else(|other| other, artefact::refusal)
+        })?;
+        if self.json {
+            return say::json(&json!({ "states": source.count(), "files": written }));
+        }
+        let more = if written.len() > 1 {
+            format!(" and {} files beside it", written.len() - 1)
+        } else {
+            String::new()
+        };
+        say!("{}{more}: {} states of {} nodes", self.out.display(), source.count(), body.nodes)?;
+        Ok(())
+    }
+}

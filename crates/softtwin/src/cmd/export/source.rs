@@ -1,0 +1,222 @@
+//! Where exported states come from: a model asked for readings, a database, the fields of a recording.
+
+use super::Args;
+use super::body::Body;
+use crate::artefact;
+use crate::failure::{configuration, usage};
+use crate::tape::{Tape, Track};
+use anyhow::Result;
+use formats::database::Scene;
+use formats::export::Moment;
+use rom::evaluation::Input;
+use rom::model::Model;
+use rom::predict::{Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::snapshots::{Database, FieldKind, FieldSpec};
+use std::path::Path;
+
+/// Opened, and every option checked.
+pub enum Source {
+    /// Readings that a model answers: time, pressure and gap.
+    Readings { model: Box<Model>, fields: Vec<FieldSpec>, readings: Vec<(f64, Input)> },
+    /// Cases of a database.
+    Cases { database: Database, chosen: Vec<usize> },
+    /// Recorded fields.
+    Recorded { track: Track, fields: Vec<FieldSpec>, every: usize },
+}
+
+impl Source {
+    /// Opens what the path names.
+    ///
+    /// # Errors
+    /// A path that is none of the three, or options that belong to another kind.
+    pub fn open(args: &Args) -> Result<Self> {
+        let path = args.source.as_path();
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        let kind = match ending {
+            _ if path.is_dir() => "database",
+            Some("twin") => "model",
+            Some("mcap") => "recording",
+            _ => {
+                return Err(usage(format!(
+                    "expected a model (.twin), a database folder or a recording (.mcap), found {}",
+                    path.display()
+                )));
+            }
+        };
+        let options = [
+            ("--pressure-mpa", "model", !args.pressure_mpa.is_empty()),
+            ("--gap-mm", "model", args.gap_mm.is_some()),
+            ("--case", "database", !args.case.is_empty()),
+            ("--model", "recording", args.model.is_some()),
+            ("--actuator", "recording", args.actuator.is_some()),
+        ];
+        if let Some((option, of, _)) = options.iter().find(|(_, of, given)| *given && *of != kind) {
+            return Err(usage(format!("{option} belongs to a {of}; {} is a {kind}", path.display())));
+        }
+        match kind {
+            "model" => Self::sweep(args, path),
+            "database" => Self::cases(args, path),
+            _ => Self::recording(args, path),
+        }
+    }
+
+    fn sweep(args: &Args, path: &Path) -> Result<Self> {
+        if args.pressure_mpa.is_empty() {
+            return Err(usage("of a model: which states? give --pressure-mpa P1,P2,... (and --gap-mm)"));
+        }
+        let fine = |value: &f64| value.is_finite() && *value >= 0.0;
+        if !args.pressure_mpa.iter().all(fine) || !args.gap_mm.iter().all(|gap| gap.is_finite()) {
+            return Err(usage("expected finite pressures of at least 0 MPa and a finite gap in mm"));
+        }
+        let gap_mm = args.gap_mm.unwrap_or(f64::INFINITY);
+        let inputs = args.pressure_mpa.iter().map(|&pressure_mpa| Input { pressure_mpa, gap_mm });
+        Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(args.every as usize).collect())
+    }
+
+    fn readings(model: &Path, readings: Vec<(f64, Input)>) -> Result<Self> {
+        let model = artefact::model(model)?;
+        let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
+        Ok(Self::Readings { model: Box::new(model), fields, readings })
+    }
+
+    fn cases(args: &Args, path: &Path) -> Result<Self> {
+        let scene = match formats::database::scenes(path).as_deref() {
+            Ok([only]) => *only,
+            _ => Scene::Plate,
+        };
+        let database = artefact::database(path, scene)?;
+        let place = |name: &String| {
+            database.cases.iter().position(|case| case.name == *name).ok_or_else(|| {
+                let names: Vec<&str> =
+                    database.cases.iter().map(|case| case.name.as_str()).take(20).collect();
+                usage(format!("--case {name}: the database has {} ...", names.join(", ")))
+            })
+        };
+        let chosen: Vec<usize> = match args.case.as_slice() {
+            [] => (0..database.cases.len()).collect(),
+            names => names.iter().map(place).collect::<Result<_>>()?,
+        };
+        Ok(Self::Cases { database, chosen: chosen.into_iter().step_by(args.every as usize).collect() })
+    }
+
+    fn recording(args: &Args, path: &Path) -> Result<Self> {
+        let mut tape = Tape::read(path, args.model.is_none())?;
+        let names: Vec<String> = tape.tracks.keys().cloned().collect();
+        let name = match (&args.actuator, names.as_slice()) {
+            (Some(name), _) => name.clone(),
+            (None, [only]) => only.clone(),
+            _ => return Err(usage(format!("--actuator: which of {}?", names.join(", ")))),
+        };
+        let track = tape
+            .tracks
+            .remove(&name)
+            .ok_or_else(|| usage(format!("--actuator {name}: the recording has {}", names.join(", "))))?;
+        let every = args.every as usize;
+        if let Some(model) = &args.model {
+            let states = track.states.iter().filter(|state| state.has_reading()).step_by(every);
+            let input = |pressure_mpa, gap_mm| Input { pressure_mpa, gap_mm };
+            return Self::readings(model, states.map(|s| (s.t_s, input(s.pressure_mpa, s.gap_mm))).collect());
+        }
+        let Some(first) = track.fields.first() else {
+            return Err(usage(
+                "the recording holds no fields; name the model that makes them with --model FILE.twin",
+            ));
+        };
+        let fields = first.fields.iter().map(|name| spec(name)).collect();
+        if track.fields.iter().any(|field| field.nodes != first.nodes || field.fields != first.fields) {
+            let expected = "expected fields of one shape in the recording, found several; use --model";
+            return Err(configuration(anyhow::anyhow!(expected)));
+        }
+        Ok(Self::Recorded { track, fields, every })
+    }
+
+    /// Fields of every state.
+    pub fn fields(&self) -> &[FieldSpec] {
+        match self {
+            Self::Readings { fields, .. } | Self::Recorded { fields, .. } => fields,
+            Self::Cases { database, .. } => &database.fields,
+        }
+    }
+
+    /// How many states there are.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Readings { readings, .. } => readings.len(),
+            Self::Cases { chosen, .. } => chosen.len(),
+            Self::Recorded { track, every, .. } => track.fields.len().div_ceil(*every),
+        }
+    }
+
+    /// The body the states belong to.
+    ///
+    /// # Errors
+    /// A mesh file that does not fit.
+    pub fn body(&self, mesh: Option<&Path>) -> Result<Body> {
+        let body = match self {
+            Self::Readings { model, .. } => Body::of_model(model),
+            Self::Cases { database, .. } => Body::of_database(database),
+            Self::Recorded { track, .. } => Body::of_points(track.fields[0].nodes),
+        };
+        body.with_mesh(mesh)
+    }
+
+    /// The states, made one after the other.
+    pub fn moments(&self) -> Box<dyn Iterator<Item = Result<Moment>> + '_> {
+        match self {
+            Self::Readings { model, readings, .. } => predictions(model, readings),
+            Self::Cases { database, chosen } => Box::new(chosen.iter().map(|k| Ok(case(database, *k)))),
+            Self::Recorded { track, every, .. } => {
+                Box::new(track.fields.iter().step_by(*every).map(|field| {
+                    let title = title(field.pressure_mpa, field.gap_mm);
+                    Ok(Moment { time: field.t_s, title, values: field.values.clone() })
+                }))
+            }
+        }
+    }
+}
+
+fn predictions<'a>(
+    model: &'a Model,
+    readings: &'a [(f64, Input)],
+) -> Box<dyn Iterator<Item = Result<Moment>> + 'a> {
+    let mut predictor = match Predictor::new(model, &Selection::default()) {
+        Ok(predictor) => predictor,
+        Err(error) => return Box::new(std::iter::once(Err(error.into()))),
+    };
+    let (mut evaluation, mut switch) = (predictor.evaluation(), RegimeSwitch::default());
+    Box::new(readings.iter().map(move |(time, input)| {
+        predictor.evaluate(*input, &mut switch, &mut evaluation);
+        let mut values = vec![0.0; predictor.entries()];
+        predictor.reconstruct_into(&evaluation, &mut values)?;
+        Ok(Moment { time: *time, title: title(input.pressure_mpa, input.gap_mm), values })
+    }))
+}
+
+/// A case with its number in the file as its time.
+fn case(database: &Database, k: usize) -> Moment {
+    let case = &database.cases[k];
+    let values = (0..database.fields.len()).flat_map(|field| database.field(k, field)).collect();
+    let state = title(case.pressure_mpa, case.gap_mm.unwrap_or(f64::INFINITY));
+    Moment { time: k as f64, title: format!("case {}: {state}", case.name), values }
+}
+
+fn title(pressure_mpa: f64, gap_mm: f64) -> String {
+    match gap_mm.is_finite() {
+        true => format!("P = {pressure_mpa} MPa, gap {gap_mm} mm"),
+        false => format!("P = {pressure_mpa} MPa"),
+    }
+}
+
+/// A field of the wire by its name.
+fn spec(name: &str) -> FieldSpec {
+    let (unit, kind) = match name {
+        "x" => ("mm", FieldKind::Coordinate(0)),
+        "y" => ("mm", FieldKind::Coordinate(1)),
+        "z" => ("mm", FieldKind::Coordinate(2)),
+        "displacement" => ("mm", FieldKind::Magnitude),
+        "von_mises" => ("MPa", FieldKind::Stress),
+        _ => ("", FieldKind::Other),
+    };
+    FieldSpec { name: name.into(), unit: unit.into(), kind }
+}

@@ -1,0 +1,80 @@
+//! A recording over time: one panel a quantity, one line an actuator.
+
+use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::tape::{Tape, TapeState};
+use anyhow::Result;
+use rom::evaluation::Input;
+use rom::model::Model;
+use rom::predict::{Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use std::path::Path;
+
+/// Points of a line; a picture shows no more.
+const MOST_POINTS: usize = 2000;
+/// States the model is asked for: each costs a whole field.
+const MOST_SHAPES: usize = 400;
+
+/// A quantity that states themselves carry.
+type Quantity = (&'static str, fn(&TapeState) -> f64);
+
+const QUANTITIES: [Quantity; 4] = [
+    ("pressure [MPa]", |state| state.pressure_mpa),
+    ("gap [mm]", |state| state.gap_mm),
+    ("contact force [N]", |state| state.contact_force_n),
+    ("latency, sensor to published [ms]", TapeState::latency_ms),
+];
+
+/// The figure of a recording; with a model also the largest displacement and stress.
+///
+/// # Errors
+/// What is wrong with the recording or the model.
+pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
+    let tape = Tape::read(path, false)?;
+    let mut panels: Vec<Panel> = Vec::new();
+    for (label, value) in QUANTITIES {
+        let series = tape.tracks.iter().enumerate().map(|(colour, (name, track))| {
+            let points = track.thinned(MOST_POINTS).map(|state| (state.t_s, value(state)));
+            line(name, colour, points.filter(|point| point.1.is_finite()).collect())
+        });
+        panels.push(panel(label, series.collect()));
+    }
+    if let Some(model) = model {
+        let mut peaks = [Vec::new(), Vec::new()];
+        for (colour, (name, track)) in tape.tracks.iter().enumerate() {
+            let states = track.thinned(MOST_SHAPES).filter(|state| state.has_reading());
+            let found = largest(model, states)?;
+            let column = |k: usize| found.iter().map(|(t_s, values)| (*t_s, values[k])).collect();
+            for (k, series) in peaks.iter_mut().enumerate() {
+                series.push(line(name, colour, column(k)));
+            }
+        }
+        let [displacement, stress] = peaks;
+        panels.insert(3, panel("largest displacement [mm]", displacement));
+        panels.insert(4, panel("largest von Mises stress [MPa]", stress));
+    }
+    Ok(Figure { title: format!("{}, {:.1} s", tape.name, tape.duration_s), panels, columns: 2 })
+}
+
+fn line(name: &str, colour: usize, points: Vec<(f64, f64)>) -> Series {
+    Series { name: name.into(), colour, mark: Mark::Line, points }
+}
+
+fn panel(label: &str, series: Vec<Series>) -> Panel {
+    Panel { title: String::new(), x: Axis::linear("time [s]"), y: Axis::linear(label), series, map: None }
+}
+
+/// Largest displacement (mm) and von Mises stress (MPa) of each state.
+fn largest<'a>(model: &Model, states: impl Iterator<Item = &'a TapeState>) -> Result<Vec<(f64, [f64; 2])>> {
+    let mut predictor = Predictor::new(model, &Selection::default())?;
+    let (mut evaluation, mut switch) = (predictor.evaluation(), RegimeSwitch::default());
+    let mut values = vec![0.0; predictor.entries()];
+    let mut found = Vec::new();
+    for state in states {
+        let input = Input { pressure_mpa: state.pressure_mpa, gap_mm: state.gap_mm };
+        predictor.evaluate(input, &mut switch, &mut evaluation);
+        let peaks = predictor.reconstruct_into(&evaluation, &mut values)?;
+        let value = |peak: Option<rom::kernel::Peak>| peak.map_or(f64::NAN, |peak| peak.value.into());
+        found.push((state.t_s, [value(peaks.displacement_mm), value(peaks.stress_mpa)]));
+    }
+    Ok(found)
+}

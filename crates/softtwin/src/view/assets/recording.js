@@ -1,0 +1,44 @@
+// A recording instead of live data: the bar at the bottom spans all of it, and all pages share one place in it.
+
+export class Recording {
+  constructor(send) {
+    Object.assign(this, { send, told: null, at_s: 0, playing: false, dragging: false });
+    const at = (id) => document.getElementById(id);
+    this.element = { scrub: at("scrub"), pause: at("pause"), when: at("when"), list: at("recordings") };
+    this.element.list.onchange = () => send({ type: "open", name: this.element.list.value });
+    this.element.scrub.addEventListener("pointerdown", () => { this.dragging = true; });
+    addEventListener("pointerup", () => { this.dragging = false; });
+  }
+
+  get on() { return this.told !== null; }
+  get span_ms() { return Math.max(1, 1000 * this.told.duration_s); }
+  get at_ms() { return 1000 * this.at_s; }
+
+  // A recording was opened.
+  take(told) {
+    this.told = told;
+    const { scrub, list } = this.element;
+    Object.assign(scrub, { min: 0, max: told.duration_s, step: 0.01, value: 0 });
+    scrub.setAttribute("aria-label", "Seconds of the recording");
+    list.hidden = told.names.length < 2;
+    list.replaceChildren(...told.names.map((name) => new Option(name, name, false, name === told.name)));
+  }
+
+  // The states of one actuator as the charts draw them.
+  states({ actuator, t_s, ...columns }) {
+    return t_s.map((t, k) => ({ received_ms: 1000 * t, ...Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[k]])) }));
+  }
+
+  // A frame says where the recording is.
+  follow({ t_s, playing }) {
+    Object.assign(this, { at_s: t_s, playing });
+    const { scrub, pause, when } = this.element;
+    if (!this.dragging) scrub.value = t_s;
+    pause.textContent = playing ? "Pause" : "Play";
+    pause.setAttribute("aria-pressed", !playing);
+    when.textContent = `${t_s.toFixed(1)} / ${this.told.duration_s.toFixed(1)} s`;
+  }
+
+  toggle() { this.send({ type: "play", playing: !this.playing }); }
+  seek() { this.send({ type: "seek", at_s: parseFloat(this.element.scrub.value) }); }
+}

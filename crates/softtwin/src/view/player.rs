@@ -1,0 +1,234 @@
+//! From a recording to the slots: the same pages, fed at the recorded pace. All pages share one place in the recording.
+
+use super::catalogue::Catalogue;
+use super::frame::{FrameHead, Word, bits, encode};
+use super::hub::Hub;
+use crate::tape::{Tape, TapeState, Track};
+use anyhow::{Context, Result};
+use rom::evaluation::Input;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+use wire::layout::field_id;
+
+/// Frames at most this often: a screen's rate.
+const TICK: Duration = Duration::from_millis(16);
+/// Points of the strip charts; a screen shows no more.
+const MOST_POINTS: usize = 1500;
+
+/// What a page may ask of the player.
+#[derive(Debug)]
+pub enum Command {
+    /// Go to a time, s.
+    Seek(f64),
+    /// Run or stand still.
+    Play(bool),
+    /// Take another recording; the name was checked against [`Library::names`].
+    Open(String),
+    /// The viewer ends.
+    End,
+}
+
+/// The recordings that pages may choose from: one file, or those of one folder.
+#[derive(Clone, Debug)]
+pub struct Library {
+    files: Vec<PathBuf>,
+}
+
+impl Library {
+    /// A file alone, or all `.mcap` files of a folder by name.
+    ///
+    /// # Errors
+    /// A path that is not there, or a folder without recordings.
+    pub fn new(path: &Path) -> Result<Self> {
+        let place = || format!("cannot read the recording {}", path.display());
+        if !std::fs::metadata(path).with_context(place)?.is_dir() {
+            return Ok(Self { files: vec![path.into()] });
+        }
+        let entries = std::fs::read_dir(path).with_context(place)?;
+        let files = entries.filter_map(|entry| entry.ok().map(|entry| entry.path()));
+        let mut files: Vec<PathBuf> =
+            files.filter(|file| file.extension().is_some_and(|end| end == "mcap")).collect();
+        files.sort();
+        anyhow::ensure!(!files.is_empty(), "expected recordings (.mcap) in {}, found none", path.display());
+        Ok(Self { files })
+    }
+
+    /// Names of the recordings, as pages show them.
+    pub fn names(&self) -> Vec<String> {
+        let name = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        self.files.iter().map(name).collect()
+    }
+
+    fn file(&self, name: &str) -> Option<&Path> {
+        let at = self.names().iter().position(|known| known == name)?;
+        Some(&self.files[at])
+    }
+}
+
+/// Plays one recording of a library.
+pub struct Player {
+    library: Library,
+    catalogue: Arc<Catalogue>,
+    hub: Arc<Hub>,
+    tape: Tape,
+    at_s: f64,
+    playing: bool,
+}
+
+/// What pages are told of a recording when it is opened.
+#[derive(Serialize)]
+struct Told<'a> {
+    r#type: &'static str,
+    name: &'a str,
+    names: Vec<String>,
+    duration_s: f64,
+    tracks: Vec<Strip<'a>>,
+}
+
+/// One actuator's quantities over time, thinned for the strip charts.
+#[derive(Serialize)]
+struct Strip<'a> {
+    actuator: &'a str,
+    t_s: Vec<f64>,
+    pressure_mpa: Vec<f64>,
+    contact_force_n: Vec<f64>,
+    gap_mm: Vec<f64>,
+    latency_ms: Vec<f64>,
+}
+
+impl Player {
+    /// Opens the first recording.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn new(library: Library, catalogue: Arc<Catalogue>, hub: Arc<Hub>) -> Result<Self> {
+        let tape = read(&library.files[0], &catalogue)?;
+        let player = Self { library, catalogue, hub, tape, at_s: 0.0, playing: true };
+        player.announce();
+        Ok(player)
+    }
+
+    /// Plays until the viewer ends.
+    pub fn run(mut self, commands: &Receiver<Command>) {
+        let mut last = Instant::now();
+        let mut shown = None;
+        loop {
+            match commands.recv_timeout(TICK) {
+                Ok(Command::End) | Err(RecvTimeoutError::Disconnected) => return,
+                Ok(command) => self.obey(command),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            let passed_s = last.elapsed().as_secs_f64();
+            last = Instant::now();
+            if self.hub.viewers() == 0 {
+                continue; // nobody looks: the recording waits
+            }
+            if self.playing {
+                self.at_s = (self.at_s + passed_s).min(self.tape.duration_s);
+                self.playing = self.at_s < self.tape.duration_s;
+            }
+            let now = (self.tape.name.clone(), self.at_s, self.playing);
+            if shown.as_ref() != Some(&now) {
+                self.show();
+                shown = Some(now);
+            }
+        }
+    }
+
+    fn obey(&mut self, command: Command) {
+        match command {
+            Command::Seek(at_s) => self.at_s = at_s.clamp(0.0, self.tape.duration_s),
+            Command::Play(playing) => {
+                self.playing = playing;
+                if playing && self.at_s >= self.tape.duration_s {
+                    self.at_s = 0.0;
+                }
+            }
+            Command::Open(name) => self.open(&name),
+            Command::End => {}
+        }
+    }
+
+    fn open(&mut self, name: &str) {
+        let Some(file) = self.library.file(name) else { return };
+        match read(file, &self.catalogue) {
+            Ok(tape) => {
+                self.hub.clear();
+                (self.tape, self.at_s, self.playing) = (tape, 0.0, true);
+                self.announce();
+            }
+            Err(error) => tracing::warn!("the recording stays closed: {error:#}"),
+        }
+    }
+
+    fn announce(&self) {
+        let strips = self.tape.tracks.iter().map(|(name, track)| Strip::new(name, track));
+        let told = Told {
+            r#type: "recording",
+            name: &self.tape.name,
+            names: self.library.names(),
+            duration_s: self.tape.duration_s,
+            tracks: strips.collect(),
+        };
+        self.hub.announce(serde_json::to_string(&told).unwrap_or_default()); // plain numbers and texts
+    }
+
+    /// One frame of every actuator at the present place.
+    fn show(&self) {
+        for (actuator, track) in &self.tape.tracks {
+            let mut head = FrameHead::empty(actuator);
+            (head.t_s, head.playing) = (self.at_s, self.playing);
+            let state = track.state_at(self.at_s);
+            if let Some(state) = state {
+                head.set_recorded(state);
+            }
+            let model = state.and_then(|state| self.catalogue.find_text(&state.model_hash));
+            let message = match (model, state.filter(|state| state.has_reading())) {
+                (Some(model), Some(state)) => {
+                    let input = Input { pressure_mpa: state.pressure_mpa, gap_mm: state.gap_mm };
+                    self.catalogue.replay(model, input, head)
+                }
+                _ => Ok(self.recorded_field(track, head)),
+            };
+            match message {
+                Ok(message) => self.hub.put(actuator, message),
+                Err(error) => tracing::warn!(actuator, "a recorded state cannot be shown: {error:#}"),
+            }
+        }
+    }
+
+    /// The field that was recorded, as points; a frame of numbers alone when there is none.
+    fn recorded_field(&self, track: &Track, mut head: FrameHead) -> Vec<u8> {
+        let Some(field) = track.field_at(self.at_s) else { return encode(&head, &[]) };
+        let known = |name: &String| field_id::from_name(name).map_or("other", field_id::as_str);
+        head.fields = field.fields.iter().map(known).map(Word::from).collect();
+        head.count = field.nodes;
+        encode(&head, &[&bits(field.values.iter().copied())])
+    }
+}
+
+/// Recorded fields are only needed where no model can make them again.
+fn read(path: &Path, catalogue: &Catalogue) -> Result<Tape> {
+    let tape = Tape::read(path, false)?;
+    let mut states = tape.tracks.values().flat_map(|track| track.states.last());
+    let all_known = !tape.tracks.values().any(|track| track.states.is_empty())
+        && states.all(|state| catalogue.find_text(&state.model_hash).is_some());
+    if all_known { Ok(tape) } else { Tape::read(path, true) }
+}
+
+impl<'a> Strip<'a> {
+    fn new(actuator: &'a str, track: &Track) -> Self {
+        let column = |value: fn(&TapeState) -> f64| track.thinned(MOST_POINTS).map(value).collect();
+        Self {
+            actuator,
+            t_s: column(|state| state.t_s),
+            pressure_mpa: column(|state| state.pressure_mpa),
+            contact_force_n: column(|state| state.contact_force_n),
+            gap_mm: column(|state| state.gap_mm),
+            latency_ms: column(TapeState::latency_ms),
+        }
+    }
+}

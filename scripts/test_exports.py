@@ -1,0 +1,234 @@
+"""Exports read by an independent reader (meshio), imports of files it wrote. See test_exports.sh."""
+import argparse
+import json
+import os
+import pathlib
+import struct
+import subprocess
+import tempfile
+import xml.etree.ElementTree
+
+import meshio
+import numpy
+
+MODEL = "models/pneunet/pneunet.twin"
+DATABASE = "models/pneunet/database"
+MESH = "models/pneunet/database/mesh.vtu"
+PRESSURES = [0.02, 0.05]
+GAP = 40.0
+CHECKS = []
+
+
+def check(function):
+    CHECKS.append(function)
+    return function
+
+
+class Work:
+    def __init__(self, programs, folder):
+        self.programs, self.folder = pathlib.Path(programs).resolve(), pathlib.Path(folder)
+
+    def run(self, *arguments, code=0):
+        ended = subprocess.run([self.programs / "softtwin", *map(str, arguments)], capture_output=True, text=True)
+        assert ended.returncode == code, f"{arguments}: {ended.returncode}\n{ended.stderr}"
+        return ended
+
+    def state(self, pressure):
+        """What is exported, as the array that `predict` writes: nodes x (x, y, z, displacement, stress)."""
+        out = self.folder / f"state{pressure}.npy"
+        if not out.exists():
+            self.run("predict", "--model", MODEL, "--pressure-mpa", pressure, "--gap-mm", GAP, "--out", out)
+        return numpy.load(out)
+
+    def sweep(self, name, *more):
+        out = self.folder / name
+        pressures = ",".join(map(str, PRESSURES))
+        self.run("export", MODEL, "--pressure-mpa", pressures, "--gap-mm", GAP, "--out", out, *more)
+        return out
+
+
+def same(mesh, state, cells, tolerance=0.0):
+    """Points, both quantities and the kind of cells are those of the state."""
+    assert [block.type for block in mesh.cells] == [cells], mesh.cells
+    assert numpy.abs(mesh.points - state[:, :3]).max() <= tolerance, numpy.abs(mesh.points - state[:, :3]).max()
+    data = {name.split(" ")[0]: values for name, values in mesh.point_data.items()}
+    for name, column in (("displacement", 3), ("von_mises", 4)):
+        assert numpy.abs(data[name].ravel() - state[:, column]).max() <= tolerance, name
+
+
+@check
+def paraview_series(work):
+    out = work.sweep("sweep.pvd", "--mesh", MESH)
+    sets = xml.etree.ElementTree.parse(out).getroot().findall("./Collection/DataSet")
+    assert [float(one.get("timestep")) for one in sets] == [0.0, 1.0]
+    reference = meshio.read(MESH)
+    for one, pressure in zip(sets, PRESSURES):
+        mesh = meshio.read(work.folder / one.get("file"))
+        same(mesh, work.state(pressure), "tetra10")
+        assert (mesh.cells[0].data == reference.cells[0].data).all()
+        vector = mesh.point_data["displacement vector [mm]"]
+        assert numpy.abs(vector - (mesh.points - reference.points)).max() < 2e-5
+    alone = work.folder / "alone.vtu"
+    work.run("predict", "--model", MODEL, "--pressure-mpa", PRESSURES[0], "--gap-mm", GAP, "--out", alone)
+    same(meshio.read(alone), work.state(PRESSURES[0]), "triangle")
+
+
+@check
+def tecplot_zones(work):
+    """meshio reads one zone, so each is given to it alone; ASCII numbers are exact."""
+    text = work.sweep("sweep.dat", "--mesh", MESH).read_text()
+    head, *zones = text.split("ZONE ")
+    assert len(zones) == 2 and 'SOLUTIONTIME=1' in zones[1], [zone[:120] for zone in zones]
+    quadratic = meshio.read(MESH).cells[0].data
+    for zone, pressure in zip(zones, PRESSURES):
+        path = work.folder / "zone.dat"
+        path.write_text(head + "ZONE " + zone)
+        mesh = meshio.read(path, file_format="tecplot")
+        same(mesh, work.state(pressure), "tetra")
+        assert len(mesh.cells[0].data) == 8 * len(quadratic)
+        corners = mesh.points[mesh.cells[0].data]
+        edges = corners[:, 1:] - corners[:, :1]
+        assert (numpy.linalg.det(edges) > 0).mean() > 0.999, "linear parts keep their orientation"
+
+
+@check
+def xdmf_series(work):
+    path = work.sweep("sweep.xdmf", "--mesh", MESH)
+    reader = meshio.xdmf.TimeSeriesReader  # expects shared points; our points move, so each grid is read alone
+    assert reader is not None
+    root = xml.etree.ElementTree.parse(path).getroot()
+    grids = root.findall("./Domain/Grid/Grid")
+    assert [float(grid.find("Time").get("Value")) for grid in grids] == [0.0, 1.0]
+    for grid, pressure in zip(grids, PRESSURES):
+        grid.remove(grid.find("Time"))
+        alone = xml.etree.ElementTree.Element("Xdmf", Version="3.0")
+        xml.etree.ElementTree.SubElement(alone, "Domain").append(grid)
+        one = work.folder / "one.xdmf"
+        xml.etree.ElementTree.ElementTree(alone).write(one)
+        same(meshio.read(one), work.state(pressure), "tetra10")
+
+
+@check
+def numpy_and_csv(work):
+    states = numpy.stack([work.state(pressure) for pressure in PRESSURES])
+    stacked = numpy.load(work.sweep("sweep.npy"))
+    assert stacked.dtype == numpy.float32 and (stacked == states).all()
+    table = numpy.genfromtxt(work.sweep("sweep.csv"), delimiter=",", names=True)
+    assert table.dtype.names == ("time", "node", "x_mm", "y_mm", "z_mm", "displacement_mm", "von_mises_mpa")
+    columns = numpy.stack([table[name] for name in table.dtype.names[2:]], axis=1).astype(numpy.float32)
+    assert (columns.reshape(states.shape) == states).all()
+
+
+@check
+def database_cases(work):
+    out = work.folder / "cases.npy"
+    work.run("export", DATABASE, "--case", "A", "--case", "C", "--out", out)
+    two = numpy.load(out)
+    assert two.shape == (2, 25022, 5)
+    displacement = numpy.linalg.norm(two[0, :, :3] - meshio.read(MESH).points, axis=1)
+    assert numpy.abs(displacement - two[0, :, 3]).max() < 5e-3, "packed to a micrometre"
+    assert "the database has" in work.run("export", DATABASE, "--case", "Z9", "--out", out, code=2).stderr
+    assert ".pvd" in work.run("export", DATABASE, "--out", work.folder / "x.xls", code=2).stderr
+
+
+def small_tets():
+    """A block of a few 10-node tetrahedra, made by meshio's neighbours: corners first, then mid-sides in VTK's order."""
+    mesh = meshio.read(MESH)
+    cells = mesh.cells[0].data[:40]
+    nodes, cells = numpy.unique(cells, return_inverse=True)
+    return mesh.points[nodes], cells.reshape(-1, 10)
+
+
+@check
+def abaqus_meshes_that_meshio_wrote(work):
+    points, tets = small_tets()
+    inp, vtu = work.folder / "tets.inp", work.folder / "tets.vtu"
+    meshio.write(inp, meshio.Mesh(points, [("tetra10", tets)]))
+    found = json.loads(work.run("import", inp, "--out", vtu, "--json").stdout)
+    assert found["nodes"] == len(points) and found["cells"] == {"10-node tetrahedra": len(tets)}, found
+    back = meshio.read(vtu)
+    assert numpy.abs(back.points - points).max() < 1e-6 and (back.cells[0].data == tets).all()
+    corners = numpy.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    brick = numpy.concatenate([corners, [(corners[a] + corners[b]) / 2 for a, b in edges]])
+    shells = [("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 2, 3]])]
+    inp = work.folder / "brick.inp"
+    meshio.write(inp, meshio.Mesh(brick, [("hexahedron20", [list(range(20))]), *shells]))
+    work.run("import", inp, "--out", vtu)
+    back = {block.type: block.data.tolist() for block in meshio.read(vtu).cells}
+    assert back == {"hexahedron20": [list(range(20))], "triangle": [[0, 1, 2]], "quad": [[0, 1, 2, 3]]}, back
+    meshio.write(inp, meshio.Mesh(brick[:8], [("hexahedron", [list(range(8))])]))
+    refused = work.run("import", inp, "--out", vtu, code=78).stderr
+    assert "C3D8" in refused, refused
+
+
+@check
+def vtu_that_meshio_wrote(work):
+    points, tets = small_tets()
+    theirs, ours = work.folder / "theirs.vtu", work.folder / "ours.vtu"
+    for options in ({}, {"binary": False}, {"compression": "zlib"}):
+        meshio.write(theirs, meshio.Mesh(points, [("tetra10", tets)]), file_format="vtu", **options)
+        work.run("import", theirs, "--out", ours)
+        back = meshio.read(ours)
+        assert numpy.abs(back.points - points).max() < 1e-6 and (back.cells[0].data == tets).all(), options
+
+
+def write_exchange(folder, states, points, name, values, settings, columns):
+    """A folder of the exchange, as numpy writes it."""
+    (folder / name / "snapshots").mkdir(parents=True)
+    binary = lambda array: struct.pack("<Q", array.size) + numpy.ascontiguousarray(array, "<f8").tobytes()
+    (folder / name / "points.bin").write_bytes(binary(points))
+    (folder / name / "settings.json").write_text(json.dumps({"name": name, "unitFactor": 1.0, "namedSelections": {}, **settings}))
+    rows = [f"{name}," + ",".join(columns)]
+    for k, state in enumerate(states):
+        rows.append(f"file{k}.bin," + ",".join(map(str, state)))
+        (folder / name / "snapshots" / f"file{k}.bin").write_bytes(binary(values[k]))
+    (folder / name / "doe.csv").write_text("\n".join(rows) + "\n")
+
+
+@check
+def snapshots_of_the_static_rom_exchange(work):
+    folder = work.folder / "exchange"
+    points, _ = small_tets()
+    points = points - points.mean(axis=0)
+    pressures = numpy.linspace(0, 60, 9)  # kPa
+    bend = lambda p: numpy.stack([0 * points[:, 0], -1e-3 * p * points[:, 0] ** 2, 0 * points[:, 2]], axis=1)
+    moved = [bend(p) / 1000 for p in pressures]  # m
+    shear = [numpy.stack([*(numpy.zeros(len(points)),) * 3, 1e3 * p * (1 + points[:, 0] ** 2), *(numpy.zeros(len(points)),) * 2], axis=1) for p in pressures]
+    states, columns = [[p] for p in pressures], ["pressure[kPa]"]
+    write_exchange(folder, states, points / 1000, "displacement", moved, {"unit": "m", "deformation": True, "dimensionality": [3]}, columns)
+    write_exchange(folder, states, points / 1000, "stress", shear, {"unit": "Pa", "dimensionality": [3, 3], "symmetricalDim": True}, columns)
+    out = work.folder / "exchange.npy"
+    work.run("export", folder, "--out", out)
+    read = numpy.load(out)
+    assert read.shape == (9, len(points), 5)
+    for k, p in enumerate(pressures):
+        assert numpy.abs(read[k, :, :3] - (points + bend(p))).max() < 1e-4
+        assert numpy.allclose(read[k, :, 4], numpy.sqrt(3) * 1e-3 * p * (1 + points[:, 0] ** 2), rtol=1e-5, atol=1e-9)
+    model = work.folder / "exchange.twin"
+    trained = json.loads(work.run("train", "--database", folder, "--out", model, "--json").stdout)
+    assert trained["cases"] == 9, trained
+    again = work.folder / "again.npy"
+    work.run("predict", "--model", model, "--pressure-mpa", pressures[4] / 1000, "--out", again)
+    assert numpy.abs(numpy.load(again)[:, :3] - read[4, :, :3]).max() < 1e-3
+    path = folder / "displacement" / "snapshots" / "file3.bin"
+    path.write_bytes(path.read_bytes()[:-8])
+    assert "file3.bin" in work.run("train", "--database", folder, "--out", model, code=78).stderr
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--programs", required=True, help="folder of softtwin")
+    parser.add_argument("--only", default="", help="checks whose name contains this")
+    options = parser.parse_args()
+    programs = pathlib.Path(options.programs).resolve()
+    os.chdir(pathlib.Path(__file__).resolve().parent.parent)
+    for function in CHECKS:
+        if options.only in function.__name__:
+            with tempfile.TemporaryDirectory(prefix="softtwin-exports-") as folder:
+                function(Work(programs, folder))
+            print(f"ok  {function.__name__.replace('_', ' ')}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,410 @@
+"""Checks `softtwin view` from outside: in a browser, and as programs that misbehave. See test_view.sh."""
+import argparse
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+
+from browser import Browser, WebSocket, find, wait
+from picture import Picture
+
+MODEL = "models/pneunet/pneunet.twin"
+SCENE = "config/scenes/finger.toml"
+CHECKS = []
+
+
+def check(function):
+    CHECKS.append(function)
+    return function
+
+
+class Stage:
+    """A shared-memory domain of its own and the programs started in it; all end with it."""
+
+    def __init__(self, programs):
+        self.programs = pathlib.Path(programs)
+        self.folder = tempfile.TemporaryDirectory(prefix="softtwin-view-")
+        self.environment = dict(os.environ, SOFTTWIN_DOMAIN=f"view_{os.getpid()}", SOFTTWIN_ROOT=self.folder.name)
+        self.running = []
+
+    def start(self, *command, ready):
+        """Starts a program and waits for a line with `ready` in it; returns process and line."""
+        log = pathlib.Path(self.folder.name) / f"log{len(self.running)}"
+        with open(log, "wb") as out:
+            process = subprocess.Popen([self.programs / command[0], *command[1:]], env=self.environment, stdout=out, stderr=out)
+        self.running.append(process)
+        found = lambda: next((line for line in log.read_text().splitlines() if ready in line), None)
+        try:
+            return process, wait(found, f"`{ready}` from {' '.join(command)}", 60, lambda: process.poll() is not None)
+        except TimeoutError:
+            sys.exit(f"{command}: {log.read_text()}")
+
+    def twin(self):
+        twin, _ = self.start("softtwind", "twin", "--scene", SCENE, ready="ready:")
+        bridge, _ = self.start("softtwind", "bridge", "--scene", SCENE, "--loop", ready="ready:")
+        return twin, bridge
+
+    def view(self, *arguments):
+        return self.start("softtwin", "view", "--port", "0", *arguments, ready="http://")
+
+    def run(self, *command, seconds=60):
+        return subprocess.run([self.programs / command[0], *command[1:]], env=self.environment, capture_output=True, text=True, timeout=seconds)
+
+    def end(self, *processes):
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait(30)
+            self.running.remove(process)
+
+    def close(self):
+        for process in self.running:
+            process.kill()
+            process.wait()
+        self.folder.cleanup()
+
+
+class Page:
+    """The page in a browser, by what it says of itself (`window.softtwin`)."""
+
+    def __init__(self, program, url):
+        self.browser = Browser(program, 1280, 800)
+        self.run = self.browser.run
+        self.browser.open(url)
+        wait(lambda: self.run("Boolean(window.softtwin)"), "the page's script", 60)
+
+    def frames(self):
+        return self.run("softtwin.state.frames")
+
+    def badge(self):
+        return self.run("document.getElementById('link').textContent")
+
+    def alarm(self):
+        return self.run("document.getElementById('alarm').hidden ? '' : document.getElementById('alarm').textContent")
+
+    def shown(self, name):
+        return self.run(f"softtwin.chosen()?.shown?.{name} ?? null")
+
+    def click(self, element):
+        self.run(f"document.getElementById('{element}').click()")
+
+    def slide(self, element, value):
+        self.run(f"(() => {{ const e = document.getElementById('{element}'); e.value = {value}; e.dispatchEvent(new Event('input')); }})()")
+
+    def picture(self):
+        """What is on the screen, after the next two frames are drawn."""
+        self.run("new Promise((done) => { softtwin.state.dirty = true; requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))); })")
+        return Picture(self.browser.screenshot())
+
+
+def frames_of(socket, count, seconds=30):
+    """So many frames' headers, each asked for."""
+    headers = []
+    end = time.monotonic() + seconds
+    socket.send('{"type":"ready"}')
+    while len(headers) < count:
+        assert time.monotonic() < end, f"{len(headers)} of {count} frames in {seconds} s"
+        kind, data = socket.receive()
+        if kind == 2:
+            header = json.loads(data[4:4 + int.from_bytes(data[:4], "little")])
+            if header["kind"] == "frame":
+                headers.append(header)
+                socket.send('{"type":"ready"}')
+    return headers
+
+
+def answer(url, **headers):
+    """(status, text) of a page."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30) as page:
+            return page.status, page.read().decode(errors="replace")
+    except urllib.error.HTTPError as refusal:
+        return refusal.code, refusal.read().decode(errors="replace")
+
+
+# The visible node with the largest stress, and the direction from which the freest look at it is: it may lie in a slot.
+AIM = """(async () => {
+  const { scale, camera, state, chosen } = softtwin; const { body, shape, place } = chosen();
+  const { pick } = await import("/mesh.js");
+  Object.assign(state, { lit: false, lines: false });
+  let v = 0; body.values.forEach((value, k) => { if (value > body.values[v]) v = k; });
+  const p = [0, 1, 2].map((k) => body.positions[3 * v + k] * (k === 1 ? place.flip : 1) + place.offset[k]);
+  let best = { free: 0 };
+  for (let k = 0; k < 400; k++) {
+    const y = 1 - (2 * k + 1) / 400, r = Math.sqrt(1 - y * y), turn = k * 2.399963;
+    const d = [r * Math.sin(turn), y, r * Math.cos(turn)];
+    const hit = pick(body, p.map((c, i) => c + 0.02 * d[i]), d, place);
+    const free = Math.min(hit.distance, 30) * (1 + 0.01 * k / 400);
+    if (free > best.free) best = { free, d };
+  }
+  const [x, y, z] = best.d;
+  Object.assign(camera, { target: p, distance: 0.8 * best.free, azimuth: Math.atan2(x, z), elevation: Math.asin(y) });
+  return { value: body.values[v], node: body.ids[body.source[v]], published: shape.max_von_mises_mpa, published_node: shape.max_von_mises_node, range: scale.range, free_mm: best.free };
+})()"""
+
+
+def hottest(page):
+    """Turns the camera to the visible node with the largest stress; returns (stress that the pixel there says, what is known of the node)."""
+    node = page.run(AIM)
+    table = page.run("fetch('colours').then((r) => r.arrayBuffer()).then((b) => [...new Uint8Array(b)])")
+    picture = page.picture()
+    (low, high), best = node["range"], 0.0
+    for dx in range(-3, 4):
+        for dy in range(-3, 4):
+            share = picture.place_in(table, picture.width // 2 + dx, picture.height // 2 + dy)
+            best = max(best, low + share * (high - low)) if share is not None else best
+    return best, node
+
+
+def keep_picture(page, path):
+    """The README's picture: the plate touched, as fine as it can be drawn, the scale below single corners."""
+    page.run("softtwin.scale.choose('most'); softtwin.painter.software = false; softtwin.painter.sharpness = 1")
+    wait(lambda: (page.shown("pressure_mpa") or 0) > 0.055, "a pressure of 0.055 MPa", 60)
+    page.picture()
+    path.write_bytes(page.browser.screenshot())
+    page.run("softtwin.scale.choose('peak'); softtwin.painter.software = true")
+
+
+@check
+def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_stop(stage, program, keep):
+    view, url = stage.view("--model", MODEL)
+    page = Page(program, url)
+    try:
+        wait(lambda: "Nothing is published yet" in page.alarm(), "the word that nothing is published")
+        twin, bridge = stage.twin()
+        wait(lambda: page.frames() > 3, "frames", 60)
+        wait(lambda: page.badge() == "live", "the badge `live`")
+        first, pressure = page.shown("seq"), page.shown("pressure_mpa")
+        wait(lambda: page.shown("seq") > first and page.shown("pressure_mpa") != pressure, "another reading on the page")
+        wait(lambda: (page.shown("pressure_mpa") or 0) > 0.03, "the actuator under pressure", 60)
+        before = page.picture()
+        picture = page.picture()
+        assert picture.colours() > 500, f"the screenshot has {picture.colours()} colours only"
+        assert page.run("softtwin.chosen().body.corners.length") > 3000, "the surface is drawn as facets"
+        wait(lambda: page.picture().differs(before), "another picture")
+        if keep:
+            keep_picture(page, keep)
+        page.click("pause")
+        time_shown = page.shown("seq")
+        before = page.frames()
+        wait(lambda: page.frames() > before, "frames that come while the page is paused")
+        assert page.shown("seq") == time_shown, "a paused page stands still"
+        value, node = hottest(page)
+        span = node["range"][1] - node["range"][0]
+        assert node["value"] <= node["published"] * (1 + 1e-6), f"the published maximum is over all nodes: {node}"
+        assert abs(value - node["value"]) < 0.02 * span, f"the pixel says {value} MPa, the frame {node}"
+        page.click("pause")
+        stage.end(bridge)
+        wait(lambda: page.badge() == "stale" and "Stale: finger" in page.alarm(), "the word that data are stale")
+        stage.end(twin)
+        stage.end(view)
+        wait(lambda: page.badge() == "disconnected" and "lost" in page.alarm(), "the word that the viewer is gone")
+        complaints = [text for text in page.browser.complaints() if "WebSocket" not in text and "ERR_CONNECTION" not in text]
+        assert not complaints, complaints
+    finally:
+        page.browser.close()
+
+
+@check
+def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_maximum(stage, program, keep):
+    view, url = stage.view("--model", MODEL)
+    page = Page(program, url)
+    try:
+        wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
+        page.click("whatif-toggle")
+        wait(lambda: page.shown("predicted"), "a prediction")
+        page.slide("gap", 30)
+        page.slide("pressure", 0.02)
+        wait(lambda: page.shown("pressure_mpa") == 0.02 and page.shown("gap_mm") == 30, "the sliders' state")
+        low = page.shown("contact_force_n")
+        page.slide("pressure", 0.07)
+        wait(lambda: page.shown("pressure_mpa") == 0.07, "the slider's new pressure")
+        assert page.shown("contact_force_n") > low, "more pressure, more force"
+        answer = json.loads(stage.run("softtwin", "predict", "--model", MODEL, "--pressure-mpa", "0.07", "--gap-mm", "30").stdout)
+        assert abs(page.shown("contact_force_n") - answer["contact_force_n"]) < 1e-9, answer
+        value, node = hottest(page)
+        span = node["range"][1] - node["range"][0]
+        assert node["node"] == node["published_node"] and abs(node["value"] - node["published"]) < 1e-6, node
+        assert abs(value - node["published"]) < 0.02 * span, f"the pixel says {value} MPa, the prediction {node}"
+        page.slide("pressure", 0.12)
+        wait(lambda: "outside-domain" in (page.run("softtwin.chosen().shown.flags.join()") or ""), "the flag of an extrapolation")
+        assert not page.browser.complaints(), page.browser.complaints()
+        stage.end(view)
+    finally:
+        page.browser.close()
+
+
+@check
+def without_a_model_nodes_are_points_and_a_second_browser_sees_the_same(stage, program, keep):
+    twin, bridge = stage.twin()
+    view, url = stage.view()
+    page, other = Page(program, url), None
+    try:
+        wait(lambda: page.frames() > 2, "frames", 60)
+        assert "drawn as points" in page.run("document.getElementById('notice').textContent")
+        assert page.run("softtwin.chosen().body.corners === undefined && softtwin.chosen().body.nodes") == 25022
+        assert page.picture().colours() > 200, "points are visible"
+        other = Page(program, url)
+        wait(lambda: other.frames() > 2, "frames in the second browser", 60)
+        before = page.frames()
+        wait(lambda: page.frames() > before, "more frames in the first one")
+        stage.end(view, bridge, twin)
+    finally:
+        page.browser.close()
+        if other:
+            other.browser.close()
+
+
+@check
+def a_scene_says_where_its_fingers_and_blocks_stand(stage, program, keep):
+    scene = "config/scenes/gripper.toml"
+    twin, _ = stage.start("softtwind", "twin", "--scene", scene, ready="ready:")
+    bridge, _ = stage.start("softtwind", "bridge", "--scene", scene, ready="ready:")
+    view, url = stage.view("--scene", scene)
+    page = Page(program, url)
+    try:
+        wait(lambda: page.run("[...softtwin.state.actuators.keys()].sort().join()") == "left,right", "both fingers", 60)
+        wait(lambda: page.run("softtwin.visible().every((a) => a.body?.corners)"), "both surfaces", 60)
+        low = page.run("softtwin.visible().map((a) => [a.name, a.box().low[1]]).sort().map((pair) => pair[1])")
+        assert low[1] < low[0] - 20, f"the right finger is mirrored and stands below: {low}"
+        assert page.run("softtwin.state.blocks.length") == 1
+        assert page.picture().colours() > 300
+        page.run("document.querySelectorAll('#actuators button')[1].click()")
+        wait(lambda: page.run("softtwin.chosen().name") == "right", "the numbers of the other finger")
+        stage.end(view, bridge, twin)
+    finally:
+        page.browser.close()
+
+
+@check
+def a_page_that_floods_is_shown_the_door_and_one_that_stalls_disturbs_nobody(stage, program, keep):
+    twin, bridge = stage.twin()
+    view, url = stage.view("--model", MODEL)
+    socket = url.replace("http", "ws") + "ws"
+    stalled = [WebSocket(socket) for _ in range(3)]
+    for page in stalled:
+        page.send('{"type":"ready"}')  # and never a word or a look again
+    flood = WebSocket(socket)
+    try:
+        for _ in range(5000):
+            flood.send('{"type":"ready"}')
+        closed = next(data for kind, data in iter(flood.receive, None) if kind == 8)
+        assert b"too many messages" in closed, closed
+    except (ConnectionError, OSError):
+        pass  # the door may shut before the reason is read
+    for nonsense in ('{"type":"shout"}', "[]", "x" * 100, '{"type":"seek","at_s":"soon"}'):
+        rude = WebSocket(socket)
+        rude.send(nonsense)
+        kind, reason = next((kind, data) for kind, data in iter(rude.receive, None) if kind == 8)
+        assert b"not a message of softtwin view" in reason, (nonsense, reason)
+    polite = WebSocket(socket)
+    headers = frames_of(polite, 10)
+    numbers = [header["seq"] for header in headers]
+    assert numbers == sorted(numbers) and numbers[-1] > numbers[0], numbers
+    time.sleep(1.5)  # a slow page: what it misses meanwhile must not wait in a queue
+    late = frames_of(polite, 3)
+    newest = json.loads(stage.run("softtwin", "echo", "softtwin/finger/state", "--once", "--json").stdout)["sample"]
+    assert newest["seq"] - late[-1]["seq"] < 200, (newest["seq"], [header["seq"] for header in late])
+    stage.end(view, bridge, twin)
+
+
+@check
+def ports_paths_hosts_and_tokens_are_guarded(stage, program, keep):
+    view, url = stage.view("--model", MODEL)
+    port = url.rsplit(":", 1)[1].strip("/")
+    taken = stage.run("softtwin", "view", "--port", port)
+    assert taken.returncode == 1 and "is a viewer running already" in taken.stderr, taken
+    assert answer(url)[0] == 200
+    assert answer(url, Host="evil.example")[0] == 403
+    assert answer(url, Origin="http://evil.example")[0] == 403
+    for path in ("../Cargo.toml", "%2e%2e/Cargo.toml", "etc/passwd", "main.js/../../x"):
+        assert answer(url + path)[0] in (400, 404), path
+    socket = WebSocket(url.replace("http", "ws") + "ws")
+    socket.send('{"type":"open","name":"../../etc/passwd"}')
+    texts = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
+    refused = next(text for text in texts if text["type"] == "refused")
+    assert "--recording" in refused["text"], refused
+    socket.send('{"type":"predict","model":7,"pressure_mpa":0.01,"gap_mm":null}')
+    assert "no model 7" in next(text for text in texts if text["type"] == "refused")["text"]
+    socket.send('{"type":"predict","model":0,"pressure_mpa":-1,"gap_mm":null}')
+    assert "expected a pressure of 0" in next(text for text in texts if text["type"] == "refused")["text"]
+    stage.end(view)
+    view, url = stage.view("--model", MODEL, "--bind", "0.0.0.0")
+    token = url.split("token=")[1]
+    base = url.split("?")[0].replace("0.0.0.0", "127.0.0.1")
+    assert len(token) == 32 and answer(base)[0] == 403 and answer(base + "?token=" + "0" * 32)[0] == 403
+    status, text = answer(base + "?token=" + token)
+    assert status == 200 and "softtwin" in text
+    for wrong in ("short", "with space 1"):
+        ended = stage.run("softtwin", "view", "--port", "0", "--token", wrong)
+        assert ended.returncode == 2 and "8 to 64 letters and digits" in ended.stderr, ended
+    stage.end(view)
+
+
+@check
+def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, program, keep):
+    folder = pathlib.Path(stage.folder.name)
+    if "unrecognized subcommand" in stage.run("softtwin", "record", "--help").stderr:
+        print("SKIPPED: this softtwin cannot record", flush=True)
+        return
+    twin, bridge = stage.twin()
+    for name in ("first.mcap", "second.mcap"):
+        ended = stage.run("softtwin", "record", "--seconds", "4", "--out", folder / name)
+        assert ended.returncode == 0, ended.stderr
+    stage.end(bridge, twin)
+    view, url = stage.view("--model", MODEL, "--recording", folder)
+    page = Page(program, url)
+    try:
+        wait(lambda: page.badge() == "recording first.mcap", "the recording's name", 60)
+        wait(lambda: (page.shown("t_s") or 0) > 0.5, "the recording to run")
+        assert page.run("softtwin.chosen().body.corners.length") > 3000, "the model makes the surface"
+        assert page.run("softtwin.chosen().history.states.length") > 100, "the charts know the whole recording"
+        page.click("pause")
+        wait(lambda: page.shown("playing") is False, "the recording to stand still")
+        page.slide("scrub", 3.0)
+        wait(lambda: abs(page.shown("t_s") - 3.0) < 0.02, "the place sought")
+        assert page.picture().colours() > 300
+        page.run("(() => { const e = document.getElementById('recordings'); e.value = 'second.mcap'; e.onchange(); })()")
+        wait(lambda: page.badge() == "recording second.mcap", "the second recording")
+        socket = WebSocket(url.replace("http", "ws") + "ws")
+        for wrong in ("../view.png", "/etc/passwd", "third.mcap"):
+            socket.send(json.dumps({"type": "open", "name": wrong}))
+            texts = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
+            refused = next(text for text in texts if text["type"] == "refused")
+            assert "expected a recording of the folder (first.mcap, second.mcap)" in refused["text"], refused
+        stage.end(view)
+    finally:
+        page.browser.close()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--programs", required=True, help="folder of softtwin and softtwind")
+    parser.add_argument("--picture", type=pathlib.Path, help="keep the screenshot of the live page here")
+    parser.add_argument("--only", default="", help="checks whose name contains this")
+    options = parser.parse_args()
+    program = find()
+    if not program:
+        sys.exit("test_view: no Chromium found; apt-get install chromium, or name one in CHROMIUM")
+    os.chdir(pathlib.Path(__file__).resolve().parent.parent)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    for function in CHECKS:
+        if options.only not in function.__name__:
+            continue
+        started = time.monotonic()
+        stage = Stage(options.programs)
+        try:
+            function(stage, program, options.picture)
+        finally:
+            stage.close()
+        print(f"ok {time.monotonic() - started:5.1f} s  {function.__name__.replace('_', ' ')}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
