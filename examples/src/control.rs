@@ -78,7 +78,8 @@ mod tests {
 
     #[test]
     fn the_force_settles_although_the_model_is_wrong() {
-        for (true_slope, told_slope, onset_mpa) in [(10.0, 10.0, 0.02), (10.0, 14.0, 0.02), (10.0, 7.0, 0.03)] {
+        for (true_slope, told_slope, onset_mpa) in [(10.0, 10.0, 0.02), (10.0, 14.0, 0.02), (10.0, 7.0, 0.03)]
+        {
             let found = run(true_slope, told_slope, onset_mpa);
             assert!(found.settling_s.is_some_and(|s| s < 2.5), "{true_slope} {told_slope}: {found:?}");
             assert!(found.overshoot < 0.3 && found.final_error.abs() < 0.01, "{found:?}");

@@ -53,7 +53,15 @@ impl Plant {
     /// A plant at rest.
     pub fn new(spec: PlantSpec, solver: Solver) -> Self {
         let noise = spec.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-        Self { spec, solver, pressure_mpa: 0.0, under_way: VecDeque::new(), wanted_mpa: 0.0, time_s: 0.0, noise }
+        Self {
+            spec,
+            solver,
+            pressure_mpa: 0.0,
+            under_way: VecDeque::new(),
+            wanted_mpa: 0.0,
+            time_s: 0.0,
+            noise,
+        }
     }
 
     /// Takes a command; the supply cannot do more than it can.
@@ -67,7 +75,9 @@ impl Plant {
     /// Moves on by `dt_s` and reads the instruments.
     pub fn step(&mut self, dt_s: f64) -> Reading {
         self.time_s += dt_s;
-        while let Some((arrives_s, wanted)) = self.under_way.front().copied().filter(|(at, _)| *at <= self.time_s) {
+        while let Some((arrives_s, wanted)) =
+            self.under_way.front().copied().filter(|(at, _)| *at <= self.time_s)
+        {
             self.wanted_mpa = wanted;
             self.under_way.retain(|(at, _)| *at > arrives_s);
         }

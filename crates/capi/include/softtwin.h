@@ -151,11 +151,11 @@ typedef struct softtwin_state_reader softtwin_state_reader;
  */
 typedef struct {
   /**
-   * [`super::VERSION`].
+   * `VERSION`.
    */
   uint32_t layout_version;
   /**
-   * Bits of [`super::flags`].
+   * Bits of `flags`.
    */
   uint32_t flags;
   /**
@@ -163,7 +163,7 @@ typedef struct {
    */
   uint8_t model_hash[16];
   /**
-   * The run of the twin, see [`crate::boot_id`].
+   * The run of the twin, see `boot_id`.
    */
   uint64_t boot_id;
   /**
@@ -179,7 +179,7 @@ typedef struct {
    */
   uint64_t sensor_seq;
   /**
-   * When that reading was taken, see [`crate::now_ns`].
+   * When that reading was taken, see `now_ns`.
    */
   uint64_t t_sensor_ns;
   /**
@@ -235,11 +235,11 @@ typedef struct {
    */
   float domain_distance;
   /**
-   * Number of [`super::regime`].
+   * Number of `regime`.
    */
   uint32_t regime;
   /**
-   * Number of [`crate::Outcome`] of the newest reading.
+   * Number of `Outcome` of the newest reading.
    */
   uint32_t outcome;
   /**
@@ -273,11 +273,11 @@ typedef struct {
  */
 typedef struct {
   /**
-   * [`super::VERSION`].
+   * `VERSION`.
    */
   uint32_t layout_version;
   /**
-   * Bits of [`super::flags`] as in the newest state.
+   * Bits of `flags` as in the newest state.
    */
   uint32_t flags;
   /**
@@ -369,7 +369,7 @@ typedef struct {
    */
   uint64_t compute_max_ns;
   /**
-   * Readings by outcome, indexed by [`crate::Outcome::code`].
+   * Readings by outcome, indexed by `Outcome::code`.
    */
   uint64_t outcomes[SOFTTWIN_OUTCOME_SLOTS];
   /**
@@ -386,15 +386,15 @@ typedef struct {
  */
 typedef struct {
   /**
-   * [`super::VERSION`].
+   * `VERSION`.
    */
   uint32_t layout_version;
   /**
-   * Bits of [`super::flags`], those of all fingers.
+   * Bits of `flags`, those of all fingers.
    */
   uint32_t flags;
   /**
-   * The run of the twin, see [`crate::boot_id`].
+   * The run of the twin, see `boot_id`.
    */
   uint64_t boot_id;
   /**
@@ -402,7 +402,7 @@ typedef struct {
    */
   uint64_t seq;
   /**
-   * When the oldest of the readings behind it was taken, see [`crate::now_ns`].
+   * When the oldest of the readings behind it was taken, see `now_ns`.
    */
   uint64_t t_sensor_ns;
   /**
@@ -410,7 +410,7 @@ typedef struct {
    */
   uint64_t t_publish_ns;
   /**
-   * Number of [`grasp_verdict`].
+   * Number of `grasp_verdict`.
    */
   uint32_t verdict;
   /**
@@ -480,7 +480,7 @@ typedef struct {
  */
 typedef struct {
   /**
-   * The run of the bridge that sent it, see [`crate::boot_id`].
+   * The run of the bridge that sent it, see `boot_id`.
    */
   uint64_t boot_id;
   /**
@@ -488,7 +488,7 @@ typedef struct {
    */
   uint64_t seq;
   /**
-   * When the reading was taken, see [`crate::now_ns`].
+   * When the reading was taken, see `now_ns`.
    */
   uint64_t t_sensor_ns;
   /**
@@ -522,7 +522,7 @@ typedef struct {
  */
 typedef struct {
   /**
-   * The run of the controller that sent it, see [`crate::boot_id`].
+   * The run of the controller that sent it, see `boot_id`.
    */
   uint64_t boot_id;
   /**
@@ -530,7 +530,7 @@ typedef struct {
    */
   uint64_t seq;
   /**
-   * Time stamp of the reading that the command answers, see [`crate::now_ns`]; 0: none.
+   * Time stamp of the reading that the command answers, see `now_ns`; 0: none.
    */
   uint64_t t_sensor_ns;
   /**
@@ -549,15 +549,15 @@ typedef struct {
 
 /**
  * Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the
- * first field in [`Self::field_ids`], then all of the second, and so on.
+ * first field in `field_ids`, then all of the second, and so on.
  */
 typedef struct {
   /**
-   * [`super::VERSION`].
+   * `VERSION`.
    */
   uint32_t layout_version;
   /**
-   * Bits of [`super::flags`].
+   * Bits of `flags`.
    */
   uint32_t flags;
   /**
@@ -565,7 +565,7 @@ typedef struct {
    */
   uint8_t model_hash[16];
   /**
-   * The run of the twin, see [`crate::boot_id`].
+   * The run of the twin, see `boot_id`.
    */
   uint64_t boot_id;
   /**
@@ -581,7 +581,7 @@ typedef struct {
    */
   uint64_t sensor_seq;
   /**
-   * When the reading was taken, see [`crate::now_ns`].
+   * When the reading was taken, see `now_ns`.
    */
   uint64_t t_sensor_ns;
   /**
@@ -609,7 +609,7 @@ typedef struct {
    */
   uint32_t max_von_mises_node;
   /**
-   * Number of [`super::regime`].
+   * Number of `regime`.
    */
   uint32_t regime;
   /**
@@ -621,7 +621,7 @@ typedef struct {
    */
   uint32_t field_count;
   /**
-   * Which field is where: numbers of [`super::field_id`], the rest 0.
+   * Which field is where: numbers of `field_id`, the rest 0.
    */
   uint8_t field_ids[SOFTTWIN_FIELD_SLOTS];
   /**
@@ -635,11 +635,11 @@ typedef struct {
  */
 typedef struct {
   /**
-   * [`super::VERSION`].
+   * `VERSION`.
    */
   uint32_t layout_version;
   /**
-   * Number of [`query_kind`].
+   * Number of `query_kind`.
    */
   uint32_t kind;
   /**
@@ -678,11 +678,11 @@ typedef struct {
  */
 typedef struct {
   /**
-   * [`super::VERSION`].
+   * `VERSION`.
    */
   uint32_t layout_version;
   /**
-   * Number of [`crate::Verdict`]: 0 answered, else the reason why there is no answer.
+   * Number of `Verdict`: 0 answered, else the reason why there is no answer.
    */
   uint32_t verdict;
   /**
@@ -690,11 +690,11 @@ typedef struct {
    */
   uint8_t model_hash[16];
   /**
-   * The question's kind, number of [`query_kind`].
+   * The question's kind, number of `query_kind`.
    */
   uint32_t kind;
   /**
-   * Number of [`super::regime`].
+   * Number of `regime`.
    */
   uint32_t regime;
   /**
@@ -702,7 +702,7 @@ typedef struct {
    */
   uint32_t domain_verdict;
   /**
-   * Bits of [`super::flags`].
+   * Bits of `flags`.
    */
   uint32_t flags;
   /**
@@ -746,7 +746,7 @@ typedef struct {
    */
   double high;
   /**
-   * The number that belongs to the verdict, see [`crate::Verdict`]; NaN when answered.
+   * The number that belongs to the verdict, see `Verdict`; NaN when answered.
    */
   double limit;
   /**
@@ -786,7 +786,7 @@ typedef struct {
    */
   double max_von_mises_mpa;
   /**
-   * Which field is where: numbers of [`super::field_id`], the rest 0.
+   * Which field is where: numbers of `field_id`, the rest 0.
    */
   uint8_t field_ids[SOFTTWIN_FIELD_SLOTS];
   /**

@@ -11,7 +11,9 @@ pub(crate) fn call(body: impl FnOnce() -> Result<(), Failure>) -> softtwin_statu
         Ok(Ok(())) => softtwin_status::SOFTTWIN_OK,
         Ok(Err(Failure::Wire(error))) => status::of(&error),
         Ok(Err(Failure::Own(status, text))) => fail(status, text),
-        Err(_) => fail(softtwin_status::SOFTTWIN_FAILED, "softtwin failed inside; please report what you did"),
+        Err(_) => {
+            fail(softtwin_status::SOFTTWIN_FAILED, "softtwin failed inside; please report what you did")
+        }
     }
 }
 

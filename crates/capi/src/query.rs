@@ -67,7 +67,10 @@ pub unsafe extern "C" fn softtwin_client_ask(
             unsafe { count.write(found.len()) };
         }
         if found.len() > capacity || (values.is_null() && !found.is_empty()) {
-            return Err(argument(&format!("the field has {} values, room was given for {capacity}", found.len())));
+            return Err(argument(&format!(
+                "the field has {} values, room was given for {capacity}",
+                found.len()
+            )));
         }
         if !found.is_empty() {
             // SAFETY: room for `capacity >= found.len()` values by the caller's promise; shared memory and the caller's

@@ -6,8 +6,8 @@ use crate::status::softtwin_status;
 use std::ffi::c_char;
 use std::time::{Duration, Instant};
 use wire::{
-    Command, CommandReader, CommandWriter, Grasp, GraspReader, Health, HealthReader, SensorReader, SensorSample,
-    SensorWriter, State, StateReader, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
+    Command, CommandReader, CommandWriter, Grasp, GraspReader, Health, HealthReader, SensorReader,
+    SensorSample, SensorWriter, State, StateReader, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
 };
 
 /// A reader with its wait.
@@ -33,7 +33,8 @@ impl<R: Wakeable> Waiting<R> {
             if let Some(found) = take(&self.reader)? {
                 return Ok(found);
             }
-            let left = end.map_or(Duration::from_secs(3600), |end| end.saturating_duration_since(Instant::now()));
+            let left =
+                end.map_or(Duration::from_secs(3600), |end| end.saturating_duration_since(Instant::now()));
             if left.is_zero() {
                 let text = format!("nothing came within {timeout_ms} ms");
                 return Err(Failure::Own(softtwin_status::SOFTTWIN_TIMEOUT, text));
@@ -481,7 +482,14 @@ pub unsafe extern "C" fn softtwin_command_writer_send(
         let own = unsafe { handle(writer) }?;
         own.seq += 1;
         let (boot_id, seq, t_publish_ns) = (own.boot_id, own.seq, now_ns());
-        Ok(own.writer.publish(Command { boot_id, seq, t_sensor_ns, t_publish_ns, pressure_mpa, reserved: 0 })?)
+        Ok(own.writer.publish(Command {
+            boot_id,
+            seq,
+            t_sensor_ns,
+            t_publish_ns,
+            pressure_mpa,
+            reserved: 0,
+        })?)
     })
 }
 

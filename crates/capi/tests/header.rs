@@ -85,7 +85,8 @@ fn checks() -> String {
          #define SOFTTWIN_CHECK(condition) static_assert(condition, #condition)\n#else\n\
          #define SOFTTWIN_CHECK(condition) _Static_assert(condition, #condition)\n#endif\n",
     );
-    let c_name = |name: &str| PAYLOADS.iter().find(|(rust, _)| *rust == name).map(|(_, c)| *c).expect("a payload");
+    let c_name =
+        |name: &str| PAYLOADS.iter().find(|(rust, _)| *rust == name).map(|(_, c)| *c).expect("a payload");
     asserts::<SensorSample>(&mut out, c_name("SensorSample"));
     asserts::<FieldHeader>(&mut out, c_name("FieldHeader"));
     asserts::<State>(&mut out, c_name("State"));

@@ -67,7 +67,8 @@ fn the_examples_run_in_c_and_in_cpp() {
         let (status, said) = Program::shell(&stage, program).end();
         assert!(status.success(), "{program}: {said:?}");
         let all = said.join("\n");
-        for expected in ["120 nodes", "what if: 0.", "refused: more force than the sampled states give here"] {
+        for expected in ["120 nodes", "what if: 0.", "refused: more force than the sampled states give here"]
+        {
             assert!(all.contains(expected), "{program}: `{expected}` is missing in {all}");
         }
     }

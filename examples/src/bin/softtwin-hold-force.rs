@@ -9,7 +9,8 @@ use std::io::Write;
 use std::time::{Duration, Instant};
 use wire::layout::{flags, query_kind};
 use wire::{
-    Bus, Command, CommandWriter, Domain, Query, QueryClient, StateReader, Topic, Wake, WakeSet, Wakeable, boot_id, now_ns,
+    Bus, Command, CommandWriter, Domain, Query, QueryClient, StateReader, Topic, Wake, WakeSet, Wakeable,
+    boot_id, now_ns,
 };
 
 /// Controller: holds a contact force.
@@ -37,12 +38,8 @@ fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let bus = Bus::open(&Domain::from_env())?;
     let states = StateReader::open(&bus, &Topic::state(&args.actuator)?)?;
-    let inverse = Query {
-        kind: query_kind::PRESSURE,
-        force_n: args.target_n,
-        gap_mm: args.gap_mm,
-        ..Query::default()
-    };
+    let inverse =
+        Query { kind: query_kind::PRESSURE, force_n: args.target_n, gap_mm: args.gap_mm, ..Query::default() };
     let sample = QueryClient::open(&bus, &args.actuator)?.ask(&inverse, Duration::from_secs(1))?;
     if let Some(reason) = sample.answer().refusal() {
         anyhow::bail!("{} N cannot be held at {} mm: {reason}", args.target_n, args.gap_mm);
@@ -56,7 +53,14 @@ fn main() -> anyhow::Result<()> {
     let (mut seq, mut last, mut points, mut turns_ns) = (0, None, Vec::new(), Vec::new());
     let mut send = |pressure_mpa: f64, t_sensor_ns: u64| {
         seq += 1;
-        valve.publish(Command { boot_id, seq, t_sensor_ns, t_publish_ns: now_ns(), pressure_mpa, reserved: 0 })
+        valve.publish(Command {
+            boot_id,
+            seq,
+            t_sensor_ns,
+            t_publish_ns: now_ns(),
+            pressure_mpa,
+            reserved: 0,
+        })
     };
     while begin.elapsed().as_secs_f64() < args.seconds {
         let Some(state) = states.newest()? else {
@@ -75,7 +79,8 @@ fn main() -> anyhow::Result<()> {
         let dt_s = last.map_or(0.0, |before| state.t_sensor_ns.saturating_sub(before) as f64 * 1e-9).min(0.1);
         last = Some(state.t_sensor_ns);
         // The load cell where there is one, the twin's own estimate otherwise.
-        let force_n = if state.measured_force_n.is_finite() { state.measured_force_n } else { state.contact_force_n };
+        let force_n =
+            if state.measured_force_n.is_finite() { state.measured_force_n } else { state.contact_force_n };
         let command = controller.update(force_n, state.force_by_pressure_n_per_mpa, dt_s);
         send(command, state.t_sensor_ns)?;
         turns_ns.push(now_ns().saturating_sub(state.t_sensor_ns));

@@ -58,10 +58,12 @@ fn fields(bus: &Bus, args: &Args) -> anyhow::Result<(Vec<u64>, u64)> {
     let seen = || {
         let sample = reader.next()?;
         // The last value is looked at, so that the sample is really there.
-        Ok(sample.filter(|sample| sample.values().last().is_some_and(|value| value.is_finite())).map(|sample| {
-            let header = sample.header();
-            (header.boot_id, header.seq, header.t_publish_ns)
-        }))
+        Ok(sample.filter(|sample| sample.values().last().is_some_and(|value| value.is_finite())).map(
+            |sample| {
+                let header = sample.header();
+                (header.boot_id, header.seq, header.t_publish_ns)
+            },
+        ))
     };
     listen(&reader, args, seen)
 }

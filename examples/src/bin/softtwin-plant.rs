@@ -11,7 +11,9 @@ use softtwin_examples::plant::{Plant, PlantSpec};
 use softtwin_examples::report::{percentiles, step_response};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use wire::{Bus, CommandReader, Domain, SensorSample, SensorWriter, Topic, WakeSet, Wakeable, boot_id, now_ns};
+use wire::{
+    Bus, CommandReader, Domain, SensorSample, SensorWriter, Topic, WakeSet, Wakeable, boot_id, now_ns,
+};
 
 /// Simulated actuator: commands in, readings out, and the truth at the end.
 #[derive(Debug, Parser)]
@@ -57,7 +59,8 @@ fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let scene = Scene::load(&args.scene)?;
     let spec = scene.actuators.first().context("the scene has no actuator")?;
-    let answerer = Answerer::load(spec, &scene.resolve(&spec.model)).map_err(|found| anyhow::anyhow!(found.join("\n")))?;
+    let answerer = Answerer::load(spec, &scene.resolve(&spec.model))
+        .map_err(|found| anyhow::anyhow!(found.join("\n")))?;
     let plant = PlantSpec {
         tau_s: args.tau_s,
         delay_s: args.delay_s,

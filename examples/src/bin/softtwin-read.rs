@@ -21,10 +21,19 @@ fn main() -> anyhow::Result<()> {
         field = fields.newest()?.or(field); // shared memory, held until it is dropped
     }
     if let (Some(state), Some(field)) = (state, field) {
-        writeln!(out, "state {}: {:.4} N at {:.5} MPa", state.seq, state.contact_force_n, state.pressure_mpa)?;
+        writeln!(
+            out,
+            "state {}: {:.4} N at {:.5} MPa",
+            state.seq, state.contact_force_n, state.pressure_mpa
+        )?;
         let stress = field.field(field_id::VON_MISES).unwrap_or(&[]);
         let largest = stress.iter().copied().fold(0.0, f32::max);
-        writeln!(out, "field {}: {} nodes, largest stress {largest:.4} MPa", field.header().seq, stress.len())?;
+        writeln!(
+            out,
+            "field {}: {} nodes, largest stress {largest:.4} MPa",
+            field.header().seq,
+            stress.len()
+        )?;
     }
 
     let mut twin = QueryClient::open(&bus, "finger")?;

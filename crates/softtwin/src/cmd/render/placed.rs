@@ -15,7 +15,8 @@ use std::path::Path;
 pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
     let pressure = args.pressure()?;
     let scene = Scene::load(path).map_err(configuration)?;
-    let mut whole = Shot { body: Body::default(), plate: None, blocks: Vec::new(), force_n: 0.0, outside: false };
+    let mut whole =
+        Shot { body: Body::default(), plate: None, blocks: Vec::new(), force_n: 0.0, outside: false };
     for actuator in &scene.actuators {
         let (min_mm, max_mm) = actuator.gap_mm.range_mm();
         let gap_mm = args.gap_mm.or((min_mm == max_mm).then_some(min_mm)).ok_or_else(|| {

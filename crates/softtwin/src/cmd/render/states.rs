@@ -219,7 +219,12 @@ pub(super) fn draw(
                     .iter()
                     .zip(texts)
                     .map(|(shot, (title, note))| Panel {
-                        scene: Scene { body: &shot.body, plate: shot.plate, blocks: &shot.blocks, range: scale.range },
+                        scene: Scene {
+                            body: &shot.body,
+                            plate: shot.plate,
+                            blocks: &shot.blocks,
+                            range: scale.range,
+                        },
                         title: if single { String::new() } else { title },
                         note,
                     })
