@@ -72,6 +72,11 @@ impl Answerer {
         &mut self.solver
     }
 
+    /// The solver alone.
+    pub fn into_solver(self) -> Solver {
+        self.solver
+    }
+
     /// The gap that stands in when none is given, mm.
     pub fn default_gap_mm(&self) -> Option<f64> {
         self.default_gap_mm

@@ -24,12 +24,46 @@ pub struct Plate {
     pub z_mm: [f32; 2],
 }
 
+/// A rigid block with edges along the axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Block {
+    /// Lower corner, mm.
+    pub min_mm: Vec3,
+    /// Upper corner, mm.
+    pub max_mm: Vec3,
+}
+
+impl Block {
+    /// Two facets for each of the six faces.
+    fn corners(&self) -> Vec<[Corner; 3]> {
+        let ends = [self.min_mm, self.max_mm];
+        let mut corners = Vec::with_capacity(12);
+        for axis in 0..3 {
+            for (side, sign) in [(0, -1.0), (1, 1.0)] {
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                let mut normal = [0.0; 3];
+                normal[axis] = sign;
+                let corner = |a: usize, b: usize| {
+                    let mut position = [0.0; 3];
+                    (position[axis], position[u], position[v]) = (ends[side][axis], ends[a][u], ends[b][v]);
+                    Corner { position, normal, value: 0.0 }
+                };
+                corners.push([corner(0, 0), corner(1, 0), corner(1, 1)]);
+                corners.push([corner(0, 0), corner(1, 1), corner(0, 1)]);
+            }
+        }
+        corners
+    }
+}
+
 /// What is drawn in one panel.
 pub struct Scene<'a> {
     /// The deformed body with its values.
     pub body: &'a Body,
     /// The plate, if there is one.
     pub plate: Option<Plate>,
+    /// Rigid blocks.
+    pub blocks: &'a [Block],
     /// Values at the ends of the colour scale.
     pub range: [f32; 2],
 }
@@ -41,7 +75,8 @@ impl Scene<'_> {
             let [x, z] = [plate.x_mm, plate.z_mm];
             [0, 1, 2, 3].map(|k| [x[k & 1], -plate.gap_mm - PLATE_THICKNESS_MM, z[k >> 1]])
         });
-        self.body.nodes_mm.iter().copied().chain(plate)
+        let blocks = self.blocks.iter().flat_map(|block| [block.min_mm, block.max_mm]);
+        self.body.nodes_mm.iter().copied().chain(plate).chain(blocks)
     }
 
     /// Draws the scene.
@@ -60,6 +95,10 @@ impl Scene<'_> {
             let shadow = Shadow::cast(self.body, -plate.gap_mm, plate.x_mm, plate.z_mm);
             let base = theme.plate.map(decode);
             raster.draw(&plate.corners(), true, |hit| plate.shade(hit, base, &shadow, &light));
+        }
+        for block in self.blocks {
+            let base = theme.plate.map(decode);
+            raster.draw(&block.corners(), true, |hit| light.on(base, hit.normal));
         }
         let [low, high] = self.range;
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
@@ -142,7 +181,7 @@ mod tests {
         let nodes_mm = vec![[20.0, 5.0, 0.0], [100.0, 5.0, 0.0], [60.0, 5.0, 30.0]];
         let body = Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![1.0; 3] };
         let plate = Plate { gap_mm: 0.0, x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };
-        let scene = Scene { body: &body, plate: Some(plate), range: [0.0, 1.0] };
+        let scene = Scene { body: &body, plate: Some(plate), blocks: &[], range: [0.0, 1.0] };
         let camera = Camera::new(0.0, 60.0);
         let window = Window::around(&camera, scene.extent(), [120, 60], 0.05);
         let canvas = scene.draw(camera, window, [120, 60], &ColourMap::new(MapName::Stress), &Theme::LIGHT);

@@ -178,7 +178,7 @@ mod tests {
     fn sheet(bodies: &[Body], gap_mm: f32) -> Sheet<'_> {
         let plate = Some(Plate { gap_mm, x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] });
         let panel = |body| Panel {
-            scene: Scene { body, plate, range: [0.0, 1.0] },
+            scene: Scene { body, plate, blocks: &[], range: [0.0, 1.0] },
             title: "0.01 MPa".into(),
             note: "0.1 N".into(),
         };

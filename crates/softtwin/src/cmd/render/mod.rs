@@ -1,6 +1,7 @@
 //! `softtwin render`: states and modes as pictures.
 
 mod modes;
+mod placed;
 mod states;
 
 use crate::failure::usage;
@@ -23,6 +24,8 @@ Examples:
     softtwin render --model finger.twin --modes contact --out modes.png
   Three gaps at five pressures with their contact forces (the paper's Fig. 9):
     softtwin render --model finger.twin --fig9 --out scenes.png
+  A whole scene: both fingers of the gripper and the block between them
+    softtwin render --scene config/scenes/gripper.toml --pressure-mpa 0.079 --view side --out gripper.png
   A case of a database, as computed by the finite elements:
     softtwin render --database models/pneunet/database --case 17 --out case.png";
 
@@ -31,8 +34,11 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Trained model.
-    #[arg(long, value_name = "FILE", required_unless_present = "database")]
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["database", "scene"])]
     model: Option<PathBuf>,
+    /// Scene file: all its actuators in their places, with its blocks.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["model", "database", "modes", "fig9"])]
+    scene: Option<PathBuf>,
     /// Database folder to draw a case of.
     #[arg(long, value_name = "DIR", conflicts_with = "model", requires = "case")]
     database: Option<PathBuf>,
@@ -146,7 +152,10 @@ impl Args {
             (Some(path), Some(regime)) => modes::draw(&self, &LoadedModel::read(path)?, regime.kind())?,
             (Some(path), None) if self.fig9 => states::fig9(&self, LoadedModel::read(path)?)?,
             (Some(path), None) => states::one(&self, LoadedModel::read(path)?)?,
-            (None, _) => states::case(&self)?,
+            (None, _) => match &self.scene {
+                Some(path) => placed::scene(&self, path)?,
+                None => states::case(&self)?,
+            },
         };
         canvas.write_png(&self.out)?;
         say!("{} ({} x {} px)", self.out.display(), canvas.width, canvas.height)?;

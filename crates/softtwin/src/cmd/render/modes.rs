@@ -32,7 +32,7 @@ pub fn draw(args: &Args, loaded: &LoadedModel, kind: RegimeKind) -> Result<Canva
     let bodies = mean_state(loaded, kind, &shapes)?;
     let energies = energies(regime, loaded, name);
     let panels = bodies.iter().zip(energies).enumerate().map(|(k, (body, energy))| Panel {
-        scene: Scene { body, plate: None, range: [-1.0, 1.0] },
+        scene: Scene { body, plate: None, blocks: &[], range: [-1.0, 1.0] },
         title: format!("mode {}", k + 1),
         note: format!("{:.2} %", 100.0 * energy),
     });

@@ -7,7 +7,7 @@ use crate::load::LoadedModel;
 use crate::render::canvas::Canvas;
 use crate::render::colour::MapName;
 use crate::render::scale::Scale;
-use crate::render::scene::{Plate, Scene};
+use crate::render::scene::{Block, Plate, Scene};
 use crate::render::sheet::{Panel, Row, Sheet};
 use crate::render::skin::Body;
 use crate::render::visible::visible_facets;
@@ -22,15 +22,16 @@ const FIG9_GAPS_MM: [f64; 3] = [80.0, 40.0, 15.0];
 const FIG9_PRESSURES_MPA: [f64; 5] = [0.01, 0.025, 0.04, 0.055, 0.07];
 
 /// A state ready to draw.
-struct Shot {
-    body: Body,
-    plate: Option<Plate>,
-    force_n: f64,
-    outside: bool,
+pub(super) struct Shot {
+    pub(super) body: Body,
+    pub(super) plate: Option<Plate>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) force_n: f64,
+    pub(super) outside: bool,
 }
 
 /// A model that answers with shots.
-struct Studio {
+pub(super) struct Studio {
     predictor: Predictor,
     switch: RegimeSwitch,
     evaluation: Evaluation,
@@ -41,7 +42,7 @@ struct Studio {
 }
 
 impl Studio {
-    fn new(loaded: &LoadedModel, shown: Shown) -> Result<Self> {
+    pub(super) fn new(loaded: &LoadedModel, shown: Shown) -> Result<Self> {
         let fields = &loaded.model.header.fields;
         let at = |name: &str| fields.iter().position(|field| field.spec.name == name);
         let (Some(x), Some(y), Some(z), Some(shown)) = (at("x"), at("y"), at("z"), at(shown.name())) else {
@@ -70,7 +71,7 @@ impl Studio {
         })
     }
 
-    fn shoot(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<Shot> {
+    pub(super) fn shoot(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<Shot> {
         let input = Input { pressure_mpa, gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
         self.predictor.evaluate(input, &mut self.switch, &mut self.evaluation);
         self.predictor.reconstruct_into(&self.evaluation, &mut self.values)?;
@@ -84,6 +85,7 @@ impl Studio {
                 values: column(3).to_vec(),
             },
             plate: gap_mm.map(plate),
+            blocks: Vec::new(),
             force_n: self.evaluation.contact_force_n,
             outside: self.evaluation.flags.extrapolated,
         })
@@ -160,6 +162,7 @@ fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
             values: database.field(index, shown).collect(),
         },
         plate: case.gap_mm.map(drawn),
+        blocks: Vec::new(),
         force_n: if case.regime == RegimeKind::Contact { case.contact_force_n } else { 0.0 },
         outside: false,
     })
@@ -184,7 +187,7 @@ fn colour_scale(args: &Args, rows: &[Vec<Shot>]) -> (Scale, f32) {
 }
 
 /// Lays shots out with one colour scale for all.
-fn draw(
+pub(super) fn draw(
     args: &Args,
     rows: &[Vec<Shot>],
     title: impl Fn(usize, usize) -> String,
@@ -216,7 +219,12 @@ fn draw(
                     .iter()
                     .zip(texts)
                     .map(|(shot, (title, note))| Panel {
-                        scene: Scene { body: &shot.body, plate: shot.plate, range: scale.range },
+                        scene: Scene {
+                            body: &shot.body,
+                            plate: shot.plate,
+                            blocks: &shot.blocks,
+                            range: scale.range,
+                        },
                         title: if single { String::new() } else { title },
                         note,
                     })

@@ -1,0 +1,42 @@
+"""The structures are those of docs/wire.md, which a Rust test holds to the code."""
+
+import ctypes
+import pathlib
+import re
+
+import pytest
+from softtwin import layout, qos
+
+PAGE = (pathlib.Path(__file__).resolve().parents[3] / "docs/wire.md").read_text()
+SIZES = {"u8": 1, "u32": 4, "f32": 4, "u64": 8, "f64": 8}
+
+
+def documented(name):
+    section = PAGE.split(f"### `{name}`, ")[1].split("\n### ")[0]
+    rows = re.findall(r"^\| (\d+) \| (\w+)(?:\[(\d+)\])? \| `(\w+)` \|", section, re.M)
+    size = int(section.split(" ")[0])
+    return size, [(field, int(offset), SIZES[kind] * int(count or 1)) for offset, kind, count, field in rows]
+
+
+@pytest.mark.parametrize("payload", layout.PAYLOADS, ids=lambda payload: payload.__name__)
+def test_offsets_are_those_of_the_page(payload):
+    size, rows = documented(payload.type_name())
+    ours = [(name, getattr(payload, name).offset, getattr(payload, name).size) for name, *_ in payload._fields_]
+    assert ours == rows
+    assert ctypes.sizeof(payload) == size
+    assert ctypes.alignment(payload) == 8
+
+
+def test_settings_are_those_of_the_page():
+    for kind, q in qos.QOS.items():
+        row = f"| {kind} | {q.max_readers} | {q.buffer} | {q.max_borrowed} | {q.history} | {q.max_nodes} |"
+        assert row in PAGE
+    assert f"`query`: {qos.MAX_CLIENTS} clients, 1 server, {qos.MAX_QUERY_NODES} nodes" in PAGE
+    assert ", ".join(layout.FLAGS) in PAGE.replace("\n ", "")
+
+
+def test_names_are_packed_and_read_back():
+    assert layout.text(layout.pack("finger")) == "finger"
+    with pytest.raises(ValueError, match="at most 31"):
+        layout.pack("x" * 32)
+    assert layout.flag_names(0b1000_0001) == ["stale", "no-data"]

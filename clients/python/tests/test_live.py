@@ -1,0 +1,134 @@
+"""The client against a live twin."""
+
+import gc
+import math
+
+import numpy as np
+import pytest
+import softtwin
+
+WAIT_S = 60.0
+
+
+def test_fields_are_read_only_views_that_keep_their_sample(live):
+    held = None
+    for field in softtwin.subscribe("softtwin/finger/field", timeout_s=WAIT_S, bus=live.bus):
+        assert field.names == ["x", "y", "z", "displacement", "von_mises"]
+        assert field.values.shape == (5, field.header.node_count)
+        assert field.x.base is not None and not field.x.flags.writeable and not field.x.flags.owndata
+        with pytest.raises(ValueError):
+            field.x[0] = 1.0
+        assert float(field.von_mises.max()) == pytest.approx(field.header.max_von_mises_mpa, rel=1e-6)
+        assert int(field.von_mises.argmax()) == field.header.max_von_mises_node
+        if held is None:
+            # Only one row lives on: it alone must keep the shared memory as it is.
+            held, copied, first_seq = field.y, field.y.copy(), field.header.seq
+            del field
+            gc.collect()
+            continue
+        if field.header.seq > first_seq + 40:
+            break
+    np.testing.assert_array_equal(held, copied)
+
+
+def test_holding_too_many_is_said(live):
+    fields = softtwin.subscribe("softtwin/finger/field/tip", timeout_s=WAIT_S, bus=live.bus)
+    held = [fields.next() for _ in range(4)]
+    with pytest.raises(softtwin.SofttwinError, match="drop some views"):
+        for _ in range(3):
+            held.append(fields.next())
+    held.clear()
+    gc.collect()
+    assert fields.next().names == ["x", "y", "z"]
+
+
+def test_states_and_health_are_read(live):
+    states = softtwin.subscribe("softtwin/finger/state", timeout_s=WAIT_S, bus=live.bus)
+    seen = [states.next() for _ in range(50)]
+    assert [b.seq - a.seq for a, b in zip(seen, seen[1:])] == [1] * 49
+    assert states.lost == 0
+    state = seen[-1]
+    assert state.regime_name in ("free", "contact") and state.contact_force_n >= 0
+    assert state.to_dict()["actuator"] == "finger"
+    health = softtwin.newest("softtwin/finger/health", WAIT_S, bus=live.bus)
+    assert health.received == sum(health.outcomes)
+
+
+def test_questions_are_answered(live):
+    twin = softtwin.Client("finger", timeout_s=WAIT_S, bus=live.bus)
+    there = twin.whatif(0.06, 30.0)
+    assert there.regime_name == "contact" and there.contact_force_n > 0.1
+    back = twin.pressure(there.contact_force_n, 30.0)
+    assert back.pressure_mpa == pytest.approx(0.06, abs=1e-6) and 0 < back.uncertainty < 0.01
+    gap = twin.gap(0.06, there.contact_force_n, 0.005)
+    assert gap.gap_mm == pytest.approx(30.0, abs=1e-3) and gap.low < 30.0 < gap.high
+    field = twin.whatif(0.06, 30.0, field="all")
+    assert field.x.shape == (25022,) and not field.x.flags.writeable
+    assert field.header.contact_force_n == there.contact_force_n
+    with pytest.raises(softtwin.Refused, match="at most") as refused:
+        twin.pressure(50.0, 30.0)
+    assert refused.value.answer.limit == pytest.approx(twin.whatif(0.09, 30.0).contact_force_n, rel=0.01)
+
+
+def test_readings_from_python_are_answered(stage):
+    stage.twin(stage.finger(source=False))
+    states = softtwin.subscribe("softtwin/finger/state", timeout_s=WAIT_S, bus=stage.bus)
+    sensor = softtwin.SensorPublisher("finger", bus=stage.bus)
+    with pytest.raises(softtwin.AlreadyPublished, match="another process publishes"):
+        softtwin.SensorPublisher("finger", bus=stage.bus)
+    seq = sensor.send(0.05, 30.0, 0.2)
+    for state in states:
+        if state.sensor_seq == seq and not state.flag_names.count("no-data"):
+            break
+    assert state.pressure_mpa == 0.05 and state.measured_force_n == 0.2
+    assert "force-measured" in state.flag_names
+    bad = sensor.send(math.nan, 30.0)
+    for state in states:
+        if "held" in state.flag_names:
+            break
+    assert state.sensor_seq == seq != bad, "the last good reading stands"
+
+
+def test_an_absent_twin_is_said(stage):
+    for refused in (
+        lambda: softtwin.subscribe("softtwin/finger/field", bus=stage.bus),
+        lambda: softtwin.Client("finger", bus=stage.bus),
+    ):
+        with pytest.raises(softtwin.TwinAbsent, match="is the twin running"):
+            refused()
+    with pytest.raises(ValueError, match="without wildcards"):
+        softtwin.subscribe("softtwin/*/field", bus=stage.bus)
+
+
+def test_a_silent_topic_is_said(stage):
+    stage.twin(stage.finger(source=False))
+    fields = softtwin.subscribe("softtwin/finger/field", bus=stage.bus)
+    with pytest.raises(softtwin.TwinSilent, match="nothing came within 0.05 s"):
+        fields.next(0.05)
+
+
+def test_another_layout_version_is_refused(stage, monkeypatch):
+    stage.twin(stage.finger(source=False))
+    monkeypatch.setattr(softtwin.State, "type_name", classmethod(lambda cls: "softtwin.State.v999"))
+    with pytest.raises(softtwin.VersionMismatch, match="another version"):
+        softtwin.subscribe("softtwin/finger/state", bus=stage.bus)
+
+
+@pytest.mark.parametrize("on_restart", ["raise", "continue"])
+def test_a_restart_is_said(stage, on_restart):
+    scene = stage.finger()
+    twin = stage.twin(scene)
+    stage.bridge(scene)
+    states = softtwin.subscribe("softtwin/finger/state", timeout_s=WAIT_S, on_restart=on_restart, bus=stage.bus)
+    before = states.next()
+    stage.stop(twin)
+    stage.twin(scene)
+    if on_restart == "raise":
+        with pytest.raises(softtwin.TwinRestarted, match="runs anew") as restarted:
+            while True:
+                states.next()
+        assert restarted.value.sample.boot_id != before.boot_id
+    else:
+        while states.next().boot_id == before.boot_id:
+            pass
+        assert states.restarts == 1

@@ -1,0 +1,247 @@
+// RAII over softtwin.h, C++17, header only. Failures are softtwin::Error; handles end with their objects and belong to the
+// thread that made them. How to use it: docs/clients/c.md.
+#ifndef SOFTTWIN_HPP
+#define SOFTTWIN_HPP
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "softtwin.h"
+
+namespace softtwin {
+
+/// A failure: its status, and what was found and what to do as text.
+class Error : public std::runtime_error {
+public:
+    Error(softtwin_status status, const std::string &text) : std::runtime_error(text), status_(status) {}
+    softtwin_status status() const noexcept { return status_; }
+
+private:
+    softtwin_status status_;
+};
+
+inline void check(softtwin_status status) {
+    if (status != SOFTTWIN_OK) throw Error(status, softtwin_last_error());
+}
+
+namespace detail {
+template <typename T, void (*End)(T *)> struct Ender {
+    void operator()(T *handle) const noexcept { End(handle); }
+};
+template <typename T, void (*End)(T *)> using Handle = std::unique_ptr<T, Ender<T, End>>;
+
+inline int64_t ms(std::chrono::milliseconds time) { return static_cast<int64_t>(time.count()); }
+
+/// False: the time is over.
+inline bool came(softtwin_status status) {
+    if (status == SOFTTWIN_TIMEOUT) return false;
+    check(status);
+    return true;
+}
+} // namespace detail
+
+/// Membership in a domain; empty names: those of the environment, or iceoryx2's own.
+class Bus {
+public:
+    explicit Bus(const std::string &domain = "", const std::string &root = "") {
+        softtwin_bus *bus = nullptr;
+        check(softtwin_bus_open(domain.empty() ? nullptr : domain.c_str(), root.empty() ? nullptr : root.c_str(), &bus));
+        handle_.reset(bus);
+    }
+    softtwin_bus *get() const noexcept { return handle_.get(); }
+
+private:
+    detail::Handle<softtwin_bus, softtwin_bus_close> handle_;
+};
+
+/// A reader of a topic of fixed size; see the names below.
+template <typename Payload, typename Reader, softtwin_status (*Open)(softtwin_bus *, const char *, Reader **),
+          softtwin_status (*Next)(Reader *, int64_t, Payload *), softtwin_status (*Newest)(Reader *, int64_t, Payload *),
+          void (*Close)(Reader *)>
+class SizedReader {
+public:
+    SizedReader(const Bus &bus, const std::string &name) {
+        Reader *reader = nullptr;
+        check(Open(bus.get(), name.c_str(), &reader));
+        handle_.reset(reader);
+    }
+    /// The oldest waiting sample; waits for one at most `timeout`. Nothing: the time is over.
+    std::optional<Payload> next(std::chrono::milliseconds timeout) {
+        Payload payload{};
+        if (!detail::came(Next(handle_.get(), detail::ms(timeout), &payload))) return std::nullopt;
+        return payload;
+    }
+    /// As next, with the newest waiting sample.
+    std::optional<Payload> newest(std::chrono::milliseconds timeout) {
+        Payload payload{};
+        if (!detail::came(Newest(handle_.get(), detail::ms(timeout), &payload))) return std::nullopt;
+        return payload;
+    }
+
+private:
+    detail::Handle<Reader, Close> handle_;
+};
+
+using StateReader = SizedReader<softtwin_state, softtwin_state_reader, softtwin_state_reader_open,
+                                softtwin_state_reader_next, softtwin_state_reader_newest, softtwin_state_reader_close>;
+using HealthReader =
+    SizedReader<softtwin_health, softtwin_health_reader, softtwin_health_reader_open, softtwin_health_reader_next,
+                softtwin_health_reader_newest, softtwin_health_reader_close>;
+using GraspReader = SizedReader<softtwin_grasp, softtwin_grasp_reader, softtwin_grasp_reader_open,
+                                softtwin_grasp_reader_next, softtwin_grasp_reader_newest, softtwin_grasp_reader_close>;
+using SensorReader =
+    SizedReader<softtwin_sensor_sample, softtwin_sensor_reader, softtwin_sensor_reader_open, softtwin_sensor_reader_next,
+                softtwin_sensor_reader_newest, softtwin_sensor_reader_close>;
+using CommandReader =
+    SizedReader<softtwin_command, softtwin_command_reader, softtwin_command_reader_open, softtwin_command_reader_next,
+                softtwin_command_reader_newest, softtwin_command_reader_close>;
+
+/// Values of one field in shared memory, one a node; valid as long as their Field.
+class Values {
+public:
+    Values(const float *data, std::size_t size) : data_(data), size_(size) {}
+    const float *begin() const noexcept { return data_; }
+    const float *end() const noexcept { return data_ + size_; }
+    const float *data() const noexcept { return data_; }
+    std::size_t size() const noexcept { return size_; }
+    float operator[](std::size_t node) const noexcept { return data_[node]; }
+
+private:
+    const float *data_;
+    std::size_t size_;
+};
+
+/// A received field: shared memory until it ends. At most 4 may be held of one topic.
+class Field {
+public:
+    explicit Field(softtwin_field *field) : handle_(field) {}
+    const softtwin_field_header &header() const noexcept { return *softtwin_field_get_header(handle_.get()); }
+    /// One field, for example SOFTTWIN_FIELD_X.
+    Values values(uint8_t field_id) const {
+        const float *data = nullptr;
+        std::size_t size = 0;
+        check(softtwin_field_values(handle_.get(), field_id, &data, &size));
+        return Values(data, size);
+    }
+
+private:
+    detail::Handle<softtwin_field, softtwin_field_release> handle_;
+};
+
+/// A reader of fields; an empty node set: all nodes.
+class FieldReader {
+public:
+    FieldReader(const Bus &bus, const std::string &actuator, const std::string &node_set = "") {
+        softtwin_field_reader *reader = nullptr;
+        const char *set = node_set.empty() ? nullptr : node_set.c_str();
+        check(softtwin_field_reader_open(bus.get(), actuator.c_str(), set, &reader));
+        handle_.reset(reader);
+    }
+    std::optional<Field> next(std::chrono::milliseconds timeout) {
+        softtwin_field *field = nullptr;
+        if (!detail::came(softtwin_field_reader_next(handle_.get(), detail::ms(timeout), &field))) return std::nullopt;
+        return Field(field);
+    }
+    std::optional<Field> newest(std::chrono::milliseconds timeout) {
+        softtwin_field *field = nullptr;
+        if (!detail::came(softtwin_field_reader_newest(handle_.get(), detail::ms(timeout), &field))) return std::nullopt;
+        return Field(field);
+    }
+
+private:
+    detail::Handle<softtwin_field_reader, softtwin_field_reader_close> handle_;
+};
+
+/// The one writer of an actuator's readings, in place of a bridge.
+class SensorWriter {
+public:
+    SensorWriter(const Bus &bus, const std::string &actuator) {
+        softtwin_sensor_writer *writer = nullptr;
+        check(softtwin_sensor_writer_open(bus.get(), actuator.c_str(), &writer));
+        handle_.reset(writer);
+    }
+    /// Pressure in MPa, gap in mm, measured force in N; NaN: not measured.
+    void send(double pressure_mpa, double gap_mm, double measured_force_n) {
+        check(softtwin_sensor_writer_send(handle_.get(), pressure_mpa, gap_mm, measured_force_n));
+    }
+
+private:
+    detail::Handle<softtwin_sensor_writer, softtwin_sensor_writer_close> handle_;
+};
+
+/// The one writer of an actuator's pressure commands.
+class CommandWriter {
+public:
+    CommandWriter(const Bus &bus, const std::string &actuator) {
+        softtwin_command_writer *writer = nullptr;
+        check(softtwin_command_writer_open(bus.get(), actuator.c_str(), &writer));
+        handle_.reset(writer);
+    }
+    /// Pressure wanted, MPa, and the stamp of the reading that it answers (0: none).
+    void send(double pressure_mpa, uint64_t t_sensor_ns = 0) {
+        check(softtwin_command_writer_send(handle_.get(), pressure_mpa, t_sensor_ns));
+    }
+
+private:
+    detail::Handle<softtwin_command_writer, softtwin_command_writer_close> handle_;
+};
+
+/// Questions to the twin of one actuator; a refusal is an Error with SOFTTWIN_REFUSED.
+class Client {
+public:
+    Client(const Bus &bus, const std::string &actuator) {
+        softtwin_client *client = nullptr;
+        check(softtwin_client_open(bus.get(), actuator.c_str(), &client));
+        handle_.reset(client);
+    }
+    /// State and force at a pressure (MPa) and a gap (mm).
+    softtwin_answer whatif(double pressure_mpa, double gap_mm) {
+        softtwin_query query = softtwin_query_new(SOFTTWIN_QUERY_WHATIF);
+        query.pressure_mpa = pressure_mpa;
+        query.gap_mm = gap_mm;
+        return ask(query);
+    }
+    /// The lowest pressure with this force (N) at this gap (mm).
+    softtwin_answer pressure(double force_n, double gap_mm) {
+        softtwin_query query = softtwin_query_new(SOFTTWIN_QUERY_PRESSURE);
+        query.force_n = force_n;
+        query.gap_mm = gap_mm;
+        return ask(query);
+    }
+    /// The gap that explains a force (N, known to force_bar_n) at a pressure (MPa).
+    softtwin_answer gap(double pressure_mpa, double force_n, double force_bar_n = 0.0) {
+        softtwin_query query = softtwin_query_new(SOFTTWIN_QUERY_GAP);
+        query.pressure_mpa = pressure_mpa;
+        query.force_n = force_n;
+        query.force_bar_n = force_bar_n;
+        return ask(query);
+    }
+    /// Any question; with want_field set, `values` is resized to the field.
+    softtwin_answer ask(const softtwin_query &query, std::vector<float> *values = nullptr,
+                        std::chrono::milliseconds timeout = std::chrono::seconds(1)) {
+        softtwin_answer answer{};
+        std::size_t count = 0;
+        const auto ms = static_cast<uint32_t>(timeout.count());
+        float *data = values ? values->data() : nullptr;
+        const std::size_t room = values ? values->size() : 0;
+        softtwin_status status = softtwin_client_ask(handle_.get(), &query, ms, &answer, data, room, &count);
+        if (status == SOFTTWIN_ARGUMENT && values && count > room) { // asked once to learn the size
+            values->resize(count);
+            status = softtwin_client_ask(handle_.get(), &query, ms, &answer, values->data(), count, &count);
+        }
+        check(status);
+        if (values) values->resize(count);
+        return answer;
+    }
+
+private:
+    detail::Handle<softtwin_client, softtwin_client_close> handle_;
+};
+
+} // namespace softtwin
+
+#endif // SOFTTWIN_HPP

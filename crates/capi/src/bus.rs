@@ -1,0 +1,45 @@
+//! Membership in a domain.
+
+use crate::border::{call, give, take, text};
+use crate::status::softtwin_status;
+use std::ffi::c_char;
+use wire::{Bus, Domain};
+
+/// A program's membership in a shared-memory domain.
+pub struct softtwin_bus(pub(crate) Bus);
+
+/// Joins a domain. `domain` and `root` may be null: then `$SOFTTWIN_DOMAIN` and `$SOFTTWIN_ROOT` count, or iceoryx2's own.
+///
+/// # Safety
+/// Texts are null or zero-terminated; `out` points to memory for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_bus_open(
+    domain: *const c_char,
+    root: *const c_char,
+    out: *mut *mut softtwin_bus,
+) -> softtwin_status {
+    call(|| {
+        let mut wanted = Domain::from_env();
+        // SAFETY: by the caller's promise.
+        if let Some(name) = unsafe { text(domain) }? {
+            wanted.prefix = Domain::named(name).prefix;
+        }
+        // SAFETY: by the caller's promise.
+        if let Some(root) = unsafe { text(root) }? {
+            wanted.root = Some(root.to_owned());
+        }
+        let bus = Bus::open(&wanted)?;
+        // SAFETY: by the caller's promise.
+        unsafe { give(out, softtwin_bus(bus)) }
+    })
+}
+
+/// Leaves the domain; readers and writers that were made from it go on.
+///
+/// # Safety
+/// `bus` is null or came from `softtwin_bus_open` and is not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_bus_close(bus: *mut softtwin_bus) {
+    // SAFETY: by the caller's promise.
+    unsafe { take(bus) }
+}

@@ -1,0 +1,92 @@
+//! Questions to a twin.
+
+use crate::border::{Failure, argument, call, give, handle, name, put, take};
+use crate::bus::softtwin_bus;
+use crate::status::softtwin_status;
+use std::ffi::c_char;
+use std::time::Duration;
+use wire::{Answer, Query, QueryClient};
+
+/// The way to the twin of one actuator.
+pub struct softtwin_client(QueryClient);
+
+/// Opens the way to a twin; it must be running.
+///
+/// # Safety
+/// `bus` is live, `actuator` zero-terminated, `out` points to memory for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_client_open(
+    bus: *mut softtwin_bus,
+    actuator: *const c_char,
+    out: *mut *mut softtwin_client,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let (bus, name) = unsafe { (handle(bus)?, name(actuator)?) };
+        let client = QueryClient::open(&bus.0, name)?;
+        // SAFETY: by the caller's promise.
+        unsafe { give(out, softtwin_client(client)) }
+    })
+}
+
+/// A question with nothing given: all quantities NaN, the layout version filled in.
+#[unsafe(no_mangle)]
+pub extern "C" fn softtwin_query_new(kind: u32) -> Query {
+    Query { kind, ..Query::default() }
+}
+
+/// Asks and waits for the answer at most `timeout_ms`. With `want_field` set, the field is copied to `values` (room for
+/// `capacity` values; `count` gets how many there are). `SOFTTWIN_REFUSED`: no answer, `answer` and the last error say why.
+///
+/// # Safety
+/// `client` is live and used by its own thread, `query` and `answer` point to their structures, `values` to `capacity`
+/// values (null when 0), `count` to memory for a number or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_client_ask(
+    client: *mut softtwin_client,
+    query: *const Query,
+    timeout_ms: u32,
+    answer: *mut Answer,
+    values: *mut f32,
+    capacity: usize,
+    count: *mut usize,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let (client, query) = unsafe { (handle(client)?, query.as_ref()) };
+        let query = query.ok_or_else(|| argument("the question is null"))?;
+        let sample = client.0.ask(query, Duration::from_millis(timeout_ms.into()))?;
+        // SAFETY: by the caller's promise.
+        unsafe { put(answer, *sample.answer()) }?;
+        if let Some(reason) = sample.answer().refusal() {
+            return Err(Failure::Own(softtwin_status::SOFTTWIN_REFUSED, reason));
+        }
+        let found = sample.values();
+        if !count.is_null() {
+            // SAFETY: not null, and writable by the caller's promise.
+            unsafe { count.write(found.len()) };
+        }
+        if found.len() > capacity || (values.is_null() && !found.is_empty()) {
+            return Err(argument(&format!(
+                "the field has {} values, room was given for {capacity}",
+                found.len()
+            )));
+        }
+        if !found.is_empty() {
+            // SAFETY: room for `capacity >= found.len()` values by the caller's promise; shared memory and the caller's
+            // own do not overlap.
+            unsafe { std::ptr::copy_nonoverlapping(found.as_ptr(), values, found.len()) };
+        }
+        Ok(())
+    })
+}
+
+/// Ends a client.
+///
+/// # Safety
+/// `client` is null or came from `softtwin_client_open` and is not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_client_close(client: *mut softtwin_client) {
+    // SAFETY: by the caller's promise.
+    unsafe { take(client) }
+}

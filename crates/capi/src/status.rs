@@ -1,0 +1,72 @@
+//! Statuses and the text of the last failure.
+
+use std::cell::RefCell;
+use std::ffi::{CString, c_char};
+use wire::WireError;
+
+/// How a call ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C)]
+pub enum softtwin_status {
+    /// Done.
+    SOFTTWIN_OK = 0,
+    /// Nothing came within the time that was given.
+    SOFTTWIN_TIMEOUT = 1,
+    /// Nobody made the topic, or nobody answers questions there.
+    SOFTTWIN_ABSENT = 2,
+    /// A program of another layout version or another iceoryx2 made the topic.
+    SOFTTWIN_INCOMPATIBLE = 3,
+    /// Another process writes this topic already, or all reader slots are taken.
+    SOFTTWIN_TAKEN = 4,
+    /// An argument is null, no UTF-8, or no name.
+    SOFTTWIN_ARGUMENT = 5,
+    /// The shared memory or the ports failed.
+    SOFTTWIN_FAILED = 6,
+    /// The twin has no answer; the text of the last error is its reason.
+    SOFTTWIN_REFUSED = 7,
+}
+
+thread_local! {
+    static LAST: RefCell<CString> = RefCell::default();
+}
+
+/// Why the last call on this thread failed: what was found, what to do. Valid until the next call on this thread.
+#[unsafe(no_mangle)]
+pub extern "C" fn softtwin_last_error() -> *const c_char {
+    LAST.with_borrow(|text| text.as_ptr())
+}
+
+/// Layout version of this library; it must be that of the header, see `SOFTTWIN_LAYOUT_VERSION`.
+#[unsafe(no_mangle)]
+pub extern "C" fn softtwin_layout_version() -> u32 {
+    wire::layout::VERSION
+}
+
+/// The wire's clock: ns of the machine's monotonic clock, the same in every process.
+#[unsafe(no_mangle)]
+pub extern "C" fn softtwin_now_ns() -> u64 {
+    wire::now_ns()
+}
+
+/// Keeps the text and passes the status on.
+pub(crate) fn fail(status: softtwin_status, text: impl Into<Vec<u8>>) -> softtwin_status {
+    let mut text = text.into();
+    text.retain(|byte| *byte != 0);
+    LAST.set(CString::new(text).unwrap_or_default());
+    status
+}
+
+/// The status of a failure of the wire.
+pub(crate) fn of(error: &WireError) -> softtwin_status {
+    let status = match error {
+        WireError::NoSuchTopic { .. } | WireError::NobodyAnswers { .. } => softtwin_status::SOFTTWIN_ABSENT,
+        WireError::Incompatible { .. } => softtwin_status::SOFTTWIN_INCOMPATIBLE,
+        WireError::AlreadyPublished { .. } | WireError::TooManyReaders { .. } => {
+            softtwin_status::SOFTTWIN_TAKEN
+        }
+        WireError::NoAnswer { .. } => softtwin_status::SOFTTWIN_TIMEOUT,
+        WireError::BadName { .. } | WireError::BadDomain { .. } => softtwin_status::SOFTTWIN_ARGUMENT,
+        _ => softtwin_status::SOFTTWIN_FAILED,
+    };
+    fail(status, error.to_string())
+}

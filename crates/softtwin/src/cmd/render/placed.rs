@@ -1,0 +1,73 @@
+//! A whole scene as a picture: its actuators in their places, its blocks between them.
+
+use super::states::{Shot, Studio, draw};
+use super::{Args, usage};
+use crate::failure::configuration;
+use crate::load::LoadedModel;
+use crate::render::canvas::Canvas;
+use crate::render::scene::Block;
+use crate::render::skin::Body;
+use anyhow::Result;
+use runtime::config::{PlaceSpec, Scene};
+use std::path::Path;
+
+/// All actuators of a scene at one pressure.
+pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
+    let pressure = args.pressure()?;
+    let scene = Scene::load(path).map_err(configuration)?;
+    let mut whole =
+        Shot { body: Body::default(), plate: None, blocks: Vec::new(), force_n: 0.0, outside: false };
+    for actuator in &scene.actuators {
+        let (min_mm, max_mm) = actuator.gap_mm.range_mm();
+        let gap_mm = args.gap_mm.or((min_mm == max_mm).then_some(min_mm)).ok_or_else(|| {
+            usage(format!("--gap-mm: the scene leaves the gap of `{}` open, so give one", actuator.name))
+        })?;
+        let loaded = LoadedModel::read(&scene.resolve(&actuator.model))?;
+        let shot = Studio::new(&loaded, args.field)?.shoot(pressure, Some(gap_mm))?;
+        whole.force_n = whole.force_n.max(shot.force_n);
+        whole.outside |= shot.outside;
+        add(&mut whole.body, &shot.body, &actuator.place);
+    }
+    let narrow = |point: [f64; 3]| point.map(|v| v as f32);
+    whole.blocks.extend(
+        scene.blocks.iter().map(|block| Block { min_mm: narrow(block.min_mm), max_mm: narrow(block.max_mm) }),
+    );
+    let title = |_: usize, _: usize| format!("{} at P = {pressure} MPa", scene.name);
+    let caption = "Predicted by the reduced-order model. Bold: contact force of one finger.";
+    draw(args, &[vec![whole]], title, |_| String::new(), "", caption)
+}
+
+/// Adds a body at its place; a mirrored one is turned inside out by the mirror, so its facets turn round.
+fn add(whole: &mut Body, body: &Body, place: &PlaceSpec) {
+    let first = whole.nodes_mm.len() as u32;
+    let placed = |point: &[f32; 3]| place.apply(point.map(f64::from)).map(|v| v as f32);
+    whole.nodes_mm.extend(body.nodes_mm.iter().map(placed));
+    whole.values.extend_from_slice(&body.values);
+    let turned = |[a, b, c]: [u32; 3]| if place.mirrored { [a, c, b] } else { [a, b, c] };
+    whole.facets.extend(body.facets.iter().map(|facet| turned(*facet).map(|node| first + node)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::camera::{cross, minus};
+
+    #[test]
+    fn a_mirrored_body_still_looks_outwards() {
+        let body = Body {
+            nodes_mm: vec![[0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]],
+            facets: vec![[0, 1, 2]],
+            values: vec![1.0, 2.0, 3.0],
+        };
+        let mut whole = Body::default();
+        add(&mut whole, &body, &PlaceSpec::default());
+        add(&mut whole, &body, &PlaceSpec { mirrored: true, offset_mm: [0.0, -70.0, 0.0] });
+        assert_eq!(whole.nodes_mm[3], [0.0, -71.0, 0.0]);
+        let up = |facet: [u32; 3]| {
+            let [a, b, c] = facet.map(|node| whole.nodes_mm[node as usize]);
+            cross(minus(b, a), minus(c, a))[1]
+        };
+        assert!(up(whole.facets[0]) > 0.0 && up(whole.facets[1]) < 0.0, "top of one, bottom of the other");
+        assert_eq!(whole.values.len(), 6);
+    }
+}

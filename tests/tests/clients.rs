@@ -1,0 +1,86 @@
+//! The clients' pages and the control loop: what the documentation shows is what runs.
+
+use serde_json::Value;
+use softtwin_tests::{Program, Stage};
+use std::path::{Path, PathBuf};
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap()
+}
+
+fn read(path: &str) -> String {
+    std::fs::read_to_string(repository().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+#[test]
+fn the_pages_show_the_programs_that_are_tested() {
+    for (page, program) in [
+        ("docs/clients/rust.md", "examples/src/bin/softtwin-read.rs"),
+        ("docs/clients/c.md", "clients/c/examples/twin.c"),
+        ("docs/clients/c.md", "clients/c/examples/twin.cpp"),
+    ] {
+        assert!(read(page).contains(read(program).trim_end()), "{page} does not show {program} as it is");
+    }
+}
+
+#[test]
+fn the_rust_program_of_the_page_runs() {
+    let stage = Stage::new("rust");
+    let scene = stage.write(
+        "finger.toml",
+        "name = \"s\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\n[actuator.source]\nkind = \"simulate\"\n\
+         gap_mm = 25.0\n[[actuator.output]]\nnodes = \"all\"",
+    );
+    let (status, said) = Program::shell(&stage, "softtwin-read").end();
+    assert!(!status.success() && said.join("\n").contains("is the bridge or twin running"), "{said:?}");
+    let twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+    let (status, said) = Program::shell(&stage, "softtwin-read").end();
+    assert!(status.success(), "{said:?}");
+    let all = said.join("\n");
+    for expected in ["120 nodes", "what if: 0.", "refused: more force than the sampled states give here"] {
+        assert!(all.contains(expected), "`{expected}` is missing in {all}");
+    }
+    drop((bridge, twin));
+}
+
+/// Plant, twin and controller, three processes; the plant says from its truth how well it was held.
+fn hold(plant_arguments: &str) -> (Value, Value) {
+    let stage = Stage::new("control");
+    let scene = repository().join("config/scenes/force.toml").display().to_string();
+    let twin = Program::twin(&stage, Path::new(&scene));
+    let line = format!("softtwin-plant --scene {scene} --seconds 3 --target-n 0.3 {plant_arguments}");
+    let mut plant = Program::shell(&stage, &line);
+    plant.wait_for("ready:");
+    let (status, said) = Program::shell(&stage, "softtwin-hold-force --target-n 0.3").end();
+    assert!(status.success(), "{said:?}");
+    let controller: Value = serde_json::from_str(said.last().unwrap()).unwrap();
+    let (status, said) = plant.end();
+    assert!(status.success(), "{said:?}");
+    drop(twin);
+    let truth: Value = serde_json::from_str(said.last().unwrap()).unwrap();
+    println!("{}", serde_json::json!({ "plant": truth, "controller": controller }));
+    (truth, controller)
+}
+
+#[test]
+fn the_force_is_held_although_the_gap_is_not_the_assumed_one() {
+    for gap in ["--true-gap-mm 33", "--true-gap-mm 27"] {
+        let (truth, controller) = hold(gap);
+        let response = &truth["response"];
+        assert!(response["settling_s"].is_f64(), "{gap}: not settled: {truth}");
+        assert!(response["overshoot"].as_f64().is_some_and(|share| share < 0.4), "{gap}: {truth}");
+        assert!(response["final_error"].as_f64().is_some_and(|share| share.abs() < 0.03), "{gap}: {truth}");
+        assert!(controller["reading_to_command_sent"]["count"].as_u64().is_some_and(|count| count > 100));
+    }
+}
+
+#[test]
+fn a_force_out_of_reach_is_refused_before_anything_moves() {
+    let stage = Stage::new("reach");
+    let twin = Program::twin(&stage, &repository().join("config/scenes/force.toml"));
+    let (status, said) = Program::shell(&stage, "softtwin-hold-force --target-n 9").end();
+    assert_eq!(status.code(), Some(1));
+    assert!(said.join("\n").contains("9 N cannot be held at 30 mm"), "{said:?}");
+    drop(twin);
+}
