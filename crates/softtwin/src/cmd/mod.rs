@@ -74,7 +74,6 @@ macro_rules! commands {
 commands! {
     Record => record,
     Replay => replay,
-    Export => export,
     Top => top,
     Doctor => doctor,
     Train => train,

@@ -2,6 +2,7 @@
 
 mod body;
 mod source;
+mod tables;
 
 use crate::artefact;
 use crate::failure::usage;
@@ -25,17 +26,20 @@ Examples:
   A recording: its fields as they were recorded, or made again from its states by the model, every tenth:
     softtwin export run.mcap --out run.pvd
     softtwin export run.mcap --model finger.twin --every 10 --out run.pvd
+  A recording as CSV tables, one for each topic (tables/softtwin.finger.state.csv and so on), or its states only:
+    softtwin export run.mcap --out tables
+    softtwin export run.mcap --out tables --key 'softtwin/*/state'
 
-Endings of --out: .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy.";
+Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy.";
 
-/// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files.
+/// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// What to export: a model (.twin), a database folder, or a recording (.mcap).
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
-    /// File to write; its ending says the format.
+    /// File to write; its ending says the format. Of a recording also a folder, for tables.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Of a model: pressures to predict, in MPa.
@@ -53,6 +57,9 @@ pub struct Args {
     /// Of a recording: the actuator, when there are several.
     #[arg(long, value_name = "NAME")]
     actuator: Option<String>,
+    /// Of a recording, for tables: topics, as a key expression.
+    #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
+    key: String,
     /// Take every n-th state only.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
@@ -70,6 +77,10 @@ impl Args {
     /// # Errors
     /// A source that cannot be read, options that do not belong to it, a file that cannot be written.
     pub fn run(self) -> Result<()> {
+        let recording = self.source.extension().is_some_and(|ending| ending == "mcap");
+        if recording && self.out.extension().is_none() {
+            return tables::write(&self.source, &self.out, &self.key, self.json);
+        }
         SeriesFormat::of(&self.out).map_err(usage)?; // before the work, not after it
         let source = Source::open(&self)?;
         let body = source.body(self.mesh.as_deref())?;

@@ -1,0 +1,56 @@
+//! A recording as CSV tables, one for each topic.
+
+use crate::failure::{configuration, usage};
+use crate::say;
+use anyhow::{Context, Result};
+use recording::{Ending, Exported, Reader, export_csv};
+use serde_json::json;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use wire::KeyExpr;
+
+/// Writes the tables of the topics that match `key` into `folder` and says what they hold.
+///
+/// # Errors
+/// A file that is no recording, a folder that cannot be written.
+pub fn write(recording: &Path, folder: &Path, key: &str, json: bool) -> Result<()> {
+    let topics = KeyExpr::new(key).map_err(usage)?;
+    let file = File::open(recording)
+        .with_context(|| format!("cannot read the recording ({})", recording.display()))
+        .map_err(configuration)?;
+    let reader = Reader::new(BufReader::new(file)).map_err(configuration)?;
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let exported = export_csv(reader, folder, &topics)?;
+    let ending = describe(&exported.ending);
+    if json {
+        let rows: serde_json::Map<String, serde_json::Value> =
+            exported.rows.iter().map(|(path, rows)| (path.display().to_string(), json!(rows))).collect();
+        return say::json(&json!({"rows": rows, "left_out": exported.left_out, "ending": ending}));
+    }
+    report(&exported, key, &ending)
+}
+
+fn report(exported: &Exported, key: &str, ending: &str) -> Result<()> {
+    for (path, rows) in &exported.rows {
+        say!("{}  {rows} rows", path.display())?;
+    }
+    if exported.rows.is_empty() {
+        say!("nothing in the recording matches {key}")?;
+    }
+    if exported.left_out > 0 {
+        say!("{} messages are no JSON objects and were left out", exported.left_out)?;
+    }
+    say!("the recording is {ending}")?;
+    Ok(())
+}
+
+fn describe(ending: &Ending) -> String {
+    match ending {
+        Ending::Complete => "complete".into(),
+        Ending::Truncated { at_byte, reason } => {
+            format!("cut short at byte {at_byte} ({reason}); everything before is exported")
+        }
+        Ending::Damaged { skipped } => format!("damaged: {skipped} chunks or records were left out"),
+    }
+}
