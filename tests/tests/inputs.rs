@@ -97,9 +97,12 @@ fn damage(seed: &[u8], random: &mut Random) -> Vec<u8> {
 /// Share of an entrance in thousandths: a model file takes longer than a key expression.
 fn share(entrance: &Entrance) -> usize {
     match entrance.name {
-        "model" => 2,
-        "npy" => 18,
-        _ => 980 / (ENTRANCES.len() - 2),
+        "model" => 5,
+        "npy" => 20,
+        "config" => 45,
+        "recording" => 90,
+        "key" => 120,
+        _ => 240,
     }
 }
 
