@@ -55,7 +55,10 @@ pub fn model(bytes: &[u8]) {
 /// A `.npy` array; the reader takes files.
 pub fn npy(bytes: &[u8]) {
     thread_local! {
-        static FOLDER: tempfile::TempDir = tempfile::tempdir().expect("a temporary folder");
+        // In memory where there is such a place: a disk would be most of the time of millions of inputs.
+        static FOLDER: tempfile::TempDir = tempfile::tempdir_in("/dev/shm")
+            .or_else(|_| tempfile::tempdir())
+            .expect("a temporary folder");
     }
     let path = FOLDER.with(|folder| folder.path().join("input.npy"));
     std::fs::write(&path, bytes).expect("writable");

@@ -4,8 +4,10 @@
 //! sleeps to synchronise: stories wait for lines that a program prints, or for samples, with generous time-outs.
 
 pub mod inputs;
+pub mod judge;
 pub mod process;
 pub mod stage;
+pub mod wait;
 
 pub use process::Program;
 /// The beam that bends until it meets a plate, with its exact answers.

@@ -16,10 +16,11 @@ pub struct Program {
     pub said: Vec<String>,
 }
 
-/// Path of one of our programs, beside the test's own.
+/// Path of one of our programs, beside the test's own (or beside the program that asks).
 pub fn binary(name: &str) -> PathBuf {
-    let test = std::env::current_exe().expect("a test has a path");
-    let folder = test.parent().and_then(|deps| deps.parent()).expect("target/<profile>/deps/test");
+    let own = std::env::current_exe().expect("a program has a path");
+    let folder = own.parent().expect("target/<profile>, or deps in it");
+    let folder = if folder.ends_with("deps") { folder.parent().expect("target/<profile>") } else { folder };
     let path = folder.join(name);
     assert!(
         path.exists(),

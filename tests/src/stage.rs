@@ -45,8 +45,13 @@ fn train(kernel: KernelKind) -> Vec<u8> {
 impl Stage {
     /// A folder with the beam's model in it and a domain of its own.
     pub fn new(label: &str) -> Self {
+        Self::with_model(label, model_bytes())
+    }
+
+    /// The same with another model in the beam's place.
+    pub fn with_model(label: &str, model: &[u8]) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        std::fs::write(folder.path().join("beam.twin"), model_bytes()).expect("writable");
+        std::fs::write(folder.path().join("beam.twin"), model).expect("writable");
         let unique = Domain::isolated(label).prefix;
         let domain_name = unique.trim_start_matches("iox2_").trim_end_matches('_').to_owned();
         Self { folder, domain_name }
@@ -99,6 +104,14 @@ impl Stage {
                 "#
             ),
         )
+    }
+
+    /// A scene with one finger and the given source, all nodes only.
+    pub fn whole_finger(&self, source: &str) -> PathBuf {
+        let path = self.finger(source);
+        let text = std::fs::read_to_string(&path).expect("just written");
+        let whole = text.rsplit_once("[[actuator.output]]").map(|(whole, _tip)| whole).expect("two outputs");
+        self.write("whole.toml", whole)
     }
 
     /// A trace of `count` readings at `rate_hz`, pressure rising linearly to `to_mpa`.

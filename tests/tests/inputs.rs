@@ -1,12 +1,13 @@
 //! Damaged inputs at every entrance: the bodies of the fuzz targets, on stable, with every allocation watched.
 //!
-//! `SOFTTWIN_INPUTS=1250000 cargo test --release -p softtwin-tests --test inputs -- --nocapture` tries so many inputs at
-//! each entrance and says how many it tried.
+//! `SOFTTWIN_INPUTS=10000000 cargo test --workspace --test inputs -- --nocapture` tries so many inputs over all entrances
+//! and says how many it tried, the largest allocation and the slowest input of each entrance.
 
 use softtwin_tests::inputs::{ENTRANCES, Entrance};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 /// No input of at most [`MAX_INPUT`] bytes may make a reader ask for more than this at once.
 const LARGEST_ALLOCATION: usize = 64 << 20;
@@ -93,39 +94,59 @@ fn damage(seed: &[u8], random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// A model file takes longer than a key expression: so many inputs that the ordinary run stays within seconds.
-fn usual_count(entrance: &Entrance) -> usize {
+/// Share of an entrance in thousandths: a model file takes longer than a key expression.
+fn share(entrance: &Entrance) -> usize {
     match entrance.name {
-        "model" => 300,
-        "npy" => 2_000,
-        _ => 20_000,
+        "model" => 5,
+        "npy" => 20,
+        "config" => 45,
+        "recording" => 90,
+        "key" => 120,
+        _ => 240,
     }
 }
 
+/// So many inputs that the ordinary run stays within seconds.
+const USUAL_TOTAL: usize = 120_000;
+
 #[test]
 fn no_input_breaks_an_entrance() {
-    let asked: Option<usize> = std::env::var("SOFTTWIN_INPUTS").ok().and_then(|count| count.parse().ok());
+    let asked: Option<usize> =
+        std::env::var("SOFTTWIN_INPUTS").ok().map(|count| count.parse().expect("a number"));
+    let wanted = asked.unwrap_or(USUAL_TOTAL);
     let mut total = 0;
     for entrance in &ENTRANCES {
-        let seed = (entrance.seed)();
-        assert!(seed.len() <= MAX_INPUT, "{}", entrance.name);
-        (entrance.body)(&seed);
-        let count = asked.unwrap_or_else(|| usual_count(entrance));
-        let mut random = Random(0x9e37_79b9_7f4a_7c15 ^ seed.len() as u64);
-        LARGEST.store(0, Ordering::Relaxed);
-        for _ in 0..count {
-            let input = damage(&seed, &mut random);
-            if let Err(panic) = std::panic::catch_unwind(|| (entrance.body)(&input)) {
-                keep(entrance, &input);
-                std::panic::resume_unwind(panic);
-            }
-        }
-        let largest = LARGEST.load(Ordering::Relaxed);
+        let count = (wanted * share(entrance)).div_ceil(1000);
+        let (largest, slowest) = try_all(entrance, count);
         assert!(largest <= LARGEST_ALLOCATION, "{}: {largest} bytes at once", entrance.name);
-        println!("{}: {count} inputs, largest allocation {largest} bytes", entrance.name);
+        println!(
+            "{}: {count} inputs, largest allocation {largest} bytes, slowest {slowest:?}",
+            entrance.name
+        );
         total += count;
     }
     println!("{total} inputs over {} entrances", ENTRANCES.len());
+    assert!(total >= wanted, "{total} of {wanted}");
+}
+
+/// The largest allocation and the slowest of so many damaged inputs; an input that breaks the entrance is kept.
+fn try_all(entrance: &Entrance, count: usize) -> (usize, Duration) {
+    let seed = (entrance.seed)();
+    assert!(seed.len() <= MAX_INPUT, "{}", entrance.name);
+    (entrance.body)(&seed);
+    let mut random = Random(0x9e37_79b9_7f4a_7c15 ^ seed.len() as u64);
+    let mut slowest = Duration::ZERO;
+    LARGEST.store(0, Ordering::Relaxed);
+    for _ in 0..count {
+        let input = damage(&seed, &mut random);
+        let begin = Instant::now();
+        if let Err(panic) = std::panic::catch_unwind(|| (entrance.body)(&input)) {
+            keep(entrance, &input);
+            std::panic::resume_unwind(panic);
+        }
+        slowest = slowest.max(begin.elapsed());
+    }
+    (LARGEST.load(Ordering::Relaxed), slowest)
 }
 
 /// Where found cases are kept.

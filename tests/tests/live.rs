@@ -1,50 +1,16 @@
 //! Bridge and twin as real processes: the stream end to end, restarts, refusals, bad readings, clean ends.
 
-use softtwin_tests::{PATIENCE, Program, Stage, synthetic};
-use std::time::{Duration, Instant};
+use softtwin_tests::wait::{fresh, states, wait_for, wait_state};
+use softtwin_tests::{Program, Stage, synthetic};
 use wire::layout::{field_id, flags, regime};
 use wire::{
-    Bus, FieldReader, FieldSample, HealthReader, KeyExpr, Outcome, SensorSample, SensorWriter, State,
-    StateReader, Topic, WakeSet, Wakeable, now_ns,
+    FieldReader, FieldSample, HealthReader, KeyExpr, Outcome, SensorSample, SensorWriter, Topic, now_ns,
 };
 
 const FAST_SINE: &str = r#"kind = "simulate"
 rate_hz = 500.0
 gap_mm = 30.0
 profile = { shape = "sine", mean_mpa = 0.035, amplitude_mpa = 0.03, frequency_hz = 2.0 }"#;
-
-/// Waits for samples of `reader` until `wanted` has an answer.
-fn wait_for<R: Wakeable, T>(reader: &R, what: &str, mut wanted: impl FnMut(&R) -> Option<T>) -> T {
-    let mut wake = WakeSet::new([reader as &dyn Wakeable]);
-    let end = Instant::now() + PATIENCE;
-    loop {
-        if let Some(found) = wanted(reader) {
-            return found;
-        }
-        assert!(Instant::now() < end, "{what} did not come");
-        wake.wait([reader as &dyn Wakeable], Duration::from_millis(200)).unwrap();
-    }
-}
-
-fn states(bus: &Bus) -> StateReader {
-    StateReader::open(bus, &Topic::state("finger").unwrap()).unwrap()
-}
-
-/// Waits for a state that satisfies `wanted`.
-fn wait_state(reader: &StateReader, what: &str, wanted: impl Fn(&State) -> bool) -> State {
-    wait_for(reader, what, |reader| {
-        while let Some(state) = reader.next().unwrap() {
-            if wanted(&state) {
-                return Some(state);
-            }
-        }
-        None
-    })
-}
-
-fn fresh(state: &State) -> bool {
-    state.flags & (flags::STALE | flags::HELD | flags::NO_DATA) == 0
-}
 
 /// Takes fields until that of reading `last` or a later one.
 fn wait_fields(reader: &FieldReader, last: u64, mut each: impl FnMut(&FieldSample)) {

@@ -1,5 +1,6 @@
 //! SIGHUP: reads scene and models again beside the running loop, and hands them over between two readings.
 
+use crate::beside::{Beside, Successor};
 use runtime::config::ConfigError;
 use runtime::twin::{Loaded, Retired, SwapError, Twin};
 use sd_notify::NotifyState;
@@ -11,6 +12,9 @@ use crate::service;
 
 /// How often the flag is looked at.
 const INTERVAL: Duration = Duration::from_millis(20);
+
+/// Scene and models, read again: for the loop and for what runs beside it.
+pub type Reread = (Vec<Loaded>, Beside);
 
 /// The loop's end: takes what was loaded, gives back what was replaced.
 pub struct Desk {
@@ -49,21 +53,22 @@ impl Loader {
         &self,
         asked: &AtomicBool,
         done: &AtomicBool,
-        load: impl Fn() -> Result<Vec<Loaded>, ConfigError>,
+        beside: &Successor,
+        load: impl Fn() -> Result<Reread, ConfigError>,
     ) {
         while !done.load(Ordering::Acquire) {
             if asked.swap(false, Ordering::Relaxed) {
                 service::tell_reloading();
-                self.reload(done, &load);
+                self.reload(done, beside, &load);
                 service::tell_manager(&[NotifyState::Ready]);
             }
             std::thread::sleep(INTERVAL);
         }
     }
 
-    fn reload(&self, done: &AtomicBool, load: &impl Fn() -> Result<Vec<Loaded>, ConfigError>) {
-        let loaded = match load() {
-            Ok(loaded) => loaded,
+    fn reload(&self, done: &AtomicBool, beside: &Successor, load: &impl Fn() -> Result<Reread, ConfigError>) {
+        let (loaded, next_beside) = match load() {
+            Ok(reread) => reread,
             Err(error) => return tracing::error!("reload refused, the old scene and models go on: {error}"),
         };
         let models: Vec<String> = loaded.iter().map(|loaded| service::hex(&loaded.model_hash)).collect();
@@ -74,6 +79,7 @@ impl Loader {
         while !done.load(Ordering::Acquire) {
             match self.old.recv_timeout(INTERVAL) {
                 Ok(Ok(_freed_here)) => {
+                    beside.replace(next_beside);
                     return tracing::info!(
                         "reloaded: scene and models swapped (models {})",
                         models.join(", ")

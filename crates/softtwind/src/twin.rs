@@ -35,14 +35,16 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     std::thread::scope(|scope| -> anyhow::Result<()> {
         // The reporter starts before this thread takes real-time rights, so that it does not inherit them.
         scope.spawn(|| reporter::run(&ring, &names, &progress, &done));
-        // Receivers belong to one thread: the loader goes there whole.
-        let (asked, ended) = (&asked, &done);
-        scope.spawn(move || loader.run(asked, ended, || load_scene(&configure(options)?, &options.scene)));
         if let Some(listener) = listener {
             scope.spawn(|| metrics::serve(listener, &done, metrics::twins(&domain, &names)));
         }
         let answering = beside::start(scope, &domain, beside, &done);
-        let prepared = answering.and_then(|()| prepare(&settings, &twin));
+        let prepared = answering.and_then(|successor| {
+            // Receivers belong to one thread: the loader goes there whole.
+            let (asked, ended) = (&asked, &done);
+            scope.spawn(move || loader.run(asked, ended, &successor, || reread(options)));
+            prepare(&settings, &twin)
+        });
         if prepared.is_ok() {
             service::tell_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
             twin.run_with(&stop, &progress, |twin| desk.serve(twin));
@@ -70,6 +72,12 @@ fn configure(options: &TwinOptions) -> Result<Scene, ConfigError> {
         actuator.model = std::path::absolute(model).unwrap_or_else(|_| model.clone());
     }
     Ok(scene)
+}
+
+/// Scene and models once more, as at the start.
+fn reread(options: &TwinOptions) -> Result<reload::Reread, ConfigError> {
+    let scene = configure(options)?;
+    Ok((load_scene(&scene, &options.scene)?, Beside::load(&scene, &options.scene)?))
 }
 
 /// Real-time rights: what was refused is said once, and stops the start when so configured.

@@ -211,13 +211,33 @@ impl GraspService {
         Ok(Self { model, readers, states, wake, writer, boot_id: boot_id(), seq: 0, stop, stop_gaps_mm })
     }
 
+    /// Continues with other models of the same fingers. False, and nothing changed, when they are others.
+    pub fn replace(&mut self, model: GraspModel) -> bool {
+        let names = |model: &GraspModel| -> Vec<String> {
+            model.fingers.iter().map(|(name, _)| name.clone()).chain(model.sensors.clone()).collect()
+        };
+        let same = self.model.scene == model.scene && names(&self.model) == names(&model);
+        if same {
+            self.model = model;
+            // The stop point belongs to the model: it is found anew with the next states.
+            self.stop_gaps_mm.fill(f64::NAN);
+        }
+        same
+    }
+
     /// Judges every new set of states until `stop`.
     pub fn run(&mut self, stop: &AtomicBool) {
+        self.run_with(stop, |_| ());
+    }
+
+    /// The same, with something to do between two turns.
+    pub fn run_with(&mut self, stop: &AtomicBool, mut between: impl FnMut(&mut Self)) {
         while !stop.load(Ordering::Relaxed) {
             if let Err(error) = self.turn(MAX_WAIT) {
                 tracing::warn!("grasp: {error}");
                 std::thread::sleep(MAX_WAIT); // a broken port must not become a spin
             }
+            between(self);
         }
     }
 

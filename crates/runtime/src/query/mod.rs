@@ -268,10 +268,27 @@ impl QueryService {
         Ok(Self { served, wake })
     }
 
+    /// Continues with other models of the same actuators. False, and nothing changed, when they are others.
+    pub fn replace(&mut self, answerers: Vec<Answerer>) -> bool {
+        let same = self.served.iter().map(|(_, old)| &old.name).eq(answerers.iter().map(|new| &new.name));
+        if same {
+            for ((_, old), new) in self.served.iter_mut().zip(answerers) {
+                *old = new;
+            }
+        }
+        same
+    }
+
     /// Answers until `stop`. What cannot be sent is said in the log; the asker runs into its timeout.
     pub fn run(&mut self, stop: &AtomicBool) {
+        self.run_with(stop, |_| ());
+    }
+
+    /// The same, with something to do between two turns.
+    pub fn run_with(&mut self, stop: &AtomicBool, mut between: impl FnMut(&mut Self)) {
         while !stop.load(Ordering::Relaxed) {
             self.turn(MAX_WAIT);
+            between(self);
         }
     }
 

@@ -100,6 +100,7 @@ pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Resu
         return Ok(vec![Row::Failed(text.into())]);
     };
     let folder = Folder::create(model)?;
+    let domain = format!("bench{}", std::process::id());
     let mut rows = Vec::new();
     for wake in WAKES {
         for rate_hz in RATES_HZ {
@@ -107,27 +108,28 @@ pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Resu
                 let name = format!("{rate_hz} Hz, {payload:?}, {wake:?}");
                 progress.step(&format!("end to end: {name}"));
                 let settings = scene::Row { rate_hz, payload, wake };
-                rows.push(match row(&daemon, &folder, settings, seconds) {
+                rows.push(match row(&daemon, &folder, &domain, settings, seconds) {
                     Ok((row, series)) => Row::Done(row, series),
                     Err(error) => Row::Failed(format!("end to end, {name}: {error:#}")),
                 });
             }
         }
     }
+    Domain::named(&domain).remove_leftovers()?; // the domain was made for this run
     Ok(rows)
 }
 
 fn row(
     daemon: &std::path::Path,
     folder: &Folder,
+    domain: &str,
     settings: scene::Row,
     seconds: f64,
 ) -> anyhow::Result<(EndToEnd, Series)> {
     let files = folder.write(settings)?;
-    let domain = format!("bench{}", std::process::id());
-    let bus = Bus::open(&Domain::named(&domain))?;
+    let bus = Bus::open(&Domain::named(domain))?;
     let port = Port::attach(&bus, settings.payload)?;
-    let mut daemons = Daemons::start(daemon, &domain, &files)?;
+    let mut daemons = Daemons::start(daemon, domain, &files)?;
     let series =
         Series::new(format!("{} Hz {:?} {:?}", settings.rate_hz, settings.payload, settings.wake), 0);
     let received = Listener { port, series, first: None, last: 0 }.listen(settings, seconds, &mut daemons);

@@ -1,0 +1,50 @@
+//! Waiting for samples, with a deadline instead of a sleep.
+
+use crate::PATIENCE;
+use std::time::{Duration, Instant};
+use wire::layout::flags;
+use wire::{Bus, State, StateReader, Topic, WakeSet, Wakeable};
+
+/// Waits for samples of `reader` until `wanted` has an answer.
+///
+/// # Panics
+/// When [`PATIENCE`] is over before.
+pub fn wait_for<R: Wakeable, T>(reader: &R, what: &str, mut wanted: impl FnMut(&R) -> Option<T>) -> T {
+    let mut wake = WakeSet::new([reader as &dyn Wakeable]);
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(found) = wanted(reader) {
+            return found;
+        }
+        assert!(Instant::now() < end, "{what} did not come");
+        wake.wait([reader as &dyn Wakeable], Duration::from_millis(200)).expect("samples can be waited for");
+    }
+}
+
+/// A reader of the finger's states.
+///
+/// # Panics
+/// When there is no such topic.
+pub fn states(bus: &Bus) -> StateReader {
+    StateReader::open(bus, &Topic::state("finger").expect("a name")).expect("a state topic")
+}
+
+/// Waits for a state that satisfies `wanted`.
+///
+/// # Panics
+/// When [`PATIENCE`] is over before.
+pub fn wait_state(reader: &StateReader, what: &str, mut wanted: impl FnMut(&State) -> bool) -> State {
+    wait_for(reader, what, |reader| {
+        while let Some(state) = reader.next().expect("readable") {
+            if wanted(&state) {
+                return Some(state);
+            }
+        }
+        None
+    })
+}
+
+/// Whether a state stands for the newest reading.
+pub fn fresh(state: &State) -> bool {
+    state.flags & (flags::STALE | flags::HELD | flags::NO_DATA) == 0
+}
