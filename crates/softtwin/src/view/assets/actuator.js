@@ -36,9 +36,9 @@ export class Actuator {
   }
 
   // Old data: nothing has come for a while, or what comes says so itself.
-  isStale(now) {
+  isStale(now, asked_ms) {
     return Boolean(this.latest) && !this.latest.predicted && this.latest.t_s === null &&
-      (now - this.latest.received_ms > STALE_MS || this.latest.flags.includes("stale") || this.latest.flags.includes("no-data"));
+      (now - Math.max(this.latest.received_ms, asked_ms) > STALE_MS || this.latest.flags.includes("stale") || this.latest.flags.includes("no-data"));
   }
 
   // Box around the shown shape.

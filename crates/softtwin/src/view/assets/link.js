@@ -7,7 +7,7 @@ const RETRY_MS = [250, 500, 1000, 2000];
 
 export class Link {
   constructor({ onMessage, onFrame, onUp, onDown }) {
-    Object.assign(this, { onMessage, onFrame, onUp, onDown, attempts: 0 });
+    Object.assign(this, { onMessage, onFrame, onUp, onDown, attempts: 0, asked_ms: 0, answered: true });
     this.open();
   }
 
@@ -15,10 +15,10 @@ export class Link {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     this.socket = new WebSocket(`${scheme}//${location.host}/ws${location.search}`);
     this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => { this.attempts = 0; this.onUp(); this.ready(); };
+    this.socket.onopen = () => { Object.assign(this, { attempts: 0, answered: true }); this.onUp(); this.ready(); };
     this.socket.onmessage = (event) => {
       if (typeof event.data === "string") this.onMessage(JSON.parse(event.data));
-      else this.onFrame(...unpack(event.data));
+      else { this.answered = true; this.onFrame(...unpack(event.data)); }
     };
     this.socket.onclose = (event) => {
       this.onDown(event.reason);
@@ -30,7 +30,11 @@ export class Link {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
-  ready() { this.send({ type: "ready" }); }
+  // Asks for what is new. Data are old when they do not come although they were asked for, not when drawing is slow.
+  ready() {
+    if (this.answered) Object.assign(this, { asked_ms: performance.now(), answered: false });
+    this.send({ type: "ready" });
+  }
 }
 
 function unpack(buffer) {

@@ -170,7 +170,7 @@ function notice(text) {
 // What a person must know at once: no connection, nothing published, old data.
 function status() {
   const now = performance.now();
-  const stale = visible().filter((actuator) => actuator.isStale(now));
+  const stale = visible().filter((actuator) => actuator.isStale(now, link.asked_ms));
   const oldest = Math.max(0, ...stale.map((actuator) => now - actuator.latest.received_ms));
   let [badge, mood, text] = ["live", "live", ""];
   if (!state.up) [badge, mood, text] = ["disconnected", "bad", state.reason || (state.everUp ? "Connection to softtwin view lost; trying again" : "")];
