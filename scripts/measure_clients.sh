@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# What the clients cost, measured: latency from publish to a reader in Rust, C and Python at 1 kHz, what nothing lost means,
+# what-if questions beside the running twin, and what these do to the twin's own latency. One JSON object a line.
+#   scripts/measure_clients.sh [--seconds 60] [--profile release]
+set -euo pipefail
+seconds=60
+profile=release
+while [ $# -gt 0 ]; do
+    case "$1" in
+        --seconds) seconds=${2:?--seconds needs a number}; shift 2 ;;
+        --profile) profile=${2:?--profile needs dev or release}; shift 2 ;;
+        *) echo "measure_clients: unknown option $1" >&2; exit 2 ;;
+    esac
+done
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+if [ "$profile" = dev ]; then cargo build --locked --quiet --workspace; folder=target/debug
+else cargo build --locked --quiet --workspace --profile "$profile"; folder=target/$profile; fi
+work=$(mktemp -d /tmp/mcXXXXXX)
+trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
+export SOFTTWIN_DOMAIN="mc$$" SOFTTWIN_ROOT="$work/iox" PYTHONPATH=$PWD/clients/python/src
+cc -O2 -std=c11 clients/c/examples/latency.c -Icrates/capi/include -L"$folder" -Wl,-rpath,"$PWD/$folder" -lsofttwin -o "$work/latency"
+cat > "$work/scene.toml" <<TOML
+name = "khz"
+[[actuator]]
+name = "finger"
+model = "$PWD/models/pneunet/pneunet.twin"
+queries = "fields"
+[actuator.source]
+kind = "simulate"
+rate_hz = 1000.0
+gap_mm = 30.0
+[actuator.source.profile]
+shape = "sine"
+mean_mpa = 0.045
+amplitude_mpa = 0.03
+frequency_hz = 0.5
+[[actuator.output]]
+nodes = "all"
+TOML
+"$folder/softtwind" twin --scene "$work/scene.toml" 2> "$work/twin.log" &
+until grep -q ready: "$work/twin.log"; do sleep 0.1; done
+"$folder/softtwind" bridge --scene "$work/scene.toml" 2> /dev/null &
+sleep 1
+say() { printf '{"reader":"%s","result":%s}\n' "$1" "$2"; }
+# The twin's own latency: the newest health of the last seconds, without and with questions.
+health() { "$folder/softtwin" echo softtwin/finger/health --count 5 --json | tail -1; }
+for what in state field; do
+    say "rust $what" "$("$folder/softtwin-latency" $what --seconds "$seconds")"
+    say "c $what" "$("$work/latency" "$seconds" $what)"
+    if [ -x build/clients-venv/bin/python ]; then
+        say "python $what" "$(build/clients-venv/bin/python clients/python/examples/latency.py $what --seconds "$seconds")"
+    fi
+done
+say "twin alone" "$(health)"
+"$folder/softtwin-latency" whatif --seconds "$seconds" > "$work/whatif.json" &
+asking=$!
+sleep 2
+say "twin while asked" "$(health)"
+wait $asking
+say "rust what-if" "$(cat "$work/whatif.json")"
