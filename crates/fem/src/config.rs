@@ -49,8 +49,6 @@ pub struct NewtonSettings {
     pub displacement_cap_mm: f64,
     /// Largest nodal correction still to come when a state counts as converged (mm), estimated from the last two.
     pub correction_tolerance_mm: f64,
-    /// Largest force out of balance at a node of the underside (N) in a converged state with an obstacle.
-    pub residual_tolerance_n: f64,
     /// Smallest share of a load path taken in one step before the path is given up.
     pub smallest_step: f64,
 }
@@ -62,7 +60,6 @@ impl Default for NewtonSettings {
             step_length_mm: 8.0,
             displacement_cap_mm: 12.0,
             correction_tolerance_mm: 1.0e-3,
-            residual_tolerance_n: 2.0e-5,
             smallest_step: 1.0 / 256.0,
         }
     }

@@ -158,27 +158,11 @@ impl Newton {
             // The next correction shrinks at least as much again as this one did.
             let next = correction * (correction / self.last_mm).min(1.0);
             self.last_mm = correction;
-            if next < settings.correction_tolerance_mm && self.obstacle_balances(state, load) {
+            if next < settings.correction_tolerance_mm {
                 return Ok(());
             }
         }
         Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })
-    }
-
-    /// Whether the underside is in equilibrium with what it touches. Small corrections alone do not say so: a node that
-    /// the last one brought back into a stiff contact carries a force that nothing balances yet.
-    fn obstacle_balances(&mut self, state: &State, load: &Load) -> bool {
-        if load.obstacle.gap_mm().is_none() {
-            return true;
-        }
-        let problem = Arc::clone(&self.problem);
-        if self.system.assemble(&problem, state, load, 0.0, false).is_err() {
-            return false;
-        }
-        let free = |n: &&u32| problem.free[**n as usize] != HELD;
-        let force = |n: &u32| norm(self.system.mixed[*n as usize]);
-        let largest_n = problem.contact_nodes.iter().filter(free).map(force).fold(0.0, f64::max);
-        largest_n <= problem.config.newton.residual_tolerance_n
     }
 
     /// First system of a step: the tangent of the obstacle where it *was*, the loads of the new state, and the

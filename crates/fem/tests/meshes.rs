@@ -112,27 +112,6 @@ fn three_chambers_bend_press_and_touch() {
     assert!(output.cavity_volume_mm3 > 1.1 * cavity_mm3(&actuator));
 }
 
-/// A state that just lets go of its obstacle must not be taken as touching: the last correction may bring nodes back
-/// into the stiff contact, and then nothing balances the force it seems to have.
-#[test]
-fn forces_are_balanced_on_both_sides_of_the_onset_wherever_one_comes_from() {
-    let (actuator, problem) = problem(&tiny(), 9.0);
-    let mut solver = Solver::new(Arc::clone(&problem)).unwrap();
-    let (rest, _) = solver.rest(actuator.loads.gravity_mm_s2).unwrap();
-    let (free, _) = solver.reach(&rest, &actuator.load(0.03, None)).unwrap();
-    let gap = softtwin_fem::output::clearance_mm(&problem, &free);
-    let (pressed, _) = solver.reach(&rest, &actuator.load(0.045, Some(gap))).unwrap();
-    for pressure_mpa in [0.0299, 0.0295, 0.029, 0.028, 0.025, 0.0301, 0.0305, 0.031, 0.032] {
-        let load = actuator.load(pressure_mpa, Some(gap));
-        let (from_above, report) = solver.reach(&pressed, &load).unwrap();
-        let (from_below, _) = solver.reach(&rest, &load).unwrap();
-        let forces = [&from_above, &from_below].map(|state| solver.output(state).contact_force_n);
-        assert!(report.residual_n < 1.0e-4, "{pressure_mpa} MPa: {report:?}");
-        assert!((forces[0] - forces[1]).abs() < 3.0e-4, "{pressure_mpa} MPa: {forces:?} N");
-        assert!(pressure_mpa > 0.0296 || forces[0] < 3.0e-4, "{pressure_mpa} MPa: {forces:?} N");
-    }
-}
-
 /// Figures of one small state. Should they change on purpose, raise `FORMULATION` too, so that no checkpoint of the old
 /// solver is mixed with states of the new one.
 #[test]
@@ -144,7 +123,7 @@ fn the_formulation_has_the_version_it_says() {
     let found = [largest, output.cavity_volume_mm3, output.contact_force_n, stress];
     println!("formulation {FORMULATION}: {found:?}");
     let expected = [2.002_317_4, 1_490.030_46, 1.327_099_94, 0.489_674_13];
-    assert_eq!(FORMULATION, 2);
+    assert_eq!(FORMULATION, 1);
     for (found, expected) in found.iter().zip(expected) {
         assert!((found / expected - 1.0).abs() < 1.0e-4, "{found} against {expected}");
     }
