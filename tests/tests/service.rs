@@ -158,7 +158,11 @@ fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
 #[test]
 fn a_measured_force_that_does_not_fit_raises_the_alarm() {
     let stage = Stage::new("force");
-    let mut twin = Program::twin(&stage, &stage.finger(STEADY));
+    let scene = stage.finger(STEADY).display().to_string();
+    // Stamps of the past stand for time that passes; a loaded machine must not make them too old.
+    let settings = stage.write("twin.toml", "[limits]\nmax_age_ms = 60000.0\n").display().to_string();
+    let mut twin = Program::daemon(&stage, &["twin", "--scene", &scene, "--config", &settings]);
+    twin.wait_for("ready:");
     let bus = stage.bus();
     let reader = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
