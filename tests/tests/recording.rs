@@ -2,11 +2,12 @@
 
 use recording::message::{Recorded, SensorMessage, StateMessage};
 use recording::{Ending, Item, Reader};
+use softtwin_tests::wait::wait_state;
 use softtwin_tests::{PATIENCE, Program, Stage};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use wire::{StateReader, Topic, WakeSet, Wakeable};
+use wire::{StateReader, Topic};
 
 const STEADY: &str = r#"kind = "simulate"
 rate_hz = 200.0
@@ -71,17 +72,7 @@ fn record(stage: &Stage, scene: &Path, name: &str, play: &[&str], last: u64) -> 
         ["bridge", ..] => Program::daemon(stage, play),
         _ => Program::tool(stage, play),
     };
-    let mut wake = WakeSet::new([&states as &dyn Wakeable]);
-    let end = Instant::now() + PATIENCE;
-    'heard: loop {
-        while let Some(state) = states.next().unwrap() {
-            if state.sensor_seq >= last {
-                break 'heard;
-            }
-        }
-        assert!(Instant::now() < end, "reading {last} was not answered");
-        wake.wait([&states as &dyn Wakeable], Duration::from_millis(200)).unwrap();
-    }
+    wait_state(&states, "the last reading's state", |state| state.sensor_seq >= last);
     let (status, said) = player.end();
     assert!(status.success(), "{said:?}");
     recorder.signal(libc::SIGINT);

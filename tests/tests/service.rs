@@ -1,5 +1,6 @@
 //! The daemons as a service: told to the service manager, reloaded, watched.
 
+use softtwin_tests::wait::wait_state;
 use softtwin_tests::{PATIENCE, Program, Stage};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -7,7 +8,8 @@ use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use wire::{StateReader, Topic, WakeSet, Wakeable};
+use wire::layout::flags;
+use wire::{SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
 const STEADY: &str = r#"kind = "simulate"
 rate_hz = 200.0
@@ -93,17 +95,7 @@ fn a_wrong_configuration_ends_with_78_and_never_says_ready() {
 
 /// The first state whose model hash is `wanted`.
 fn wait_for_model(reader: &StateReader, wanted: impl Fn(&[u8; 16]) -> bool) -> wire::State {
-    let mut wake = WakeSet::new([reader as &dyn Wakeable]);
-    let end = Instant::now() + PATIENCE;
-    loop {
-        while let Some(state) = reader.next().unwrap() {
-            if wanted(&state.model_hash) {
-                return state;
-            }
-        }
-        assert!(Instant::now() < end, "no state of that model came");
-        wake.wait([reader as &dyn Wakeable], Duration::from_millis(200)).unwrap();
-    }
+    wait_state(reader, "a state of that model", |state| wanted(&state.model_hash))
 }
 
 /// SIGHUP swaps a good model between two readings, and keeps the old one when the new one is damaged, truncated, absent, or
@@ -151,8 +143,54 @@ fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
     assert_eq!(swapped.boot_id, first.boot_id, "the same run of the twin");
     let next = wait_for_model(&reader, |hash| *hash == swapped.model_hash);
     assert_eq!(next.seq, swapped.seq + 1);
+    // What answers questions beside the loop has the new model too.
+    let hash: String = swapped.model_hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    let question = ["get", "softtwin/finger/whatif?pressure_mpa=0.04;gap_mm=30", "--json"];
+    let end = Instant::now() + PATIENCE;
+    while !Program::tool(&stage, &question).end().1.join("\n").contains(&hash) {
+        assert!(Instant::now() < end, "answers are still of the old model");
+    }
     let (status, said) = twin.stop();
     assert!(status.success() && bridge.stop().0.success(), "{said:?}");
+}
+
+/// A measured force that stays beyond the error bar raises the alarm, in the state and in the log; one that fits ends it.
+#[test]
+fn a_measured_force_that_does_not_fit_raises_the_alarm() {
+    let stage = Stage::new("force");
+    let scene = stage.finger(STEADY).display().to_string();
+    // Stamps of the past stand for time that passes; a loaded machine must not make them too old.
+    let settings = stage.write("twin.toml", "[limits]\nmax_age_ms = 60000.0\n").display().to_string();
+    let mut twin = Program::daemon(&stage, &["twin", "--scene", &scene, "--config", &settings]);
+    twin.wait_for("ready:");
+    let bus = stage.bus();
+    let reader = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
+    let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
+    let mut seq = 0;
+    let mut answer = |ago_ms: u64, measured_force_n: f64| {
+        seq += 1;
+        let t_sensor_ns = now_ns() - ago_ms * 1_000_000;
+        let reading =
+            SensorSample { boot_id: 4, seq, t_sensor_ns, measured_force_n, ..SensorSample::default() };
+        sensor.publish(SensorSample { pressure_mpa: 0.06, gap_mm: 30.0, ..reading }).unwrap();
+        wait_state(&reader, "the reading's state", |state| state.sensor_seq == seq)
+    };
+    let blind = answer(990, f64::NAN);
+    assert_eq!(blind.flags & (flags::FORCE_MEASURED | flags::FORCE_MISMATCH), 0, "{blind:?}");
+    let fitting = answer(950, blind.contact_force_n);
+    assert_eq!(fitting.flags & flags::FORCE_MISMATCH, 0, "{fitting:?}");
+    assert_ne!(fitting.flags & flags::FORCE_MEASURED, 0);
+    let beyond_n = blind.contact_force_n + 100.0 * f64::from(blind.force_bar_n.max(0.01));
+    assert_eq!(answer(900, beyond_n).flags & flags::FORCE_MISMATCH, 0, "for a moment is no alarm");
+    // Half a second of stamps later it is one.
+    let alarm = answer(300, beyond_n);
+    assert_ne!(alarm.flags & flags::FORCE_MISMATCH, 0, "{alarm:?}");
+    assert_eq!(alarm.measured_force_n, beyond_n);
+    assert_eq!(alarm.contact_force_n, blind.contact_force_n, "the prediction stands");
+    twin.wait_for("MEASURED FORCE DIFFERS");
+    assert_eq!(answer(200, blind.contact_force_n).flags & flags::FORCE_MISMATCH, 0, "it fits again");
+    twin.wait_for("agree again");
+    assert!(twin.stop().0.success());
 }
 
 fn get(address: &str, path: &str) -> String {
