@@ -41,7 +41,7 @@ class Stage:
         self.running.append(process)
         found = lambda: next((line for line in log.read_text().splitlines() if ready in line), None)
         try:
-            return process, wait(found, f"`{ready}` from {' '.join(command)}", 60, lambda: process.poll() is not None)
+            return process, wait(found, f"`{ready}` from {command}", 60, lambda: process.poll() is not None)
         except TimeoutError:
             sys.exit(f"{command}: {log.read_text()}")
 
@@ -361,7 +361,7 @@ def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, progr
         ended = stage.run("softtwin", "record", "--seconds", "4", "--out", folder / name)
         assert ended.returncode == 0, ended.stderr
     stage.end(bridge, twin)
-    view, url = stage.view("--model", MODEL, "--recording", folder)
+    view, url = stage.view("--model", MODEL, "--recording", str(folder))
     page = Page(program, url)
     try:
         wait(lambda: page.badge() == "recording first.mcap", "the recording's name", 60)
