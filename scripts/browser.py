@@ -102,7 +102,7 @@ class Browser:
         self.process = subprocess.Popen([program, *FLAGS, f"--user-data-dir={self.folder.name}/profile", f"--window-size={width},{height}", "about:blank"],
                                         stdout=self.log, stderr=self.log)
         try:
-            self.socket = WebSocket(self._target())
+            self.socket = WebSocket(self._target(), seconds=180)  # a starved machine draws slowly
             self.count, self.events = 0, []
             for domain in ("Page", "Runtime", "Log"):
                 self.call(f"{domain}.enable")

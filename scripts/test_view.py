@@ -41,7 +41,7 @@ class Stage:
         self.running.append(process)
         found = lambda: next((line for line in log.read_text().splitlines() if ready in line), None)
         try:
-            return process, wait(found, f"`{ready}` from {' '.join(command)}", 60, lambda: process.poll() is not None)
+            return process, wait(found, f"`{ready}` from {command}", 60, lambda: process.poll() is not None)
         except TimeoutError:
             sys.exit(f"{command}: {log.read_text()}")
 
@@ -135,13 +135,16 @@ AIM = """(async () => {
   Object.assign(state, { lit: false, lines: false });
   let v = 0; body.values.forEach((value, k) => { if (value > body.values[v]) v = k; });
   const p = [0, 1, 2].map((k) => body.positions[3 * v + k] * (k === 1 ? place.flip : 1) + place.offset[k]);
-  let best = { free: 0 };
+  const n = [0, 1, 2].map((k) => body.normals[3 * v + k] * (k === 1 ? place.flip : 1));
+  const size = Math.hypot(...n);
+  let best = { score: 0 };
   for (let k = 0; k < 400; k++) {
     const y = 1 - (2 * k + 1) / 400, r = Math.sqrt(1 - y * y), turn = k * 2.399963;
     const d = [r * Math.sin(turn), y, r * Math.cos(turn)];
     const hit = pick(body, p.map((c, i) => c + 0.02 * d[i]), d, place);
-    const free = Math.min(hit.distance, 30) * (1 + 0.01 * k / 400);
-    if (free > best.free) best = { free, d };
+    const free = Math.min(hit.distance, 30);
+    const score = free * (0.2 + Math.max(0, (d[0] * n[0] + d[1] * n[1] + d[2] * n[2]) / size)); // free, and not grazing
+    if (score > best.score) best = { score, free, d };
   }
   const [x, y, z] = best.d;
   Object.assign(camera, { target: p, distance: 0.8 * best.free, azimuth: Math.atan2(x, z), elevation: Math.asin(y) });
@@ -358,7 +361,7 @@ def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, progr
         ended = stage.run("softtwin", "record", "--seconds", "4", "--out", folder / name)
         assert ended.returncode == 0, ended.stderr
     stage.end(bridge, twin)
-    view, url = stage.view("--model", MODEL, "--recording", folder)
+    view, url = stage.view("--model", MODEL, "--recording", str(folder))
     page = Page(program, url)
     try:
         wait(lambda: page.badge() == "recording first.mcap", "the recording's name", 60)
