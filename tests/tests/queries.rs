@@ -43,7 +43,7 @@ fn with_service(extra: &str, story: impl FnOnce(&Bus)) {
         scope.spawn(move || {
             let mut service = QueryService::start(&Bus::open(&domain).unwrap(), answerers).unwrap();
             ready.send(()).unwrap();
-            service.run(stop);
+            service.run(stop, || None);
         });
         serving.recv_timeout(PATIENCE).unwrap();
         let bus = stage.bus();
@@ -85,6 +85,25 @@ fn a_what_if_is_answered_with_state_and_field() {
         let unknown = Query { want_field: 1, node_set: pack_name("heel"), ..whatif(0.05, 25.0) };
         assert_eq!(client.ask(&unknown, PATIENCE).unwrap().answer().verdict, Verdict::NoSuchField.code());
     });
+}
+
+#[test]
+fn a_swapped_model_answers_from_then_on() {
+    let stage = Stage::new("swap");
+    let (scene, path) = scene(&stage, "");
+    let first = load_answerers(&scene, &path).unwrap();
+    let second = load_answerers(&scene, &path).unwrap();
+    let bus = stage.bus();
+    let mut service = QueryService::start(&bus, first).unwrap();
+    // The end of the swap is seen by the second look: the service takes new models before it answers.
+    let (stop, mut waiting) = (AtomicBool::new(false), Some(second));
+    let mut looks = 0;
+    service.run(&stop, || {
+        looks += 1;
+        stop.store(looks == 2, Ordering::Relaxed);
+        waiting.take()
+    });
+    assert!(waiting.is_none() && looks == 2);
 }
 
 #[test]

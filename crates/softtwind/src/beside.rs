@@ -3,10 +3,12 @@
 use runtime::config::{ConfigError, Scene};
 use runtime::grasp::{GraspModel, GraspService};
 use runtime::query::{Answerer, QueryService, load_answerers};
+use runtime::realtime;
 use runtime::wire::{Bus, Domain, WireError};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Sender, channel};
+use std::sync::{Mutex, PoisonError};
 use std::thread::Scope;
 
 /// Everything that was loaded for it, before anything is bound.
@@ -22,12 +24,41 @@ impl Beside {
     }
 }
 
+/// What a reload leaves for the threads beside the loop. The loop itself never looks here.
+#[derive(Default)]
+pub struct Shelf {
+    prepared: Mutex<Option<Beside>>,
+    answerers: Mutex<Option<Vec<Answerer>>>,
+    grasp: Mutex<Option<GraspModel>>,
+}
+
+/// A panic in another thread leaves the place as it was: whole.
+fn place<T>(slot: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    slot.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shelf {
+    /// Keeps what was loaded until the loop has taken its part.
+    pub fn prepare(&self, beside: Beside) {
+        *place(&self.prepared) = Some(beside);
+    }
+
+    /// The loop has taken its part: now the threads get theirs.
+    pub fn release(&self) {
+        if let Some(beside) = place(&self.prepared).take() {
+            *place(&self.answerers) = Some(beside.answerers);
+            *place(&self.grasp) = beside.grasp;
+        }
+    }
+}
+
 /// Starts the threads and waits until all of them serve; they end with `done`. Called before the loop takes real-time
 /// rights, so that none of them inherits these.
 pub fn start<'scope>(
     scope: &'scope Scope<'scope, '_>,
     domain: &Domain,
     beside: Beside,
+    shelf: &'scope Shelf,
     done: &'scope AtomicBool,
 ) -> anyhow::Result<()> {
     let (started, starts) = channel::<Result<(), WireError>>();
@@ -37,7 +68,7 @@ pub fn start<'scope>(
         threads += 1;
         scope.spawn(move || {
             let service = Bus::open(&domain).and_then(|bus| QueryService::start(&bus, beside.answerers));
-            serve(service, &started, |mut service| service.run(done));
+            serve(service, &started, |mut service| service.run(done, || place(&shelf.answerers).take()));
         });
     }
     if let Some(model) = beside.grasp {
@@ -45,7 +76,7 @@ pub fn start<'scope>(
         threads += 1;
         scope.spawn(move || {
             let service = Bus::open(&domain).and_then(|bus| GraspService::start(&bus, model));
-            serve(service, &started, |mut service| service.run(done));
+            serve(service, &started, |mut service| service.run(done, || place(&shelf.grasp).take()));
         });
     }
     for _ in 0..threads {
@@ -58,6 +89,7 @@ pub fn start<'scope>(
 fn serve<S>(service: Result<S, WireError>, started: &Sender<Result<(), WireError>>, run: impl FnOnce(S)) {
     match service {
         Ok(service) => {
+            realtime::step_back();
             // Nobody listens any more when another thread failed to start: then the end is near anyway.
             let _ = started.send(Ok(()));
             run(service);

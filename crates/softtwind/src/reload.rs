@@ -43,47 +43,54 @@ impl Desk {
 }
 
 impl Loader {
-    /// Loads again each time `asked` is set, until `done`. Whatever is wrong, the twin keeps what it has and the log says
+    /// Loads again each time `asked` is set, until `done`, and calls `swapped` when the loop took it. Whatever is wrong, the twin keeps what it has and the log says
     /// why.
     pub fn run(
         &self,
         asked: &AtomicBool,
         done: &AtomicBool,
         load: impl Fn() -> Result<Vec<Loaded>, ConfigError>,
+        swapped: impl Fn(),
     ) {
         while !done.load(Ordering::Acquire) {
             if asked.swap(false, Ordering::Relaxed) {
                 service::tell_reloading();
-                self.reload(done, &load);
+                if self.reload(done, &load) {
+                    swapped();
+                }
                 service::tell_manager(&[NotifyState::Ready]);
             }
             std::thread::sleep(INTERVAL);
         }
     }
 
-    fn reload(&self, done: &AtomicBool, load: &impl Fn() -> Result<Vec<Loaded>, ConfigError>) {
+    /// Whether the loop took what was loaded.
+    fn reload(&self, done: &AtomicBool, load: &impl Fn() -> Result<Vec<Loaded>, ConfigError>) -> bool {
         let loaded = match load() {
             Ok(loaded) => loaded,
-            Err(error) => return tracing::error!("reload refused, the old scene and models go on: {error}"),
+            Err(error) => {
+                tracing::error!("reload refused, the old scene and models go on: {error}");
+                return false;
+            }
         };
         let models: Vec<String> = loaded.iter().map(|loaded| service::hex(&loaded.model_hash)).collect();
         if self.new.send(loaded).is_err() {
-            return;
+            return false;
         }
         // The loop answers within a turn, unless it has ended meanwhile.
         while !done.load(Ordering::Acquire) {
             match self.old.recv_timeout(INTERVAL) {
                 Ok(Ok(_freed_here)) => {
-                    return tracing::info!(
-                        "reloaded: scene and models swapped (models {})",
-                        models.join(", ")
-                    );
+                    tracing::info!("reloaded: scene and models swapped (models {})", models.join(", "));
+                    return true;
                 }
                 Ok(Err(error)) => {
-                    return tracing::error!("reload refused, the old scene and models go on: {error}");
+                    tracing::error!("reload refused, the old scene and models go on: {error}");
+                    return false;
                 }
                 Err(_not_yet) => {}
             }
         }
+        false
     }
 }

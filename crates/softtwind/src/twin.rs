@@ -1,6 +1,6 @@
 //! `softtwind twin`: readings to states and fields.
 
-use crate::beside::{self, Beside};
+use crate::beside::{self, Beside, Shelf};
 use crate::options::TwinOptions;
 use crate::{metrics, reload, reporter, service};
 use anyhow::Context;
@@ -29,6 +29,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let ring = Arc::new(Ring::default());
     let mut twin = Twin::start(&bus, loaded, &settings, &ring)?;
     let (progress, done) = (AtomicU64::new(0), AtomicBool::new(false));
+    let shelf = Shelf::default();
     let (desk, loader) = reload::pair();
     let asked = service::reload_flag().context("cannot listen for signals")?;
     let listener = options.metrics.open()?;
@@ -37,11 +38,12 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         scope.spawn(|| reporter::run(&ring, &names, &progress, &done));
         // Receivers belong to one thread: the loader goes there whole.
         let (asked, ended) = (&asked, &done);
-        scope.spawn(move || loader.run(asked, ended, || load_scene(&configure(options)?, &options.scene)));
+        let shelf = &shelf;
+        scope.spawn(move || loader.run(asked, ended, || reload(options, shelf), || shelf.release()));
         if let Some(listener) = listener {
             scope.spawn(|| metrics::serve(listener, &done, metrics::twins(&domain, &names)));
         }
-        let answering = beside::start(scope, &domain, beside, &done);
+        let answering = beside::start(scope, &domain, beside, shelf, &done);
         let prepared = answering.and_then(|()| prepare(&settings, &twin));
         if prepared.is_ok() {
             service::tell_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
@@ -55,6 +57,14 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         tracing::info!("stopped: {name}: {}", summary(health));
     }
     Ok(())
+}
+
+/// Scene and models anew; what answers questions waits on the shelf until the loop has taken the rest.
+fn reload(options: &TwinOptions, shelf: &Shelf) -> Result<Vec<Loaded>, ConfigError> {
+    let scene = configure(options)?;
+    let loaded = load_scene(&scene, &options.scene)?;
+    shelf.prepare(Beside::load(&scene, &options.scene)?);
+    Ok(loaded)
 }
 
 /// The scene with the command line's changes.

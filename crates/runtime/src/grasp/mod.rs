@@ -211,14 +211,29 @@ impl GraspService {
         Ok(Self { model, readers, states, wake, writer, boot_id: boot_id(), seq: 0, stop, stop_gaps_mm })
     }
 
-    /// Judges every new set of states until `stop`.
-    pub fn run(&mut self, stop: &AtomicBool) {
+    /// Judges every new set of states until `stop`, with the model that `fresh` gives when the scene was read again.
+    pub fn run(&mut self, stop: &AtomicBool, mut fresh: impl FnMut() -> Option<GraspModel>) {
         while !stop.load(Ordering::Relaxed) {
+            if let Some(model) = fresh() {
+                self.swap(model);
+            }
             if let Err(error) = self.turn(MAX_WAIT) {
                 tracing::warn!("grasp: {error}");
                 std::thread::sleep(MAX_WAIT); // a broken port must not become a spin
             }
         }
+    }
+
+    /// Takes a new object and new models; other fingers or another name need a new start.
+    fn swap(&mut self, model: GraspModel) {
+        let names =
+            |model: &GraspModel| model.fingers.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+        if model.scene != self.model.scene || names(&model) != names(&self.model) {
+            tracing::warn!("grasp: another scene or other fingers need a new start, the old grasp goes on");
+            return;
+        }
+        self.model = model;
+        self.stop = self.model.stop_point(&self.stop_gaps_mm);
     }
 
     /// Waits for states, at most `max_wait`, and publishes one grasp when something new came.

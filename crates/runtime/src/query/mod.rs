@@ -268,10 +268,24 @@ impl QueryService {
         Ok(Self { served, wake })
     }
 
-    /// Answers until `stop`. What cannot be sent is said in the log; the asker runs into its timeout.
-    pub fn run(&mut self, stop: &AtomicBool) {
+    /// Answers until `stop`, with the models that `fresh` gives when scene and models were read again. What cannot be
+    /// sent is said in the log; the asker runs into its timeout.
+    pub fn run(&mut self, stop: &AtomicBool, mut fresh: impl FnMut() -> Option<Vec<Answerer>>) {
         while !stop.load(Ordering::Relaxed) {
+            if let Some(answerers) = fresh() {
+                self.swap(answerers);
+            }
             self.turn(MAX_WAIT);
+        }
+    }
+
+    /// Takes new models for the actuators that are served; the others need a new start.
+    fn swap(&mut self, answerers: Vec<Answerer>) {
+        for new in answerers {
+            match self.served.iter_mut().find(|(_, old)| old.name == new.name) {
+                Some((_, old)) => *old = new,
+                None => tracing::warn!("queries: `{}` is answered only after a new start", new.name),
+            }
         }
     }
 
