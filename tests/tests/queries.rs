@@ -88,6 +88,18 @@ fn a_what_if_is_answered_with_state_and_field() {
 }
 
 #[test]
+fn models_are_swapped_for_the_same_actuators_only() {
+    let stage = Stage::new("swap");
+    let (scene, path) = scene(&stage, "");
+    let first = load_answerers(&scene, &path).unwrap();
+    let second = load_answerers(&scene, &path).unwrap();
+    let bus = stage.bus();
+    let mut service = QueryService::start(&bus, first).unwrap();
+    assert!(service.replace(second), "the same actuators");
+    assert!(!service.replace(Vec::new()), "other actuators");
+}
+
+#[test]
 fn fields_are_refused_where_the_scene_did_not_ask_for_them() {
     with_service("", |bus| {
         let mut client = QueryClient::open(bus, "finger").unwrap();

@@ -44,6 +44,15 @@ pub fn apply(settings: &Realtime) -> Vec<MissingRight> {
     missing
 }
 
+/// Niceness of the threads that answer questions: on a full machine the loop comes first.
+const BESIDE_NICE: i32 = 5;
+
+/// Lets the calling thread step back behind the loop. A refusal changes nothing that was promised.
+pub fn step_back() {
+    // SAFETY: takes no pointers; on Linux 0 is the calling thread.
+    let _ordinary_then = unsafe { libc::setpriority(libc::PRIO_PROCESS, 0, BESIDE_NICE) };
+}
+
 fn pin(cores: &[usize]) -> i32 {
     // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET stays within it because core numbers are below 1024
     // (checked with the settings); the set lives across the call.

@@ -3,6 +3,7 @@
 use runtime::config::{ConfigError, Scene};
 use runtime::grasp::{GraspModel, GraspService};
 use runtime::query::{Answerer, QueryService, load_answerers};
+use runtime::realtime;
 use runtime::wire::{Bus, Domain, WireError};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -96,6 +97,7 @@ fn serve<S>(service: Result<S, WireError>, started: &Sender<Result<(), WireError
         Ok(service) => {
             // Nobody listens any more when another thread failed to start: then the end is near anyway.
             let _ = started.send(Ok(()));
+            realtime::step_back();
             run(service);
         }
         Err(error) => {

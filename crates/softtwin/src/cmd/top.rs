@@ -9,8 +9,11 @@ use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wire::layout::{flags, regime};
-use wire::{Bus, Health, HealthReader, KeyExpr, Outcome, State, StateReader, Topic, TopicKind, now_ns};
+use wire::layout::{flags, grasp_verdict, regime};
+use wire::{
+    Bus, Grasp, GraspReader, Health, HealthReader, KeyExpr, Outcome, State, StateReader, Topic, TopicKind,
+    now_ns,
+};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -54,6 +57,14 @@ struct Watched {
     health: Option<Health>,
 }
 
+/// All that is watched.
+#[derive(Default)]
+struct Watch {
+    twins: BTreeMap<String, Watched>,
+    /// By scene.
+    grasps: BTreeMap<String, (GraspReader, Option<Grasp>)>,
+}
+
 impl Args {
     /// Shows until a signal, or once.
     ///
@@ -66,15 +77,16 @@ impl Args {
         }
         let stop = stop_flag()?;
         let bus = self.domain.join()?;
-        let mut twins = BTreeMap::new();
+        let mut watch = Watch::default();
         let is_live = !self.once && std::io::stdout().is_terminal();
         let first = Instant::now();
         loop {
-            look(&bus, &key, &mut twins)?;
+            look(&bus, &key, &mut watch)?;
             // The newest state is there at once; health comes once a second, so a single look waits for it.
-            let waiting = twins.values().any(|twin| twin.health.is_none()) && first.elapsed() < FIRST_LOOK;
+            let waiting =
+                watch.twins.values().any(|twin| twin.health.is_none()) && first.elapsed() < FIRST_LOOK;
             if is_live || !waiting {
-                self.show(&twins, is_live)?;
+                self.show(&watch, is_live)?;
             }
             if stop.load(Ordering::Relaxed) || (!is_live && !waiting) {
                 return Ok(());
@@ -85,7 +97,7 @@ impl Args {
         }
     }
 
-    fn show(&self, twins: &BTreeMap<String, Watched>, is_live: bool) -> Result<()> {
+    fn show(&self, Watch { twins, grasps }: &Watch, is_live: bool) -> Result<()> {
         let now = now_ns();
         if self.json {
             let all: Vec<Value> = twins.iter().map(|(name, twin)| as_json(name, twin, now)).collect();
@@ -99,6 +111,9 @@ impl Args {
         for (name, twin) in twins {
             say!("{}", row(name, twin.state.as_ref(), twin.health.as_ref(), now))?;
         }
+        for (scene, grasp) in grasps.iter().filter_map(|(scene, (_, grasp))| Some((scene, (*grasp)?))) {
+            say!("{}", grasp_row(scene, &grasp))?;
+        }
         if twins.is_empty() {
             say!("no twin in this domain matches {}; is `softtwind twin` running?", self.key)?;
         }
@@ -107,7 +122,7 @@ impl Args {
 }
 
 /// Finds new twins, reads what is new of the known ones.
-fn look(bus: &Bus, key: &KeyExpr, twins: &mut BTreeMap<String, Watched>) -> Result<()> {
+fn look(bus: &Bus, key: &KeyExpr, Watch { twins, grasps }: &mut Watch) -> Result<()> {
     for info in bus.topics(key)? {
         let name = info.topic.actuator();
         let is_twin = matches!(info.topic.kind(), TopicKind::State | TopicKind::Health);
@@ -116,6 +131,12 @@ fn look(bus: &Bus, key: &KeyExpr, twins: &mut BTreeMap<String, Watched>) -> Resu
             let healths = HealthReader::attach(bus, &Topic::health(name)?)?;
             twins.insert(name.to_owned(), Watched { states, healths, state: None, health: None });
         }
+        if info.topic.kind() == TopicKind::Grasp && !grasps.contains_key(name) {
+            grasps.insert(name.to_owned(), (GraspReader::attach(bus, &info.topic)?, None));
+        }
+    }
+    for (reader, grasp) in grasps.values_mut() {
+        *grasp = reader.newest()?.or(*grasp);
     }
     for twin in twins.values_mut() {
         twin.state = twin.states.newest()?.or(twin.state);
@@ -161,6 +182,17 @@ fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64) -> 
         number(state.map(|state| state.pressure_mpa), 4),
         number(state.map(|state| state.contact_force_n), 3),
         notes.join(" ")
+    )
+}
+
+/// One line for a grasp, below the fingers.
+fn grasp_row(scene: &str, grasp: &Grasp) -> String {
+    format!(
+        "{scene:<14.14} grasp: {}, {:.3} of {:.3} N a finger, first held at {:.4} MPa",
+        grasp_verdict::as_str(grasp.verdict),
+        grasp.least_force_n,
+        grasp.needed_force_n,
+        grasp.stop_pressure_mpa
     )
 }
 
@@ -245,6 +277,19 @@ mod tests {
         let cells: Vec<&str> = row.split_whitespace().collect();
         assert_eq!(cells, ["finger", "1000", "61", "240", "1.0ms", "contact", "0.0450", "1.250", "3/1"]);
         assert!(row.len() <= 80 && head().len() <= 90, "{row}");
+    }
+
+    #[test]
+    fn a_grasp_has_a_row_of_its_own() {
+        let grasp = Grasp {
+            verdict: grasp_verdict::HELD,
+            least_force_n: 0.5862,
+            needed_force_n: 0.4169,
+            stop_pressure_mpa: 0.0651,
+            ..Grasp::default()
+        };
+        let row = grasp_row("gripper", &grasp);
+        assert_eq!(row, "gripper        grasp: held, 0.586 of 0.417 N a finger, first held at 0.0651 MPa");
     }
 
     #[test]

@@ -49,6 +49,11 @@ impl Hub {
         self.replace("", text.into_bytes(), true); // no actuator has an empty name
     }
 
+    /// Replaces what all pages are told of a scene's grasp.
+    pub fn tell_grasp(&self, scene: &str, text: String) {
+        self.replace(&format!("{scene}/grasp"), text.into_bytes(), true); // no actuator has a `/` in its name
+    }
+
     fn replace(&self, actuator: &str, message: Vec<u8>, is_text: bool) {
         let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
         let number = *self.newest.borrow() + 1;

@@ -8,6 +8,7 @@
 mod catalogue;
 mod client;
 mod frame;
+mod grasp;
 mod guard;
 mod hub;
 mod player;

@@ -2,6 +2,7 @@
 
 use super::catalogue::Catalogue;
 use super::frame::{FrameHead, bits, encode};
+use super::grasp::Grasps;
 use super::hub::Hub;
 use anyhow::{Context, Result};
 use std::collections::BTreeMap;
@@ -59,7 +60,7 @@ impl Reader {
     /// When the domain cannot be joined.
     pub fn run(self, stop: &Receiver<()>) -> Result<()> {
         let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
-        let mut sources = BTreeMap::new();
+        let (mut sources, mut grasps) = (BTreeMap::new(), Grasps::default());
         let mut looked: Option<Instant> = None;
         loop {
             match stop.recv_timeout(TICK) {
@@ -69,15 +70,17 @@ impl Reader {
             if self.hub.viewers() == 0 {
                 if !sources.is_empty() {
                     sources.clear();
+                    grasps.clear();
                     self.hub.clear();
                 }
                 looked = None;
                 continue;
             }
             if looked.is_none_or(|at| at.elapsed() > LOOK) {
-                self.look(&bus, &mut sources);
+                self.look(&bus, &mut sources, &mut grasps);
                 looked = Some(Instant::now());
             }
+            grasps.pump(&self.hub);
             for (actuator, source) in &mut sources {
                 if let Err(error) = source.pump(actuator, &self.catalogue, &self.hub) {
                     tracing::warn!(actuator, "reading failed; the topic is opened again: {error}");
@@ -88,7 +91,7 @@ impl Reader {
     }
 
     /// Opens ports of topics that are new: of the fields the surface, else all nodes, else any node set.
-    fn look(&self, bus: &Bus, sources: &mut BTreeMap<String, Source>) {
+    fn look(&self, bus: &Bus, sources: &mut BTreeMap<String, Source>, grasps: &mut Grasps) {
         let topics = match bus.topics(&self.key) {
             Ok(topics) => topics,
             Err(error) => {
@@ -109,7 +112,13 @@ impl Reader {
                 TopicKind::Field | TopicKind::State => sources
                     .entry(topic.actuator().to_owned())
                     .or_insert_with(|| Source::new(topic.actuator())),
-                TopicKind::Sensor | TopicKind::Health | TopicKind::Grasp | TopicKind::Command => continue,
+                TopicKind::Grasp => {
+                    if let Err(error) = grasps.open(bus, &topic) {
+                        tracing::warn!("cannot be read: {error}");
+                    }
+                    continue;
+                }
+                TopicKind::Sensor | TopicKind::Health | TopicKind::Command => continue,
             };
             if let Err(error) = source.open(bus, &topic) {
                 tracing::warn!("cannot be read: {error}");

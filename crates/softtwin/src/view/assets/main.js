@@ -35,6 +35,7 @@ const link = new Link({
     if (message.type === "hello") hello(message);
     if (message.type === "notice") notice(message.text);
     if (message.type === "recording") openRecording(message);
+    if (message.type === "grasp") showGrasp(message);
     if (message.type === "refused") { notice(message.text); whatIf.answered(); }
   },
   onFrame: (header, buffer, start) => (header.kind === "mesh" ? addMesh : addFrame)(header, buffer, start),
@@ -160,6 +161,15 @@ function drawScene() {
 function alarm(text) {
   at("alarm").hidden = !text;
   at("alarm").textContent = text;
+}
+
+// Whether the gripper holds its object, and where to stop inflating.
+function showGrasp({ scene, verdict, least_force_n, needed_force_n, stop_pressure_mpa }) {
+  const stop = Number.isFinite(stop_pressure_mpa) ? `first held at ${stop_pressure_mpa.toFixed(4)} MPa` : "no sampled pressure holds it";
+  const force = Number.isFinite(least_force_n) ? least_force_n.toFixed(3) : "?";
+  at("grasp").hidden = false;
+  at("grasp").textContent = `${scene}: ${verdict} · ${force} of ${needed_force_n.toFixed(3)} N a finger · ${stop}`;
+  at("grasp").dataset.verdict = verdict;
 }
 
 function notice(text) {

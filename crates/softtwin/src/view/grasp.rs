@@ -1,0 +1,60 @@
+//! What grippers hold, as texts for the page.
+
+use super::hub::Hub;
+use recording::message::GraspMessage;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+use wire::{Bus, GraspReader, Topic, WireError};
+
+/// A person reads no faster.
+const INTERVAL: Duration = Duration::from_millis(100);
+
+/// Readers of all grasps that are there.
+#[derive(Default)]
+pub struct Grasps {
+    readers: BTreeMap<String, GraspReader>,
+    told: Option<Instant>,
+}
+
+#[derive(Serialize)]
+#[serde(tag = "type", rename = "grasp")]
+struct Told {
+    #[serde(flatten)]
+    grasp: GraspMessage,
+}
+
+impl Grasps {
+    /// Opens a topic that is new.
+    pub fn open(&mut self, bus: &Bus, topic: &Topic) -> Result<(), WireError> {
+        if !self.readers.contains_key(topic.name()) {
+            self.readers.insert(topic.name().to_owned(), GraspReader::open(bus, topic)?);
+        }
+        Ok(())
+    }
+
+    /// Tells the pages what is new, a few times a second.
+    pub fn pump(&mut self, hub: &Hub) {
+        if self.told.is_some_and(|told| told.elapsed() < INTERVAL) {
+            return;
+        }
+        self.told = Some(Instant::now());
+        self.readers.retain(|topic, reader| match reader.newest() {
+            Ok(Some(grasp)) => {
+                let told = Told { grasp: GraspMessage::from(&grasp) };
+                hub.tell_grasp(&told.grasp.scene, serde_json::to_string(&told).unwrap_or_default()); // plain numbers and texts
+                true
+            }
+            Ok(None) => true,
+            Err(error) => {
+                tracing::warn!("{topic}: reading failed; it is opened again: {error}");
+                false
+            }
+        });
+    }
+
+    /// Nobody looks: gives the ports back.
+    pub fn clear(&mut self) {
+        self.readers.clear();
+    }
+}
