@@ -82,7 +82,8 @@ mod tests {
         {
             let found = run(true_slope, told_slope, onset_mpa);
             assert!(found.settling_s.is_some_and(|s| s < 2.5), "{true_slope} {told_slope}: {found:?}");
-            assert!(found.overshoot < 0.3 && found.final_error.abs() < 0.01, "{found:?}");
+            // The last slope is told 30 % too small, so its feed-forward alone overshoots by as much.
+            assert!(found.overshoot < 0.4 && found.final_error.abs() < 0.01, "{found:?}");
         }
     }
 
