@@ -364,7 +364,7 @@ impl Write for PartialTile {
     }
 }
 
-/// Running sums over eight cache lines, so that the additions never wait for each other.
+/// Running sums over four rows, so that the additions never wait for each other.
 #[inline(always)]
 unsafe fn read_lines<V: Lanes>(tiles: &Tiles) -> u32 {
     const SUMS: usize = 4;
