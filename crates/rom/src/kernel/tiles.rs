@@ -61,15 +61,20 @@ impl Tiles {
     pub(super) fn build(spec: &Spec<'_>, plan: &Plan, precision: Precision) -> Result<Self, BasisError> {
         let tile_bytes = tile_bytes(plan, precision);
         let total = tile_bytes * plan.tiles();
+        let rows: Vec<_> = plan
+            .ops
+            .iter()
+            .flat_map(|op| rows(spec, op).into_iter().map(move |row| (op.field, row)))
+            .collect();
         let mut tiles = Self {
             lines: vec![Line([0; LINE]); total / LINE],
             tile_bytes,
             precision,
-            steps: steps(spec, plan, precision),
+            steps: rows.iter().map(|(_, row)| step(spec, row, precision)).collect(),
         };
         let mut bytes = vec![0u8; tile_bytes];
         for tile in 0..plan.tiles() {
-            tiles.fill_tile(spec, plan, tile, &mut bytes)?;
+            tiles.fill_tile(spec, &rows, tile, &mut bytes)?;
             tiles.write(tile * tile_bytes, &bytes);
         }
         Ok(tiles)
@@ -104,14 +109,13 @@ impl Tiles {
     fn fill_tile(
         &self,
         spec: &Spec<'_>,
-        plan: &Plan,
+        rows: &[(usize, RowOf<'_>)],
         tile: usize,
         bytes: &mut [u8],
     ) -> Result<(), BasisError> {
         let mut writer = TileWriter { bytes, position: 0 };
-        let rows = plan.ops.iter().flat_map(|op| rows(spec, op).into_iter().map(move |row| (op.field, row)));
-        for ((field, row), &step) in rows.zip(&self.steps) {
-            let row = gather(spec, field, tile, &|node| row.value(node))?;
+        for ((field, row), &step) in rows.iter().zip(&self.steps) {
+            let row = gather(spec, *field, tile, &|node| row.value(node))?;
             match self.precision {
                 Precision::F32 => writer.floats(&row),
                 Precision::I16 => writer.integers(&row, step),
@@ -196,16 +200,15 @@ fn gather(
     Ok(row)
 }
 
-/// One step a row over the node set, so that its largest entry is the largest i16.
-fn steps(spec: &Spec<'_>, plan: &Plan, precision: Precision) -> Vec<f64> {
-    let step = |row: RowOf<'_>| match precision {
+/// The step of a row over the node set, so that its largest entry is the largest i16.
+fn step(spec: &Spec<'_>, row: &RowOf<'_>, precision: Precision) -> f64 {
+    match precision {
         Precision::F32 => 1.0,
         Precision::I16 => {
             let entry = |i| row.value(spec.source_node(i)).abs();
             (0..spec.output_nodes()).map(entry).fold(0.0, f64::max) / I16_MAX
         }
-    };
-    plan.ops.iter().flat_map(|op| rows(spec, op)).map(step).collect()
+    }
 }
 
 /// Writes the rows of one tile in order.
