@@ -49,6 +49,8 @@ pub struct NewtonSettings {
     pub displacement_cap_mm: f64,
     /// Largest nodal correction still to come when a state counts as converged (mm), estimated from the last two.
     pub correction_tolerance_mm: f64,
+    /// Largest force of the obstacle that the last solve did not foresee when a state counts as converged (N).
+    pub force_tolerance_n: f64,
     /// Smallest share of a load path taken in one step before the path is given up.
     pub smallest_step: f64,
 }
@@ -60,6 +62,7 @@ impl Default for NewtonSettings {
             step_length_mm: 8.0,
             displacement_cap_mm: 12.0,
             correction_tolerance_mm: 1.0e-3,
+            force_tolerance_n: 2.0e-4,
             smallest_step: 1.0 / 256.0,
         }
     }

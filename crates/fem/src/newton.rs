@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::algebra::{Vec3, axpy, dot, norm};
-use crate::assemble::{InvalidState, System};
+use crate::algebra::{Vec3, add, axpy, dot, norm, sub};
+use crate::assemble::{InvalidState, System, face};
 use crate::config::Load;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
@@ -158,11 +158,31 @@ impl Newton {
             // The next correction shrinks at least as much again as this one did.
             let next = correction * (correction / self.last_mm).min(1.0);
             self.last_mm = correction;
-            if next < settings.correction_tolerance_mm {
+            let settled = next < settings.correction_tolerance_mm;
+            if settled && self.force_missed_n(state, load) < settings.force_tolerance_n {
                 return Ok(());
             }
         }
         Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })
+    }
+
+    /// How far the obstacle's nodal forces at the new iterate are from what the last tangent promised, summed (N).
+    ///
+    /// Small corrections alone do not make an equilibrium: a node that the last one brought back into a stiff contact
+    /// carries a force that the solve knew nothing of, so nothing balances it yet.
+    fn force_missed_n(&self, state: &State, load: &Load) -> f64 {
+        let problem = &self.problem;
+        let Some(face) = face(problem, load.obstacle) else { return 0.0 };
+        let missed = |n: &u32| {
+            let n = *n as usize;
+            let now = add(problem.mesh.nodes_mm[n], state.displacement_mm[n]);
+            let correction = self.increment.displacement[n];
+            let touch = |p| face.touch(p).map_or((0.0, 0.0), |t| (t.force, t.stiffness));
+            let (force, stiffness) = touch(sub(now, correction));
+            (touch(now).0 - (force - stiffness * correction[1])).abs()
+        };
+        let sum: f64 = problem.contact_nodes.iter().map(missed).sum();
+        problem.config.contact.obstacle_penalty_n_per_mm * sum
     }
 
     /// First system of a step: the tangent of the obstacle where it *was*, the loads of the new state, and the
@@ -240,10 +260,8 @@ impl Newton {
         self.increment.pressure = (0..problem.mesh.tets.len()).map(pressure).collect();
         let resultants = |(t, nodes): (usize, &[u32; 6])| {
             let geometry = &problem.sheet.membrane[t];
-            let add = |n: u32| {
-                crate::algebra::add(problem.mesh.nodes_mm[n as usize], state.displacement_mm[n as usize])
-            };
-            let (x, du) = (nodes.map(add), nodes.map(|n| du[n as usize]));
+            let position = |n: u32| add(problem.mesh.nodes_mm[n as usize], state.displacement_mm[n as usize]);
+            let (x, du) = (nodes.map(position), nodes.map(|n| du[n as usize]));
             std::array::from_fn(|q| {
                 let mut e = membrane::strain(geometry, q, &x);
                 axpy(1.0, membrane::strain_increment(geometry, q, &x, &du), &mut e);
