@@ -22,7 +22,7 @@ pub enum ModeChoice {
     Fixed(usize),
     /// The fewest with truncation error (Eq. 4) at most this.
     Energy(f64),
-    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.02 = 2 %
+    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.005 = 0.5 %
     /// above the best).
     LeaveOneOut(f64),
 }
@@ -94,8 +94,8 @@ pub struct RegimeConfig {
     /// Candidate shares of the second scaled input added to the first before distances are taken (features run aslant),
     /// tried on the best few kernels.
     pub shear: Vec<f64>,
-    /// Smoothing candidates, relative to the kernel matrix's scale; 0 interpolates exactly. The defaults are so small that
-    /// training states are missed by less than truncation costs.
+    /// Smoothing candidates, relative to the kernel matrix's scale. 0 interpolates: training states come back to the
+    /// truncation error; more must halve the leave-one-out error to be taken. Noisy snapshots ask for larger candidates.
     pub smoothing: Vec<f64>,
 }
 
@@ -113,12 +113,12 @@ impl RegimeConfig {
     /// The defaults, with a Matern 7/2 candidate of this length.
     fn over(length: f64) -> Self {
         Self {
-            modes: ModeChoice::LeaveOneOut(1.02),
+            modes: ModeChoice::LeaveOneOut(1.005),
             group_modes: BTreeMap::new(),
             max_modes: 32,
             kernels: KernelSpec::candidates(length),
             anisotropy: vec![0.25, 0.35, 0.5, 0.7, 1.0, 1.4],
-            shear: vec![-0.5, -0.4, -0.3, -0.2, -0.1, 0.0, 0.2],
+            shear: vec![-0.5, -0.45, -0.4, -0.35, -0.3, -0.25, -0.2, -0.15, -0.1, -0.05, 0.0, 0.2],
             smoothing: vec![0.0, 1e-9, 1e-8, 3e-8],
         }
     }

@@ -5,6 +5,7 @@
 //! outputs.
 
 use crate::config::{KernelKind, Tail};
+use crate::kernel::weigh::{Kernels, weigh};
 use serde::{Deserialize, Serialize};
 
 /// Inputs of a regime: which of (pressure, gap) it takes, and their ranges.
@@ -199,13 +200,8 @@ impl Interpolant {
         if self.outputs == 0 {
             return; // a constant field has no modes
         }
-        value.fill(0.0);
-        dx0.fill(0.0);
-        dx1.fill(0.0);
-        let kernels = scratch.value.iter().zip(&scratch.slope);
-        for (w, (g, dg)) in self.weights.chunks_exact(self.outputs).zip(kernels) {
-            accumulate(w, *g, *dg, value, dx0, dx1);
-        }
+        let kernels = Kernels { weights: &self.weights, values: &scratch.value, slopes: &scratch.slope };
+        weigh(kernels, [&mut *value, &mut *dx0, &mut *dx1]);
         let u = self.metric.apply(x);
         let terms = self.tail.terms(self.dimensions);
         let (t, dt) = (self.tail.values(self.dimensions, u), self.tail.gradients(self.dimensions, u));

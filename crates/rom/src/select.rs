@@ -3,7 +3,8 @@
 //! With orthonormal modes the error of leaving case `i` out, at `l` modes, is
 //! `e_i(l)^2 = sum_{k<l} E_ik^2 + sum_{k>=l} A_ik^2`: interpolation residuals (Rippa) of the kept modes plus the energy
 //! of the dropped ones. The score is its mean over the cases inside the domain: leaving out a corner of the
-//! domain measures extrapolation, which no kernel choice should be judged by. Test cases are never seen here.
+//! domain measures extrapolation, which no kernel choice should be judged by. Test cases are never seen here. Smoothing
+//! carries a handicap.
 //!
 //! Groups that belong together (the three coordinates: what counts is the length of their error) are chosen together and
 //! share a kernel; each keeps its own number of modes.
@@ -118,6 +119,15 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
     search.choices()
 }
 
+/// How many times better than interpolation smoothing must be: it misses the training states, which truth that is computed
+/// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
+const SMOOTHING_MUST_GAIN: f64 = 2.0;
+
+/// What candidates are ranked by: the score, with the handicap of smoothing.
+fn merit(score: f64, smoothing: f64) -> f64 {
+    if smoothing > 0.0 { SMOOTHING_MUST_GAIN * score } else { score }
+}
+
 /// A candidate that was tried, and the modes each group would keep with it.
 struct Trial {
     spec: KernelSpec,
@@ -146,7 +156,7 @@ impl Search<'_> {
                 let verdict = judge(self.states, self.tasks, &fit.residuals);
                 row.error = Some(verdict.score);
                 modes = verdict.groups.iter().map(|g| g.0).collect();
-                if self.best.as_ref().is_none_or(|(b, f)| self.better((&verdict, spec), (b, f))) {
+                if self.best.as_ref().is_none_or(|(b, f)| self.better((&verdict, &fit), (b, f))) {
                     self.best = Some((verdict, fit));
                 }
             }
@@ -158,16 +168,18 @@ impl Search<'_> {
         self.trials.push(Trial { spec, row, modes });
     }
 
-    /// By score; where both are down at the rounding of the data, by the tail: the higher one extrapolates.
-    fn better(&self, (verdict, spec): (&Verdict, KernelSpec), (best, fit): (&Verdict, &Fit)) -> bool {
-        let (new, old) = (verdict.score.max(self.floor), best.score.max(self.floor));
-        let terms = |tail: Tail| tail.terms(self.samples.dimensions);
-        new < old || (new == old && terms(spec.tail) > terms(fit.interpolant.tail))
+    /// By merit; where both are down at the rounding of the data, by the tail: the higher one extrapolates.
+    fn better(&self, new: (&Verdict, &Fit), best: (&Verdict, &Fit)) -> bool {
+        let merit = |(verdict, fit): (&Verdict, &Fit)| {
+            merit(verdict.score.max(self.floor), fit.interpolant.smoothing)
+        };
+        let terms = |(_, fit): (&Verdict, &Fit)| fit.interpolant.tail.terms(self.samples.dimensions);
+        merit(new) < merit(best) || (merit(new) == merit(best) && terms(new) > terms(best))
     }
 
     /// Best first; refused ones last.
     fn sort(&mut self) {
-        let score = |t: &Trial| t.row.error.unwrap_or(f64::INFINITY);
+        let score = |t: &Trial| t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing));
         self.trials.sort_by(|a, b| score(a).total_cmp(&score(b)));
     }
 

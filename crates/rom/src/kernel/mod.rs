@@ -27,6 +27,7 @@ pub mod reference;
 mod spec;
 mod sweep;
 mod tiles;
+pub(crate) mod weigh;
 
 #[cfg(test)]
 mod tests;

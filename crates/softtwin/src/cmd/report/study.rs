@@ -44,8 +44,7 @@ impl Study {
 
     pub fn heading(&self, database: &Path, repeats: u64) -> String {
         let count = |split| self.database.of_split(split).count();
-        let hash: String =
-            self.ours.header.database_hash.iter().take(8).map(|b| format!("{b:02x}")).collect();
+        let hash = wire::layout::hex(&self.ours.header.database_hash[..8]);
         format!(
             "# Accuracy and speed\n\nMade by `softtwin report --database {} --repeats {repeats}`; do not edit.\n\n\
              Database `{}`: {} training, {} test and {} check cases, {} nodes, blake3 `{hash}...`.\n\n\
