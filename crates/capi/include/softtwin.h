@@ -7,9 +7,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SOFTTWIN_LAYOUT_VERSION 1u
+#define SOFTTWIN_LAYOUT_VERSION 2u
 #define SOFTTWIN_FIELD_SLOTS 16
-#define SOFTTWIN_COEFFICIENTS_MAX 64
+#define SOFTTWIN_COEFFICIENTS_MAX 128
 #define SOFTTWIN_GROUPS_MAX 8
 #define SOFTTWIN_OUTCOME_SLOTS 24
 #define SOFTTWIN_FINGERS_MAX 8
@@ -147,7 +147,7 @@ typedef struct softtwin_sensor_writer softtwin_sensor_writer;
 typedef struct softtwin_state_reader softtwin_state_reader;
 
 /**
- * Force, gradients, coefficients and verdicts of one evaluation; 496 bytes.
+ * Force, gradients, coefficients and verdicts of one evaluation; 752 bytes.
  */
 typedef struct {
   /**
@@ -673,7 +673,7 @@ typedef struct {
 } softtwin_query;
 
 /**
- * The answer; 512 bytes. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field
+ * The answer; 768 bytes. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field
  * topic), or empty when none was wanted.
  */
 typedef struct {
@@ -1239,7 +1239,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_field_header, node_count) == 112);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, field_count) == 116);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, field_ids) == 120);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, node_set) == 136);
-SOFTTWIN_CHECK(sizeof(softtwin_state) == 496);
+SOFTTWIN_CHECK(sizeof(softtwin_state) == 752);
 SOFTTWIN_CHECK(offsetof(softtwin_state, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_state, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_state, model_hash) == 8);
@@ -1267,8 +1267,8 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, domain_verdict) == 160);
 SOFTTWIN_CHECK(offsetof(softtwin_state, coefficient_count) == 164);
 SOFTTWIN_CHECK(offsetof(softtwin_state, group_sizes) == 168);
 SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 176);
-SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 432);
-SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 464);
+SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 688);
+SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 720);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);
@@ -1336,7 +1336,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_query, gap_mm) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_query, force_n) == 32);
 SOFTTWIN_CHECK(offsetof(softtwin_query, force_bar_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_query, node_set) == 48);
-SOFTTWIN_CHECK(sizeof(softtwin_answer) == 512);
+SOFTTWIN_CHECK(sizeof(softtwin_answer) == 768);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, verdict) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
@@ -1367,6 +1367,6 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, max_von_mises_mpa) == 160);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, field_ids) == 168);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, group_sizes) == 184);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficients) == 192);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 448);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 480);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 704);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 736);
 #undef SOFTTWIN_CHECK

@@ -1,4 +1,4 @@
-//! Topics with a payload of fixed size: read by copy (at most 496 bytes), woken by event.
+//! Topics with a payload of fixed size: read by copy (at most 752 bytes), woken by event.
 
 use crate::border::{Failure, call, give, handle, name, put, take};
 use crate::bus::softtwin_bus;

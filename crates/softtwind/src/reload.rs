@@ -3,6 +3,7 @@
 use crate::beside::{Beside, Successor};
 use runtime::config::ConfigError;
 use runtime::twin::{Loaded, Retired, SwapError, Twin};
+use runtime::wire::layout;
 use sd_notify::NotifyState;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -71,7 +72,7 @@ impl Loader {
             Ok(reread) => reread,
             Err(error) => return tracing::error!("reload refused, the old scene and models go on: {error}"),
         };
-        let models: Vec<String> = loaded.iter().map(|loaded| service::hex(&loaded.model_hash)).collect();
+        let models: Vec<String> = loaded.iter().map(|loaded| layout::hex(&loaded.model_hash)).collect();
         if self.new.send(loaded).is_err() {
             return;
         }

@@ -45,11 +45,6 @@ pub fn tell_reloading() {
     }
 }
 
-/// Hexadecimal digits of a hash.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 /// Tells the service manager, if there is one; a failure there must not stop the twin.
 pub fn tell_manager(states: &[NotifyState]) {
     if let Err(error) = sd_notify::notify(states) {

@@ -78,5 +78,5 @@ class Field:
 
 
 def copy_of(kind: Any, address: int) -> Any:
-    """A payload copied out of shared memory (at most 512 bytes)."""
+    """A payload copied out of shared memory (at most 768 bytes)."""
     return kind.from_buffer_copy(ctypes.string_at(address, ctypes.sizeof(kind)))

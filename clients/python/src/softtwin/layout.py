@@ -8,7 +8,7 @@ from ctypes import c_uint32 as u32
 from ctypes import c_uint64 as u64
 from typing import Dict, List
 
-VERSION = 1
+VERSION = 2
 """Layout version; it is part of every type name."""
 
 FIELD_NAMES: Dict[int, str] = {1: "x", 2: "y", 3: "z", 4: "displacement", 5: "von_mises"}
@@ -171,7 +171,7 @@ class State(Payload):
         ("domain_verdict", u32),
         ("coefficient_count", u32),
         ("group_sizes", u8 * 8),
-        ("coefficients", f32 * 64),
+        ("coefficients", f32 * 128),
         ("actuator", u8 * 32),
         ("reserved", u64 * 4),
     ]
@@ -311,7 +311,7 @@ class Answer(Payload):
         ("max_von_mises_mpa", f64),
         ("field_ids", u8 * 16),
         ("group_sizes", u8 * 8),
-        ("coefficients", f32 * 64),
+        ("coefficients", f32 * 128),
         ("node_set", u8 * 32),
         ("actuator", u8 * 32),
     ]

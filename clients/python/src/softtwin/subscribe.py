@@ -17,7 +17,7 @@ _SLICE_S = 0.2  # a wait is cut into slices, so that Ctrl-C is heard
 class Subscription:
     """A reader of one topic; iterate over it, or take samples with `next`, `newest`, `try_next`.
 
-    Fields come as `Field` (views of shared memory), everything else as its structure, copied (at most 512 bytes).
+    Fields come as `Field` (views of shared memory), everything else as its structure, copied (at most 768 bytes).
     """
 
     def __init__(

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 use wire::Answer;
-use wire::layout::{flags, query_kind, regime, unpack_name};
+use wire::layout::{flags, hex, query_kind, regime, unpack_name};
 
-use super::{hex, number};
+use super::number;
 
 /// An answer as JSON. Fields as in [`Answer`]; `refusal` says why there is none.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 use wire::FieldHeader;
-use wire::layout::{field_id, flags, regime, unpack_name};
+use wire::layout::{field_id, flags, hex, regime, unpack_name};
 
-use super::{Recorded, hex, number, schema};
+use super::{Recorded, number, schema};
 
 /// A field as JSON. Fields as in [`FieldHeader`]; `values` is base64 of little-endian `f32`, field-major.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use wire::layout::{flags, unpack_name};
+use wire::layout::{flags, hex, unpack_name};
 use wire::{Health, Outcome};
 
-use super::{Recorded, hex, number, schema};
+use super::{Recorded, number, schema};
 
 /// Health as JSON. Fields as in [`Health`].
 #[derive(Debug, Clone, PartialEq, Serialize)]

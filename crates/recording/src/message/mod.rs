@@ -52,8 +52,3 @@ pub trait Recorded: Serialize {
         let _ = serde_json::to_writer(out, self);
     }
 }
-
-/// Hexadecimal digits of a hash.
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}

@@ -1,10 +1,10 @@
 //! States, written for people and viewers: names instead of numbers where there are names.
 
 use serde::Serialize;
-use wire::layout::{flags, regime, unpack_name};
+use wire::layout::{flags, hex, regime, unpack_name};
 use wire::{Outcome, State};
 
-use super::{Recorded, hex, number, schema};
+use super::{Recorded, number, schema};
 
 /// A state as JSON. Fields as in [`State`].
 #[derive(Debug, Clone, PartialEq, Serialize)]

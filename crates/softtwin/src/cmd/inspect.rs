@@ -7,6 +7,7 @@ use rom::interpolant::Quantity;
 use rom::model::{Model, RegimeModel};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use wire::layout::hex;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -172,8 +173,4 @@ const fn quantity(quantity: Quantity) -> &'static str {
 
 fn bytes(model: &Model) -> usize {
     model.blocks.iter().map(|(_, block)| block.len() * 4).sum()
-}
-
-fn hex(hash: &[u8; 32]) -> String {
-    hash.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -97,7 +97,7 @@ impl AnyReader {
     pub fn next(&self) -> Result<Option<Sample>, WireError> {
         Ok(match self {
             Self::Sensor(reader) => reader.next()?.map(Sample::Sensor),
-            Self::State(reader) => reader.next()?.map(Sample::State),
+            Self::State(reader) => reader.next()?.map(|state| Sample::State(Box::new(state))),
             Self::Health(reader) => reader.next()?.map(Sample::Health),
             Self::Field(reader) => reader.next()?.map(Sample::Field),
             Self::Grasp(reader) => reader.next()?.map(Sample::Grasp),

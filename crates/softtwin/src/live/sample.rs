@@ -12,7 +12,7 @@ pub enum Sample {
     /// A reading.
     Sensor(SensorSample),
     /// A state.
-    State(State),
+    State(Box<State>),
     /// Health.
     Health(Health),
     /// A field, still in shared memory.
@@ -65,7 +65,7 @@ impl Sample {
     pub fn json(&self) -> anyhow::Result<Value> {
         Ok(match self {
             Self::Sensor(sample) => serde_json::to_value(SensorMessage::from(sample))?,
-            Self::State(sample) => serde_json::to_value(StateMessage::from(sample))?,
+            Self::State(sample) => serde_json::to_value(StateMessage::from(&**sample))?,
             Self::Health(sample) => serde_json::to_value(HealthMessage::from(sample))?,
             Self::Field(sample) => field_json(sample),
             Self::Grasp(sample) => serde_json::to_value(GraspMessage::from(sample))?,

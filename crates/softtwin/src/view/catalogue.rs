@@ -13,6 +13,7 @@ use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
+use wire::layout::hex;
 
 /// Name of the predicted actuator on the page.
 const PREDICTION: &str = "what if";
@@ -118,8 +119,7 @@ impl Catalogue {
 
     /// The model whose hash a recording gives as hexadecimal digits.
     pub fn find_text(&self, hash: &str) -> Option<usize> {
-        let text = |hash: &[u8]| hash.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
-        self.models.iter().position(|known| text(&known.hash) == hash)
+        self.models.iter().position(|known| hex(&known.hash) == hash)
     }
 
     /// For each visible node of a model its place in a sample of a node set; none when some are not in it.

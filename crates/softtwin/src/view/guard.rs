@@ -97,7 +97,7 @@ fn random_token() -> Result<String> {
     let mut bytes = [0_u8; 16];
     let read = std::fs::File::open("/dev/urandom").and_then(|mut file| file.read_exact(&mut bytes));
     read.context("no random bytes for a token; give one with --token")?;
-    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(wire::layout::hex(&bytes))
 }
 
 #[cfg(test)]

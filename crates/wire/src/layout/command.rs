@@ -4,7 +4,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// One pressure command: controller to valve (or to a simulated plant).
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.Command.v1")]
+#[type_name("softtwin.Command.v2")]
 #[repr(C)]
 pub struct Command {
     /// The run of the controller that sent it, see [`crate::boot_id`].

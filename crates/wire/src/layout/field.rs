@@ -8,7 +8,7 @@ pub const FIELD_SLOTS: usize = 16;
 /// Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the
 /// first field in [`Self::field_ids`], then all of the second, and so on.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.FieldHeader.v1")]
+#[type_name("softtwin.FieldHeader.v2")]
 #[repr(C)]
 pub struct FieldHeader {
     /// [`super::VERSION`].

@@ -32,7 +32,7 @@ pub mod grasp_verdict {
 /// The smallest finger force counts for all of them: what one finger pushes more than the others moves the object instead
 /// of holding it.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.Grasp.v1")]
+#[type_name("softtwin.Grasp.v2")]
 #[repr(C)]
 pub struct Grasp {
     /// [`super::VERSION`].

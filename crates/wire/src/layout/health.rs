@@ -7,7 +7,7 @@ pub const OUTCOME_SLOTS: usize = 24;
 
 /// Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.Health.v1")]
+#[type_name("softtwin.Health.v2")]
 #[repr(C)]
 pub struct Health {
     /// [`super::VERSION`].

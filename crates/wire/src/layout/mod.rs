@@ -21,7 +21,7 @@ pub use sensor::SensorSample;
 pub use state::{COEFFICIENTS_MAX, GROUPS_MAX, State};
 
 /// Version of all layouts in this module. Raise it with any change of size, offset or meaning, and raise the type names.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Bits of `flags` in [`FieldHeader`] and [`State`].
 pub mod flags {
@@ -123,6 +123,11 @@ pub mod field_id {
     pub fn from_name(name: &str) -> Option<u8> {
         [X, Y, Z, DISPLACEMENT, VON_MISES].into_iter().find(|id| as_str(*id) == name)
     }
+}
+
+/// Hexadecimal digits, for hashes.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Packs a name into a zero-padded 32-byte field (longer names are refused where names are made, see [`crate::Topic`]).

@@ -23,7 +23,7 @@ pub mod query_kind {
 
 /// One question. What the kind does not need stays NaN.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.Query.v1")]
+#[type_name("softtwin.Query.v2")]
 #[repr(C)]
 pub struct Query {
     /// [`super::VERSION`].
@@ -75,10 +75,10 @@ impl Default for Query {
     }
 }
 
-/// The answer; 512 bytes. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field
+/// The answer; 768 bytes. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field
 /// topic), or empty when none was wanted.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.Answer.v1")]
+#[type_name("softtwin.Answer.v2")]
 #[repr(C)]
 pub struct Answer {
     /// [`super::VERSION`].
@@ -147,7 +147,7 @@ pub struct Answer {
     pub actuator: [u8; 32],
 }
 
-super::layout!(Answer, 512, {
+super::layout!(Answer, 768, {
     layout_version: 0,
     verdict: 4,
     model_hash: 8,
@@ -178,8 +178,8 @@ super::layout!(Answer, 512, {
     field_ids: 168,
     group_sizes: 184,
     coefficients: 192,
-    node_set: 448,
-    actuator: 480,
+    node_set: 704,
+    actuator: 736,
 });
 
 impl Answer {

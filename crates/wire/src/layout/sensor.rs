@@ -4,7 +4,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// One reading of the sensors of one actuator, as stamped by the bridge.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.SensorSample.v1")]
+#[type_name("softtwin.SensorSample.v2")]
 #[repr(C)]
 pub struct SensorSample {
     /// The run of the bridge that sent it, see [`crate::boot_id`].

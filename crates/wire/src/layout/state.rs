@@ -3,13 +3,13 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Most modal coefficients in one state.
-pub const COEFFICIENTS_MAX: usize = 64;
+pub const COEFFICIENTS_MAX: usize = 128;
 /// Most groups of fields (each with its own POD basis) in one state.
 pub const GROUPS_MAX: usize = 8;
 
-/// Force, gradients, coefficients and verdicts of one evaluation; 496 bytes.
+/// Force, gradients, coefficients and verdicts of one evaluation; 752 bytes.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("softtwin.State.v1")]
+#[type_name("softtwin.State.v2")]
 #[repr(C)]
 pub struct State {
     /// [`super::VERSION`].
@@ -72,7 +72,7 @@ pub struct State {
     pub reserved: [u64; 4],
 }
 
-super::layout!(State, 496, {
+super::layout!(State, 752, {
     layout_version: 0,
     flags: 4,
     model_hash: 8,
@@ -100,8 +100,8 @@ super::layout!(State, 496, {
     coefficient_count: 164,
     group_sizes: 168,
     coefficients: 176,
-    actuator: 432,
-    reserved: 464,
+    actuator: 688,
+    reserved: 720,
 });
 
 impl State {
