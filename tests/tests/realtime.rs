@@ -50,6 +50,18 @@ fn what_the_system_grants_is_in_force_and_what_it_refuses_is_said() {
     assert_ne!(refused("fifo_priority"), scheduling(process) == (7, libc::SCHED_FIFO as u32));
 }
 
+/// The request is in force as long as its file is open.
+#[test]
+fn cores_are_kept_awake_for_as_long_as_the_twin_runs() {
+    let stage = Stage::new("awake");
+    let twin = start(&stage, "stay_awake = true");
+    let refused = twin.said.iter().any(|line| line.contains("realtime.stay_awake: refused"));
+    let files = std::fs::read_dir(format!("/proc/{}/fd", twin.id())).expect("the process lives");
+    let names = files.filter_map(|file| std::fs::read_link(file.ok()?.path()).ok());
+    let held = names.filter(|name| name == std::path::Path::new("/dev/cpu_dma_latency")).count();
+    assert_eq!(held, usize::from(!refused), "{:?}", twin.said);
+}
+
 #[test]
 fn a_missing_right_is_a_warning_or_the_end_as_configured() {
     let stage = Stage::new("rights");

@@ -1,6 +1,9 @@
 //! Real-time settings of the process: each is asked for, and what was refused is said once, by name.
 
 use crate::config::Realtime;
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::Path;
 
 /// A real-time setting that the system refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -14,9 +17,29 @@ pub struct MissingRight {
     pub remedy: &'static str,
 }
 
-/// Applies the settings to the calling thread (cores, scheduler) and the process (memory). Returns what was refused.
-pub fn apply(settings: &Realtime) -> Vec<MissingRight> {
+impl MissingRight {
+    fn stay_awake(cause: &std::io::Error) -> Self {
+        let remedy = "let the user write to /dev/cpu_dma_latency (a udev rule; DeviceAllow= in the unit)";
+        Self { setting: "stay_awake", cause: cause.to_string(), remedy }
+    }
+}
+
+/// What the system granted for as long as this lives, and what it refused.
+#[derive(Debug)]
+pub struct Granted {
+    /// Refused settings.
+    pub missing: Vec<MissingRight>,
+    /// The request that keeps the cores awake; closing the file withdraws it.
+    _awake: Option<File>,
+}
+
+/// Applies the settings to the calling thread (cores, scheduler), the process (memory) and the machine (sleep of cores).
+pub fn apply(settings: &Realtime) -> Granted {
     let mut missing = Vec::new();
+    let awake = settings.stay_awake.then(|| stay_awake(Path::new(CPU_LATENCY))).and_then(|asked| {
+        let refused = |cause: std::io::Error| missing.push(MissingRight::stay_awake(&cause));
+        asked.map_err(refused).ok()
+    });
     let mut try_it = |wanted: bool, setting, remedy, call: &dyn Fn() -> i32| {
         if wanted && call() != 0 {
             let cause = std::io::Error::last_os_error().to_string();
@@ -41,7 +64,17 @@ pub fn apply(settings: &Realtime) -> Vec<MissingRight> {
         "give CAP_IPC_LOCK or raise the limit (LimitMEMLOCK=infinity in the unit)",
         &lock_memory,
     );
-    missing
+    Granted { missing, _awake: awake }
+}
+
+/// Where Linux takes requests for the longest wake-up a core may have, as an i32 in microseconds.
+const CPU_LATENCY: &str = "/dev/cpu_dma_latency";
+
+/// Asks that idle cores spin in the kernel instead of sleeping: a sleeping core takes tens of microseconds to wake.
+fn stay_awake(device: &Path) -> std::io::Result<File> {
+    let mut request = OpenOptions::new().write(true).open(device)?;
+    request.write_all(&0_i32.to_ne_bytes())?;
+    Ok(request)
 }
 
 /// Niceness of the threads that answer questions: on a full machine the loop comes first.
@@ -74,4 +107,20 @@ fn fifo(priority: u8) -> i32 {
 fn lock_memory() -> i32 {
     // SAFETY: takes no pointers; at worst it is refused.
     unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The kernel reads the request as one native i32; a plain file shows what was written.
+    #[test]
+    fn staying_awake_asks_for_no_latency_and_a_missing_device_is_named() {
+        let device = tempfile::NamedTempFile::new().unwrap();
+        let _held = stay_awake(device.path()).unwrap();
+        assert_eq!(std::fs::read(device.path()).unwrap(), 0_i32.to_ne_bytes());
+        let cause = stay_awake(Path::new("/no/such/device")).unwrap_err();
+        let text = MissingRight::stay_awake(&cause).to_string();
+        assert!(text.starts_with("realtime.stay_awake: refused: ") && text.contains("udev"), "{text}");
+    }
 }

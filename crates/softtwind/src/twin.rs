@@ -51,7 +51,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
             service::tell_manager(&[sd_notify::NotifyState::Stopping]);
         }
         done.store(true, Ordering::Release);
-        prepared
+        prepared.map(drop) // what was granted ends with the loop
     })?;
     for (health, name) in twin.health().zip(&names) {
         tracing::info!("stopped: {name}: {}", summary(health));
@@ -81,9 +81,9 @@ fn reread(options: &TwinOptions) -> Result<reload::Reread, ConfigError> {
 }
 
 /// Real-time rights: what was refused is said once, and stops the start when so configured.
-fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<()> {
-    let mut missing: Vec<String> =
-        realtime::apply(&settings.realtime).iter().map(ToString::to_string).collect();
+fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<realtime::Granted> {
+    let granted = realtime::apply(&settings.realtime);
+    let mut missing: Vec<String> = granted.missing.iter().map(ToString::to_string).collect();
     if settings.realtime.prefault
         && let Err(error) = twin.prefault()
     {
@@ -98,13 +98,13 @@ fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<()> {
     for text in &missing {
         tracing::warn!("REAL TIME IS NOT WHAT WAS ASKED FOR: {text}");
     }
-    Ok(())
+    Ok(granted)
 }
 
 fn describe(loaded: &Loaded) {
     let read: u64 = loaded.read.iter().map(|block| block.bytes).sum();
     let regimes: Vec<&str> = loaded.regimes.iter().map(|kind| kind.name()).collect();
-    let hash = service::hex(&loaded.model_hash);
+    let hash = layout::hex(&loaded.model_hash);
     tracing::info!(
         "{}: model {hash}, regimes {}, {read} of {} bytes read ({})",
         loaded.spec.name,

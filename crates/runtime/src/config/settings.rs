@@ -94,6 +94,9 @@ pub struct Realtime {
     pub cores: Vec<usize>,
     /// Spin instead of sleeping: one core at 100 % for a shorter wake-up. Only on a core of its own.
     pub busy_poll: bool,
+    /// Keep idle cores from sleeping (all of the machine, while the twin runs): wake-ups in a few microseconds instead of
+    /// tens, at the power of a spin, but other programs still get the cores.
+    pub stay_awake: bool,
     /// What to do when the rights for one of these are missing.
     pub on_missing_rights: OnMissingRights,
 }

@@ -11,6 +11,8 @@ use std::sync::Once;
 const PANEL: (u32, u32) = (560, 400);
 const TITLE_HEIGHT: u32 = 44;
 const BAR_WIDTH: u32 = 96;
+/// Lines of more points are drawn thin.
+const DENSE_POINTS: usize = 500;
 const FONT: &str = "sans-serif";
 
 type Area<'a, B> = DrawingArea<B, Shift>;
@@ -141,7 +143,10 @@ fn draw_series<B: DrawingBackend>(panel: &Panel, series: &Series, chart: &mut Ch
     let colour = colour(series);
     let placed = || series.points.iter().filter_map(|p| Some((panel.x.place(p.0)?, panel.y.place(p.1)?)));
     if series.mark != Mark::Dots {
-        chart.draw_series(LineSeries::new(placed(), colour.stroke_width(2)))?;
+        // Piece by piece: where a thick line turns back on itself, its joint would reach far out of the picture.
+        let points: Vec<(f64, f64)> = placed().collect();
+        let style = colour.stroke_width(if points.len() > DENSE_POINTS { 1 } else { 2 });
+        chart.draw_series(points.windows(2).map(|pair| PathElement::new(pair.to_vec(), style)))?;
     }
     if series.mark != Mark::Line {
         chart.draw_series(placed().map(|p| Circle::new(p, 4, colour.filled())))?;

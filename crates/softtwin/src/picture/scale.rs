@@ -23,7 +23,8 @@ impl Axis {
         if self.log {
             return min.floor()..max.ceil().max(min.floor() + 1.0);
         }
-        let margin = (0.04 * (max - min)).max(1e-9 * max.abs()).max(1e-12);
+        // A constant gets room that its labels can tell apart.
+        let margin = if max > min { 0.04 * (max - min) } else { 0.05 * max.abs() }.max(1e-12);
         // An axis of quantities that start at 0 starts at 0.
         let low = if min >= 0.0 && min < 0.3 * max { 0.0 } else { min - margin };
         low..max + margin
@@ -115,5 +116,6 @@ mod tests {
     #[test]
     fn an_axis_without_values_still_has_a_range() {
         assert_eq!(Axis::linear("x").range(std::iter::empty()), 0.0..1.0);
+        assert_eq!(Axis::linear("gap").range([40.0, 40.0].into_iter()), 38.0..42.0);
     }
 }

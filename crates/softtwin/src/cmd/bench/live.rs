@@ -32,6 +32,8 @@ pub enum Payload {
 pub enum WakeUp {
     /// Asleep until notified.
     Event,
+    /// The same, with the cores kept from sleeping (`realtime.stay_awake`).
+    EventAwake,
     /// Spinning, one core each.
     BusyPoll,
 }
@@ -87,7 +89,7 @@ pub fn split(rows: &[Row]) -> (Vec<EndToEnd>, Vec<String>) {
 
 const RATES_HZ: [f64; 3] = [100.0, 1000.0, 4000.0];
 const PAYLOADS: [Payload; 4] = [Payload::StateOnly, Payload::Tip, Payload::Surface, Payload::All];
-const WAKES: [WakeUp; 2] = [WakeUp::Event, WakeUp::BusyPoll];
+const WAKES: [WakeUp; 3] = [WakeUp::Event, WakeUp::EventAwake, WakeUp::BusyPoll];
 /// Samples left out at the start of a row: the daemons' first turns touch cold memory.
 const WARM_UP: Duration = Duration::from_millis(300);
 /// How long the first sample may take.
@@ -197,7 +199,7 @@ impl Listener {
         let started = Instant::now();
         let mut begin: Option<Instant> = None;
         loop {
-            if row.wake == WakeUp::Event {
+            if row.wake != WakeUp::BusyPoll {
                 let wake = wakes.wait([self.port.wakeable()], Duration::from_millis(100))?;
                 anyhow::ensure!(wake != Wake::Signal, "interrupted");
             }

@@ -21,8 +21,11 @@ const QUANTITIES: [Quantity; 4] = [
     ("pressure [MPa]", |state| state.pressure_mpa),
     ("gap [mm]", |state| state.gap_mm),
     ("contact force [N]", |state| state.contact_force_n),
-    ("latency, sensor to published [ms]", TapeState::latency_ms),
+    (LATENCY, TapeState::latency_ms),
 ];
+
+/// Drawn over decades: what matters is the rare slow one.
+const LATENCY: &str = "latency, sensor to published [ms]";
 
 /// The figure of a recording; with a model also the largest displacement and stress.
 ///
@@ -33,8 +36,8 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
     let mut panels: Vec<Panel> = Vec::new();
     for (label, value) in QUANTITIES {
         let series = tape.tracks.iter().enumerate().map(|(colour, (name, track))| {
-            let points = track.thinned(MOST_POINTS).map(|state| (state.t_s, value(state)));
-            line(name, colour, points.filter(|point| point.1.is_finite()).collect())
+            let points = track.states.iter().map(|state| (state.t_s, value(state)));
+            line(name, colour, envelope(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>()))
         });
         panels.push(panel(label, series.collect()));
     }
@@ -59,8 +62,27 @@ fn line(name: &str, colour: usize, points: Vec<(f64, f64)>) -> Series {
     Series { name: name.into(), colour, mark: Mark::Line, points }
 }
 
+/// At most about [`MOST_POINTS`]: of each stretch of time the smallest and the largest value, in their order. Nothing that
+/// stands out is lost.
+fn envelope(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let stretch = (2 * points.len()).div_ceil(MOST_POINTS);
+    if stretch <= 2 {
+        return points.to_vec();
+    }
+    let extremes = |part: &[(f64, f64)]| {
+        let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+        let low = part.iter().min_by(by_value).copied();
+        let high = part.iter().max_by(by_value).copied();
+        let mut both: Vec<(f64, f64)> = low.into_iter().chain(high).collect();
+        both.sort_by(|a, b| a.0.total_cmp(&b.0));
+        both
+    };
+    points.chunks(stretch).flat_map(extremes).collect()
+}
+
 fn panel(label: &str, series: Vec<Series>) -> Panel {
-    Panel { title: String::new(), x: Axis::linear("time [s]"), y: Axis::linear(label), series, map: None }
+    let y = if label == LATENCY { Axis::log(label) } else { Axis::linear(label) };
+    Panel { title: String::new(), x: Axis::linear("time [s]"), y, series, map: None }
 }
 
 /// Largest displacement (mm) and von Mises stress (MPa) of each state.
@@ -77,4 +99,19 @@ fn largest<'a>(model: &Model, states: impl Iterator<Item = &'a TapeState>) -> Re
         found.push((state.t_s, [value(peaks.displacement_mm), value(peaks.stress_mpa)]));
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_envelope_is_short_and_keeps_what_stands_out() {
+        let mut points: Vec<(f64, f64)> = (0..100_000).map(|i| (f64::from(i), 1.0)).collect();
+        (points[33_333].1, points[77_777].1) = (500.0, -3.0);
+        let thin = envelope(&points);
+        assert!(thin.len() <= MOST_POINTS + 2 && thin.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+        assert!(thin.contains(&(33_333.0, 500.0)) && thin.contains(&(77_777.0, -3.0)));
+        assert_eq!(envelope(&points[..MOST_POINTS]), points[..MOST_POINTS]);
+    }
 }

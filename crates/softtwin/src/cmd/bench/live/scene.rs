@@ -107,8 +107,12 @@ impl Folder {
             blocks: Vec::new(),
             folder: PathBuf::new(),
         };
-        let busy_poll = row.wake == WakeUp::BusyPoll;
-        let realtime = Realtime { busy_poll, prefault: true, ..Realtime::default() };
+        let realtime = Realtime {
+            busy_poll: row.wake == WakeUp::BusyPoll,
+            stay_awake: row.wake == WakeUp::EventAwake,
+            prefault: true,
+            ..Realtime::default()
+        };
         let settings = Settings { realtime, ..Settings::default() };
         let files = Files { scene: self.path.join("scene.toml"), settings: self.path.join("twin.toml") };
         std::fs::write(&files.scene, toml::to_string(&scene)?)?;
