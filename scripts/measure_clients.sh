@@ -13,12 +13,12 @@ while [ $# -gt 0 ]; do
     esac
 done
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-if [ "$profile" = dev ]; then cargo build --locked --quiet --workspace; folder=target/debug
-else cargo build --locked --quiet --workspace --profile "$profile"; folder=target/$profile; fi
+if [ "$profile" = dev ]; then cargo build --locked --quiet --workspace; folder=${CARGO_TARGET_DIR:-target}/debug
+else cargo build --locked --quiet --workspace --profile "$profile"; folder=${CARGO_TARGET_DIR:-target}/$profile; fi
 work=$(mktemp -d /tmp/mcXXXXXX)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 export SOFTTWIN_DOMAIN="mc$$" SOFTTWIN_ROOT="$work/iox" PYTHONPATH=$PWD/clients/python/src
-cc -O2 -std=c11 clients/c/examples/latency.c -Icrates/capi/include -L"$folder" -Wl,-rpath,"$PWD/$folder" -lsofttwin -o "$work/latency"
+cc -O2 -std=c11 clients/c/examples/latency.c -Icrates/capi/include -L"$folder" -Wl,-rpath,"$(realpath "$folder")" -lsofttwin -o "$work/latency"
 cat > "$work/scene.toml" <<TOML
 name = "khz"
 [[actuator]]

@@ -93,6 +93,37 @@ fn the_scene_publishes_its_grasp_from_one_pressure_source() {
 }
 
 #[test]
+fn two_pressure_sources_are_judged_by_the_weaker_finger() {
+    let stage = Stage::new("twosources");
+    let models = format!("\"{}/models", repository().display());
+    let profile = |mpa: f64| format!("shape = \"step\"\nlow_mpa = {mpa}\nhigh_mpa = {mpa}\nat_s = 0.0\n");
+    let text = std::fs::read_to_string(repository().join("config/scenes/gripper.toml")).unwrap();
+    let (head, rest) = text.split_once("shape = \"sine\"").unwrap();
+    let (_, tail) = rest.split_once("frequency_hz = 0.2\n").unwrap();
+    let own_source = tail.lines().filter(|line| !line.starts_with("sensor =")).collect::<Vec<_>>().join("\n");
+    let scene = format!(
+        "{head}{}{own_source}\n[actuator.source]\nkind = \"simulate\"\nrate_hz = 200.0\n[actuator.source.profile]\n{}",
+        profile(0.079),
+        profile(0.05)
+    );
+    let scene = stage.write("gripper.toml", &scene.replace("\"../../models", &models));
+    let twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+    // The first grasps may know one finger only.
+    let (status, said) =
+        Program::tool(&stage, &["echo", "softtwin/gripper/grasp", "--count", "100", "--json"]).end();
+    assert!(status.success(), "{said:?}");
+    let newest = serde_json::from_str::<Value>(said.last().unwrap()).unwrap()["sample"].clone();
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{newest}"));
+    let pair = |key: &str| (number(&newest[key][0]), number(&newest[key][1]));
+    assert_eq!(pair("pressures_mpa"), (0.079, 0.05), "each finger has a gauge of its own");
+    let (strong, weak) = pair("forces_n");
+    assert!(strong > 0.5 && weak > 0.0 && weak < 0.6 * strong, "{newest}");
+    assert_eq!(number(&newest["least_force_n"]), weak, "the weaker finger counts");
+    drop((bridge, twin));
+}
+
+#[test]
 fn a_scene_that_contradicts_itself_is_refused_with_all_problems() {
     let stage = Stage::new("contradiction");
     let path = stage.write(

@@ -213,7 +213,7 @@ fn the_committed_model_is_inverted_over_its_whole_domain() {
         for force_n in [0.02, 0.1, 0.3, 0.6] {
             let answer = ask(&mut finger, &pressure_for(force_n, gap_mm));
             if answer.refusal().is_none() {
-                assert!((answer.contact_force_n - force_n).abs() < 1e-8, "{gap_mm} mm: {answer:?}");
+                assert!((answer.contact_force_n - force_n).abs() < 1e-7, "{gap_mm} mm: {answer:?}");
                 assert_eq!(answer.domain_verdict, 0);
                 solved += 1;
             } else {
