@@ -9,7 +9,7 @@
 //! Groups that belong together (the three coordinates: what counts is the length of their error) are chosen together and
 //! share a kernel; each keeps its own number of modes.
 
-use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail};
+use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig};
 use crate::fit::{Fit, FitError, Samples, condition_of, fit_candidate};
 use crate::gp::maximum_likelihood;
 use crate::interpolant::{Interpolant, Metric};
