@@ -41,6 +41,9 @@ finish() {
 }
 trap finish EXIT
 
+# A copy: whoever trains the model anew meanwhile must not change what the judges expect.
+cp "$model" "$work/model.twin"
+model=$work/model.twin
 scene() { # name, rate in Hz, gap in mm
     cp "$model" "$work/$1.twin"
     cat >"$work/$1.toml" <<SCENE

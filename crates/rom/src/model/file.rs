@@ -29,11 +29,19 @@ pub const VERSION: u32 = 2;
 const ALIGN: usize = 64;
 const TRAILER: u64 = 32;
 
+/// What people mistake for a model.
+fn kind(found: &[u8]) -> &'static str {
+    match found {
+        [0x89, b'M', b'C', b'A', b'P', ..] => " (a recording: see softtwin plot recording, softtwin replay)",
+        _ => "",
+    }
+}
+
 /// Why a model file was refused.
 #[derive(Debug, Error)]
 pub enum ModelFileError {
     /// Not one of ours.
-    #[error("not a model file: expected it to begin with {MAGIC:?}, found {found:?}")]
+    #[error("not a model file: expected it to begin with {:?}, found {:?}{}", MAGIC.escape_ascii().to_string(), found.escape_ascii().to_string(), kind(found))]
     Foreign {
         /// First bytes.
         found: Vec<u8>,
