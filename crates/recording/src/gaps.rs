@@ -44,6 +44,11 @@ impl GapCounter {
         Some(gap)
     }
 
+    /// Begins anew with a topic that was not followed for a while.
+    pub fn forget(&mut self, topic: &str) {
+        self.last.remove(topic);
+    }
+
     /// Samples missing over all topics so far.
     pub fn missing(&self) -> u64 {
         self.missing
@@ -63,6 +68,8 @@ mod tests {
         assert_eq!(gaps.observe("a", 1, 15), Some(Gap { expected_seq: 12, found_seq: 15 }));
         assert_eq!(gaps.observe("a", 2, 900), None, "another boot id is another publisher");
         assert_eq!(gaps.observe("a", 2, 899), None, "backwards is not a loss");
+        gaps.forget("b");
+        assert_eq!(gaps.observe("b", 1, 50), None, "what was not followed is not missing");
         assert_eq!(gaps.missing(), 3);
     }
 }

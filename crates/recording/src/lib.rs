@@ -28,7 +28,7 @@ mod writer;
 pub use csv::{ExportError, Exported, export_csv};
 pub use gaps::{Gap, GapCounter};
 pub use reader::{Ending, Item, Message, ReadError, Reader};
-pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions};
+pub use recorder::{FLUSH_EVERY, Outlet, Port, RecordError, RecordSummary, Recorder, RecorderOptions, Stamp};
 pub use rotate::{RotateOptions, RotateSummary, RotatingWriter};
 pub use store::Store;
 pub use writer::{Channel, ChannelId, WriteError, WriteSummary, Writer};

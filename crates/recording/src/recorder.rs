@@ -17,7 +17,7 @@ use thiserror::Error;
 use wire::{Bus, KeyExpr, WakeSet, WireError, now_ns};
 
 use crate::{RotateOptions, RotateSummary, RotatingWriter, WriteError};
-use drain::Port;
+pub use drain::{Outlet, Port, Stamp};
 use queue::{Sink, WriterThread};
 
 /// What is recorded, and where to.

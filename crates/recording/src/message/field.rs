@@ -6,7 +6,8 @@ use wire::layout::{field_id, flags, hex, regime, unpack_name};
 
 use super::{Recorded, number, schema};
 
-/// A field as JSON. Fields as in [`FieldHeader`]; `values` is base64 of little-endian `f32`, field-major.
+/// A field as JSON. Fields as in [`FieldHeader`]; `values` is base64 of little-endian `f32`, field-major, and left out
+/// where the message goes beside the values themselves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)] // the wire's payload says what each is
 pub struct FieldMessage {
@@ -30,6 +31,7 @@ pub struct FieldMessage {
     pub fields: Vec<&'static str>,
     pub model_hash: String,
     pub boot_id: String,
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub values: String,
 }
 

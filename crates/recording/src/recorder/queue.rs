@@ -9,17 +9,10 @@ use std::time::Instant;
 
 use wire::now_ns;
 
+use super::drain::{Outlet, Stamp};
 use super::{FLUSH_EVERY, Flag, RecordError, RecordSummary};
 use crate::message::{GapMessage, Recorded};
 use crate::{Channel, GapCounter, RotateSummary, RotatingWriter, WriteError};
-
-/// Identity of a sample.
-#[derive(Debug, Clone, Copy)]
-pub struct Stamp {
-    pub boot_id: u64,
-    pub seq: u64,
-    pub t_publish_ns: u64,
-}
 
 /// What the writer's thread is given.
 enum Entry {
@@ -71,9 +64,9 @@ pub fn start(file: RotatingWriter, limit_bytes: u64, offset_ns: u64) -> (Sink, W
     (sink, WriterThread { handle, failed })
 }
 
-impl Sink {
+impl Outlet for Sink {
     /// Queues one message; reports a jump in its topic's numbers as a message of its own, in front of it.
-    pub fn put<M: Recorded>(&mut self, topic: &str, stamp: Stamp, message: &M) {
+    fn put<M: Recorded>(&mut self, topic: &str, stamp: Stamp, message: &M) {
         if let Some(gap) = self.gaps.observe(topic, stamp.boot_id, stamp.seq) {
             self.summary.missing = self.gaps.missing();
             let stamp = Stamp { seq: gap.found_seq, ..stamp };
@@ -83,7 +76,7 @@ impl Sink {
     }
 
     /// Notes which model an actuator's states come from, whenever that changes.
-    pub fn model(&mut self, actuator: &str, hash: &str) {
+    fn model(&mut self, actuator: &str, hash: &str) {
         if self.models.get(actuator).is_some_and(|known| known == hash) {
             return;
         }
@@ -95,7 +88,9 @@ impl Sink {
         // A writer that is gone has said why; the recorder's loop sees it.
         let _ = self.sender.send(Entry::Metadata { name: format!("softtwin.model.{actuator}"), entries });
     }
+}
 
+impl Sink {
     /// What was recorded so far.
     pub fn summary(&self) -> &RecordSummary {
         &self.summary

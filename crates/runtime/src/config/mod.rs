@@ -40,7 +40,10 @@ impl fmt::Display for ConfigError {
 impl std::error::Error for ConfigError {}
 
 /// Reads a TOML file into `T`; unknown keys and wrong types are errors with line and column.
-pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
+///
+/// # Errors
+/// A file that cannot be read, is no TOML or does not fit `T`.
+pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
     let fail = |problem: String| ConfigError { path: path.into(), problems: vec![problem] };
     let text =
         std::fs::read_to_string(path).map_err(|error| fail(format!("cannot read the file: {error}")))?;

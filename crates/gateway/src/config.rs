@@ -1,0 +1,181 @@
+//! The gateway's configuration: typed, then checked as a whole, all problems at once.
+
+use crate::endpoint::Endpoint;
+use crate::security::{self, Security, SecurityFile};
+use runtime::config::ConfigError;
+use serde::Deserialize;
+use std::path::Path;
+use std::time::Duration;
+use wire::{KeyExpr, Topic};
+
+/// What the gateway is in the network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Talks to whom it calls and who calls it.
+    #[default]
+    Peer,
+    /// Calls one router (the first that answers) and leaves the rest to it.
+    Client,
+    /// As a peer, and passes on between all who are connected.
+    Router,
+}
+
+/// Where it listens unless told otherwise: reachable from this machine only.
+const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
+
+/// The file, as written.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct File {
+    mode: Mode,
+    listen: Option<Vec<String>>,
+    connect: Vec<String>,
+    prefix: String,
+    keys: Vec<String>,
+    field_rate_hz: f64,
+    readings_from_network: Vec<String>,
+    security: SecurityFile,
+}
+
+impl Default for File {
+    fn default() -> Self {
+        Self {
+            mode: Mode::default(),
+            listen: None,
+            connect: Vec::new(),
+            prefix: String::new(),
+            keys: vec!["softtwin/**".into()],
+            field_rate_hz: 30.0,
+            readings_from_network: Vec::new(),
+            security: SecurityFile::default(),
+        }
+    }
+}
+
+/// What the gateway does, checked.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// What it is in the network.
+    pub mode: Mode,
+    /// Where others reach it.
+    pub listen: Vec<Endpoint>,
+    /// Whom it calls.
+    pub connect: Vec<Endpoint>,
+    /// What stands before every key on the network: empty, or chunks with a `/` at the end.
+    pub prefix: String,
+    /// Local topics that go out.
+    pub keys: Vec<KeyExpr>,
+    /// Time between two fields of a topic.
+    pub field_period: Duration,
+    /// Sensor topics that are fed from the network.
+    pub inlets: Vec<Topic>,
+    /// Who is let in and how the gateway shows who it is.
+    pub security: Security,
+}
+
+impl Config {
+    /// Reads and checks a file. Paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// All problems at once.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let file: File = runtime::config::read(path)?;
+        let mut problems = Vec::new();
+        let config = check(file, path.parent().unwrap_or(Path::new("")), &mut problems);
+        if problems.is_empty() { Ok(config) } else { Err(ConfigError { path: path.into(), problems }) }
+    }
+}
+
+fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
+    let is_client = file.mode == Mode::Client;
+    if !is_client && file.listen.as_ref().is_some_and(Vec::is_empty) && file.connect.is_empty() {
+        problems.push("listen, connect: expected at least one endpoint, found none".into());
+    }
+    if is_client && file.connect.is_empty() {
+        problems.push("connect: expected the endpoint of a router for mode \"client\", found none".into());
+    }
+    let listen = match file.listen {
+        Some(texts) => endpoints("listen", &texts, problems),
+        None if is_client => Vec::new(),
+        None => endpoints("listen", &[DEFAULT_LISTEN.to_owned()], problems),
+    };
+    let connect = endpoints("connect", &file.connect, problems);
+    let known = security::check(file.security, folder, problems);
+    for endpoint in &listen {
+        problems.extend(security::closed("listen", endpoint, known.may_listen()));
+        if endpoint.is_tls && known.own.is_none() {
+            problems.push(format!("listen {endpoint}: needs security.certificate and security.private_key"));
+        }
+    }
+    for endpoint in &connect {
+        problems.extend(security::closed("connect", endpoint, known.may_connect()));
+    }
+    if is_client && !listen.is_empty() {
+        problems.push("listen: a client listens nowhere; leave it out, or be a \"peer\"".into());
+    }
+    if !listen.is_empty() && known.may_connect() && !known.may_listen() {
+        problems.push(
+            "security.user: who has a password of its own asks callers for theirs; give users_file, or listen = []".into(),
+        );
+    }
+    if !(file.field_rate_hz > 0.0 && file.field_rate_hz <= 1000.0) {
+        problems.push(format!(
+            "field_rate_hz: expected more than 0 and at most 1000, found {}",
+            file.field_rate_hz
+        ));
+    }
+    Config {
+        mode: file.mode,
+        listen,
+        connect,
+        prefix: prefix(&file.prefix, problems),
+        keys: keys(&file.keys, problems),
+        field_period: Duration::try_from_secs_f64(1.0 / file.field_rate_hz).unwrap_or_default(),
+        inlets: inlets(&file.readings_from_network, problems),
+        security: known,
+    }
+}
+
+fn endpoints(key: &str, texts: &[String], problems: &mut Vec<String>) -> Vec<Endpoint> {
+    let mut take =
+        |text: &String| Endpoint::parse(text).map_err(|error| problems.push(format!("{key}: {error}"))).ok();
+    texts.iter().filter_map(&mut take).collect()
+}
+
+fn prefix(text: &str, problems: &mut Vec<String>) -> String {
+    if text.is_empty() {
+        return String::new();
+    }
+    let is_plain = |chunk: &str| {
+        !chunk.is_empty()
+            && chunk.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'-')
+    };
+    let text = text.strip_suffix('/').unwrap_or(text);
+    if !text.split('/').all(is_plain) {
+        problems.push(format!(
+            "prefix: expected chunks of letters, digits, `_`, `-`, separated by `/`, found {text:?}"
+        ));
+    }
+    format!("{text}/")
+}
+
+fn keys(texts: &[String], problems: &mut Vec<String>) -> Vec<KeyExpr> {
+    let mut take =
+        |text: &String| KeyExpr::new(text).map_err(|error| problems.push(format!("keys: {error}"))).ok();
+    texts.iter().filter_map(&mut take).collect()
+}
+
+fn inlets(names: &[String], problems: &mut Vec<String>) -> Vec<Topic> {
+    let mut topics: Vec<Topic> = Vec::new();
+    for name in names {
+        match Topic::sensor(name) {
+            Ok(topic) if topics.contains(&topic) => {
+                problems.push(format!("readings_from_network: {name:?} twice"))
+            }
+            Ok(topic) => topics.push(topic),
+            Err(error) => problems.push(format!("readings_from_network: {error}")),
+        }
+    }
+    topics
+}

@@ -1,0 +1,85 @@
+//! What all threads of the gateway share.
+
+use anyhow::anyhow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use wire::{Domain, Topic};
+use zenoh::Session;
+
+/// Both sides of the gateway, and its counts.
+#[derive(Clone)]
+pub struct Link {
+    /// The shared-memory domain.
+    pub domain: Domain,
+    /// The network.
+    pub session: Session,
+    /// What stands before every key on the network.
+    pub prefix: Arc<str>,
+    /// Set when the gateway is to end.
+    pub stop: Arc<AtomicBool>,
+    /// What was done.
+    pub counters: Arc<Counters>,
+}
+
+/// What became of everything, for the last line.
+#[derive(Debug, Default)]
+pub struct Counters {
+    /// Messages sent, without fields.
+    pub messages: AtomicU64,
+    /// Samples that were published locally and never reached the gateway.
+    pub lost: AtomicU64,
+    /// Fields sent.
+    pub fields: AtomicU64,
+    /// Requests answered.
+    pub answers: AtomicU64,
+    /// Requests that could not be answered.
+    pub refusals: AtomicU64,
+    /// Readings taken from the network.
+    pub readings: AtomicU64,
+    /// Readings from the network that were none, or could not be passed on.
+    pub bad_readings: AtomicU64,
+}
+
+impl Link {
+    /// The key of a topic, or of anything with a local name, on the network.
+    pub fn key(&self, name: &str) -> String {
+        format!("{}{name}", self.prefix)
+    }
+
+    /// The key of a topic.
+    pub fn topic_key(&self, topic: &Topic) -> String {
+        self.key(topic.name())
+    }
+
+    /// Whether the gateway is to end.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+impl Counters {
+    /// Everything in one line.
+    pub fn line(&self) -> String {
+        let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        format!(
+            "{} messages and {} fields sent, {} samples lost before the gateway, {} requests answered, {} refused, {} readings taken, {} refused",
+            of(&self.messages),
+            of(&self.fields),
+            of(&self.lost),
+            of(&self.answers),
+            of(&self.refusals),
+            of(&self.readings),
+            of(&self.bad_readings),
+        )
+    }
+}
+
+/// Counts up by one.
+pub fn count(counter: &AtomicU64) {
+    counter.fetch_add(1, Ordering::Relaxed);
+}
+
+/// Zenoh's errors as ours.
+pub fn network<T>(result: zenoh::Result<T>) -> anyhow::Result<T> {
+    result.map_err(|error| anyhow!("the network refuses: {error}"))
+}

@@ -1,0 +1,177 @@
+//! `softtwin-gateway`: the twins of this machine on a Zenoh network, under the keys they have locally.
+//!
+//! ```text
+//! domain -> [look] -> topics -> [small]  states, health, ... : every one, JSON        -> network
+//!                            -> [fields] the newest, at a rate or on demand, f32      -> network
+//! domain <- [questions] <- get  softtwin/<actuator>/whatif|pressure|gap?...           <- network
+//! domain <- [readings]  <- put  softtwin/<actuator>/sensor, where the configuration allows it
+//! ```
+//!
+//! A thread each, because ports of the shared memory stay in the thread that made them. All wait for the network; none of
+//! them is on the twin's way.
+#![forbid(unsafe_code)]
+
+mod clock;
+mod config;
+mod endpoint;
+mod fields;
+mod lane;
+mod link;
+mod look;
+mod network;
+mod questions;
+mod readings;
+mod security;
+mod small;
+
+use anyhow::{Context, anyhow};
+use clap::Parser;
+use config::Config;
+use link::{Counters, Link};
+use look::Look;
+use runtime::config::ConfigError;
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+use tracing_subscriber::EnvFilter;
+use wire::Domain;
+use zenoh::Wait;
+
+/// How often the counts are told.
+const TELL_EVERY: Duration = Duration::from_secs(60);
+
+const EXAMPLES: &str = "\
+Examples:
+  The twins of this machine for programs on this machine that speak Zenoh
+    softtwin-gateway --config config/gateway.toml
+  Look at a configuration without starting
+    softtwin-gateway --config config/gateway.toml --check
+
+The shared-memory domain is $SOFTTWIN_DOMAIN (with $SOFTTWIN_ROOT), or iceoryx2's own.
+Keys, encodings and security: docs/gateway.md.
+Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";
+
+/// The twins of this machine on a Zenoh network.
+#[derive(Parser)]
+#[command(name = "softtwin-gateway", version, about, after_help = EXAMPLES)]
+struct Options {
+    /// Configuration file, see config/gateway.toml
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// Check the configuration, say what it means, and end
+    #[arg(long)]
+    check: bool,
+}
+
+fn main() -> ExitCode {
+    let options = Options::parse(); // clap itself leaves with 2 on wrong usage
+    let filter =
+        EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,softtwin_gateway=info"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .without_time()
+        .init();
+    match run(&options) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            tracing::error!("{error:#}");
+            ExitCode::from(if error.is::<ConfigError>() { 78 } else { 1 })
+        }
+    }
+}
+
+fn run(options: &Options) -> anyhow::Result<()> {
+    let config = Config::load(&options.config)?;
+    tracing::info!("{config:?}");
+    if options.check {
+        return Ok(());
+    }
+    let stop = stop_flag().context("signals cannot be handled")?;
+    let Some(session) = network::open(&config, &stop)? else { return Ok(()) };
+    let link = Link {
+        domain: Domain::from_env(),
+        session,
+        prefix: config.prefix.as_str().into(),
+        stop,
+        counters: Arc::new(Counters::default()),
+    };
+    let ended = serve(&link, &config);
+    link.stop.store(true, Ordering::Relaxed);
+    tracing::info!("ended: {}", link.counters.line());
+    if let Err(error) = link.session.close().wait() {
+        tracing::warn!("the session did not close cleanly: {error}");
+    }
+    ended
+}
+
+/// Starts the threads and looks at the domain until the end.
+fn serve(link: &Link, config: &Config) -> anyhow::Result<()> {
+    let ((small, small_news), (fields, field_news)) = (channel(), channel());
+    let (desk, questions) = questions::desk();
+    let mut look = Look::new(link, config, small, fields, desk)?;
+    let (period, inlets) = (config.field_period, config.inlets.clone());
+    let mut threads = vec![
+        start(link, "small", move |link| small::run(link, &small_news))?,
+        start(link, "fields", move |link| fields::run(link, &field_news, period))?,
+        start(link, "questions", move |link| questions::run(link, &questions))?,
+    ];
+    if !inlets.is_empty() {
+        threads.push(start(link, "readings", move |link| readings::run(link, &inlets))?);
+    }
+    look.look(link)?;
+    tracing::info!("ready: {}", place(config));
+    let mut tell_at = Instant::now() + TELL_EVERY;
+    while !link.is_stopped() && !threads.iter().any(JoinHandle::is_finished) {
+        thread::sleep(look::EVERY);
+        if let Err(error) = look.look(link) {
+            tracing::warn!("{error:#}");
+        }
+        if Instant::now() >= tell_at {
+            tell_at += TELL_EVERY;
+            tracing::info!("so far: {}", link.counters.line());
+        }
+    }
+    link.stop.store(true, Ordering::Relaxed);
+    let ends =
+        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| Err(anyhow!("a thread panicked"))));
+    ends.collect()
+}
+
+fn start(
+    link: &Link,
+    name: &str,
+    body: impl FnOnce(&Link) -> anyhow::Result<()> + Send + 'static,
+) -> anyhow::Result<JoinHandle<anyhow::Result<()>>> {
+    let link = link.clone();
+    Ok(thread::Builder::new().name(name.into()).spawn(move || body(&link))?)
+}
+
+/// Where the gateway can be met.
+fn place(config: &Config) -> String {
+    let list = |endpoints: &[endpoint::Endpoint]| {
+        endpoints.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    };
+    match (config.listen.is_empty(), config.connect.is_empty()) {
+        (false, true) => format!("listens on {}", list(&config.listen)),
+        (true, _) => format!("calls {}", list(&config.connect)),
+        (false, false) => format!("listens on {}, calls {}", list(&config.listen), list(&config.connect)),
+    }
+}
+
+/// A flag that SIGTERM and SIGINT set. A second signal ends the process at once.
+fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+        signal_hook::flag::register_conditional_shutdown(signal, 1, stop.clone())?;
+        signal_hook::flag::register(signal, stop.clone())?;
+    }
+    Ok(stop)
+}

@@ -1,0 +1,102 @@
+//! The gateway's place in the Zenoh network.
+
+use crate::config::{Config, Mode};
+use anyhow::anyhow;
+use serde_json::{Value, json};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+use zenoh::{Session, Wait};
+
+/// Longest time that a state waits for a reader who takes nothing. Then this reader is cut off, so that the others get
+/// what the topics' own buffers (2 s at 1 kHz) have kept for them meanwhile.
+const SLOWEST_READER: Duration = Duration::from_secs(1);
+/// Batches of 64 kB that may wait in each of the queues of states and of fields: 1 MB, two whole fields.
+const QUEUE_BATCHES: u32 = 16;
+
+/// Joins the network; `None` when `stop` came first (a client waits here until its router is there).
+///
+/// # Errors
+/// When a port is taken, or a certificate cannot be used.
+pub fn open(config: &Config, stop: &AtomicBool) -> anyhow::Result<Option<Session>> {
+    let settings = zenoh::Config::from_json5(&settings(config).to_string())
+        .map_err(|error| anyhow!("Zenoh refuses the configuration: {error}"))?;
+    let opening = thread::Builder::new().name("open".into()).spawn(|| zenoh::open(settings).wait())?;
+    while !opening.is_finished() {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        thread::sleep(Duration::from_millis(20));
+    }
+    match opening.join() {
+        Ok(Ok(session)) => Ok(Some(session)),
+        Ok(Err(error)) => {
+            Err(anyhow!("cannot join the network: {error}; is the port taken by another program?"))
+        }
+        Err(_) => Err(anyhow!("Zenoh panicked while joining the network")),
+    }
+}
+
+/// The settings in Zenoh's own form. Nobody is looked for: what is connected is what the configuration names.
+fn settings(config: &Config) -> Value {
+    let texts = |endpoints: &[crate::endpoint::Endpoint]| {
+        endpoints.iter().map(|endpoint| json!(endpoint.to_string())).collect::<Vec<Value>>()
+    };
+    let mode = match config.mode {
+        Mode::Peer => "peer",
+        Mode::Client => "client",
+        Mode::Router => "router",
+    };
+    json!({
+        "mode": mode,
+        "listen": { "endpoints": texts(&config.listen) },
+        "connect": {
+            "endpoints": texts(&config.connect),
+            "timeout_ms": -1,
+            "exit_on_failure": false,
+            "retry": { "period_init_ms": 200, "period_max_ms": 4000, "period_increase_factor": 2.0 },
+        },
+        "scouting": {
+            "multicast": { "enabled": false },
+            // Who is connected to whom is told, so that nothing arrives twice over two ways; nobody is called for that.
+            "gossip": { "autoconnect": { "router": [], "peer": [], "client": [] } },
+        },
+        "open": { "return_conditions": { "connect_scouted": false } },
+        "transport": {
+            "link": {
+                "protocols": ["tcp", "tls"],
+                "tx": { "queue": {
+                    "size": { "data_high": QUEUE_BATCHES, "data_low": QUEUE_BATCHES },
+                    "congestion_control": { "block": { "wait_before_close": SLOWEST_READER.as_micros() as u64 } },
+                } },
+                "tls": tls(config),
+            },
+            "auth": { "usrpwd": users(config) },
+        },
+    })
+}
+
+fn tls(config: &Config) -> Value {
+    let security = &config.security;
+    let mut tls = json!({ "verify_name_on_connect": true });
+    if let Some((certificate, key)) = &security.own {
+        tls["listen_certificate"] = json!(certificate);
+        tls["listen_private_key"] = json!(key);
+    }
+    if let Some(root) = &security.root_certificate {
+        tls["root_ca_certificate"] = json!(root);
+    }
+    tls
+}
+
+fn users(config: &Config) -> Value {
+    let mut users = json!({});
+    if let Some(file) = &config.security.users_file {
+        users["dictionary_file"] = json!(file);
+    }
+    if let Some((user, password)) = &config.security.credentials {
+        users["user"] = json!(user);
+        users["password"] = json!(password.0);
+    }
+    users
+}

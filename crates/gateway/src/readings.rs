@@ -1,0 +1,145 @@
+//! Readings from the network, into the sensor topics that the configuration names.
+
+use crate::clock::SenderClock;
+use crate::link::{Link, count, network};
+use recording::message::SensorMessage;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+use wire::{Bus, SensorSample, SensorWriter, Topic, now_ns};
+use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::{Locality, Sample, SampleKind};
+
+/// Readings that may wait: a second at 1 kHz.
+const READINGS: usize = 1024;
+/// A reading is a few hundred bytes; more is none.
+const MAX_BYTES: usize = 4096;
+/// How often a topic is tried again that another program writes.
+const RETRY: Duration = Duration::from_secs(1);
+/// Longest sleep.
+const TICK: Duration = Duration::from_millis(100);
+
+/// One message as it arrived.
+struct Arrived {
+    inlet: usize,
+    t_arrival_ns: u64,
+    bytes: Vec<u8>,
+}
+
+/// Moves readings until the gateway ends.
+///
+/// # Errors
+/// When the domain cannot be joined or the session is closed.
+pub fn run(link: &Link, topics: &[Topic]) -> anyhow::Result<()> {
+    let bus = Bus::open(&link.domain)?;
+    let (sender, receiver) = sync_channel(READINGS);
+    let subscribe = |(inlet, topic): (usize, &Topic)| subscribe(link, topic, inlet, sender.clone());
+    let _subscribers = topics.iter().enumerate().map(subscribe).collect::<anyhow::Result<Vec<_>>>()?;
+    let mut inlets: Vec<Inlet> = topics.iter().map(Inlet::new).collect();
+    for inlet in &mut inlets {
+        inlet.open(&bus);
+    }
+    serve(link, &bus, &receiver, &mut inlets);
+    Ok(())
+}
+
+fn serve(link: &Link, bus: &Bus, receiver: &Receiver<Arrived>, inlets: &mut [Inlet]) {
+    while !link.is_stopped() {
+        match receiver.recv_timeout(TICK) {
+            Ok(arrived) => {
+                let Some(inlet) = inlets.get_mut(arrived.inlet) else { continue };
+                let is_taken = inlet.take(bus, &arrived);
+                count(if is_taken { &link.counters.readings } else { &link.counters.bad_readings });
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+fn subscribe(
+    link: &Link,
+    topic: &Topic,
+    inlet: usize,
+    sender: SyncSender<Arrived>,
+) -> anyhow::Result<Subscriber<()>> {
+    let counters = link.counters.clone();
+    let take = move |sample: Sample| {
+        let is_reading = sample.kind() == SampleKind::Put && sample.payload().len() <= MAX_BYTES;
+        let arrived = Arrived {
+            inlet,
+            t_arrival_ns: now_ns(),
+            bytes: if is_reading { sample.payload().to_bytes().into_owned() } else { Vec::new() },
+        };
+        if sender.try_send(arrived).is_err() {
+            count(&counters.bad_readings);
+        }
+    };
+    let subscriber = link.session.declare_subscriber(link.topic_key(topic)).callback(take);
+    network(subscriber.allowed_origin(Locality::Remote).wait())
+}
+
+/// One sensor topic.
+struct Inlet {
+    topic: Topic,
+    writer: Option<SensorWriter>,
+    retry_at: Instant,
+    clock: SenderClock,
+    /// The last trouble, told once until it is over.
+    trouble: Option<String>,
+}
+
+impl Inlet {
+    fn new(topic: &Topic) -> Self {
+        Self {
+            topic: topic.clone(),
+            writer: None,
+            retry_at: Instant::now(),
+            clock: SenderClock::default(),
+            trouble: None,
+        }
+    }
+
+    fn open(&mut self, bus: &Bus) {
+        self.retry_at = Instant::now() + RETRY;
+        match SensorWriter::create(bus, &self.topic) {
+            Ok(writer) => self.writer = Some(writer),
+            Err(error) => self.tell(format!("readings from the network cannot be passed on: {error}")),
+        }
+    }
+
+    /// Passes a reading on; its values are the twin's to judge. False when it is none, or nobody takes it.
+    fn take(&mut self, bus: &Bus, arrived: &Arrived) -> bool {
+        let message = match SensorMessage::decode(&arrived.bytes) {
+            Ok(message) => message,
+            Err(error) => {
+                self.tell(format!("{}: a message from the network is no reading: {error}", self.topic));
+                return false;
+            }
+        };
+        let sample = message.sample();
+        let t_sensor_ns = self.clock.local_ns(sample.boot_id, sample.t_sensor_ns, arrived.t_arrival_ns);
+        if self.writer.is_none() && Instant::now() >= self.retry_at {
+            self.open(bus);
+        }
+        let Some(writer) = &mut self.writer else { return false };
+        match writer.publish(SensorSample { t_sensor_ns, ..sample }) {
+            Ok(()) => {
+                self.trouble = None;
+                true
+            }
+            Err(error) => {
+                self.writer = None;
+                self.tell(error.to_string());
+                false
+            }
+        }
+    }
+
+    fn tell(&mut self, trouble: String) {
+        if self.trouble.as_ref() != Some(&trouble) {
+            tracing::warn!("{trouble}");
+            self.trouble = Some(trouble);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Certificates, users and passwords; what leaves the machine needs all of them.
+
+use crate::endpoint::Endpoint;
+use serde::Deserialize;
+use std::fmt;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+/// The table `[security]`, as written.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SecurityFile {
+    certificate: Option<PathBuf>,
+    private_key: Option<PathBuf>,
+    root_certificate: Option<PathBuf>,
+    users_file: Option<PathBuf>,
+    user: Option<String>,
+    password_file: Option<PathBuf>,
+}
+
+/// Certificates and passwords.
+#[derive(Debug, Clone, Default)]
+pub struct Security {
+    /// Own certificate and its private key, PEM.
+    pub own: Option<(PathBuf, PathBuf)>,
+    /// Who vouches for the others' certificates, PEM.
+    pub root_certificate: Option<PathBuf>,
+    /// Who may call: `user:password`, one a line.
+    pub users_file: Option<PathBuf>,
+    /// Own name and password when calling.
+    pub credentials: Option<(String, Password)>,
+}
+
+/// A password, which no log shows.
+#[derive(Clone)]
+pub struct Password(pub String);
+
+impl fmt::Debug for Password {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("***")
+    }
+}
+
+/// Beyond this machine only with encryption and passwords.
+pub fn closed(key: &str, endpoint: &Endpoint, knows_users: bool) -> Option<String> {
+    if endpoint.is_loopback() || (endpoint.is_tls && knows_users) {
+        return None;
+    }
+    let users = match key {
+        "listen" => "security.users_file",
+        _ => "security.user and security.password_file",
+    };
+    Some(format!(
+        "{key} {endpoint}: leaves this machine, so it needs tls/ (found {}/) and {users} ({}); or stay on 127.0.0.1",
+        if endpoint.is_tls { "tls" } else { "tcp" },
+        if knows_users { "given" } else { "missing" },
+    ))
+}
+
+impl Security {
+    /// Whether callers are asked who they are.
+    pub fn may_listen(&self) -> bool {
+        self.users_file.is_some()
+    }
+
+    /// Whether it can say who it is.
+    pub fn may_connect(&self) -> bool {
+        self.credentials.is_some()
+    }
+}
+
+/// Reads and checks the table; paths are relative to `folder`.
+pub fn check(file: SecurityFile, folder: &Path, problems: &mut Vec<String>) -> Security {
+    let mut read = |key: &str, path: Option<PathBuf>, is_secret: bool| {
+        let path = folder.join(path?);
+        let found = readable(&path, is_secret);
+        let text =
+            found.map_err(|error| problems.push(format!("security.{key}: {}: {error}", path.display())));
+        Some((path, text.ok()?))
+    };
+    let certificate = read("certificate", file.certificate.clone(), false);
+    let private_key = read("private_key", file.private_key.clone(), true);
+    let root_certificate = read("root_certificate", file.root_certificate, false);
+    let users = read("users_file", file.users_file, true);
+    let password = read("password_file", file.password_file.clone(), true);
+    if file.certificate.is_some() != file.private_key.is_some() {
+        problems.push("security: certificate and private_key go together, one of them is missing".into());
+    }
+    if file.user.is_some() != file.password_file.is_some() {
+        problems.push("security: user and password_file go together, one of them is missing".into());
+    }
+    if let Some((path, text)) = &users {
+        problems.extend(
+            users_problem(text).map(|problem| format!("security.users_file: {}: {problem}", path.display())),
+        );
+    }
+    let credentials =
+        file.user.zip(password).map(|(user, (_, text))| (user, Password(text.trim().to_owned())));
+    if credentials.as_ref().is_some_and(|(user, password)| user.is_empty() || password.0.is_empty()) {
+        problems.push("security: user and password must not be empty".into());
+    }
+    Security {
+        own: certificate.zip(private_key).map(|((certificate, _), (key, _))| (certificate, key)),
+        root_certificate: root_certificate.map(|(path, _)| path),
+        users_file: users.map(|(path, _)| path),
+        credentials,
+    }
+}
+
+/// The file's text; secrets must not be everybody's.
+fn readable(path: &Path, is_secret: bool) -> Result<String, String> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot be read: {error}"))?;
+    let mode = std::fs::metadata(path).map_err(|error| error.to_string())?.permissions().mode();
+    if is_secret && mode & 0o007 != 0 {
+        return Err(format!("everybody on this machine may use it (mode {:o}); chmod 600", mode & 0o777));
+    }
+    Ok(text)
+}
+
+/// What is wrong with a list of users; an empty one would let nobody in, and Zenoh would then ask nobody.
+fn users_problem(text: &str) -> Option<String> {
+    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    let is_good = |line: &&str| {
+        line.split_once(':').is_some_and(|(user, word)| !user.trim().is_empty() && !word.trim().is_empty())
+    };
+    match lines.iter().position(|line| !is_good(line)) {
+        _ if lines.is_empty() => Some("expected `user:password`, one a line, found none".into()),
+        Some(at) => Some(format!("expected `user:password`, one a line; entry {} is none", at + 1)),
+        None => None,
+    }
+}
