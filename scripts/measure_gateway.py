@@ -74,9 +74,10 @@ class Run:
         (self.folder / "scene.toml").write_text(SCENE)
         (self.folder / "gateway.toml").write_text(f'listen = ["{ENDPOINT}"]\nfield_rate_hz = 30.0\n')
 
-    def start(self, name, *arguments):
+    def start(self, name, *arguments, nice=0):
         log = self.folder / f"{len(self.children)}.log"
-        child = subprocess.Popen([str(self.programs / name), *arguments], stderr=open(log, "w"), env=self.environment)
+        command = ["nice", "-n", str(nice), str(self.programs / name), *arguments]
+        child = subprocess.Popen(command, stderr=open(log, "w"), env=self.environment)
         self.children.append(child)
         while "ready:" not in log.read_text():
             if child.poll() is not None:
@@ -123,9 +124,11 @@ def main():
         time.sleep(2)
         # Without the gateway before and after, so that a drift of the machine is seen.
         say("twin alone", run.health(options.seconds))
-        gateway = run.start("softtwin-gateway", "--config", str(run.folder / "gateway.toml"))
+        # As its unit starts it: behind the twin in the queue for the processor.
+        gateway = run.start("softtwin-gateway", "--config", str(run.folder / "gateway.toml"), nice=5)
         say("gateway, nobody listens", run.health(options.seconds))
-        far = [sys.executable, __file__, "--subscribe", "--seconds", str(options.seconds + 2)]
+        # It stands for another machine, whose processor it would use.
+        far = ["nice", "-n", "10", sys.executable, __file__, "--subscribe", "--seconds", str(options.seconds + 2)]
         with subprocess.Popen(far, stdout=subprocess.PIPE, text=True) as subscriber:
             say("gateway, listened to", run.health(options.seconds))
             say("remote subscriber", json.loads(subscriber.stdout.read()))

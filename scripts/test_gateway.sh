@@ -22,6 +22,5 @@ cargo build --locked --quiet --workspace --bins
 # Its hundreds of dependencies are not optimised here: that would take most of the time, and no test needs it.
 gateway() { cargo --config 'profile.dev.package."*".opt-level=0' "$1" --locked -p softtwin-gateway --features network "${@:2}"; }
 gateway clippy --quiet --all-targets -- -D warnings
-gateway build --quiet --bins
 gateway test --no-fail-fast -- "$@"
 exec "$venv/bin/python" -m pytest -q crates/gateway/tests

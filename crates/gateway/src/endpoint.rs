@@ -51,6 +51,11 @@ impl fmt::Display for Endpoint {
     }
 }
 
+/// Endpoints for people.
+pub fn list(endpoints: &[Endpoint]) -> String {
+    endpoints.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

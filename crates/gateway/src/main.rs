@@ -156,13 +156,14 @@ fn start(
 
 /// Where the gateway can be met.
 fn place(config: &Config) -> String {
-    let list = |endpoints: &[endpoint::Endpoint]| {
-        endpoints.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
-    };
     match (config.listen.is_empty(), config.connect.is_empty()) {
-        (false, true) => format!("listens on {}", list(&config.listen)),
-        (true, _) => format!("calls {}", list(&config.connect)),
-        (false, false) => format!("listens on {}, calls {}", list(&config.listen), list(&config.connect)),
+        (false, true) => format!("listens on {}", endpoint::list(&config.listen)),
+        (true, _) => format!("calls {}", endpoint::list(&config.connect)),
+        (false, false) => format!(
+            "listens on {}, calls {}",
+            endpoint::list(&config.listen),
+            endpoint::list(&config.connect)
+        ),
     }
 }
 

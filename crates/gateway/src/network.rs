@@ -5,7 +5,7 @@ use anyhow::anyhow;
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use zenoh::{Session, Wait};
 
 /// Longest time that a state waits for a reader who takes nothing. Then this reader is cut off, so that the others get
@@ -22,9 +22,13 @@ pub fn open(config: &Config, stop: &AtomicBool) -> anyhow::Result<Option<Session
     let settings = zenoh::Config::from_json5(&settings(config).to_string())
         .map_err(|error| anyhow!("Zenoh refuses the configuration: {error}"))?;
     let opening = thread::Builder::new().name("open".into()).spawn(|| zenoh::open(settings).wait())?;
+    let mut patience = Some(Instant::now() + Duration::from_secs(1));
     while !opening.is_finished() {
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
+        }
+        if patience.take_if(|until| Instant::now() >= *until).is_some() {
+            tracing::warn!("nobody answers at {} yet; waiting", crate::endpoint::list(&config.connect));
         }
         thread::sleep(Duration::from_millis(20));
     }

@@ -1,8 +1,6 @@
 //! Closed to anything but this machine unless configured with certificates and passwords; wrong configurations.
 
-mod common;
-
-use common::{FAST_SINE, client, free_port, gateway, gateway_unready, join, subscribe, wait_sample};
+use crate::common::{FAST_SINE, client, free_port, gateway, gateway_unready, join, subscribe, wait_sample};
 use serde_json::{Value, json};
 use softtwin_tests::{Program, Stage};
 use std::os::unix::fs::PermissionsExt;
@@ -215,7 +213,7 @@ fn a_client_without_its_router_waits_and_can_be_stopped() {
     let port = free_port();
     let mut waiting =
         gateway_unready(&stage, &format!("mode = \"client\"\nconnect = [\"tcp/127.0.0.1:{port}\"]"));
-    waiting.wait_for("Unable to connect");
+    waiting.wait_for("nobody answers");
     let (status, said) = waiting.stop();
     assert!(status.success(), "{said:?}");
 }

@@ -1,8 +1,6 @@
 //! From a twin to the far end: states, fields, answers, liveliness; twins, gateways and routers that come and go.
 
-mod common;
-
-use common::{
+use crate::common::{
     FAST_SINE, far_end, free_port, gateway, get, get_until, json_of, living, subscribe, wait_sample,
     wait_until,
 };
@@ -220,7 +218,7 @@ fn two_machines_share_a_key_space_over_a_router_that_comes_and_goes() {
         let scene = stage.finger(FAST_SINE);
         programs.push(Program::twin(stage, &scene));
         programs.push(Program::bridge(stage, &scene));
-        leaves.push(common::gateway_unready(stage, &leaf(prefix)));
+        leaves.push(crate::common::gateway_unready(stage, &leaf(prefix)));
     }
     let first = gateway(&hub, &router);
     for leaf in &mut leaves {

@@ -1,8 +1,6 @@
 //! Readings from the network: only where the configuration allows it, judged by the twin as any other reading.
 
-mod common;
-
-use common::{FAST_SINE, far_end, free_port, gateway};
+use crate::common::{FAST_SINE, far_end, free_port, gateway};
 use serde_json::{Value, json};
 use softtwin_tests::wait::{fresh, states, wait_for, wait_state};
 use softtwin_tests::{Program, Stage};
@@ -92,7 +90,11 @@ fn readings_go_nowhere_where_they_may_not() {
     let session = far_end(port);
     let publisher = session.declare_publisher("softtwin/finger/sensor").wait().unwrap();
     // The state is subscribed to by the same gateway's session, so what it would take in is declared by now.
-    common::wait_sample(&common::subscribe(&session, "softtwin/finger/state"), "a state", |_| Some(()));
+    crate::common::wait_sample(
+        &crate::common::subscribe(&session, "softtwin/finger/state"),
+        "a state",
+        |_| Some(()),
+    );
     assert!(!publisher.matching_status().wait().unwrap().matching(), "the gateway listens for readings");
     let found = stage.bus().topics(&KeyExpr::new("softtwin/*/sensor").unwrap()).unwrap();
     assert!(found.iter().all(|info| info.writers.is_empty()), "{found:?}");
@@ -106,13 +108,13 @@ fn a_bridge_that_is_there_already_keeps_its_place() {
     let bridge = Program::bridge(&stage, &scene);
     let port = free_port();
     let config = format!("listen = [\"tcp/127.0.0.1:{port}\"]\nreadings_from_network = [\"finger\"]");
-    let mut gateway = common::gateway_unready(&stage, &config);
+    let mut gateway = crate::common::gateway_unready(&stage, &config);
     let line = gateway.wait_for("another process already publishes here");
     assert!(line.contains(&format!("process {}", bridge.id())), "{line}");
     drop(bridge);
     let session = far_end(port);
     let state = states(&stage.bus());
-    common::wait_until("the network takes over", || {
+    crate::common::wait_until("the network takes over", || {
         put(&session, "softtwin/finger/sensor", &reading(now_ns() / 1000, json!(0.02)));
         state.newest().unwrap().filter(|state| state.sensor_boot_id == 0xaa)
     });
