@@ -1,12 +1,12 @@
 //! Fields: the newest one, at a fixed rate or on demand, read only while somebody wants it.
 
-use crate::lane::{Lane, Parcel};
+use crate::lane::{Lane, Parcel, forget_wake_ups};
 use crate::link::Link;
 use recording::message::{FieldMessage, Recorded};
 use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
-use wire::{Bus, FieldReader, FieldSample, WakeSet, Wakeable, WireError};
+use wire::{Bus, FieldReader, FieldSample, WireError};
 use zenoh::bytes::ZBytes;
 
 /// Longest sleep: how late it is seen that somebody wants a field.
@@ -97,12 +97,6 @@ impl Flow {
         }
         Ok(())
     }
-}
-
-/// Fields come at a fixed rate, so the wake-ups that come with every sample are taken away unread.
-fn forget_wake_ups(reader: &FieldReader) -> Result<(), WireError> {
-    let readers = [reader as &dyn Wakeable];
-    WakeSet::new(readers).wait(readers, Duration::ZERO).map(|_| ())
 }
 
 /// The values as they lie in memory, the header as JSON beside them.

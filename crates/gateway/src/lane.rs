@@ -4,7 +4,7 @@ use crate::link::{Link, count, network};
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
-use wire::{Topic, TopicKind};
+use wire::{Topic, TopicKind, WakeSet, Wakeable, WireError};
 use zenoh::Wait;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
@@ -127,6 +127,11 @@ impl Lane {
             !is_over
         });
     }
+}
+
+/// Topics are emptied at a pace of our own, so the wake-ups that come with every sample are taken away unread.
+pub fn forget_wake_ups(port: &dyn Wakeable) -> Result<(), WireError> {
+    WakeSet::new([port]).wait([port], Duration::ZERO).map(|_| ())
 }
 
 /// Values travel as they are, everything else as JSON.

@@ -1,13 +1,14 @@
 //! States, health, grasps, readings, commands: every single one, as JSON, to those who subscribe.
 
-use crate::lane::{Lane, Parcel};
+use crate::lane::{Lane, Parcel, forget_wake_ups};
 use crate::link::{Link, network};
 use recording::message::{GapMessage, Recorded};
 use recording::{GapCounter, Outlet, Port, Stamp};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
+use std::thread;
 use std::time::{Duration, Instant};
-use wire::{Bus, WakeSet, Wakeable};
+use wire::Bus;
 use zenoh::Wait;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
@@ -15,8 +16,11 @@ use zenoh::qos::CongestionControl;
 
 /// Where losses are told, behind the prefix.
 pub const GAP_KEY: &str = "softtwin/gateway/gap";
-/// How often it is looked who subscribes; the longest sleep.
+/// How often it is looked who subscribes.
 const TICK: Duration = Duration::from_millis(50);
+/// How often open topics are emptied. Waiting for each sample's event would be sooner by a millisecond, and the twin would
+/// pay for every wake-up.
+const PACE: Duration = Duration::from_millis(2);
 
 /// Moves messages until the gateway ends; `news` brings lanes.
 ///
@@ -26,24 +30,21 @@ pub fn run(link: &Link, news: &Receiver<Lane>) -> anyhow::Result<()> {
     let bus = Bus::open(&link.domain)?;
     let mut gaps = Gaps::declare(link)?;
     let mut flows: Vec<Flow> = Vec::new();
-    let mut wakes = WakeSet::new([]);
     let mut look_at = Instant::now();
     while !link.is_stopped() {
         let now = Instant::now();
         if now >= look_at {
             look_at = now + TICK;
             flows.extend(news.try_iter().map(Flow::new));
-            let changed =
-                flows.iter_mut().map(|flow| flow.adjust(link, &bus, now)).filter(|changed| *changed).count();
-            if changed > 0 {
-                wakes = WakeSet::new(flows.iter().filter_map(Flow::wakeable));
+            for flow in &mut flows {
+                flow.adjust(link, &bus, now);
             }
         }
-        wakes.wait(flows.iter().filter_map(Flow::wakeable), look_at.saturating_duration_since(now))?;
-        let broken = flows.iter_mut().map(|flow| flow.pump(link, &mut gaps)).filter(|good| !good).count();
-        if broken > 0 {
-            wakes = WakeSet::new(flows.iter().filter_map(Flow::wakeable));
+        for flow in &mut flows {
+            flow.pump(link, &mut gaps);
         }
+        let is_idle = flows.iter().all(|flow| flow.port.is_none());
+        thread::sleep(if is_idle { TICK } else { PACE });
     }
     Ok(())
 }
@@ -61,46 +62,39 @@ impl Flow {
         Self { lane, port: None, newest: None, is_refused: false }
     }
 
-    fn wakeable(&self) -> Option<&dyn Wakeable> {
-        self.port.as_ref().map(Port::wakeable)
-    }
-
-    /// Opens or closes the port; whether that changed anything.
-    fn adjust(&mut self, link: &Link, bus: &Bus, now: Instant) -> bool {
+    /// Opens or closes the port.
+    fn adjust(&mut self, link: &Link, bus: &Bus, now: Instant) {
         self.lane.give_up(link, now);
         match (self.lane.is_wanted(now), self.port.is_some()) {
             (true, false) => self.open(bus),
-            (false, true) => {
-                (self.port, self.newest) = (None, None);
-                true
-            }
-            _ => false,
+            (false, true) => (self.port, self.newest) = (None, None),
+            _ => {}
         }
     }
 
-    fn open(&mut self, bus: &Bus) -> bool {
+    fn open(&mut self, bus: &Bus) {
         let opened = Port::open(bus, &self.lane.topic, false);
         if let (Err(error), false) = (&opened, self.is_refused) {
             tracing::warn!("{error}; it is tried again");
         }
         self.is_refused = opened.is_err();
         self.port = opened.unwrap_or_default();
-        self.port.is_some()
     }
 
-    /// Hands on what waits; false when the port broke and was closed.
-    fn pump(&mut self, link: &Link, gaps: &mut Gaps) -> bool {
-        let Some(port) = &self.port else { return true };
-        let drained = port.drain(&mut Sender { link, lane: &self.lane, newest: &mut self.newest, gaps });
+    /// Hands on what waits; a port that broke is closed, and opened again with the next look.
+    fn pump(&mut self, link: &Link, gaps: &mut Gaps) {
+        let Some(port) = &self.port else { return };
+        let mut sender = Sender { link, lane: &self.lane, newest: &mut self.newest, gaps };
+        let drained = forget_wake_ups(port.wakeable()).and_then(|()| port.drain(&mut sender));
         if self.lane.is_asked()
             && let Some(newest) = &self.newest
         {
             self.lane.answer(link, newest);
         }
-        let Err(error) = drained else { return true };
-        tracing::warn!("{error}; the topic is opened again");
-        self.port = None;
-        false
+        if let Err(error) = drained {
+            tracing::warn!("{error}; the topic is opened again");
+            self.port = None;
+        }
     }
 }
 
