@@ -137,7 +137,7 @@ while ((SECONDS - begin < seconds)); do
     # A reader that comes, takes a few states and goes; every third is killed in the middle.
     "$bin/softtwin" echo 'softtwin/*/state' >/dev/null 2>&1 & reader=$!
     sleep 0.5
-    if ((turn % 3 == 0)); then kill -9 "$reader" || true; else kill -INT "$reader" || true; fi
+    if ((turn % 3 == 0)); then kill -9 "$reader" || true; else kill -TERM "$reader" || true; fi # a shell's children ignore INT until they have a handler
     wait "$reader" 2>/dev/null || true
     readers=$((readers + 1))
     if ((faults)); then disturb; fi
