@@ -98,7 +98,8 @@ for name in steady disturbed; do
     pids+=($!)
 done
 
-resident_kb() { awk '/^VmRSS/ {print $2}' "/proc/$1/status"; }
+# All pages it has in memory, and those that are its own: the rest is program text and shared memory, mapped as it is first used.
+memory_kb() { awk '/^VmRSS/ {all = $2} /^RssAnon/ {own = $2} END {print all, own}' "/proc/$1/status"; }
 open_files() { find "/proc/$1/fd" -mindepth 1 | wc -l; }
 threads() { awk '/^Threads/ {print $2}' "/proc/$1/status"; }
 shm_files() { find /dev/shm -name "iox2_soak_$$_*" | wc -l; }
@@ -108,7 +109,7 @@ row() {
     {
         printf '%s' "$SECONDS"
         for pid in "$steady_twin" "$steady_bridge" "$recorder"; do
-            printf ' %s %s %s' "$(resident_kb "$pid")" "$(open_files "$pid")" "$(threads "$pid")"
+            printf ' %s %s %s' "$(memory_kb "$pid")" "$(open_files "$pid")" "$(threads "$pid")"
         done
         printf ' %s %s %s\n' "$(shm_files)" "$(find "$SOFTTWIN_ROOT" -type f | wc -l)" "$top"
     } >>"$work/rows"

@@ -7,6 +7,8 @@ from pathlib import Path
 
 work, seconds, rate, readers = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 PROGRAMS = ["twin", "bridge", "recorder"]
+# Columns of each of them; in front stands the time, behind them two counts of files.
+PER_PROGRAM = ["resident_kb", "private_kb", "open_files", "threads"]
 # The first tenth is warm-up: pages are touched as samples first travel through them.
 WARM_UP = 0.1
 # Growth that counts as a leak over the whole run: a page more now and then is the allocator's business.
@@ -17,7 +19,7 @@ HARMLESS = {"published", "dropped: superseded"}
 
 rows = []
 for line in (work / "rows").read_text().splitlines():
-    *numbers, top = line.split(" ", 12)
+    *numbers, top = line.split(" ", 3 + len(PER_PROGRAM) * len(PROGRAMS))
     rows.append(([int(number) for number in numbers], json.loads(top)))
 settled = rows[min(len(rows) - 1, max(1, int(len(rows) * WARM_UP))):]
 
@@ -25,6 +27,11 @@ settled = rows[min(len(rows) - 1, max(1, int(len(rows) * WARM_UP))):]
 def first_last(index):
     column = [numbers[index] for numbers, _ in settled]
     return [column[0], column[-1], max(column)]
+
+
+def by_program(what):
+    first = 1 + PER_PROGRAM.index(what)
+    return {name: first_last(first + len(PER_PROGRAM) * i) for i, name in enumerate(PROGRAMS)}
 
 
 def halves(key):
@@ -46,11 +53,9 @@ report = {
     "lost_in_recorder": record["missing"] + record["dropped"],
     "judges": judges,
     "unusual_outcomes_steady": unusual,
-    "resident_kb_first_last_max": {name: first_last(1 + 3 * i) for i, name in enumerate(PROGRAMS)},
-    "open_files_first_last_max": {name: first_last(2 + 3 * i) for i, name in enumerate(PROGRAMS)},
-    "threads_first_last_max": {name: first_last(3 + 3 * i) for i, name in enumerate(PROGRAMS)},
-    "shared_memory_files_first_last_max": first_last(10),
-    "management_files_first_last_max": first_last(11),
+    **{f"{what}_first_last_max": by_program(what) for what in PER_PROGRAM},
+    "shared_memory_files_first_last_max": first_last(-2),
+    "management_files_first_last_max": first_last(-1),
     "latency_p50_us_first_and_second_half": halves("latency_p50_us"),
     "latency_p99_us_first_and_second_half": halves("latency_p99_us"),
 }
@@ -59,7 +64,7 @@ wrong = [
     *(f"{name}: {judge}" for name, judge in judges.items()
       if judge["wrong_fields"] or judge["wrong_states"] or judge["states_out_of_order"] or not judge["fields_checked"]),
     f"unusual outcomes {unusual}" if unusual else "",
-    *(f"{name} grew by {v[1] - v[0]} kB" for name, v in report["resident_kb_first_last_max"].items()
+    *(f"{name}'s own memory grew by {v[1] - v[0]} kB" for name, v in report["private_kb_first_last_max"].items()
       if v[1] - v[0] > GROWTH_KB),
     *(f"{name} holds {v[1] - v[0]} more files" for name, v in report["open_files_first_last_max"].items()
       if v[1] - v[0] > GROWTH_FILES),
