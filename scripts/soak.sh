@@ -7,6 +7,7 @@
 # --rate is that of the steady twin, Hz. Needs the programs (cargo build --release --workspace --bins; SOFTTWIN_BIN names their
 # folder), bash, awk, and python3 for the summary.
 set -euo pipefail
+{ # read as a whole: whoever edits this file meanwhile must not change a run of hours
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 seconds=60 rate=1000 model="" faults=1 bin=${SOFTTWIN_BIN:-target/release} keep=0 report=/dev/null
@@ -153,3 +154,4 @@ for pid in "$bridge" "$steady_bridge" "$twin" "$steady_twin"; do kill -TERM "$pi
 for name in "${!injected[@]}"; do echo "$name ${injected[$name]}"; done >"$work/injected"
 python3 scripts/soak_summary.py "$work" "$seconds" "$rate" "$readers" | tee "$report"
 exit "${PIPESTATUS[0]}"
+}

@@ -55,6 +55,24 @@ fn smaller_elements_mean_more_of_them_and_nonsense_is_refused() {
 }
 
 #[test]
+fn a_family_of_grids_divides_every_box_alike() {
+    let actuator = Actuator::parse(&tiny()).unwrap();
+    let family = |times| grid::refined(&actuator, 9.0, times).unwrap();
+    let coarse = family(1);
+    for times in [2, 3] {
+        let fine = family(times);
+        assert_eq!(fine.tets.len(), coarse.tets.len() * times.pow(3));
+        let place_nm = |p: &[f64; 3]| p.map(|c| (c * 1.0e6).round() as i64);
+        let nodes: BTreeSet<_> = fine.points_mm.iter().map(place_nm).collect();
+        // Corners of the coarse mesh are nodes of all others; its mid-side nodes need not be.
+        let mut corners =
+            coarse.tets.iter().flat_map(|tet| &tet[..4]).map(|n| &coarse.points_mm[*n as usize]);
+        assert!(corners.all(|p| nodes.contains(&place_nm(p))));
+    }
+    assert!(grid::refined(&actuator, 9.0, 0).is_err());
+}
+
+#[test]
 fn surfaces_are_found_where_the_mesher_named_them() {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/actuator.toml"));
     let actuator = Actuator::read(path).unwrap();

@@ -30,32 +30,48 @@ const MOST_CUBES: usize = 200_000;
 /// # Errors
 /// A size that is no length, or so small that nobody could solve the mesh.
 pub fn mesh(actuator: &Actuator, size_mm: f64) -> Result<MeshFile, Problem> {
+    refined(actuator, size_mm, 1)
+}
+
+/// The mesh of [`mesh`] with every box divided once more into `times` parts along each axis: meshes of one family, whose
+/// elements keep their shape while they shrink, so that what is left of their error falls with their size.
+///
+/// Cost: as [`mesh`], times the cube of `times`.
+///
+/// # Errors
+/// As [`mesh`]; 0 times.
+pub fn refined(actuator: &Actuator, size_mm: f64, times: usize) -> Result<MeshFile, Problem> {
     if !(size_mm.is_finite() && size_mm > 0.0) {
         return Err(Problem::new("element size", "a finite length above 0 mm", size_mm));
     }
+    if times == 0 {
+        return Err(Problem::new("parts of a box", "1 or more", times));
+    }
     let boxes = Boxes::of(actuator);
     let planes = [0, 1, 2].map(|axis| boxes.planes(axis));
-    let cubes: f64 = planes.iter().map(|axis| parts(axis, size_mm).iter().sum::<f64>()).product();
+    let counts = planes.each_ref().map(|axis| parts(axis, size_mm, times));
+    let cubes: f64 = counts.iter().map(|axis| axis.iter().sum::<f64>()).product();
     if cubes > MOST_CUBES as f64 {
         let expected = format!("a size that makes at most {MOST_CUBES} boxes; choose a larger one");
         return Err(Problem::new("element size", expected, format!("{cubes:.0} boxes at {size_mm} mm")));
     }
-    let mut grid = Grid::new(planes.map(|axis| divided(&axis, size_mm)));
+    let mut grid = Grid::new([0, 1, 2].map(|axis| divided(&planes[axis], &counts[axis])));
     grid.fill(|centre| boxes.solid_at(centre));
     let surfaces = surfaces::locate(actuator, &grid.points_mm, &grid.tets);
     Ok(MeshFile { points_mm: grid.points_mm, tets: grid.tets, surfaces })
 }
 
 /// Into how many parts each interval is divided.
-fn parts(planes: &[f64], size_mm: f64) -> Vec<f64> {
+fn parts(planes: &[f64], size_mm: f64, times: usize) -> Vec<f64> {
     // A length that is a whole number of sizes but for rounding is not divided once more.
-    planes.windows(2).map(|w| ((w[1] - w[0]) / size_mm - 1.0e-9).ceil().max(1.0)).collect()
+    let count = |length_mm: f64| (length_mm / size_mm - 1.0e-9).ceil().max(1.0);
+    planes.windows(2).map(|w| count(w[1] - w[0]) * times as f64).collect()
 }
 
-fn divided(planes: &[f64], size_mm: f64) -> Vec<f64> {
+fn divided(planes: &[f64], counts: &[f64]) -> Vec<f64> {
     let mut values = vec![planes[0]];
-    for (w, count) in planes.windows(2).zip(parts(planes, size_mm)) {
-        values.extend((1..=count as usize).map(|i| w[0] + (w[1] - w[0]) * i as f64 / count));
+    for (w, count) in planes.windows(2).zip(counts) {
+        values.extend((1..=*count as usize).map(|i| w[0] + (w[1] - w[0]) * i as f64 / count));
     }
     values
 }

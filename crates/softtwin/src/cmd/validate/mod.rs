@@ -47,11 +47,11 @@ pub struct Args {
     /// Cases of the shared database to recompute, by number.
     #[arg(long, value_name = "N", num_args = 1.., default_values_t = [10, 22, 34, 70, 124])]
     cases: Vec<usize>,
-    /// Element sizes of the refinement study in mm, falling.
-    #[arg(long, value_name = "MM", num_args = 2.., default_values_t = [9.0, 3.0, 2.0])]
-    sizes_mm: Vec<f64>,
+    /// Meshes of the refinement study: into how many parts each box of the coarsest grid is divided along each axis.
+    #[arg(long, value_name = "N", num_args = 2.., default_values_t = [1, 2, 3])]
+    times: Vec<usize>,
     /// Chambers of the refinement study.
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     chambers: usize,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -81,7 +81,7 @@ impl Args {
             commercial::run(&self.shared, &self.cases, &mut book)?;
         }
         if wanted(Part::Refinement) {
-            refinement::run(&self.actuator, self.chambers, &self.sizes_mm, &mut book)?;
+            refinement::run(&self.actuator, self.chambers, &self.times, &mut book)?;
         }
         book.close()
     }
