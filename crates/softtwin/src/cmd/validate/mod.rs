@@ -170,7 +170,7 @@ impl Book {
                 row.reference,
                 row.error,
                 row.unit,
-                row.bound,
+                (row.bound * 1.0e4).round() / 1.0e4, // a bound in N as a share of a force has no end
                 row.unit,
                 if row.holds { "" } else { "  MISSED" }
             )?;
