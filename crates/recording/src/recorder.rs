@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use thiserror::Error;
-use wire::{Bus, KeyExpr, WakeSet, WireError, now_ns};
+use wire::{Bus, KeyExpr, WakeSet, Waking, WireError, now_ns};
 
 use crate::{RotateOptions, RotateSummary, RotatingWriter, WriteError};
 pub use drain::{Outlet, Port, Stamp};
@@ -147,8 +147,8 @@ impl Recorder {
         for key in &self.options.keys {
             for info in self.bus.topics(key)? {
                 let is_known = self.ports.iter().any(|port| port.topic() == &info.topic);
-                if !is_known && let Some(port) = Port::open(&self.bus, &info.topic, self.options.with_fields)?
-                {
+                let (topic, with_fields) = (&info.topic, self.options.with_fields);
+                if !is_known && let Some(port) = Port::open(&self.bus, topic, with_fields, Waking::ByEvent)? {
                     self.ports.push(port);
                 }
             }

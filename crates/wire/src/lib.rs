@@ -59,4 +59,4 @@ pub use port::{
 pub use selector::{Selector, SelectorError};
 pub use topic::{Topic, TopicKind};
 pub use verdict::Verdict;
-pub use wake::{Wake, WakeSet, Wakeable};
+pub use wake::{Wake, WakeSet, Wakeable, Waking};

@@ -3,7 +3,7 @@
 use softtwin_wire::layout::{field_id, flags, pack_name, unpack_name};
 use softtwin_wire::{
     Bus, Domain, FieldHeader, FieldReader, FieldWriter, KeyExpr, SensorReader, SensorSample, SensorWriter,
-    State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable, WireError,
+    State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable, Waking, WireError,
 };
 use std::time::Duration;
 
@@ -157,6 +157,34 @@ fn waits_end_by_event_or_timeout() {
         Wake::Timeout,
         "a notification that was taken must not wake again"
     );
+}
+
+#[test]
+fn a_reader_that_is_never_woken_gets_every_sample_and_holds_no_wait_up() {
+    let bus = bus();
+    let (sensor, field) = (Topic::sensor("finger").unwrap(), Topic::field("finger", None).unwrap());
+    let mut writer = SensorWriter::create(&bus, &sensor).unwrap();
+    let mut fields = FieldWriter::create(&bus, &field, 4).unwrap();
+    let quiet = SensorReader::attach_as(&bus, &sensor, Waking::Never).unwrap();
+    let quiet_field = FieldReader::attach_as(&bus, &field, Waking::Never).unwrap();
+    let ports = [&quiet as &dyn Wakeable, &quiet_field];
+    let mut wake = WakeSet::new(ports);
+    for seq in 1..=3 {
+        writer.publish(SensorSample { seq, ..SensorSample::default() }).unwrap();
+        let loan = fields.loan().unwrap();
+        fields.send(loan, FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
+    }
+    assert_eq!(wake.wait(ports, Duration::from_millis(1)).unwrap(), Wake::Timeout);
+    let seen: Vec<u64> = std::iter::from_fn(|| quiet.next().unwrap()).map(|sample| sample.seq).collect();
+    assert_eq!(seen, [1, 2, 3]);
+    assert_eq!(quiet_field.newest().unwrap().map(|sample| sample.header().seq), Some(3));
+    // Beside one that is woken it stays silent, and the other wakes as ever.
+    let woken = SensorReader::open(&bus, &sensor).unwrap();
+    let ports = [&quiet as &dyn Wakeable, &woken];
+    let mut wake = WakeSet::new(ports);
+    writer.publish(SensorSample { seq: 4, ..SensorSample::default() }).unwrap();
+    assert_eq!(wake.wait(ports, Duration::from_secs(10)).unwrap(), Wake::Event);
+    assert_eq!(wake.wait(ports, Duration::from_millis(1)).unwrap(), Wake::Timeout);
 }
 
 #[test]

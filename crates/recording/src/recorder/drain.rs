@@ -2,7 +2,7 @@
 
 use wire::{
     Bus, CommandReader, FieldReader, GraspReader, HealthReader, SensorReader, StateReader, Topic, TopicKind,
-    Wakeable, WireError,
+    Wakeable, Waking, WireError,
 };
 
 use crate::message::{
@@ -47,19 +47,24 @@ pub enum Port {
 }
 
 impl Port {
-    /// Reads `topic`, which may come into being later. `None` for fields that nobody asked for.
+    /// Reads `topic`, which may come into being later, woken or not. `None` for fields that nobody asked for.
     ///
     /// # Errors
     /// As the readers' own: another version, no free slot.
-    pub fn open(bus: &Bus, topic: &Topic, with_fields: bool) -> Result<Option<Self>, WireError> {
+    pub fn open(
+        bus: &Bus,
+        topic: &Topic,
+        with_fields: bool,
+        waking: Waking,
+    ) -> Result<Option<Self>, WireError> {
         Ok(match topic.kind() {
-            TopicKind::Sensor => Some(Self::Sensor(SensorReader::attach(bus, topic)?)),
-            TopicKind::State => Some(Self::State(StateReader::attach(bus, topic)?)),
-            TopicKind::Health => Some(Self::Health(HealthReader::attach(bus, topic)?)),
-            TopicKind::Field if with_fields => Some(Self::Field(FieldReader::attach(bus, topic)?)),
+            TopicKind::Sensor => Some(Self::Sensor(SensorReader::attach_as(bus, topic, waking)?)),
+            TopicKind::State => Some(Self::State(StateReader::attach_as(bus, topic, waking)?)),
+            TopicKind::Health => Some(Self::Health(HealthReader::attach_as(bus, topic, waking)?)),
+            TopicKind::Field if with_fields => Some(Self::Field(FieldReader::attach_as(bus, topic, waking)?)),
             TopicKind::Field => None,
-            TopicKind::Grasp => Some(Self::Grasp(GraspReader::attach(bus, topic)?)),
-            TopicKind::Command => Some(Self::Command(CommandReader::attach(bus, topic)?)),
+            TopicKind::Grasp => Some(Self::Grasp(GraspReader::attach_as(bus, topic, waking)?)),
+            TopicKind::Command => Some(Self::Command(CommandReader::attach_as(bus, topic, waking)?)),
         })
     }
 

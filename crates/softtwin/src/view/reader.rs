@@ -9,9 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
-use wire::{
-    Bus, Domain, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind, WakeSet, Wakeable,
-};
+use wire::{Bus, Domain, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind, Waking};
 
 /// Frames at most this often: a screen's rate.
 const TICK: Duration = Duration::from_millis(16);
@@ -139,10 +137,15 @@ impl Source {
         }
     }
 
+    /// Opens without wake-ups: we look at a fixed rate, and the twin need not pay for them.
     fn open(&mut self, bus: &Bus, topic: &Topic) -> Result<(), wire::WireError> {
         match topic.kind() {
-            TopicKind::Field if self.field.is_none() => self.field = Some(FieldReader::open(bus, topic)?),
-            TopicKind::State if self.state.is_none() => self.state = Some(StateReader::open(bus, topic)?),
+            TopicKind::Field if self.field.is_none() => {
+                self.field = Some(FieldReader::attach_as(bus, topic, Waking::Never)?)
+            }
+            TopicKind::State if self.state.is_none() => {
+                self.state = Some(StateReader::attach_as(bus, topic, Waking::Never)?)
+            }
             _ => {}
         }
         Ok(())
@@ -150,7 +153,6 @@ impl Source {
 
     /// Takes the newest of both topics; if anything is new, a frame goes to the hub.
     fn pump(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
-        self.forget_wake_ups()?;
         let state = self.state.as_ref().map(StateReader::newest).transpose()?.flatten();
         if let Some(state) = state {
             self.pace.count(state.seq, &mut self.head);
@@ -170,15 +172,6 @@ impl Source {
             self.head.count = 0;
             hub.put(actuator, encode(&self.head, &[]));
         }
-        Ok(())
-    }
-
-    /// We look at a fixed rate, so the wake-ups that come with every sample are taken away unread.
-    fn forget_wake_ups(&self) -> Result<(), wire::WireError> {
-        let field = self.field.as_ref().map(|port| port as &dyn Wakeable);
-        let state = self.state.as_ref().map(|port| port as &dyn Wakeable);
-        let ports: Vec<&dyn Wakeable> = field.into_iter().chain(state).collect();
-        WakeSet::new(ports.iter().copied()).wait(ports.iter().copied(), Duration::ZERO)?;
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use super::segment;
 use super::service::{self, Missing};
 use crate::bus::{Bus, Ipc};
-use crate::wake::Wakeable;
+use crate::wake::{Wakeable, Waking};
 use crate::{FieldHeader, Topic, WireError, layout, now_ns, qos};
 use iceoryx2::port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::*;
@@ -31,7 +31,7 @@ pub struct FieldLoan {
 pub struct FieldReader {
     topic: Topic,
     subscriber: Subscriber<Ipc, [f32], FieldHeader>,
-    listener: Listener<Ipc>,
+    listener: Option<Listener<Ipc>>,
 }
 
 /// A received field. Nothing was copied; the memory stays as it is until this is dropped. A reader may hold at most
@@ -129,7 +129,7 @@ impl FieldReader {
     /// [`WireError::NoSuchTopic`] when nobody made it, [`WireError::Incompatible`] when a program of another version did,
     /// [`WireError::TooManyReaders`].
     pub fn open(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
-        Self::build(bus, topic, Missing::Refuse)
+        Self::build(bus, topic, Missing::Refuse, Waking::ByEvent)
     }
 
     /// Reads a topic that may come into being later.
@@ -137,14 +137,25 @@ impl FieldReader {
     /// # Errors
     /// As [`Self::open`], without `NoSuchTopic`.
     pub fn attach(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
-        Self::build(bus, topic, Missing::Create)
+        Self::attach_as(bus, topic, Waking::ByEvent)
     }
 
-    fn build(bus: &Bus, topic: &Topic, missing: Missing) -> Result<Self, WireError> {
+    /// As [`Self::attach`], woken or not.
+    ///
+    /// # Errors
+    /// As [`Self::attach`].
+    pub fn attach_as(bus: &Bus, topic: &Topic, waking: Waking) -> Result<Self, WireError> {
+        Self::build(bus, topic, Missing::Create, waking)
+    }
+
+    fn build(bus: &Bus, topic: &Topic, missing: Missing, waking: Waking) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
         let service = service::slices(bus, topic, missing)?;
         // The listener comes first: a sample sent in between then wakes us for nothing instead of never.
-        let listener = service::listener(bus, topic)?;
+        let listener = match waking {
+            Waking::ByEvent => Some(service::listener(bus, topic)?),
+            Waking::Never => None,
+        };
         let subscriber = service::retry(topic.name(), || {
             service
                 .subscriber_builder()
@@ -218,8 +229,8 @@ impl FieldSample {
 }
 
 impl Wakeable for FieldReader {
-    fn listener(&self) -> &Listener<Ipc> {
-        &self.listener
+    fn listener(&self) -> Option<&Listener<Ipc>> {
+        self.listener.as_ref()
     }
 }
 

@@ -148,8 +148,8 @@ impl QueryServer {
 }
 
 impl Wakeable for QueryServer {
-    fn listener(&self) -> &Listener<Ipc> {
-        &self.asked
+    fn listener(&self) -> Option<&Listener<Ipc>> {
+        Some(&self.asked)
     }
 }
 
@@ -233,8 +233,8 @@ impl AnswerSample {
 struct Ear<'a>(&'a Listener<Ipc>);
 
 impl Wakeable for Ear<'_> {
-    fn listener(&self) -> &Listener<Ipc> {
-        self.0
+    fn listener(&self) -> Option<&Listener<Ipc>> {
+        Some(self.0)
     }
 }
 

@@ -3,7 +3,7 @@
 use super::segment;
 use super::service::{self, Missing};
 use crate::bus::{Bus, Ipc};
-use crate::wake::Wakeable;
+use crate::wake::{Wakeable, Waking};
 use crate::{Command, Grasp, Health, SensorSample, State, Topic, WireError, qos};
 use iceoryx2::port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::*;
@@ -22,7 +22,7 @@ pub struct Writer<P: Debug + Copy + ZeroCopySend + 'static> {
 pub struct Reader<P: Debug + Copy + ZeroCopySend + 'static> {
     topic: Topic,
     subscriber: Subscriber<Ipc, P, ()>,
-    listener: Listener<Ipc>,
+    listener: Option<Listener<Ipc>>,
 }
 
 /// Sends readings.
@@ -97,7 +97,7 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
     /// [`WireError::NoSuchTopic`] when nobody made it, [`WireError::Incompatible`] when a program of another version did,
     /// [`WireError::TooManyReaders`].
     pub fn open(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
-        Self::build(bus, topic, Missing::Refuse)
+        Self::build(bus, topic, Missing::Refuse, Waking::ByEvent)
     }
 
     /// Reads a topic that may come into being later.
@@ -105,14 +105,25 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
     /// # Errors
     /// As [`Self::open`], without `NoSuchTopic`.
     pub fn attach(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
-        Self::build(bus, topic, Missing::Create)
+        Self::attach_as(bus, topic, Waking::ByEvent)
     }
 
-    fn build(bus: &Bus, topic: &Topic, missing: Missing) -> Result<Self, WireError> {
+    /// As [`Self::attach`], woken or not.
+    ///
+    /// # Errors
+    /// As [`Self::attach`].
+    pub fn attach_as(bus: &Bus, topic: &Topic, waking: Waking) -> Result<Self, WireError> {
+        Self::build(bus, topic, Missing::Create, waking)
+    }
+
+    fn build(bus: &Bus, topic: &Topic, missing: Missing, waking: Waking) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
         let service = service::sized::<P>(bus, topic, missing)?;
         // The listener comes first: a sample sent in between then wakes us for nothing instead of never.
-        let listener = service::listener(bus, topic)?;
+        let listener = match waking {
+            Waking::ByEvent => Some(service::listener(bus, topic)?),
+            Waking::Never => None,
+        };
         let subscriber = service::retry(topic.name(), || {
             service
                 .subscriber_builder()
@@ -155,7 +166,7 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
 }
 
 impl<P: Debug + Copy + ZeroCopySend + 'static> Wakeable for Reader<P> {
-    fn listener(&self) -> &Listener<Ipc> {
-        &self.listener
+    fn listener(&self) -> Option<&Listener<Ipc>> {
+        self.listener.as_ref()
     }
 }
