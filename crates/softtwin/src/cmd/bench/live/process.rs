@@ -66,9 +66,9 @@ impl Drop for Daemons {
     }
 }
 
-/// SIGTERM by the `kill` program (the standard library only knows SIGKILL, which would leave shared memory behind).
+/// SIGTERM first: SIGKILL would leave shared memory behind.
 fn end(child: &mut Child) {
-    let asked = Command::new("kill").arg(child.id().to_string()).stderr(Stdio::null()).status();
+    let asked = runtime::process::terminate(child);
     let until = Instant::now() + STOP_PATIENCE;
     while asked.is_ok() && Instant::now() < until {
         if !matches!(child.try_wait(), Ok(None)) {
