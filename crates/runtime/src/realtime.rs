@@ -17,13 +17,6 @@ pub struct MissingRight {
     pub remedy: &'static str,
 }
 
-impl MissingRight {
-    fn stay_awake(cause: &std::io::Error) -> Self {
-        let remedy = "let the user write to /dev/cpu_dma_latency (a udev rule; DeviceAllow= in the unit)";
-        Self { setting: "stay_awake", cause: cause.to_string(), remedy }
-    }
-}
-
 /// What the system granted for as long as this lives, and what it refused.
 #[derive(Debug)]
 pub struct Granted {
@@ -35,43 +28,53 @@ pub struct Granted {
 
 /// Applies the settings to the calling thread (cores, scheduler), the process (memory) and the machine (sleep of cores).
 pub fn apply(settings: &Realtime) -> Granted {
-    let mut missing = Vec::new();
-    let awake = settings.stay_awake.then(|| stay_awake(Path::new(CPU_LATENCY))).and_then(|asked| {
-        let refused = |cause: std::io::Error| missing.push(MissingRight::stay_awake(&cause));
-        asked.map_err(refused).ok()
-    });
-    let mut try_it = |wanted: bool, setting, remedy, call: &dyn Fn() -> i32| {
-        if wanted && call() != 0 {
-            let cause = std::io::Error::last_os_error().to_string();
-            missing.push(MissingRight { setting, cause, remedy });
-        }
-    };
-    try_it(
+    let mut granted = Granted { missing: Vec::new(), _awake: None };
+    granted._awake = granted.ask(settings.stay_awake, "stay_awake", AWAKE_REMEDY, || stay_awake(CPU_LATENCY));
+    granted.ask(
         !settings.cores.is_empty(),
         "cores",
         "name cores that exist and that the process may use",
-        &|| pin(&settings.cores),
+        || pin(&settings.cores),
     );
-    try_it(
+    granted.ask(
         settings.fifo_priority > 0,
         "fifo_priority",
         "give CAP_SYS_NICE or a real-time limit (LimitRTPRIO= in the unit)",
-        &|| fifo(settings.fifo_priority),
+        || fifo(settings.fifo_priority),
     );
-    try_it(
+    granted.ask(
         settings.lock_memory,
         "lock_memory",
         "give CAP_IPC_LOCK or raise the limit (LimitMEMLOCK=infinity in the unit)",
-        &lock_memory,
+        lock_memory,
     );
-    Granted { missing, _awake: awake }
+    granted
 }
+
+impl Granted {
+    /// Asks for a setting that is wanted; a refusal is noted.
+    fn ask<T>(
+        &mut self,
+        wanted: bool,
+        setting: &'static str,
+        remedy: &'static str,
+        call: impl FnOnce() -> std::io::Result<T>,
+    ) -> Option<T> {
+        let refused = |cause: std::io::Error| {
+            self.missing.push(MissingRight { setting, cause: cause.to_string(), remedy });
+        };
+        wanted.then(call)?.map_err(refused).ok()
+    }
+}
+
+const AWAKE_REMEDY: &str =
+    "let the user write to /dev/cpu_dma_latency (a udev rule; DeviceAllow= in the unit)";
 
 /// Where Linux takes requests for the longest wake-up a core may have, as an i32 in microseconds.
 const CPU_LATENCY: &str = "/dev/cpu_dma_latency";
 
 /// Asks that idle cores spin in the kernel instead of sleeping: a sleeping core takes tens of microseconds to wake.
-fn stay_awake(device: &Path) -> std::io::Result<File> {
+fn stay_awake(device: impl AsRef<Path>) -> std::io::Result<File> {
     let mut request = OpenOptions::new().write(true).open(device)?;
     request.write_all(&0_i32.to_ne_bytes())?;
     Ok(request)
@@ -86,27 +89,32 @@ pub fn step_back() {
     let _ordinary_then = unsafe { libc::setpriority(libc::PRIO_PROCESS, 0, BESIDE_NICE) };
 }
 
-fn pin(cores: &[usize]) -> i32 {
+fn pin(cores: &[usize]) -> std::io::Result<()> {
     // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET stays within it because core numbers are below 1024
     // (checked with the settings); the set lives across the call.
-    unsafe {
+    done(unsafe {
         let mut set: libc::cpu_set_t = std::mem::zeroed();
         for core in cores {
             libc::CPU_SET(*core, &mut set);
         }
         libc::sched_setaffinity(0, size_of::<libc::cpu_set_t>(), &set)
-    }
+    })
 }
 
-fn fifo(priority: u8) -> i32 {
+fn fifo(priority: u8) -> std::io::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority.into() };
     // SAFETY: the parameters live across the call; 0 means the calling thread.
-    unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameters) }
+    done(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameters) })
 }
 
-fn lock_memory() -> i32 {
+fn lock_memory() -> std::io::Result<()> {
     // SAFETY: takes no pointers; at worst it is refused.
-    unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) }
+    done(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
+}
+
+/// What a system call returned.
+fn done(code: i32) -> std::io::Result<()> {
+    if code == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
 }
 
 #[cfg(test)]
@@ -119,8 +127,11 @@ mod tests {
         let device = tempfile::NamedTempFile::new().unwrap();
         let _held = stay_awake(device.path()).unwrap();
         assert_eq!(std::fs::read(device.path()).unwrap(), 0_i32.to_ne_bytes());
-        let cause = stay_awake(Path::new("/no/such/device")).unwrap_err();
-        let text = MissingRight::stay_awake(&cause).to_string();
+        let mut granted = Granted { missing: Vec::new(), _awake: None };
+        let refused = granted.ask(true, "stay_awake", AWAKE_REMEDY, || stay_awake("/no/such/device"));
+        assert!(refused.is_none() && granted.missing.len() == 1);
+        let text = granted.missing[0].to_string();
         assert!(text.starts_with("realtime.stay_awake: refused: ") && text.contains("udev"), "{text}");
+        assert!(granted.ask(false, "cores", "", || pin(&[])).is_none() && granted.missing.len() == 1);
     }
 }
