@@ -20,6 +20,7 @@ pub mod metrics;
 pub mod process;
 pub mod query;
 pub mod realtime;
+pub mod service;
 pub mod source;
 pub mod twin;
 

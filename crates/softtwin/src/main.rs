@@ -20,9 +20,7 @@ mod view;
 
 use clap::Parser;
 use failure::Outcome;
-use std::io::IsTerminal;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -43,13 +41,7 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse(); // clap itself leaves with 2 on wrong usage
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .without_time()
-        .init();
+    runtime::service::start_logging("warn");
 
     match Outcome::of(cli.command.run()) {
         Outcome::Done => ExitCode::SUCCESS,

@@ -1,11 +1,11 @@
 //! `softtwind bridge`: sources to sensor topics.
 
 use crate::options::BridgeOptions;
-use crate::service::{self, Watchdog};
 use anyhow::Context;
 use runtime::bridge::{Bridge, BridgeCounters};
 use runtime::config::{ConfigError, Scene};
 use runtime::metrics;
+use runtime::service::{self, Watchdog};
 use runtime::source::live::SensorCounters;
 use runtime::source::{Source, SourceSpec};
 use runtime::wire::{Bus, Topic};
@@ -54,7 +54,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
         done.store(true, Ordering::Release);
     });
 
-    service::tell_manager(&[sd_notify::NotifyState::Stopping]);
+    service::tell_stopping();
     let reason = if stop.load(Ordering::Relaxed) { "signal" } else { "end of the sources" };
     let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
     let (sent, late, failed) = (count(&counters.sent), count(&counters.late), count(&counters.failed));
@@ -73,14 +73,14 @@ fn keep(counters: &BridgeCounters, sensors: &[(String, Arc<SensorCounters>)], do
     let mut watchdog = Watchdog::from_env();
     let mut next_status = Instant::now() + STATUS_EVERY;
     while !done.load(Ordering::Acquire) {
-        watchdog.look(&counters.turns);
+        watchdog.look(counters.turns.load(Ordering::Relaxed));
         if Instant::now() >= next_status {
             next_status = Instant::now() + STATUS_EVERY;
             let mut status = format!("{} readings sent", counters.sent.load(Ordering::Relaxed));
             for (name, counters) in sensors {
                 status += &format!("; {name}: {}", account(counters));
             }
-            service::tell_manager(&[sd_notify::NotifyState::Status(&status)]);
+            service::tell_status(&status);
         }
         std::thread::sleep(KEEP_EVERY);
     }

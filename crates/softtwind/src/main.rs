@@ -9,11 +9,11 @@ mod metrics;
 mod options;
 mod reload;
 mod reporter;
-mod service;
 mod twin;
 
 use clap::Parser;
 use runtime::config::ConfigError;
+use runtime::service;
 use std::process::ExitCode;
 
 /// Run-time failure.
@@ -23,7 +23,7 @@ const EXIT_CONFIG: u8 = 78;
 
 fn main() -> ExitCode {
     let options = options::Options::parse(); // clap itself leaves with 2 on wrong usage
-    service::start_logging();
+    service::start_logging("info");
     let ended = match options.command {
         options::Command::Bridge(options) => bridge::run(&options),
         options::Command::Twin(options) => twin::run(&options),

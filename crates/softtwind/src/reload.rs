@@ -2,14 +2,12 @@
 
 use crate::beside::{Beside, Successor};
 use runtime::config::ConfigError;
+use runtime::service;
 use runtime::twin::{Loaded, Retired, SwapError, Twin};
 use runtime::wire::layout;
-use sd_notify::NotifyState;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::time::Duration;
-
-use crate::service;
 
 /// How often the flag is looked at.
 const INTERVAL: Duration = Duration::from_millis(20);
@@ -61,7 +59,7 @@ impl Loader {
             if asked.swap(false, Ordering::Relaxed) {
                 service::tell_reloading();
                 self.reload(done, beside, &load);
-                service::tell_manager(&[NotifyState::Ready]);
+                service::tell_reloaded();
             }
             std::thread::sleep(INTERVAL);
         }

@@ -1,6 +1,6 @@
 //! The slow thread beside the twin's loop: turns events into log lines and feeds the watchdog.
 
-use crate::service::Watchdog;
+use runtime::service::Watchdog;
 use runtime::twin::{Event, EventKind, Ring};
 use runtime::wire::{Outcome, layout};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub fn run(ring: &Arc<Ring>, names: &[String], progress: &AtomicU64, done: &Atom
         if unwritten > 0 {
             tracing::warn!("{unwritten} more events within {} ms are not shown", INTERVAL.as_millis());
         }
-        watchdog.look(progress);
+        watchdog.look(progress.load(Ordering::Relaxed));
         if last {
             return;
         }

@@ -2,12 +2,12 @@
 
 use crate::beside::{self, Beside};
 use crate::options::TwinOptions;
-use crate::{metrics, reload, reporter, service};
+use crate::{metrics, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
-use runtime::realtime;
 use runtime::twin::{Loaded, Ring, Twin, load_scene};
 use runtime::wire::{Bus, Health, Outcome, layout};
+use runtime::{realtime, service};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -48,7 +48,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         if prepared.is_ok() {
             service::tell_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
             twin.run_with(&stop, &progress, |twin| desk.serve(twin));
-            service::tell_manager(&[sd_notify::NotifyState::Stopping]);
+            service::tell_stopping();
         }
         done.store(true, Ordering::Release);
         prepared.map(drop) // what was granted ends with the loop

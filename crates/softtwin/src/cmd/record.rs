@@ -1,7 +1,7 @@
 //! `softtwin record`: everything on the wire into an MCAP file.
 
 use crate::failure::usage;
-use crate::live::{DomainArgs, stop_flag};
+use crate::live::DomainArgs;
 use crate::say;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -66,7 +66,7 @@ impl Args {
     /// Wrong key expressions or options, an existing file, a disk that refuses.
     pub fn run(self) -> Result<()> {
         let options = self.options()?;
-        let stop = stop_flag()?;
+        let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
         let mut recorder = Recorder::start(&bus, options)?;
         let end = self.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));

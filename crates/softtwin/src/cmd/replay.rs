@@ -1,7 +1,7 @@
 //! `softtwin replay`: a recording or a trace back onto the wire, as a bridge would.
 
 use crate::failure::{configuration, usage};
-use crate::live::{DomainArgs, stop_flag};
+use crate::live::DomainArgs;
 use crate::say;
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
@@ -78,7 +78,7 @@ impl Args {
         let source = SourceSpec::Replay(spec)
             .open(Path::new(""))
             .map_err(|problems| configuration(anyhow!("{}", problems.join("\n  "))))?;
-        let stop = stop_flag()?;
+        let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
         let sent =
             if self.step { step(&bus, &topic, source, &stop)? } else { self.play(&bus, source, &stop)? };

@@ -1,7 +1,7 @@
 //! `softtwin top`: all twins at a glance.
 
 use crate::failure::usage;
-use crate::live::{DomainArgs, stop_flag};
+use crate::live::DomainArgs;
 use crate::say;
 use anyhow::Result;
 use serde_json::{Value, json};
@@ -75,7 +75,7 @@ impl Args {
         if !(self.interval_s > 0.0 && self.interval_s < 1e6) {
             return Err(usage(format!("--interval-s: expected a number above 0, found {}", self.interval_s)));
         }
-        let stop = stop_flag()?;
+        let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
         let mut watch = Watch::default();
         let is_live = !self.once && std::io::stdout().is_terminal();

@@ -137,7 +137,12 @@ impl Readers {
             .map(|info| Ok((info.topic.clone(), AnyReader::open(bus, &info.topic)?)))
             .collect::<Result<Vec<_>, WireError>>()?;
         let wake = WakeSet::new(readers.iter().map(|(_, reader)| reader.wakeable()));
-        Ok(Self { readers, wake, stop: stop_flag()?, end: limit.map(|limit| Instant::now() + limit) })
+        Ok(Self {
+            readers,
+            wake,
+            stop: runtime::service::stop_flag()?,
+            end: limit.map(|limit| Instant::now() + limit),
+        })
     }
 
     /// Waits until something may be there. `false`: time is over or a signal came.
@@ -150,14 +155,4 @@ impl Readers {
         let woken = self.wake.wait(self.readers.iter().map(|(_, reader)| reader.wakeable()), left)?;
         Ok(woken != Wake::Signal || !self.stop.load(Ordering::Relaxed))
     }
-}
-
-/// A flag that SIGINT and SIGTERM set; the second signal ends the program at once.
-pub fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register_conditional_shutdown(signal, 1, stop.clone())?;
-        signal_hook::flag::register(signal, stop.clone())?;
-    }
-    Ok(stop)
 }

@@ -4,7 +4,6 @@ mod daemon;
 mod watch;
 
 use crate::failure::{configuration, usage};
-use crate::live::stop_flag;
 use crate::say;
 use daemon::Daemon;
 use std::path::{Path, PathBuf};
@@ -49,7 +48,7 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let limit = self.seconds.map(super::echo::seconds).transpose()?;
         let actuator = self.actuator()?;
-        let stop = stop_flag()?;
+        let stop = runtime::service::stop_flag()?;
         let name = format!("demo_{}", std::process::id());
         let domain = Domain { root: Domain::from_env().root, ..Domain::named(&name) };
         let bus = Bus::open(&domain)?;
