@@ -5,10 +5,12 @@
 
 pub mod inputs;
 pub mod judge;
+pub mod manager;
 pub mod process;
 pub mod stage;
 pub mod wait;
 
+pub use manager::Manager;
 pub use process::Program;
 /// The beam that bends until it meets a plate, with its exact answers.
 pub use rom::stability::world as synthetic;

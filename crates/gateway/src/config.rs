@@ -119,11 +119,8 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
             "security.user: who has a password of its own asks callers for theirs; give users_file, or listen = []".into(),
         );
     }
-    if !(file.field_rate_hz > 0.0 && file.field_rate_hz <= 1000.0) {
-        problems.push(format!(
-            "field_rate_hz: expected more than 0 and at most 1000, found {}",
-            file.field_rate_hz
-        ));
+    if !(0.001..=1000.0).contains(&file.field_rate_hz) {
+        problems.push(format!("field_rate_hz: expected 0.001 to 1000, found {}", file.field_rate_hz));
     }
     Config {
         mode: file.mode,

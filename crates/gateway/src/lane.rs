@@ -1,10 +1,10 @@
 //! One topic on its way out: a publisher for those who listen, a queryable for those who ask.
 
 use crate::link::{Link, count, network};
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
-use wire::{Topic, TopicKind, WakeSet, Wakeable, WireError};
+use wire::{Topic, TopicKind};
 use zenoh::Wait;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
@@ -98,12 +98,15 @@ impl Lane {
         !self.waiting.is_empty()
     }
 
-    /// Sends to all who subscribe. Takes as long as the slowest of them needs to make room (of fields: never).
-    pub fn send(&self, parcel: &Parcel, counter: &AtomicU64) {
+    /// Sends to all who subscribe. Takes as long as the slowest of them needs to make room (of fields: some milliseconds at
+    /// most, then this one is skipped for it; the engine does not say so).
+    pub fn send(&self, parcel: &Parcel, counter: &AtomicU64, longest_us: &AtomicU64) {
+        let begin = Instant::now();
         match self.publisher.put(parcel.payload.clone()).attachment(parcel.attachment.clone()).wait() {
             Ok(()) => count(counter),
             Err(error) => tracing::warn!("{}: cannot be sent: {error}", self.topic),
         }
+        longest_us.fetch_max(begin.elapsed().as_micros() as u64, Ordering::Relaxed);
     }
 
     /// Answers all requests that wait.
@@ -127,11 +130,6 @@ impl Lane {
             !is_over
         });
     }
-}
-
-/// Topics are emptied at a pace of our own, so the wake-ups that come with every sample are taken away unread.
-pub fn forget_wake_ups(port: &dyn Wakeable) -> Result<(), WireError> {
-    WakeSet::new([port]).wait([port], Duration::ZERO).map(|_| ())
 }
 
 /// Values travel as they are, everything else as JSON.

@@ -17,6 +17,8 @@ pub struct Link {
     pub prefix: Arc<str>,
     /// Set when the gateway is to end.
     pub stop: Arc<AtomicBool>,
+    /// Turns of the loop of the thread that this is for.
+    pub turns: Arc<AtomicU64>,
     /// What was done.
     pub counters: Arc<Counters>,
 }
@@ -30,6 +32,12 @@ pub struct Counters {
     pub lost: AtomicU64,
     /// Fields sent.
     pub fields: AtomicU64,
+    /// Fields in whose place a newer one was sent, because there are more than `field_rate_hz` asks for.
+    pub replaced: AtomicU64,
+    /// Turns at `field_rate_hz` that passed before the gateway came to them.
+    pub late_turns: AtomicU64,
+    /// Longest time that one message or field took to be handed to the network, us.
+    pub longest_send_us: AtomicU64,
     /// Requests answered.
     pub answers: AtomicU64,
     /// Requests that could not be answered.
@@ -51,6 +59,12 @@ impl Link {
         self.key(topic.name())
     }
 
+    /// Counts a turn of this thread's loop, and says whether it goes on.
+    pub fn goes_on(&self) -> bool {
+        count(&self.turns);
+        !self.is_stopped()
+    }
+
     /// Whether the gateway is to end.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
@@ -62,9 +76,13 @@ impl Counters {
     pub fn line(&self) -> String {
         let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         format!(
-            "{} messages and {} fields sent, {} samples lost before the gateway, {} requests answered, {} refused, {} readings taken, {} refused",
+            "{} messages and {} fields sent (longest send {:.1} ms), {} fields replaced by newer ones, {} field turns late, \
+             {} samples lost before the gateway, {} requests answered, {} refused, {} readings taken, {} refused",
             of(&self.messages),
             of(&self.fields),
+            of(&self.longest_send_us) as f64 * 1e-3,
+            of(&self.replaced),
+            of(&self.late_turns),
             of(&self.lost),
             of(&self.answers),
             of(&self.refusals),

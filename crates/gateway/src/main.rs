@@ -19,6 +19,7 @@ mod lane;
 mod link;
 mod look;
 mod network;
+mod pulse;
 mod questions;
 mod readings;
 mod security;
@@ -29,16 +30,16 @@ use clap::Parser;
 use config::Config;
 use link::{Counters, Link};
 use look::Look;
+use pulse::Pulse;
 use runtime::config::ConfigError;
-use std::io::IsTerminal;
+use runtime::service;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::channel;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
-use tracing_subscriber::EnvFilter;
 use wire::Domain;
 use zenoh::Wait;
 
@@ -70,15 +71,7 @@ struct Options {
 
 fn main() -> ExitCode {
     let options = Options::parse(); // clap itself leaves with 2 on wrong usage
-    let filter =
-        EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,softtwin_gateway=info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .without_time()
-        .init();
+    service::start_logging("warn,softtwin_runtime=info,softtwin_gateway=info");
     match run(&options) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -94,16 +87,19 @@ fn run(options: &Options) -> anyhow::Result<()> {
     if options.check {
         return Ok(());
     }
-    let stop = stop_flag().context("signals cannot be handled")?;
-    let Some(session) = network::open(&config, &stop)? else { return Ok(()) };
+    let stop = service::stop_flag().context("signals cannot be handled")?;
+    let mut pulse = Pulse::from_env();
+    let Some(session) = network::open(&config, &stop, &mut pulse)? else { return Ok(()) };
     let link = Link {
         domain: Domain::from_env(),
         session,
         prefix: config.prefix.as_str().into(),
         stop,
+        turns: Arc::default(),
         counters: Arc::new(Counters::default()),
     };
-    let ended = serve(&link, &config);
+    let ended = serve(&link, &config, pulse);
+    service::tell_stopping();
     link.stop.store(true, Ordering::Relaxed);
     tracing::info!("ended: {}", link.counters.line());
     if let Err(error) = link.session.close().wait() {
@@ -113,30 +109,34 @@ fn run(options: &Options) -> anyhow::Result<()> {
 }
 
 /// Starts the threads and looks at the domain until the end.
-fn serve(link: &Link, config: &Config) -> anyhow::Result<()> {
+fn serve(link: &Link, config: &Config, mut pulse: Pulse) -> anyhow::Result<()> {
     let ((small, small_news), (fields, field_news)) = (channel(), channel());
     let (desk, questions) = questions::desk();
     let mut look = Look::new(link, config, small, fields, desk)?;
     let (period, inlets) = (config.field_period, config.inlets.clone());
+    let mut link_of = || Link { turns: pulse.of_thread(), ..link.clone() };
     let mut threads = vec![
-        start(link, "small", move |link| small::run(link, &small_news))?,
-        start(link, "fields", move |link| fields::run(link, &field_news, period))?,
-        start(link, "questions", move |link| questions::run(link, &questions))?,
+        start(link_of(), "small", move |link| small::run(link, &small_news))?,
+        start(link_of(), "fields", move |link| fields::run(link, &field_news, period))?,
+        start(link_of(), "questions", move |link| questions::run(link, &questions))?,
     ];
     if !inlets.is_empty() {
-        threads.push(start(link, "readings", move |link| readings::run(link, &inlets))?);
+        threads.push(start(link_of(), "readings", move |link| readings::run(link, &inlets))?);
     }
     look.look(link)?;
-    tracing::info!("ready: {}", place(config));
+    service::tell_ready(&place(config));
     let mut tell_at = Instant::now() + TELL_EVERY;
     while !link.is_stopped() && !threads.iter().any(JoinHandle::is_finished) {
         thread::sleep(look::EVERY);
         if let Err(error) = look.look(link) {
             tracing::warn!("{error:#}");
         }
+        pulse.look();
         if Instant::now() >= tell_at {
             tell_at += TELL_EVERY;
-            tracing::info!("so far: {}", link.counters.line());
+            let line = link.counters.line();
+            tracing::info!("so far: {line}");
+            service::tell_status(&line);
         }
     }
     link.stop.store(true, Ordering::Relaxed);
@@ -146,11 +146,10 @@ fn serve(link: &Link, config: &Config) -> anyhow::Result<()> {
 }
 
 fn start(
-    link: &Link,
+    link: Link,
     name: &str,
     body: impl FnOnce(&Link) -> anyhow::Result<()> + Send + 'static,
 ) -> anyhow::Result<JoinHandle<anyhow::Result<()>>> {
-    let link = link.clone();
     Ok(thread::Builder::new().name(name.into()).spawn(move || body(&link))?)
 }
 
@@ -165,14 +164,4 @@ fn place(config: &Config) -> String {
             endpoint::list(&config.connect)
         ),
     }
-}
-
-/// A flag that SIGTERM and SIGINT set. A second signal ends the process at once.
-fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
-        signal_hook::flag::register_conditional_shutdown(signal, 1, stop.clone())?;
-        signal_hook::flag::register(signal, stop.clone())?;
-    }
-    Ok(stop)
 }

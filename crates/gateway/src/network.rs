@@ -1,7 +1,9 @@
 //! The gateway's place in the Zenoh network.
 
 use crate::config::{Config, Mode};
+use crate::pulse::Pulse;
 use anyhow::anyhow;
+use runtime::service;
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -18,7 +20,7 @@ const QUEUE_BATCHES: u32 = 16;
 ///
 /// # Errors
 /// When a port is taken, or a certificate cannot be used.
-pub fn open(config: &Config, stop: &AtomicBool) -> anyhow::Result<Option<Session>> {
+pub fn open(config: &Config, stop: &AtomicBool, pulse: &mut Pulse) -> anyhow::Result<Option<Session>> {
     let settings = zenoh::Config::from_json5(&settings(config).to_string())
         .map_err(|error| anyhow!("Zenoh refuses the configuration: {error}"))?;
     let opening = thread::Builder::new().name("open".into()).spawn(|| zenoh::open(settings).wait())?;
@@ -28,7 +30,13 @@ pub fn open(config: &Config, stop: &AtomicBool) -> anyhow::Result<Option<Session
             return Ok(None);
         }
         if patience.take_if(|until| Instant::now() >= *until).is_some() {
-            tracing::warn!("nobody answers at {} yet; waiting", crate::endpoint::list(&config.connect));
+            let status = format!("nobody answers at {} yet; waiting", crate::endpoint::list(&config.connect));
+            tracing::warn!("{status}");
+            // The other side may take hours: that is no reason for the service manager to give up on us.
+            service::tell_started(&status);
+        }
+        if patience.is_none() {
+            pulse.look();
         }
         thread::sleep(Duration::from_millis(20));
     }

@@ -65,7 +65,7 @@ impl Desk {
 pub fn run(link: &Link, questions: &Receiver<Asked>) -> anyhow::Result<()> {
     let bus = Bus::open(&link.domain)?;
     let mut clients = HashMap::new();
-    while !link.is_stopped() {
+    while link.goes_on() {
         match questions.recv_timeout(TICK) {
             Ok((name, query)) => match ask(&bus, &mut clients, &name, &query) {
                 Ok(sample) => {

@@ -44,7 +44,7 @@ pub fn run(link: &Link, topics: &[Topic]) -> anyhow::Result<()> {
 }
 
 fn serve(link: &Link, bus: &Bus, receiver: &Receiver<Arrived>, inlets: &mut [Inlet]) {
-    while !link.is_stopped() {
+    while link.goes_on() {
         match receiver.recv_timeout(TICK) {
             Ok(arrived) => {
                 let Some(inlet) = inlets.get_mut(arrived.inlet) else { continue };

@@ -1,6 +1,6 @@
 //! States, health, grasps, readings, commands: every single one, as JSON, to those who subscribe.
 
-use crate::lane::{Lane, Parcel, forget_wake_ups};
+use crate::lane::{Lane, Parcel};
 use crate::link::{Link, network};
 use recording::message::{GapMessage, Recorded};
 use recording::{GapCounter, Outlet, Port, Stamp};
@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
-use wire::Bus;
+use wire::{Bus, Waking};
 use zenoh::Wait;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
@@ -19,7 +19,7 @@ pub const GAP_KEY: &str = "softtwin/gateway/gap";
 /// How often it is looked who subscribes.
 const TICK: Duration = Duration::from_millis(50);
 /// How often open topics are emptied. Waiting for each sample's event would be sooner by a millisecond, and the twin would
-/// pay for every wake-up.
+/// pay for every wake-up; ports that are never woken cost it none.
 const PACE: Duration = Duration::from_millis(2);
 
 /// Moves messages until the gateway ends; `news` brings lanes.
@@ -31,7 +31,7 @@ pub fn run(link: &Link, news: &Receiver<Lane>) -> anyhow::Result<()> {
     let mut gaps = Gaps::declare(link)?;
     let mut flows: Vec<Flow> = Vec::new();
     let mut look_at = Instant::now();
-    while !link.is_stopped() {
+    while link.goes_on() {
         let now = Instant::now();
         if now >= look_at {
             look_at = now + TICK;
@@ -73,7 +73,7 @@ impl Flow {
     }
 
     fn open(&mut self, bus: &Bus) {
-        let opened = Port::open(bus, &self.lane.topic, false);
+        let opened = Port::open(bus, &self.lane.topic, false, Waking::Never);
         if let (Err(error), false) = (&opened, self.is_refused) {
             tracing::warn!("{error}; it is tried again");
         }
@@ -85,7 +85,7 @@ impl Flow {
     fn pump(&mut self, link: &Link, gaps: &mut Gaps) {
         let Some(port) = &self.port else { return };
         let mut sender = Sender { link, lane: &self.lane, newest: &mut self.newest, gaps };
-        let drained = forget_wake_ups(port.wakeable()).and_then(|()| port.drain(&mut sender));
+        let drained = port.drain(&mut sender);
         if self.lane.is_asked()
             && let Some(newest) = &self.newest
         {
@@ -151,7 +151,8 @@ impl Outlet for Sender<'_> {
         let mut json = Vec::with_capacity(1536);
         message.encode(&mut json);
         let parcel = Parcel { payload: ZBytes::from(json), attachment: None };
-        self.lane.send(&parcel, &self.link.counters.messages);
+        let counters = &self.link.counters;
+        self.lane.send(&parcel, &counters.messages, &counters.longest_send_us);
         *self.newest = Some(parcel);
     }
 

@@ -53,7 +53,7 @@ class Stage:
             time.sleep(0.02)
         return child
 
-    def live(self, rate_hz: float) -> None:
+    def live(self, rate_hz: float, settings: str = "") -> None:
         """The committed finger with its surface, and a gateway."""
         scene = self.write(
             "scene.toml",
@@ -76,7 +76,7 @@ class Stage:
         )
         self.start("softtwind", "twin", "--scene", scene)
         self.start("softtwind", "bridge", "--scene", scene)
-        config = self.write("gateway.toml", f'listen = ["tcp/127.0.0.1:{self.port}"]')
+        config = self.write("gateway.toml", f'listen = ["tcp/127.0.0.1:{self.port}"]\n{settings}')
         self.start("softtwin-gateway", "--config", config)
 
     def session(self, mode: str) -> zenoh.Session:
@@ -204,3 +204,40 @@ def test_a_reader_that_stands_still_costs_the_others_nothing(stage):
             stuck.wait()
         lost = [(a, b) for a, b in zip(numbers, numbers[1:]) if b != a + 1]
         assert not lost, lost
+
+
+NUMBERS = """
+import json, sys, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
+session = zenoh.open(config)
+tell = lambda sample: print(json.loads(bytes(sample.attachment))["gateway_seq"], flush=True)
+subscriber = session.declare_subscriber("softtwin/finger/field/surface", tell)
+sys.stdin.read()
+"""
+
+
+def test_fields_that_a_reader_did_not_take_are_seen_in_their_numbers(stage):
+    """The network engine does not say what it skips for whom; the numbers do."""
+    stage.live(200.0, "field_rate_hz = 100.0")
+    with stage.session("client") as session:
+        size = Collected(session, "softtwin/finger/field/surface", lambda sample: len(bytes(sample.payload)))
+        slow = subprocess.Popen(
+            [sys.executable, "-c", NUMBERS, f"tcp/127.0.0.1:{stage.port}"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        try:
+            first = int(slow.stdout.readline())
+            slow.send_signal(signal.SIGSTOP)
+            size.wait(1)
+            # Far more than the sockets of both sides and the engine's queues hold.
+            size.wait(len(size.found) + 100_000_000 // size.found[0])
+            slow.send_signal(signal.SIGCONT)
+            numbers, end = [first], time.monotonic() + PATIENCE_S
+            while len(numbers) < 2 or numbers[-1] == numbers[-2] + 1:
+                assert time.monotonic() < end, f"nothing was skipped: {numbers}"
+                numbers.append(int(slow.stdout.readline()))
+            assert numbers[-1] > numbers[-2], "numbers only rise"
+        finally:
+            slow.kill()
+            slow.wait()

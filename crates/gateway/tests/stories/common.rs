@@ -27,8 +27,14 @@ pub fn gateway(stage: &Stage, config: &str) -> Program {
 
 /// The same without waiting.
 pub fn gateway_unready(stage: &Stage, config: &str) -> Program {
+    gateway_in(stage, config, &[])
+}
+
+/// The same with more in its environment.
+pub fn gateway_in(stage: &Stage, config: &str, environment: &[(&str, String)]) -> Program {
     let path = stage.write("gateway.toml", config).display().to_string();
-    Program::shell(stage, &format!("exec softtwin-gateway --config {path}"))
+    let settings: String = environment.iter().map(|(name, value)| format!("{name}='{value}' ")).collect();
+    Program::shell(stage, &format!("{settings}exec softtwin-gateway --config {path}"))
 }
 
 /// The settings of a plain client of somebody who listens there.

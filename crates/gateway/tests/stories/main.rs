@@ -4,3 +4,4 @@ mod closed;
 mod common;
 mod inward;
 mod outward;
+mod watched;
