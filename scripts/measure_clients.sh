@@ -5,16 +5,11 @@
 set -euo pipefail
 seconds=60
 profile=release
-while [ $# -gt 0 ]; do
-    case "$1" in
-        --seconds) seconds=${2:?--seconds needs a number}; shift 2 ;;
-        --profile) profile=${2:?--profile needs dev or release}; shift 2 ;;
-        *) echo "measure_clients: unknown option $1" >&2; exit 2 ;;
-    esac
-done
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-if [ "$profile" = dev ]; then cargo build --locked --quiet --workspace; folder=${CARGO_TARGET_DIR:-target}/debug
-else cargo build --locked --quiet --workspace --profile "$profile"; folder=${CARGO_TARGET_DIR:-target}/$profile; fi
+. scripts/lib.sh
+options seconds profile -- "$@"
+cargo build --locked --quiet --workspace --profile "$profile"
+folder=$(programs "$profile")
 work=$(mktemp -d /tmp/mcXXXXXX)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 export SOFTTWIN_DOMAIN="mc$$" SOFTTWIN_ROOT="$work/iox" PYTHONPATH=$PWD/clients/python/src
@@ -37,9 +32,8 @@ frequency_hz = 0.5
 [[actuator.output]]
 nodes = "all"
 TOML
-"$folder/softtwind" twin --scene "$work/scene.toml" 2> "$work/twin.log" &
-until grep -q ready: "$work/twin.log"; do sleep 0.1; done
-"$folder/softtwind" bridge --scene "$work/scene.toml" 2> /dev/null &
+ready "$work/twin.log" "$folder/softtwind" twin --scene "$work/scene.toml"
+ready "$work/bridge.log" "$folder/softtwind" bridge --scene "$work/scene.toml"
 sleep 1
 say() { printf '{"reader":"%s","result":%s}\n' "$1" "$2"; }
 # The twin's own latency: the newest health of the last seconds, without and with questions.

@@ -4,17 +4,11 @@
 #   scripts/measure_fingers.sh [--fingers 10] [--seconds 20] [--profile release]
 set -euo pipefail
 fingers=10 seconds=20 profile=release
-while [ $# -gt 0 ]; do
-    case "$1" in
-        --fingers) fingers=${2:?--fingers needs a number}; shift 2 ;;
-        --seconds) seconds=${2:?--seconds needs a number}; shift 2 ;;
-        --profile) profile=${2:?--profile needs dev or release}; shift 2 ;;
-        *) echo "measure_fingers: unknown option $1" >&2; exit 2 ;;
-    esac
-done
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+. scripts/lib.sh
+options fingers seconds profile -- "$@"
 cargo build --locked --quiet --workspace --bins --profile "$profile"
-folder=${CARGO_TARGET_DIR:-target}/${profile/#dev/debug}
+folder=$(programs "$profile")
 work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 export SOFTTWIN_DOMAIN="mf$$" SOFTTWIN_ROOT="$work/iox"
@@ -25,13 +19,9 @@ export SOFTTWIN_DOMAIN="mf$$" SOFTTWIN_ROOT="$work/iox"
             sed "s#^name = \"finger\"#name = \"finger$n\"#; s#\"../../models#\"$PWD/models#; s#^seed = 1#seed = $n#"
     done
 } >"$work/scene.toml"
-"$folder/softtwind" twin --scene "$work/scene.toml" 2>"$work/twin.log" &
-twin=$!
-until grep -q ready: "$work/twin.log"; do
-    kill -0 "$twin" 2>/dev/null || { cat "$work/twin.log" >&2; exit 1; }
-    sleep 0.1
-done
-"$folder/softtwind" bridge --scene "$work/scene.toml" 2>"$work/bridge.log" &
+ready "$work/twin.log" "$folder/softtwind" twin --scene "$work/scene.toml"
+twin=$started
+ready "$work/bridge.log" "$folder/softtwind" bridge --scene "$work/scene.toml"
 sleep 3
 ticks() { awk '{ sub(/.*\) /, ""); print $12 + $13 }' "/proc/$twin/stat"; } # user and system time of all threads
 health() { "$folder/softtwin" top --once --json >"$work/$1.json"; }

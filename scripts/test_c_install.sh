@@ -3,6 +3,7 @@
 #   scripts/test_c_install.sh        needs cc, c++ and pkg-config
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+. scripts/lib.sh
 work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 scripts/install_c.sh "$work/prefix" --profile dev
@@ -10,16 +11,11 @@ export PKG_CONFIG_PATH=$work/prefix/lib/pkgconfig LD_LIBRARY_PATH=$work/prefix/l
 read -ra flags < <(pkg-config --cflags --libs softtwin)
 cc -std=c11 -Wall -Werror clients/c/examples/twin.c "${flags[@]}" -lm -o "$work/twin_c"
 c++ -std=c++17 -Wall -Werror clients/c/examples/twin.cpp "${flags[@]}" -o "$work/twin_cpp"
-programs=${CARGO_TARGET_DIR:-target}/debug
+folder=$(programs dev)
 export SOFTTWIN_DOMAIN=cinstall$$ SOFTTWIN_ROOT=$work/iox
 sed "s#\.\./\.\./models#$PWD/models#; s#\.\./traces#$PWD/config/traces#; s#^loop = false#loop = true#" config/scenes/finger.toml >"$work/scene.toml"
-"$programs/softtwind" twin --scene "$work/scene.toml" 2>"$work/twin.log" &
-twin=$!
-until grep -q ready: "$work/twin.log"; do
-    kill -0 "$twin" 2>/dev/null || { cat "$work/twin.log" >&2; exit 1; }
-    sleep 0.1
-done
-"$programs/softtwind" bridge --scene "$work/scene.toml" 2>"$work/bridge.log" &
+ready "$work/twin.log" "$folder/softtwind" twin --scene "$work/scene.toml"
+ready "$work/bridge.log" "$folder/softtwind" bridge --scene "$work/scene.toml"
 for program in twin_c twin_cpp; do
     "$work/$program" finger | tee "$work/$program.out"
     grep -q '^field' "$work/$program.out" || { echo "test_c_install: $program printed no field" >&2; exit 1; }

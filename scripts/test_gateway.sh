@@ -5,6 +5,7 @@
 # nothing of it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+. scripts/lib.sh
 for needed in openssl python3; do
     command -v "$needed" >/dev/null || { echo "test_gateway: $needed is missing; on Debian or Ubuntu: apt-get install $needed" >&2; exit 1; }
 done
@@ -12,15 +13,10 @@ if ! python3 -c 'import venv, ensurepip' 2>/dev/null; then
     echo "test_gateway: python3 with venv is missing; on Debian or Ubuntu: apt-get install python3-venv" >&2
     exit 1
 fi
-venv=build/gateway-venv
-if [ ! -f "$venv/installed" ]; then
-    python3 -m venv "$venv"
-    "$venv/bin/pip" install --quiet --disable-pip-version-check "eclipse-zenoh==1.10.2" numpy pytest
-    touch "$venv/installed"
-fi
+zenoh_python
 cargo build --locked --quiet --workspace --bins
 # Its hundreds of dependencies are not optimised here: that would take most of the time, and no test needs it.
 gateway() { cargo --config 'profile.dev.package."*".opt-level=0' "$1" --locked -p softtwin-gateway --features network "${@:2}"; }
 gateway clippy --quiet --all-targets -- -D warnings
 gateway test --no-fail-fast -- "$@"
-exec "$venv/bin/python" -m pytest -q crates/gateway/tests
+exec "$python" -m pytest -q crates/gateway/tests
