@@ -46,12 +46,16 @@ class Stage:
             program = [str(PROGRAMS / command[0]), *command[1:]]
             child = subprocess.Popen(program, stdout=log, stderr=log, env=self.environment)
         self.programs.append(child)
-        end = time.monotonic() + PATIENCE_S
-        while "ready:" not in path.read_text():
-            if child.poll() is not None or time.monotonic() > end:
-                pytest.fail(f"{command} did not get ready:\n" + path.read_text())
-            time.sleep(0.02)
+        self.wait_said("ready:")
         return child
+
+    def wait_said(self, text: str) -> None:
+        """Waits until the program that was started last says this."""
+        path, end = self.folder / f"{len(self.programs) - 1}.log", time.monotonic() + PATIENCE_S
+        while text not in path.read_text():
+            if self.programs[-1].poll() is not None or time.monotonic() > end:
+                pytest.fail(f"`{text}` was not said:\n" + path.read_text())
+            time.sleep(0.02)
 
     def live(self, rate_hz: float, settings: str = "") -> None:
         """The committed finger with its surface, and a gateway."""
@@ -175,12 +179,14 @@ def test_the_program_of_the_page_runs_and_is_shown_there(stage):
 
 
 READER = """
-import json, sys, zenoh
+import json, sys, threading, zenoh
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
 session = zenoh.open(config)
-subscriber = session.declare_subscriber("softtwin/**", lambda sample: None)
+heard = threading.Event()
+subscriber = session.declare_subscriber("softtwin/**", lambda sample: heard.set())
+heard.wait()
 print("listening", flush=True)
 sys.stdin.read()
 """
@@ -198,7 +204,8 @@ def test_a_reader_that_stands_still_costs_the_others_nothing(stage):
         try:
             stuck.stdout.readline()
             stuck.send_signal(signal.SIGSTOP)
-            numbers = states.wait(len(states.found) + 12_000)
+            stage.wait_said("Closing transport")
+            numbers = states.wait(len(states.found) + 1000)
         finally:
             stuck.kill()
             stuck.wait()
