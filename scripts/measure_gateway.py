@@ -14,7 +14,7 @@ import uuid
 
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
 ENDPOINT = "tcp/127.0.0.1:17447"
-# As its unit allows (config/systemd/softtwin-twin@.service) and OPERATIONS.md advises; what is refused is said.
+# What its unit gives the rights for (config/systemd/softtwin-twin@.service); what is refused is said.
 REALTIME = """
 [realtime]
 lock_memory = true
@@ -79,12 +79,12 @@ def subscribe(seconds):
 class Run:
     """Programs in a domain of their own."""
 
-    def __init__(self, programs):
+    def __init__(self, programs, realtime):
         self.programs, self.folder, self.children = programs, pathlib.Path(tempfile.mkdtemp(prefix="mg")), []
         self.domain = f"mg_{uuid.uuid4().hex[:8]}"
         self.environment = dict(os.environ, SOFTTWIN_DOMAIN=self.domain, SOFTTWIN_ROOT=str(self.folder / "iox"))
         (self.folder / "scene.toml").write_text(SCENE)
-        (self.folder / "twin.toml").write_text(REALTIME)
+        (self.folder / "twin.toml").write_text(REALTIME if realtime else "")
         (self.folder / "gateway.toml").write_text(f'listen = ["{ENDPOINT}"]\nfield_rate_hz = 30.0\n')
 
     def start(self, name, *arguments, nice=0):
@@ -176,16 +176,17 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, help="folder of our programs")
     parser.add_argument("--seconds", type=float, default=60.0, help="time of each measurement")
     parser.add_argument("--rounds", type=int, default=1, help="how often all three situations are measured")
+    parser.add_argument("--realtime", choices=["yes", "no"], default="yes", help="the twin in real time, or as any program")
     parser.add_argument("--subscribe", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.subscribe:
         return subscribe(options.seconds)
-    run = Run(options.programs.resolve())
+    run = Run(options.programs.resolve(), options.realtime == "yes")
     try:
         scene = str(run.folder / "scene.toml")
         run.start("softtwind", "twin", "--scene", scene, "--config", str(run.folder / "twin.toml"))
         run.start("softtwind", "bridge", "--scene", scene)
-        say("machine", {"load": os.getloadavg()[0], "processors": os.cpu_count(), "twin_was_refused": run.refused()})
+        say("machine", {"load": os.getloadavg()[0], "processors": os.cpu_count(), "realtime": options.realtime, "twin_was_refused": run.refused()})
         time.sleep(2)
         phases = Phases(run, options.seconds)
         for _ in range(options.rounds):
