@@ -149,21 +149,8 @@ impl FieldReader {
     }
 
     fn build(bus: &Bus, topic: &Topic, missing: Missing, waking: Waking) -> Result<Self, WireError> {
-        let qos = qos::of(topic.kind());
         let service = service::slices(bus, topic, missing)?;
-        // The listener comes first: a sample sent in between then wakes us for nothing instead of never.
-        let listener = match waking {
-            Waking::ByEvent => Some(service::listener(bus, topic)?),
-            Waking::Never => None,
-        };
-        let subscriber = service::retry(topic.name(), || {
-            service
-                .subscriber_builder()
-                .buffer_size(qos.buffer)
-                .history_request(qos.history)
-                .create()
-                .map_err(|error| service::judge_reader(topic, error))
-        })?;
+        let (subscriber, listener) = service::reader(bus, topic, &service, waking)?;
         Ok(Self { topic: topic.clone(), subscriber, listener })
     }
 

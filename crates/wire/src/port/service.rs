@@ -1,9 +1,11 @@
 //! Opening services: one builder per kind of topic, bounded retries, errors a person understands.
 
 use crate::bus::{Bus, Ipc};
+use crate::wake::Waking;
 use crate::{Topic, TopicKind, WireError, layout, qos};
+use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::PublisherCreateError;
-use iceoryx2::port::subscriber::SubscriberCreateError;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeOpenError as OpenError, PublishSubscribeOpenOrCreateError as OpenOrCreateError,
@@ -107,6 +109,25 @@ fn with_qos<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
         .enable_safe_overflow(true)
 }
 
+/// A reader's two ends. The listener comes first: a sample sent in between then wakes us for nothing instead of never.
+pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
+    bus: &Bus,
+    topic: &Topic,
+    service: &PubSub<P, H>,
+    waking: Waking,
+) -> Result<(Subscriber<Ipc, P, H>, Option<Listener<Ipc>>), WireError> {
+    let qos = qos::of(topic.kind());
+    let listener = match waking {
+        Waking::ByEvent => Some(listener(bus, topic)?),
+        Waking::Never => None,
+    };
+    let subscriber = retry(topic.name(), || {
+        let builder = service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history);
+        builder.create().map_err(|error| judge_reader(topic, error))
+    })?;
+    Ok((subscriber, listener))
+}
+
 pub(crate) fn service_name(name: &str) -> Result<ServiceName, WireError> {
     ServiceName::new(name)
         .map_err(|error| WireError::Open { topic: name.into(), cause: format!("{error:?}") })
@@ -181,7 +202,7 @@ pub(crate) fn judge_writer(bus: &Bus, topic: &Topic, error: PublisherCreateError
 }
 
 /// Judges a refused reader.
-pub(crate) fn judge_reader(topic: &Topic, error: SubscriberCreateError) -> Refusal {
+fn judge_reader(topic: &Topic, error: SubscriberCreateError) -> Refusal {
     match error {
         SubscriberCreateError::ExceedsMaxSupportedSubscribers => Refusal::Final(WireError::TooManyReaders {
             topic: topic.name().into(),
@@ -232,10 +253,7 @@ pub(crate) fn notifier(
 }
 
 /// The port that a topic's reader is woken by.
-pub(crate) fn listener(
-    bus: &Bus,
-    topic: &Topic,
-) -> Result<iceoryx2::port::listener::Listener<Ipc>, WireError> {
+fn listener(bus: &Bus, topic: &Topic) -> Result<Listener<Ipc>, WireError> {
     use iceoryx2::port::listener::ListenerCreateError as Error;
     let service = events(bus, topic)?;
     retry(topic.name(), || {
