@@ -28,6 +28,8 @@ pub(crate) enum Missing {
 
 pub(crate) type PubSub<P, H> = publish_subscribe::PortFactory<Ipc, P, H>;
 pub(crate) type Events = event::PortFactory<Ipc>;
+/// What a reader takes samples from, and what wakes it.
+pub(crate) type Ends<P, H> = (Subscriber<Ipc, P, H>, Option<Listener<Ipc>>);
 
 /// The publish-subscribe service of a topic with a fixed-size payload.
 pub(crate) fn sized<P: Debug + ZeroCopySend>(
@@ -115,7 +117,7 @@ pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
     topic: &Topic,
     service: &PubSub<P, H>,
     waking: Waking,
-) -> Result<(Subscriber<Ipc, P, H>, Option<Listener<Ipc>>), WireError> {
+) -> Result<Ends<P, H>, WireError> {
     let qos = qos::of(topic.kind());
     let listener = match waking {
         Waking::ByEvent => Some(listener(bus, topic)?),
