@@ -4,7 +4,8 @@
 # and with one that is listened to.
 #   scripts/measure_gateway.sh [--seconds 60] [--rounds 1] [--realtime yes|no] [--profile release]
 # The twin runs in real time with locked memory where the rights for that are there (root, or the limits of
-# config/systemd/softtwin-twin@.service); what was refused is printed; with --realtime no it runs as any program. Each round measures all three for that many seconds.
+# config/systemd/softtwin-twin@.service); what was refused is printed; with --realtime no it runs as any program. Each round
+# measures all three for that many seconds.
 # Needs Python 3.9 or newer; the machine should have nothing else to do. One JSON object a line.
 set -euo pipefail
 seconds=60 rounds=1 realtime=yes profile=release

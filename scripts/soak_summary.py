@@ -64,8 +64,8 @@ wrong = [
     *(f"{name}: {judge}" for name, judge in judges.items()
       if judge["wrong_fields"] or judge["wrong_states"] or judge["states_out_of_order"] or not judge["fields_checked"]),
     f"unusual outcomes {unusual}" if unusual else "",
-    *(f"{name}'s own memory grew by {v[1] - v[0]} kB" for name, v in report["private_kb_first_last_max"].items()
-      if v[1] - v[0] > GROWTH_KB),
+    *(f"{name} grew by {v[1] - v[0]} kB ({what})" for what in ("resident_kb", "private_kb")
+      for name, v in report[f"{what}_first_last_max"].items() if v[1] - v[0] > GROWTH_KB),
     *(f"{name} holds {v[1] - v[0]} more files" for name, v in report["open_files_first_last_max"].items()
       if v[1] - v[0] > GROWTH_FILES),
     *(f"{what} grew: {report[what]}" for what in ("shared_memory_files_first_last_max", "management_files_first_last_max")
