@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Soak test in one domain: a steady twin that nobody touches, a disturbed twin that is killed, stopped, reloaded and starved, a
-# recorder of both, a judge of each that computes every sample again, and readers that come and go. Reports memory, files,
-# latency drift, lost and wrong samples; ends with 1 when something was lost, wrong or grew.
+# disk that is kept busy, a recorder of both, a judge of each that computes every sample again, and readers that come and go.
+# Reports memory, files, latency drift, lost and wrong samples; ends with 1 when something was lost, wrong or grew.
 #   scripts/soak.sh --seconds 3600 --model models/pneunet/pneunet.twin --report soak.json
 #   scripts/soak.sh --seconds 60 --model FILE --rate 1000 --no-faults
 # --rate is that of the steady twin, Hz. Needs the programs (cargo build --release --workspace --bins; SOFTTWIN_BIN names their
@@ -119,7 +119,7 @@ row() {
 echo "soak: ${seconds} s, steady at ${rate} Hz, faults: $faults, model $model" >&2
 begin=$SECONDS turn=0 readers=0
 disturb() {
-    case $((turn % 8)) in
+    case $((turn % 9)) in
         0) count kill_bridge; kill -9 "$bridge"; wait "$bridge" 2>/dev/null || true; daemon bridge disturbed; bridge=$started ;;
         1) count kill_twin; kill -9 "$twin"; wait "$twin" 2>/dev/null || true; daemon twin disturbed; twin=$started ;;
         2) count stop_bridge_500ms; kill -STOP "$bridge"; sleep 0.5; kill -CONT "$bridge" ;;
@@ -132,6 +132,8 @@ disturb() {
         6) count stop_twin_500ms; kill -STOP "$twin"; sleep 0.5; kill -CONT "$twin" ;;
         7) count kill_both; kill -9 "$twin" "$bridge"; wait "$twin" "$bridge" 2>/dev/null || true
            daemon bridge disturbed; bridge=$started; daemon twin disturbed; twin=$started ;;
+        8) count busy_disk # the disk of recording and management files: whoever waits for it waits for seconds
+           dd if=/dev/zero of="$work/ballast" bs=1M count=2000 conv=fsync status=none; rm "$work/ballast" ;;
     esac
 }
 while ((SECONDS - begin < seconds)); do

@@ -61,6 +61,7 @@ report = {
 }
 wrong = [
     f"{report['lost_in_recorder']} samples lost in the recorder" if report["lost_in_recorder"] else "",
+    *(f"at the end not recorded: {what}" for what in record["troubles"].values()),
     *(f"{name}: {judge}" for name, judge in judges.items()
       if judge["wrong_fields"] or judge["wrong_states"] or judge["states_out_of_order"] or not judge["fields_checked"]),
     f"unusual outcomes {unusual}" if unusual else "",

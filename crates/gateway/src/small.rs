@@ -73,12 +73,12 @@ impl Flow {
     }
 
     fn open(&mut self, bus: &Bus) {
-        let opened = Port::open(bus, &self.lane.topic, false, Waking::Never);
+        let opened = Port::open(bus, &self.lane.topic, Waking::Never);
         if let (Err(error), false) = (&opened, self.is_refused) {
             tracing::warn!("{error}; it is tried again");
         }
         self.is_refused = opened.is_err();
-        self.port = opened.unwrap_or_default();
+        self.port = opened.ok();
     }
 
     /// Hands on what waits; a port that broke is closed, and opened again with the next look.

@@ -1,24 +1,37 @@
 //! Takes everything off the wire and hands it to a writer that may wait for the disk.
 //!
-//! Two threads: the caller's drains the ports (their queues hold 64 readings, so it never waits for anything), the
-//! writer's compresses, writes and syncs. Between them lies a queue bounded in bytes; what does not fit is dropped and
-//! counted, so that a slow disk costs messages and never memory.
+//! ```text
+//! look ──topics──> run ──begins──> lane, lane, ... ──messages──> queue ──> writer ──> disk
+//! ```
+//!
+//! Each topic has a thread of its own that receives and encodes (a topic's buffer keeps 2 s at 1 kHz), one thread looks for
+//! topics, one compresses, writes and syncs. Only the last two ever wait for a disk, and a topic that is being opened. Between
+//! lanes and writer lies a queue bounded in bytes; what does not fit is dropped and counted, so that a slow disk costs
+//! messages and never memory.
 
+mod crew;
 mod drain;
+mod lane;
+mod look;
 mod queue;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use thiserror::Error;
-use wire::{Bus, KeyExpr, WakeSet, Waking, WireError, now_ns};
+use wire::{Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
 
 use crate::{RotateOptions, RotateSummary, RotatingWriter, WriteError};
+use crew::{Crew, WAIT};
 pub use drain::{Outlet, Port, Stamp};
-use queue::{Sink, WriterThread};
+use lane::Opened;
+use look::Look;
+use queue::{Queue, WriterThread};
 
 /// What is recorded, and where to.
 #[derive(Debug, Clone)]
@@ -37,10 +50,6 @@ pub struct RecorderOptions {
 
 /// Everything is on disk at the latest so long after it was received.
 pub const FLUSH_EVERY: Duration = Duration::from_millis(500);
-/// How often new topics are looked for.
-const DISCOVER_EVERY: Duration = Duration::from_millis(250);
-/// Longest sleep, so that the stop flag is seen.
-const WAIT: Duration = Duration::from_millis(50);
 
 /// Why recording ended early.
 #[derive(Debug, Error)]
@@ -51,9 +60,9 @@ pub enum RecordError {
     /// The disk.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// The writer's thread is gone without an error of its own.
-    #[error("the recorder's writer stopped without a word; this is a defect, please report it")]
-    WriterGone,
+    /// A thread is gone without an error of its own.
+    #[error("the recorder's {0} stopped without a word; this is a defect, please report it")]
+    ThreadGone(&'static str),
 }
 
 /// What was recorded.
@@ -65,95 +74,145 @@ pub struct RecordSummary {
     pub missing: u64,
     /// Messages that were received and dropped because the disk was too slow.
     pub dropped: u64,
-    /// The files.
+    /// What cannot be recorded at the moment, and why: by topic, or `topics` when they cannot be listed. Tried again and again.
+    pub troubles: BTreeMap<String, String>,
+    /// The files; known at the end.
     pub files: RotateSummary,
 }
 
-/// A recording in progress. Lives in the thread that made it.
+impl RecordSummary {
+    fn count(&mut self, topic: &str, is_queued: bool) {
+        match self.messages.get_mut(topic) {
+            _ if !is_queued => self.dropped += 1,
+            Some(count) => *count += 1,
+            None => _ = self.messages.insert(topic.to_owned(), 1),
+        }
+    }
+
+    fn set_trouble(&mut self, whom: &str, what: Option<String>) {
+        match what {
+            Some(what) => _ = self.troubles.insert(whom.to_owned(), what),
+            None => _ = self.troubles.remove(whom),
+        }
+    }
+}
+
+/// A recording in progress.
 pub struct Recorder {
-    bus: Bus,
+    domain: Domain,
     options: RecorderOptions,
-    ports: Vec<Port>,
-    sink: Sink,
+    news: Receiver<Look>,
+    // In front of the queue's end: the threads take what is there before they go.
+    crew: Crew,
+    queue: Queue,
     writer: WriterThread,
-    next_discovery: Instant,
 }
 
 impl Recorder {
-    /// Opens the first file and attaches to what is there already.
+    /// Opens the first file and every topic that is there already.
     ///
     /// # Errors
-    /// [`RecordError`].
-    pub fn start(bus: &Bus, options: RecorderOptions) -> Result<Self, RecordError> {
+    /// [`RecordError`], also when one of these topics cannot be read. Later ones are tried again and stand in
+    /// [`RecordSummary::troubles`] meanwhile.
+    pub fn start(domain: &Domain, options: RecorderOptions) -> Result<Self, RecordError> {
+        let (place, keys) = (domain.clone(), options.keys.clone());
+        Self::start_with(domain, options, || look::eye(place, keys))
+    }
+
+    /// As [`Self::start`], with an eye of one's own.
+    fn start_with<E: FnMut() -> Look>(
+        domain: &Domain,
+        options: RecorderOptions,
+        eye: impl FnOnce() -> E + Send + 'static,
+    ) -> Result<Self, RecordError> {
         let mut file = RotatingWriter::create(&options.path, options.rotate)?;
         let offset_ns = wall_offset_ns();
         file.metadata("softtwin.recording", &about(&options, offset_ns))?;
         file.flush()?;
-        let (sink, writer) = queue::start(file, options.queue_bytes, offset_ns);
-        let next_discovery = Instant::now();
-        let mut recorder =
-            Self { bus: bus.clone(), options, ports: Vec::new(), sink, writer, next_discovery };
-        recorder.discover()?;
+        let (queue, writer) = queue::start(file, options.queue_bytes, offset_ns);
+        let (sender, news) = mpsc::channel();
+        let mut crew = Crew::default();
+        crew.begin(move |stop| look::keep_looking(eye(), &sender, stop));
+        let mut recorder = Self { domain: domain.clone(), options, news, crew, queue, writer };
+        recorder.begin()?;
         Ok(recorder)
     }
 
-    /// Records until `stop` is set or the disk refuses; `tell` is called after every turn with what is recorded so far.
+    /// Waits until what is there now is open. A topic that somebody is just making or removing is not waited for.
+    fn begin(&mut self) -> Result<(), RecordError> {
+        let gone = |_| RecordError::ThreadGone("reader");
+        let topics = self.news.recv().map_err(gone)??;
+        let tries: Vec<_> = topics.into_iter().filter_map(|topic| self.follow(topic)).collect();
+        for opened in tries {
+            match opened.recv().map_err(gone)? {
+                Ok(()) | Err(WireError::InFlux { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Records until `stop` is set or the disk refuses; `tell` is called 20 times a second with what is recorded so far.
     ///
     /// # Errors
-    /// [`RecordError::Wire`]; what the disk said comes from [`Recorder::finish`].
+    /// [`RecordError::ThreadGone`]; what the disk said comes from [`Recorder::finish`].
     pub fn run(
         &mut self,
         stop: &AtomicBool,
         mut tell: impl FnMut(&RecordSummary),
     ) -> Result<(), RecordError> {
-        let mut wakes = self.wake_set();
         while !stop.load(Ordering::Relaxed) && !self.writer.has_failed() {
-            if self.next_discovery <= Instant::now() && self.discover()? {
-                wakes = self.wake_set();
+            match self.news.recv_timeout(WAIT) {
+                Ok(look) => self.take(look),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(RecordError::ThreadGone("look for topics"));
+                }
             }
-            wakes.wait(self.ports.iter().map(Port::wakeable), WAIT)?;
-            self.drain()?;
-            tell(self.sink.summary());
-        }
-        self.drain()
-    }
-
-    /// Writes what is waiting, closes the file.
-    ///
-    /// # Errors
-    /// What the disk said, now or earlier.
-    pub fn finish(self) -> Result<RecordSummary, RecordError> {
-        let Self { sink, writer, .. } = self;
-        let mut summary = sink.into_summary();
-        summary.files = writer.join()?;
-        Ok(summary)
-    }
-
-    fn wake_set(&self) -> WakeSet {
-        WakeSet::new(self.ports.iter().map(Port::wakeable))
-    }
-
-    fn drain(&mut self) -> Result<(), RecordError> {
-        for port in &self.ports {
-            port.drain(&mut self.sink)?;
+            if self.crew.is_short() {
+                return Err(RecordError::ThreadGone("reader"));
+            }
+            let summary = self.queue.summary().clone();
+            tell(&summary);
         }
         Ok(())
     }
 
-    /// Attaches to topics that are new; true when there were any.
-    fn discover(&mut self) -> Result<bool, RecordError> {
-        self.next_discovery = Instant::now() + DISCOVER_EVERY;
-        let before = self.ports.len();
-        for key in &self.options.keys {
-            for info in self.bus.topics(key)? {
-                let is_known = self.ports.iter().any(|port| port.topic() == &info.topic);
-                let (topic, with_fields) = (&info.topic, self.options.with_fields);
-                if !is_known && let Some(port) = Port::open(&self.bus, topic, with_fields, Waking::ByEvent)? {
-                    self.ports.push(port);
+    /// Takes what is still there, writes what is waiting, closes the file.
+    ///
+    /// # Errors
+    /// What the disk said, now or earlier.
+    pub fn finish(self) -> Result<RecordSummary, RecordError> {
+        let Self { crew, queue, writer, .. } = self;
+        drop(crew);
+        let mut summary = queue.summary().clone();
+        drop(queue);
+        summary.files = writer.join()?;
+        Ok(summary)
+    }
+
+    fn take(&mut self, look: Look) {
+        let trouble = match look {
+            Ok(topics) => {
+                for topic in topics {
+                    self.follow(topic);
                 }
+                None
             }
+            Err(error) => Some(error.to_string()),
+        };
+        self.queue.summary().set_trouble("topics", trouble);
+    }
+
+    /// Begins to record a topic, unless it is a field and nobody asked for fields.
+    fn follow(&mut self, topic: Topic) -> Option<Receiver<Opened>> {
+        if topic.kind() == TopicKind::Field && !self.options.with_fields {
+            return None;
         }
-        Ok(self.ports.len() > before)
+        let (domain, sink) = (self.domain.clone(), self.queue.sink());
+        let (sender, opened) = mpsc::channel();
+        self.crew.begin(move |stop| lane::keep_moving(&domain, &topic, sink, &sender, stop));
+        Some(opened)
     }
 }
 
@@ -172,6 +231,3 @@ fn about(options: &RecorderOptions, offset_ns: u64) -> BTreeMap<String, String> 
         ("wall_minus_monotonic_ns".to_owned(), offset_ns.to_string()),
     ])
 }
-
-/// Shared between the two threads.
-type Flag = Arc<AtomicBool>;

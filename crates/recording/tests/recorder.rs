@@ -2,8 +2,9 @@
 
 mod common;
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use softtwin_recording::message::SensorMessage;
 use softtwin_recording::{Ending, Item, Reader, Recorder, RecorderOptions, RotateOptions};
@@ -33,6 +34,14 @@ fn reading(seq: u64) -> SensorSample {
     }
 }
 
+fn wait_for(seen: &AtomicU64, count: u64) {
+    let end = Instant::now() + Duration::from_secs(60);
+    while seen.load(Ordering::Relaxed) < count {
+        assert!(Instant::now() < end, "{} of {count} messages were recorded", seen.load(Ordering::Relaxed));
+        thread::yield_now();
+    }
+}
+
 /// Everything that is sent, with a jump in the numbers, and a state that names its model.
 #[test]
 fn what_is_published_is_in_the_file() {
@@ -43,35 +52,24 @@ fn what_is_published_is_in_the_file() {
     let mut sensor =
         SensorWriter::create(&bus, &Topic::sensor("finger").expect("a topic")).expect("a writer");
     let mut state = StateWriter::create(&bus, &Topic::state("finger").expect("a topic")).expect("a writer");
-    let mut recorder = Recorder::start(&bus, options(path.clone())).expect("a recorder");
+    let mut recorder = Recorder::start(&domain, options(path.clone())).expect("a recorder");
 
-    let stop = AtomicBool::new(false);
+    let (seen, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     thread::scope(|scope| {
-        let stop = &stop;
-        let (go, turn) = std::sync::mpsc::sync_channel::<u64>(0);
-        // The wire's ports stay in their thread: this one only says when the recorder has caught up.
-        scope.spawn(move || turn.iter().for_each(|seen| stop.store(seen >= READINGS + 2, Ordering::Relaxed)));
-        let mut next = 1u64;
-        recorder
-            .run(stop, |summary| {
-                // At most a queue's worth ahead of the recorder: the test is about the file, not about overflow.
-                for _ in 0..32 {
-                    if next <= READINGS {
-                        let jump = if next > 1_000 { 5 } else { 0 };
-                        sensor.publish(reading(next + jump)).expect("sent");
-                        next += 1;
-                    } else if next == READINGS + 1 {
-                        let sample = State { boot_id: 9, seq: 1, model_hash: [0xab; 16], ..State::default() };
-                        state
-                            .publish(State { actuator: wire::layout::pack_name("finger"), ..sample })
-                            .expect("sent");
-                        next += 1;
-                    }
-                }
-                go.send(summary.messages.values().sum()).expect("listened to");
-            })
-            .expect("recorded");
-        drop(go);
+        let running = scope.spawn(|| {
+            recorder.run(&stop, |summary| seen.store(summary.messages.values().sum(), Ordering::Relaxed))
+        });
+        for index in 1..=READINGS {
+            let jump = if index > 1_000 { 5 } else { 0 };
+            sensor.publish(reading(index + jump)).expect("sent");
+            // At most a thousand ahead of the recorder: the test is about the file, not about overflow.
+            wait_for(&seen, index.saturating_sub(1_000));
+        }
+        let sample = State { boot_id: 9, seq: 1, model_hash: [0xab; 16], ..State::default() };
+        state.publish(State { actuator: wire::layout::pack_name("finger"), ..sample }).expect("sent");
+        wait_for(&seen, READINGS + 2);
+        stop.store(true, Ordering::Relaxed);
+        running.join().expect("no panic").expect("recorded");
     });
     let summary = recorder.finish().expect("written");
     assert_eq!((summary.missing, summary.dropped), (5, 0));
@@ -115,11 +113,12 @@ fn what_is_published_is_in_the_file() {
 fn what_does_not_fit_into_the_queue_is_counted() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");
-    let bus = Bus::open(&Domain::isolated("rec")).expect("a bus");
+    let domain = Domain::isolated("rec");
+    let bus = Bus::open(&domain).expect("a bus");
     let mut sensor =
         SensorWriter::create(&bus, &Topic::sensor("finger").expect("a topic")).expect("a writer");
     let mut recorder =
-        Recorder::start(&bus, RecorderOptions { queue_bytes: 0, ..options(path) }).expect("a recorder");
+        Recorder::start(&domain, RecorderOptions { queue_bytes: 0, ..options(path) }).expect("a recorder");
     sensor.publish(reading(1)).expect("sent");
     let stop = AtomicBool::new(false);
     recorder.run(&stop, |summary| stop.store(summary.dropped > 0, Ordering::Relaxed)).expect("recorded");

@@ -52,11 +52,34 @@ impl Bus {
         Ok(Self { node: Rc::new(node) })
     }
 
-    /// All topics whose name `key` matches, sorted by name.
+    /// All topics whose name `key` matches, sorted by name. Looks at the management files and leaves them alone: for programs
+    /// that look again and again.
     ///
     /// # Errors
     /// [`WireError::List`] when the management files cannot be read.
+    pub fn names(&self, key: &KeyExpr) -> Result<Vec<Topic>, WireError> {
+        Ok(self.listed(key)?.into_iter().map(|info| info.topic).collect())
+    }
+
+    /// All topics whose name `key` matches, sorted by name, and who takes part. To see that, each is opened for a moment, which
+    /// writes to the domain's folder: a busy disk below it holds the caller up, for seconds at worst.
+    ///
+    /// # Errors
+    /// As [`Self::names`].
     pub fn topics(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
+        let mut found = self.listed(key)?;
+        for info in &mut found {
+            // A topic may vanish between listing and looking: then it simply has nobody.
+            if let Ok((writers, readers)) = service::participants(self, &info.topic) {
+                info.writers = writers;
+                info.readers = readers;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Topics without those who take part.
+    fn listed(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
         let mut found = Vec::new();
         let listed = Ipc::list(self.node.config(), |details| {
             let config = &details.static_details;
@@ -77,13 +100,6 @@ impl Bus {
             CallbackProgression::Continue
         });
         listed.map_err(|error| WireError::List { cause: format!("{error:?}") })?;
-        for info in &mut found {
-            // A topic may vanish between listing and looking: then it simply has nobody.
-            if let Ok((writers, readers)) = service::participants(self, &info.topic) {
-                info.writers = writers;
-                info.readers = readers;
-            }
-        }
         found.sort_by(|a, b| a.topic.name().cmp(b.topic.name()));
         Ok(found)
     }

@@ -47,24 +47,18 @@ pub enum Port {
 }
 
 impl Port {
-    /// Reads `topic`, which may come into being later, woken or not. `None` for fields that nobody asked for.
+    /// Reads `topic`, which may come into being later, woken or not.
     ///
     /// # Errors
     /// As the readers' own: another version, no free slot.
-    pub fn open(
-        bus: &Bus,
-        topic: &Topic,
-        with_fields: bool,
-        waking: Waking,
-    ) -> Result<Option<Self>, WireError> {
+    pub fn open(bus: &Bus, topic: &Topic, waking: Waking) -> Result<Self, WireError> {
         Ok(match topic.kind() {
-            TopicKind::Sensor => Some(Self::Sensor(SensorReader::attach_as(bus, topic, waking)?)),
-            TopicKind::State => Some(Self::State(StateReader::attach_as(bus, topic, waking)?)),
-            TopicKind::Health => Some(Self::Health(HealthReader::attach_as(bus, topic, waking)?)),
-            TopicKind::Field if with_fields => Some(Self::Field(FieldReader::attach_as(bus, topic, waking)?)),
-            TopicKind::Field => None,
-            TopicKind::Grasp => Some(Self::Grasp(GraspReader::attach_as(bus, topic, waking)?)),
-            TopicKind::Command => Some(Self::Command(CommandReader::attach_as(bus, topic, waking)?)),
+            TopicKind::Sensor => Self::Sensor(SensorReader::attach_as(bus, topic, waking)?),
+            TopicKind::State => Self::State(StateReader::attach_as(bus, topic, waking)?),
+            TopicKind::Health => Self::Health(HealthReader::attach_as(bus, topic, waking)?),
+            TopicKind::Field => Self::Field(FieldReader::attach_as(bus, topic, waking)?),
+            TopicKind::Grasp => Self::Grasp(GraspReader::attach_as(bus, topic, waking)?),
+            TopicKind::Command => Self::Command(CommandReader::attach_as(bus, topic, waking)?),
         })
     }
 

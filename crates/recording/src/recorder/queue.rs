@@ -1,16 +1,16 @@
 //! The bounded queue between the ports and the disk, and the thread behind it.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
-use wire::now_ns;
+use wire::{Topic, now_ns};
 
 use super::drain::{Outlet, Stamp};
-use super::{FLUSH_EVERY, Flag, RecordError, RecordSummary};
+use super::{FLUSH_EVERY, RecordError, RecordSummary};
 use crate::message::{GapMessage, Recorded};
 use crate::{Channel, GapCounter, RotateSummary, RotatingWriter, WriteError};
 
@@ -20,26 +20,32 @@ enum Entry {
     Metadata { name: String, entries: BTreeMap<String, String> },
 }
 
-/// The near end of the queue: encodes, counts, notes gaps.
-pub struct Sink {
+/// The near end of the queue. Each topic's thread has its own [`Sink`] into it.
+#[derive(Clone)]
+pub struct Queue {
     sender: Sender<Entry>,
     waiting_bytes: Arc<AtomicU64>,
     limit_bytes: u64,
     offset_ns: u64,
+    summary: Arc<Mutex<RecordSummary>>,
+}
+
+/// Encodes, counts, notes gaps.
+pub struct Sink {
+    queue: Queue,
     channels: BTreeMap<String, Arc<Channel>>,
     models: BTreeMap<String, String>,
     gaps: GapCounter,
-    summary: RecordSummary,
 }
 
 /// The far end.
 pub struct WriterThread {
     handle: JoinHandle<Result<RotateSummary, WriteError>>,
-    failed: Flag,
+    failed: Arc<AtomicBool>,
 }
 
-/// Starts the writer's thread.
-pub fn start(file: RotatingWriter, limit_bytes: u64, offset_ns: u64) -> (Sink, WriterThread) {
+/// Starts the writer's thread. It ends when all clones of the queue are gone.
+pub fn start(file: RotatingWriter, limit_bytes: u64, offset_ns: u64) -> (Queue, WriterThread) {
     let (sender, receiver) = mpsc::channel();
     let waiting_bytes = Arc::new(AtomicU64::new(0));
     let failed = Arc::new(AtomicBool::new(false));
@@ -51,28 +57,47 @@ pub fn start(file: RotatingWriter, limit_bytes: u64, offset_ns: u64) -> (Sink, W
             result
         }
     });
-    let sink = Sink {
-        sender,
-        waiting_bytes,
-        limit_bytes,
-        offset_ns,
-        channels: BTreeMap::new(),
-        models: BTreeMap::new(),
-        gaps: GapCounter::default(),
-        summary: RecordSummary::default(),
-    };
-    (sink, WriterThread { handle, failed })
+    let queue = Queue { sender, waiting_bytes, limit_bytes, offset_ns, summary: Arc::default() };
+    (queue, WriterThread { handle, failed })
+}
+
+impl Queue {
+    /// A way into the queue.
+    pub fn sink(&self) -> Sink {
+        Sink {
+            queue: self.clone(),
+            channels: BTreeMap::new(),
+            models: BTreeMap::new(),
+            gaps: GapCounter::default(),
+        }
+    }
+
+    /// What was recorded so far, over all topics.
+    pub fn summary(&self) -> MutexGuard<'_, RecordSummary> {
+        // Counts are whole after every line: who panicked while holding them left nothing half done.
+        self.summary.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes `bytes` of the room there is; false when there is not enough.
+    fn reserve(&self, bytes: u64) -> bool {
+        let waiting = self.waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
+        let fits = waiting + bytes <= self.limit_bytes;
+        if !fits {
+            self.waiting_bytes.fetch_sub(bytes, Ordering::Relaxed);
+        }
+        fits
+    }
 }
 
 impl Outlet for Sink {
     /// Queues one message; reports a jump in its topic's numbers as a message of its own, in front of it.
     fn put<M: Recorded>(&mut self, topic: &str, stamp: Stamp, message: &M) {
         if let Some(gap) = self.gaps.observe(topic, stamp.boot_id, stamp.seq) {
-            self.summary.missing = self.gaps.missing();
+            self.queue.summary().missing += gap.missing();
             let stamp = Stamp { seq: gap.found_seq, ..stamp };
-            self.queue(GapMessage::TOPIC, stamp, &GapMessage::new(topic, gap));
+            self.enqueue(GapMessage::TOPIC, stamp, &GapMessage::new(topic, gap));
         }
-        self.queue(topic, stamp, message);
+        self.enqueue(topic, stamp, message);
     }
 
     /// Notes which model an actuator's states come from, whenever that changes.
@@ -86,29 +111,20 @@ impl Outlet for Sink {
             ("model_hash".to_owned(), hash.to_owned()),
         ]);
         // A writer that is gone has said why; the recorder's loop sees it.
-        let _ = self.sender.send(Entry::Metadata { name: format!("softtwin.model.{actuator}"), entries });
+        let _ =
+            self.queue.sender.send(Entry::Metadata { name: format!("softtwin.model.{actuator}"), entries });
     }
 }
 
 impl Sink {
-    /// What was recorded so far.
-    pub fn summary(&self) -> &RecordSummary {
-        &self.summary
+    /// Says what keeps `topic` from being recorded, or that nothing does any more.
+    pub fn trouble(&self, topic: &Topic, what: Option<String>) {
+        self.queue.summary().set_trouble(topic.name(), what);
     }
 
-    /// Closes the queue.
-    pub fn into_summary(self) -> RecordSummary {
-        self.summary
-    }
-
-    fn queue<M: Recorded>(&mut self, topic: &str, stamp: Stamp, message: &M) {
+    fn enqueue<M: Recorded>(&mut self, topic: &str, stamp: Stamp, message: &M) {
         let mut data = Vec::new();
         message.encode(&mut data);
-        let bytes = data.len() as u64;
-        if self.waiting_bytes.load(Ordering::Relaxed) + bytes > self.limit_bytes {
-            self.summary.dropped += 1;
-            return;
-        }
         let channel = match self.channels.get(topic) {
             Some(channel) => channel.clone(),
             None => {
@@ -117,18 +133,18 @@ impl Sink {
                 channel
             }
         };
-        self.waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
-        let entry = Entry::Message {
+        let is_queued = self.queue.reserve(data.len() as u64)
+            && self.queue.sender.send(self.entry(channel, stamp, data)).is_ok();
+        self.queue.summary().count(topic, is_queued);
+    }
+
+    fn entry(&self, channel: Arc<Channel>, stamp: Stamp, data: Vec<u8>) -> Entry {
+        Entry::Message {
             channel,
             sequence: stamp.seq as u32, // the format keeps 32 bits; the message has them all
-            log_time_ns: now_ns().saturating_add(self.offset_ns),
-            publish_time_ns: stamp.t_publish_ns.saturating_add(self.offset_ns),
+            log_time_ns: now_ns().saturating_add(self.queue.offset_ns),
+            publish_time_ns: stamp.t_publish_ns.saturating_add(self.queue.offset_ns),
             data,
-        };
-        if self.sender.send(entry).is_ok() {
-            *self.summary.messages.entry(topic.to_owned()).or_default() += 1;
-        } else {
-            self.summary.dropped += 1;
         }
     }
 }
@@ -143,7 +159,7 @@ impl WriterThread {
     pub fn join(self) -> Result<RotateSummary, RecordError> {
         match self.handle.join() {
             Ok(result) => Ok(result?),
-            Err(_) => Err(RecordError::WriterGone),
+            Err(_) => Err(RecordError::ThreadGone("writer")),
         }
     }
 }

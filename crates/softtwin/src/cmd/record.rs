@@ -7,6 +7,7 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::{RecordSummary, Recorder, RecorderOptions, RotateOptions};
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -22,7 +23,8 @@ Examples:
     softtwin record --out run.mcap --rotate-minutes 60 --keep 48
 
 A kill or a power cut loses at most the last second; the file reads without its footer. Open it with any MCAP viewer, with
-`softtwin replay`, `softtwin export`. It ends with exit code 1 when the disk is full; what is written stays readable.";
+`softtwin replay`, `softtwin export`. It ends with exit code 1 when the disk is full (what is written stays readable), and when
+a topic could not be recorded to the end.";
 
 /// Record readings, states, health and, if asked, fields into MCAP files.
 #[derive(clap::Args)]
@@ -67,12 +69,14 @@ impl Args {
     pub fn run(self) -> Result<()> {
         let options = self.options()?;
         let stop = runtime::service::stop_flag()?;
-        let bus = self.domain.join()?;
-        let mut recorder = Recorder::start(&bus, options)?;
+        let mut recorder = Recorder::start(&self.domain.domain(), options)?;
         let end = self.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
         let bar = progress();
+        let mut troubles = BTreeMap::new();
         let ran = recorder.run(&stop, |summary| {
             bar.set_message(line(summary));
+            bar.suspend(|| say_what_is_new(&troubles, &summary.troubles));
+            troubles.clone_from(&summary.troubles);
             if end.is_some_and(|end| Instant::now() >= end) {
                 stop.store(true, Ordering::Relaxed);
             }
@@ -81,7 +85,10 @@ impl Args {
         // The file is closed before anything is reported: a broken port must not cost the footer.
         let summary = recorder.finish()?;
         ran?;
-        self.report(&summary)
+        self.report(&summary)?;
+        let untold: Vec<&str> = summary.troubles.values().map(String::as_str).collect();
+        anyhow::ensure!(untold.is_empty(), "at the end this could not be recorded: {}", untold.join("; "));
+        Ok(())
     }
 
     fn options(&self) -> Result<RecorderOptions> {
@@ -116,6 +123,7 @@ impl Args {
                 "messages": summary.messages,
                 "missing": summary.missing,
                 "dropped": summary.dropped,
+                "troubles": summary.troubles,
                 "written": summary.files.messages,
                 "files": files,
                 "files_removed": summary.files.removed,
@@ -131,6 +139,18 @@ impl Args {
         )?;
         say!("{} messages in {}", summary.files.messages, files.join(", "))?;
         Ok(())
+    }
+}
+
+/// Troubles come and go; each is said when it comes, and when it is over.
+fn say_what_is_new(before: &BTreeMap<String, String>, now: &BTreeMap<String, String>) {
+    for (whom, what) in now {
+        if before.get(whom) != Some(what) {
+            tracing::warn!("cannot be recorded, tried again each second: {what}");
+        }
+    }
+    for whom in before.keys().filter(|whom| !now.contains_key(*whom)) {
+        tracing::warn!("{whom}: recorded again");
     }
 }
 

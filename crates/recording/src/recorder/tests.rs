@@ -1,0 +1,234 @@
+//! What must hold nobody up: a look that hangs, a topic that cannot be opened.
+
+use std::collections::BTreeSet;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, mpsc};
+use std::thread;
+use std::time::Instant;
+
+use wire::{Bus, SensorReader, SensorSample, SensorWriter};
+
+use super::*;
+
+/// How long anything may take before the test gives up.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Readings at once: less than a topic keeps for a reader.
+const BATCH: u64 = 1_500;
+
+/// A domain whose management files lie in a folder of its own, with the topic `softtwin/good/sensor`.
+struct Place {
+    folder: tempfile::TempDir,
+    domain: Domain,
+    bus: Bus,
+    good: SensorWriter,
+    sent: u64,
+}
+
+impl Place {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let root = Some(folder.path().join("iox").display().to_string());
+        let domain = Domain { root, ..Domain::isolated("recorder") };
+        let bus = Bus::open(&domain).unwrap();
+        let good = SensorWriter::create(&bus, &topic("good")).unwrap();
+        Self { folder, domain, bus, good, sent: 0 }
+    }
+
+    fn options(&self) -> RecorderOptions {
+        RecorderOptions {
+            keys: vec![KeyExpr::new("softtwin/**").unwrap()],
+            with_fields: false,
+            path: self.folder.path().join("run.mcap"),
+            rotate: RotateOptions::default(),
+            queue_bytes: 64 << 20,
+        }
+    }
+
+    /// Publishes more than a topic keeps, bit by bit, as the recorder takes it.
+    fn publish_and_see_all_recorded(&mut self, told: &Told) {
+        for _ in 0..3 {
+            for _ in 0..BATCH {
+                self.sent += 1;
+                self.good.publish(SensorSample { seq: self.sent, ..SensorSample::default() }).unwrap();
+            }
+            let sent = self.sent;
+            told.wait("the readings", |summary| {
+                summary.messages.get("softtwin/good/sensor") == Some(&sent) && summary.missing == 0
+            });
+        }
+    }
+
+    fn files(&self) -> BTreeSet<PathBuf> {
+        let mut found = BTreeSet::new();
+        let mut folders = vec![self.folder.path().join("iox")];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+                match entry.file_type().unwrap().is_dir() {
+                    true => folders.push(entry.path()),
+                    false => _ = found.insert(entry.path()),
+                }
+            }
+        }
+        found
+    }
+}
+
+fn topic(actuator: &str) -> Topic {
+    Topic::sensor(actuator).unwrap()
+}
+
+/// The newest summary that the recorder told.
+#[derive(Default)]
+struct Told(Mutex<RecordSummary>);
+
+impl Told {
+    fn wait(&self, what: &str, is_so: impl Fn(&RecordSummary) -> bool) {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let summary = self.0.lock().unwrap().clone();
+            if is_so(&summary) {
+                return;
+            }
+            assert!(Instant::now() < end, "{what}: {summary:?}");
+            thread::yield_now();
+        }
+    }
+}
+
+/// Runs `recorder` while `story` is told, and finishes it.
+fn while_recording(mut recorder: Recorder, story: impl FnOnce(&Told)) -> RecordSummary {
+    let (told, stop) = (Told::default(), AtomicBool::new(false));
+    thread::scope(|scope| {
+        let running = scope.spawn(|| {
+            recorder.run(&stop, |summary| told.0.lock().unwrap().clone_from(summary)).unwrap();
+            recorder
+        });
+        let ending = End(&stop);
+        story(&told);
+        drop(ending);
+        running.join().unwrap().finish().unwrap()
+    })
+}
+
+/// Ends the recording, also when the story fails.
+struct End<'a>(&'a AtomicBool);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// The domain's folder lies on a disk that answers nothing for minutes.
+#[test]
+fn a_look_that_hangs_holds_up_no_reading() {
+    let mut place = Place::new();
+    let (release, held) = mpsc::channel::<()>();
+    let recorder = Recorder::start_with(&place.domain, place.options(), || {
+        let mut is_first = true;
+        move || {
+            if !std::mem::take(&mut is_first) {
+                assert!(held.recv().is_err(), "nothing is ever sent");
+            }
+            Ok(vec![topic("good")])
+        }
+    });
+    let summary = while_recording(recorder.unwrap(), |told| {
+        place.publish_and_see_all_recorded(told);
+        drop(release);
+    });
+    assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent));
+}
+
+/// A topic that hangs in its creation, as a killed program leaves it: told, tried again, recorded once it can be.
+#[test]
+fn a_topic_that_cannot_be_opened_holds_up_no_other() {
+    let mut place = Place::new();
+    let before = place.files();
+    let mut writer = SensorWriter::create(&place.bus, &topic("hung")).unwrap();
+    let made: Vec<PathBuf> =
+        place.files().difference(&before).filter(|path| is_service(path)).cloned().collect();
+    assert!(!made.is_empty(), "the topic's files: {:?}", place.files());
+    let set_mode =
+        |mode| made.iter().for_each(|path| fs::set_permissions(path, Permissions::from_mode(mode)).unwrap());
+    let mode = fs::metadata(&made[0]).unwrap().permissions().mode();
+    // The rights that a file of the folder has until its maker is done with it.
+    set_mode(0o600);
+    let (show, shown) = mpsc::channel::<Vec<Topic>>();
+    show.send(vec![topic("good")]).unwrap();
+    let recorder = Recorder::start_with(&place.domain, place.options(), || {
+        move || Ok(shown.try_recv().unwrap_or_default())
+    });
+    let summary = while_recording(recorder.unwrap(), |told| {
+        show.send(vec![topic("hung")]).unwrap();
+        place.publish_and_see_all_recorded(told);
+        told.wait("the trouble", |summary| {
+            summary
+                .troubles
+                .get("softtwin/hung/sensor")
+                .is_some_and(|why| why.contains("could not be opened"))
+        });
+        place.publish_and_see_all_recorded(told);
+        set_mode(mode);
+        told.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+        writer.publish(SensorSample { seq: 1, ..SensorSample::default() }).unwrap();
+        told.wait("its reading", |summary| summary.messages.get("softtwin/hung/sensor") == Some(&1));
+    });
+    assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent + 1));
+    assert!(summary.troubles.is_empty());
+}
+
+fn is_service(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "service")
+}
+
+/// At the start, what cannot be read ends the recording; later it is told and tried again.
+#[test]
+fn a_refused_topic_is_an_error_at_the_start_and_a_trouble_later() {
+    let mut place = Place::new();
+    let full = topic("full");
+    let mut readers: Vec<SensorReader> = (0..wire::qos::of(TopicKind::Sensor).max_readers)
+        .map(|_| SensorReader::attach(&place.bus, &full).unwrap())
+        .collect();
+    let refused = Recorder::start(&place.domain, place.options()).err();
+    assert!(matches!(refused, Some(RecordError::Wire(WireError::TooManyReaders { .. }))), "{refused:?}");
+
+    let (show, shown) = mpsc::channel::<Vec<Topic>>();
+    show.send(vec![topic("good")]).unwrap();
+    let options = RecorderOptions { path: place.folder.path().join("second.mcap"), ..place.options() };
+    let recorder =
+        Recorder::start_with(&place.domain, options, || move || Ok(shown.try_recv().unwrap_or_default()));
+    let summary = while_recording(recorder.unwrap(), |told| {
+        show.send(vec![full.clone()]).unwrap();
+        told.wait("the trouble", |summary| summary.troubles.contains_key(full.name()));
+        place.publish_and_see_all_recorded(told);
+        readers.pop();
+        told.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+    });
+    assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent));
+}
+
+/// The folder cannot be read for a while: told, over when it is over, and nothing recorded meanwhile is touched.
+#[test]
+fn a_failed_look_is_a_trouble_until_one_succeeds() {
+    let mut place = Place::new();
+    let (show, shown) = mpsc::channel::<Look>();
+    show.send(Ok(vec![topic("good")])).unwrap();
+    let recorder = Recorder::start_with(&place.domain, place.options(), || {
+        // Between the answers of the test nothing changes: an eye that waits.
+        move || shown.recv().unwrap_or_else(|_| Ok(Vec::new()))
+    });
+    let summary = while_recording(recorder.unwrap(), |told| {
+        show.send(Err(WireError::List { cause: "no such folder".into() })).unwrap();
+        told.wait("the trouble", |summary| {
+            summary.troubles.get("topics").is_some_and(|why| why.contains("no such folder"))
+        });
+        place.publish_and_see_all_recorded(told);
+        drop(show);
+        told.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+    });
+    assert_eq!((summary.missing, summary.files.messages), (0, place.sent));
+}
