@@ -135,3 +135,48 @@ fn the_demonstration_keeps_its_contract() {
     let latency = |key: &str| summary["latency_us"][key].as_f64().unwrap();
     assert!(0.0 < latency("p50") && latency("p50") <= latency("p99") && latency("p99") <= latency("max"));
 }
+
+/// Every finding that is not good says what to do; warnings are no failure.
+#[test]
+fn the_doctor_finds_nothing_wrong_with_a_running_twin() {
+    let stage = Stage::new("doctor");
+    let scene = stage.finger(SOURCE);
+    let _twin = Program::twin(&stage, &scene);
+    let _bridge = Program::bridge(&stage, &scene);
+    let (code, said) = run(&stage, &["doctor", "--json", "--scene", &scene.display().to_string()]);
+    assert_eq!(code, Some(0), "{said:?}");
+    let found = json(&said).remove(0);
+    let verdict = |subject: &str| {
+        let finding = found.as_array().unwrap().iter().find(|finding| finding["subject"] == subject);
+        finding.unwrap_or_else(|| panic!("{subject}: {found}"))["verdict"].as_str().unwrap().to_owned()
+    };
+    for subject in ["/dev/shm", "domain", "softtwin/finger/sensor", "softtwin/finger/state"] {
+        assert_eq!(verdict(subject), "good", "{subject}: {found}");
+    }
+    for finding in found.as_array().unwrap() {
+        assert_eq!(finding["verdict"] == "good", finding["remedy"] == "", "{finding}");
+    }
+    let shm = format!("/dev/shm/{}", stage.domain_name);
+    let (_, said) = run(&stage, &["doctor", "--domain-root", &shm]);
+    std::fs::remove_dir_all(&shm).unwrap();
+    assert!(
+        said.iter().any(|line| line.contains("management files") && line.contains("in memory")),
+        "{said:?}"
+    );
+}
+
+/// A damaged model and wrong settings, both at once, and what to do about each.
+#[test]
+fn the_doctor_names_everything_that_is_wrong() {
+    let stage = Stage::new("ill");
+    let scene = stage.finger(SOURCE);
+    stage.write("beam.twin", "no model");
+    let settings = stage.write("twin.toml", "[realtime]\npriority = 4711\n");
+    let [scene, settings] = [scene, settings].map(|path| path.display().to_string());
+    let (code, said) = run(&stage, &["doctor", "--scene", &scene, "--config", &settings]);
+    assert_eq!(code, Some(1), "{said:?}");
+    let text = said.join("\n");
+    for expected in ["beam.twin", "4711", "-> ", "things are wrong"] {
+        assert!(text.contains(expected), "`{expected}`:\n{text}");
+    }
+}

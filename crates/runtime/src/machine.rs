@@ -30,6 +30,24 @@ pub fn room(path: &Path) -> io::Result<Room> {
     Ok(Room { free_bytes: bytes(found.f_bavail), total_bytes: bytes(found.f_blocks) })
 }
 
+/// Whether the files of `path` live in memory, where no disk holds up who opens or removes one.
+///
+/// # Errors
+/// The system's refusal to look.
+pub fn is_in_memory(path: &Path) -> io::Result<bool> {
+    let path = CString::new(path.as_os_str().as_bytes())?;
+    // SAFETY: an all-zero `statfs` is a valid value of this plain C structure.
+    let mut found: libc::statfs = unsafe { std::mem::zeroed() };
+    // SAFETY: `path` is a terminated string and `found` is writable; both live across the call.
+    if unsafe { libc::statfs(path.as_ptr(), &mut found) } != 0 {
+        return Err(io::Error::last_os_error());
+    }
+    Ok(found.f_type == libc::TMPFS_MAGIC || found.f_type == RAMFS_MAGIC)
+}
+
+/// What the kernel calls a ramfs (linux/magic.h).
+const RAMFS_MAGIC: libc::__fsword_t = 0x8584_58f6;
+
 /// Whether this process may write to `path`.
 pub fn is_writable(path: &Path) -> bool {
     let Ok(path) = CString::new(path.as_os_str().as_bytes()) else { return false };
@@ -72,6 +90,13 @@ mod tests {
         assert!(
             super::room(Path::new("/no/such/folder")).is_err() && !is_writable(Path::new("/no/such/folder"))
         );
+    }
+
+    #[test]
+    fn shared_memory_is_in_memory_and_proc_is_not() {
+        assert!(is_in_memory(Path::new("/dev/shm")).unwrap());
+        assert!(!is_in_memory(Path::new("/proc")).unwrap());
+        assert!(is_in_memory(Path::new("/no/such/folder")).is_err());
     }
 
     /// The kernel's own account of the limits agrees.

@@ -3,6 +3,7 @@
 use crate::port::{require_headroom, service};
 use crate::{Domain, KeyExpr, Topic, WireError};
 use iceoryx2::prelude::*;
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -107,6 +108,11 @@ impl Bus {
     /// Removes what dead programs left behind, waiting at most `timeout`; returns how many were removed.
     pub fn clean_up(&self, timeout: Duration) -> u64 {
         self.node.blocking_cleanup_dead_nodes(timeout).cleanups
+    }
+
+    /// Folder of the domain's management files.
+    pub fn folder(&self) -> PathBuf {
+        PathBuf::from(String::from_utf8_lossy(self.node.config().global.root_path().as_bytes()).into_owned())
     }
 
     /// Prefix of the shared-memory names of this domain.

@@ -33,6 +33,7 @@ impl Subject<'_> {
         let settings = self.config.map(Settings::load);
         let mut findings = vec![shared_memory(), domain(&bus)];
         if let Ok(bus) = &bus {
+            findings.push(management_files(&bus.folder()));
             findings.extend(versions(bus));
         }
         let wished = settings.as_ref().and_then(|settings| settings.as_ref().ok());
@@ -83,6 +84,20 @@ fn domain(bus: &Result<Bus, WireError>) -> Finding {
             0 => Finding::good("domain", "joined, nothing left behind by dead programs"),
             count => Finding::good("domain", format!("joined; leftovers of {count} dead programs removed")),
         },
+    }
+}
+
+/// Who opens a topic writes to the domain's folder, and waits for its disk.
+fn management_files(folder: &Path) -> Finding {
+    let subject = "management files";
+    match machine::is_in_memory(folder) {
+        Err(error) => Finding::warning(subject, format!("{}: {error}", folder.display()), "check its rights"),
+        Ok(true) => Finding::good(subject, format!("{}, in memory", folder.display())),
+        Ok(false) => Finding::warning(
+            subject,
+            format!("{}, on a disk: while it is busy, programs start late", folder.display()),
+            "SOFTTWIN_ROOT=/run/softtwin for all programs, as in the units, or another folder that lives in memory",
+        ),
     }
 }
 
