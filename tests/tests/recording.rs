@@ -2,12 +2,12 @@
 
 use recording::message::{Recorded, SensorMessage, StateMessage};
 use recording::{Ending, Item, Reader};
-use softtwin_tests::wait::wait_state;
+use softtwin_tests::wait::{wait_for, wait_state};
 use softtwin_tests::{PATIENCE, Program, Stage};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use wire::{StateReader, Topic};
+use wire::{Bus, KeyExpr, SensorReader, StateReader, Topic};
 
 const STEADY: &str = r#"kind = "simulate"
 rate_hz = 200.0
@@ -49,6 +49,34 @@ fn contents(path: &Path) -> (Vec<SensorMessage>, BTreeMap<u64, String>, Ending) 
     (readings, states, reader.ending().unwrap().clone())
 }
 
+/// Waits until `recorder` reads as many of the finger's topics.
+fn wait_listening(bus: &Bus, recorder: &Program, topics: usize) {
+    let end = Instant::now() + PATIENCE;
+    let all = KeyExpr::new("softtwin/finger/*").unwrap();
+    loop {
+        let found = bus.topics(&all).unwrap();
+        if found.iter().filter(|info| info.readers.contains(&recorder.id())).count() >= topics {
+            return;
+        }
+        assert!(Instant::now() < end, "the recorder does not listen: {found:?}");
+        std::thread::yield_now();
+    }
+}
+
+/// Messages in what there is of a recording, and the times of the first and the last, ns.
+fn count_and_span(path: &Path) -> (u64, u64, u64) {
+    let bytes = std::fs::read(path).unwrap();
+    let mut reader = Reader::new(bytes.as_slice()).unwrap();
+    let (mut count, mut first_ns, mut last_ns) = (0, u64::MAX, 0);
+    while let Some(item) = reader.next_item().unwrap() {
+        if let Item::Message(message) = item {
+            (first_ns, last_ns) = (message.log_time_ns.min(first_ns), message.log_time_ns.max(last_ns));
+            count += 1;
+        }
+    }
+    (count, first_ns, last_ns)
+}
+
 /// Records while `play` feeds the twin of `scene`; ends when the last reading's state is in the file.
 fn record(stage: &Stage, scene: &Path, name: &str, play: &[&str], last: u64) -> std::path::PathBuf {
     let path = stage.path(name);
@@ -57,17 +85,7 @@ fn record(stage: &Stage, scene: &Path, name: &str, play: &[&str], last: u64) -> 
     let mut recorder = Program::tool(stage, &["record", "--out", &out, "--json"]);
     let bus = stage.bus();
     let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();
-    // The recorder reads the state topic once it is there as a second reader.
-    let end = Instant::now() + PATIENCE;
-    let all = wire::KeyExpr::new("softtwin/finger/*").unwrap();
-    loop {
-        let topics = bus.topics(&all).unwrap();
-        if topics.iter().filter(|info| info.readers.contains(&recorder.id())).count() >= 3 {
-            break;
-        }
-        assert!(Instant::now() < end, "the recorder does not listen: {topics:?}");
-        std::thread::yield_now();
-    }
+    wait_listening(&bus, &recorder, 3);
     let mut player = match play {
         ["bridge", ..] => Program::daemon(stage, play),
         _ => Program::tool(stage, play),
@@ -121,30 +139,20 @@ fn a_killed_recorder_leaves_all_but_the_last_second() {
     let stage = Stage::new("killrec");
     let scene = stage.finger(STEADY);
     let path = stage.path("killed.mcap");
+    let bus = stage.bus();
+    let readings = SensorReader::attach(&bus, &Topic::sensor("finger").unwrap()).unwrap();
     let mut recorder = Program::tool(&stage, &["record", "--out", &path.display().to_string()]);
     let bridge = Program::bridge(&stage, &scene);
-    let readings = |path: &Path| {
-        let Ok(bytes) = std::fs::read(path) else { return (0, 0, 0) };
-        let Ok(mut reader) = Reader::new(bytes.as_slice()) else { return (0, 0, 0) };
-        let (mut count, mut first_ns, mut last_ns) = (0u64, 0, 0);
-        while let Some(item) = reader.next_item().unwrap() {
-            if let Item::Message(message) = item {
-                first_ns = if count == 0 { message.log_time_ns } else { first_ns };
-                last_ns = message.log_time_ns;
-                count += 1;
-            }
-        }
-        (count, first_ns, last_ns)
-    };
-    let end = Instant::now() + PATIENCE;
-    while readings(&path).0 < 300 {
-        assert!(Instant::now() < end, "300 readings did not reach the disk");
-        std::thread::sleep(Duration::from_millis(100));
-    }
+    wait_listening(&bus, &recorder, 1);
+    // A few times as many as a second holds, so that most of them must be on the disk.
+    let begin = readings.newest().unwrap().map_or(0, |reading| reading.seq);
+    wait_for(&readings, "600 more readings", |readings| {
+        readings.newest().unwrap().filter(|reading| reading.seq >= begin + 600)
+    });
     let wall = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
     recorder.signal(libc::SIGKILL);
     recorder.end();
-    let (count, first_ns, last_ns) = readings(&path);
+    let (count, first_ns, last_ns) = count_and_span(&path);
     let lost = Duration::from_nanos((wall.as_nanos() as u64).saturating_sub(last_ns));
     assert!(lost < Duration::from_secs(1), "{lost:?} of readings are gone");
     let span_s = (last_ns - first_ns) as f64 * 1e-9;
