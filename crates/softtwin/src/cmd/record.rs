@@ -142,12 +142,10 @@ impl Args {
     }
 }
 
-/// Troubles come and go; each is said when it comes, and when it is over.
+/// Troubles come and go; each is said when it comes, and when it is over, and not with every try in between.
 fn say_what_is_new(before: &BTreeMap<String, String>, now: &BTreeMap<String, String>) {
-    for (whom, what) in now {
-        if before.get(whom) != Some(what) {
-            tracing::warn!("cannot be recorded, tried again each second: {what}");
-        }
+    for (_, what) in now.iter().filter(|(whom, _)| !before.contains_key(*whom)) {
+        tracing::warn!("cannot be recorded, tried again each second: {what}");
     }
     for whom in before.keys().filter(|whom| !now.contains_key(*whom)) {
         tracing::warn!("{whom}: recorded again");
