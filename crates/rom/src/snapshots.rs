@@ -29,6 +29,20 @@ pub struct FieldSpec {
     pub kind: FieldKind,
 }
 
+impl FieldSpec {
+    /// The five fields of the paper: deformed coordinates and displacement magnitude in mm, von Mises stress in MPa.
+    pub fn of_the_paper() -> Vec<Self> {
+        let field = |name: &str, unit: &str, kind| Self { name: name.into(), unit: unit.into(), kind };
+        vec![
+            field("x", "mm", FieldKind::Coordinate(0)),
+            field("y", "mm", FieldKind::Coordinate(1)),
+            field("z", "mm", FieldKind::Coordinate(2)),
+            field("displacement", "mm", FieldKind::Magnitude),
+            field("von_mises", "MPa", FieldKind::Stress),
+        ]
+    }
+}
+
 /// What a case may be used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Split {

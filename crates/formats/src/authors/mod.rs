@@ -19,7 +19,7 @@ mod parameters;
 use crate::database::{self, Scene};
 use crate::error::{FormatError, Problem};
 use matrix::Matrix;
-use rom::snapshots::{Case, Database, FieldKind, FieldSpec};
+use rom::snapshots::{Case, Database, FieldSpec};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -82,7 +82,7 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
     let mesh = description.mesh.map(|file| dir.join(file));
     database::assemble(
         description.actuator,
-        fields(),
+        FieldSpec::of_the_paper(),
         all.nodes,
         all.cases,
         all.snapshots,
@@ -158,15 +158,4 @@ fn per_field(dir: &Path, fields: &Fields, cases: usize) -> Result<(usize, Vec<f3
         }
     }
     Ok((nodes, snapshots))
-}
-
-fn fields() -> Vec<FieldSpec> {
-    let field = |name: &str, unit: &str, kind| FieldSpec { name: name.into(), unit: unit.into(), kind };
-    vec![
-        field("x", "mm", FieldKind::Coordinate(0)),
-        field("y", "mm", FieldKind::Coordinate(1)),
-        field("z", "mm", FieldKind::Coordinate(2)),
-        field("displacement", "mm", FieldKind::Magnitude),
-        field("von_mises", "MPa", FieldKind::Stress),
-    ]
 }

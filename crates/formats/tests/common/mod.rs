@@ -1,7 +1,7 @@
 //! A small actuator for tests: a bar of 10-node tetrahedra that bends down with pressure and stops at the plate.
 #![allow(dead_code)] // each test file uses its part
 
-use rom::snapshots::{Case, Database, FieldKind, FieldSpec, Obstacle, RegimeKind, Split};
+use rom::snapshots::{Case, Database, FieldSpec, Obstacle, RegimeKind, Split};
 use std::collections::HashMap;
 
 /// Corners of the six tetrahedra of a unit cube, positively oriented.
@@ -30,10 +30,6 @@ pub fn bar(cubes: usize) -> (Vec<[f64; 3]>, Vec<[u32; 10]>) {
     (points, tets)
 }
 
-fn spec(name: &str, unit: &str, kind: FieldKind) -> FieldSpec {
-    FieldSpec { name: name.into(), unit: unit.into(), kind }
-}
-
 /// A database of the bar with one snapshot a case.
 pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
     let (points, tets) = bar(3);
@@ -48,13 +44,7 @@ pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
     }
     let mut database = Database {
         actuator: "bar".into(),
-        fields: vec![
-            spec("x", "mm", FieldKind::Coordinate(0)),
-            spec("y", "mm", FieldKind::Coordinate(1)),
-            spec("z", "mm", FieldKind::Coordinate(2)),
-            spec("displacement", "mm", FieldKind::Magnitude),
-            spec("von_mises", "MPa", FieldKind::Stress),
-        ],
+        fields: FieldSpec::of_the_paper(),
         node_count: points.len(),
         cases,
         snapshots,

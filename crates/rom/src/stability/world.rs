@@ -1,7 +1,7 @@
 //! An actuator made of formulas: a beam that bends with pressure until it meets a plate. Its truth is known everywhere,
 //! so that a wrong answer cannot hide. Tests use it where no finite-element database is at hand.
 
-use crate::snapshots::{Case, Database, FieldKind, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
+use crate::snapshots::{Case, Database, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
 
 /// Nodes: 12 along x, 5 across z, 2 over the height.
 pub const NODES: usize = 120;
@@ -75,7 +75,6 @@ pub fn plate() -> Database {
 
 /// A database of the given states.
 pub fn database(states: &[State]) -> Database {
-    let field = |name: &str, unit: &str, kind| FieldSpec { name: name.into(), unit: unit.into(), kind };
     let case = |(i, (split, p, gap)): (usize, &State)| Case {
         name: i.to_string(),
         regime: if gap.is_some() { RegimeKind::Contact } else { RegimeKind::Free },
@@ -86,13 +85,7 @@ pub fn database(states: &[State]) -> Database {
     };
     let mut database = Database {
         actuator: "beam".into(),
-        fields: vec![
-            field("x", "mm", FieldKind::Coordinate(0)),
-            field("y", "mm", FieldKind::Coordinate(1)),
-            field("z", "mm", FieldKind::Coordinate(2)),
-            field("displacement", "mm", FieldKind::Magnitude),
-            field("von_mises", "MPa", FieldKind::Stress),
-        ],
+        fields: FieldSpec::of_the_paper(),
         node_count: NODES,
         cases: states.iter().enumerate().map(case).collect(),
         snapshots: states.iter().flat_map(|(_, p, gap)| snapshot(*p, *gap)).collect(),

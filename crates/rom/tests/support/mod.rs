@@ -4,7 +4,7 @@
 
 #![allow(dead_code)] // every test binary uses its own part
 
-use softtwin_rom::snapshots::{Case, Database, FieldKind, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
+use softtwin_rom::snapshots::{Case, Database, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
 use std::path::{Path, PathBuf};
 
 /// Which scene of the shared database.
@@ -42,16 +42,9 @@ fn read(root: &Path, scene: Scene) -> Database {
     let nodes = npy(root.join("reference/abaqus_mesh/nodes.npy"));
     let numbers: Vec<f64> =
         nodes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("8 bytes"))).collect();
-    let field = |name: &str, unit: &str, kind| FieldSpec { name: name.into(), unit: unit.into(), kind };
     let mut database = Database {
         actuator: "pneunet".into(),
-        fields: vec![
-            field("x", "mm", FieldKind::Coordinate(0)),
-            field("y", "mm", FieldKind::Coordinate(1)),
-            field("z", "mm", FieldKind::Coordinate(2)),
-            field("displacement", "mm", FieldKind::Magnitude),
-            field("von_mises", "MPa", FieldKind::Stress),
-        ],
+        fields: FieldSpec::of_the_paper(),
         node_count: entries / 5,
         cases: all.into_iter().filter(|(i, _)| wanted[*i]).map(|(_, c)| c).collect(),
         snapshots,

@@ -16,7 +16,7 @@ mod settings;
 use crate::database::{self, Scene};
 use crate::error::{FormatError, Problem};
 use design::Design;
-use rom::snapshots::{Database, FieldKind, FieldSpec, NodeSet};
+use rom::snapshots::{Database, FieldSpec, NodeSet};
 use settings::{Quantity, Settings};
 use std::path::{Path, PathBuf};
 
@@ -124,14 +124,7 @@ fn points(folder: &Folder) -> Result<Vec<[f64; 3]>, FormatError> {
 }
 
 fn fields(width: usize) -> Vec<FieldSpec> {
-    let field = |name: &str, unit: &str, kind| FieldSpec { name: name.into(), unit: unit.into(), kind };
-    let mut all = vec![
-        field("x", "mm", FieldKind::Coordinate(0)),
-        field("y", "mm", FieldKind::Coordinate(1)),
-        field("z", "mm", FieldKind::Coordinate(2)),
-        field("displacement", "mm", FieldKind::Magnitude),
-        field("von_mises", "MPa", FieldKind::Stress),
-    ];
+    let mut all = FieldSpec::of_the_paper();
     all.truncate(width);
     all
 }

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use rom::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
 use rom::model::Model;
-use rom::snapshots::{Case, Database, FieldKind, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
+use rom::snapshots::{Case, Database, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
 
 /// Nodes of the reference actuator.
 pub const NODES: usize = 25_022;
@@ -90,7 +90,6 @@ fn database() -> Database {
         mesh.iter().flat_map(move |x0| node_state(x0, pressure, gap)).collect::<Vec<f32>>()
     };
     let snapshots = cases.iter().flat_map(state).collect();
-    let field = |name: &str, unit: &str, kind| FieldSpec { name: name.into(), unit: unit.into(), kind };
     let set = |name: &str, keep: &dyn Fn(usize) -> bool| NodeSet {
         name: name.into(),
         nodes: (0..NODES).filter(|&i| keep(i)).map(|i| i as u32).collect(),
@@ -98,13 +97,7 @@ fn database() -> Database {
     let node_sets = vec![set("tip", &|i| i >= NODES - 500), set("surface", &|i| i % 36 < 20)];
     let mut database = Database {
         actuator: "synthetic".into(),
-        fields: vec![
-            field("x", "mm", FieldKind::Coordinate(0)),
-            field("y", "mm", FieldKind::Coordinate(1)),
-            field("z", "mm", FieldKind::Coordinate(2)),
-            field("displacement", "mm", FieldKind::Magnitude),
-            field("von_mises", "MPa", FieldKind::Stress),
-        ],
+        fields: FieldSpec::of_the_paper(),
         node_count: NODES,
         cases,
         snapshots,

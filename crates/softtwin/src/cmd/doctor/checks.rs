@@ -82,7 +82,10 @@ fn domain(bus: &Result<Bus, WireError>) -> Finding {
         ),
         Ok(bus) => match bus.clean_up(CLEAN_UP) {
             0 => Finding::good("domain", "joined, nothing left behind by dead programs"),
-            count => Finding::good("domain", format!("joined; leftovers of {count} dead programs removed")),
+            count => Finding::good(
+                "domain",
+                format!("joined; what dead programs left was removed ({count} nodes)"),
+            ),
         },
     }
 }
