@@ -134,8 +134,13 @@ impl Recorder {
         let mut crew = Crew::default();
         crew.begin(move |stop| look::keep_looking(eye(), &sender, stop));
         let mut recorder = Self { domain: domain.clone(), options, news, crew, queue, writer };
-        recorder.begin()?;
-        Ok(recorder)
+        match recorder.begin() {
+            Ok(()) => Ok(recorder),
+            Err(error) => {
+                recorder.take_back();
+                Err(error)
+            }
+        }
     }
 
     /// Waits until what is there now is open. A topic that somebody is just making or removing is not waited for.
@@ -150,6 +155,14 @@ impl Recorder {
             }
         }
         Ok(())
+    }
+
+    /// Removes a file that holds nothing: it would stand in the way of the next start.
+    fn take_back(self) {
+        let Ok(RecordSummary { files, .. }) = self.finish() else { return };
+        if files.messages == 0 {
+            files.files.iter().for_each(|path| _ = std::fs::remove_file(path));
+        }
     }
 
     /// Records until `stop` is set or the disk refuses; `tell` is called 20 times a second with what is recorded so far.
