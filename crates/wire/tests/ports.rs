@@ -5,7 +5,10 @@ use softtwin_wire::{
     Bus, Domain, FieldHeader, FieldReader, FieldWriter, KeyExpr, SensorReader, SensorSample, SensorWriter,
     State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable, Waking, WireError,
 };
-use std::time::Duration;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 /// A bus in a domain of its own that leaves nothing behind.
 struct OwnBus(Option<Bus>, Domain);
@@ -196,8 +199,12 @@ fn topics_are_found_by_key_expression() {
     let _field = FieldWriter::create(&bus, &field_topic, 3).unwrap();
     let _reader = FieldReader::open(&bus, &field_topic).unwrap();
     let names = |text: &str| -> Vec<String> {
-        let found = bus.topics(&KeyExpr::new(text).unwrap()).unwrap();
-        found.into_iter().map(|info| info.topic.to_string()).collect()
+        let key = KeyExpr::new(text).unwrap();
+        let found = bus.topics(&key).unwrap().into_iter().map(|info| info.topic);
+        let found: Vec<String> = found.map(|topic| topic.to_string()).collect();
+        let named = bus.names(&key).unwrap();
+        assert!(named.iter().map(Topic::name).eq(&found), "{named:?} and {found:?}");
+        found
     };
     assert_eq!(
         names("softtwin/**"),
@@ -211,6 +218,38 @@ fn topics_are_found_by_key_expression() {
         (tip.writers.as_slice(), tip.readers.as_slice()),
         ([std::process::id()].as_slice(), [std::process::id()].as_slice())
     );
+}
+
+/// Whoever writes to the domain's folder waits for its disk: a loop that looks for topics must not.
+#[test]
+fn a_look_for_names_leaves_the_folder_alone() {
+    let root = tempfile::tempdir().unwrap();
+    let domain = Domain { root: Some(root.path().display().to_string()), ..Domain::isolated("names") };
+    let (maker, looker) = (Bus::open(&domain).unwrap(), Bus::open(&domain).unwrap());
+    let state = StateWriter::create(&maker, &Topic::state("finger").unwrap()).unwrap();
+    let field = FieldWriter::create(&maker, &Topic::field("finger", None).unwrap(), 10).unwrap();
+    let all = KeyExpr::new("**").unwrap();
+    let before = changes(root.path());
+    for _ in 0..10 {
+        assert_eq!(looker.names(&all).unwrap().len(), 2);
+    }
+    assert_eq!(changes(root.path()), before);
+    assert_eq!(looker.topics(&all).unwrap().len(), 2);
+    assert_ne!(changes(root.path()), before, "who opens a topic is noted in the folder");
+    drop((state, field, maker, looker));
+    domain.remove_leftovers().unwrap();
+}
+
+/// Every folder below `root` and when an entry came or went.
+fn changes(root: &Path) -> BTreeMap<PathBuf, SystemTime> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        let inside = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap());
+        folders.extend(inside.filter(|entry| entry.file_type().unwrap().is_dir()).map(|entry| entry.path()));
+        found.insert(folder.clone(), fs::metadata(&folder).unwrap().modified().unwrap());
+    }
+    found
 }
 
 #[test]
@@ -233,7 +272,7 @@ fn dropping_everything_leaves_no_shared_memory() {
 }
 
 fn files(domain: &Domain) -> Vec<String> {
-    std::fs::read_dir("/dev/shm")
+    fs::read_dir("/dev/shm")
         .unwrap()
         .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
         .filter(|name| name.starts_with(&domain.prefix))

@@ -123,16 +123,16 @@ impl Args {
 
 /// Finds new twins, reads what is new of the known ones.
 fn look(bus: &Bus, key: &KeyExpr, Watch { twins, grasps }: &mut Watch) -> Result<()> {
-    for info in bus.topics(key)? {
-        let name = info.topic.actuator();
-        let is_twin = matches!(info.topic.kind(), TopicKind::State | TopicKind::Health);
+    for topic in bus.names(key)? {
+        let name = topic.actuator();
+        let is_twin = matches!(topic.kind(), TopicKind::State | TopicKind::Health);
         if is_twin && !twins.contains_key(name) {
             let states = StateReader::attach(bus, &Topic::state(name)?)?;
             let healths = HealthReader::attach(bus, &Topic::health(name)?)?;
             twins.insert(name.to_owned(), Watched { states, healths, state: None, health: None });
         }
-        if info.topic.kind() == TopicKind::Grasp && !grasps.contains_key(name) {
-            grasps.insert(name.to_owned(), (GraspReader::attach(bus, &info.topic)?, None));
+        if topic.kind() == TopicKind::Grasp && !grasps.contains_key(name) {
+            grasps.insert(name.to_owned(), (GraspReader::attach(bus, &topic)?, None));
         }
     }
     for (reader, grasp) in grasps.values_mut() {
