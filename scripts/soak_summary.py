@@ -24,14 +24,17 @@ for line in (work / "rows").read_text().splitlines():
 settled = rows[min(len(rows) - 1, max(1, int(len(rows) * WARM_UP))):]
 
 
-def first_last(index):
+def begin_end_max(index):
+    """Medians of the first and the last tenth: a moment's backlog is no leak, and a leak shows in both."""
     column = [numbers[index] for numbers, _ in settled]
-    return [column[0], column[-1], max(column)]
+    tenth = max(1, len(column) // 10)
+    begin, end = (round(statistics.median(part)) for part in (column[:tenth], column[-tenth:]))
+    return [begin, end, max(column)]
 
 
 def by_program(what):
     first = 1 + PER_PROGRAM.index(what)
-    return {name: first_last(first + len(PER_PROGRAM) * i) for i, name in enumerate(PROGRAMS)}
+    return {name: begin_end_max(first + len(PER_PROGRAM) * i) for i, name in enumerate(PROGRAMS)}
 
 
 def halves(key):
@@ -53,9 +56,9 @@ report = {
     "lost_in_recorder": record["missing"] + record["dropped"],
     "judges": judges,
     "unusual_outcomes_steady": unusual,
-    **{f"{what}_first_last_max": by_program(what) for what in PER_PROGRAM},
-    "shared_memory_files_first_last_max": first_last(-2),
-    "management_files_first_last_max": first_last(-1),
+    **{f"{what}_begin_end_max": by_program(what) for what in PER_PROGRAM},
+    "shared_memory_files_begin_end_max": begin_end_max(-2),
+    "management_files_begin_end_max": begin_end_max(-1),
     "latency_p50_us_first_and_second_half": halves("latency_p50_us"),
     "latency_p99_us_first_and_second_half": halves("latency_p99_us"),
 }
@@ -66,10 +69,10 @@ wrong = [
       if judge["wrong_fields"] or judge["wrong_states"] or judge["states_out_of_order"] or not judge["fields_checked"]),
     f"unusual outcomes {unusual}" if unusual else "",
     *(f"{name} grew by {v[1] - v[0]} kB ({what})" for what in ("resident_kb", "private_kb")
-      for name, v in report[f"{what}_first_last_max"].items() if v[1] - v[0] > GROWTH_KB),
-    *(f"{name} holds {v[1] - v[0]} more files" for name, v in report["open_files_first_last_max"].items()
+      for name, v in report[f"{what}_begin_end_max"].items() if v[1] - v[0] > GROWTH_KB),
+    *(f"{name} holds {v[1] - v[0]} more files" for name, v in report["open_files_begin_end_max"].items()
       if v[1] - v[0] > GROWTH_FILES),
-    *(f"{what} grew: {report[what]}" for what in ("shared_memory_files_first_last_max", "management_files_first_last_max")
+    *(f"{what} grew: {report[what]}" for what in ("shared_memory_files_begin_end_max", "management_files_begin_end_max")
       if report[what][1] - report[what][0] > 2 * GROWTH_FILES),
 ]
 report["wrong"] = [text for text in wrong if text]
