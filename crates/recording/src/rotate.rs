@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::writer::{Channel, WriteError, Writer};
@@ -45,7 +46,7 @@ impl RotatingWriter {
     /// Opens the first file. An existing file is never overwritten.
     ///
     /// # Errors
-    /// [`WriteError::Store`], also when the file is already there.
+    /// [`WriteError::Exists`], [`WriteError::Create`], [`WriteError::Store`].
     pub fn create(base: &Path, options: RotateOptions) -> Result<Self, WriteError> {
         let mut rotating = Self {
             base: base.to_owned(),
@@ -128,12 +129,8 @@ impl RotatingWriter {
     fn open_next(&mut self) -> Result<(), WriteError> {
         self.number += 1;
         let path = self.path();
-        let file =
-            File::options().write(true).create_new(true).open(&path).map_err(|source| WriteError::Store {
-                source: std::io::Error::new(source.kind(), format!("{}: {source}", path.display())),
-                kept_messages: self.messages,
-                lost_messages: 0,
-            })?;
+        let opened = File::options().write(true).create_new(true).open(&path);
+        let file = opened.map_err(|cause| self.refused(&path, cause))?;
         let mut writer = Writer::new(file)?;
         for (name, entries) in &self.metadata {
             writer.metadata(name, entries)?;
@@ -142,6 +139,19 @@ impl RotatingWriter {
         self.files.push_back(path);
         self.remove_oldest();
         Ok(())
+    }
+
+    fn refused(&self, path: &Path, cause: io::Error) -> WriteError {
+        let path = path.to_owned();
+        match (self.files.is_empty(), cause.kind()) {
+            (true, io::ErrorKind::AlreadyExists) => WriteError::Exists { path },
+            (true, _) => WriteError::Create { path, cause },
+            (false, kind) => WriteError::Store {
+                source: io::Error::new(kind, format!("{}: {cause}", path.display())),
+                kept_messages: self.messages,
+                lost_messages: 0,
+            },
+        }
     }
 
     /// A file that cannot be removed stays in the list's place on disk: recording matters more than tidiness.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
+use std::path::PathBuf;
 
 use thiserror::Error;
 
@@ -43,6 +44,20 @@ pub enum WriteError {
         kept_messages: u64,
         /// Messages that were in the chunk that could not be written.
         lost_messages: u64,
+    },
+    /// The first file is somebody's already.
+    #[error("{} is there already, and a recording never overwrites: name another file, or remove it", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The first file cannot be made.
+    #[error("cannot make {}: {cause}; its folder must exist, be writable and have room", path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        cause: io::Error,
     },
     /// An earlier write failed; nothing more is written to this file.
     #[error("the recording already ended with a failed write; open a new file")]
