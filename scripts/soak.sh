@@ -33,9 +33,10 @@ bin=$(realpath "$bin") model=$(realpath "$model")
 
 work=$(mktemp -d)
 export SOFTTWIN_DOMAIN=soak_$$ SOFTTWIN_ROOT=$work/iox
-pids=()
 finish() {
-    for pid in "${pids[@]}"; do kill -CONT "$pid" 2>/dev/null || true; kill "$pid" 2>/dev/null || true; done
+    local own # only what still runs: in hours the system gives the numbers of the dead to other programs
+    own=$(jobs -p)
+    for pid in $own; do kill -CONT "$pid" 2>/dev/null || true; kill "$pid" 2>/dev/null || true; done
     wait 2>/dev/null || true
     rm -f /dev/shm/iox2_soak_$$_*
     if ((keep)); then echo "soak: files are in $work" >&2; else rm -rf "$work"; fi
@@ -73,7 +74,6 @@ daemon() { # role, scene: sets `started` once it is ready; a start that fails is
         said=$(grep -c "ready:" "$log" || true)
         "$bin/softtwind" "$1" --scene "$work/$2.toml" 2>>"$log" &
         started=$!
-        pids+=("$started")
         while kill -0 "$started" 2>/dev/null; do
             if (($(grep -c 'ready:' "$log" || true) > said)); then return; fi
             sleep 0.02
@@ -88,7 +88,6 @@ daemon twin steady; steady_twin=$started
 daemon twin disturbed; twin=$started
 "$bin/softtwin" record --out "$work/run.mcap" --rotate-mb 256 --keep 4 --json >"$work/record.json" 2>"$work/record.log" &
 recorder=$!
-pids+=("$recorder")
 sleep 1 # the recorder looks for topics once in a while; what is sent before it has found them is not lost
 daemon bridge steady; steady_bridge=$started
 daemon bridge disturbed; bridge=$started
@@ -96,7 +95,6 @@ judges=()
 for name in steady disturbed; do
     "$bin/soak_reader" "$model" "$name" "$seconds" 20 >"$work/judge.$name.json" 2>"$work/judge.$name.log" &
     judges+=($!)
-    pids+=($!)
 done
 
 # All pages it has in memory, and those that are its own: the rest is program text and shared memory, mapped as it is first used.
