@@ -106,6 +106,8 @@ fn what_is_published_is_in_the_file() {
         metadata.iter().find(|(name, _)| name == "softtwin.model.finger").expect("the model is named");
     assert_eq!(model.1["model_hash"], "ab".repeat(16));
     assert!(metadata.iter().any(|(name, _)| name == "softtwin.recording"));
+    drop((sensor, state, bus));
+    domain.remove_leftovers().expect("removed");
 }
 
 /// A queue of no size: everything is dropped and counted, nothing is written, nothing breaks.
@@ -124,4 +126,6 @@ fn what_does_not_fit_into_the_queue_is_counted() {
     recorder.run(&stop, |summary| stop.store(summary.dropped > 0, Ordering::Relaxed)).expect("recorded");
     let summary = recorder.finish().expect("written");
     assert_eq!((summary.dropped, summary.files.messages), (1, 0));
+    drop((sensor, bus));
+    domain.remove_leftovers().expect("removed");
 }

@@ -20,11 +20,21 @@ const BATCH: u64 = 1_500;
 
 /// A domain whose management files lie in a folder of its own, with the topic `softtwin/good/sensor`.
 struct Place {
-    folder: tempfile::TempDir,
-    domain: Domain,
-    bus: Bus,
     good: SensorWriter,
+    bus: Bus,
     sent: u64,
+    domain: Domain,
+    _end: Leave,
+    folder: tempfile::TempDir,
+}
+
+/// Takes what the domain leaves in shared memory with it, once everybody has left.
+struct Leave(Domain);
+
+impl Drop for Leave {
+    fn drop(&mut self) {
+        self.0.remove_leftovers().unwrap();
+    }
 }
 
 impl Place {
@@ -34,7 +44,7 @@ impl Place {
         let domain = Domain { root, ..Domain::isolated("recorder") };
         let bus = Bus::open(&domain).unwrap();
         let good = SensorWriter::create(&bus, &topic("good")).unwrap();
-        Self { folder, domain, bus, good, sent: 0 }
+        Self { good, bus, sent: 0, _end: Leave(domain.clone()), domain, folder }
     }
 
     fn options(&self) -> RecorderOptions {
