@@ -75,8 +75,10 @@ impl Args {
         let mut troubles = BTreeMap::new();
         let ran = recorder.run(&stop, |summary| {
             bar.set_message(line(summary));
-            bar.suspend(|| say_what_is_new(&troubles, &summary.troubles));
-            troubles.clone_from(&summary.troubles);
+            if troubles != summary.troubles {
+                bar.suspend(|| say_what_is_new(&troubles, &summary.troubles));
+                troubles.clone_from(&summary.troubles);
+            }
             if end.is_some_and(|end| Instant::now() >= end) {
                 stop.store(true, Ordering::Relaxed);
             }
