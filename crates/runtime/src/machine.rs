@@ -19,14 +19,8 @@ pub struct Room {
 /// # Errors
 /// The system's refusal to look.
 pub fn room(path: &Path) -> io::Result<Room> {
-    let path = CString::new(path.as_os_str().as_bytes())?;
-    // SAFETY: an all-zero `statvfs` is a valid value of this plain C structure.
-    let mut found: libc::statvfs = unsafe { std::mem::zeroed() };
-    // SAFETY: `path` is a terminated string and `found` is writable; both live across the call.
-    if unsafe { libc::statvfs(path.as_ptr(), &mut found) } != 0 {
-        return Err(io::Error::last_os_error());
-    }
-    let bytes = |blocks: u64| blocks.saturating_mul(found.f_frsize);
+    let found = file_system(path)?;
+    let bytes = |blocks: u64| blocks.saturating_mul(found.f_frsize as u64);
     Ok(Room { free_bytes: bytes(found.f_bavail), total_bytes: bytes(found.f_blocks) })
 }
 
@@ -35,6 +29,12 @@ pub fn room(path: &Path) -> io::Result<Room> {
 /// # Errors
 /// The system's refusal to look.
 pub fn is_in_memory(path: &Path) -> io::Result<bool> {
+    let kind = file_system(path)?.f_type;
+    Ok(kind == libc::TMPFS_MAGIC || kind == RAMFS_MAGIC)
+}
+
+/// The file system of `path`.
+fn file_system(path: &Path) -> io::Result<libc::statfs> {
     let path = CString::new(path.as_os_str().as_bytes())?;
     // SAFETY: an all-zero `statfs` is a valid value of this plain C structure.
     let mut found: libc::statfs = unsafe { std::mem::zeroed() };
@@ -42,7 +42,7 @@ pub fn is_in_memory(path: &Path) -> io::Result<bool> {
     if unsafe { libc::statfs(path.as_ptr(), &mut found) } != 0 {
         return Err(io::Error::last_os_error());
     }
-    Ok(found.f_type == libc::TMPFS_MAGIC || found.f_type == RAMFS_MAGIC)
+    Ok(found)
 }
 
 /// What the kernel calls a ramfs (linux/magic.h).
