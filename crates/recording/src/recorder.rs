@@ -51,6 +51,10 @@ pub struct RecorderOptions {
 /// Everything is on disk at the latest so long after it was received.
 pub const FLUSH_EVERY: Duration = Duration::from_millis(500);
 
+// What the threads are called when one of them is gone.
+const LOOK: &str = "look for topics";
+const READER: &str = "reader";
+
 /// Why recording ended early.
 #[derive(Debug, Error)]
 pub enum RecordError {
@@ -145,11 +149,10 @@ impl Recorder {
 
     /// Waits until what is there now is open. A topic that somebody is just making or removing is not waited for.
     fn begin(&mut self) -> Result<(), RecordError> {
-        let gone = |_| RecordError::ThreadGone("reader");
-        let topics = self.news.recv().map_err(gone)??;
+        let topics = self.news.recv().map_err(|_| RecordError::ThreadGone(LOOK))??;
         let tries: Vec<_> = topics.into_iter().filter_map(|topic| self.follow(topic)).collect();
         for opened in tries {
-            match opened.recv().map_err(gone)? {
+            match opened.recv().map_err(|_| RecordError::ThreadGone(READER))? {
                 Ok(()) | Err(WireError::InFlux { .. }) => {}
                 Err(error) => return Err(error.into()),
             }
@@ -179,11 +182,11 @@ impl Recorder {
                 Ok(look) => self.take(look),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(RecordError::ThreadGone("look for topics"));
+                    return Err(RecordError::ThreadGone(LOOK));
                 }
             }
             if self.crew.is_short() {
-                return Err(RecordError::ThreadGone("reader"));
+                return Err(RecordError::ThreadGone(READER));
             }
             let summary = self.queue.summary().clone();
             tell(&summary);
