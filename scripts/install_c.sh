@@ -10,7 +10,7 @@ mkdir -p "$prefix"
 prefix=$(cd "$prefix" && pwd)
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # The everyday build takes the whole workspace, so that nothing is compiled twice.
-if [ "$profile" = dev ]; then cargo build --locked --quiet --workspace; else cargo build --locked --quiet --profile "$profile" -p softtwin-capi; fi
+if [ "$profile" = dev ]; then cargo build --locked --quiet --workspace; else cargo build --locked --quiet --profile "$profile" -p capi; fi
 folder=${CARGO_TARGET_DIR:-target}/$([ "$profile" = dev ] && echo debug || echo "$profile")
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 mkdir -p "$prefix/lib/pkgconfig" "$prefix/include"

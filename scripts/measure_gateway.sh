@@ -14,6 +14,6 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 options seconds rounds realtime profile -- "$@"
 zenoh_python
 cargo build --locked --quiet --workspace --bins --profile "$profile"
-cargo build --locked --quiet -p softtwin-gateway --features network --bins --profile "$profile"
+cargo build --locked --quiet -p gateway --features network --bins --profile "$profile"
 exec "$python" scripts/measure_gateway.py --programs "$(programs "$profile")" \
     --seconds "$seconds" --rounds "$rounds" --realtime "$realtime"

@@ -27,4 +27,4 @@ if ! [ -d "$(rustc --print sysroot)/lib/rustlib/$target/lib" ]; then
 fi
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu"
-exec cargo test --locked --target "$target" --target-dir target/aarch64 -p softtwin-rom --lib -- kernel "$@"
+exec cargo test --locked --target "$target" --target-dir target/aarch64 -p rom --lib -- kernel "$@"

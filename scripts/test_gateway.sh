@@ -16,7 +16,7 @@ fi
 zenoh_python
 cargo build --locked --quiet --workspace --bins
 # Its hundreds of dependencies are not optimised here: that would take most of the time, and no test needs it.
-gateway() { cargo --config 'profile.dev.package."*".opt-level=0' "$1" --locked -p softtwin-gateway --features network "${@:2}"; }
+gateway() { cargo --config 'profile.dev.package."*".opt-level=0' "$1" --locked -p gateway --features network "${@:2}"; }
 gateway clippy --quiet --all-targets -- -D warnings
 gateway test --no-fail-fast -- "$@"
 exec "$python" -m pytest -q crates/gateway/tests

@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| softtwin_tests::inputs::key(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| tests::inputs::key(bytes));

@@ -1,2 +1,2 @@
 #![no_main]
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| softtwin_tests::inputs::npy(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| tests::inputs::npy(bytes));

@@ -1,8 +1,8 @@
-//! Good inputs of every entrance as files, for libFuzzer to begin with: `cargo run -p softtwin-tests --example seeds`
+//! Good inputs of every entrance as files, for libFuzzer to begin with: `cargo run -p tests --example seeds`
 //! writes `fuzz/seeds/<entrance>/good`.
 
-use softtwin_tests::inputs::ENTRANCES;
 use std::path::Path;
+use tests::inputs::ENTRANCES;
 
 fn main() -> std::io::Result<()> {
     let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds");

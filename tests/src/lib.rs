@@ -13,7 +13,7 @@ pub mod wait;
 pub use manager::Manager;
 pub use process::Program;
 /// The beam that bends until it meets a plate, with its exact answers.
-pub use rom::stability::world as synthetic;
+pub use rom::stability::synthetic;
 pub use stage::Stage;
 
 use std::time::Duration;

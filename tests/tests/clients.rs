@@ -1,8 +1,8 @@
 //! The clients' pages and the control loop: what the documentation shows is what runs.
 
 use serde_json::Value;
-use softtwin_tests::{Program, Stage};
 use std::path::{Path, PathBuf};
+use tests::{Program, Stage};
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap()

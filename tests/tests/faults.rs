@@ -1,12 +1,12 @@
 //! What happens around a twin happens to real processes here. After each fault: every sample that arrived is right to the bit,
 //! the stream goes on, and nothing is left behind.
 
-use softtwin_tests::judge::Judge;
-use softtwin_tests::stage::{model_bytes, other_model_bytes};
-use softtwin_tests::wait::{fresh, states, wait_for, wait_state};
-use softtwin_tests::{PATIENCE, Program, Stage};
 use std::process::Command;
 use std::time::Instant;
+use tests::judge::Judge;
+use tests::stage::{model_bytes, other_model_bytes};
+use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::{PATIENCE, Program, Stage};
 use wire::layout::flags;
 use wire::{
     Bus, FieldReader, Health, HealthReader, Outcome, SensorSample, SensorWriter, StateReader, Topic, now_ns,

@@ -3,11 +3,11 @@
 //! `SOFTTWIN_INPUTS=10000000 cargo test --workspace --test inputs -- --nocapture` tries so many inputs over all entrances
 //! and says how many it tried, the largest allocation and the slowest input of each entrance.
 
-use softtwin_tests::inputs::{ENTRANCES, Entrance};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+use tests::inputs::{ENTRANCES, Entrance};
 
 /// No input of at most [`MAX_INPUT`] bytes may make a reader ask for more than this at once.
 const LARGEST_ALLOCATION: usize = 64 << 20;

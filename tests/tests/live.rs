@@ -1,7 +1,7 @@
 //! Bridge and twin as real processes: the stream end to end, restarts, refusals, bad readings, clean ends.
 
-use softtwin_tests::wait::{fresh, states, wait_for, wait_state};
-use softtwin_tests::{Program, Stage, synthetic};
+use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::{Program, Stage, synthetic};
 use wire::layout::{field_id, flags, regime};
 use wire::{
     FieldReader, FieldSample, HealthReader, KeyExpr, Outcome, SensorSample, SensorWriter, Topic, now_ns,

@@ -1,7 +1,7 @@
 //! A full /dev/shm is an error text at start, not a SIGBUS in the middle of the night.
 
-use softtwin_tests::{Program, Stage};
 use std::process::Command;
+use tests::{Program, Stage};
 
 /// A private /dev/shm needs a mount namespace, which needs rights.
 fn may_mount() -> bool {

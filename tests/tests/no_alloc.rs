@@ -3,11 +3,11 @@
 
 use runtime::config::{Scene, Settings};
 use runtime::twin::{Ring, Twin, load_scene};
-use softtwin_tests::Stage;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Duration;
+use tests::Stage;
 use wire::{FieldReader, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
 struct Counting;

@@ -4,9 +4,9 @@ use proptest::prelude::*;
 use runtime::config::{ActuatorSpec, Scene};
 use runtime::query::{Answerer, QueryService, load_answerers};
 use serde_json::Value;
-use softtwin_tests::{PATIENCE, Program, Stage, synthetic};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use tests::{PATIENCE, Program, Stage, synthetic};
 use wire::layout::{field_id, flags, pack_name, query_kind, regime};
 use wire::{Answer, Bus, Query, QueryClient, Selector, SelectorError, Verdict, WireError};
 
@@ -62,7 +62,7 @@ fn a_what_if_is_answered_with_state_and_field() {
         let sample = client.ask(&whatif(0.05, 25.0), PATIENCE).unwrap();
         let answer = sample.answer();
         assert_eq!(answer.refusal(), None);
-        assert_eq!((answer.regime, answer.domain_verdict), (regime::CONTACT, 0));
+        assert_eq!((answer.regime, answer.domain_status), (regime::CONTACT, 0));
         assert!((answer.contact_force_n - synthetic::force_n(0.05, 25.0)).abs() < 0.01, "{answer:?}");
         assert!(answer.force_by_pressure_n_per_mpa > 0.0 && answer.force_by_gap_n_per_mm < 0.0);
         assert!(sample.values().is_empty());
@@ -172,7 +172,7 @@ fn the_reason_is_given_where_there_is_no_answer() {
 fn a_state_outside_the_samples_is_flagged_not_refused() {
     let (_stage, mut beam) = beam();
     let answer = ask(&mut beam, &whatif(0.2, 25.0));
-    assert_eq!((answer.refusal(), answer.domain_verdict), (None, 2));
+    assert_eq!((answer.refusal(), answer.domain_status), (None, 2));
     assert_ne!(answer.flags & flags::OUTSIDE_DOMAIN, 0);
 }
 
@@ -184,16 +184,16 @@ proptest! {
     fn the_inverses_undo_the_what_if(pressure_mpa in 0.03..0.085, gap_mm in 12.0..34.0) {
         let (_stage, mut beam) = beam();
         let there = ask(&mut beam, &whatif(pressure_mpa, gap_mm));
-        prop_assume!(there.contact_force_n > 0.01 && there.domain_verdict == 0);
+        prop_assume!(there.contact_force_n > 0.01 && there.domain_status == 0);
         let back = ask(&mut beam, &pressure_for(there.contact_force_n, gap_mm));
         prop_assert_eq!(back.refusal(), None);
         prop_assert!((back.pressure_mpa - pressure_mpa).abs() < 1e-6, "{} is not {}", back.pressure_mpa, pressure_mpa);
         prop_assert!((back.contact_force_n - there.contact_force_n).abs() < 1e-8);
-        let bar_n = f64::from(there.force_bar_n);
+        let bar_n = f64::from(there.force_halfwidth_n);
         let slope = back.force_by_pressure_n_per_mpa.abs();
         prop_assert!((back.uncertainty - bar_n / slope).abs() <= 1e-5 * back.uncertainty);
         prop_assert!(back.low <= back.pressure_mpa && back.pressure_mpa <= back.high);
-        let known = Query { force_bar_n: 0.02, ..gap_for(pressure_mpa, there.contact_force_n) };
+        let known = Query { force_halfwidth_n: 0.02, ..gap_for(pressure_mpa, there.contact_force_n) };
         let back = ask(&mut beam, &known);
         prop_assert_eq!(back.refusal(), None);
         prop_assert!((back.gap_mm - gap_mm).abs() < 1e-4, "{} is not {}", back.gap_mm, gap_mm);
@@ -214,7 +214,7 @@ fn the_committed_model_is_inverted_over_its_whole_domain() {
             let answer = ask(&mut finger, &pressure_for(force_n, gap_mm));
             if answer.refusal().is_none() {
                 assert!((answer.contact_force_n - force_n).abs() < 1e-7, "{gap_mm} mm: {answer:?}");
-                assert_eq!(answer.domain_verdict, 0);
+                assert_eq!(answer.domain_status, 0);
                 solved += 1;
             } else {
                 // More force than 0.09 MPa gives there, or less than the weight alone does.

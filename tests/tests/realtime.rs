@@ -1,7 +1,7 @@
 //! Real-time settings of a running twin: in force where the system grants them, said by name where it does not.
 
-use softtwin_tests::{Program, Stage};
 use std::path::PathBuf;
+use tests::{Program, Stage};
 
 /// Starts the twin with these real-time settings; returns it ready, with what it said until then.
 fn start(stage: &Stage, realtime: &str) -> Program {

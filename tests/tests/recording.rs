@@ -2,11 +2,11 @@
 
 use recording::message::{Recorded, SensorMessage, StateMessage};
 use recording::{Ending, Item, Reader};
-use softtwin_tests::wait::{wait_for, wait_state};
-use softtwin_tests::{PATIENCE, Program, Stage};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use tests::wait::{wait_for, wait_state};
+use tests::{PATIENCE, Program, Stage};
 use wire::{Bus, KeyExpr, SensorReader, StateReader, Topic};
 
 const STEADY: &str = r#"kind = "simulate"

@@ -5,10 +5,10 @@ use rom::snapshots::RegimeKind;
 use runtime::config::{OutsideDomain, Scene, Settings};
 use runtime::explain::explain;
 use runtime::twin::{Loaded, Ring, Twin, load_scene};
-use softtwin_tests::{Stage, synthetic};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
+use tests::{Stage, synthetic};
 use wire::layout::{field_id, flags, regime};
 use wire::{Bus, FieldReader, Outcome, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 

@@ -1,12 +1,12 @@
 //! The daemons as a service: told to the service manager, reloaded, watched.
 
-use softtwin_tests::wait::wait_state;
-use softtwin_tests::{Manager, PATIENCE, Program, Stage};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
+use tests::wait::wait_state;
+use tests::{Manager, PATIENCE, Program, Stage};
 use wire::layout::flags;
 use wire::{SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
@@ -112,7 +112,7 @@ fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
     assert!(line.contains("start the twin anew"), "{line}");
     std::fs::write(&scene, &text).unwrap();
 
-    let other = softtwin_tests::stage::other_model_bytes();
+    let other = tests::stage::other_model_bytes();
     assert_ne!(other, good, "the two models differ");
     std::fs::write(&model, other).unwrap();
     twin.signal(libc::SIGHUP);
@@ -158,7 +158,7 @@ fn a_measured_force_that_does_not_fit_raises_the_alarm() {
     let fitting = answer(950, blind.contact_force_n);
     assert_eq!(fitting.flags & flags::FORCE_MISMATCH, 0, "{fitting:?}");
     assert_ne!(fitting.flags & flags::FORCE_MEASURED, 0);
-    let beyond_n = blind.contact_force_n + 100.0 * f64::from(blind.force_bar_n.max(0.01));
+    let beyond_n = blind.contact_force_n + 100.0 * f64::from(blind.force_halfwidth_n.max(0.01));
     assert_eq!(answer(900, beyond_n).flags & flags::FORCE_MISMATCH, 0, "for a moment is no alarm");
     // Half a second of stamps later it is one.
     let alarm = answer(300, beyond_n);
@@ -227,9 +227,9 @@ fn systemd_accepts_the_units() {
     for entry in std::fs::read_dir(&folder).unwrap().flatten() {
         let text = std::fs::read_to_string(entry.path()).unwrap();
         for daemon in ["softtwind", "softtwin"] {
-            assert!(softtwin_tests::process::binary(daemon).is_file());
+            assert!(tests::process::binary(daemon).is_file());
         }
-        let bin = softtwin_tests::process::binary("softtwind").parent().unwrap().display().to_string();
+        let bin = tests::process::binary("softtwind").parent().unwrap().display().to_string();
         let path = copies.path().join(entry.file_name());
         // The gateway is in no everyday build, so any program stands for it.
         let runnable = text.replace("/usr/local/bin/softtwin-gateway", "/bin/true");

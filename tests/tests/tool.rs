@@ -1,7 +1,7 @@
 //! The tool's listening commands against a running twin.
 
 use serde_json::Value;
-use softtwin_tests::{Program, Stage, synthetic};
+use tests::{Program, Stage, synthetic};
 
 const SOURCE: &str = "kind = \"simulate\"\nrate_hz = 200.0\ngap_mm = 30.0\n";
 

@@ -45,7 +45,7 @@ int main(int argc, char **argv) {
     query.pressure_mpa = 0.05;
     query.gap_mm = 25.0;
     check(softtwin_client_ask(twin, &query, 1000, &answer, NULL, 0, NULL), "what if");
-    printf("what if: %.4f +- %.4f N\n", answer.contact_force_n, answer.force_bar_n);
+    printf("what if: %.4f +- %.4f N\n", answer.contact_force_n, answer.force_halfwidth_n);
     query = softtwin_query_new(SOFTTWIN_QUERY_PRESSURE);
     query.force_n = 1000.0;
     query.gap_mm = 25.0;

@@ -31,7 +31,7 @@ def take_all():
     """Everything that waits; at least one state."""
     state = states.next()
     while state is not None:
-        history.append((state.t_publish_ns * 1e-9, state.contact_force_n, state.force_bar_n, state.pressure_mpa))
+        history.append((state.t_publish_ns * 1e-9, state.contact_force_n, state.force_halfwidth_n, state.pressure_mpa))
         state = states.try_next()
     while history[-1][0] - history[0][0] > args.seconds:
         history.popleft()

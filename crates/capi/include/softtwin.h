@@ -221,15 +221,15 @@ typedef struct {
   /**
    * Half width of the force's error bar, N; NaN when not asked for.
    */
-  float force_bar_n;
+  float force_halfwidth_n;
   /**
    * Half width of the displacement's error bar, mm; NaN when not asked for.
    */
-  float displacement_bar_mm;
+  float displacement_halfwidth_mm;
   /**
    * Half width of the stress's error bar, MPa; NaN when not asked for.
    */
-  float von_mises_bar_mpa;
+  float von_mises_halfwidth_mpa;
   /**
    * Distance to the sampled states over inputs scaled to [0, 1]; 0 inside.
    */
@@ -245,7 +245,7 @@ typedef struct {
   /**
    * 0 inside, 1 near the edge, 2 outside the sampled states.
    */
-  uint32_t domain_verdict;
+  uint32_t domain_status;
   /**
    * Coefficients in use.
    */
@@ -410,7 +410,7 @@ typedef struct {
    */
   uint64_t t_publish_ns;
   /**
-   * Number of `grasp_verdict`.
+   * Number of `grasp_status`.
    */
   uint32_t verdict;
   /**
@@ -464,7 +464,7 @@ typedef struct {
   /**
    * Half width of the forces' error bar, N.
    */
-  double force_bar_n;
+  double force_halfwidth_n;
   /**
    * Zero; room for later values.
    */
@@ -665,7 +665,7 @@ typedef struct {
   /**
    * Half width of the measured force's own error bar, N; NaN or 0: exact.
    */
-  double force_bar_n;
+  double force_halfwidth_n;
   /**
    * Node set of the field that is wanted, zero-padded; empty or `all`: all nodes.
    */
@@ -700,7 +700,7 @@ typedef struct {
   /**
    * 0 inside, 1 near the edge, 2 outside the sampled states.
    */
-  uint32_t domain_verdict;
+  uint32_t domain_status;
   /**
    * Bits of `flags`.
    */
@@ -752,15 +752,15 @@ typedef struct {
   /**
    * Half width of the force's error bar, N.
    */
-  float force_bar_n;
+  float force_halfwidth_n;
   /**
    * Half width of the displacement's error bar, mm.
    */
-  float displacement_bar_mm;
+  float displacement_halfwidth_mm;
   /**
    * Half width of the stress's error bar, MPa.
    */
-  float von_mises_bar_mpa;
+  float von_mises_halfwidth_mpa;
   /**
    * Distance to the sampled states over inputs scaled to [0, 1]; 0 inside.
    */
@@ -1257,13 +1257,13 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_pressure_n_per_mpa) == 104);
 SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_gap_n_per_mm) == 112);
 SOFTTWIN_CHECK(offsetof(softtwin_state, onset_pressure_mpa) == 120);
 SOFTTWIN_CHECK(offsetof(softtwin_state, measured_force_n) == 128);
-SOFTTWIN_CHECK(offsetof(softtwin_state, force_bar_n) == 136);
-SOFTTWIN_CHECK(offsetof(softtwin_state, displacement_bar_mm) == 140);
-SOFTTWIN_CHECK(offsetof(softtwin_state, von_mises_bar_mpa) == 144);
+SOFTTWIN_CHECK(offsetof(softtwin_state, force_halfwidth_n) == 136);
+SOFTTWIN_CHECK(offsetof(softtwin_state, displacement_halfwidth_mm) == 140);
+SOFTTWIN_CHECK(offsetof(softtwin_state, von_mises_halfwidth_mpa) == 144);
 SOFTTWIN_CHECK(offsetof(softtwin_state, domain_distance) == 148);
 SOFTTWIN_CHECK(offsetof(softtwin_state, regime) == 152);
 SOFTTWIN_CHECK(offsetof(softtwin_state, outcome) == 156);
-SOFTTWIN_CHECK(offsetof(softtwin_state, domain_verdict) == 160);
+SOFTTWIN_CHECK(offsetof(softtwin_state, domain_status) == 160);
 SOFTTWIN_CHECK(offsetof(softtwin_state, coefficient_count) == 164);
 SOFTTWIN_CHECK(offsetof(softtwin_state, group_sizes) == 168);
 SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 176);
@@ -1316,7 +1316,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_grasp, stop_pressure_mpa) == 104);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, stop_pressure_bar_mpa) == 112);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, forces_n) == 120);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, pressures_mpa) == 184);
-SOFTTWIN_CHECK(offsetof(softtwin_grasp, force_bar_n) == 248);
+SOFTTWIN_CHECK(offsetof(softtwin_grasp, force_halfwidth_n) == 248);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, reserved) == 256);
 SOFTTWIN_CHECK(offsetof(softtwin_grasp, scene) == 280);
 SOFTTWIN_CHECK(sizeof(softtwin_command) == 48);
@@ -1334,7 +1334,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_query, reserved) == 12);
 SOFTTWIN_CHECK(offsetof(softtwin_query, pressure_mpa) == 16);
 SOFTTWIN_CHECK(offsetof(softtwin_query, gap_mm) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_query, force_n) == 32);
-SOFTTWIN_CHECK(offsetof(softtwin_query, force_bar_n) == 40);
+SOFTTWIN_CHECK(offsetof(softtwin_query, force_halfwidth_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_query, node_set) == 48);
 SOFTTWIN_CHECK(sizeof(softtwin_answer) == 768);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
@@ -1342,7 +1342,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, verdict) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, kind) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, regime) == 28);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, domain_verdict) == 32);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, domain_status) == 32);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, flags) == 36);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, compute_ns) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, pressure_mpa) == 48);
@@ -1355,9 +1355,9 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, uncertainty) == 96);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, low) == 104);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, high) == 112);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, limit) == 120);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, force_bar_n) == 128);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, displacement_bar_mm) == 132);
-SOFTTWIN_CHECK(offsetof(softtwin_answer, von_mises_bar_mpa) == 136);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, force_halfwidth_n) == 128);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, displacement_halfwidth_mm) == 132);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, von_mises_halfwidth_mpa) == 136);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, domain_distance) == 140);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficient_count) == 144);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, node_count) == 148);

@@ -212,12 +212,12 @@ public:
         query.gap_mm = gap_mm;
         return ask(query);
     }
-    /// The gap that explains a force (N, known to force_bar_n) at a pressure (MPa).
-    softtwin_answer gap(double pressure_mpa, double force_n, double force_bar_n = 0.0) {
+    /// The gap that explains a force (N, known to force_halfwidth_n) at a pressure (MPa).
+    softtwin_answer gap(double pressure_mpa, double force_n, double force_halfwidth_n = 0.0) {
         softtwin_query query = softtwin_query_new(SOFTTWIN_QUERY_GAP);
         query.pressure_mpa = pressure_mpa;
         query.force_n = force_n;
-        query.force_bar_n = force_bar_n;
+        query.force_halfwidth_n = force_halfwidth_n;
         return ask(query);
     }
     /// Any question; with want_field set, `values` is resized to the field.

@@ -1,10 +1,10 @@
-//! The committed header is what cbindgen makes of the code. `BLESS=1 cargo test -p softtwin-capi --test header` writes it anew.
+//! The committed header is what cbindgen makes of the code. `BLESS=1 cargo test -p capi --test header` writes it anew.
 
 use cbindgen::{Builder, Config, Language, Style};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use wire::layout::{self, Described, field_id, flags, query_kind};
-use wire::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State, Verdict};
+use wire::{Answer, Command, FieldHeader, Grasp, Health, Query, QueryStatus, SensorSample, State};
 
 /// Payloads: name in Rust, name in C.
 const PAYLOADS: [(&str, &str); 8] = [
@@ -60,7 +60,7 @@ fn constants() -> String {
     for (name, number) in [("UNKNOWN", 0), ("NOT_HELD", 1), ("MARGINAL", 2), ("HELD", 3)] {
         define(&format!("GRASP_{name}"), format!("{number}u"));
     }
-    for verdict in Verdict::ALL {
+    for verdict in QueryStatus::ALL {
         let name = format!("{verdict:?}");
         let snake = name.char_indices().fold(String::new(), |text, (i, c)| {
             let gap = if i > 0 && c.is_uppercase() { "_" } else { "" };
@@ -157,7 +157,7 @@ fn the_committed_header_is_the_generated_one() {
     let committed = std::fs::read_to_string(path).unwrap_or_default();
     assert!(
         committed == generated,
-        "include/softtwin.h is not what the code says; run BLESS=1 cargo test -p softtwin-capi --test header"
+        "include/softtwin.h is not what the code says; run BLESS=1 cargo test -p capi --test header"
     );
     for (_, c) in PAYLOADS {
         assert!(generated.contains(&format!("}} {c};")), "{c} is missing");

@@ -1,8 +1,8 @@
 //! The C and C++ examples, compiled as their headers say, against a running twin.
 
-use softtwin_tests::{Program, Stage};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use tests::{Program, Stage};
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()

@@ -12,7 +12,7 @@ use crate::element::cavity::face_terms;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::{Invalid, TetTerms};
 use crate::problem::{Problem, add_gravity};
-use crate::sparse::HELD;
+use crate::sparse::CONSTRAINED;
 use crate::state::State;
 
 /// A state the elastomer cannot bear, and where.
@@ -267,7 +267,7 @@ impl System {
             residual[*n as usize][1] += force;
             self.contact_force_n += stiffness * touch.force;
             let free = problem.free[*n as usize];
-            if with_tangent && free != HELD {
+            if with_tangent && free != CONSTRAINED {
                 let mut block = [[0.0; 3]; 3];
                 block[1][1] = stiffness * touch.stiffness;
                 problem.pattern.add(&mut self.tangent, free, free, 0, &block);

@@ -16,7 +16,7 @@ use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
 use crate::linear::{Factor, LinearError};
 use crate::problem::Problem;
-use crate::sparse::HELD;
+use crate::sparse::CONSTRAINED;
 use crate::state::State;
 
 /// Why the iteration at one load gave up.
@@ -32,7 +32,7 @@ pub enum NewtonError {
     },
     /// The elastomer cannot bear the state.
     #[error("element {element}: {what}")]
-    Unbearable {
+    MaterialLimit {
         /// The element.
         element: usize,
         /// What happened to it.
@@ -51,7 +51,7 @@ impl From<InvalidState> for NewtonError {
                 format!("its stretch invariant {i:.2} passed the material's limit (locking)")
             }
         };
-        Self::Unbearable { element: invalid.element, what }
+        Self::MaterialLimit { element: invalid.element, what }
     }
 }
 
@@ -225,14 +225,14 @@ impl Newton {
         self.factor.factorise(&problem.pattern, &self.system.tangent)?;
         effort.factorisations += 1;
         for (r, free) in self.system.condensed.iter().zip(&problem.free) {
-            if *free != HELD {
+            if *free != CONSTRAINED {
                 self.rhs[3 * *free as usize..][..3].copy_from_slice(r);
             }
         }
         self.factor.solve(&mut self.rhs);
         let at = |free: u32| {
             let k = 3 * free as usize;
-            if free == HELD { [0.0; 3] } else { [self.rhs[k], self.rhs[k + 1], self.rhs[k + 2]] }
+            if free == CONSTRAINED { [0.0; 3] } else { [self.rhs[k], self.rhs[k + 1], self.rhs[k + 2]] }
         };
         self.increment.displacement = problem.free.iter().map(|f| at(*f)).collect();
         let (correction_mm, definite) = (self.increment.largest_mm(), self.factor.positive_definite());

@@ -4,7 +4,7 @@ use crate::algebra::{Vec3, norm};
 use crate::assemble::{System, face};
 use crate::element::tet10;
 use crate::problem::Problem;
-use crate::sparse::HELD;
+use crate::sparse::CONSTRAINED;
 use crate::state::State;
 
 /// Fields and figures of one state.
@@ -42,7 +42,7 @@ pub fn residual_n(problem: &Problem, state: &State, system: &mut System) -> f64 
     if system.assemble(problem, state, &state.load, 0.0, false).is_err() {
         return f64::INFINITY;
     }
-    let free = system.mixed.iter().zip(&problem.free).filter(|(_, free)| **free != HELD);
+    let free = system.mixed.iter().zip(&problem.free).filter(|(_, free)| **free != CONSTRAINED);
     free.map(|(r, _)| norm(*r)).fold(0.0, f64::max)
 }
 

@@ -15,7 +15,7 @@ use crate::material::{MaterialError, at_least_zero, positive};
 use crate::mesh::orient::{Boundary, closed};
 use crate::mesh::{Mesh, Tri6};
 use crate::ordering::nested_dissection;
-use crate::sparse::{HELD, Rank, SymmetricBlocks};
+use crate::sparse::{CONSTRAINED, Rank, SymmetricBlocks};
 
 /// Why mesh and materials do not make a problem.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -97,7 +97,7 @@ pub(crate) struct Sheet {
 pub struct Problem {
     pub(crate) config: ProblemConfig,
     pub(crate) mesh: Mesh,
-    /// Unknown block of each node, or [`HELD`].
+    /// Unknown block of each node, or [`CONSTRAINED`].
     pub(crate) free: Vec<u32>,
     pub(crate) pattern: SymmetricBlocks,
     pub(crate) analysis: Arc<Analysis>,
@@ -133,7 +133,7 @@ impl Problem {
         let mut sheet = sheet_geometry(&mesh, &config)?;
         let pattern = pattern(&mesh, &free, &sheet, &slots);
         let mut blocks = vec![[0.0; 3]; pattern.unknowns() / 3];
-        for (x, f) in mesh.nodes_mm.iter().zip(&free).filter(|(_, f)| **f != HELD) {
+        for (x, f) in mesh.nodes_mm.iter().zip(&free).filter(|(_, f)| **f != CONSTRAINED) {
             blocks[*f as usize] = *x;
         }
         let order = nested_dissection(&pattern.graph(), &blocks);
@@ -191,7 +191,7 @@ impl Problem {
     /// First scalar unknown of a node; `None` where it is held.
     #[must_use]
     pub fn unknown(&self, node: usize) -> Option<usize> {
-        (self.free[node] != HELD).then(|| 3 * self.free[node] as usize)
+        (self.free[node] != CONSTRAINED).then(|| 3 * self.free[node] as usize)
     }
 
     /// The elastomer of element `e`.
@@ -317,12 +317,12 @@ fn numbering(mesh: &Mesh) -> Result<Vec<u32>, ProblemError> {
     }
     let mut free = vec![0; mesh.nodes_mm.len()];
     for n in &mesh.fixed_nodes {
-        free[*n as usize] = HELD;
+        free[*n as usize] = CONSTRAINED;
     }
-    let mut order: Vec<usize> = (0..free.len()).filter(|n| free[*n] != HELD).collect();
+    let mut order: Vec<usize> = (0..free.len()).filter(|n| free[*n] != CONSTRAINED).collect();
     order.sort_by(|a, b| mesh.nodes_mm[*a][0].total_cmp(&mesh.nodes_mm[*b][0]));
     for (k, n) in order.into_iter().enumerate() {
-        free[n] = u32::try_from(k).unwrap_or(HELD);
+        free[n] = u32::try_from(k).unwrap_or(CONSTRAINED);
     }
     Ok(free)
 }
@@ -361,7 +361,7 @@ fn pattern(mesh: &Mesh, free: &[u32], sheet: &Sheet, slots: &[SlotWalls]) -> Sym
     for walls in slots {
         groups.extend(walls.pairs().iter().map(|p| p.nodes.iter().map(block).collect()));
     }
-    let count = free.iter().filter(|f| **f != HELD).count();
+    let count = free.iter().filter(|f| **f != CONSTRAINED).count();
     SymmetricBlocks::new(count, groups.iter().map(Vec::as_slice))
 }
 

@@ -34,7 +34,7 @@ pub struct Report {
     "stopped at {:.1} % of the way to P = {} MPa{}: {reason}. Last equilibrium: P = {:.6} MPa{}. {}",
     100.0 * share, to.pressure_mpa, gap(to.obstacle), last.pressure_mpa, gap(last.obstacle), advice(reason)
 )]
-pub struct Unreached {
+pub struct NotConverged {
     /// Share of the path that was covered.
     pub share: f64,
     /// The loads asked for.
@@ -53,7 +53,7 @@ fn gap(obstacle: Obstacle) -> String {
 
 fn advice(reason: &NewtonError) -> &'static str {
     match reason {
-        NewtonError::Unbearable { .. } => {
+        NewtonError::MaterialLimit { .. } => {
             "The elastomer is at its limit there: lower the pressure or the gravity"
         }
         NewtonError::Stalled { .. } => {
@@ -68,7 +68,7 @@ fn advice(reason: &NewtonError) -> &'static str {
 pub enum SolveError {
     /// The path to the state broke off.
     #[error(transparent)]
-    Unreached(Box<Unreached>),
+    NotConverged(Box<NotConverged>),
     /// A load is not a number the formulation takes.
     #[error("{name} = {found}, expected {expected}")]
     Load {
@@ -251,8 +251,8 @@ impl Solver {
                     step *= 0.5;
                     if step < self.problem.config.newton.smallest_step {
                         let last = state.load;
-                        let stop = Unreached { share: done, to: *to, last, reason, report };
-                        return Err(SolveError::Unreached(Box::new(stop)));
+                        let stop = NotConverged { share: done, to: *to, last, reason, report };
+                        return Err(SolveError::NotConverged(Box::new(stop)));
                     }
                 }
             }

@@ -3,7 +3,7 @@
 use crate::algebra::Mat3;
 
 /// Index of a node without unknowns (held).
-pub const HELD: u32 = u32::MAX;
+pub const CONSTRAINED: u32 = u32::MAX;
 
 /// Where a node pair's block lies: the rank of the row node among the column node's off-diagonal neighbours.
 pub type Rank = u32;
@@ -20,13 +20,13 @@ pub struct SymmetricBlocks {
 }
 
 impl SymmetricBlocks {
-    /// Pattern over `free` nodes that couples all members of each group; groups list free-node indices or [`HELD`].
+    /// Pattern over `free` nodes that couples all members of each group; groups list free-node indices or [`CONSTRAINED`].
     pub fn new<'a>(free: usize, groups: impl Iterator<Item = &'a [u32]>) -> Self {
         let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); free];
         for group in groups {
             for (k, &a) in group.iter().enumerate() {
                 for &b in &group[..k] {
-                    if a != HELD && b != HELD && a != b {
+                    if a != CONSTRAINED && b != CONSTRAINED && a != b {
                         neighbours[a.min(b) as usize].push(a.max(b));
                     }
                 }
@@ -82,7 +82,7 @@ impl SymmetricBlocks {
     /// Rank of the pair's block, or [`OUTSIDE`].
     #[must_use]
     pub fn rank(&self, a: u32, b: u32) -> Rank {
-        if a == HELD || b == HELD {
+        if a == CONSTRAINED || b == CONSTRAINED {
             return OUTSIDE;
         }
         if a == b {
@@ -97,7 +97,7 @@ impl SymmetricBlocks {
     /// For `a == b` the block must be symmetric; a pair is added once, in either order.
     #[inline]
     pub fn add(&self, values: &mut [f64], a: u32, b: u32, rank: Rank, block: &Mat3) {
-        if rank == OUTSIDE || a == HELD || b == HELD {
+        if rank == OUTSIDE || a == CONSTRAINED || b == CONSTRAINED {
             return;
         }
         let (column, offset) = (3 * a.min(b) as usize, 3 + 3 * rank as usize);

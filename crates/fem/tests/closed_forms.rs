@@ -5,10 +5,10 @@ mod common;
 use std::sync::Arc;
 
 use common::{Builder, close};
-use softtwin_fem::algebra::{norm, scale};
-use softtwin_fem::element::cavity::CavityLoad;
-use softtwin_fem::material::{Elastomer, Hyperelastic};
-use softtwin_fem::{Load, Problem, ProblemConfig, Solver};
+use fem::algebra::{norm, scale};
+use fem::element::cavity::CavityLoad;
+use fem::material::{Elastomer, Hyperelastic};
+use fem::{Load, Problem, ProblemConfig, Solver};
 
 /// A cube of side 4 with a hole of side 2, its nodes moved so that both become spheres of radius 2 and 1; held at one
 /// small triangle of its skin.

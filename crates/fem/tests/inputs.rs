@@ -4,11 +4,11 @@
 mod actuators;
 
 use actuators::{reference, with};
+use fem::actuator::Actuator;
+use fem::mesh::Mesh;
+use fem::mesh::check::problems;
+use fem::run::cases;
 use proptest::prelude::*;
-use softtwin_fem::actuator::Actuator;
-use softtwin_fem::mesh::Mesh;
-use softtwin_fem::mesh::check::problems;
-use softtwin_fem::run::cases;
 use std::path::{Path, PathBuf};
 
 fn model(file: &str) -> PathBuf {
@@ -116,7 +116,7 @@ fn a_missing_surface_is_named_with_those_that_are_there() {
     let mut file = formats::msh::read(&model("pneunet/mesh.msh")).unwrap();
     file.surfaces.remove("sheet");
     file.surfaces.remove("slot_upper_3");
-    let (_, list) = softtwin_fem::mesh::load::named(file, 10);
+    let (_, list) = fem::mesh::load::named(file, 10);
     let text: Vec<String> = list.iter().map(ToString::to_string).collect();
     assert_eq!(text.len(), 2, "{text:?}");
     assert!(text[0].contains("surface sheet") && text[0].contains("cavity"), "{text:?}");

@@ -4,11 +4,11 @@
 mod actuators;
 
 use actuators::{chambers, tiny, with};
-use softtwin_fem::actuator::Actuator;
-use softtwin_fem::mesh::{check, grid, load, surfaces};
-use softtwin_fem::run::fingerprint;
-use softtwin_fem::solver::FORMULATION;
-use softtwin_fem::{Output, Problem, Solver};
+use fem::actuator::Actuator;
+use fem::mesh::{check, grid, load, surfaces};
+use fem::run::fingerprint;
+use fem::solver::FORMULATION;
+use fem::{Output, Problem, Solver};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Checkpoints: what is saved comes back to the bit; what is damaged, foreign or half written counts as absent.
 
-use softtwin_fem::run::{Sizes, Solved, Store};
-use softtwin_fem::{Load, Obstacle, Report, State};
+use fem::run::{Sizes, Solved, Store};
+use fem::{Load, Obstacle, Report, State};
 
 const SIZES: Sizes = Sizes { nodes: 3, tets: 2, sheet: 1 };
 

@@ -3,14 +3,14 @@
 mod common;
 
 use common::noise;
-use softtwin_fem::algebra::{Vec3, add, axpy, dot, scale, skew};
-use softtwin_fem::contact::penalty;
-use softtwin_fem::element::cavity::{CavityLoad, face_terms};
-use softtwin_fem::element::membrane::{self, MembraneGeometry};
-use softtwin_fem::element::tet10::{self, TetGeometry, TetTerms};
-use softtwin_fem::element::{bending, tri6};
-use softtwin_fem::material::Hyperelastic;
-use softtwin_fem::mesh::{TET_EDGES, TRI_EDGES};
+use fem::algebra::{Vec3, add, axpy, dot, scale, skew};
+use fem::contact::penalty;
+use fem::element::cavity::{CavityLoad, face_terms};
+use fem::element::membrane::{self, MembraneGeometry};
+use fem::element::tet10::{self, TetGeometry, TetTerms};
+use fem::element::{bending, tri6};
+use fem::material::Hyperelastic;
+use fem::mesh::{TET_EDGES, TRI_EDGES};
 
 const STEP: f64 = 1.0e-6;
 

@@ -9,7 +9,7 @@ const SHOWN: usize = 12;
 
 /// One thing that is wrong with a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problem {
+pub struct Diagnostic {
     /// Where: a key, a row and column, a byte range.
     pub place: String,
     /// What belongs there.
@@ -18,14 +18,14 @@ pub struct Problem {
     pub found: String,
 }
 
-impl Problem {
+impl Diagnostic {
     /// A problem at `place`.
     pub fn new(place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }
     }
 }
 
-impl Display for Problem {
+impl Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: expected {}, found {}", self.place, self.expected, self.found)
     }
@@ -50,7 +50,7 @@ pub enum FormatError {
         /// The file.
         path: PathBuf,
         /// What is wrong, in file order; never empty.
-        problems: Vec<Problem>,
+        problems: Vec<Diagnostic>,
     },
 }
 
@@ -66,18 +66,18 @@ impl FormatError {
     }
 
     /// A single problem.
-    pub fn one(path: &Path, problem: Problem) -> Self {
+    pub fn one(path: &Path, problem: Diagnostic) -> Self {
         Self::Content { path: path.into(), problems: vec![problem] }
     }
 
     /// `Ok(value)` when there is no problem.
-    pub fn unless<T>(value: T, path: &Path, problems: Vec<Problem>) -> Result<T, Self> {
+    pub fn unless<T>(value: T, path: &Path, problems: Vec<Diagnostic>) -> Result<T, Self> {
         if problems.is_empty() { Ok(value) } else { Err(Self::Content { path: path.into(), problems }) }
     }
 }
 
-fn list(problems: &[Problem]) -> String {
-    let mut text: Vec<String> = problems.iter().take(SHOWN).map(Problem::to_string).collect();
+fn list(problems: &[Diagnostic]) -> String {
+    let mut text: Vec<String> = problems.iter().take(SHOWN).map(Diagnostic::to_string).collect();
     if problems.len() > SHOWN {
         text.push(format!("and {} more problems", problems.len() - SHOWN));
     }

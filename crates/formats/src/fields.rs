@@ -1,7 +1,7 @@
 //! One reconstructed state as a file people open, by the name's end: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
 //! a series of one state as Tecplot ASCII (`.dat`) or XDMF.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::export::{Moment, Series, SeriesFormat};
 use crate::{npy, vtu};
 use rom::snapshots::{FieldKind, FieldSpec};
@@ -36,7 +36,7 @@ impl Format {
                 _ => {
                     let expected = "an ending of .npy, .csv, .vtu, .dat or .xdmf";
                     let found = other.unwrap_or("no ending");
-                    Err(FormatError::one(path, Problem::new("file name", expected, found)))
+                    Err(FormatError::one(path, Diagnostic::new("file name", expected, found)))
                 }
             },
         }
@@ -68,7 +68,7 @@ impl State<'_> {
         if self.values.len() != expected {
             return Err(FormatError::one(
                 path,
-                Problem::new("state", format!("{expected} values"), self.values.len()),
+                Diagnostic::new("state", format!("{expected} values"), self.values.len()),
             ));
         }
         match Format::of(path)? {
@@ -121,7 +121,7 @@ impl State<'_> {
 
     fn write_vtu(&self, path: &Path) -> Result<(), FormatError> {
         let (Some(x), Some(y), Some(z)) = (self.coordinate(0), self.coordinate(1), self.coordinate(2)) else {
-            let problem = Problem::new("fields", "the coordinates x, y and z", "a state without them");
+            let problem = Diagnostic::new("fields", "the coordinates x, y and z", "a state without them");
             return Err(FormatError::one(path, problem));
         };
         let deformed = [x, y, z];

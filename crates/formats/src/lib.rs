@@ -16,4 +16,4 @@ pub mod npy;
 pub mod packed;
 pub mod vtu;
 
-pub use error::{FormatError, Problem};
+pub use error::{Diagnostic, FormatError};

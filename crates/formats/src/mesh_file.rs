@@ -1,6 +1,6 @@
 //! What a mesh file holds, whatever its format: nodes, 10-node tetrahedra, named surfaces.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::import::abaqus;
 use crate::{msh, vtu};
 use std::collections::BTreeMap;
@@ -28,7 +28,10 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
         Some("inp") => abaqus::read(path)?.tetrahedra().map_err(|problem| FormatError::one(path, problem)),
         other => {
             let found = other.unwrap_or("no ending");
-            Err(FormatError::one(path, Problem::new("file name", "an ending of .vtu, .msh or .inp", found)))
+            Err(FormatError::one(
+                path,
+                Diagnostic::new("file name", "an ending of .vtu, .msh or .inp", found),
+            ))
         }
     }
 }

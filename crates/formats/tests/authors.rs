@@ -3,9 +3,9 @@
 mod common;
 
 use common::{case, database};
+use formats::database::{ObstacleKind, read, write};
 use proptest::prelude::*;
 use rom::snapshots::{Database, Split};
-use softtwin_formats::database::{Scene, read, write};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -50,7 +50,7 @@ fn folder(dir: &Path) -> Database {
 fn both_layouts_give_the_same_database_as_ours() {
     let dir = tempfile::tempdir().unwrap();
     let expected = folder(dir.path());
-    let found = read(dir.path(), Scene::Plate).unwrap();
+    let found = read(dir.path(), ObstacleKind::Plate).unwrap();
     assert_eq!(found.cases, expected.cases);
     assert_eq!(found.snapshots, expected.snapshots);
     assert_eq!(found.hash, expected.hash);
@@ -87,7 +87,7 @@ fn wrong_cells_are_named() {
         let dir = tempfile::tempdir().unwrap();
         folder(dir.path());
         std::fs::write(dir.path().join(file), text).unwrap();
-        let error = read(dir.path(), Scene::Plate).unwrap_err().to_string();
+        let error = read(dir.path(), ObstacleKind::Plate).unwrap_err().to_string();
         assert!(error.contains(part), "`{part}` is not in {error}");
     }
 }
@@ -100,7 +100,7 @@ proptest! {
         let dir = tempfile::tempdir().unwrap();
         folder(dir.path());
         std::fs::write(dir.path().join(["free.csv", "free_p.csv", "contact_p.csv"][which]), &text).unwrap();
-        if let Ok(database) = read(dir.path(), Scene::Plate) {
+        if let Ok(database) = read(dir.path(), ObstacleKind::Plate) {
             prop_assert_eq!(database.snapshots.len(), database.cases.len() * database.entries());
         }
     }

@@ -3,10 +3,10 @@
 mod common;
 
 use common::{case, database};
+use formats::FormatError;
+use formats::database::{ObstacleKind, read, scenes, write};
 use proptest::prelude::*;
 use rom::snapshots::Split;
-use softtwin_formats::FormatError;
-use softtwin_formats::database::{Scene, read, scenes, write};
 use std::path::Path;
 
 fn small(dir: &Path) -> rom::snapshots::Database {
@@ -27,28 +27,28 @@ fn replace(path: &Path, from: &str, to: &str) {
 }
 
 fn refusal(dir: &Path) -> String {
-    read(dir, Scene::Plate).unwrap_err().to_string()
+    read(dir, ObstacleKind::Plate).unwrap_err().to_string()
 }
 
 #[test]
 fn round_trip() {
     let dir = tempfile::tempdir().unwrap();
     let written = small(dir.path());
-    let back = read(dir.path(), Scene::Plate).unwrap();
+    let back = read(dir.path(), ObstacleKind::Plate).unwrap();
     assert_eq!(back.cases, written.cases);
     assert_eq!(back.fields, written.fields);
     assert_eq!(back.snapshots, written.snapshots);
     assert_eq!(back.undeformed_mm, written.undeformed_mm);
     assert_eq!(back.obstacle, written.obstacle);
     assert_eq!(back.hash, written.hash);
-    assert_eq!(scenes(dir.path()).unwrap(), [Scene::Plate]);
+    assert_eq!(scenes(dir.path()).unwrap(), [ObstacleKind::Plate]);
 }
 
 #[test]
 fn the_skin_is_closed_and_points_outwards() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
-    let back = read(dir.path(), Scene::Plate).unwrap();
+    let back = read(dir.path(), ObstacleKind::Plate).unwrap();
     let points = back.undeformed_mm.unwrap();
     // Divergence theorem: an outward closed surface encloses the bar's 30 x 10 x 10 mm3.
     let volume: f64 = back
@@ -137,11 +137,11 @@ fn scenes_are_kept_apart() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
     replace(&dir.path().join("cases.csv"), "c,contact", "c,gripper");
-    assert_eq!(read(dir.path(), Scene::Plate).unwrap().cases.len(), 2);
-    assert_eq!(read(dir.path(), Scene::Gripper).unwrap().cases.len(), 1);
+    assert_eq!(read(dir.path(), ObstacleKind::Plate).unwrap().cases.len(), 2);
+    assert_eq!(read(dir.path(), ObstacleKind::Gripper).unwrap().cases.len(), 1);
     replace(&dir.path().join("cases.csv"), "c,gripper", "c,contact");
     assert!(
-        read(dir.path(), Scene::Gripper)
+        read(dir.path(), ObstacleKind::Gripper)
             .unwrap_err()
             .to_string()
             .contains("cases of scene gripper, found none")
@@ -153,7 +153,7 @@ fn a_missing_file_is_named() {
     let dir = tempfile::tempdir().unwrap();
     small(dir.path());
     std::fs::remove_file(dir.path().join("snapshots.npy")).unwrap();
-    let error = read(dir.path(), Scene::Plate).unwrap_err();
+    let error = read(dir.path(), ObstacleKind::Plate).unwrap_err();
     assert!(matches!(&error, FormatError::Io { path, .. } if path.ends_with("snapshots.npy")), "{error}");
 }
 
@@ -164,7 +164,7 @@ fn the_shared_database_is_read() {
         println!("skipped: no ../shared/database beside this repository");
         return;
     }
-    let database = read(&dir, Scene::Plate).unwrap();
+    let database = read(&dir, ObstacleKind::Plate).unwrap();
     assert_eq!((database.cases.len(), database.node_count, database.fields.len()), (111, 25022, 5));
     let undeformed = database.undeformed_mm.as_ref().unwrap();
     // Column U of the database is |x - x0|: an independent check that mesh and snapshots share node order and frame.
@@ -186,8 +186,8 @@ proptest! {
         let dir = tempfile::tempdir().unwrap();
         small(dir.path());
         std::fs::write(dir.path().join("cases.csv"), &text).unwrap();
-        prop_assert!(read(dir.path(), Scene::Plate).is_err());
+        prop_assert!(read(dir.path(), ObstacleKind::Plate).is_err());
         std::fs::write(dir.path().join("database.toml"), &text).unwrap();
-        prop_assert!(read(dir.path(), Scene::Plate).is_err());
+        prop_assert!(read(dir.path(), ObstacleKind::Plate).is_err());
     }
 }

@@ -2,10 +2,10 @@
 
 mod common;
 
+use formats::export::{Moment, Series};
+use formats::vtu::Cells;
+use formats::{FormatError, npy};
 use rom::snapshots::Split;
-use softtwin_formats::export::{Moment, Series};
-use softtwin_formats::vtu::Cells;
-use softtwin_formats::{FormatError, npy};
 use std::path::Path;
 
 fn write(

@@ -1,7 +1,7 @@
 //! Abaqus input files: what is read, what is refused and by which name.
 
+use formats::import::abaqus::{self, AbaqusMesh};
 use proptest::prelude::*;
-use softtwin_formats::import::abaqus::{self, AbaqusMesh};
 
 /// A 10-node tetrahedron whose node numbers begin at 11, with whatever stands in a real file around it.
 const TET: &str = "*Heading\n** a comment\n*Part, name=FINGER\n*Node, nset=ALL\n 11, 0., 0., 0.\n 12, 1., 0., 0.\n 13, 0., 1.,\n\

@@ -1,6 +1,6 @@
 //! The snapshot exchange of static reduced-order models, as folders that a test writes.
 
-use softtwin_formats::database::{self, Scene};
+use formats::database::{self, ObstacleKind};
 use std::fs;
 use std::path::Path;
 
@@ -40,14 +40,14 @@ fn refused(change: impl Fn(&Path)) -> String {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path());
     change(dir.path());
-    database::read(dir.path(), Scene::Plate).expect_err("refused").to_string()
+    database::read(dir.path(), ObstacleKind::Plate).expect_err("refused").to_string()
 }
 
 #[test]
 fn units_become_mm_and_mpa_and_rows_become_cases() {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path());
-    let read = database::read(dir.path(), Scene::Plate).unwrap();
+    let read = database::read(dir.path(), ObstacleKind::Plate).unwrap();
     assert_eq!((read.node_count, read.fields.len(), read.cases.len()), (4, 5, 2));
     let [free, contact] = read.cases.as_slice() else { panic!("two cases") };
     assert_eq!((free.pressure_mpa, free.gap_mm, free.regime.name()), (0.01, None, "free"));

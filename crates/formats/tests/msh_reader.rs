@@ -1,7 +1,7 @@
 //! The .msh reader on text and binary files of either byte order, and on damaged ones.
 
+use formats::msh;
 use proptest::prelude::*;
-use softtwin_formats::msh;
 
 #[derive(Clone, Copy, Debug)]
 enum Style {

@@ -1,7 +1,7 @@
 //! `.npy`: bytes NumPy would write, round trips, and files that lie.
 
+use formats::npy::{read_f32, read_f64, write_f32};
 use proptest::prelude::*;
-use softtwin_formats::npy::{read_f32, read_f64, write_f32};
 use std::path::PathBuf;
 
 fn file(bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {

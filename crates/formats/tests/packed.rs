@@ -1,7 +1,7 @@
 //! Packed snapshots: the bound holds, damage is found, nothing panics.
 
+use formats::packed::{Snapshots, Stored, pack, unpack};
 use proptest::prelude::*;
-use softtwin_formats::packed::{Snapshots, Stored, pack, unpack};
 
 const NODES: usize = 400;
 const FIELDS: [Stored; 5] =

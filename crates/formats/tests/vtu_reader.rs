@@ -1,8 +1,8 @@
 //! The VTU reader on every encoding VTK writes, and on damaged files.
 
 use flate2::{Compression, write::ZlibEncoder};
+use formats::vtu;
 use proptest::prelude::*;
-use softtwin_formats::vtu;
 use std::io::Write;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 mod common;
 
-use softtwin_formats::vtu::{Cells, Grid, PointData, read, write};
+use formats::vtu::{Cells, Grid, PointData, read, write};
 use std::path::PathBuf;
 
 fn place() -> (tempfile::TempDir, PathBuf) {

@@ -71,7 +71,7 @@ struct Options {
 
 fn main() -> ExitCode {
     let options = Options::parse(); // clap itself leaves with 2 on wrong usage
-    service::start_logging("warn,softtwin_runtime=info,softtwin_gateway=info");
+    service::start_logging("warn,runtime=info,softtwin_gateway=info");
     match run(&options) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

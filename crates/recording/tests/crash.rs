@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 use common::{read_all, text, write_some};
 use proptest::prelude::*;
-use softtwin_recording::{Ending, Reader, RotateOptions, RotatingWriter, Store, WriteError};
+use recording::{Ending, Reader, RotateOptions, RotatingWriter, Store, WriteError};
 
 const MESSAGES: u64 = 24;
 const FLUSH_EVERY: u64 = 6;
@@ -24,7 +24,7 @@ fn expected(count: usize) -> Vec<String> {
 fn a_file_cut_at_any_byte_is_read_up_to_its_last_whole_chunk() {
     let bytes = small();
     let mut previous = 0;
-    for cut in softtwin_recording::MAGIC.len()..bytes.len() - softtwin_recording::MAGIC.len() {
+    for cut in recording::MAGIC.len()..bytes.len() - recording::MAGIC.len() {
         let (texts, ending) = read_all(&bytes[..cut]);
         assert_eq!(texts, expected(texts.len()), "cut at {cut}");
         assert_eq!(texts.len() as u64 % FLUSH_EVERY, 0, "cut at {cut}: a chunk is whole or absent");
@@ -73,7 +73,7 @@ impl Store for &mut FullDisk {
 #[test]
 fn a_disk_full_at_any_byte_leaves_a_readable_file_and_a_true_count() {
     let whole = small().len();
-    for room in softtwin_recording::MAGIC.len()..whole {
+    for room in recording::MAGIC.len()..whole {
         let mut disk = FullDisk { bytes: Vec::new(), room };
         let Err(WriteError::Store { source, kept_messages, .. }) =
             write_some(&mut disk, MESSAGES, FLUSH_EVERY)
@@ -94,7 +94,7 @@ fn a_disk_full_at_any_byte_leaves_a_readable_file_and_a_true_count() {
 #[test]
 fn a_failed_writer_stays_failed() {
     let mut disk = FullDisk { bytes: Vec::new(), room: 600 };
-    let mut writer = softtwin_recording::Writer::new(&mut disk).expect("the head fits");
+    let mut writer = recording::Writer::new(&mut disk).expect("the head fits");
     let id = writer.channel(&common::channel("a")).expect("a channel");
     let data = vec![b'x'; 300_000];
     let first = (0..10)
@@ -135,7 +135,7 @@ proptest! {
         let all = expected(MESSAGES as usize);
         if let Ok(mut reader) = Reader::new(bytes.as_slice()) {
             while let Ok(Some(item)) = reader.next_item() {
-                if let softtwin_recording::Item::Message(message) = item {
+                if let recording::Item::Message(message) = item {
                     let text = String::from_utf8(message.data).expect("only whole messages");
                     prop_assert!(all.contains(&text), "{text}");
                 }
@@ -146,7 +146,7 @@ proptest! {
     /// Anything behind the magic: the reader ends.
     #[test]
     fn random_bytes_are_read_to_an_end(noise in prop::collection::vec(any::<u8>(), 0..2_000)) {
-        let mut bytes = softtwin_recording::MAGIC.to_vec();
+        let mut bytes = recording::MAGIC.to_vec();
         bytes.extend(noise);
         let mut reader = Reader::new(bytes.as_slice()).expect("head");
         while let Ok(Some(_)) = reader.next_item() {}
@@ -157,7 +157,7 @@ proptest! {
     fn plausible_records_are_read_to_an_end(
         records in prop::collection::vec((0u8..18, prop::collection::vec(any::<u8>(), 0..80), any::<bool>()), 0..40)
     ) {
-        let mut bytes = softtwin_recording::MAGIC.to_vec();
+        let mut bytes = recording::MAGIC.to_vec();
         for (opcode, body, honest) in records {
             bytes.push(opcode);
             let length = if honest { body.len() as u64 } else { u64::from_le_bytes([body.len() as u8, 0, 0, 0, 1, 0, 0, 0]) };
@@ -200,7 +200,7 @@ fn a_chunk_that_claims_to_be_huge_is_left_out() {
     body.extend([1, 0, 0, 0]);
     body.extend(b"\x03\0\0\0lz4");
     body.extend(0u64.to_le_bytes());
-    let mut bytes = softtwin_recording::MAGIC.to_vec();
+    let mut bytes = recording::MAGIC.to_vec();
     bytes.push(6);
     bytes.extend((body.len() as u64).to_le_bytes());
     bytes.extend(body);

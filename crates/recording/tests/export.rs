@@ -1,7 +1,7 @@
 //! Recordings as tables.
 
-use softtwin_recording::message::{Recorded, SensorMessage, StateMessage};
-use softtwin_recording::{Channel, Ending, Reader, Writer, export_csv};
+use recording::message::{Recorded, SensorMessage, StateMessage};
+use recording::{Channel, Ending, Reader, Writer, export_csv};
 use wire::{KeyExpr, SensorSample, State};
 
 fn recording() -> Vec<u8> {

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use proptest::prelude::*;
+use recording::message::{FieldMessage, HealthMessage, Recorded, SensorMessage, StateMessage};
 use serde_json::Value;
-use softtwin_recording::message::{FieldMessage, HealthMessage, Recorded, SensorMessage, StateMessage};
 use wire::{FieldHeader, Health, SensorSample, State};
 
 /// Same properties in message and schema, each of the type the schema promises. Numbers may be texts: not finite.

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use softtwin_recording::message::SensorMessage;
-use softtwin_recording::{Ending, Item, Reader, Recorder, RecorderOptions, RotateOptions};
+use recording::message::SensorMessage;
+use recording::{Ending, Item, Reader, Recorder, RecorderOptions, RotateOptions};
 use wire::{Bus, Domain, KeyExpr, SensorSample, SensorWriter, State, StateWriter, Topic};
 
 const READINGS: u64 = 2_000;

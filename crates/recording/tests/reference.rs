@@ -7,7 +7,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use common::{metadata, read_all, text, write_some};
-use softtwin_recording::{Ending, Item, ReadError, Reader};
+use recording::{Ending, Item, ReadError, Reader};
 
 #[test]
 fn the_reference_reader_finds_every_message_and_the_summary() {

@@ -1,6 +1,6 @@
 //! What a user can choose about training. Every key has a default; the defaults alone work on any database.
 
-use crate::snapshots::Obstacle;
+use crate::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -158,7 +158,7 @@ pub struct TrainConfig {
     /// How far beyond the largest sampled gap these states reach, as a share of the sampled range of gaps.
     pub boundary_overshoot: f64,
     /// What can be touched; the database's own when absent.
-    pub obstacle: Option<Obstacle>,
+    pub obstacle: Option<Footprint>,
     /// Choices for the free regime.
     pub free: RegimeConfig,
     /// Choices for the contact regime.

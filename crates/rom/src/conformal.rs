@@ -5,12 +5,12 @@
 //! bars are coverage bars for the domain as a whole and do not track the local error.
 
 use crate::datasheet::CaseError;
-use crate::model::CoverageBars;
+use crate::model::HalfWidths;
 
 /// Bars for a share `coverage`, from all cases: those on the hull stand for the untouched states that lie near the edge.
-pub fn bars(errors: &[CaseError], coverage: f64) -> CoverageBars {
+pub fn bars(errors: &[CaseError], coverage: f64) -> HalfWidths {
     let bar = |of: fn(&CaseError) -> f64| quantile(errors.iter().map(of).collect(), coverage);
-    CoverageBars {
+    HalfWidths {
         coverage,
         displacement_mm: bar(|e| e.displacement_mm),
         stress_mpa: bar(|e| e.stress_mpa),

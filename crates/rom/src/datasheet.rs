@@ -1,7 +1,7 @@
 //! The data sheet: what a user reads before trusting a model. Written beside it by `train`.
 
 use crate::config::TrainConfig;
-use crate::model::CoverageBars;
+use crate::model::HalfWidths;
 use crate::select::Candidate;
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
@@ -59,7 +59,7 @@ pub struct RegimeSheet {
     /// Contact force.
     pub force: Option<FitSheet>,
     /// Coverage bars.
-    pub bars: CoverageBars,
+    pub bars: HalfWidths,
     /// Leave-one-out errors by case.
     pub leave_one_out: Vec<CaseError>,
 }

@@ -7,7 +7,7 @@
 //! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
 
 use crate::evaluation::Input;
-use crate::hull::Verdict;
+use crate::hull::DomainStatus;
 use crate::model::{BlockKind, Model, RegimeModel};
 use crate::predict::{PredictError, Predictor, Selection};
 use crate::regime::RegimeSwitch;
@@ -73,7 +73,7 @@ pub struct CaseReport {
     /// Gap in mm.
     pub gap_mm: Option<f64>,
     /// Where the case lies.
-    pub domain: Verdict,
+    pub domain: DomainStatus,
     /// Scaled distance to the domain.
     pub domain_distance: f64,
     /// By field.

@@ -1,7 +1,7 @@
 //! What a query answers before any field is reconstructed: plain data, allocated once.
 
-use crate::hull::Verdict;
-use crate::model::CoverageBars;
+use crate::hull::DomainStatus;
+use crate::model::HalfWidths;
 use crate::snapshots::RegimeKind;
 
 /// A checked reading.
@@ -49,11 +49,11 @@ pub struct Evaluation {
     /// Onset pressure of this gap in MPa: 0 when the actuator's own weight touches, none when out of reach.
     pub onset_pressure_mpa: Option<f64>,
     /// Where the query lies with respect to the training samples of `basis`.
-    pub domain: Verdict,
+    pub domain: DomainStatus,
     /// Distance to the training hull over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f64,
     /// Coverage bars of `basis`.
-    pub bars: CoverageBars,
+    pub bars: HalfWidths,
     /// Flags.
     pub flags: Flags,
 }

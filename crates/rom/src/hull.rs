@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Where a query lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum DomainStatus {
     /// Within the hull.
     Inside,
     /// Outside by at most [`Domain::NEAR`] of the sampled range.
@@ -35,12 +35,12 @@ impl Domain {
         }
     }
 
-    /// Verdict for a distance. A rounding error's breadth outside is inside.
-    pub fn verdict(distance: f64) -> Verdict {
+    /// DomainStatus for a distance. A rounding error's breadth outside is inside.
+    pub fn status(distance: f64) -> DomainStatus {
         match distance {
-            d if d <= 1e-9 => Verdict::Inside,
-            d if d <= Self::NEAR => Verdict::Near,
-            _ => Verdict::Outside,
+            d if d <= 1e-9 => DomainStatus::Inside,
+            d if d <= Self::NEAR => DomainStatus::Near,
+            _ => DomainStatus::Outside,
         }
     }
 

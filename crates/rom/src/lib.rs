@@ -14,9 +14,9 @@
 //! ```
 //!
 //! ```
-//! use softtwin_rom::{config::TrainConfig, evaluation::Input, predict::*, regime::RegimeSwitch, train::train};
+//! use rom::{config::TrainConfig, evaluation::Input, predict::*, regime::RegimeSwitch, train::train};
 //!
-//! let database = softtwin_rom::stability::world::plate(); // an actuator made of formulas
+//! let database = rom::stability::synthetic::plate(); // an actuator made of formulas
 //! let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_step| {})?;
 //! let mut predictor = Predictor::new(&model, &Selection::default())?;
 //! let (mut evaluation, mut switch) = (predictor.evaluation(), RegimeSwitch::default());

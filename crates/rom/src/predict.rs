@@ -2,12 +2,12 @@
 //! construction.
 
 use crate::evaluation::{Evaluation, Flags, Input};
-use crate::hull::{Domain, Verdict};
+use crate::hull::{Domain, DomainStatus};
 use crate::interpolant::{Interpolant, KernelScratch};
 use crate::kernel::{
     Affine, Basis, BasisError, Field, Peaks, Precision, ReconstructError, Role, Source, Spec, Values,
 };
-use crate::model::{BlockKind, CoverageBars, Model, RegimeModel};
+use crate::model::{BlockKind, HalfWidths, Model, RegimeModel};
 use crate::regime::{Onset, OnsetTable, RegimeSwitch};
 use crate::snapshots::{FieldKind, RegimeKind};
 use std::mem::MaybeUninit;
@@ -195,9 +195,9 @@ impl Predictor {
             dforce_dpressure: 0.0,
             dforce_dgap: 0.0,
             onset_pressure_mpa: None,
-            domain: Verdict::Inside,
+            domain: DomainStatus::Inside,
             domain_distance: 0.0,
-            bars: CoverageBars::default(),
+            bars: HalfWidths::default(),
             flags: Flags::default(),
         }
     }
@@ -224,8 +224,8 @@ impl Predictor {
             true => f64::INFINITY, // `max` would drop a NaN, and a reading that is no number is nowhere
             false => part.model.domain.distance(x).max(part.model.inputs.off_constant(input.gap_mm)),
         };
-        out.domain = Domain::verdict(out.domain_distance);
-        out.flags.extrapolated = out.domain != Verdict::Inside;
+        out.domain = Domain::status(out.domain_distance);
+        out.flags.extrapolated = out.domain != DomainStatus::Inside;
         out.bars = part.model.bars;
         coefficients(part, x, &mut self.scratch, out);
         force(part, self.onset.as_ref(), x, &mut self.scratch, out);

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Fewer scored cases than this say nothing about modes: all are kept, so that at least the samples are reproduced.
-const LEAST_CASES: usize = 4;
+const MIN_CASES: usize = 4;
 
 /// What was tried and how it fared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,8 +83,8 @@ impl Task {
     }
 }
 
-/// A candidate's verdict: score of all groups together, and by group modes and own score.
-struct Verdict {
+/// A candidate: score of all groups together, and by group modes and own score.
+struct CandidateScore {
     score: f64,
     groups: Vec<(usize, f64)>,
 }
@@ -141,7 +141,7 @@ struct Search<'a> {
     tasks: &'a [Task],
     /// Errors below this are the data's own rounding.
     floor: f64,
-    best: Option<(Verdict, Fit)>,
+    best: Option<(CandidateScore, Fit)>,
     refusal: FitError,
     trials: Vec<Trial>,
 }
@@ -153,11 +153,11 @@ impl Search<'_> {
         let mut modes = vec![0; self.tasks.len()];
         match fit_candidate(&self.samples, spec, metric, smoothing) {
             Ok(fit) => {
-                let verdict = judge(self.states, self.tasks, &fit.residuals);
-                row.error = Some(verdict.score);
-                modes = verdict.groups.iter().map(|g| g.0).collect();
-                if self.best.as_ref().is_none_or(|(b, f)| self.better((&verdict, &fit), (b, f))) {
-                    self.best = Some((verdict, fit));
+                let scored = score(self.states, self.tasks, &fit.residuals);
+                row.error = Some(scored.score);
+                modes = scored.groups.iter().map(|g| g.0).collect();
+                if self.best.as_ref().is_none_or(|(b, f)| self.better((&scored, &fit), (b, f))) {
+                    self.best = Some((scored, fit));
                 }
             }
             Err(e) => {
@@ -169,11 +169,11 @@ impl Search<'_> {
     }
 
     /// By merit; where both are down at the rounding of the data, by the tail: the higher one extrapolates.
-    fn better(&self, new: (&Verdict, &Fit), best: (&Verdict, &Fit)) -> bool {
-        let merit = |(verdict, fit): (&Verdict, &Fit)| {
-            merit(verdict.score.max(self.floor), fit.interpolant.smoothing)
+    fn better(&self, new: (&CandidateScore, &Fit), best: (&CandidateScore, &Fit)) -> bool {
+        let merit = |(scored, fit): (&CandidateScore, &Fit)| {
+            merit(scored.score.max(self.floor), fit.interpolant.smoothing)
         };
-        let terms = |(_, fit): (&Verdict, &Fit)| fit.interpolant.tail.terms(self.samples.dimensions);
+        let terms = |(_, fit): (&CandidateScore, &Fit)| fit.interpolant.tail.terms(self.samples.dimensions);
         merit(new) < merit(best) || (merit(new) == merit(best) && terms(new) > terms(best))
     }
 
@@ -203,11 +203,11 @@ impl Search<'_> {
 
     fn choices(mut self) -> Result<Vec<Choice>, FitError> {
         self.sort();
-        let (verdict, mut fit) = self.best.ok_or(self.refusal)?;
+        let (scored, mut fit) = self.best.ok_or(self.refusal)?;
         fit.interpolant.condition = condition_of(&fit.interpolant);
         let mut first = 0;
         let choice = |(g, task): (usize, &Task)| {
-            let (modes, error) = verdict.groups[g];
+            let (modes, error) = scored.groups[g];
             let kept = first..first + modes;
             first += task.outputs;
             let candidates =
@@ -250,7 +250,7 @@ fn size(states: States, tasks: &[Task]) -> f64 {
 }
 
 /// Modes to keep by group, and the scores with them.
-fn judge(states: States, tasks: &[Task], residuals: &[f64]) -> Verdict {
+fn score(states: States, tasks: &[Task], residuals: &[f64]) -> CandidateScore {
     let stride: usize = tasks.iter().map(|t| t.outputs).sum();
     let (mut first, mut groups) = (0, Vec::new());
     let mut squares = vec![0.0; states.score.iter().filter(|w| **w > 0.0).count()];
@@ -261,14 +261,14 @@ fn judge(states: States, tasks: &[Task], residuals: &[f64]) -> Verdict {
         groups.push((modes, mean(&errors, |e| e[modes])));
         first += task.outputs;
     }
-    Verdict { score: squares.iter().map(|s| s.sqrt()).sum::<f64>() / squares.len() as f64, groups }
+    CandidateScore { score: squares.iter().map(|s| s.sqrt()).sum::<f64>() / squares.len() as f64, groups }
 }
 
 fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
     match task.modes {
         ModeChoice::Fixed(modes) => modes.min(task.outputs),
         ModeChoice::Energy(_) => task.modes_for_energy.min(task.outputs),
-        ModeChoice::LeaveOneOut(_) if errors.len() < LEAST_CASES => task.outputs,
+        ModeChoice::LeaveOneOut(_) if errors.len() < MIN_CASES => task.outputs,
         ModeChoice::LeaveOneOut(factor) => {
             // Geometric mean over cases: every case asks for the modes it needs at its own level of error. An
             // arithmetic one would stop at the error of the few cases that are hard to interpolate.

@@ -102,14 +102,14 @@ pub struct NodeSet {
 /// The rigid thing the actuator can touch: the plane `y = -gap_mm` over a rectangle of x and z.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Obstacle {
+pub struct Footprint {
     /// Extent along the actuator in mm.
     pub x_mm: [f64; 2],
     /// Extent across the actuator in mm.
     pub z_mm: [f64; 2],
 }
 
-impl Obstacle {
+impl Footprint {
     /// The paper's plate.
     pub const PLATE: Self = Self { x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };
     /// The block that stands for the gripped object.
@@ -136,7 +136,7 @@ pub struct Database {
     /// Named node sets.
     pub node_sets: Vec<NodeSet>,
     /// What the actuator can touch.
-    pub obstacle: Obstacle,
+    pub obstacle: Footprint,
     /// blake3 of the database's content.
     pub hash: [u8; 32],
 }

@@ -3,17 +3,17 @@
 
 mod support;
 
-use softtwin_rom::config::TrainConfig;
-use softtwin_rom::datasheet::DataSheet;
-use softtwin_rom::evaluate::{CaseReport, DEFAULT_FLOOR, Report, evaluate, spread};
-use softtwin_rom::evaluation::Input;
-use softtwin_rom::model::Model;
-use softtwin_rom::predict::{Predictor, Selection};
-use softtwin_rom::regime::{Onset, RegimeSwitch};
-use softtwin_rom::snapshots::{Database, RegimeKind, Split};
-use softtwin_rom::train::train;
+use rom::config::TrainConfig;
+use rom::datasheet::DataSheet;
+use rom::evaluate::{CaseReport, DEFAULT_FLOOR, Report, evaluate, spread};
+use rom::evaluation::Input;
+use rom::model::Model;
+use rom::predict::{Predictor, Selection};
+use rom::regime::{Onset, RegimeSwitch};
+use rom::snapshots::{Database, RegimeKind, Split};
+use rom::train::train;
 use std::sync::OnceLock;
-use support::{Scene, shared_database};
+use support::{ObstacleKind, shared_database};
 
 struct Plate {
     database: Database,
@@ -27,7 +27,7 @@ fn plate() -> Option<&'static Plate> {
     static PLATE: OnceLock<Option<Plate>> = OnceLock::new();
     PLATE
         .get_or_init(|| {
-            let database = shared_database(Scene::Plate)?;
+            let database = shared_database(ObstacleKind::Plate)?;
             let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
             let report = test_report(&model, &database);
             Some(Plate { database, model, sheet, report })
@@ -73,7 +73,7 @@ fn the_papers_test_cases_are_within_the_promised_errors() {
 /// The paper reports 3.56e-4 and 4.18e-3 on its own database; its method on this one gives 4.0e-4 and 4.1e-3.
 #[test]
 fn the_papers_method_gives_the_papers_errors() {
-    let Some(database) = shared_database(Scene::Plate) else { return };
+    let Some(database) = shared_database(ObstacleKind::Plate) else { return };
     let (model, _) = train(&database, &TrainConfig::paper(), &mut |_| {}).expect("trains");
     let report = test_report(&model, &database);
     for (kind, expected) in [(RegimeKind::Free, 4.03e-4), (RegimeKind::Contact, 4.11e-3)] {
@@ -206,13 +206,13 @@ fn outside_the_samples_answers_are_flagged() {
             case.case, case.domain, case.domain_distance, case.force_n
         );
         let beyond = case.pressure_mpa > 0.09 || case.gap_mm.is_some_and(|g| g < 10.0);
-        assert_eq!(beyond, case.domain == softtwin_rom::hull::Verdict::Outside, "case {}", case.case);
+        assert_eq!(beyond, case.domain == rom::hull::DomainStatus::Outside, "case {}", case.case);
     }
 }
 
 #[test]
 fn a_database_with_one_gap_trains_and_answers() {
-    let Some(database) = shared_database(Scene::Gripper) else { return };
+    let Some(database) = shared_database(ObstacleKind::Gripper) else { return };
     let (model, _) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
     let contact = model.regime(RegimeKind::Contact).expect("contact");
     assert_eq!(contact.inputs.dimensions(), 1, "a constant gap is no input");

@@ -1,9 +1,9 @@
 //! Bad databases and configurations: every problem is named, all of them at once, and nothing is trained.
 
-use softtwin_rom::config::{KernelKind, KernelSpec, ModeChoice, Tail, TrainConfig};
-use softtwin_rom::snapshots::{Database, RegimeKind, Split};
-use softtwin_rom::stability::world::{self, database, training_states};
-use softtwin_rom::train::{TrainError, train};
+use rom::config::{KernelKind, KernelSpec, ModeChoice, Tail, TrainConfig};
+use rom::snapshots::{Database, RegimeKind, Split};
+use rom::stability::synthetic::{self, database, training_states};
+use rom::train::{TrainError, train};
 
 fn quick() -> TrainConfig {
     let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
@@ -22,7 +22,7 @@ fn problems(database: &Database) -> Vec<String> {
 
 #[test]
 fn one_nan_is_found_and_located() {
-    let mut data = world::plate();
+    let mut data = synthetic::plate();
     let at = 3 * data.entries() + 17 * 5 + 4;
     data.snapshots[at] = f32::NAN;
     assert_eq!(problems(&data), ["case 3: 1 non-finite values, the first (NaN) at node 17, field von_mises"]);
@@ -30,7 +30,7 @@ fn one_nan_is_found_and_located() {
 
 #[test]
 fn all_problems_are_reported_at_once() {
-    let mut data = world::plate();
+    let mut data = synthetic::plate();
     data.cases[0].pressure_mpa = -1.0;
     data.cases[1].pressure_mpa = f64::INFINITY;
     data.cases[20].gap_mm = None;
@@ -51,7 +51,7 @@ fn all_problems_are_reported_at_once() {
 
 #[test]
 fn mismatched_counts_are_refused_before_anything_is_read() {
-    let mut data = world::plate();
+    let mut data = synthetic::plate();
     data.snapshots.truncate(1000);
     data.undeformed_mm.as_mut().expect("mesh").pop();
     data.node_sets[0].nodes.push(999_999);
@@ -63,14 +63,14 @@ fn mismatched_counts_are_refused_before_anything_is_read() {
 
 #[test]
 fn without_training_cases_nothing_is_trained() {
-    let mut data = world::plate();
+    let mut data = synthetic::plate();
     data.cases.iter_mut().for_each(|c| c.split = Split::Test);
     assert!(problems(&data)[0].contains("found none among 71"));
 }
 
 #[test]
 fn test_and_check_cases_do_not_change_the_model() {
-    let data = world::plate();
+    let data = synthetic::plate();
     let mut other = data.clone();
     let entries = other.entries();
     for (i, case) in data.cases.iter().enumerate().filter(|(_, c)| c.split != Split::Train) {
@@ -107,8 +107,8 @@ fn one_regime_alone_trains() {
 
 #[test]
 fn two_regimes_without_coordinates_are_refused() {
-    let mut data = world::plate();
-    data.fields[1].kind = softtwin_rom::snapshots::FieldKind::Other;
+    let mut data = synthetic::plate();
+    data.fields[1].kind = rom::snapshots::FieldKind::Other;
     let error = train(&data, &quick(), &mut |_| {}).expect_err("refused");
     assert!(matches!(error, TrainError::Onset(_)), "{error}");
 }
@@ -123,7 +123,7 @@ fn bad_configurations_are_refused_with_every_reason() {
     config.contact.kernels =
         vec![KernelSpec { kernel: KernelKind::Gaussian { shape: -1.0 }, tail: Tail::None }];
     config.contact.smoothing = vec![-1.0];
-    let Err(TrainError::Config(found)) = train(&world::plate(), &config, &mut |_| {}) else {
+    let Err(TrainError::Config(found)) = train(&synthetic::plate(), &config, &mut |_| {}) else {
         panic!("refused")
     };
     assert_eq!(found.len(), 6, "{found:#?}");
@@ -134,7 +134,7 @@ fn modes_can_be_fixed_or_chosen_by_energy() {
     for (choice, check) in [(ModeChoice::Fixed(3), 3..=3), (ModeChoice::Energy(1e-8), 1..=8)] {
         let mut config = quick();
         (config.free.modes, config.contact.modes) = (choice, choice);
-        let (_, sheet) = train(&world::plate(), &config, &mut |_| {}).expect("trains");
+        let (_, sheet) = train(&synthetic::plate(), &config, &mut |_| {}).expect("trains");
         for group in sheet.regimes.iter().flat_map(|r| &r.groups) {
             assert!(
                 check.contains(&group.modes) || group.truncation_error < 1e-12,

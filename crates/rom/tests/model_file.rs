@@ -1,20 +1,20 @@
 //! The model file: round trip, golden bytes, partial loading, and every way of being damaged.
 
 use proptest::prelude::*;
-use softtwin_rom::config::TrainConfig;
-use softtwin_rom::evaluation::Input;
-use softtwin_rom::model::{BlockKind, MAGIC, Model, ModelFileError, ModelReader, VERSION};
-use softtwin_rom::predict::{Nodes, PredictError, Predictor, Selection};
-use softtwin_rom::regime::RegimeSwitch;
-use softtwin_rom::stability::world;
-use softtwin_rom::train::train;
+use rom::config::TrainConfig;
+use rom::evaluation::Input;
+use rom::model::{BlockKind, MAGIC, Model, ModelFileError, ModelReader, VERSION};
+use rom::predict::{Nodes, PredictError, Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::stability::synthetic;
+use rom::train::train;
 use std::io::Cursor;
 use std::sync::OnceLock;
 
 fn model() -> &'static (Model, Vec<u8>) {
     static MODEL: OnceLock<(Model, Vec<u8>)> = OnceLock::new();
     MODEL.get_or_init(|| {
-        let (model, _) = train(&world::plate(), &TrainConfig::default(), &mut |_| {}).expect("trains");
+        let (model, _) = train(&synthetic::plate(), &TrainConfig::default(), &mut |_| {}).expect("trains");
         let bytes = model.to_bytes().expect("encodes");
         (model, bytes)
     })

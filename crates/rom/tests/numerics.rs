@@ -2,13 +2,13 @@
 
 use faer::Mat;
 use proptest::prelude::*;
-use softtwin_rom::config::{KernelKind, KernelSpec, Tail};
-use softtwin_rom::fit::{FitError, Samples, fit};
-use softtwin_rom::gp::maximum_likelihood;
-use softtwin_rom::hull::{Domain, Verdict};
-use softtwin_rom::interpolant::{KernelScratch, Metric};
-use softtwin_rom::pod::{Compact, PodError, decompose, truncation_error};
-use softtwin_rom::regime::{Onset, OnsetTable};
+use rom::config::{KernelKind, KernelSpec, Tail};
+use rom::fit::{FitError, Samples, fit};
+use rom::gp::maximum_likelihood;
+use rom::hull::{Domain, DomainStatus};
+use rom::interpolant::{KernelScratch, Metric};
+use rom::pod::{Compact, PodError, decompose, truncation_error};
+use rom::regime::{Onset, OnsetTable};
 
 const KERNELS: [(KernelKind, Tail); 8] = [
     (KernelKind::Linear, Tail::None),
@@ -196,7 +196,7 @@ proptest! {
         let outside = [tip[0] + far * way[0], tip[1] + far * way[1]];
         // The supporting line is `far` away, and the tip itself no farther.
         prop_assert!((domain.distance(outside) - far).abs() < 1e-9);
-        prop_assert!(Domain::verdict(far) != Verdict::Inside);
+        prop_assert!(Domain::status(far) != DomainStatus::Inside);
     }
 
     #[test]

@@ -1,15 +1,15 @@
-//! The predictor on the formula world: gradients against finite differences, regimes, hysteresis, bad input.
+//! The predictor on the synthetic actuator: gradients against finite differences, regimes, hysteresis, bad input.
 
 use proptest::prelude::*;
-use softtwin_rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
-use softtwin_rom::evaluation::{Evaluation, Input};
-use softtwin_rom::hull::Verdict;
-use softtwin_rom::model::Model;
-use softtwin_rom::predict::{Predictor, Selection};
-use softtwin_rom::regime::RegimeSwitch;
-use softtwin_rom::snapshots::{RegimeKind, Split};
-use softtwin_rom::stability::world;
-use softtwin_rom::train::train;
+use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
+use rom::evaluation::{Evaluation, Input};
+use rom::hull::DomainStatus;
+use rom::model::Model;
+use rom::predict::{Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use rom::snapshots::{RegimeKind, Split};
+use rom::stability::synthetic;
+use rom::train::train;
 use std::sync::OnceLock;
 
 fn config(kernel: KernelKind, tail: Tail) -> TrainConfig {
@@ -24,7 +24,7 @@ fn config(kernel: KernelKind, tail: Tail) -> TrainConfig {
 fn model() -> &'static Model {
     static MODEL: OnceLock<Model> = OnceLock::new();
     MODEL.get_or_init(|| {
-        train(&world::plate(), &config(KernelKind::Cubic, Tail::Linear), &mut |_| {}).expect("trains").0
+        train(&synthetic::plate(), &config(KernelKind::Cubic, Tail::Linear), &mut |_| {}).expect("trains").0
     })
 }
 
@@ -62,7 +62,7 @@ fn gradients_agree_with_finite_differences_for_every_kernel() {
         (KernelKind::Matern72 { length: 1.5 }, Tail::Linear),
     ];
     for (kernel, tail) in kernels {
-        let (model, _) = train(&world::plate(), &config(kernel, tail), &mut |_| {}).expect("trains");
+        let (model, _) = train(&synthetic::plate(), &config(kernel, tail), &mut |_| {}).expect("trains");
         let mut predictor = Predictor::new(&model, &Selection::default()).expect("fits");
         for (p, gap) in [(0.0613, 17.27), (0.0471, 28.61), (0.0331, 12.13), (0.085, 57.31)] {
             let here = ask(&mut predictor, p, gap);
@@ -90,10 +90,10 @@ fn gradients_agree_with_finite_differences_for_every_kernel() {
 #[test]
 fn the_model_knows_the_onset_it_was_never_told() {
     let table = model().header.onset.as_ref().expect("two regimes");
-    assert!((table.sag_mm() - world::sag_mm(0.0)).abs() < 0.02, "{} mm", table.sag_mm());
+    assert!((table.sag_mm() - synthetic::sag_mm(0.0)).abs() < 0.02, "{} mm", table.sag_mm());
     for gap in [22.0, 30.0, 45.0, 58.0] {
         let found = table.onset(gap).pressure_mpa().expect("within reach");
-        assert!((found - world::onset_mpa(gap)).abs() < 1e-4, "gap {gap} mm: {found} MPa");
+        assert!((found - synthetic::onset_mpa(gap)).abs() < 1e-4, "gap {gap} mm: {found} MPa");
     }
 }
 
@@ -134,11 +134,11 @@ fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
 #[test]
 fn the_domain_is_the_hull_not_the_box() {
     let mut predictor = predictor();
-    assert_eq!(ask(&mut predictor, 0.05, 20.0).domain, Verdict::Inside);
+    assert_eq!(ask(&mut predictor, 0.05, 20.0).domain, DomainStatus::Inside);
     let corner = ask(&mut predictor, 0.09, 8.2); // inside the box of the samples, outside their sheared hull
-    assert_ne!(corner.domain, Verdict::Inside);
+    assert_ne!(corner.domain, DomainStatus::Inside);
     assert!(corner.flags.extrapolated && corner.domain_distance > 0.0);
-    assert_eq!(ask(&mut predictor, 0.15, 20.0).domain, Verdict::Outside);
+    assert_eq!(ask(&mut predictor, 0.15, 20.0).domain, DomainStatus::Outside);
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn readings_that_are_no_numbers_end_in_flags_not_in_panics() {
     for (p, gap) in [(f64::NAN, 20.0), (0.05, f64::NAN), (f64::INFINITY, 20.0), (-1.0, 20.0), (0.05, -1e300)]
     {
         let evaluation = ask(&mut predictor, p, gap);
-        assert_eq!(evaluation.domain, Verdict::Outside, "({p}, {gap})");
+        assert_eq!(evaluation.domain, DomainStatus::Outside, "({p}, {gap})");
         assert!(evaluation.flags.extrapolated, "({p}, {gap})");
         predictor.reconstruct_into(&evaluation, &mut out).expect("length");
     }
@@ -156,9 +156,9 @@ fn readings_that_are_no_numbers_end_in_flags_not_in_panics() {
 
 #[test]
 fn untouched_test_states_are_predicted() {
-    let database = world::plate();
+    let database = synthetic::plate();
     let cases: Vec<usize> = database.of_split(Split::Test).collect();
-    let report = softtwin_rom::evaluate::evaluate(model(), &database, &cases, 0.01).expect("evaluates");
+    let report = rom::evaluate::evaluate(model(), &database, &cases, 0.01).expect("evaluates");
     assert_eq!(report.cases.len(), 3);
     for case in &report.cases {
         for field in &case.fields {
@@ -191,7 +191,7 @@ proptest! {
         let mut out = vec![0.0; predictor.entries()];
         predictor.reconstruct_into(&evaluation, &mut out).expect("length");
         let n = predictor.rows();
-        for (i, x0) in world::mesh().iter().enumerate() {
+        for (i, x0) in synthetic::mesh().iter().enumerate() {
             let square: f64 = (0..3).map(|axis| (f64::from(out[axis * n + i]) - x0[axis]).powi(2)).sum();
             prop_assert!((f64::from(out[3 * n + i]) - square.sqrt()).abs() < 1e-4, "node {}", i);
         }

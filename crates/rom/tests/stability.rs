@@ -1,12 +1,12 @@
 //! The stability suite: every hard case ends as it must, and the table is printed.
 
-use softtwin_rom::stability::{Ending, Row, hard_cases, run};
+use rom::stability::{Ending, Row, hard_cases, run};
 
 #[test]
 fn every_hard_case_ends_as_it_must() {
     let rows: Vec<Row> = hard_cases().iter().map(run).collect();
     for r in &rows {
-        let show = |o: &softtwin_rom::stability::Outcome| {
+        let show = |o: &rom::stability::Outcome| {
             let number = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.1e}"));
             format!("{:?} condition {} error {}", o.ending, number(o.condition), number(o.error))
         };

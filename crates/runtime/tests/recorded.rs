@@ -2,7 +2,7 @@
 
 use recording::message::{Recorded, SensorMessage};
 use recording::{RotateOptions, RotatingWriter};
-use softtwin_runtime::source::{SourceSpec, Trace, TraceError};
+use runtime::source::{SourceSpec, Trace, TraceError};
 use std::path::{Path, PathBuf};
 use wire::SensorSample;
 

@@ -2,7 +2,7 @@
 //! misbehaves in every way a cable and a device can.
 
 use proptest::prelude::*;
-use softtwin_runtime::source::live::{
+use runtime::source::live::{
     Encoding, FilterSpec, LinesSpec, LiveReading, LiveSource, LiveSpec, ModbusSpec, RegisterSpec, SerialSpec,
     Table, WordOrder,
 };

@@ -1,9 +1,7 @@
 //! Every source keeps the contract of `Source`; traces of every kind are read or refused with the place.
 
 use proptest::prelude::*;
-use softtwin_runtime::source::{
-    Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError,
-};
+use runtime::source::{Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError};
 use std::path::Path;
 
 const TRACE: &str =

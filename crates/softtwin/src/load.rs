@@ -1,6 +1,6 @@
 //! A model file in memory, with what pictures and the viewer ask of it.
 
-use crate::artefact;
+use crate::files;
 use anyhow::Result;
 use rom::interpolant::{InputMap, Quantity};
 use rom::model::{BlockKind, Model};
@@ -21,7 +21,7 @@ impl LoadedModel {
     /// # Errors
     /// When the file cannot be read or is not a model of this version.
     pub fn read(path: &Path) -> Result<Self> {
-        let (model, hash) = artefact::model_and_hash(path)?;
+        let (model, hash) = files::model_and_hash(path)?;
         Ok(Self { path: path.to_owned(), model, hash })
     }
 

@@ -2,20 +2,20 @@
 //!
 //! One file a sub-command under [`cmd`]. This file is the only place that decides exit codes.
 #![forbid(unsafe_code)]
-// Results go through `say!`, which survives a closed pipe; `println!` would panic there.
+// Results go through `output!`, which survives a closed pipe; `println!` would panic there.
 #![warn(clippy::print_stdout)]
 
-mod artefact;
 mod cmd;
 mod failure;
+mod files;
 mod live;
 mod load;
+mod output;
 mod picture;
 mod progress;
+mod recording_data;
 mod render;
 mod resources;
-mod say;
-mod tape;
 mod view;
 
 use clap::Parser;

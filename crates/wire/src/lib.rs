@@ -11,7 +11,7 @@
 //! Questions that no topic answers go through a [`QueryClient`]; [`Selector`] is their text form.
 //!
 //! ```
-//! use softtwin_wire::{Bus, Domain, SensorReader, SensorSample, SensorWriter, Topic};
+//! use wire::{Bus, Domain, SensorReader, SensorSample, SensorWriter, Topic};
 //!
 //! let bus = Bus::open(&Domain::isolated("doc"))?;
 //! let topic = Topic::sensor("finger")?;
@@ -19,7 +19,7 @@
 //! let mut writer = SensorWriter::create(&bus, &topic)?;
 //! writer.publish(SensorSample { pressure_mpa: 0.03, gap_mm: 40.0, ..SensorSample::default() })?;
 //! assert_eq!(reader.newest()?.map(|sample| sample.pressure_mpa), Some(0.03));
-//! # Ok::<(), softtwin_wire::WireError>(())
+//! # Ok::<(), wire::WireError>(())
 //! ```
 //!
 //! All payloads are plain `#[repr(C)]` data whose size and offsets are checked at compile time; the layout version is
@@ -39,9 +39,9 @@ pub mod layout;
 pub mod outcome;
 mod port;
 pub mod qos;
+mod query_status;
 mod selector;
 mod topic;
-mod verdict;
 mod wake;
 
 pub use bus::{Bus, TopicInfo};
@@ -56,7 +56,7 @@ pub use port::{
     GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question, SensorReader,
     SensorWriter, StateReader, StateWriter,
 };
+pub use query_status::QueryStatus;
 pub use selector::{Selector, SelectorError};
 pub use topic::{Topic, TopicKind};
-pub use verdict::Verdict;
 pub use wake::{Wake, WakeSet, Wakeable, Waking};

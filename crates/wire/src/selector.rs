@@ -31,7 +31,7 @@ pub enum SelectorError {
     },
     /// A parameter that is no `name=value`, or has an unknown name.
     #[error(
-        "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_bar_n, field"
+        "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_halfwidth_n, field"
     )]
     Parameter {
         /// The parameter as given.
@@ -126,7 +126,7 @@ fn set(query: &mut Query, pair: &str, name: &str, value: &str) -> Result<(), Sel
         "pressure_mpa" => &mut query.pressure_mpa,
         "gap_mm" => &mut query.gap_mm,
         "force_n" => &mut query.force_n,
-        "force_bar_n" => &mut query.force_bar_n,
+        "force_halfwidth_n" => &mut query.force_halfwidth_n,
         "field" => {
             let set = if value.is_empty() { "all" } else { value };
             if Topic::field("any", Some(set)).is_err() {

@@ -1,10 +1,8 @@
 //! The page that documents the wire says what the code does: every offset, type, size and setting.
 
-use softtwin_wire::layout::{Described, FIELD_SLOTS, flags};
-use softtwin_wire::{
-    Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State, TopicKind, layout, qos,
-};
 use std::path::Path;
+use wire::layout::{Described, FIELD_SLOTS, flags};
+use wire::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State, TopicKind, layout, qos};
 
 fn page() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/wire.md");

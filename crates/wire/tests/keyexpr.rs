@@ -1,7 +1,7 @@
 //! Key expressions against Zenoh's published rules and against a brute-force oracle.
 
 use proptest::prelude::*;
-use softtwin_wire::keyexpr::{KeyExpr, KeyExprError};
+use wire::keyexpr::{KeyExpr, KeyExprError};
 
 fn key(text: &str) -> KeyExpr {
     KeyExpr::new(text).unwrap_or_else(|error| panic!("{text}: {error}"))

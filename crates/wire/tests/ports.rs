@@ -1,14 +1,14 @@
 //! Ports in an isolated domain: delivery, refusals, late readers, memory.
 
-use softtwin_wire::layout::{field_id, flags, pack_name, unpack_name};
-use softtwin_wire::{
-    Bus, Domain, FieldHeader, FieldReader, FieldWriter, KeyExpr, SensorReader, SensorSample, SensorWriter,
-    State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable, Waking, WireError,
-};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
+use wire::layout::{field_id, flags, pack_name, unpack_name};
+use wire::{
+    Bus, Domain, FieldHeader, FieldReader, FieldWriter, KeyExpr, SensorReader, SensorSample, SensorWriter,
+    State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable, Waking, WireError,
+};
 
 /// A bus in a domain of its own that leaves nothing behind.
 struct OwnBus(Option<Bus>, Domain);

@@ -2,9 +2,9 @@
 #![forbid(unsafe_code)]
 
 use clap::Parser;
+use examples::control::{Controller, Gains};
+use examples::report::{percentiles, step_response};
 use serde_json::json;
-use softtwin_examples::control::{Controller, Gains};
-use softtwin_examples::report::{percentiles, step_response};
 use std::io::Write;
 use std::time::{Duration, Instant};
 use wire::layout::{flags, query_kind};

@@ -3,8 +3,8 @@
 #![forbid(unsafe_code)]
 
 use clap::Parser;
+use examples::report::percentiles;
 use serde_json::json;
-use softtwin_examples::report::percentiles;
 use std::io::Write;
 use std::time::{Duration, Instant};
 use wire::layout::query_kind;

@@ -4,11 +4,11 @@
 
 use anyhow::Context;
 use clap::Parser;
+use examples::plant::{Plant, PlantSpec};
+use examples::report::{percentiles, step_response};
 use runtime::config::Scene;
 use runtime::query::Answerer;
 use serde_json::json;
-use softtwin_examples::plant::{Plant, PlantSpec};
-use softtwin_examples::report::{percentiles, step_response};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use wire::{

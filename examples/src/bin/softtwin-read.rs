@@ -40,7 +40,7 @@ fn main() -> anyhow::Result<()> {
     let whatif = Query { kind: query_kind::WHATIF, pressure_mpa: 0.05, gap_mm: 25.0, ..Query::default() };
     let sample = twin.ask(&whatif, Duration::from_secs(1))?;
     let answer = sample.answer();
-    writeln!(out, "what if: {:.4} +- {:.4} N", answer.contact_force_n, answer.force_bar_n)?;
+    writeln!(out, "what if: {:.4} +- {:.4} N", answer.contact_force_n, answer.force_halfwidth_n)?;
     drop(sample); // gives its memory back
 
     let inverse = Query { kind: query_kind::PRESSURE, force_n: 1000.0, gap_mm: 25.0, ..Query::default() };

@@ -4,10 +4,10 @@
 //! process to its first fresh field in a reader's hand, with the model on disk. For the bridge: from the kill to the twin's first
 //! stale state, and from the start of the new process to its first reading's state.
 
-use softtwin_tests::judge::Judge;
-use softtwin_tests::wait::{fresh, states, wait_for, wait_state};
-use softtwin_tests::{Program, Stage};
 use std::time::Instant;
+use tests::judge::Judge;
+use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::{Program, Stage};
 use wire::layout::flags;
 use wire::{FieldReader, Topic};
 

@@ -4,8 +4,8 @@
 //! field each EVERY_MS milliseconds and at every state, and ends with one JSON object. SOFTTWIN_DOMAIN and SOFTTWIN_ROOT
 //! say where.
 
-use softtwin_tests::judge::Judge;
 use std::time::{Duration, Instant};
+use tests::judge::Judge;
 use wire::{Bus, Domain, FieldReader, StateReader, Topic, WakeSet, Wakeable};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -59,14 +59,14 @@ class Client:
         return self._ask("pressure", field, force_n=force_n, gap_mm=gap_mm)
 
     def gap(
-        self, pressure_mpa: float, force_n: float, force_bar_n: float = 0.0, *, field: Optional[str] = None
+        self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = 0.0, *, field: Optional[str] = None
     ) -> Union[layout.Answer, Field]:
-        """The gap that explains a force (N, known to `force_bar_n`) at a pressure (MPa): `gap_mm` +- `uncertainty`."""
-        return self._ask("gap", field, pressure_mpa=pressure_mpa, force_n=force_n, force_bar_n=force_bar_n)
+        """The gap that explains a force (N, known to `force_halfwidth_n`) at a pressure (MPa): `gap_mm` +- `uncertainty`."""
+        return self._ask("gap", field, pressure_mpa=pressure_mpa, force_n=force_n, force_halfwidth_n=force_halfwidth_n)
 
     def _ask(self, kind: str, field: Optional[str], **given: float) -> Union[layout.Answer, Field]:
         query = layout.Query(layout_version=layout.VERSION, kind=layout.QUERY_KINDS[kind])
-        for name in ("pressure_mpa", "gap_mm", "force_n", "force_bar_n"):
+        for name in ("pressure_mpa", "gap_mm", "force_n", "force_halfwidth_n"):
             setattr(query, name, given.get(name, math.nan))
         if field is not None:
             query.want_field, query.node_set = 1, layout.pack(field)

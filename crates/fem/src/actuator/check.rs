@@ -1,7 +1,7 @@
 //! What must hold between the parts: none vanishes, none overlaps another that it must not, materials are possible.
 
 use super::Actuator;
-use formats::Problem;
+use formats::Diagnostic;
 
 /// Walls thinner than this cannot be meshed with elements of useful shape.
 const THINNEST_MM: f64 = 0.1;

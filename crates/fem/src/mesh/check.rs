@@ -1,7 +1,7 @@
 //! What a mesh must be before anything is computed on it: all problems at once, with what, where and what to do.
 
 use super::{Mesh, TET_EDGES, TRI_EDGES};
-use formats::Problem;
+use formats::Diagnostic;
 use std::collections::HashMap;
 
 /// How many of each kind are listed.

@@ -6,7 +6,7 @@
 use super::boxes::Boxes;
 use super::{TET_EDGES, Tet10, surfaces};
 use crate::actuator::Actuator;
-use formats::Problem;
+use formats::Diagnostic;
 use formats::mesh_file::MeshFile;
 use std::collections::HashMap;
 
@@ -21,7 +21,7 @@ const PATHS: [([usize; 3], bool); 6] = [
 ];
 
 /// More cubes than this make no mesh that a computer of today solves.
-const MOST_CUBES: usize = 200_000;
+const MAX_CUBES: usize = 200_000;
 
 /// Meshes an actuator with elements no longer than `size_mm` along any axis; surfaces are named.
 ///
@@ -51,8 +51,8 @@ pub fn refined(actuator: &Actuator, size_mm: f64, times: usize) -> Result<MeshFi
     let planes = [0, 1, 2].map(|axis| boxes.planes(axis));
     let counts = planes.each_ref().map(|axis| parts(axis, size_mm, times));
     let cubes: f64 = counts.iter().map(|axis| axis.iter().sum::<f64>()).product();
-    if cubes > MOST_CUBES as f64 {
-        let expected = format!("a size that makes at most {MOST_CUBES} boxes; choose a larger one");
+    if cubes > MAX_CUBES as f64 {
+        let expected = format!("a size that makes at most {MAX_CUBES} boxes; choose a larger one");
         return Err(Problem::new("element size", expected, format!("{cubes:.0} boxes at {size_mm} mm")));
     }
     let mut grid = Grid::new([0, 1, 2].map(|axis| divided(&planes[axis], &counts[axis])));

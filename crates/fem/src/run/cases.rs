@@ -10,8 +10,8 @@ const COLUMNS: [&str; 5] = ["case", "regime", "split", "pressure_mpa", "gap_mm"]
 const REGIMES: [(&str, bool); 3] = [("free", false), ("contact", true), ("gripper", true)];
 const SPLITS: [&str; 3] = ["train", "test", "check"];
 /// Above this no elastomer actuator of this kind survives; a larger figure is another unit.
-const MOST_MPA: f64 = 10.0;
-const MOST_MM: f64 = 10_000.0;
+const MAX_MPA: f64 = 10.0;
+const MAX_MM: f64 = 10_000.0;
 
 /// A state to compute.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,11 +96,11 @@ fn row<'a>(cell: &impl Fn(usize) -> &'a str, line: usize) -> Result<Case, Vec<Pr
     if !SPLITS.contains(&cell(2)) {
         wrong(2, "train, test or check");
     }
-    let pressure = cell(3).parse::<f64>().ok().filter(|p| (0.0..=MOST_MPA).contains(p));
+    let pressure = cell(3).parse::<f64>().ok().filter(|p| (0.0..=MAX_MPA).contains(p));
     if pressure.is_none() {
         wrong(3, "a pressure of 0 to 10 MPa");
     }
-    let gap = cell(4).parse::<f64>().ok().filter(|g| *g > 0.0 && *g <= MOST_MM);
+    let gap = cell(4).parse::<f64>().ok().filter(|g| *g > 0.0 && *g <= MAX_MM);
     match takes_gap {
         Some(true) if gap.is_none() => wrong(4, "a gap above 0 mm (the obstacle stands outside the body)"),
         Some(false) if !cell(4).is_empty() => wrong(4, "nothing, as a free case has no gap"),

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use softtwin_fem::mesh::{Mesh, TET_EDGES, TRI_EDGES, Tet10, Tri6};
+use fem::mesh::{Mesh, TET_EDGES, TRI_EDGES, Tet10, Tri6};
 
 /// Corner paths of the six tetrahedra a cube is split into (Kuhn's triangulation).
 const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];

@@ -1,6 +1,6 @@
 //! Numbers in rows and columns, without a header.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use std::path::Path;
 
 /// Wrong cells that are collected before reading stops: a file of another kind would otherwise fill memory with them.
@@ -26,14 +26,18 @@ impl Matrix {
                     Ok(value) if value.is_finite() => values.push(value),
                     _ => {
                         let place = format!("line {}, column {}", line + 1, column + 1);
-                        problems.push(Problem::new(place, "a finite number", format!("`{}`", shorten(cell))));
+                        problems.push(Diagnostic::new(
+                            place,
+                            "a finite number",
+                            format!("`{}`", shorten(cell)),
+                        ));
                         values.push(0.0); // keeps the count right, so that only true gaps are reported as gaps
                     }
                 }
             }
             if values.len() - before != columns {
                 let expected = format!("{columns} columns, one a case in the parameter list");
-                problems.push(Problem::new(format!("line {}", line + 1), expected, values.len() - before));
+                problems.push(Diagnostic::new(format!("line {}", line + 1), expected, values.len() - before));
             }
             if problems.len() >= MAX_PROBLEMS {
                 break;
@@ -41,7 +45,7 @@ impl Matrix {
             rows += 1;
         }
         if rows == 0 && problems.is_empty() {
-            problems.push(Problem::new("rows", "at least one", "none"));
+            problems.push(Diagnostic::new("rows", "at least one", "none"));
         }
         FormatError::unless(Self { rows, columns, values }, path, problems)
     }

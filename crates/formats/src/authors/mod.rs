@@ -16,8 +16,8 @@
 mod matrix;
 mod parameters;
 
-use crate::database::{self, Scene};
-use crate::error::{FormatError, Problem};
+use crate::database::{self, ObstacleKind};
+use crate::error::{Diagnostic, FormatError};
 use matrix::Matrix;
 use rom::snapshots::{Case, Database, FieldSpec};
 use serde::Deserialize;
@@ -63,11 +63,14 @@ impl Fields {
 ///
 /// # Errors
 /// Files that cannot be read, cells that are no finite numbers (row and column are named), sets that do not fit together.
-pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
+pub fn read(dir: &Path, scene: ObstacleKind) -> Result<Database, FormatError> {
     let path = dir.join(FILE);
     let text = std::fs::read_to_string(&path).map_err(|e| FormatError::read(&path, e))?;
     let description: Description = toml::from_str(&text).map_err(|e| {
-        FormatError::one(&path, Problem::new("content", "the keys of authors.toml", e.to_string().trim_end()))
+        FormatError::one(
+            &path,
+            Diagnostic::new("content", "the keys of authors.toml", e.to_string().trim_end()),
+        )
     })?;
     let mut all = Collected::default();
     for set in description.set.iter().filter(|set| set.regime.scene() == scene) {
@@ -76,7 +79,7 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
     if all.cases.is_empty() {
         return Err(FormatError::one(
             &path,
-            Problem::new("[[set]]", format!("a set of scene {}", scene.name()), "none"),
+            Diagnostic::new("[[set]]", format!("a set of scene {}", scene.name()), "none"),
         ));
     }
     let mesh = description.mesh.map(|file| dir.join(file));
@@ -111,13 +114,13 @@ impl Collected {
                 let found = if set.stacked.is_some() { "both" } else { "neither" };
                 return Err(FormatError::one(
                     description,
-                    Problem::new(place, "either `stacked` or `fields`", found),
+                    Diagnostic::new(place, "either `stacked` or `fields`", found),
                 ));
             }
         };
         if first > 0 && nodes != self.nodes {
             let expected = format!("{} nodes as in the sets before", self.nodes);
-            return Err(FormatError::one(description, Problem::new(place, expected, nodes)));
+            return Err(FormatError::one(description, Diagnostic::new(place, expected, nodes)));
         }
         self.nodes = nodes;
         self.cases.extend(cases);
@@ -130,7 +133,7 @@ impl Collected {
 fn stacked(path: &Path, cases: usize) -> Result<(usize, Vec<f32>), FormatError> {
     let matrix = Matrix::read(path, cases)?;
     if matrix.rows % 5 != 0 {
-        let problem = Problem::new("rows", "5 a node (X, Y, Z, U, S)", matrix.rows);
+        let problem = Diagnostic::new("rows", "5 a node (X, Y, Z, U, S)", matrix.rows);
         return Err(FormatError::one(path, problem));
     }
     let snapshots = (0..cases).flat_map(|case| matrix.column(case)).collect();
@@ -145,7 +148,7 @@ fn per_field(dir: &Path, fields: &Fields, cases: usize) -> Result<(usize, Vec<f3
         let matrix = Matrix::read(&path, cases)?;
         if let Some(first) = matrices.first().filter(|first| first.rows != matrix.rows) {
             let problem =
-                Problem::new("rows", format!("{} nodes as in {}", first.rows, fields.x), matrix.rows);
+                Diagnostic::new("rows", format!("{} nodes as in {}", first.rows, fields.x), matrix.rows);
             return Err(FormatError::one(&path, problem));
         }
         matrices.push(matrix);

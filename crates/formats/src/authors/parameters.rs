@@ -1,7 +1,7 @@
 //! The parameter list: one row a case, in the order of the snapshots' columns.
 
-use crate::database::Scene;
-use crate::error::{FormatError, Problem};
+use crate::database::ObstacleKind;
+use crate::error::{Diagnostic, FormatError};
 use rom::snapshots::{Case, RegimeKind, Split};
 use serde::Deserialize;
 use std::path::Path;
@@ -30,10 +30,10 @@ impl Regime {
         }
     }
 
-    pub const fn scene(self) -> Scene {
+    pub const fn scene(self) -> ObstacleKind {
         match self {
-            Self::Free | Self::Contact => Scene::Plate,
-            Self::Gripper => Scene::Gripper,
+            Self::Free | Self::Contact => ObstacleKind::Plate,
+            Self::Gripper => ObstacleKind::Gripper,
         }
     }
 
@@ -58,7 +58,7 @@ pub fn read(path: &Path, regime: Regime, first: usize) -> Result<Vec<Case>, Form
         for name in header {
             match COLUMNS.iter().position(|known| *known == name) {
                 Some(at) => columns.push(at),
-                None => problems.push(Problem::new(
+                None => problems.push(Diagnostic::new(
                     "header",
                     format!("columns of {COLUMNS:?}"),
                     format!("`{name}`"),
@@ -75,7 +75,7 @@ pub fn read(path: &Path, regime: Regime, first: usize) -> Result<Vec<Case>, Form
         cases.extend(row.case(regime, first + cases.len(), &mut problems));
     }
     if cases.is_empty() && problems.is_empty() {
-        problems.push(Problem::new("rows", "at least one case", "none"));
+        problems.push(Diagnostic::new("rows", "at least one case", "none"));
     }
     FormatError::unless(cases, path, problems)
 }
@@ -96,19 +96,19 @@ impl Row<'_> {
         at.and_then(|at| self.cells.get(at)).copied().unwrap_or("")
     }
 
-    fn number(&self, column: usize, problems: &mut Vec<Problem>) -> Option<f64> {
+    fn number(&self, column: usize, problems: &mut Vec<Diagnostic>) -> Option<f64> {
         let number = self.cell(column).parse::<f64>().ok().filter(|v| v.is_finite());
         if number.is_none() {
             let place = format!("line {}, column {}", self.line, COLUMNS[column]);
-            problems.push(Problem::new(place, "a finite number", format!("`{}`", self.cell(column))));
+            problems.push(Diagnostic::new(place, "a finite number", format!("`{}`", self.cell(column))));
         }
         number
     }
 
-    fn case(&self, regime: Regime, number: usize, problems: &mut Vec<Problem>) -> Option<Case> {
+    fn case(&self, regime: Regime, number: usize, problems: &mut Vec<Diagnostic>) -> Option<Case> {
         if self.cells.len() > self.columns.len() {
             let place = format!("line {}", self.line);
-            problems.push(Problem::new(
+            problems.push(Diagnostic::new(
                 place,
                 format!("at most {} cells", self.columns.len()),
                 self.cells.len(),
@@ -121,7 +121,7 @@ impl Row<'_> {
             "check" => Split::Check,
             other => {
                 let place = format!("line {}, column split", self.line);
-                problems.push(Problem::new(place, "train, test or check", format!("`{other}`")));
+                problems.push(Diagnostic::new(place, "train, test or check", format!("`{other}`")));
                 return None;
             }
         };

@@ -1,7 +1,7 @@
 //! `cases.csv`: one row a case.
 
 use super::Manifest;
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use rom::snapshots::{Case, RegimeKind, Split};
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,7 +11,7 @@ const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm",
 
 /// Which experiment a case belongs to: they differ in what can be touched and in gravity, so one model holds one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Scene {
+pub enum ObstacleKind {
     /// The actuator over a plate: regimes `free` and `contact`.
     #[default]
     Plate,
@@ -19,7 +19,7 @@ pub enum Scene {
     Gripper,
 }
 
-impl Scene {
+impl ObstacleKind {
     /// All scenes.
     pub const ALL: [Self; 2] = [Self::Plate, Self::Gripper];
 
@@ -34,16 +34,16 @@ impl Scene {
 
 /// One checked row.
 pub struct Row {
-    scene: Scene,
+    scene: ObstacleKind,
     case: Case,
 }
 
 impl Row {
-    pub fn scene(&self) -> Scene {
+    pub fn scene(&self) -> ObstacleKind {
         self.scene
     }
 
-    pub fn in_scene(self, scene: Scene) -> Option<Case> {
+    pub fn in_scene(self, scene: ObstacleKind) -> Option<Case> {
         (self.scene == scene).then_some(self.case)
     }
 }
@@ -69,7 +69,7 @@ impl Table {
             if let Some(row) = cells.row(header.len()) {
                 if let Some(first) = seen.insert(row.case.name.clone(), line) {
                     let place = format!("line {line}, column case");
-                    problems.push(Problem::new(
+                    problems.push(Diagnostic::new(
                         place,
                         "a name used once",
                         format!("`{}` of line {first}", row.case.name),
@@ -79,39 +79,41 @@ impl Table {
             }
         }
         if rows.is_empty() && problems.is_empty() {
-            problems.push(Problem::new("rows", "at least one case", "none"));
+            problems.push(Diagnostic::new("rows", "at least one case", "none"));
         }
         FormatError::unless(Self { rows }, path, problems)
     }
 }
 
-fn content(path: &Path, problems: Vec<Problem>) -> FormatError {
+fn content(path: &Path, problems: Vec<Diagnostic>) -> FormatError {
     FormatError::Content { path: path.into(), problems }
 }
 
 fn malformed(path: &Path, error: &csv::Error) -> FormatError {
-    FormatError::one(path, Problem::new("content", "comma-separated text", error))
+    FormatError::one(path, Diagnostic::new("content", "comma-separated text", error))
 }
 
 /// Where each standard column is.
 struct Columns([usize; 6]);
 
 impl Columns {
-    fn of(header: &csv::StringRecord, manifest: &Manifest) -> Result<Self, Vec<Problem>> {
+    fn of(header: &csv::StringRecord, manifest: &Manifest) -> Result<Self, Vec<Diagnostic>> {
         let mut problems = Vec::new();
         let mut at = [0; 6];
         for (at, name) in at.iter_mut().zip(COLUMNS) {
             match header.iter().position(|h| h == name) {
                 Some(i) => *at = i,
-                None => {
-                    problems.push(Problem::new("header", format!("a column `{name}`"), "none of that name"))
-                }
+                None => problems.push(Diagnostic::new(
+                    "header",
+                    format!("a column `{name}`"),
+                    "none of that name",
+                )),
             }
         }
         for name in header {
             if !COLUMNS.contains(&name) && !manifest.extra.iter().any(|extra| extra.name == name) {
                 let expected = "standard columns and those declared as [[extra]] in database.toml";
-                problems.push(Problem::new("header", expected, format!("`{name}`")));
+                problems.push(Diagnostic::new("header", expected, format!("`{name}`")));
             }
         }
         if problems.is_empty() { Ok(Self(at)) } else { Err(problems) }
@@ -123,23 +125,23 @@ struct Cells<'a> {
     record: &'a csv::StringRecord,
     columns: &'a Columns,
     line: usize,
-    problems: &'a mut Vec<Problem>,
+    problems: &'a mut Vec<Diagnostic>,
 }
 
 impl Cells<'_> {
     fn row(&mut self, width: usize) -> Option<Row> {
         if self.record.len() != width {
             let place = format!("line {}", self.line);
-            self.problems.push(Problem::new(place, format!("{width} cells"), self.record.len()));
+            self.problems.push(Diagnostic::new(place, format!("{width} cells"), self.record.len()));
             return None;
         }
         let name = self.text(0).to_owned();
         let kind = self.choice(
             1,
             &[
-                ("free", (Scene::Plate, RegimeKind::Free)),
-                ("contact", (Scene::Plate, RegimeKind::Contact)),
-                ("gripper", (Scene::Gripper, RegimeKind::Contact)),
+                ("free", (ObstacleKind::Plate, RegimeKind::Free)),
+                ("contact", (ObstacleKind::Plate, RegimeKind::Contact)),
+                ("gripper", (ObstacleKind::Gripper, RegimeKind::Contact)),
             ],
         );
         let split =
@@ -173,7 +175,7 @@ impl Cells<'_> {
     fn problem(&mut self, column: usize, expected: &str) {
         let place = format!("line {}, column {}", self.line, COLUMNS[column]);
         let found = format!("`{}`", self.text(column));
-        self.problems.push(Problem::new(place, expected, found));
+        self.problems.push(Diagnostic::new(place, expected, found));
     }
 
     fn number(&mut self, column: usize) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! `database.toml`: what the folder holds.
 
-use crate::error::{FormatError, Problem};
-use rom::snapshots::{Database, FieldKind, FieldSpec, Obstacle};
+use crate::error::{Diagnostic, FormatError};
+use rom::snapshots::{Database, FieldKind, FieldSpec, Footprint};
 use serde::{Deserialize, Serialize};
 use std::path::{Component, Path};
 
@@ -35,7 +35,7 @@ pub struct Manifest {
     pub solver: Option<String>,
     /// What can be touched; the paper's plate (or, for the gripper, its block) when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub obstacle: Option<Obstacle>,
+    pub obstacle: Option<Footprint>,
     /// Fields in the order of the snapshots.
     pub field: Vec<Field>,
     /// Inputs, `pressure_mpa` and `gap_mm`.
@@ -89,7 +89,10 @@ impl Manifest {
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let text = std::fs::read_to_string(path).map_err(|e| FormatError::read(path, e))?;
         let manifest: Self = toml::from_str(&text).map_err(|e| {
-            FormatError::one(path, Problem::new("content", "the keys of layout 1", e.to_string().trim_end()))
+            FormatError::one(
+                path,
+                Diagnostic::new("content", "the keys of layout 1", e.to_string().trim_end()),
+            )
         })?;
         let problems = manifest.problems();
         FormatError::unless(manifest, path, problems)
@@ -128,11 +131,11 @@ impl Manifest {
         self.field.iter().map(Field::spec).collect()
     }
 
-    fn problems(&self) -> Vec<Problem> {
+    fn problems(&self) -> Vec<Diagnostic> {
         let mut problems = Vec::new();
         let mut check = |ok: bool, place: String, expected: &str, found: String| {
             if !ok {
-                problems.push(Problem::new(place, expected, found));
+                problems.push(Diagnostic::new(place, expected, found));
             }
         };
         check(self.layout == LAYOUT, "layout".into(), "1", self.layout.to_string());

@@ -1,6 +1,6 @@
 //! What the undeformed mesh adds to a database: node positions, the skin for viewers, node sets.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::mesh_file;
 use rom::snapshots::NodeSet;
 use std::collections::HashMap;
@@ -24,7 +24,7 @@ pub struct Body {
 pub fn read(path: &Path, nodes: usize) -> Result<Body, FormatError> {
     let mesh = mesh_file::read(path)?;
     if mesh.points_mm.len() != nodes {
-        let problem = Problem::new("points", format!("{nodes} as in the snapshots"), mesh.points_mm.len());
+        let problem = Diagnostic::new("points", format!("{nodes} as in the snapshots"), mesh.points_mm.len());
         return Err(FormatError::one(path, problem));
     }
     let triangles = surface_of_tets(&mesh.tets);

@@ -7,16 +7,16 @@ mod cases;
 mod manifest;
 mod mesh;
 
-pub use cases::Scene;
+pub use cases::ObstacleKind;
 pub use manifest::{Extra, Kind, Manifest};
 pub use mesh::{bottom_nodes, surface_of_tets};
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::import::ansys;
 use crate::packed::{self, Snapshots};
 use crate::{authors, npy, vtu};
 use cases::Table;
-use rom::snapshots::{Case, Database, FieldSpec, Obstacle};
+use rom::snapshots::{Case, Database, FieldSpec, Footprint};
 use std::path::Path;
 
 /// Ending of packed snapshots, see [`packed`].
@@ -27,7 +27,7 @@ pub const PACKED: &str = "pack";
 ///
 /// # Errors
 /// A file that cannot be read, or everything that is wrong with the folder's files and with how they fit together.
-pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
+pub fn read(dir: &Path, scene: ObstacleKind) -> Result<Database, FormatError> {
     if !dir.join(manifest::FILE).exists() {
         if dir.join(authors::FILE).exists() {
             return authors::read(dir, scene);
@@ -44,7 +44,7 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
     let array = read_snapshots(&snapshots_path, mesh.as_deref())?;
     let expected = [table.rows.len(), manifest.nodes, fields.len()];
     if array.shape != expected {
-        let problem = Problem::new(
+        let problem = Diagnostic::new(
             "shape",
             format!("{expected:?} (cases in {}, nodes and fields in {})", manifest.cases, manifest::FILE),
             format!("{:?}", array.shape),
@@ -53,7 +53,7 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
     }
     let (cases, snapshots) = select(table, scene, array.values, manifest.nodes * fields.len());
     if cases.is_empty() {
-        let problem = Problem::new("column regime", format!("cases of scene {}", scene.name()), "none");
+        let problem = Diagnostic::new("column regime", format!("cases of scene {}", scene.name()), "none");
         return Err(FormatError::one(&dir.join(&manifest.cases), problem));
     }
     let mut database =
@@ -70,7 +70,7 @@ pub(crate) fn assemble(
     cases: Vec<Case>,
     snapshots: Vec<f32>,
     mesh: Option<&Path>,
-    scene: Scene,
+    scene: ObstacleKind,
 ) -> Result<Database, FormatError> {
     let body = mesh.map(|path| mesh::read(path, node_count)).transpose()?;
     let has_mesh = body.is_some();
@@ -102,13 +102,13 @@ pub fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, For
     }
     let array = npy::read_f32(path)?;
     let shape = <[usize; 3]>::try_from(array.shape).map_err(|found| {
-        FormatError::one(path, Problem::new("shape", "cases x nodes x fields", format!("{found:?}")))
+        FormatError::one(path, Diagnostic::new("shape", "cases x nodes x fields", format!("{found:?}")))
     })?;
     Ok(Snapshots { shape, values: array.data })
 }
 
 /// Keeps the scene's cases and their snapshots, in file order.
-fn select(table: Table, scene: Scene, all: Vec<f32>, entries: usize) -> (Vec<Case>, Vec<f32>) {
+fn select(table: Table, scene: ObstacleKind, all: Vec<f32>, entries: usize) -> (Vec<Case>, Vec<f32>) {
     let mut snapshots = Vec::with_capacity(all.len());
     let mut cases = Vec::with_capacity(table.rows.len());
     for (row, snapshot) in table.rows.into_iter().zip(all.chunks_exact(entries.max(1))) {
@@ -124,10 +124,13 @@ fn select(table: Table, scene: Scene, all: Vec<f32>, entries: usize) -> (Vec<Cas
 ///
 /// # Errors
 /// As [`read`], for the manifest and the table of cases.
-pub fn scenes(dir: &Path) -> Result<Vec<Scene>, FormatError> {
+pub fn scenes(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
     let manifest = Manifest::read(&dir.join(manifest::FILE))?;
     let table = Table::read(&dir.join(&manifest.cases), &manifest)?;
-    Ok(Scene::ALL.into_iter().filter(|scene| table.rows.iter().any(|row| row.scene() == *scene)).collect())
+    Ok(ObstacleKind::ALL
+        .into_iter()
+        .filter(|scene| table.rows.iter().any(|row| row.scene() == *scene))
+        .collect())
 }
 
 /// Writes a database folder; `tets` (10 nodes each, VTK order) makes the mesh file. Existing files are replaced.
@@ -148,12 +151,12 @@ pub fn write(dir: &Path, database: &Database, tets: &[[u32; 10]]) -> Result<(), 
     manifest.write(&dir.join(manifest::FILE))
 }
 
-impl Scene {
+impl ObstacleKind {
     /// What the actuator can touch in this scene, unless the database says otherwise.
-    fn obstacle(self) -> Obstacle {
+    fn obstacle(self) -> Footprint {
         match self {
-            Self::Plate => Obstacle::PLATE,
-            Self::Gripper => Obstacle::BLOCK,
+            Self::Plate => Footprint::PLATE,
+            Self::Gripper => Footprint::BLOCK,
         }
     }
 }

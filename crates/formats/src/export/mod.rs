@@ -9,7 +9,7 @@ mod pvd;
 mod tecplot;
 mod xdmf;
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::vtu::Cells;
 use rom::snapshots::{FieldKind, FieldSpec};
 use std::path::{Path, PathBuf};
@@ -76,7 +76,10 @@ impl SeriesFormat {
             Some("npy") => Ok(Self::Npy),
             other => {
                 let expected = "an ending of .pvd, .dat, .xdmf, .csv or .npy";
-                Err(FormatError::one(path, Problem::new("file name", expected, other.unwrap_or("no ending"))))
+                Err(FormatError::one(
+                    path,
+                    Diagnostic::new("file name", expected, other.unwrap_or("no ending")),
+                ))
             }
         }
     }
@@ -104,7 +107,7 @@ impl<'a> Series<'a> {
             written += 1;
         }
         if written != self.count {
-            let problem = Problem::new("series", format!("{} states", self.count), written);
+            let problem = Diagnostic::new("series", format!("{} states", self.count), written);
             return Err(FormatError::one(path, problem).into());
         }
         Ok(sink.finish()?)
@@ -120,24 +123,24 @@ impl<'a> Series<'a> {
         })
     }
 
-    fn problems(&self) -> Vec<Problem> {
+    fn problems(&self) -> Vec<Diagnostic> {
         let mut problems = Vec::new();
         if self.count == 0 {
-            problems.push(Problem::new("series", "at least one state", "none"));
+            problems.push(Diagnostic::new("series", "at least one state", "none"));
         }
         if (0..3).any(|axis| self.axis(axis).is_none()) {
-            problems.push(Problem::new("fields", "the coordinates x, y and z", "a series without them"));
+            problems.push(Diagnostic::new("fields", "the coordinates x, y and z", "a series without them"));
         }
         let corners = match self.cells {
             Cells::QuadraticTets(cells) => cells.as_flattened(),
             Cells::Triangles(cells) => cells.as_flattened(),
             Cells::Mixed(_) => {
-                problems.push(Problem::new("cells", "10-node tetrahedra or triangles", "mixed cells"));
+                problems.push(Diagnostic::new("cells", "10-node tetrahedra or triangles", "mixed cells"));
                 &[]
             }
         };
         if let Some(bad) = corners.iter().find(|node| **node as usize >= self.nodes) {
-            problems.push(Problem::new("cells", format!("node indices below {}", self.nodes), bad));
+            problems.push(Diagnostic::new("cells", format!("node indices below {}", self.nodes), bad));
         }
         problems
     }
@@ -148,7 +151,7 @@ impl<'a> Series<'a> {
             return Ok(());
         }
         let (place, found) = (format!("state {index}"), moment.values.len());
-        Err(FormatError::one(path, Problem::new(place, format!("{expected} values"), found)))
+        Err(FormatError::one(path, Diagnostic::new(place, format!("{expected} values"), found)))
     }
 
     /// Position of the field deformed along an axis.

@@ -3,16 +3,16 @@
 //! Only the mesh is read; materials, steps and the like are passed over. An element type that is not known is refused by
 //! its name, and so is what would change the meaning of node numbers: a second part, `*INCLUDE`, generated nodes.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::mesh_file::MeshFile;
 use crate::vtu::Block as Cells;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// Problems that are listed before reading stops: a wrong file has one in every line.
-const MOST_PROBLEMS: usize = 50;
+const MAX_DIAGNOSTICS: usize = 50;
 /// Largest step count of a `GENERATE` line; real sets stay far below, and a typing error must not fill the memory.
-const MOST_GENERATED: u64 = 10_000_000;
+const MAX_GENERATED: u64 = 10_000_000;
 
 /// The mesh of an input file. Indices are 0-based positions in `points`; node order within elements is VTK's, which is
 /// Abaqus' own for these types.
@@ -37,10 +37,10 @@ impl AbaqusMesh {
     ///
     /// # Errors
     /// A mesh that holds hexahedra, or no tetrahedra at all.
-    pub fn tetrahedra(self) -> Result<MeshFile, Problem> {
+    pub fn tetrahedra(self) -> Result<MeshFile, Diagnostic> {
         if self.tets.is_empty() || !self.hexahedra.is_empty() {
             let found = format!("{} tetrahedra and {} hexahedra", self.tets.len(), self.hexahedra.len());
-            return Err(Problem::new("elements", "10-node tetrahedra only (C3D10...)", found));
+            return Err(Diagnostic::new("elements", "10-node tetrahedra only (C3D10...)", found));
         }
         Ok(MeshFile { points_mm: self.points, tets: self.tets, ..MeshFile::default() })
     }
@@ -116,7 +116,7 @@ pub fn read(path: &Path) -> Result<AbaqusMesh, FormatError> {
 ///
 /// # Errors
 /// Everything that is wrong, with line numbers; never empty.
-pub fn parse(text: &str) -> Result<AbaqusMesh, Vec<Problem>> {
+pub fn parse(text: &str) -> Result<AbaqusMesh, Vec<Diagnostic>> {
     let mut reader = Reader::default();
     for (number, line) in text.lines().enumerate() {
         reader.number = number + 1;
@@ -126,7 +126,7 @@ pub fn parse(text: &str) -> Result<AbaqusMesh, Vec<Problem>> {
             Some(keyword) => reader.keyword(keyword),
             None => reader.data(line),
         }
-        if reader.problems.len() >= MOST_PROBLEMS {
+        if reader.problems.len() >= MAX_DIAGNOSTICS {
             break;
         }
     }
@@ -142,12 +142,12 @@ struct Reader {
     block: Option<Block>,
     parts: usize,
     number: usize,
-    problems: Vec<Problem>,
+    problems: Vec<Diagnostic>,
 }
 
 impl Reader {
     fn problem(&mut self, expected: impl std::fmt::Display, found: impl std::fmt::Display) {
-        self.problems.push(Problem::new(format!("line {}", self.number), expected, found));
+        self.problems.push(Diagnostic::new(format!("line {}", self.number), expected, found));
     }
 
     fn keyword(&mut self, text: &str) {
@@ -258,8 +258,8 @@ impl Reader {
         let members: Vec<u64> = match numbers.as_slice() {
             [first, last, rest @ ..] if generate => {
                 let step = rest.first().copied().unwrap_or(1).max(1);
-                if last.saturating_sub(*first) / step > MOST_GENERATED {
-                    return self.problem(format!("at most {MOST_GENERATED} generated nodes"), line);
+                if last.saturating_sub(*first) / step > MAX_GENERATED {
+                    return self.problem(format!("at most {MAX_GENERATED} generated nodes"), line);
                 }
                 (*first..=*last).step_by(step as usize).collect()
             }
@@ -277,7 +277,7 @@ impl Reader {
         }
     }
 
-    fn finish(mut self) -> Result<AbaqusMesh, Vec<Problem>> {
+    fn finish(mut self) -> Result<AbaqusMesh, Vec<Diagnostic>> {
         self.close_element();
         for (kind, numbers, line) in std::mem::take(&mut self.elements) {
             self.number = line;
@@ -291,7 +291,7 @@ impl Reader {
             self.mesh.node_sets.insert(name, nodes);
         }
         if self.mesh.points.is_empty() {
-            self.problems.push(Problem::new("file", "a *NODE block", "none"));
+            self.problems.push(Diagnostic::new("file", "a *NODE block", "none"));
         }
         if self.problems.is_empty() { Ok(self.mesh) } else { Err(self.problems) }
     }

@@ -1,6 +1,6 @@
 //! Numbers of a .msh file, one after the other, whether they are text or binary.
 
-use crate::error::Problem;
+use crate::error::Diagnostic;
 use std::str::FromStr;
 
 /// Longest word that can be a number, a version or a section's name.
@@ -25,12 +25,12 @@ impl<'a> Cursor<'a> {
         format!("{}, byte {}", self.section, self.at)
     }
 
-    fn problem(&self, expected: &str, found: impl std::fmt::Display) -> Problem {
-        Problem::new(self.place(), expected, found)
+    fn problem(&self, expected: &str, found: impl std::fmt::Display) -> Diagnostic {
+        Diagnostic::new(self.place(), expected, found)
     }
 
     /// The next section's name; `None` at the end of the file.
-    pub fn section(&mut self) -> Result<Option<String>, Problem> {
+    pub fn section(&mut self) -> Result<Option<String>, Diagnostic> {
         self.skip_blanks();
         if self.at == self.bytes.len() {
             return Ok(None);
@@ -44,7 +44,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Goes past `$EndName`, over whatever is left of the section.
-    pub fn end_of(&mut self, name: &str) -> Result<(), Problem> {
+    pub fn end_of(&mut self, name: &str) -> Result<(), Diagnostic> {
         let end = format!("$End{name}");
         let rest = &self.bytes[self.at..];
         // `$` is rare in binary data, so looking only there keeps the scan linear.
@@ -56,7 +56,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// From here numbers are binary; the byte order is that of the integer 1 that follows.
-    pub fn binary(&mut self) -> Result<(), Problem> {
+    pub fn binary(&mut self) -> Result<(), Diagnostic> {
         self.skip_line_end();
         let one: [u8; 4] = self.take("the integer 1")?;
         self.big_endian = one == 1_i32.to_be_bytes();
@@ -68,7 +68,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// A signed tag, dimension or type.
-    pub fn int(&mut self) -> Result<i64, Problem> {
+    pub fn int(&mut self) -> Result<i64, Diagnostic> {
         if !self.binary {
             return self.text_number();
         }
@@ -78,7 +78,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// A count or a node's tag.
-    pub fn size(&mut self) -> Result<u64, Problem> {
+    pub fn size(&mut self) -> Result<u64, Diagnostic> {
         if !self.binary {
             return self.text_number();
         }
@@ -88,7 +88,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// A coordinate.
-    pub fn double(&mut self) -> Result<f64, Problem> {
+    pub fn double(&mut self) -> Result<f64, Diagnostic> {
         if !self.binary {
             return self.text_number();
         }
@@ -98,13 +98,13 @@ impl<'a> Cursor<'a> {
     }
 
     /// A number in text, also where the rest of the file is binary.
-    pub fn text_number<T: FromStr>(&mut self) -> Result<T, Problem> {
+    pub fn text_number<T: FromStr>(&mut self) -> Result<T, Diagnostic> {
         let word = self.word()?;
         word.parse().map_err(|_| self.problem("a number", format!("`{word}`")))
     }
 
     /// The next word of text.
-    pub fn word(&mut self) -> Result<String, Problem> {
+    pub fn word(&mut self) -> Result<String, Diagnostic> {
         self.skip_blanks();
         let rest = &self.bytes[self.at..];
         let length = rest.iter().take(LONGEST_WORD).take_while(|b| b.is_ascii_graphic()).count();
@@ -117,7 +117,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// A name in double quotes.
-    pub fn quoted(&mut self) -> Result<String, Problem> {
+    pub fn quoted(&mut self) -> Result<String, Diagnostic> {
         self.skip_blanks();
         let rest = &self.bytes[self.at..];
         let inner =
@@ -128,7 +128,7 @@ impl<'a> Cursor<'a> {
         Ok(String::from_utf8_lossy(&inner[..length]).into_owned())
     }
 
-    fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], Problem> {
+    fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], Diagnostic> {
         let bytes = self.bytes[self.at..]
             .first_chunk()
             .ok_or_else(|| self.problem(expected, "the end of the file"))?;

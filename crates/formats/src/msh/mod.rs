@@ -2,7 +2,7 @@
 
 mod cursor;
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::mesh_file::MeshFile;
 use cursor::Cursor;
 use std::collections::HashMap;
@@ -28,7 +28,7 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
 ///
 /// # Errors
 /// What is wrong and at which byte.
-pub fn parse(bytes: &[u8]) -> Result<MeshFile, Problem> {
+pub fn parse(bytes: &[u8]) -> Result<MeshFile, Diagnostic> {
     let mut file = Raw::default();
     let mut cursor = Cursor::new(bytes);
     let mut has_format = false;
@@ -37,7 +37,7 @@ pub fn parse(bytes: &[u8]) -> Result<MeshFile, Problem> {
             format(&mut cursor)?;
             has_format = true;
         } else if !has_format {
-            return Err(Problem::new("first section", "$MeshFormat", format!("${section}")));
+            return Err(Diagnostic::new("first section", "$MeshFormat", format!("${section}")));
         }
         match section.as_str() {
             "PhysicalNames" => file.physical_names(&mut cursor)?,
@@ -49,22 +49,24 @@ pub fn parse(bytes: &[u8]) -> Result<MeshFile, Problem> {
         cursor.end_of(&section)?;
     }
     if !has_format {
-        return Err(Problem::new("file", "a gmsh mesh that begins with $MeshFormat", "none"));
+        return Err(Diagnostic::new("file", "a gmsh mesh that begins with $MeshFormat", "none"));
     }
     file.resolve()
 }
 
-fn format(cursor: &mut Cursor) -> Result<(), Problem> {
+fn format(cursor: &mut Cursor) -> Result<(), Diagnostic> {
     let version = cursor.word()?;
     if version != "4.1" {
         let expected = "version 4.1 (in gmsh: Mesh.MshFileVersion = 4.1)";
-        return Err(Problem::new("MeshFormat", expected, format!("`{version}`")));
+        return Err(Diagnostic::new("MeshFormat", expected, format!("`{version}`")));
     }
     let (binary, size) = (cursor.word()?, cursor.word()?);
     match (binary.as_str(), size.as_str()) {
         ("0", _) => Ok(()),
         ("1", "8") => cursor.binary(),
-        _ => Err(Problem::new("MeshFormat", "file type 0 or 1, data size 8", format!("`{binary} {size}`"))),
+        _ => {
+            Err(Diagnostic::new("MeshFormat", "file type 0 or 1, data size 8", format!("`{binary} {size}`")))
+        }
     }
 }
 
@@ -87,7 +89,7 @@ struct Raw {
 
 impl Raw {
     /// This section is text even in a binary file.
-    fn physical_names(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+    fn physical_names(&mut self, cursor: &mut Cursor) -> Result<(), Diagnostic> {
         let count: usize = cursor.text_number()?;
         for _ in 0..count {
             let dimension: i64 = cursor.text_number()?;
@@ -100,7 +102,7 @@ impl Raw {
         Ok(())
     }
 
-    fn entities(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+    fn entities(&mut self, cursor: &mut Cursor) -> Result<(), Diagnostic> {
         let counts = [cursor.size()?, cursor.size()?, cursor.size()?, cursor.size()?];
         for (dimension, count) in counts.into_iter().enumerate() {
             for _ in 0..count {
@@ -125,7 +127,7 @@ impl Raw {
         Ok(())
     }
 
-    fn nodes(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+    fn nodes(&mut self, cursor: &mut Cursor) -> Result<(), Diagnostic> {
         let (blocks, _) = (cursor.size()?, [cursor.size()?, cursor.size()?, cursor.size()?]);
         for _ in 0..blocks {
             let (dimension, _, parametric) = (cursor.int()?, cursor.int()?, cursor.int()?);
@@ -141,16 +143,16 @@ impl Raw {
                     cursor.double()?;
                 }
                 if point.iter().any(|v| !v.is_finite()) {
-                    return Err(Problem::new(
+                    return Err(Diagnostic::new(
                         place,
                         "finite coordinates",
                         format!("{point:?} at node {tag}"),
                     ));
                 }
                 let index = u32::try_from(self.points_mm.len())
-                    .map_err(|_| Problem::new(&place, "fewer than 2^32 nodes", "more"))?;
+                    .map_err(|_| Diagnostic::new(&place, "fewer than 2^32 nodes", "more"))?;
                 if self.index.insert(tag, index).is_some() {
-                    return Err(Problem::new(place, "each node once", format!("node {tag} again")));
+                    return Err(Diagnostic::new(place, "each node once", format!("node {tag} again")));
                 }
                 self.points_mm.push(point);
             }
@@ -158,7 +160,7 @@ impl Raw {
         Ok(())
     }
 
-    fn elements(&mut self, cursor: &mut Cursor) -> Result<(), Problem> {
+    fn elements(&mut self, cursor: &mut Cursor) -> Result<(), Diagnostic> {
         let (blocks, _) = (cursor.size()?, [cursor.size()?, cursor.size()?, cursor.size()?]);
         for _ in 0..blocks {
             let place = cursor.place();
@@ -166,7 +168,7 @@ impl Raw {
             let count = cursor.size()?;
             let Some((_, nodes)) = NODES_OF.iter().find(|(k, _)| *k == kind) else {
                 let expected = "points, lines, triangles and tetrahedra";
-                return Err(Problem::new(place, expected, format!("gmsh element type {kind}")));
+                return Err(Diagnostic::new(place, expected, format!("gmsh element type {kind}")));
             };
             for _ in 0..count {
                 cursor.size()?;
@@ -185,10 +187,10 @@ impl Raw {
         Ok(())
     }
 
-    fn resolve(self) -> Result<MeshFile, Problem> {
+    fn resolve(self) -> Result<MeshFile, Diagnostic> {
         if self.tets.is_empty() {
             let found = format!("none, but {} of first order", self.linear);
-            return Err(Problem::new("Elements", "10-node tetrahedra (in gmsh: set order 2)", found));
+            return Err(Diagnostic::new("Elements", "10-node tetrahedra (in gmsh: set order 2)", found));
         }
         let mut mesh = MeshFile { points_mm: self.points_mm, ..MeshFile::default() };
         for (i, (_, tags)) in self.tets.iter().enumerate() {
@@ -214,11 +216,11 @@ fn indices<const N: usize>(
     tags: &[u64; N],
     what: &str,
     at: usize,
-) -> Result<[u32; N], Problem> {
+) -> Result<[u32; N], Diagnostic> {
     let mut nodes = [0; N];
     for (node, tag) in nodes.iter_mut().zip(tags) {
         *node = *index.get(tag).ok_or_else(|| {
-            Problem::new(format!("Elements, {what} {at}"), "tags of nodes in $Nodes", format!("{tag}"))
+            Diagnostic::new(format!("Elements, {what} {at}"), "tags of nodes in $Nodes", format!("{tag}"))
         })?;
     }
     Ok(nodes)

@@ -1,6 +1,6 @@
 //! The header: `{'descr': '<f4', 'fortran_order': False, 'shape': (146, 25022, 5), }`.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -45,7 +45,7 @@ pub struct Header {
 /// A refusal that does not know its file yet.
 pub enum Refusal {
     Io(io::Error),
-    Content(Problem),
+    Content(Diagnostic),
 }
 
 impl Refusal {
@@ -57,7 +57,7 @@ impl Refusal {
     }
 
     fn new(place: &str, expected: impl std::fmt::Display, found: impl std::fmt::Display) -> Self {
-        Self::Content(Problem::new(place, expected, found))
+        Self::Content(Diagnostic::new(place, expected, found))
     }
 }
 

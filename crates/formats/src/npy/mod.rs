@@ -6,7 +6,7 @@
 
 mod header;
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use header::{Element, Header};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
@@ -70,7 +70,7 @@ fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Arra
 pub fn write_f32(path: &Path, shape: &[usize], data: &[f32]) -> Result<(), FormatError> {
     let count: usize = shape.iter().product();
     if count != data.len() {
-        return Err(FormatError::one(path, Problem::new("array", format!("{count} values"), data.len())));
+        return Err(FormatError::one(path, Diagnostic::new("array", format!("{count} values"), data.len())));
     }
     let io = |e| FormatError::write(path, e);
     let mut out = BufWriter::new(File::create(path).map_err(io)?);

@@ -1,6 +1,6 @@
 //! Counts, numbers and lists of whole numbers; the lists as byte planes, deflated.
 
-use crate::error::Problem;
+use crate::error::Diagnostic;
 use flate2::Compression;
 use flate2::bufread::ZlibDecoder;
 use flate2::write::ZlibEncoder;
@@ -45,38 +45,42 @@ impl Writer {
 pub(super) struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
-    pub fn new(bytes: &'a [u8], magic: &[u8; 8], version: u32) -> Result<Self, Problem> {
+    pub fn new(bytes: &'a [u8], magic: &[u8; 8], version: u32) -> Result<Self, Diagnostic> {
         let rest = bytes
             .strip_prefix(magic)
-            .ok_or_else(|| Problem::new("first bytes", "those of packed snapshots", "others"))?;
+            .ok_or_else(|| Diagnostic::new("first bytes", "those of packed snapshots", "others"))?;
         let (body, sum) = rest
             .split_last_chunk::<8>()
-            .ok_or_else(|| Problem::new("file", "a checksum at its end", "less"))?;
+            .ok_or_else(|| Diagnostic::new("file", "a checksum at its end", "less"))?;
         let expected = checksum(&bytes[..bytes.len() - 8]);
         if u64::from_le_bytes(*sum) != expected {
-            return Err(Problem::new("checksum", format!("{expected:016x}"), "another: the file is damaged"));
+            return Err(Diagnostic::new(
+                "checksum",
+                format!("{expected:016x}"),
+                "another: the file is damaged",
+            ));
         }
         let mut reader = Self(body);
         let found = u32::from_le_bytes(reader.take("version")?);
         if found != version {
-            return Err(Problem::new("version", version, found));
+            return Err(Diagnostic::new("version", version, found));
         }
         Ok(reader)
     }
 
-    pub fn count(&mut self, what: &str) -> Result<usize, Problem> {
+    pub fn count(&mut self, what: &str) -> Result<usize, Diagnostic> {
         let value = u64::from_le_bytes(self.take(what)?);
-        usize::try_from(value).map_err(|_| Problem::new(what, "a count that fits into memory", value))
+        usize::try_from(value).map_err(|_| Diagnostic::new(what, "a count that fits into memory", value))
     }
 
-    pub fn number(&mut self, what: &str) -> Result<f64, Problem> {
+    pub fn number(&mut self, what: &str) -> Result<f64, Diagnostic> {
         Ok(f64::from_le_bytes(self.take(what)?))
     }
 
     /// As many whole numbers as expected.
-    pub fn integers(&mut self, expected: usize) -> Result<Vec<i32>, Problem> {
+    pub fn integers(&mut self, expected: usize) -> Result<Vec<i32>, Diagnostic> {
         let length = self.count("block")?;
-        let wrong = |found: String| Problem::new("block", format!("{expected} whole numbers"), found);
+        let wrong = |found: String| Diagnostic::new("block", format!("{expected} whole numbers"), found);
         let (packed, rest) =
             self.0.split_at_checked(length).ok_or_else(|| wrong(format!("{} bytes left", self.0.len())))?;
         self.0 = rest;
@@ -96,19 +100,19 @@ impl<'a> Reader<'a> {
             .collect())
     }
 
-    pub fn end(&self) -> Result<(), Problem> {
+    pub fn end(&self) -> Result<(), Diagnostic> {
         if self.0.is_empty() {
             Ok(())
         } else {
-            Err(Problem::new("end", "nothing more", format!("{} bytes", self.0.len())))
+            Err(Diagnostic::new("end", "nothing more", format!("{} bytes", self.0.len())))
         }
     }
 
-    fn take<const N: usize>(&mut self, what: &str) -> Result<[u8; N], Problem> {
+    fn take<const N: usize>(&mut self, what: &str) -> Result<[u8; N], Diagnostic> {
         let (head, rest) = self
             .0
             .split_first_chunk()
-            .ok_or_else(|| Problem::new(what, format!("{N} bytes"), "the end of the file"))?;
+            .ok_or_else(|| Diagnostic::new(what, format!("{N} bytes"), "the end of the file"))?;
         self.0 = rest;
         Ok(*head)
     }

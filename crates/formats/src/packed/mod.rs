@@ -8,7 +8,7 @@
 mod bits;
 mod fit;
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use bits::{Reader, Writer};
 use std::path::Path;
 
@@ -18,7 +18,7 @@ const VERSION: u32 = 1;
 /// Earlier cases a case is predicted from.
 const BASIS: usize = 16;
 /// No file of a plausible database holds more values than this (8 GB as f32).
-const MOST_VALUES: usize = 1 << 31;
+const MAX_VALUES: usize = 1 << 31;
 
 /// One field of a packed file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,12 +42,12 @@ pub struct Snapshots {
 ///
 /// # Errors
 /// The problem: shapes that do not fit, values that are not finite or too large for their step.
-pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Problem> {
+pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Diagnostic> {
     let [cases, nodes, count] = snapshots.shape;
     let values = cases.checked_mul(nodes).and_then(|n| n.checked_mul(count));
     if values != Some(snapshots.values.len()) || fields.len() != count {
         let found = format!("{} values, {} fields", snapshots.values.len(), fields.len());
-        return Err(Problem::new("snapshots", format!("{:?}", snapshots.shape), found));
+        return Err(Diagnostic::new("snapshots", format!("{:?}", snapshots.shape), found));
     }
     let mut out = Writer::new(&MAGIC, VERSION);
     [cases, nodes, count].iter().for_each(|n| out.count(*n));
@@ -62,7 +62,7 @@ pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Problem
     Ok(out.finish())
 }
 
-fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) -> Result<(), Problem> {
+fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) -> Result<(), Diagnostic> {
     let [cases, nodes, count] = snapshots.shape;
     let mut known: Vec<Vec<i32>> = Vec::with_capacity(cases);
     for case in 0..cases {
@@ -76,7 +76,7 @@ fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) 
             })
             .collect::<Result<_, _>>()
             .map_err(|v| {
-                Problem::new(format!("case {case}, field {field}"), "finite values within 5e8 steps", v)
+                Diagnostic::new(format!("case {case}, field {field}"), "finite values within 5e8 steps", v)
             })?;
         let basis = fit::nearest(&known, &steps, BASIS);
         let weights = fit::weights(&known, &basis, &steps);
@@ -97,20 +97,20 @@ fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) 
 ///
 /// # Errors
 /// What is wrong with the bytes, or a missing or foreign mesh.
-pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, Problem> {
+pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, Diagnostic> {
     let mut input = Reader::new(bytes, &MAGIC, VERSION)?;
     let shape = [input.count("cases")?, input.count("nodes")?, input.count("fields")?];
     let [cases, nodes, count] = shape;
     // Deflate shrinks at most a thousandfold; more is no database but an attack on memory.
-    let most = bytes.len().saturating_mul(2000).min(MOST_VALUES);
+    let most = bytes.len().saturating_mul(2000).min(MAX_VALUES);
     let total =
         cases.checked_mul(nodes).and_then(|n| n.checked_mul(count)).filter(|n| (1..=most).contains(n));
     let Some(total) = total else {
-        return Err(Problem::new("shape", format!("1 to {most} values"), format!("{shape:?}")));
+        return Err(Diagnostic::new("shape", format!("1 to {most} values"), format!("{shape:?}")));
     };
     let steps: Vec<f64> = (0..count).map(|_| input.number("step")).collect::<Result<_, _>>()?;
     if steps.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
-        return Err(Problem::new("step", "finite numbers, 0 or more", format!("{steps:?}")));
+        return Err(Diagnostic::new("step", "finite numbers, 0 or more", format!("{steps:?}")));
     }
     let mut values = vec![0.0_f32; total];
     for (field, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
@@ -130,16 +130,16 @@ pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapsh
     Ok(snapshots)
 }
 
-fn unpack_case(input: &mut Reader, known: &[Vec<i32>], nodes: usize) -> Result<Vec<i32>, Problem> {
+fn unpack_case(input: &mut Reader, known: &[Vec<i32>], nodes: usize) -> Result<Vec<i32>, Diagnostic> {
     let count = input.count("basis")?;
     if count > BASIS {
-        return Err(Problem::new("basis", format!("at most {BASIS} cases"), count));
+        return Err(Diagnostic::new("basis", format!("at most {BASIS} cases"), count));
     }
     let (mut basis, mut weights) = (Vec::new(), Vec::new());
     for _ in 0..count {
         let case = input.count("basis")?;
         if case >= known.len() {
-            return Err(Problem::new("basis", format!("an earlier case than {}", known.len()), case));
+            return Err(Diagnostic::new("basis", format!("an earlier case than {}", known.len()), case));
         }
         basis.push(case);
         weights.push(input.number("weight")?);
@@ -150,12 +150,12 @@ fn unpack_case(input: &mut Reader, known: &[Vec<i32>], nodes: usize) -> Result<V
     Ok(whole)
 }
 
-fn distances(snapshots: &mut Snapshots, field: usize, mesh: Option<&[[f64; 3]]>) -> Result<(), Problem> {
+fn distances(snapshots: &mut Snapshots, field: usize, mesh: Option<&[[f64; 3]]>) -> Result<(), Diagnostic> {
     let [_, nodes, count] = snapshots.shape;
     let found = mesh.map_or("none".into(), |m| format!("{} nodes", m.len()));
     let expected = format!("the undeformed mesh of {nodes} nodes, and coordinates before field {field}");
     let Some(mesh) = mesh.filter(|m| m.len() == nodes && field >= 3) else {
-        return Err(Problem::new("mesh", expected, found));
+        return Err(Diagnostic::new("mesh", expected, found));
     };
     for (entry, rest) in snapshots.values.chunks_exact_mut(count).zip(mesh.iter().cycle()) {
         let squared: f64 = (0..3).map(|k| (f64::from(entry[k]) - rest[k]).powi(2)).sum();

@@ -1,7 +1,7 @@
 //! The reader: one piece of 10-node tetrahedra, arrays as text, base64 or raw appended, plain or zlib, either byte order.
 
 use super::codec::{self, Coding, Element};
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use crate::mesh_file::MeshFile;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -13,7 +13,7 @@ const TETRA: usize = 10;
 /// Cells that have no volume (points, lines, faces): a viewer's decoration, passed over.
 const FLAT: [usize; 9] = [1, 2, 3, 4, 5, 9, 21, 22, 23];
 /// No VTK cell has more nodes than the 27 of a triquadratic hexahedron.
-const MOST_NODES: usize = 27;
+const MAX_NODES: usize = 27;
 
 /// Reads nodes and 10-node tetrahedra; VTK's node order is the project's. A `.vtu` has no named surfaces.
 ///
@@ -28,7 +28,7 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
 ///
 /// # Errors
 /// Everything that is wrong with the content; never empty.
-pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Problem>> {
+pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Diagnostic>> {
     let file = File::scan(bytes).map_err(|problem| vec![problem])?;
     let mut problems = Vec::new();
     let mut array = |name: &str, expected: usize| match file.array(name, expected) {
@@ -42,11 +42,11 @@ pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Problem>> {
     let types = array("types", file.cells);
     let offsets = array("offsets", file.cells);
     let entries = offsets.last().map_or(0, |last| *last as usize);
-    let connectivity = if entries <= file.cells.saturating_mul(MOST_NODES) {
+    let connectivity = if entries <= file.cells.saturating_mul(MAX_NODES) {
         array("connectivity", entries)
     } else {
-        let expected = format!("at most {MOST_NODES} nodes for each of {} cells", file.cells);
-        problems.push(Problem::new("offsets", expected, entries));
+        let expected = format!("at most {MAX_NODES} nodes for each of {} cells", file.cells);
+        problems.push(Diagnostic::new("offsets", expected, entries));
         Vec::new()
     };
     if !problems.is_empty() {
@@ -54,7 +54,11 @@ pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Problem>> {
     }
     let points_mm: Vec<[f64; 3]> = points.as_chunks::<3>().0.to_vec();
     if let Some(bad) = points_mm.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
-        return Err(vec![Problem::new(format!("Points, node {bad}"), "finite numbers", "NaN or infinity")]);
+        return Err(vec![Diagnostic::new(
+            format!("Points, node {bad}"),
+            "finite numbers",
+            "NaN or infinity",
+        )]);
     }
     let tets = tets(&types, &offsets, &connectivity, points_mm.len())?;
     Ok(MeshFile { points_mm, tets, ..MeshFile::default() })
@@ -65,14 +69,14 @@ fn tets(
     offsets: &[f64],
     nodes: &[f64],
     points: usize,
-) -> Result<Vec<[u32; TETRA]>, Vec<Problem>> {
+) -> Result<Vec<[u32; TETRA]>, Vec<Diagnostic>> {
     let mut tets = Vec::new();
     let mut problems = Vec::new();
     let mut start = 0;
     for (cell, (kind, end)) in types.iter().zip(offsets).enumerate() {
         let end = *end as usize;
         let Some(members) = nodes.get(start..end) else {
-            problems.push(Problem::new(format!("offsets, cell {cell}"), "rising offsets", end));
+            problems.push(Diagnostic::new(format!("offsets, cell {cell}"), "rising offsets", end));
             break;
         };
         start = end;
@@ -82,9 +86,9 @@ fn tets(
         }
         if kind != QUADRATIC_TETRA || members.len() != TETRA {
             let found = format!("type {kind} with {} nodes", members.len());
-            problems.push(Problem::new(format!("cell {cell}"), "a 10-node tetrahedron (type 24)", found));
+            problems.push(Diagnostic::new(format!("cell {cell}"), "a 10-node tetrahedron (type 24)", found));
         } else if let Some(bad) = members.iter().find(|n| !(**n >= 0.0 && (**n as usize) < points)) {
-            problems.push(Problem::new(format!("cell {cell}"), format!("nodes 0 .. {points}"), bad));
+            problems.push(Diagnostic::new(format!("cell {cell}"), format!("nodes 0 .. {points}"), bad));
         } else {
             let mut tet = [0; TETRA];
             tet.iter_mut().zip(members).for_each(|(to, from)| *to = *from as u32);
@@ -92,7 +96,7 @@ fn tets(
         }
     }
     if problems.is_empty() && tets.is_empty() {
-        problems.push(Problem::new("Cells", "10-node tetrahedra (type 24)", "none"));
+        problems.push(Diagnostic::new("Cells", "10-node tetrahedra (type 24)", "none"));
     }
     if problems.is_empty() { Ok(tets) } else { Err(problems) }
 }
@@ -126,7 +130,7 @@ struct File<'a> {
 
 impl<'a> File<'a> {
     /// One pass over the XML. Raw appended data are no XML, so the pass ends where they begin.
-    fn scan(bytes: &'a [u8]) -> Result<Self, Problem> {
+    fn scan(bytes: &'a [u8]) -> Result<Self, Diagnostic> {
         let mut file = Self {
             coding: Coding { big_endian: false, long_header: false, zlib: false },
             points: 0,
@@ -139,7 +143,7 @@ impl<'a> File<'a> {
         loop {
             let place = |reader: &Reader<&[u8]>| format!("byte {}", reader.buffer_position());
             let event =
-                reader.read_event().map_err(|e| Problem::new(place(&reader), "well-formed XML", e))?;
+                reader.read_event().map_err(|e| Diagnostic::new(place(&reader), "well-formed XML", e))?;
             let (tag, empty) = match &event {
                 Event::Start(tag) => (tag, false),
                 Event::Empty(tag) => (tag, true),
@@ -174,9 +178,9 @@ impl<'a> File<'a> {
             }
         }
         match (is_vtk, pieces) {
-            (false, _) => Err(Problem::new("root element", "VTKFile", "another document")),
+            (false, _) => Err(Diagnostic::new("root element", "VTKFile", "another document")),
             (_, 1) => Ok(file),
-            _ => Err(Problem::new("Piece", "one piece (merge the pieces and save again)", pieces)),
+            _ => Err(Diagnostic::new("Piece", "one piece (merge the pieces and save again)", pieces)),
         }
     }
 
@@ -185,13 +189,13 @@ impl<'a> File<'a> {
         tag: &BytesStart,
         section: &str,
         rest: &'a [u8],
-    ) -> Result<(String, Array<'a>), Problem> {
+    ) -> Result<(String, Array<'a>), Diagnostic> {
         // Within Points the single array may have any name.
         let name =
             if section == "Points" { section.into() } else { attribute(tag, "Name").unwrap_or_default() };
         let kind = attribute(tag, "type").unwrap_or_default();
         let element = Element::named(&kind).ok_or_else(|| {
-            Problem::new(format!("DataArray {name}"), "a VTK number type", format!("`{kind}`"))
+            Diagnostic::new(format!("DataArray {name}"), "a VTK number type", format!("`{kind}`"))
         })?;
         let text = &rest[..rest.iter().position(|b| *b == b'<').unwrap_or(rest.len())];
         let format = attribute(tag, "format").unwrap_or_else(|| "ascii".into());
@@ -201,16 +205,17 @@ impl<'a> File<'a> {
             "appended" => Place::Appended(count(tag, "offset")?),
             _ => {
                 let found = format!("`{format}`");
-                return Err(Problem::new(format!("DataArray {name}"), "ascii, binary or appended", found));
+                return Err(Diagnostic::new(format!("DataArray {name}"), "ascii, binary or appended", found));
             }
         };
         Ok((name, Array { element, place }))
     }
 
     /// Decodes the array of that name, which must have `expected` entries.
-    fn array(&self, name: &str, expected: usize) -> Result<Vec<f64>, Problem> {
-        let problem =
-            |found: String| Problem::new(format!("DataArray {name}"), format!("{expected} numbers"), found);
+    fn array(&self, name: &str, expected: usize) -> Result<Vec<f64>, Diagnostic> {
+        let problem = |found: String| {
+            Diagnostic::new(format!("DataArray {name}"), format!("{expected} numbers"), found)
+        };
         let array = self.arrays.get(name).ok_or_else(|| problem("no such array".into()))?;
         let decode = |block: &[u8]| codec::elements(block, array.element, self.coding, expected);
         let values = match &array.place {
@@ -238,17 +243,17 @@ fn numbers(text: &[u8], expected: usize) -> Result<Vec<f64>, String> {
     if values.len() == expected { Ok(values) } else { Err(format!("{} numbers", values.len())) }
 }
 
-fn coding(tag: &BytesStart) -> Result<Coding, Problem> {
+fn coding(tag: &BytesStart) -> Result<Coding, Diagnostic> {
     let kind = attribute(tag, "type").unwrap_or_default();
     if kind != "UnstructuredGrid" {
-        return Err(Problem::new("VTKFile type", "UnstructuredGrid", format!("`{kind}`")));
+        return Err(Diagnostic::new("VTKFile type", "UnstructuredGrid", format!("`{kind}`")));
     }
     let compressor = attribute(tag, "compressor");
     let zlib = match compressor.as_deref() {
         None | Some("") => false,
         Some("vtkZLibDataCompressor") => true,
         Some(other) => {
-            return Err(Problem::new(
+            return Err(Diagnostic::new(
                 "compressor",
                 "vtkZLibDataCompressor or none (save again)",
                 format!("`{other}`"),
@@ -262,10 +267,10 @@ fn coding(tag: &BytesStart) -> Result<Coding, Problem> {
     })
 }
 
-fn appended<'a>(tag: &BytesStart, rest: &'a [u8]) -> Result<Appended<'a>, Problem> {
+fn appended<'a>(tag: &BytesStart, rest: &'a [u8]) -> Result<Appended<'a>, Diagnostic> {
     let start = rest.iter().take_while(|b| b.is_ascii_whitespace()).count();
     if rest.get(start) != Some(&b'_') {
-        return Err(Problem::new("AppendedData", "an underscore before the data", "none"));
+        return Err(Diagnostic::new("AppendedData", "an underscore before the data", "none"));
     }
     let base64 = attribute(tag, "encoding").as_deref() != Some("raw");
     Ok(Appended { data: &rest[start + 1..], base64 })
@@ -276,10 +281,10 @@ fn attribute(tag: &BytesStart, name: &str) -> Option<String> {
     Some(String::from_utf8_lossy(&attribute.value).trim().to_owned())
 }
 
-fn count(tag: &BytesStart, name: &str) -> Result<usize, Problem> {
+fn count(tag: &BytesStart, name: &str) -> Result<usize, Diagnostic> {
     let text = attribute(tag, name).unwrap_or_default();
     text.parse().ok().filter(|n| *n <= u32::MAX as usize).ok_or_else(|| {
         let shown: String = text.chars().take(20).collect();
-        Problem::new(name, "a count below 2^32", format!("`{shown}`"))
+        Diagnostic::new(name, "a count below 2^32", format!("`{shown}`"))
     })
 }

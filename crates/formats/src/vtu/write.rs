@@ -1,6 +1,6 @@
 //! The writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -73,16 +73,16 @@ pub fn write(path: &Path, grid: &Grid<'_>) -> Result<(), FormatError> {
     std::fs::write(path, compose(grid)).map_err(|e| FormatError::write(path, e))
 }
 
-fn problems(grid: &Grid<'_>) -> Vec<Problem> {
+fn problems(grid: &Grid<'_>) -> Vec<Diagnostic> {
     let nodes = grid.points_mm.len();
     let mut problems = Vec::new();
     let parts = grid.cells.parts();
     if let Some(bad) = parts.iter().flat_map(|part| part.2).find(|i| **i as usize >= nodes) {
-        problems.push(Problem::new("cells", format!("node indices below {nodes}"), bad));
+        problems.push(Diagnostic::new("cells", format!("node indices below {nodes}"), bad));
     }
     for data in grid.point_data.iter().filter(|d| d.values.len() != nodes * d.components) {
         let expected = format!("{} values", nodes * data.components);
-        problems.push(Problem::new(format!("point data `{}`", data.name), expected, data.values.len()));
+        problems.push(Diagnostic::new(format!("point data `{}`", data.name), expected, data.values.len()));
     }
     problems
 }

@@ -1,7 +1,7 @@
 //! A small actuator for tests: a bar of 10-node tetrahedra that bends down with pressure and stops at the plate.
 #![allow(dead_code)] // each test file uses its part
 
-use rom::snapshots::{Case, Database, FieldSpec, Obstacle, RegimeKind, Split};
+use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
 use std::collections::HashMap;
 
 /// Corners of the six tetrahedra of a unit cube, positively oriented.
@@ -51,7 +51,7 @@ pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
         undeformed_mm: Some(points),
         surface_triangles: vec![],
         node_sets: vec![],
-        obstacle: Obstacle::PLATE,
+        obstacle: Footprint::PLATE,
         hash: [0; 32],
     };
     database.hash = database.content_hash();

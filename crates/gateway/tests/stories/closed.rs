@@ -2,9 +2,9 @@
 
 use crate::common::{FAST_SINE, client, free_port, gateway, gateway_unready, join, subscribe, wait_sample};
 use serde_json::{Value, json};
-use softtwin_tests::{Program, Stage};
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
+use tests::{Program, Stage};
 
 /// A file that only its owner may read.
 fn secret(stage: &Stage, name: &str, text: &str) {

@@ -1,10 +1,10 @@
 //! What the gateway's stories share: gateways as real processes, and a far end that knows nothing of us.
 
 use serde_json::{Value, json};
-use softtwin_tests::{PATIENCE, Program, Stage};
 use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use tests::{PATIENCE, Program, Stage};
 use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
 

@@ -2,9 +2,9 @@
 
 use crate::common::{FAST_SINE, far_end, free_port, gateway};
 use serde_json::{Value, json};
-use softtwin_tests::wait::{fresh, states, wait_for, wait_state};
-use softtwin_tests::{Program, Stage};
 use std::time::{Duration, Instant};
+use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::{Program, Stage};
 use wire::{HealthReader, KeyExpr, Outcome, Topic, now_ns};
 use zenoh::{Session, Wait};
 
@@ -37,7 +37,7 @@ fn readings_come_in_where_they_may_and_are_judged_by_the_twin() {
         (states(&bus), HealthReader::open(&bus, &Topic::health("finger").unwrap()).unwrap());
     let key = "softtwin/finger/sensor";
     // Sent until it arrives: the subscription may be on its way still.
-    let end = Instant::now() + softtwin_tests::PATIENCE;
+    let end = Instant::now() + tests::PATIENCE;
     let mut seq = 0;
     let first = loop {
         seq += 1;

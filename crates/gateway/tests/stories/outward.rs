@@ -4,9 +4,9 @@ use crate::common::{
     FAST_SINE, far_end, free_port, gateway, get, get_until, json_of, living, subscribe, wait_sample,
     wait_until,
 };
-use softtwin_tests::wait::{states, wait_for};
-use softtwin_tests::{Program, Stage};
 use std::collections::HashMap;
+use tests::wait::{states, wait_for};
+use tests::{Program, Stage};
 use wire::{FieldReader, KeyExpr, Topic};
 use zenoh::Wait;
 
@@ -128,7 +128,7 @@ fn questions_are_answered_as_they_are_locally() {
     let (status, said) = Program::tool(&stage, &["get", "--json", selector]).end();
     assert!(status.success(), "{said:?}");
     let near: serde_json::Value = serde_json::from_str(said.last().unwrap()).unwrap();
-    for name in ["contact_force_n", "force_bar_n", "regime", "onset_pressure_mpa", "coefficients"] {
+    for name in ["contact_force_n", "force_halfwidth_n", "regime", "onset_pressure_mpa", "coefficients"] {
         assert_eq!(far[name], near[name], "{name}");
     }
     let inverse = get(&session, "softtwin/finger/pressure?force_n=0.1;gap_mm=30").unwrap().unwrap();

@@ -2,7 +2,7 @@
 
 use crate::common::{FAST_SINE, far_end, free_port, gateway, gateway_in, subscribe, wait_sample};
 use serde_json::Value;
-use softtwin_tests::{Manager, Program, Stage};
+use tests::{Manager, Program, Stage};
 use wire::{FieldReader, Topic};
 
 /// Ready when it listens, alive while its threads turn, stopping when asked.

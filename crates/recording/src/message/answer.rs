@@ -22,7 +22,7 @@ pub struct AnswerMessage {
     #[serde(serialize_with = "number::serialize")]
     pub contact_force_n: f64,
     #[serde(serialize_with = "number::single::serialize")]
-    pub force_bar_n: f32,
+    pub force_halfwidth_n: f32,
     #[serde(serialize_with = "number::serialize")]
     pub force_by_pressure_n_per_mpa: f64,
     #[serde(serialize_with = "number::serialize")]
@@ -36,12 +36,12 @@ pub struct AnswerMessage {
     #[serde(serialize_with = "number::serialize")]
     pub high: f64,
     #[serde(serialize_with = "number::single::serialize")]
-    pub displacement_bar_mm: f32,
+    pub displacement_halfwidth_mm: f32,
     #[serde(serialize_with = "number::single::serialize")]
-    pub von_mises_bar_mpa: f32,
+    pub von_mises_halfwidth_mpa: f32,
     #[serde(serialize_with = "number::single::serialize")]
     pub domain_distance: f32,
-    pub domain_verdict: u32,
+    pub domain_status: u32,
     pub flags: Vec<&'static str>,
     pub coefficients: Vec<f32>,
     pub compute_ns: u64,
@@ -59,17 +59,17 @@ impl From<&Answer> for AnswerMessage {
             gap_mm: answer.gap_mm,
             regime: regime::as_str(answer.regime),
             contact_force_n: answer.contact_force_n,
-            force_bar_n: answer.force_bar_n,
+            force_halfwidth_n: answer.force_halfwidth_n,
             force_by_pressure_n_per_mpa: answer.force_by_pressure_n_per_mpa,
             force_by_gap_n_per_mm: answer.force_by_gap_n_per_mm,
             onset_pressure_mpa: answer.onset_pressure_mpa,
             uncertainty: answer.uncertainty,
             low: answer.low,
             high: answer.high,
-            displacement_bar_mm: answer.displacement_bar_mm,
-            von_mises_bar_mpa: answer.von_mises_bar_mpa,
+            displacement_halfwidth_mm: answer.displacement_halfwidth_mm,
+            von_mises_halfwidth_mpa: answer.von_mises_halfwidth_mpa,
             domain_distance: answer.domain_distance,
-            domain_verdict: answer.domain_verdict,
+            domain_status: answer.domain_status,
             flags: flags::names(answer.flags).collect(),
             coefficients: answer.coefficients().to_vec(),
             compute_ns: answer.compute_ns,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use wire::Grasp;
-use wire::layout::{flags, grasp_verdict, unpack_name};
+use wire::layout::{flags, grasp_status, unpack_name};
 
 use super::{Recorded, number, schema};
 
@@ -33,7 +33,7 @@ pub struct GraspMessage {
     #[serde(serialize_with = "number::serialize")]
     pub stop_pressure_bar_mpa: f64,
     #[serde(serialize_with = "number::serialize")]
-    pub force_bar_n: f64,
+    pub force_halfwidth_n: f64,
     pub forces_n: Vec<f64>,
     pub pressures_mpa: Vec<f64>,
     pub flags: Vec<&'static str>,
@@ -47,7 +47,7 @@ impl From<&Grasp> for GraspMessage {
             seq: grasp.seq,
             t_sensor_ns: grasp.t_sensor_ns,
             t_publish_ns: grasp.t_publish_ns,
-            verdict: grasp_verdict::as_str(grasp.verdict),
+            verdict: grasp_status::as_str(grasp.verdict),
             mass_kg: grasp.mass_kg,
             friction: grasp.friction,
             safety: grasp.safety,
@@ -57,7 +57,7 @@ impl From<&Grasp> for GraspMessage {
             needed_friction: grasp.needed_friction,
             stop_pressure_mpa: grasp.stop_pressure_mpa,
             stop_pressure_bar_mpa: grasp.stop_pressure_bar_mpa,
-            force_bar_n: grasp.force_bar_n,
+            force_halfwidth_n: grasp.force_halfwidth_n,
             forces_n: grasp.fingers().map(|(force, _)| force).collect(),
             pressures_mpa: grasp.fingers().map(|(_, pressure)| pressure).collect(),
             flags: flags::names(grasp.flags).collect(),
@@ -91,7 +91,7 @@ impl Recorded for GraspMessage {
                 ("needed_friction", "number", "friction coefficient from which these forces hold the object"),
                 ("stop_pressure_mpa", "number", "pressure at which the object is first held, MPa; NaN: none"),
                 ("stop_pressure_bar_mpa", "number", "half width of its error bar, MPa"),
-                ("force_bar_n", "number", "half width of the forces' error bar, N"),
+                ("force_halfwidth_n", "number", "half width of the forces' error bar, N"),
                 ("forces_n", "number[]", "force of each finger, N"),
                 ("pressures_mpa", "number[]", "pressure of each finger, MPa"),
                 ("flags", "string[]", "set flags of all fingers by name"),

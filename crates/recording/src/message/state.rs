@@ -23,7 +23,7 @@ pub struct StateMessage {
     #[serde(serialize_with = "number::serialize")]
     pub contact_force_n: f64,
     #[serde(serialize_with = "number::single::serialize")]
-    pub force_bar_n: f32,
+    pub force_halfwidth_n: f32,
     #[serde(serialize_with = "number::serialize")]
     pub force_by_pressure_n_per_mpa: f64,
     #[serde(serialize_with = "number::serialize")]
@@ -33,12 +33,12 @@ pub struct StateMessage {
     #[serde(serialize_with = "number::serialize")]
     pub measured_force_n: f64,
     #[serde(serialize_with = "number::single::serialize")]
-    pub displacement_bar_mm: f32,
+    pub displacement_halfwidth_mm: f32,
     #[serde(serialize_with = "number::single::serialize")]
-    pub von_mises_bar_mpa: f32,
+    pub von_mises_halfwidth_mpa: f32,
     #[serde(serialize_with = "number::single::serialize")]
     pub domain_distance: f32,
-    pub domain_verdict: u32,
+    pub domain_status: u32,
     pub outcome: &'static str,
     pub flags: Vec<&'static str>,
     pub flag_bits: u32,
@@ -62,15 +62,15 @@ impl From<&State> for StateMessage {
             gap_mm: state.gap_mm,
             regime: regime::as_str(state.regime),
             contact_force_n: state.contact_force_n,
-            force_bar_n: state.force_bar_n,
+            force_halfwidth_n: state.force_halfwidth_n,
             force_by_pressure_n_per_mpa: state.force_by_pressure_n_per_mpa,
             force_by_gap_n_per_mm: state.force_by_gap_n_per_mm,
             onset_pressure_mpa: state.onset_pressure_mpa,
             measured_force_n: state.measured_force_n,
-            displacement_bar_mm: state.displacement_bar_mm,
-            von_mises_bar_mpa: state.von_mises_bar_mpa,
+            displacement_halfwidth_mm: state.displacement_halfwidth_mm,
+            von_mises_halfwidth_mpa: state.von_mises_halfwidth_mpa,
             domain_distance: state.domain_distance,
-            domain_verdict: state.domain_verdict,
+            domain_status: state.domain_status,
             outcome: Outcome::from_code(state.outcome).map_or("unknown", Outcome::as_str),
             flags: flags::names(state.flags).collect(),
             flag_bits: state.flags,
@@ -100,19 +100,19 @@ impl Recorded for StateMessage {
                 ("gap_mm", "number", "gap of the reading, mm"),
                 ("regime", "string", "free, contact or unknown"),
                 ("contact_force_n", "number", "predicted contact force, N"),
-                ("force_bar_n", "number", "half width of the force's error bar, N"),
+                ("force_halfwidth_n", "number", "half width of the force's error bar, N"),
                 ("force_by_pressure_n_per_mpa", "number", "gradient of the force by the pressure, N/MPa"),
                 ("force_by_gap_n_per_mm", "number", "gradient of the force by the gap, N/mm"),
                 ("onset_pressure_mpa", "number", "pressure of first contact at this gap, MPa"),
                 ("measured_force_n", "number", "measured contact force, N; NaN without a load cell"),
-                ("displacement_bar_mm", "number", "half width of the displacement's error bar, mm"),
-                ("von_mises_bar_mpa", "number", "half width of the stress's error bar, MPa"),
+                ("displacement_halfwidth_mm", "number", "half width of the displacement's error bar, mm"),
+                ("von_mises_halfwidth_mpa", "number", "half width of the stress's error bar, MPa"),
                 (
                     "domain_distance",
                     "number",
                     "signed distance to the edge of the sampled states, positive outside",
                 ),
-                ("domain_verdict", "integer", "0 inside, 1 near the edge, 2 outside the sampled states"),
+                ("domain_status", "integer", "0 inside, 1 near the edge, 2 outside the sampled states"),
                 ("outcome", "string", "what became of the newest reading"),
                 ("flags", "string[]", "set flags by name"),
                 ("flag_bits", "integer", "the same flags as bits"),

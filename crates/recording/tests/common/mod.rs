@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use softtwin_recording::{Channel, Ending, Item, Reader, Store, WriteError, Writer};
+use recording::{Channel, Ending, Item, Reader, Store, WriteError, Writer};
 
 pub fn channel(topic: &str) -> Channel {
     Channel {

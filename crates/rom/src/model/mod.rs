@@ -55,7 +55,7 @@ pub struct RegimeModel {
     /// Where it was trained.
     pub domain: crate::hull::Domain,
     /// Half-widths that cover the stated share of states.
-    pub bars: CoverageBars,
+    pub bars: HalfWidths,
     /// Contact beyond the last onset state that was trained on; none where there is no such gap.
     pub far_onset: Option<FarOnset>,
 }
@@ -117,7 +117,7 @@ pub struct GroupModel {
 
 /// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct CoverageBars {
+pub struct HalfWidths {
     /// Share promised (0.9).
     pub coverage: f64,
     /// Displacement (coordinates included) in mm.

@@ -1,6 +1,6 @@
 //! The named hard cases.
 
-use super::world::{State, database, force_n, snapshot, training_states};
+use super::synthetic::{State, database, force_n, snapshot, training_states};
 use super::{Ending, HardCase, Probe, Query};
 use crate::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use crate::snapshots::{Database, FieldKind, Split};

@@ -4,7 +4,7 @@
 
 mod cases;
 mod probe;
-pub mod world;
+pub mod synthetic;
 
 pub use cases::hard_cases;
 

@@ -3,7 +3,7 @@
 use super::{HardCase, Probe, Query};
 use crate::config::TrainConfig;
 use crate::evaluation::{Evaluation, Input};
-use crate::hull::Verdict;
+use crate::hull::DomainStatus;
 use crate::model::Model;
 use crate::predict::{Predictor, Selection};
 use crate::regime::{Onset, RegimeSwitch};
@@ -61,7 +61,7 @@ fn ask_queries(model: &Model, database: &Database, queries: &[Query], bound: f64
             error = larger(error, force_error / largest_force);
         }
         covered &= force_error <= evaluation.bars.force_n;
-        found.flagged &= error <= bound || covered || evaluation.domain != Verdict::Inside;
+        found.flagged &= error <= bound || covered || evaluation.domain != DomainStatus::Inside;
         found.error = larger(found.error, error);
     }
     found

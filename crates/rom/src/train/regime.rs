@@ -7,14 +7,14 @@ use crate::conformal;
 use crate::datasheet::CaseError;
 use crate::hull::Domain;
 use crate::interpolant::{InputAxis, InputMap, Quantity};
-use crate::model::{CoverageBars, FarOnset, ForceModel};
+use crate::model::{FarOnset, ForceModel, HalfWidths};
 use crate::regime::OnsetTable;
 use crate::select::{Candidate, States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
 use faer::Mat;
 
 /// Excess pressures below this share of the largest say more about the onset table than about the force.
-const LEAST_EXCESS: f64 = 0.01;
+const MIN_EXCESS: f64 = 0.01;
 
 /// A trained regime, before assembly.
 pub(super) struct Part {
@@ -23,7 +23,7 @@ pub(super) struct Part {
     pub groups: Vec<GroupFit>,
     pub force: Option<(ForceModel, Vec<Candidate>, f64)>,
     pub domain: Domain,
-    pub bars: CoverageBars,
+    pub bars: HalfWidths,
     pub cases: usize,
     pub boundary_states: usize,
     pub far_onset: Option<FarOnset>,
@@ -223,7 +223,7 @@ impl<'a> Training<'a> {
             }
             None => vec![1.0; forces.len()],
         };
-        let least = LEAST_EXCESS * excess.iter().copied().fold(0.0, f64::max);
+        let least = MIN_EXCESS * excess.iter().copied().fold(0.0, f64::max);
         let used: Vec<usize> = (0..forces.len()).filter(|&i| excess[i] > least).collect();
         let inputs: Vec<[f64; 2]> = used.iter().map(|&i| self.scaled[i]).collect();
         let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess[i]).collect();
@@ -257,7 +257,7 @@ impl<'a> Training<'a> {
         groups: &[GroupFit],
         force: Option<&[f64]>,
         coverage: f64,
-    ) -> (Vec<CaseError>, CoverageBars) {
+    ) -> (Vec<CaseError>, HalfWidths) {
         let (cases, nodes) = (self.cases.len(), self.database.node_count);
         let mut displacement = Mat::<f64>::zeros(nodes, cases);
         let mut stress = vec![0.0_f64; cases];
@@ -301,7 +301,7 @@ impl<'a> Training<'a> {
         groups: Vec<GroupFit>,
         force: Option<Force>,
         errors: Vec<CaseError>,
-        bars: CoverageBars,
+        bars: HalfWidths,
     ) -> Part {
         Part {
             kind,

@@ -4,12 +4,12 @@
 
 #![allow(dead_code)] // every test binary uses its own part
 
-use softtwin_rom::snapshots::{Case, Database, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
+use rom::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
 use std::path::{Path, PathBuf};
 
 /// Which scene of the shared database.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Scene {
+pub enum ObstacleKind {
     /// Free states and plate contact.
     Plate,
     /// The finger against a block.
@@ -17,7 +17,7 @@ pub enum Scene {
 }
 
 /// The shared database, or a printed notice that the test was skipped.
-pub fn shared_database(scene: Scene) -> Option<Database> {
+pub fn shared_database(scene: ObstacleKind) -> Option<Database> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
     if !root.join("database/snapshots.npy").exists() {
         println!("SKIPPED: ../shared/database is not here");
@@ -26,12 +26,12 @@ pub fn shared_database(scene: Scene) -> Option<Database> {
     Some(read(&root, scene))
 }
 
-fn read(root: &Path, scene: Scene) -> Database {
+fn read(root: &Path, scene: ObstacleKind) -> Database {
     let cases_csv = std::fs::read_to_string(root.join("database/cases.csv")).expect("cases.csv");
     let all: Vec<(usize, Case)> = cases_csv.lines().skip(1).map(case).enumerate().collect();
     let gripper = |line: &str| line.split(',').nth(1) == Some("gripper");
     let wanted: Vec<bool> =
-        cases_csv.lines().skip(1).map(|l| gripper(l) == (scene == Scene::Gripper)).collect();
+        cases_csv.lines().skip(1).map(|l| gripper(l) == (scene == ObstacleKind::Gripper)).collect();
     let bytes = npy(root.join("database/snapshots.npy"));
     let entries = bytes.len() / 4 / all.len();
     let mut snapshots = Vec::new();
@@ -51,7 +51,7 @@ fn read(root: &Path, scene: Scene) -> Database {
         undeformed_mm: Some(numbers.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect()),
         surface_triangles: Vec::new(),
         node_sets: vec![NodeSet { name: "first".into(), nodes: (0..500).collect() }],
-        obstacle: if scene == Scene::Gripper { Obstacle::BLOCK } else { Obstacle::PLATE },
+        obstacle: if scene == ObstacleKind::Gripper { Footprint::BLOCK } else { Footprint::PLATE },
         hash: [0; 32],
     };
     database.hash = database.content_hash();

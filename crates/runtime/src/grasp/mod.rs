@@ -9,7 +9,7 @@ use crate::query::Answerer;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use wire::layout::{FINGERS_MAX, flags, grasp_verdict, pack_name};
+use wire::layout::{FINGERS_MAX, flags, grasp_status, pack_name};
 use wire::{
     Bus, Grasp, GraspWriter, State, StateReader, Topic, WakeSet, Wakeable, WireError, boot_id, now_ns,
 };
@@ -67,7 +67,7 @@ pub fn judge(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         grasp.flags |= state.flags;
         grasp.t_sensor_ns = grasp.t_sensor_ns.min(state.t_sensor_ns);
         least_n = least_n.min(state.contact_force_n);
-        bar_n = bar_n.max(f64::from(state.force_bar_n)); // NaN (bars off) is passed over
+        bar_n = bar_n.max(f64::from(state.force_halfwidth_n)); // NaN (bars off) is passed over
     }
     if grasp.t_sensor_ns == u64::MAX {
         grasp.t_sensor_ns = 0;
@@ -76,14 +76,14 @@ pub fn judge(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         grasp.least_force_n = least_n;
         grasp.margin = least_n / needed_n - 1.0;
         grasp.needed_friction = spec.friction * needed_n / least_n;
-        grasp.force_bar_n = bar_n;
+        grasp.force_halfwidth_n = bar_n;
     }
     let unusable = flags::NO_DATA | flags::STALE | flags::HELD;
     grasp.verdict = match grasp.flags & unusable {
-        0 if least_n - bar_n >= needed_n => grasp_verdict::HELD,
-        0 if least_n >= needed_n => grasp_verdict::MARGINAL,
-        0 => grasp_verdict::NOT_HELD,
-        _ => grasp_verdict::UNKNOWN,
+        0 if least_n - bar_n >= needed_n => grasp_status::HELD,
+        0 if least_n >= needed_n => grasp_status::MARGINAL,
+        0 => grasp_status::NOT_HELD,
+        _ => grasp_status::UNKNOWN,
     };
     grasp
 }
@@ -138,13 +138,13 @@ impl GraspModel {
             .map(|(_, finger)| {
                 let gap_mm = finger.default_gap_mm().unwrap_or(gap_mm);
                 let evaluation = finger.solver().evaluate(pressure_mpa, gap_mm);
-                let outside = evaluation.domain == rom::hull::Verdict::Outside;
+                let outside = evaluation.domain == rom::hull::DomainStatus::Outside;
                 Some(State {
                     flags: if outside { flags::OUTSIDE_DOMAIN } else { 0 },
                     pressure_mpa,
                     gap_mm,
                     contact_force_n: evaluation.contact_force_n,
-                    force_bar_n: evaluation.bars.force_n as f32,
+                    force_halfwidth_n: evaluation.bars.force_n as f32,
                     ..State::default()
                 })
             })
@@ -308,7 +308,7 @@ mod tests {
         Some(State {
             flags: 0,
             contact_force_n: force_n,
-            force_bar_n: bar_n,
+            force_halfwidth_n: bar_n,
             t_sensor_ns: 5,
             ..State::default()
         })
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn the_papers_gripper_holds_its_object() {
         let grasp = judge(&paper(), &[state(0.58, 0.001), state(0.58, 0.001)]);
-        assert_eq!(grasp.verdict, grasp_verdict::HELD);
+        assert_eq!(grasp.verdict, grasp_status::HELD);
         assert!((grasp.needed_force_n - 0.017 * 9.81 / 0.4).abs() < 1e-12);
         assert!((grasp.margin - (0.58 / 0.416925 - 1.0)).abs() < 1e-9);
         // 17 g on 2 x 0.58 N need a friction coefficient of 0.144; the paper asks for 0.2.
@@ -328,17 +328,17 @@ mod tests {
     fn the_weakest_finger_counts_and_the_error_bar_decides_what_is_certain() {
         let needed_n = needed_force_n(&paper(), 2);
         let verdict = |a: f64, b: f64, bar| judge(&paper(), &[state(a, bar), state(b, bar)]).verdict;
-        assert_eq!(verdict(needed_n * 0.99, 10.0, 0.0), grasp_verdict::NOT_HELD);
-        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.1), grasp_verdict::MARGINAL);
-        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.001), grasp_verdict::HELD);
-        assert_eq!(verdict(needed_n * 1.01, 10.0, f32::NAN), grasp_verdict::HELD, "bars are off");
+        assert_eq!(verdict(needed_n * 0.99, 10.0, 0.0), grasp_status::NOT_HELD);
+        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.1), grasp_status::MARGINAL);
+        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.001), grasp_status::HELD);
+        assert_eq!(verdict(needed_n * 1.01, 10.0, f32::NAN), grasp_status::HELD, "bars are off");
     }
 
     #[test]
     fn a_finger_without_fresh_data_makes_the_grasp_unknown() {
-        assert_eq!(judge(&paper(), &[state(1.0, 0.0), None]).verdict, grasp_verdict::UNKNOWN);
+        assert_eq!(judge(&paper(), &[state(1.0, 0.0), None]).verdict, grasp_status::UNKNOWN);
         let stale = State { flags: flags::STALE, contact_force_n: 1.0, ..State::default() };
         let grasp = judge(&paper(), &[state(1.0, 0.0), Some(stale)]);
-        assert_eq!((grasp.verdict, grasp.flags), (grasp_verdict::UNKNOWN, flags::STALE));
+        assert_eq!((grasp.verdict, grasp.flags), (grasp_status::UNKNOWN, flags::STALE));
     }
 }

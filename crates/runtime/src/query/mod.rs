@@ -10,7 +10,7 @@ pub use solve::{NoSolution, Solution, Solver};
 use crate::config::{ActuatorSpec, ConfigError, Gap, Queries, Scene};
 use crate::twin::{Loaded, LoadedOutput, load, regime_number};
 use rom::evaluation::Evaluation;
-use rom::hull::Verdict as Domain;
+use rom::hull::DomainStatus;
 use rom::interpolant::Quantity;
 use rom::model::{ModelHeader, ModelReader};
 use rom::snapshots::RegimeKind;
@@ -19,7 +19,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use wire::layout::{COEFFICIENTS_MAX, FIELD_SLOTS, GROUPS_MAX, flags, pack_name, query_kind, unpack_name};
-use wire::{Answer, Bus, Query, QueryServer, Verdict, WakeSet, Wakeable, WireError};
+use wire::{Answer, Bus, Query, QueryServer, QueryStatus, WakeSet, Wakeable, WireError};
 
 /// Longest sleep: the shutdown flag is looked at that often.
 const MAX_WAIT: Duration = Duration::from_millis(100);
@@ -123,24 +123,27 @@ impl Answerer {
                 Ok((found.value, gap_mm, Some(found)))
             }
             (query_kind::GAP, _) if pressure_mpa.is_finite() && force_n.is_finite() => {
-                let bar_n = if query.force_bar_n.is_finite() { query.force_bar_n.abs() } else { 0.0 };
+                let bar_n =
+                    if query.force_halfwidth_n.is_finite() { query.force_halfwidth_n.abs() } else { 0.0 };
                 let found = self.solver.gap_for_force(pressure_mpa, force_n, bar_n)?;
                 Ok((pressure_mpa, found.value, Some(found)))
             }
-            (query_kind::WHATIF | query_kind::PRESSURE | query_kind::GAP, _) => refuse(Verdict::NotFinite),
-            _ => refuse(Verdict::UnknownKind),
+            (query_kind::WHATIF | query_kind::PRESSURE | query_kind::GAP, _) => {
+                refuse(QueryStatus::NotFinite)
+            }
+            _ => refuse(QueryStatus::UnknownKind),
         }
     }
 
     fn describe(&self, answer: &mut Answer) {
         if !self.solver.is_known() {
-            answer.verdict = Verdict::OutsideDomain.code();
+            answer.verdict = QueryStatus::OutsideDomain.code();
             answer.limit = self.solver.gap_mm[1];
             return;
         }
         let e: &Evaluation = self.solver.evaluation();
         if !e.contact_force_n.is_finite() || e.coefficients.iter().any(|a| !a.is_finite()) {
-            answer.verdict = Verdict::Model.code();
+            answer.verdict = QueryStatus::Model.code();
             return;
         }
         answer.pressure_mpa = e.input.pressure_mpa;
@@ -150,16 +153,16 @@ impl Answerer {
         answer.force_by_pressure_n_per_mpa = e.dforce_dpressure;
         answer.force_by_gap_n_per_mm = e.dforce_dgap;
         answer.onset_pressure_mpa = e.onset_pressure_mpa.unwrap_or(f64::INFINITY);
-        answer.force_bar_n = e.bars.force_n as f32;
-        answer.displacement_bar_mm = e.bars.displacement_mm as f32;
-        answer.von_mises_bar_mpa = e.bars.stress_mpa as f32;
+        answer.force_halfwidth_n = e.bars.force_n as f32;
+        answer.displacement_halfwidth_mm = e.bars.displacement_mm as f32;
+        answer.von_mises_halfwidth_mpa = e.bars.stress_mpa as f32;
         answer.domain_distance = e.domain_distance as f32;
         let (verdict, domain_flags) = match e.domain {
-            Domain::Inside => (0, 0),
-            Domain::Near => (1, flags::NEAR_EDGE),
-            Domain::Outside => (2, flags::OUTSIDE_DOMAIN),
+            DomainStatus::Inside => (0, 0),
+            DomainStatus::Near => (1, flags::NEAR_EDGE),
+            DomainStatus::Outside => (2, flags::OUTSIDE_DOMAIN),
         };
-        answer.domain_verdict = verdict;
+        answer.domain_status = verdict;
         let clamped = if e.flags.force_clamped { flags::FORCE_CLAMPED } else { 0 };
         let cut = if e.coefficients.len() > COEFFICIENTS_MAX { flags::COEFFICIENTS_CUT } else { 0 };
         answer.flags = domain_flags | clamped | cut;
@@ -172,15 +175,15 @@ impl Answerer {
     }
 
     fn reconstruct(&self, query: &Query, answer: &mut Answer, values: &mut [f32]) {
-        if query.want_field == 0 || answer.verdict != Verdict::Answered.code() {
+        if query.want_field == 0 || answer.verdict != QueryStatus::Answered.code() {
             return;
         }
         let Some(output) = self.output(query) else {
-            answer.verdict = Verdict::NoSuchField.code();
+            answer.verdict = QueryStatus::NoSuchField.code();
             return;
         };
         let Ok(peaks) = output.predictor.reconstruct_into(self.solver.evaluation(), values) else {
-            answer.verdict = Verdict::Model.code();
+            answer.verdict = QueryStatus::Model.code();
             return;
         };
         answer.node_count = output.predictor.rows() as u32;
@@ -317,7 +320,7 @@ fn answer_all(server: &QueryServer, answerer: &mut Answerer) -> Result<(), WireE
             let plain = Query { want_field: 0, ..query };
             server.answer(&question, 0, |values, answer| {
                 *answer = answerer.answer(&plain, values);
-                (answer.verdict, answer.limit) = (Verdict::NoMemory.code(), needed_bytes as f64);
+                (answer.verdict, answer.limit) = (QueryStatus::NoMemory.code(), needed_bytes as f64);
             })?;
         } else {
             sent?;

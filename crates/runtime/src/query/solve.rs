@@ -5,11 +5,11 @@
 //! bisection and secant steps. Error bars follow to first order: `dP = dF / (dF/dP)`, `dgap = dF / |dF/dgap|`.
 
 use rom::evaluation::{Evaluation, Input};
-use rom::hull::Verdict as Domain;
+use rom::hull::DomainStatus;
 use rom::predict::Predictor;
 use rom::regime::RegimeSwitch;
 use rom::snapshots::RegimeKind;
-use wire::Verdict;
+use wire::QueryStatus;
 
 /// Points of the scan; the force is smooth, so a crossing pair between two of them would be a wiggle of the model.
 const GRID: usize = 24;
@@ -22,8 +22,8 @@ const TOLERANCE_N: f64 = 1e-9;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoSolution {
     /// The reason.
-    pub verdict: Verdict,
-    /// See [`wire::Verdict`].
+    pub verdict: QueryStatus,
+    /// See [`wire::QueryStatus`].
     pub limit: f64,
 }
 
@@ -98,19 +98,22 @@ impl Solver {
     pub fn pressure_for_force(&mut self, gap_mm: f64, force_n: f64) -> Result<Solution, NoSolution> {
         let reach_mm = self.evaluator_reach_mm();
         if gap_mm > reach_mm {
-            return Err(NoSolution { verdict: Verdict::OutOfReach, limit: reach_mm });
+            return Err(NoSolution { verdict: QueryStatus::OutOfReach, limit: reach_mm });
         }
         let [lowest, highest] = self.pressure_mpa;
         let onset = self.evaluate(highest, gap_mm).onset_pressure_mpa.unwrap_or(lowest).max(lowest);
         let points = self.scan(onset, highest, |solver, p| solver.force_inside(p, gap_mm));
         let (Some(first), Some(top)) = (points.first(), max(&points)) else {
-            return Err(NoSolution { verdict: Verdict::OutsideDomain, limit: self.nearest_gap_mm(gap_mm) });
+            return Err(NoSolution {
+                verdict: QueryStatus::OutsideDomain,
+                limit: self.nearest_gap_mm(gap_mm),
+            });
         };
         if force_n < first.force_n || force_n <= 0.0 {
-            return Err(NoSolution { verdict: Verdict::ForceTooLow, limit: first.force_n });
+            return Err(NoSolution { verdict: QueryStatus::ForceTooLow, limit: first.force_n });
         }
         if force_n > top.force_n {
-            return Err(NoSolution { verdict: Verdict::ForceTooHigh, limit: top.force_n });
+            return Err(NoSolution { verdict: QueryStatus::ForceTooHigh, limit: top.force_n });
         }
         let value =
             self.close_in(&points, force_n, |solver, p| solver.force_inside(p, gap_mm)).unwrap_or(first.at);
@@ -119,7 +122,7 @@ impl Solver {
         Ok(bounded(value, uncertainty, &points))
     }
 
-    /// The sampled gap at which the force at this pressure is `force_n`, known to `force_bar_n` (0: exact): the model's own
+    /// The sampled gap at which the force at this pressure is `force_n`, known to `force_halfwidth_n` (0: exact): the model's own
     /// error bar and the measurement's are added in squares. About 40 evaluations.
     ///
     /// # Errors
@@ -129,33 +132,36 @@ impl Solver {
         &mut self,
         pressure_mpa: f64,
         force_n: f64,
-        force_bar_n: f64,
+        force_halfwidth_n: f64,
     ) -> Result<Solution, NoSolution> {
         let [nearest, farthest] = self.gap_mm;
         if nearest == farthest {
-            return Err(NoSolution { verdict: Verdict::GapIsFixed, limit: nearest });
+            return Err(NoSolution { verdict: QueryStatus::GapIsFixed, limit: nearest });
         }
         let mut points = self.scan(nearest, farthest, |solver, gap| solver.force_inside(pressure_mpa, gap));
         // From the far end: the force begins at 0 there and grows towards the plate.
         points.reverse();
         let (Some(far), Some(top)) = (points.first(), max(&points)) else {
             let [low, high] = self.pressure_mpa;
-            return Err(NoSolution { verdict: Verdict::OutsideDomain, limit: pressure_mpa.clamp(low, high) });
+            return Err(NoSolution {
+                verdict: QueryStatus::OutsideDomain,
+                limit: pressure_mpa.clamp(low, high),
+            });
         };
         if force_n <= 0.0 {
             let limit = self.touching_mm(pressure_mpa);
-            return Err(NoSolution { verdict: Verdict::NoContact, limit });
+            return Err(NoSolution { verdict: QueryStatus::NoContact, limit });
         }
         if force_n < far.force_n {
-            return Err(NoSolution { verdict: Verdict::ForceTooLow, limit: far.force_n });
+            return Err(NoSolution { verdict: QueryStatus::ForceTooLow, limit: far.force_n });
         }
         if force_n > top.force_n {
-            return Err(NoSolution { verdict: Verdict::ForceTooHigh, limit: top.force_n });
+            return Err(NoSolution { verdict: QueryStatus::ForceTooHigh, limit: top.force_n });
         }
         let force = |solver: &mut Self, gap| solver.force_inside(pressure_mpa, gap);
         let value = self.close_in(&points, force_n, force).unwrap_or(far.at);
         let found = self.evaluate(pressure_mpa, value);
-        let bar_n = found.bars.force_n.hypot(force_bar_n);
+        let bar_n = found.bars.force_n.hypot(force_halfwidth_n);
         let uncertainty = bar_n / found.dforce_dgap.abs();
         Ok(bounded(value, uncertainty, &points))
     }
@@ -196,7 +202,7 @@ impl Solver {
     fn force_inside(&mut self, pressure_mpa: f64, gap_mm: f64) -> Option<f64> {
         self.evaluate(pressure_mpa, gap_mm);
         let force_n = self.evaluation.contact_force_n;
-        let inside = self.is_known() && self.evaluation.domain == Domain::Inside && force_n.is_finite();
+        let inside = self.is_known() && self.evaluation.domain == DomainStatus::Inside && force_n.is_finite();
         inside.then_some(force_n)
     }
 

@@ -8,7 +8,7 @@ use super::ring::{Event, EventKind, Ring};
 use super::watch::ForceWatch;
 use crate::config::{Limits, OutsideDomain, StateSpec, ms_to_ns};
 use rom::evaluation::{Evaluation, Input};
-use rom::hull::Verdict as DomainVerdict;
+use rom::hull::DomainStatus;
 use rom::predict::Predictor;
 use rom::regime::RegimeSwitch;
 use rom::snapshots::RegimeKind;
@@ -216,7 +216,7 @@ impl ActuatorTwin {
             self.end(Outcome::DroppedModel);
             return;
         }
-        if self.evaluation.domain == DomainVerdict::Outside && self.left_out(taken_ns) {
+        if self.evaluation.domain == DomainStatus::Outside && self.left_out(taken_ns) {
             return;
         }
         let (before, flags_before) = (self.state.regime, self.health.flags);
@@ -280,15 +280,15 @@ impl ActuatorTwin {
         state.force_by_gap_n_per_mm = gradient(e.dforce_dgap);
         state.onset_pressure_mpa = e.onset_pressure_mpa.unwrap_or(f64::INFINITY);
         state.measured_force_n = sample.measured_force_n;
-        state.force_bar_n = bar(e.bars.force_n);
-        state.displacement_bar_mm = bar(e.bars.displacement_mm);
-        state.von_mises_bar_mpa = bar(e.bars.stress_mpa);
+        state.force_halfwidth_n = bar(e.bars.force_n);
+        state.displacement_halfwidth_mm = bar(e.bars.displacement_mm);
+        state.von_mises_halfwidth_mpa = bar(e.bars.stress_mpa);
         state.domain_distance = e.domain_distance as f32;
         state.regime = regime_number(e.regime);
-        state.domain_verdict = match e.domain {
-            DomainVerdict::Inside => 0,
-            DomainVerdict::Near => 1,
-            DomainVerdict::Outside => 2,
+        state.domain_status = match e.domain {
+            DomainStatus::Inside => 0,
+            DomainStatus::Near => 1,
+            DomainStatus::Outside => 2,
         };
         state.coefficient_count = e.coefficients.len().min(COEFFICIENTS_MAX) as u32;
         state.coefficients = [0.0; COEFFICIENTS_MAX];
@@ -302,8 +302,8 @@ impl ActuatorTwin {
         let residual_n = sample.measured_force_n - e.contact_force_n;
         let mismatch = self.force_watch.update(sample.t_sensor_ns, residual_n, e.bars.force_n, after_ns);
         for (bit, set) in [
-            (flags::NEAR_EDGE, e.domain == DomainVerdict::Near),
-            (flags::OUTSIDE_DOMAIN, e.domain == DomainVerdict::Outside),
+            (flags::NEAR_EDGE, e.domain == DomainStatus::Near),
+            (flags::OUTSIDE_DOMAIN, e.domain == DomainStatus::Outside),
             (flags::FORCE_MEASURED, measured),
             (flags::FORCE_MISMATCH, mismatch),
             (flags::LATE, age_ns > ms_to_ns(self.limits.late_ms)),

@@ -3,7 +3,7 @@
 mod checks;
 
 use crate::live::DomainArgs;
-use crate::say;
+use crate::output;
 use anyhow::{Result, bail};
 use checks::Subject;
 use serde::Serialize;
@@ -88,10 +88,10 @@ impl Args {
         let subject = Subject { scene: self.scene.as_deref(), config: self.config.as_deref() };
         let findings = subject.examine(self.domain.join());
         if self.json {
-            say::json(&findings)?;
+            output::json(&findings)?;
         } else {
             for finding in &findings {
-                say!("{}", line(finding))?;
+                output!("{}", line(finding))?;
             }
         }
         match findings.iter().filter(|finding| finding.verdict == Verdict::Bad).count() {

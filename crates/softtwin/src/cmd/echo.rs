@@ -2,7 +2,7 @@
 
 use crate::failure::usage;
 use crate::live::{self, DomainArgs, Readers, Sample};
-use crate::say;
+use crate::output;
 use serde_json::json;
 use std::io::IsTerminal;
 use std::time::Duration;
@@ -90,13 +90,13 @@ impl Args {
             return self.show_values(topic, values, field);
         }
         if self.json {
-            return say::json(&json!({ "topic": topic, "sample": sample.json()? }));
+            return output::json(&json!({ "topic": topic, "sample": sample.json()? }));
         }
         let line = format!("{topic}  {}", sample.line());
         if std::io::stdout().is_terminal() {
-            say!("{}", fold(&line, COLUMNS))?
+            output!("{}", fold(&line, COLUMNS))?
         } else {
-            say!("{line}")?
+            output!("{line}")?
         }
         Ok(())
     }
@@ -119,12 +119,12 @@ impl Args {
             let chosen = self.node.map_or(values, |node| &values[node..=node]);
             if !self.json {
                 let text: Vec<String> = chosen.iter().map(f32::to_string).collect();
-                say!("{topic}  #{}  {name} {}", header.seq, text.join(" "))?;
+                output!("{topic}  #{}  {name} {}", header.seq, text.join(" "))?;
             }
             out.insert(name.to_owned(), json!(chosen));
         }
         if self.json {
-            say::json(&json!({ "topic": topic, "seq": header.seq, "node": self.node, "values": out }))?;
+            output::json(&json!({ "topic": topic, "seq": header.seq, "node": self.node, "values": out }))?;
         }
         Ok(())
     }

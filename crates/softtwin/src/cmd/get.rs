@@ -2,7 +2,7 @@
 
 use crate::failure::usage;
 use crate::live::DomainArgs;
-use crate::say;
+use crate::output;
 use anyhow::Context;
 use formats::npy;
 use recording::message::AnswerMessage;
@@ -23,7 +23,7 @@ Examples:
   The inverse: which pressure gives 0.3 N at a gap of 30 mm
     softtwin get 'softtwin/finger/pressure?force_n=0.3;gap_mm=30'
   The gap that explains 0.3 N (known to 5 mN) at 0.05 MPa, with its uncertainty
-    softtwin get 'softtwin/finger/gap?pressure_mpa=0.05;force_n=0.3;force_bar_n=0.005'
+    softtwin get 'softtwin/finger/gap?pressure_mpa=0.05;force_n=0.3;force_halfwidth_n=0.005'
   Every twin of the domain
     softtwin get 'softtwin/*/whatif?pressure_mpa=0.05;gap_mm=30' --json
 
@@ -34,7 +34,7 @@ reach, say) the reason is printed and the exit code is 1.";
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Selector: softtwin/<actuator>/whatif|pressure|gap?name=value;... with pressure_mpa, gap_mm, force_n, force_bar_n, field.
+    /// Selector: softtwin/<actuator>/whatif|pressure|gap?name=value;... with pressure_mpa, gap_mm, force_n, force_halfwidth_n, field.
     #[arg(value_name = "SELECTOR")]
     selector: String,
     /// File for the field (.npy), with `field=...` in the selector.
@@ -85,7 +85,7 @@ impl Args {
             npy::write_f32(out, &shape, sample.values()).context("the field was not written")?;
         }
         if !self.json {
-            return Ok(say!("{}", line(answer))?);
+            return Ok(output!("{}", line(answer))?);
         }
         let fields: Vec<&str> = answer.fields().map(field_id::as_str).collect();
         let mut value = serde_json::to_value(AnswerMessage::from(answer))?;
@@ -98,7 +98,7 @@ impl Args {
                 "max_von_mises_node": answer.max_von_mises_node,
             });
         }
-        say::json(&value)
+        output::json(&value)
     }
 }
 
@@ -140,7 +140,7 @@ fn line(answer: &Answer) -> String {
         answer.pressure_mpa,
         regime::as_str(answer.regime),
         answer.contact_force_n,
-        answer.force_bar_n,
+        answer.force_halfwidth_n,
         answer.force_by_pressure_n_per_mpa,
         answer.force_by_gap_n_per_mm,
         answer.onset_pressure_mpa,

@@ -1,12 +1,12 @@
 //! `softtwin grasp`.
 
 use crate::failure::{configuration, usage};
-use crate::say;
+use crate::output;
 use recording::message::GraspMessage;
 use runtime::config::Scene;
 use runtime::grasp::GraspModel;
 use std::path::PathBuf;
-use wire::layout::grasp_verdict;
+use wire::layout::grasp_status;
 
 /// What the paper reports of its gripper: force per finger in N, at a pressure in MPa, object in g, smallest friction.
 const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
@@ -74,18 +74,18 @@ impl Args {
         };
         let grasp = model.at(self.pressure_mpa, self.gap_mm.unwrap_or(f64::NAN));
         if self.json {
-            return say::json(&GraspMessage::from(&grasp));
+            return output::json(&GraspMessage::from(&grasp));
         }
-        say!(
+        output!(
             "scene {}: {} at {:.4} MPa",
             scene.name,
-            grasp_verdict::as_str(grasp.verdict),
+            grasp_status::as_str(grasp.verdict),
             self.pressure_mpa
         )?;
         for (number, (force, _)) in grasp.fingers().enumerate() {
-            say!("  finger {}: {force:.4} +- {:.4} N", number + 1, grasp.force_bar_n)?;
+            output!("  finger {}: {force:.4} +- {:.4} N", number + 1, grasp.force_halfwidth_n)?;
         }
-        say!(
+        output!(
             "  needed: {:.4} N each, for {:.1} g at friction {:.3} and safety {:.2}; margin {:+.1} %",
             grasp.needed_force_n,
             grasp.mass_kg * 1e3,
@@ -93,17 +93,20 @@ impl Args {
             grasp.safety,
             grasp.margin * 100.0
         )?;
-        say!("  these forces hold it from a friction coefficient of {:.3} on", grasp.needed_friction)?;
+        output!("  these forces hold it from a friction coefficient of {:.3} on", grasp.needed_friction)?;
         match grasp.stop_pressure_mpa {
-            stop if stop.is_nan() => say!("  stop point: none, no sampled pressure holds it")?,
-            stop => say!("  stop point: {stop:.5} +- {:.5} MPa", grasp.stop_pressure_bar_mpa)?,
+            stop if stop.is_nan() => output!("  stop point: none, no sampled pressure holds it")?,
+            stop => output!("  stop point: {stop:.5} +- {:.5} MPa", grasp.stop_pressure_bar_mpa)?,
         }
         if self.paper {
             let (force_n, pressure_mpa, mass_g, friction) = PAPER;
-            say!(
+            output!(
                 "  the paper: {force_n} N per finger at {pressure_mpa} MPa, {mass_g} g, friction above {friction}"
             )?;
-            say!("  ours beside it: {:+.1} % of its force", (grasp.least_force_n / force_n - 1.0) * 100.0)?;
+            output!(
+                "  ours beside it: {:+.1} % of its force",
+                (grasp.least_force_n / force_n - 1.0) * 100.0
+            )?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! `softtwin hz`.
 
 use crate::live::{self, DomainArgs, Readers, SeqTracker};
-use crate::say;
+use crate::output;
 use runtime::twin::Histogram;
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -85,11 +85,13 @@ impl Args {
         let (p50, p99, max) = (us(0.5), us(0.99), meter.latency.max() as f64 / 1000.0);
         if self.json {
             let latency = json!({ "p50": p50, "p99": p99, "max": max });
-            say::json(&json!({ "topic": topic, "rate_hz": rate_hz, "lost": lost, "latency_us": latency }))?;
+            output::json(
+                &json!({ "topic": topic, "rate_hz": rate_hz, "lost": lost, "latency_us": latency }),
+            )?;
         } else if meter.latency.total() == 0 {
-            say!("{topic}  {rate_hz:8.1} Hz  {lost} lost")?;
+            output!("{topic}  {rate_hz:8.1} Hz  {lost} lost")?;
         } else {
-            say!(
+            output!(
                 "{topic}  {rate_hz:8.1} Hz  {lost} lost  latency p50 {p50:.1} p99 {p99:.1} max {max:.1} us"
             )?;
         }

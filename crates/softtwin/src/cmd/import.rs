@@ -1,8 +1,8 @@
 //! `softtwin import`: meshes of other programs as VTU.
 
-use crate::artefact::refusal;
 use crate::failure::usage;
-use crate::say;
+use crate::files::refusal;
+use crate::output;
 use anyhow::Result;
 use formats::import::abaqus;
 use formats::mesh_file;
@@ -62,10 +62,10 @@ impl Args {
         let counts: Vec<(String, usize)> = blocks.iter().map(|block| (name(block), count(block))).collect();
         if self.json {
             let cells: serde_json::Map<_, _> = counts.into_iter().map(|(name, n)| (name, json!(n))).collect();
-            return say::json(&json!({ "out": self.out, "nodes": points.len(), "cells": cells }));
+            return output::json(&json!({ "out": self.out, "nodes": points.len(), "cells": cells }));
         }
         let cells: Vec<String> = counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
-        say!("{}: {} nodes, {}", self.out.display(), points.len(), cells.join(", "))?;
+        output!("{}: {} nodes, {}", self.out.display(), points.len(), cells.join(", "))?;
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! `softtwin info`.
 
 use crate::live::{self, AnyReader, DomainArgs};
-use crate::say;
+use crate::output;
 use serde_json::{Value, json};
 use std::time::Duration;
 use wire::{Bus, TopicInfo, WakeSet, qos};
@@ -36,7 +36,7 @@ impl Args {
             let newest = newest(&bus, &info)?;
             if self.json {
                 let last = newest.as_ref().map(live::Sample::json).transpose()?.unwrap_or(Value::Null);
-                say::json(&describe(&info, last))?;
+                output::json(&describe(&info, last))?;
             } else {
                 print(&info, newest.as_ref())?;
             }
@@ -86,21 +86,21 @@ fn print(info: &TopicInfo, newest: Option<&live::Sample>) -> anyhow::Result<()> 
         [] => "none".to_owned(),
         ids => ids.iter().map(|id| format!("pid {id}")).collect::<Vec<_>>().join(", "),
     };
-    say!("{}", info.topic.name())?;
-    say!("  payload   {} ({} bytes an element)", info.payload_type, info.payload_bytes)?;
+    output!("{}", info.topic.name())?;
+    output!("  payload   {} ({} bytes an element)", info.payload_type, info.payload_bytes)?;
     if info.header_type.starts_with("softtwin.") {
-        say!("  header    {}", info.header_type)?;
+        output!("  header    {}", info.header_type)?;
     }
-    say!("  writer    {}", list(&info.writers))?;
-    say!("  readers   {} (at most {})", list(&info.readers), qos.max_readers)?;
-    say!(
+    output!("  writer    {}", list(&info.writers))?;
+    output!("  readers   {} (at most {})", list(&info.readers), qos.max_readers)?;
+    output!(
         "  queue     newest {} wait for a reader, {} kept for late readers, {} reserved",
         qos.buffer,
         qos.history,
         qos.samples_in_use()
     )?;
     if let Some(sample) = newest {
-        say!("  last      {}", sample.line())?;
+        output!("  last      {}", sample.line())?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `softtwin inspect`.
 
-use crate::{artefact, say};
+use crate::{files, output};
 use rom::datasheet::{DataSheet, FitSheet};
 use rom::hull::Domain;
 use rom::interpolant::Quantity;
@@ -32,8 +32,8 @@ pub struct Args {
 impl Args {
     /// Prints the model's header.
     pub fn run(self) -> anyhow::Result<()> {
-        let model = artefact::model(&self.model)?;
-        if self.json { say::json(&as_json(&model)) } else { text(&model) }
+        let model = files::model(&self.model)?;
+        if self.json { output::json(&as_json(&model)) } else { text(&model) }
     }
 }
 
@@ -73,30 +73,30 @@ fn text(model: &Model) -> anyhow::Result<()> {
     let header = &model.header;
     let fields: Vec<String> =
         header.fields.iter().map(|f| format!("{} [{}]", f.spec.name, f.spec.unit)).collect();
-    say!("actuator    {}", header.actuator)?;
-    say!("fields      {} on {} nodes", fields.join(", "), header.node_count)?;
+    output!("actuator    {}", header.actuator)?;
+    output!("fields      {} on {} nodes", fields.join(", "), header.node_count)?;
     let sets: Vec<String> =
         header.node_sets.iter().map(|s| format!("{} ({})", s.name, s.nodes.len())).collect();
-    say!("node sets   {}", if sets.is_empty() { "none".into() } else { sets.join(", ") })?;
-    say!("database    blake3 {}", hex(&header.database_hash))?;
-    say!("size        {:.1} MB", bytes(model) as f64 / 1e6)?;
+    output!("node sets   {}", if sets.is_empty() { "none".into() } else { sets.join(", ") })?;
+    output!("database    blake3 {}", hex(&header.database_hash))?;
+    output!("size        {:.1} MB", bytes(model) as f64 / 1e6)?;
     if let Some(onset) = &header.onset {
         let (sag, reach) = (onset.sag_mm(), onset.reach_mm());
-        say!("onset       by its own weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
+        output!("onset       by its own weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
     }
     for regime in &header.regimes {
-        say!("\nregime {}", regime.kind.name())?;
+        output!("\nregime {}", regime.kind.name())?;
         for axis in &regime.inputs.axes {
-            say!("  {:<12} {} .. {}", quantity(axis.quantity), axis.min, axis.max)?;
+            output!("  {:<12} {} .. {}", quantity(axis.quantity), axis.min, axis.max)?;
         }
         let domain = match &regime.domain {
             Domain::Interval(_) => "the interval of its samples".into(),
             Domain::Hull(vertices) => format!("the convex hull of its samples, {} vertices", vertices.len()),
         };
-        say!("  domain       {domain}")?;
+        output!("  domain       {domain}")?;
         for group in &regime.groups {
             let (modes, kernel) = (group.coefficients.len(), &group.surrogate);
-            say!(
+            output!(
                 "  {:<12} {modes:>2} modes, {} centres, {:?}, tail {:?}",
                 group.name,
                 kernel.centres.len(),
@@ -106,10 +106,16 @@ fn text(model: &Model) -> anyhow::Result<()> {
         }
         if let Some(force) = &regime.force {
             let fit = &force.surrogate;
-            say!("  {:<12} {} centres, {:?}, tail {:?}", "force", fit.centres.len(), fit.kernel, fit.tail)?;
+            output!(
+                "  {:<12} {} centres, {:?}, tail {:?}",
+                "force",
+                fit.centres.len(),
+                fit.kernel,
+                fit.tail
+            )?;
         }
         let bars = regime.bars;
-        say!(
+        output!(
             "  {:.0} % bars    displacement {:.2e} mm, stress {:.2e} MPa, force {:.2e} N",
             bars.coverage * 100.0,
             bars.displacement_mm,
@@ -123,13 +129,13 @@ fn text(model: &Model) -> anyhow::Result<()> {
 /// The choices of a data sheet as a table.
 pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
     for regime in &sheet.regimes {
-        say!(
+        output!(
             "\nregime {}: {} cases + {} on the onset",
             regime.kind.name(),
             regime.cases,
             regime.boundary_states
         )?;
-        say!(
+        output!(
             "  {:<14}{:>5}  {:<32}{:>10}{:>15}{:>14}",
             "group",
             "modes",
@@ -139,10 +145,10 @@ pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
             "truncation"
         )?;
         for fit in regime.groups.iter().chain(&regime.force) {
-            say!("  {}", fit_line(fit))?;
+            output!("  {}", fit_line(fit))?;
         }
         let bars = regime.bars;
-        say!(
+        output!(
             "  {:.0} % of untouched states err by less than {:.2e} mm, {:.2e} MPa, {:.2e} N at their worst node",
             bars.coverage * 100.0,
             bars.displacement_mm,
@@ -151,7 +157,7 @@ pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
         )?;
     }
     for remark in &sheet.remarks {
-        say!("note: {remark}")?;
+        output!("note: {remark}")?;
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! `softtwin list`.
 
 use crate::live::{self, DomainArgs};
-use crate::say;
+use crate::output;
 use serde_json::json;
 use wire::TopicInfo;
 
@@ -34,13 +34,13 @@ impl Args {
         let topics = live::find(&self.domain.join()?, &key)?;
         if self.json {
             let rows: Vec<_> = topics.iter().map(row_json).collect();
-            return say::json(&rows);
+            return output::json(&rows);
         }
         let width = topics.iter().map(|info| info.topic.name().len()).max().unwrap_or(0).max(5);
-        say!("{:width$}  {:24}  {:>8}  {:>7}", "TOPIC", "TYPE", "WRITER", "READERS")?;
+        output!("{:width$}  {:24}  {:>8}  {:>7}", "TOPIC", "TYPE", "WRITER", "READERS")?;
         for info in &topics {
             let writer = info.writers.first().map_or("none".to_owned(), |pid| format!("pid {pid}"));
-            say!(
+            output!(
                 "{:width$}  {:24}  {writer:>8}  {:>7}",
                 info.topic.name(),
                 type_of(info),

@@ -1,8 +1,8 @@
 //! `softtwin mesh`: a mesh of an actuator without a mesher.
 
-use crate::artefact::refusal;
 use crate::failure::usage;
-use crate::say;
+use crate::files::refusal;
+use crate::output;
 use anyhow::Context;
 use fem::actuator::Actuator;
 use fem::mesh::{check, grid, load};
@@ -62,11 +62,11 @@ impl Args {
             .context("the mesh was not written")?;
         let (nodes, tets) = (mesh.nodes_mm.len(), mesh.tets.len());
         if self.json {
-            return say::json(&json!({"mesh": out, "nodes": nodes, "tetrahedra": tets}));
+            return output::json(&json!({"mesh": out, "nodes": nodes, "tetrahedra": tets}));
         }
-        say!("{}: {nodes} nodes, {tets} tetrahedra", out.display())?;
+        output!("{}: {nodes} nodes, {tets} tetrahedra", out.display())?;
         if actuator.mesh.nodes != 0 && actuator.mesh.nodes != nodes {
-            say!("{} wants {} nodes: set mesh.nodes = 0", self.actuator.display(), actuator.mesh.nodes)?;
+            output!("{} wants {} nodes: set mesh.nodes = 0", self.actuator.display(), actuator.mesh.nodes)?;
         }
         Ok(())
     }

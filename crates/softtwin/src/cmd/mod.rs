@@ -1,9 +1,9 @@
 //! The sub-commands, one file each. To add one: a `mod` line and a line in `commands!`.
 //!
 //! A command's file has a `pub struct Args` (clap derive: names, units, examples) and `impl Args { pub fn run(self) ->
-//! anyhow::Result<()> }`. What the user got wrong is marked with [`crate::failure`]; results are printed with `say!`.
+//! anyhow::Result<()> }`. What the user got wrong is marked with [`crate::failure`]; results are printed with `output!`.
 
-use formats::database::Scene;
+use formats::database::ObstacleKind;
 
 mod bench;
 mod demo;
@@ -36,7 +36,7 @@ mod train;
 mod validate;
 mod view;
 
-/// Scene as the command line names it.
+/// ObstacleKind as the command line names it.
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum SceneArg {
     /// The actuator over a plate.
@@ -46,7 +46,7 @@ enum SceneArg {
     Gripper,
 }
 
-impl From<SceneArg> for Scene {
+impl From<SceneArg> for ObstacleKind {
     fn from(arg: SceneArg) -> Self {
         match arg {
             SceneArg::Plate => Self::Plate,
@@ -89,7 +89,7 @@ commands! {
     Hz => hz,
     Get => get,
     Grasp => grasp,
-    Scene => scene,
+    ObstacleKind => scene,
     Mesh => mesh,
     Sample => sample,
     Simulate => simulate,

@@ -1,8 +1,8 @@
 //! `softtwin pack`: a database small enough for a repository, with a stated bound on every value's error; and back.
 
-use crate::artefact::refusal;
 use crate::failure::usage;
-use crate::say;
+use crate::files::refusal;
+use crate::output;
 use anyhow::Context;
 use formats::database::{Kind, Manifest, PACKED};
 use formats::npy;
@@ -79,15 +79,15 @@ impl Args {
         if self.json {
             let names = manifest.field.iter().map(|f| f.name.clone());
             let errors: serde_json::Map<_, _> = names.zip(errors.iter().map(|e| json!(e))).collect();
-            return say::json(&json!({"bytes_before": before, "bytes": after, "largest_error": errors}));
+            return output::json(&json!({"bytes_before": before, "bytes": after, "largest_error": errors}));
         }
-        say!(
+        output!(
             "{}: {after} bytes, {:.1} % of {before}",
             self.out.display(),
             100.0 * after as f64 / before as f64
         )?;
         for (field, error) in manifest.field.iter().zip(errors) {
-            say!("largest error of {}: {error:.2e} {}", field.name, field.unit)?;
+            output!("largest error of {}: {error:.2e} {}", field.name, field.unit)?;
         }
         Ok(())
     }
@@ -124,9 +124,11 @@ impl Args {
         self.copy_rest(manifest, PLAIN)?;
         let [cases, nodes, fields] = snapshots.shape;
         if self.json {
-            return say::json(&json!({"cases": cases, "nodes": nodes, "fields": fields, "snapshots": path}));
+            return output::json(
+                &json!({"cases": cases, "nodes": nodes, "fields": fields, "snapshots": path}),
+            );
         }
-        say!("{}: {cases} cases x {nodes} nodes x {fields} fields", path.display())?;
+        output!("{}: {cases} cases x {nodes} nodes x {fields} fields", path.display())?;
         Ok(())
     }
 

@@ -2,11 +2,11 @@
 
 mod recording;
 
-use crate::artefact;
 use crate::failure::usage;
+use crate::files;
+use crate::output;
 use crate::picture::{Axis, Figure, Map, Mark, Panel, Series};
-use crate::say;
-use formats::database::Scene;
+use formats::database::ObstacleKind;
 use rom::evaluation::Input;
 use rom::interpolant::Quantity;
 use rom::model::Model;
@@ -73,23 +73,26 @@ impl Args {
             _ => self.of_model()?,
         };
         figure.save(&self.out)?;
-        say!("{}", self.out.display())?;
+        output!("{}", self.out.display())?;
         Ok(())
     }
 
     fn recording(&self) -> anyhow::Result<Figure> {
         let path = self.recording.as_ref().ok_or_else(|| usage("which recording? --recording FILE.mcap"))?;
-        let model = self.model.as_ref().map(|path| artefact::model(path)).transpose()?;
+        let model = self.model.as_ref().map(|path| files::model(path)).transpose()?;
         recording::figure(path, model.as_ref())
     }
 
     fn of_model(&self) -> anyhow::Result<Figure> {
         let path = self.model.as_ref().ok_or_else(|| usage("which model? --model FILE.twin"))?;
-        let model = artefact::model(path)?;
+        let model = files::model(path)?;
         Ok(match self.kind {
             Kind::ForceMap => {
-                let database =
-                    self.database.as_ref().map(|dir| artefact::database(dir, Scene::Plate)).transpose()?;
+                let database = self
+                    .database
+                    .as_ref()
+                    .map(|dir| files::database(dir, ObstacleKind::Plate))
+                    .transpose()?;
                 force_map(&model, database.as_ref())?
             }
             Kind::SingularValues => singular_values(&model),

@@ -2,12 +2,12 @@
 
 use super::export::Body;
 use crate::failure::usage;
-use crate::{artefact, say};
+use crate::{files, output};
 use anyhow::Context;
 use formats::export::Series;
 use formats::fields::{Format, State};
 use rom::evaluation::{Evaluation, Input};
-use rom::hull::Verdict;
+use rom::hull::DomainStatus;
 use rom::kernel::Peaks;
 use rom::model::Model;
 use rom::predict::{Predictor, Selection};
@@ -56,7 +56,7 @@ impl Args {
         if let Some(out) = &self.out {
             Format::of(out).map_err(usage)?; // before the work, not after it
         }
-        let model = artefact::model(&self.model)?;
+        let model = files::model(&self.model)?;
         let mut predictor = Predictor::new(&model, &Selection::default())?;
         let mut evaluation = predictor.evaluation();
         predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
@@ -69,7 +69,7 @@ impl Args {
         if self.out.is_some() {
             self.write(&model, &values)?;
         }
-        say::json(&answer(&evaluation, &peaks))
+        output::json(&answer(&evaluation, &peaks))
     }
 
     fn checked_input(&self) -> anyhow::Result<Input> {
@@ -111,7 +111,7 @@ fn answer(evaluation: &Evaluation, peaks: &Peaks) -> Value {
         "dforce_dpressure_n_per_mpa": evaluation.dforce_dpressure,
         "dforce_dgap_n_per_mm": evaluation.dforce_dgap,
         "onset_pressure_mpa": evaluation.onset_pressure_mpa,
-        "in_domain": evaluation.domain == Verdict::Inside,
+        "in_domain": evaluation.domain == DomainStatus::Inside,
         "domain": evaluation.domain,
         "domain_distance": evaluation.domain_distance,
         "bars": evaluation.bars,

@@ -2,7 +2,7 @@
 
 use crate::failure::usage;
 use crate::live::DomainArgs;
-use crate::say;
+use crate::output;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::{RecordSummary, Recorder, RecorderOptions, RotateOptions};
@@ -121,7 +121,7 @@ impl Args {
     fn report(&self, summary: &RecordSummary) -> Result<()> {
         let files: Vec<String> = summary.files.files.iter().map(|path| path.display().to_string()).collect();
         if self.json {
-            return say::json(&json!({
+            return output::json(&json!({
                 "messages": summary.messages,
                 "missing": summary.missing,
                 "dropped": summary.dropped,
@@ -132,14 +132,14 @@ impl Args {
             }));
         }
         for (topic, count) in &summary.messages {
-            say!("{topic}  {count} messages")?;
+            output!("{topic}  {count} messages")?;
         }
-        say!(
+        output!(
             "{} published samples never arrived, {} were dropped before the disk",
             summary.missing,
             summary.dropped
         )?;
-        say!("{} messages in {}", summary.files.messages, files.join(", "))?;
+        output!("{} messages in {}", summary.files.messages, files.join(", "))?;
         Ok(())
     }
 }

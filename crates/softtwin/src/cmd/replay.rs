@@ -2,7 +2,7 @@
 
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
-use crate::say;
+use crate::output;
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
 use runtime::source::{Reading, ReplaySpec, Source, SourceSpec};
@@ -83,9 +83,9 @@ impl Args {
         let sent =
             if self.step { step(&bus, &topic, source, &stop)? } else { self.play(&bus, source, &stop)? };
         if self.json {
-            say::json(&json!({"sent": sent}))
+            output::json(&json!({"sent": sent}))
         } else {
-            Ok(say!("{sent} readings sent to {topic}")?)
+            Ok(output!("{sent} readings sent to {topic}")?)
         }
     }
 
@@ -108,7 +108,7 @@ fn step(bus: &Bus, topic: &Topic, mut source: Source, stop: &AtomicBool) -> Resu
     let mut lines = std::io::stdin().lock().lines();
     while !stop.load(Ordering::Relaxed) {
         let Some(reading) = source.next_reading() else { break };
-        say!(
+        output!(
             "{:.6} s  {} MPa  {} mm  (Enter sends it)",
             reading.t_trace_s,
             reading.pressure_mpa,

@@ -1,7 +1,7 @@
 //! `softtwin scene explain`.
 
 use crate::failure::configuration;
-use crate::say;
+use crate::output;
 use runtime::config::Scene;
 use runtime::explain::{Explained, explain};
 use runtime::twin::load_scene;
@@ -42,7 +42,7 @@ impl Args {
         let mut loaded = load_scene(&scene, &path).map_err(configuration)?;
         let explained: Vec<Explained> = loaded.iter_mut().map(explain).collect();
         if json {
-            return say::json(&explained);
+            return output::json(&explained);
         }
         explained.iter().try_for_each(print)
     }
@@ -51,16 +51,20 @@ impl Args {
 fn print(explained: &Explained) -> anyhow::Result<()> {
     let mb = |bytes: u64| bytes as f64 / 1e6;
     let (min, max) = explained.gap_mm;
-    say!("{}: gap {min} .. {max} mm, so regimes: {}", explained.actuator, explained.regimes.join(" and "))?;
-    say!(
+    output!(
+        "{}: gap {min} .. {max} mm, so regimes: {}",
+        explained.actuator,
+        explained.regimes.join(" and ")
+    )?;
+    output!(
         "  reads {:.2} MB of the model's {:.2} MB ({} blocks)",
         mb(explained.read_bytes),
         mb(explained.file_block_bytes),
         explained.blocks
     )?;
-    say!("  state: {:.2} us a reading (coefficients, force, gradients, bars)", explained.state_us)?;
+    output!("  state: {:.2} us a reading (coefficients, force, gradients, bars)", explained.state_us)?;
     for output in &explained.outputs {
-        say!(
+        output!(
             "  {}: {} nodes x {} ({}), {:.2} us a sample, basis {:.2} MB, sample {:.3} MB, {:.1} MB reserved in /dev/shm",
             output.topic,
             output.nodes,

@@ -1,7 +1,7 @@
 //! `softtwin stability`.
 
+use crate::output;
 use crate::progress::Progress;
-use crate::say;
 use rom::stability::{Ending, Outcome, Row, hard_cases, run};
 
 const EXAMPLES: &str = "\
@@ -39,7 +39,7 @@ impl Args {
             )));
         }
         if !self.json {
-            say!(
+            output!(
                 "{:<34}{:>10}  {:<34}  {:<34}  what is hard",
                 "case",
                 "bound",
@@ -53,7 +53,7 @@ impl Args {
             progress.step(&case.name);
             let row = run(case);
             if self.json {
-                say::json(&row)?
+                output::json(&row)?
             } else {
                 print(&row)?
             }
@@ -76,7 +76,7 @@ impl Args {
 
 fn print(row: &Row) -> anyhow::Result<()> {
     let mark = if row.passed() { "" } else { "  FAILED" };
-    say!(
+    output!(
         "{:<34}{:>10.1e}  {:<34}  {:<34}  {}{mark}",
         row.case,
         row.bound,
@@ -85,7 +85,7 @@ fn print(row: &Row) -> anyhow::Result<()> {
         row.hard
     )?;
     if !row.ours.note.is_empty() {
-        say!("{:<34}{:>10}  note: {}", "", "", row.ours.note)?;
+        output!("{:<34}{:>10}  note: {}", "", "", row.ours.note)?;
     }
     Ok(())
 }

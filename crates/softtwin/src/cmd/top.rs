@@ -2,14 +2,14 @@
 
 use crate::failure::usage;
 use crate::live::DomainArgs;
-use crate::say;
+use crate::output;
 use anyhow::Result;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use wire::layout::{flags, grasp_verdict, regime};
+use wire::layout::{flags, grasp_status, regime};
 use wire::{
     Bus, Grasp, GraspReader, Health, HealthReader, KeyExpr, Outcome, State, StateReader, Topic, TopicKind,
     now_ns,
@@ -101,21 +101,21 @@ impl Args {
         let now = now_ns();
         if self.json {
             let all: Vec<Value> = twins.iter().map(|(name, twin)| as_json(name, twin, now)).collect();
-            return say::json(&all);
+            return output::json(&all);
         }
         if is_live {
-            say!("\x1b[H\x1b[2J{}", head())?;
+            output!("\x1b[H\x1b[2J{}", head())?;
         } else {
-            say!("{}", head())?;
+            output!("{}", head())?;
         }
         for (name, twin) in twins {
-            say!("{}", row(name, twin.state.as_ref(), twin.health.as_ref(), now))?;
+            output!("{}", row(name, twin.state.as_ref(), twin.health.as_ref(), now))?;
         }
         for (scene, grasp) in grasps.iter().filter_map(|(scene, (_, grasp))| Some((scene, (*grasp)?))) {
-            say!("{}", grasp_row(scene, &grasp))?;
+            output!("{}", grasp_row(scene, &grasp))?;
         }
         if twins.is_empty() {
-            say!("no twin in this domain matches {}; is `softtwind twin` running?", self.key)?;
+            output!("no twin in this domain matches {}; is `softtwind twin` running?", self.key)?;
         }
         Ok(())
     }
@@ -189,7 +189,7 @@ fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64) -> 
 fn grasp_row(scene: &str, grasp: &Grasp) -> String {
     format!(
         "{scene:<14.14} grasp: {}, {:.3} of {:.3} N a finger, first held at {:.4} MPa",
-        grasp_verdict::as_str(grasp.verdict),
+        grasp_status::as_str(grasp.verdict),
         grasp.least_force_n,
         grasp.needed_force_n,
         grasp.stop_pressure_mpa
@@ -282,7 +282,7 @@ mod tests {
     #[test]
     fn a_grasp_has_a_row_of_its_own() {
         let grasp = Grasp {
-            verdict: grasp_verdict::HELD,
+            verdict: grasp_status::HELD,
             least_force_n: 0.5862,
             needed_force_n: 0.4169,
             stop_pressure_mpa: 0.0651,

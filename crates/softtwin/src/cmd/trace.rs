@@ -1,8 +1,8 @@
 //! `softtwin trace`: what a pressure gauge reads while the simulated actuator is filled at constant flow.
 
-use crate::artefact::{refusal, save};
 use crate::failure::{configuration, usage};
-use crate::say;
+use crate::files::{refusal, save};
+use crate::output;
 use fem::actuator::Actuator;
 use fem::run::cases;
 use fem::trace::{Inflation, to_csv};
@@ -80,7 +80,7 @@ impl Args {
         let readings = pump.readings(&volumes)?;
         save(&self.out, to_csv(&readings, self.gap_mm, &self.made_by(&volumes)).as_bytes())?;
         let seconds = readings.last().map_or(0.0, |r| r.t_s);
-        say!("{}: {} readings, {seconds:.2} s", self.out.display(), readings.len())?;
+        output!("{}: {} readings, {seconds:.2} s", self.out.display(), readings.len())?;
         Ok(())
     }
 

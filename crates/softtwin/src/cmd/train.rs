@@ -2,9 +2,9 @@
 
 use crate::failure::{configuration, usage};
 use crate::progress::Progress;
-use crate::{artefact, say};
+use crate::{files, output};
 use anyhow::Context;
-use formats::database::Scene;
+use formats::database::ObstacleKind;
 use rom::config::TrainConfig;
 use rom::datasheet::{DataSheet, FitSheet, RegimeSheet};
 use rom::snapshots::{Database, Split};
@@ -41,7 +41,7 @@ pub struct Args {
     /// Train by the paper's method instead of the defaults.
     #[arg(long)]
     paper: bool,
-    /// Scene whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
+    /// ObstacleKind whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
     #[arg(long, value_enum)]
     scene: Option<super::SceneArg>,
     /// Print one JSON object instead of text.
@@ -50,10 +50,10 @@ pub struct Args {
 }
 
 /// The plate, unless all that the database holds is another scene.
-fn only_scene(database: &Path) -> Scene {
+fn only_scene(database: &Path) -> ObstacleKind {
     match formats::database::scenes(database).as_deref() {
         Ok([scene]) => *scene,
-        _ => Scene::Plate,
+        _ => ObstacleKind::Plate,
     }
 }
 
@@ -69,8 +69,8 @@ impl Args {
         let config = self.config()?;
         let mut progress = Progress::new(self.json);
         progress.step("reading the database");
-        let scene = self.scene.map_or_else(|| only_scene(&self.database), Scene::from);
-        let database = artefact::database(&self.database, scene)?;
+        let scene = self.scene.map_or_else(|| only_scene(&self.database), ObstacleKind::from);
+        let database = files::database(&self.database, scene)?;
         let started = Instant::now();
         let trained = rom::train::train(&database, &config, &mut |step| progress.step(step));
         let (model, sheet) = trained.map_err(|e| match e {
@@ -80,9 +80,9 @@ impl Args {
         let training_s = started.elapsed().as_secs_f64();
         progress.step("writing the model");
         let bytes = model.to_bytes()?;
-        artefact::save(&self.out, &bytes)?;
-        let sheet_path = artefact::data_sheet(&self.out);
-        artefact::save(&sheet_path, format!("{:#}\n", serde_json::to_value(&sheet)?).as_bytes())?;
+        files::save(&self.out, &bytes)?;
+        let sheet_path = files::data_sheet(&self.out);
+        files::save(&sheet_path, format!("{:#}\n", serde_json::to_value(&sheet)?).as_bytes())?;
         drop(progress);
         let done = Done { model: &self.out, data_sheet: &sheet_path, training_s, bytes: bytes.len() };
         if self.json { done.json(&sheet, &database) } else { done.text(&sheet, &database) }
@@ -108,7 +108,7 @@ struct Done<'a> {
 
 impl Done<'_> {
     fn json(&self, sheet: &DataSheet, database: &Database) -> anyhow::Result<()> {
-        say::json(&json!({
+        output::json(&json!({
             "model": self.model,
             "data_sheet": self.data_sheet,
             "training_s": self.training_s,
@@ -124,18 +124,18 @@ impl Done<'_> {
 
     fn text(&self, sheet: &DataSheet, database: &Database) -> anyhow::Result<()> {
         let cases = database.of_split(Split::Train).count();
-        say!(
+        output!(
             "{}: {cases} training cases, {} nodes, trained in {:.2} s",
             sheet.actuator,
             sheet.node_count,
             self.training_s
         )?;
         if let (Some(sag), Some(reach)) = (sheet.sag_mm, sheet.reach_mm) {
-            say!("touches by its own weight up to gap {sag:.2} mm, never beyond {reach:.2} mm")?;
+            output!("touches by its own weight up to gap {sag:.2} mm, never beyond {reach:.2} mm")?;
         }
         super::inspect::sheet_table(sheet)?;
-        say!("model       {} ({:.1} MB)", self.model.display(), self.bytes as f64 / 1e6)?;
-        say!("data sheet  {}", self.data_sheet.display())?;
+        output!("model       {} ({:.1} MB)", self.model.display(), self.bytes as f64 / 1e6)?;
+        output!("data sheet  {}", self.data_sheet.display())?;
         Ok(())
     }
 }

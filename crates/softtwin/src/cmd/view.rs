@@ -3,7 +3,7 @@
 use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
 use crate::load::LoadedModel;
-use crate::say;
+use crate::output;
 use crate::view::{Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, Stand, open_port};
 use anyhow::{Context, Result};
 use std::net::{IpAddr, Ipv4Addr};
@@ -109,7 +109,7 @@ impl Args {
             Stop::Recording(library, commands) => Some((library.clone(), commands.clone())),
         };
         let server = Server { listener, guard, catalogue, hub, player };
-        say!("{}\nOpen it in a browser; Ctrl-C ends the viewer.", server.url()?)?;
+        output!("{}\nOpen it in a browser; Ctrl-C ends the viewer.", server.url()?)?;
         let served = server.run(end_of_service()).await;
         match stop {
             Stop::Live(open) => drop(open),

@@ -1,7 +1,7 @@
 //! Samples as one line for people.
 
 use super::sample::range;
-use wire::layout::{field_id, flags, grasp_verdict, regime};
+use wire::layout::{field_id, flags, grasp_status, regime};
 use wire::{Command, FieldSample, Grasp, Health, Outcome, SensorSample, State, now_ns};
 
 pub(super) fn sensor(sample: &SensorSample) -> String {
@@ -17,8 +17,11 @@ pub(super) fn sensor(sample: &SensorSample) -> String {
 }
 
 pub(super) fn state(state: &State) -> String {
-    let bar =
-        if state.force_bar_n.is_nan() { String::new() } else { format!(" +- {:.4}", state.force_bar_n) };
+    let bar = if state.force_halfwidth_n.is_nan() {
+        String::new()
+    } else {
+        format!(" +- {:.4}", state.force_halfwidth_n)
+    };
     format!(
         "#{:<7} P {:8.5} MPa  gap {:6.2} mm  {:7}  F {:7.4}{bar} N{}{}{}  age {}{}{}",
         state.seq,
@@ -89,7 +92,7 @@ pub(super) fn grasp(grasp: &Grasp) -> String {
     format!(
         "#{:<7} {}  F {} N, {:.4} N each needed for {:.1} g at friction {:.2}, safety {:.2}  margin {:+.0} %  {stop}{}",
         grasp.seq,
-        grasp_verdict::as_str(grasp.verdict),
+        grasp_status::as_str(grasp.verdict),
         forces.join(" "),
         grasp.needed_force_n,
         grasp.mass_kg * 1e3,

@@ -112,8 +112,8 @@ impl Figure {
     /// Another ending, or what drawing or the operating system refuses.
     pub fn save(&self, path: &Path) -> anyhow::Result<()> {
         match path.extension().and_then(|e| e.to_str()) {
-            Some("svg") => crate::artefact::save(path, draw::svg(self)?.as_bytes()),
-            Some("png") => crate::artefact::save(path, &draw::png(self)?),
+            Some("svg") => crate::files::save(path, draw::svg(self)?.as_bytes()),
+            Some("png") => crate::files::save(path, &draw::png(self)?),
             _ => Err(crate::failure::usage(format!("{}: a picture ends in .svg or .png", path.display()))),
         }
     }

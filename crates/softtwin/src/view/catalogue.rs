@@ -8,7 +8,7 @@ use rom::evaluation::{Evaluation, Input};
 use rom::hull::Verdict;
 use rom::predict::{Nodes, Predictor, Selection};
 use rom::regime::RegimeSwitch;
-use rom::snapshots::Obstacle;
+use rom::snapshots::Footprint;
 use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -66,7 +66,7 @@ pub struct Card {
     /// Trained gaps, mm; none when the gap is no input.
     gap_mm: Option<[f64; 2]>,
     /// The plate's extent.
-    obstacle: Obstacle,
+    obstacle: Footprint,
 }
 
 /// A predictor with its memory.
@@ -190,7 +190,7 @@ impl Known {
                 name: loaded.name(),
                 pressure_mpa: loaded.pressure_range_mpa(),
                 gap_mm: loaded.gap_range_mm(),
-                obstacle: Obstacle::PLATE,
+                obstacle: Footprint::PLATE,
             },
             hash: loaded.hash16(),
             node_sets: header.node_sets.clone(),
@@ -259,9 +259,9 @@ impl Oracle {
         head.gap_mm = input.gap_mm;
         head.contact_force_n = evaluation.contact_force_n;
         head.onset_pressure_mpa = evaluation.onset_pressure_mpa.unwrap_or(f64::INFINITY);
-        head.force_bar_n = evaluation.bars.force_n as f32;
-        head.displacement_bar_mm = evaluation.bars.displacement_mm as f32;
-        head.von_mises_bar_mpa = evaluation.bars.stress_mpa as f32;
+        head.force_halfwidth_n = evaluation.bars.force_n as f32;
+        head.displacement_halfwidth_mm = evaluation.bars.displacement_mm as f32;
+        head.von_mises_halfwidth_mpa = evaluation.bars.stress_mpa as f32;
         head.regime = evaluation.regime.name().into();
         head.flags = verdict_flag(evaluation.domain).into_iter().map(Into::into).collect();
         Ok(encode(&head, &[&values]))

@@ -38,11 +38,11 @@ pub struct FrameHead {
     /// Pressure of first contact, MPa; null: out of reach.
     pub onset_pressure_mpa: f64,
     /// Half width of the force's error bar, N.
-    pub force_bar_n: f32,
+    pub force_halfwidth_n: f32,
     /// Half width of the displacement's error bar, mm.
-    pub displacement_bar_mm: f32,
+    pub displacement_halfwidth_mm: f32,
     /// Half width of the stress's error bar, MPa.
-    pub von_mises_bar_mpa: f32,
+    pub von_mises_halfwidth_mpa: f32,
     /// Largest von Mises stress, MPa.
     pub max_von_mises_mpa: f64,
     /// The model's node with that stress.
@@ -79,9 +79,9 @@ impl FrameHead {
             contact_force_n: f64::NAN,
             measured_force_n: f64::NAN,
             onset_pressure_mpa: f64::NAN,
-            force_bar_n: f32::NAN,
-            displacement_bar_mm: f32::NAN,
-            von_mises_bar_mpa: f32::NAN,
+            force_halfwidth_n: f32::NAN,
+            displacement_halfwidth_mm: f32::NAN,
+            von_mises_halfwidth_mpa: f32::NAN,
             max_von_mises_mpa: f64::NAN,
             max_von_mises_node: None,
             regime: regime::as_str(regime::UNKNOWN).into(),
@@ -108,16 +108,16 @@ impl FrameHead {
     }
 
     /// Takes what a recording says of a state.
-    pub fn set_recorded(&mut self, state: &crate::tape::TapeState) {
+    pub fn set_recorded(&mut self, state: &crate::recording_data::RecordedState) {
         self.seq = state.seq;
         self.pressure_mpa = state.pressure_mpa;
         self.gap_mm = state.gap_mm;
         self.contact_force_n = state.contact_force_n;
         self.measured_force_n = state.measured_force_n;
         self.onset_pressure_mpa = state.onset_pressure_mpa;
-        self.force_bar_n = state.force_bar_n as f32;
-        self.displacement_bar_mm = state.displacement_bar_mm as f32;
-        self.von_mises_bar_mpa = state.von_mises_bar_mpa as f32;
+        self.force_halfwidth_n = state.force_halfwidth_n as f32;
+        self.displacement_halfwidth_mm = state.displacement_halfwidth_mm as f32;
+        self.von_mises_halfwidth_mpa = state.von_mises_halfwidth_mpa as f32;
         self.regime = state.regime.clone().into();
         self.flags = state.flags.iter().cloned().map(Word::from).collect();
         self.outcome = state.outcome.clone().into();
@@ -131,9 +131,9 @@ impl FrameHead {
         self.contact_force_n = state.contact_force_n;
         self.measured_force_n = state.measured_force_n;
         self.onset_pressure_mpa = state.onset_pressure_mpa;
-        self.force_bar_n = state.force_bar_n;
-        self.displacement_bar_mm = state.displacement_bar_mm;
-        self.von_mises_bar_mpa = state.von_mises_bar_mpa;
+        self.force_halfwidth_n = state.force_halfwidth_n;
+        self.displacement_halfwidth_mm = state.displacement_halfwidth_mm;
+        self.von_mises_halfwidth_mpa = state.von_mises_halfwidth_mpa;
         self.regime = regime::as_str(state.regime).into();
         self.flags = flags::names(state.flags).map(Word::from).collect();
         self.outcome = wire::Outcome::from_code(state.outcome).map_or("", wire::Outcome::as_str).into();
@@ -179,6 +179,6 @@ mod tests {
     #[test]
     fn unknown_quantities_are_null() {
         let header = serde_json::to_value(FrameHead::empty("finger")).expect("plain data");
-        assert!(header["contact_force_n"].is_null() && header["force_bar_n"].is_null());
+        assert!(header["contact_force_n"].is_null() && header["force_halfwidth_n"].is_null());
     }
 }

@@ -3,7 +3,7 @@
 use super::catalogue::Catalogue;
 use super::frame::{FrameHead, Word, bits, encode};
 use super::hub::Hub;
-use crate::tape::{Tape, TapeState, Track};
+use crate::recording_data::{RecordedState, RecordingData, Track};
 use anyhow::{Context, Result};
 use rom::evaluation::Input;
 use serde::Serialize;
@@ -16,7 +16,7 @@ use wire::layout::field_id;
 /// Frames at most this often: a screen's rate.
 const TICK: Duration = Duration::from_millis(16);
 /// Points of the strip charts; a screen shows no more.
-const MOST_POINTS: usize = 1500;
+const MAX_POINTS: usize = 1500;
 
 /// What a page may ask of the player.
 #[derive(Debug)]
@@ -73,7 +73,7 @@ pub struct Player {
     library: Library,
     catalogue: Arc<Catalogue>,
     hub: Arc<Hub>,
-    tape: Tape,
+    tape: RecordingData,
     at_s: f64,
     playing: bool,
 }
@@ -211,24 +211,24 @@ impl Player {
 }
 
 /// Recorded fields are only needed where no model can make them again.
-fn read(path: &Path, catalogue: &Catalogue) -> Result<Tape> {
-    let tape = Tape::read(path, false)?;
+fn read(path: &Path, catalogue: &Catalogue) -> Result<RecordingData> {
+    let tape = RecordingData::read(path, false)?;
     let mut states = tape.tracks.values().flat_map(|track| track.states.last());
     let all_known = !tape.tracks.values().any(|track| track.states.is_empty())
         && states.all(|state| catalogue.find_text(&state.model_hash).is_some());
-    if all_known { Ok(tape) } else { Tape::read(path, true) }
+    if all_known { Ok(tape) } else { RecordingData::read(path, true) }
 }
 
 impl<'a> Strip<'a> {
     fn new(actuator: &'a str, track: &Track) -> Self {
-        let column = |value: fn(&TapeState) -> f64| track.thinned(MOST_POINTS).map(value).collect();
+        let column = |value: fn(&RecordedState) -> f64| track.thinned(MAX_POINTS).map(value).collect();
         Self {
             actuator,
             t_s: column(|state| state.t_s),
             pressure_mpa: column(|state| state.pressure_mpa),
             contact_force_n: column(|state| state.contact_force_n),
             gap_mm: column(|state| state.gap_mm),
-            latency_ms: column(TapeState::latency_ms),
+            latency_ms: column(RecordedState::latency_ms),
         }
     }
 }

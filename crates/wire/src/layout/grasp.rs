@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 pub const FINGERS_MAX: usize = 8;
 
 /// Numbers of [`Grasp::verdict`].
-pub mod grasp_verdict {
+pub mod grasp_status {
     /// Not every finger has a fresh state.
     pub const UNKNOWN: u32 = 0;
     /// Friction does not carry the object.
@@ -47,7 +47,7 @@ pub struct Grasp {
     pub t_sensor_ns: u64,
     /// When the grasp was sent.
     pub t_publish_ns: u64,
-    /// Number of [`grasp_verdict`].
+    /// Number of [`grasp_status`].
     pub verdict: u32,
     /// Fingers.
     pub finger_count: u32,
@@ -74,7 +74,7 @@ pub struct Grasp {
     /// Pressure of each finger, MPa; the rest 0.
     pub pressures_mpa: [f64; FINGERS_MAX],
     /// Half width of the forces' error bar, N.
-    pub force_bar_n: f64,
+    pub force_halfwidth_n: f64,
     /// Zero; room for later values.
     pub reserved: [u64; 3],
     /// Name of the scene, zero-padded.
@@ -101,7 +101,7 @@ super::layout!(Grasp, 312, {
     stop_pressure_bar_mpa: 112,
     forces_n: 120,
     pressures_mpa: 184,
-    force_bar_n: 248,
+    force_halfwidth_n: 248,
     reserved: 256,
     scene: 280,
 });
@@ -123,7 +123,7 @@ impl Default for Grasp {
             seq: 0,
             t_sensor_ns: 0,
             t_publish_ns: 0,
-            verdict: grasp_verdict::UNKNOWN,
+            verdict: grasp_status::UNKNOWN,
             finger_count: 0,
             mass_kg: f64::NAN,
             friction: f64::NAN,
@@ -136,7 +136,7 @@ impl Default for Grasp {
             stop_pressure_bar_mpa: f64::NAN,
             forces_n: [0.0; FINGERS_MAX],
             pressures_mpa: [0.0; FINGERS_MAX],
-            force_bar_n: f64::NAN,
+            force_halfwidth_n: f64::NAN,
             reserved: [0; 3],
             scene: [0; 32],
         }

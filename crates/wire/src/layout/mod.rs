@@ -14,7 +14,7 @@ mod state;
 
 pub use command::Command;
 pub use field::{FIELD_SLOTS, FieldHeader};
-pub use grasp::{FINGERS_MAX, Grasp, grasp_verdict};
+pub use grasp::{FINGERS_MAX, Grasp, grasp_status};
 pub use health::{Health, OUTCOME_SLOTS};
 pub use query::{Answer, Query, query_kind};
 pub use sensor::SensorSample;

@@ -41,7 +41,7 @@ pub struct Query {
     /// Contact force, N: the target, or the measured one.
     pub force_n: f64,
     /// Half width of the measured force's own error bar, N; NaN or 0: exact.
-    pub force_bar_n: f64,
+    pub force_halfwidth_n: f64,
     /// Node set of the field that is wanted, zero-padded; empty or `all`: all nodes.
     pub node_set: [u8; 32],
 }
@@ -54,7 +54,7 @@ super::layout!(Query, 80, {
     pressure_mpa: 16,
     gap_mm: 24,
     force_n: 32,
-    force_bar_n: 40,
+    force_halfwidth_n: 40,
     node_set: 48,
 });
 
@@ -69,7 +69,7 @@ impl Default for Query {
             pressure_mpa: f64::NAN,
             gap_mm: f64::NAN,
             force_n: f64::NAN,
-            force_bar_n: f64::NAN,
+            force_halfwidth_n: f64::NAN,
             node_set: [0; 32],
         }
     }
@@ -83,7 +83,7 @@ impl Default for Query {
 pub struct Answer {
     /// [`super::VERSION`].
     pub layout_version: u32,
-    /// Number of [`crate::Verdict`]: 0 answered, else the reason why there is no answer.
+    /// Number of [`crate::QueryStatus`]: 0 answered, else the reason why there is no answer.
     pub verdict: u32,
     /// First 16 bytes of the model file's hash.
     pub model_hash: [u8; 16],
@@ -92,7 +92,7 @@ pub struct Answer {
     /// Number of [`super::regime`].
     pub regime: u32,
     /// 0 inside, 1 near the edge, 2 outside the sampled states.
-    pub domain_verdict: u32,
+    pub domain_status: u32,
     /// Bits of [`super::flags`].
     pub flags: u32,
     /// What the answer took to compute, ns.
@@ -115,14 +115,14 @@ pub struct Answer {
     pub low: f64,
     /// Upper end.
     pub high: f64,
-    /// The number that belongs to the verdict, see [`crate::Verdict`]; NaN when answered.
+    /// The number that belongs to the verdict, see [`crate::QueryStatus`]; NaN when answered.
     pub limit: f64,
     /// Half width of the force's error bar, N.
-    pub force_bar_n: f32,
+    pub force_halfwidth_n: f32,
     /// Half width of the displacement's error bar, mm.
-    pub displacement_bar_mm: f32,
+    pub displacement_halfwidth_mm: f32,
     /// Half width of the stress's error bar, MPa.
-    pub von_mises_bar_mpa: f32,
+    pub von_mises_halfwidth_mpa: f32,
     /// Distance to the sampled states over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f32,
     /// Coefficients in use.
@@ -153,7 +153,7 @@ super::layout!(Answer, 768, {
     model_hash: 8,
     kind: 24,
     regime: 28,
-    domain_verdict: 32,
+    domain_status: 32,
     flags: 36,
     compute_ns: 40,
     pressure_mpa: 48,
@@ -166,9 +166,9 @@ super::layout!(Answer, 768, {
     low: 104,
     high: 112,
     limit: 120,
-    force_bar_n: 128,
-    displacement_bar_mm: 132,
-    von_mises_bar_mpa: 136,
+    force_halfwidth_n: 128,
+    displacement_halfwidth_mm: 132,
+    von_mises_halfwidth_mpa: 136,
     domain_distance: 140,
     coefficient_count: 144,
     node_count: 148,
@@ -185,7 +185,7 @@ super::layout!(Answer, 768, {
 impl Answer {
     /// Why there is no answer; `None`: there is one.
     pub fn refusal(&self) -> Option<String> {
-        crate::Verdict::refusal(self)
+        crate::QueryStatus::refusal(self)
     }
 
     /// Entries of the field: nodes x fields.
@@ -209,11 +209,11 @@ impl Default for Answer {
     fn default() -> Self {
         Self {
             layout_version: super::VERSION,
-            verdict: crate::Verdict::Answered.code(),
+            verdict: crate::QueryStatus::Answered.code(),
             model_hash: [0; 16],
             kind: query_kind::WHATIF,
             regime: super::regime::UNKNOWN,
-            domain_verdict: 0,
+            domain_status: 0,
             flags: 0,
             compute_ns: 0,
             pressure_mpa: f64::NAN,
@@ -226,9 +226,9 @@ impl Default for Answer {
             low: f64::NAN,
             high: f64::NAN,
             limit: f64::NAN,
-            force_bar_n: f32::NAN,
-            displacement_bar_mm: f32::NAN,
-            von_mises_bar_mpa: f32::NAN,
+            force_halfwidth_n: f32::NAN,
+            displacement_halfwidth_mm: f32::NAN,
+            von_mises_halfwidth_mpa: f32::NAN,
             domain_distance: f32::NAN,
             coefficient_count: 0,
             node_count: 0,

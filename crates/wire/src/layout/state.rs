@@ -47,11 +47,11 @@ pub struct State {
     /// Measured contact force, N; NaN when there is none.
     pub measured_force_n: f64,
     /// Half width of the force's error bar, N; NaN when not asked for.
-    pub force_bar_n: f32,
+    pub force_halfwidth_n: f32,
     /// Half width of the displacement's error bar, mm; NaN when not asked for.
-    pub displacement_bar_mm: f32,
+    pub displacement_halfwidth_mm: f32,
     /// Half width of the stress's error bar, MPa; NaN when not asked for.
-    pub von_mises_bar_mpa: f32,
+    pub von_mises_halfwidth_mpa: f32,
     /// Distance to the sampled states over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f32,
     /// Number of [`super::regime`].
@@ -59,7 +59,7 @@ pub struct State {
     /// Number of [`crate::Outcome`] of the newest reading.
     pub outcome: u32,
     /// 0 inside, 1 near the edge, 2 outside the sampled states.
-    pub domain_verdict: u32,
+    pub domain_status: u32,
     /// Coefficients in use.
     pub coefficient_count: u32,
     /// Coefficients of each group, in the model's order; the rest 0. More in all than fit below: flag `coefficients-cut`.
@@ -90,13 +90,13 @@ super::layout!(State, 752, {
     force_by_gap_n_per_mm: 112,
     onset_pressure_mpa: 120,
     measured_force_n: 128,
-    force_bar_n: 136,
-    displacement_bar_mm: 140,
-    von_mises_bar_mpa: 144,
+    force_halfwidth_n: 136,
+    displacement_halfwidth_mm: 140,
+    von_mises_halfwidth_mpa: 144,
     domain_distance: 148,
     regime: 152,
     outcome: 156,
-    domain_verdict: 160,
+    domain_status: 160,
     coefficient_count: 164,
     group_sizes: 168,
     coefficients: 176,
@@ -132,13 +132,13 @@ impl Default for State {
             force_by_gap_n_per_mm: f64::NAN,
             onset_pressure_mpa: f64::NAN,
             measured_force_n: f64::NAN,
-            force_bar_n: f32::NAN,
-            displacement_bar_mm: f32::NAN,
-            von_mises_bar_mpa: f32::NAN,
+            force_halfwidth_n: f32::NAN,
+            displacement_halfwidth_mm: f32::NAN,
+            von_mises_halfwidth_mpa: f32::NAN,
             domain_distance: f32::NAN,
             regime: super::regime::UNKNOWN,
             outcome: crate::Outcome::Published.code(),
-            domain_verdict: 0,
+            domain_status: 0,
             coefficient_count: 0,
             group_sizes: [0; GROUPS_MAX],
             coefficients: [0.0; COEFFICIENTS_MAX],

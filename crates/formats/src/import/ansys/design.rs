@@ -1,7 +1,7 @@
 //! `doe.csv`: the design of experiments, a row a state.
 
 use super::settings::{length_factor, pressure_factor};
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use rom::snapshots::{Case, RegimeKind, Split};
 use std::path::{Path, PathBuf};
 
@@ -64,7 +64,7 @@ impl Design {
         let bytes = std::fs::read(path).map_err(|error| FormatError::read(path, error))?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
         let malformed =
-            |error| FormatError::one(path, Problem::new("content", "comma-separated text", error));
+            |error| FormatError::one(path, Diagnostic::new("content", "comma-separated text", error));
         let header = reader.headers().map_err(malformed)?.clone();
         let mut problems = Vec::new();
         let mut columns = Vec::new();
@@ -73,12 +73,12 @@ impl Design {
                 Some(column) => columns.push(column),
                 None => {
                     let expected = "pressure[MPa], gap[mm], contact_force[N] or split (other units: kPa, Pa, bar, psi; m, cm, in)";
-                    problems.push(Problem::new("header", expected, format!("`{name}`")));
+                    problems.push(Diagnostic::new("header", expected, format!("`{name}`")));
                 }
             }
         }
         if problems.is_empty() && !columns.iter().any(|column| matches!(column, Column::Pressure(_))) {
-            problems.push(Problem::new("header", "a column pressure[MPa]", "none"));
+            problems.push(Diagnostic::new("header", "a column pressure[MPa]", "none"));
         }
         if !problems.is_empty() {
             return Err(FormatError::Content { path: path.into(), problems });
@@ -89,13 +89,13 @@ impl Design {
             let file = record.get(0).unwrap_or_default();
             if !is_plain(file) {
                 let place = format!("line {}", k + 2);
-                problems.push(Problem::new(place, "a file name without folders", format!("`{file}`")));
+                problems.push(Diagnostic::new(place, "a file name without folders", format!("`{file}`")));
             }
             files.push(file.to_owned());
             rows.push(row(&record, &columns, k + 2, &mut problems));
         }
         if rows.is_empty() {
-            problems.push(Problem::new("rows", "at least one state", "none"));
+            problems.push(Diagnostic::new("rows", "at least one state", "none"));
         }
         FormatError::unless(Self { path: path.into(), files, rows }, path, problems)
     }
@@ -106,7 +106,7 @@ impl Design {
         let case = |(k, (file, row)): (usize, (&String, &Row))| {
             if row.gap_mm.is_some() && row.contact_force_n.is_none() {
                 let expected = "a column contact_force[N] for states with a gap";
-                problems.push(Problem::new(format!("line {}", k + 2), expected, "none"));
+                problems.push(Diagnostic::new(format!("line {}", k + 2), expected, "none"));
             }
             Case {
                 name: file.trim_end_matches(".bin").to_owned(),
@@ -127,7 +127,7 @@ fn is_plain(file: &str) -> bool {
     matches!((parts.next(), parts.next()), (Some(std::path::Component::Normal(_)), None))
 }
 
-fn row(record: &csv::StringRecord, columns: &[Column], line: usize, problems: &mut Vec<Problem>) -> Row {
+fn row(record: &csv::StringRecord, columns: &[Column], line: usize, problems: &mut Vec<Diagnostic>) -> Row {
     let mut row = Row { pressure_mpa: 0.0, gap_mm: None, contact_force_n: None, split: Split::Train };
     for (text, column) in record.iter().skip(1).zip(columns) {
         let number = text.parse::<f64>().ok().filter(|value| value.is_finite());
@@ -139,13 +139,15 @@ fn row(record: &csv::StringRecord, columns: &[Column], line: usize, problems: &m
             (Column::Split, _, "test") => row.split = Split::Test,
             (Column::Split, _, "check") => row.split = Split::Check,
             (Column::Split, ..) => {
-                problems.push(Problem::new(
+                problems.push(Diagnostic::new(
                     format!("line {line}"),
                     "train, test or check",
                     format!("`{text}`"),
                 ));
             }
-            _ => problems.push(Problem::new(format!("line {line}"), "a finite number", format!("`{text}`"))),
+            _ => {
+                problems.push(Diagnostic::new(format!("line {line}"), "a finite number", format!("`{text}`")))
+            }
         }
     }
     row

@@ -13,8 +13,8 @@ mod array;
 mod design;
 mod settings;
 
-use crate::database::{self, Scene};
-use crate::error::{FormatError, Problem};
+use crate::database::{self, ObstacleKind};
+use crate::error::{Diagnostic, FormatError};
 use design::Design;
 use rom::snapshots::{Database, FieldSpec, NodeSet};
 use settings::{Quantity, Settings};
@@ -62,9 +62,9 @@ impl Folder {
 /// # Errors
 /// Files that cannot be read, quantities that are neither a deformation nor a stress, units that are not known, tables
 /// without pressure, folders that do not fit together.
-pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
+pub fn read(dir: &Path, scene: ObstacleKind) -> Result<Database, FormatError> {
     let refuse = |place: &str, expected: &str, found: String| {
-        Err(FormatError::one(dir, Problem::new(place, expected, found)))
+        Err(FormatError::one(dir, Diagnostic::new(place, expected, found)))
     };
     let all: Vec<Folder> = folders(dir).into_iter().map(Folder::read).collect::<Result<_, _>>()?;
     let names = || all.iter().map(|f| f.settings.name.clone()).collect::<Vec<_>>().join(", ");
@@ -73,7 +73,7 @@ pub fn read(dir: &Path, scene: Scene) -> Result<Database, FormatError> {
     let ([moved], [] | [_]) = (moved.as_slice(), rest.as_slice()) else {
         return refuse("folders", "one that deforms the points and at most one of stress", names());
     };
-    if scene != Scene::Plate {
+    if scene != ObstacleKind::Plate {
         return refuse("scene", "plate (the exchange knows no other)", scene.name().into());
     }
     let stress = rest.first().copied();
@@ -117,7 +117,7 @@ fn points(folder: &Folder) -> Result<Vec<[f64; 3]>, FormatError> {
     let values = array::read(&path)?;
     let (points, rest) = values.as_chunks::<3>();
     if points.is_empty() || !rest.is_empty() {
-        return Err(FormatError::one(&path, Problem::new("count", "three numbers a node", values.len())));
+        return Err(FormatError::one(&path, Diagnostic::new("count", "three numbers a node", values.len())));
     }
     let factor = folder.settings.factor;
     Ok(points.iter().map(|p| p.map(|v| factor * v)).collect())

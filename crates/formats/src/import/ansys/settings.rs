@@ -1,6 +1,6 @@
 //! `settings.json`: what a folder's numbers are.
 
-use crate::error::{FormatError, Problem};
+use crate::error::{Diagnostic, FormatError};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -46,22 +46,22 @@ impl Settings {
         let text = std::fs::read_to_string(path).map_err(|error| FormatError::read(path, error))?;
         let written: Written = serde_json::from_str(&text).map_err(|error| {
             let expected = "an object with name, unit and dimensionality";
-            FormatError::one(path, Problem::new("content", expected, error))
+            FormatError::one(path, Diagnostic::new("content", expected, error))
         })?;
         let mut problems = Vec::new();
         let quantity = written.quantity();
         if quantity.is_none() {
             let expected = "a deformation ([3]), a stress ([1]) or a symmetric stress ([3, 3])";
             let found = format!("`{}` of {:?}", written.name, written.dimensionality);
-            problems.push(Problem::new("dimensionality", expected, found));
+            problems.push(Diagnostic::new("dimensionality", expected, found));
         }
         let factor = factor(quantity.unwrap_or(Quantity::Deformation), &written.unit);
         if let (Some(_), None) = (quantity, factor) {
             let expected = "m, cm, mm or in for a deformation; Pa, kPa, MPa, GPa or psi for a stress";
-            problems.push(Problem::new("unit", expected, format!("`{}`", written.unit)));
+            problems.push(Diagnostic::new("unit", expected, format!("`{}`", written.unit)));
         }
         if let Some(other) = written.unit_factor.filter(|factor| *factor != 1.0) {
-            problems.push(Problem::new("unitFactor", "1 (numbers in the unit that is named)", other));
+            problems.push(Diagnostic::new("unitFactor", "1 (numbers in the unit that is named)", other));
         }
         let (quantity, factor) = (quantity.unwrap_or(Quantity::Deformation), factor.unwrap_or(1.0));
         FormatError::unless(Self { name: written.name, quantity, factor }, path, problems)

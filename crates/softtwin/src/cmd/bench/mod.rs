@@ -10,7 +10,7 @@ mod synthetic;
 
 use crate::failure::usage;
 use crate::progress::Progress;
-use crate::{artefact, say};
+use crate::{files, output};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -65,11 +65,11 @@ impl Args {
         if self.scale {
             let study = scale::run(&mut progress)?;
             drop(progress);
-            return if self.json { say::json(&study) } else { report::scale(&study) };
+            return if self.json { output::json(&study) } else { report::scale(&study) };
         }
         progress.step("preparing the model");
         let model = match &self.model {
-            Some(path) => artefact::model(path)?,
+            Some(path) => files::model(path)?,
             None => synthetic::model()?,
         };
         let (compute, mut series) = compute::run(&model, self.samples, &mut progress)?;
@@ -81,7 +81,7 @@ impl Args {
         }
         let (end_to_end, notes) = live::split(&rows);
         let report = report::Report::new(compute, end_to_end, notes);
-        if self.json { say::json(&report) } else { report.print() }
+        if self.json { output::json(&report) } else { report.print() }
     }
 
     fn check(&self) -> anyhow::Result<()> {

@@ -3,7 +3,7 @@
 use super::compute::{Compute, Kernel};
 use super::live::EndToEnd;
 use super::scale::Study;
-use crate::say;
+use crate::output;
 use serde::Serialize;
 
 /// The whole result.
@@ -26,37 +26,40 @@ impl Report {
     pub fn print(&self) -> anyhow::Result<()> {
         let c = &self.compute;
         let (nodes, fields, entries, isa) = (c.nodes, c.fields, c.entries, &c.isa);
-        say!("{nodes} nodes x {fields} fields = {entries} entries, {} coefficients, {isa}", c.coefficients)?;
-        say!("one core reads the basis at {:.1} GB/s; medians in microseconds", c.read_gbps)?;
-        say!("")?;
-        say!("kernel     bytes      warm   evicted  GB/s   of reading alone (warm, evicted)")?;
+        output!(
+            "{nodes} nodes x {fields} fields = {entries} entries, {} coefficients, {isa}",
+            c.coefficients
+        )?;
+        output!("one core reads the basis at {:.1} GB/s; medians in microseconds", c.read_gbps)?;
+        output!("")?;
+        output!("kernel     bytes      warm   evicted  GB/s   of reading alone (warm, evicted)")?;
         kernel("f32", &c.kernel.f32)?;
         kernel("i16", &c.kernel.i16)?;
         let (f32, i16) = (&c.kernel.f32, &c.kernel.i16);
         let (warm, evicted) = (f32.warm_us_p50 / i16.warm_us_p50, f32.evicted_us_p50 / i16.evicted_us_p50);
-        say!("i16 is {warm:.2}x as fast warm, {evicted:.2}x evicted")?;
-        say!("")?;
+        output!("i16 is {warm:.2}x as fast warm, {evicted:.2}x evicted")?;
+        output!("")?;
         let beyond = c.predict_us_p50 - f32.warm_us_p50;
-        say!("input to full field     {:8.2}   (kernel + {beyond:.2})", c.predict_us_p50)?;
-        say!("input to {:4} nodes      {:8.2}", c.tip_nodes, c.tip_us_p50)?;
-        say!("state only              {:8.2}", c.state_only_us_p50)?;
+        output!("input to full field     {:8.2}   (kernel + {beyond:.2})", c.predict_us_p50)?;
+        output!("input to {:4} nodes      {:8.2}", c.tip_nodes, c.tip_us_p50)?;
+        output!("state only              {:8.2}", c.state_only_us_p50)?;
         self.print_end_to_end()
     }
 
     fn print_end_to_end(&self) -> anyhow::Result<()> {
         if !self.end_to_end.is_empty() {
-            say!("")?;
-            say!("sensor stamp to reader, us      p50      p99    p99.9      max  received  lost")?;
+            output!("")?;
+            output!("sensor stamp to reader, us      p50      p99    p99.9      max  received  lost")?;
         }
         for row in &self.end_to_end {
             let name = format!("{:.0} Hz {:?} {:?}", row.rate_hz, row.payload, row.wake);
             let q = &row.latency_us;
             let (p50, p99, p999, max) = (q.p50, q.p99, q.p999, q.max);
             let (received, lost) = (row.received, row.lost);
-            say!("{name:26} {p50:8.1} {p99:8.1} {p999:8.1} {max:8.1}  {received:8}  {lost:4}")?;
+            output!("{name:26} {p50:8.1} {p99:8.1} {p999:8.1} {max:8.1}  {received:8}  {lost:4}")?;
         }
         for note in &self.notes {
-            say!("not measured: {note}")?;
+            output!("not measured: {note}")?;
         }
         Ok(())
     }
@@ -64,7 +67,7 @@ impl Report {
 
 fn kernel(name: &str, k: &Kernel) -> anyhow::Result<()> {
     let evicted_share = 100.0 * k.evicted_read_us_p50 / k.evicted_us_p50;
-    say!(
+    output!(
         "{name:6} {:9} {:9.1} {:9.1} {:5.1}   {:3.0} %, {evicted_share:3.0} %",
         k.bytes,
         k.warm_us_p50,
@@ -77,14 +80,14 @@ fn kernel(name: &str, k: &Kernel) -> anyhow::Result<()> {
 
 /// The tables of the scale study, as they stand in docs/scale.md.
 pub fn scale(study: &Study) -> anyhow::Result<()> {
-    say!("caches of this core: {}", study.caches)?;
-    say!("")?;
-    say!(
+    output!("caches of this core: {}", study.caches)?;
+    output!("")?;
+    output!(
         "| nodes | basis f32 | f32, us | i16, us | reading alone, us | f32 GB/s | us a 1000 nodes | actuators a core at 1 kHz |"
     )?;
-    say!("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
+    output!("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
     for row in &study.nodes {
-        say!(
+        output!(
             "| {} | {} | {:.2} | {:.2} | {:.2} | {:.1} | {:.2} | {} |",
             row.nodes,
             bytes(row.bytes),
@@ -96,11 +99,11 @@ pub fn scale(study: &Study) -> anyhow::Result<()> {
             row.actuators_at_1khz
         )?;
     }
-    say!("")?;
-    say!("| modes a field | basis f32 | f32, us | i16, us | f32 GB/s |")?;
-    say!("| ---: | ---: | ---: | ---: | ---: |")?;
+    output!("")?;
+    output!("| modes a field | basis f32 | f32, us | i16, us | f32 GB/s |")?;
+    output!("| ---: | ---: | ---: | ---: | ---: |")?;
     for row in &study.modes {
-        say!(
+        output!(
             "| {} | {} | {:.1} | {:.1} | {:.1} |",
             row.modes,
             bytes(row.bytes),
@@ -109,14 +112,14 @@ pub fn scale(study: &Study) -> anyhow::Result<()> {
             row.gbps
         )?;
     }
-    say!("")?;
-    say!(
+    output!("")?;
+    output!(
         "| actuators in one twin | bases together | full field, us each | tip and force, us each | share of a core, tips at 1 kHz |"
     )?;
-    say!("| ---: | ---: | ---: | ---: | ---: |")?;
+    output!("| ---: | ---: | ---: | ---: | ---: |")?;
     for row in &study.actuators {
         let share = row.actuators as f64 * row.tip_us / 10.0;
-        say!(
+        output!(
             "| {} | {} | {:.1} | {:.2} | {share:.1} % |",
             row.actuators,
             bytes(row.bytes),
@@ -124,11 +127,11 @@ pub fn scale(study: &Study) -> anyhow::Result<()> {
             row.tip_us
         )?;
     }
-    say!("")?;
-    say!("| subscribers of a full field | loan, us | send and wake, us |")?;
-    say!("| ---: | ---: | ---: |")?;
+    output!("")?;
+    output!("| subscribers of a full field | loan, us | send and wake, us |")?;
+    output!("| ---: | ---: | ---: |")?;
     for row in &study.subscribers {
-        say!("| {} | {:.2} | {:.2} |", row.subscribers, row.loan_us, row.send_us)?;
+        output!("| {} | {:.2} | {:.2} |", row.subscribers, row.loan_us, row.send_us)?;
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use rom::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
 use rom::model::Model;
-use rom::snapshots::{Case, Database, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
+use rom::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
 
 /// Nodes of the reference actuator.
 pub const NODES: usize = 25_022;
@@ -104,7 +104,7 @@ fn database() -> Database {
         undeformed_mm: Some(mesh),
         surface_triangles: Vec::new(),
         node_sets,
-        obstacle: Obstacle::PLATE,
+        obstacle: Footprint::PLATE,
         hash: [0; 32],
     };
     database.hash = database.content_hash();

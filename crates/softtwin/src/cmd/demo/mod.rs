@@ -4,7 +4,7 @@ mod daemon;
 mod watch;
 
 use crate::failure::{configuration, usage};
-use crate::say;
+use crate::output;
 use daemon::Daemon;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -65,7 +65,7 @@ impl Args {
         let summary = watch.summary(reason);
         drop(bus);
         domain.remove_leftovers()?; // the domain was made for this run
-        if self.json { say::json(&summary) } else { summary.print() }
+        if self.json { output::json(&summary) } else { summary.print() }
     }
 
     /// The one actuator of the scene; wrong scenes are said before anything starts.

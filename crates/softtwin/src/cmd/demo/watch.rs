@@ -1,6 +1,6 @@
 //! The demonstration's subscriber: an ordinary reader of the field and sensor topics.
 
-use crate::say;
+use crate::output;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
@@ -146,17 +146,17 @@ impl Summary {
     pub(super) fn print(&self) -> anyhow::Result<()> {
         let regimes: Vec<String> =
             self.regimes.iter().map(|(name, count)| format!("{count} {name}")).collect();
-        say!(
+        output!(
             "{} readings, {} fields received, {} lost ({})",
             self.readings,
             self.fields_received,
             self.lost,
             self.exit
         )?;
-        say!("{} entries a field; regimes: {}", self.entries, regimes.join(", "))?;
-        say!("largest contact force {:.3} N", self.max_force_n)?;
+        output!("{} entries a field; regimes: {}", self.entries, regimes.join(", "))?;
+        output!("largest contact force {:.3} N", self.max_force_n)?;
         let latency = &self.latency_us;
-        say!(
+        output!(
             "sensor stamp to field in hand: p50 {:.0} us, p99 {:.0} us, max {:.0} us",
             latency.p50,
             latency.p99,

@@ -5,9 +5,9 @@ use crate::cmd::simulate::{batch, open};
 use anyhow::Context;
 use fem::rng::Rng;
 use fem::run::Case;
-use formats::database::Scene;
+use formats::database::ObstacleKind;
 use rom::evaluation::Input;
-use rom::hull::Verdict;
+use rom::hull::DomainStatus;
 use rom::interpolant::{InputAxis, Quantity};
 use rom::model::{Model, RegimeModel};
 use rom::predict::{Predictor, Selection};
@@ -30,7 +30,7 @@ impl Args {
                 model.header.node_count
             )));
         }
-        let cases = random_states(model, count, self.seed, Scene::from(self.scene))?;
+        let cases = random_states(model, count, self.seed, ObstacleKind::from(self.scene))?;
         let outcome = batch::solve(&actuator, problem, &cases, &self.database, self.threads)?;
         for (index, reason) in &outcome.failed {
             tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);
@@ -40,7 +40,7 @@ impl Args {
 }
 
 /// Random states inside the contact domain, evenly over pressure and gap.
-fn random_states(model: &Model, count: usize, seed: u64, scene: Scene) -> anyhow::Result<Vec<Case>> {
+fn random_states(model: &Model, count: usize, seed: u64, scene: ObstacleKind) -> anyhow::Result<Vec<Case>> {
     let contact =
         model.regime(RegimeKind::Contact).context("the model has no contact regime to draw from")?;
     let mut predictor =
@@ -56,9 +56,9 @@ fn random_states(model: &Model, count: usize, seed: u64, scene: Scene) -> anyhow
         // What is simulated is what is written: rounded as a list of cases would round it.
         let [pressure_mpa, gap_mm] = [(pressure, 1e6), (gap, 1e4)].map(|(v, per)| (v * per).round() / per);
         predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut evaluation);
-        if evaluation.basis == RegimeKind::Contact && evaluation.domain == Verdict::Inside {
+        if evaluation.basis == RegimeKind::Contact && evaluation.domain == DomainStatus::Inside {
             let name = format!("fresh{seed}-{:03}", cases.len());
-            let regime = if scene == Scene::Gripper { "gripper" } else { "contact" }.into();
+            let regime = if scene == ObstacleKind::Gripper { "gripper" } else { "contact" }.into();
             let split = "check".into();
             cases.push(Case { name, regime, split, pressure_mpa, gap_mm: Some(gap_mm) });
         }

@@ -3,8 +3,8 @@
 mod fresh;
 
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::{artefact, say};
-use formats::database::Scene;
+use crate::{files, output};
+use formats::database::ObstacleKind;
 use rom::datasheet::{CaseError, DataSheet};
 use rom::evaluate::{CaseReport, DEFAULT_FLOOR, FieldErrors, Report, Summary, evaluate, spread};
 use rom::snapshots::{Database, RegimeKind, Split};
@@ -55,7 +55,7 @@ pub struct Args {
     /// Cases to evaluate on.
     #[arg(long, value_enum, default_value_t, conflicts_with = "simulate")]
     split: SplitArg,
-    /// Scene whose cases are used.
+    /// ObstacleKind whose cases are used.
     #[arg(long, value_enum, default_value_t)]
     scene: super::SceneArg,
     /// Floor of the relative error as a share of the field's largest value.
@@ -100,7 +100,7 @@ impl SplitArg {
 impl Args {
     /// Evaluates and prints.
     pub fn run(self) -> anyhow::Result<()> {
-        let model = artefact::model(&self.model)?;
+        let model = files::model(&self.model)?;
         let split = match self.simulate {
             Some(count) => {
                 self.simulate(&model, count as usize)?;
@@ -108,7 +108,7 @@ impl Args {
             }
             None => self.split,
         };
-        let database = artefact::database(&self.database, Scene::from(self.scene))?;
+        let database = files::database(&self.database, ObstacleKind::from(self.scene))?;
         let cases: Vec<usize> =
             (0..database.cases.len()).filter(|i| split.has(database.cases[*i].split)).collect();
         if cases.is_empty() {
@@ -119,12 +119,12 @@ impl Args {
             )));
         }
         let report = evaluate(&model, &database, &cases, self.floor)?;
-        let left_out = leave_one_out(&artefact::data_sheet(&self.model));
+        let left_out = leave_one_out(&files::data_sheet(&self.model));
         if let Some(path) = &self.picture {
             picture(&report).save(path)?;
         }
         if self.json {
-            say::json(&Printed { report: &report, leave_one_out: left_out })
+            output::json(&Printed { report: &report, leave_one_out: left_out })
         } else {
             text(&report, &left_out)
         }
@@ -181,7 +181,7 @@ fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
         regime_text(report, summary)?;
     }
     for left in left_out {
-        say!(
+        output!(
             "\nleave-one-out on {} training cases, regime {} (mean / 95 % / max of the worst node)",
             left.cases,
             left.regime.name()
@@ -191,7 +191,7 @@ fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
             ("stress MPa", left.stress_mpa),
             ("force N", left.force_n),
         ] {
-            say!("  {name:<18}{:>10.2e}{:>10.2e}{:>10.2e}", values[0], values[1], values[2])?;
+            output!("  {name:<18}{:>10.2e}{:>10.2e}{:>10.2e}", values[0], values[1], values[2])?;
         }
     }
     Ok(())
@@ -203,8 +203,8 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
         .iter()
         .filter(|c| c.gap_mm.is_some() == (summary.regime == RegimeKind::Contact))
         .collect();
-    say!("\nregime {}: {} cases, MSE (Eq. 15) {:.2e}", summary.regime.name(), summary.cases, summary.mse)?;
-    say!(
+    output!("\nregime {}: {} cases, MSE (Eq. 15) {:.2e}", summary.regime.name(), summary.cases, summary.mse)?;
+    output!(
         "  {:<14}{:^27}{:^27}{:>11}{:>14}  worst",
         "field",
         "normalised %",
@@ -220,7 +220,7 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
             let values: Option<Vec<f64>> = cases.iter().map(|c| get(&c.fields[f])).collect();
             values.map_or("derived".into(), |v| format!("{:.2e}", v.into_iter().fold(0.0, f64::max)))
         };
-        say!(
+        output!(
             "  {:<14}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>14}  case {} node {}",
             field.field,
             percent(field.normalised[0]),
@@ -237,17 +237,17 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
     }
     if summary.regime == RegimeKind::Contact {
         let [mean, p95, max] = summary.force_normalised.map(percent);
-        say!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
+        output!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
     }
     let [displacement, stress, force] = summary.coverage.map(|share| format!("{:.0} %", share * 100.0));
-    say!("  within the error bars: displacement {displacement}, stress {stress}, force {force}")?;
+    output!("  within the error bars: displacement {displacement}, stress {stress}, force {force}")?;
     for case in &cases {
         let worst = |name: &str| {
             case.fields.iter().find(|f| f.field == name).map_or("-".into(), |f| percent(f.normalised))
         };
         let force = case.force_relative.map_or("-".into(), percent);
         let gap = case.gap_mm.map_or("-".into(), |gap| format!("{gap:.3}"));
-        say!(
+        output!(
             "  case {:<6} P {:.6} MPa, gap {gap:>7} mm, {:?}: displacement {} %, stress {} %, force {force} %",
             case.case,
             case.pressure_mpa,

@@ -1,7 +1,7 @@
 //! What all states of an export share: nodes, undeformed shape, cells.
 
-use crate::artefact::refusal;
 use crate::failure::configuration;
+use crate::files::refusal;
 use anyhow::Result;
 use formats::export::Series;
 use formats::mesh_file;

@@ -4,9 +4,9 @@ mod body;
 mod source;
 mod tables;
 
-use crate::artefact;
 use crate::failure::usage;
-use crate::say;
+use crate::files;
+use crate::output;
 use anyhow::Result;
 pub use body::Body;
 use formats::export::SeriesFormat;
@@ -86,17 +86,17 @@ impl Args {
         let body = source.body(self.mesh.as_deref())?;
         let series = body.series(source.fields(), source.count());
         let written = series.write(&self.out, source.moments()).map_err(|error: anyhow::Error| {
-            error.downcast::<formats::FormatError>().map_or_else(|other| other, artefact::refusal)
+            error.downcast::<formats::FormatError>().map_or_else(|other| other, files::refusal)
         })?;
         if self.json {
-            return say::json(&json!({ "states": source.count(), "files": written }));
+            return output::json(&json!({ "states": source.count(), "files": written }));
         }
         let more = if written.len() > 1 {
             format!(" and {} files beside it", written.len() - 1)
         } else {
             String::new()
         };
-        say!("{}{more}: {} states of {} nodes", self.out.display(), source.count(), body.nodes)?;
+        output!("{}{more}: {} states of {} nodes", self.out.display(), source.count(), body.nodes)?;
         Ok(())
     }
 }

@@ -2,11 +2,11 @@
 
 use super::Args;
 use super::body::Body;
-use crate::artefact;
 use crate::failure::{configuration, usage};
-use crate::tape::{Tape, Track};
+use crate::files;
+use crate::recording_data::{RecordingData, Track};
 use anyhow::Result;
-use formats::database::Scene;
+use formats::database::ObstacleKind;
 use formats::export::Moment;
 use rom::evaluation::Input;
 use rom::model::Model;
@@ -75,7 +75,7 @@ impl Source {
     }
 
     fn readings(model: &Path, readings: Vec<(f64, Input)>) -> Result<Self> {
-        let model = artefact::model(model)?;
+        let model = files::model(model)?;
         let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
         Ok(Self::Readings { model: Box::new(model), fields, readings })
     }
@@ -83,9 +83,9 @@ impl Source {
     fn cases(args: &Args, path: &Path) -> Result<Self> {
         let scene = match formats::database::scenes(path).as_deref() {
             Ok([only]) => *only,
-            _ => Scene::Plate,
+            _ => ObstacleKind::Plate,
         };
-        let database = artefact::database(path, scene)?;
+        let database = files::database(path, scene)?;
         let place = |name: &String| {
             database.cases.iter().position(|case| case.name == *name).ok_or_else(|| {
                 let names: Vec<&str> =
@@ -101,7 +101,7 @@ impl Source {
     }
 
     fn recording(args: &Args, path: &Path) -> Result<Self> {
-        let mut tape = Tape::read(path, args.model.is_none())?;
+        let mut tape = RecordingData::read(path, args.model.is_none())?;
         let names: Vec<String> = tape.tracks.keys().cloned().collect();
         let name = match (&args.actuator, names.as_slice()) {
             (Some(name), _) => name.clone(),

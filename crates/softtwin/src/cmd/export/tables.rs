@@ -1,7 +1,7 @@
 //! A recording as CSV tables, one for each topic.
 
 use crate::failure::{configuration, usage};
-use crate::say;
+use crate::output;
 use anyhow::{Context, Result};
 use recording::{Ending, Exported, Reader, export_csv};
 use serde_json::json;
@@ -26,22 +26,22 @@ pub fn write(recording: &Path, folder: &Path, key: &str, json: bool) -> Result<(
     if json {
         let rows: serde_json::Map<String, serde_json::Value> =
             exported.rows.iter().map(|(path, rows)| (path.display().to_string(), json!(rows))).collect();
-        return say::json(&json!({"rows": rows, "left_out": exported.left_out, "ending": ending}));
+        return output::json(&json!({"rows": rows, "left_out": exported.left_out, "ending": ending}));
     }
     report(&exported, key, &ending)
 }
 
 fn report(exported: &Exported, key: &str, ending: &str) -> Result<()> {
     for (path, rows) in &exported.rows {
-        say!("{}  {rows} rows", path.display())?;
+        output!("{}  {rows} rows", path.display())?;
     }
     if exported.rows.is_empty() {
-        say!("nothing in the recording matches {key}")?;
+        output!("nothing in the recording matches {key}")?;
     }
     if exported.left_out > 0 {
-        say!("{} messages are no JSON objects and were left out", exported.left_out)?;
+        output!("{} messages are no JSON objects and were left out", exported.left_out)?;
     }
-    say!("the recording is {ending}")?;
+    output!("the recording is {ending}")?;
     Ok(())
 }
 

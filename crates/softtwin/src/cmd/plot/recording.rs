@@ -1,7 +1,7 @@
 //! A recording over time: one panel a quantity, one line an actuator.
 
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::tape::{Tape, TapeState};
+use crate::recording_data::{RecordedState, RecordingData};
 use anyhow::Result;
 use rom::evaluation::Input;
 use rom::model::Model;
@@ -10,18 +10,18 @@ use rom::regime::RegimeSwitch;
 use std::path::Path;
 
 /// Points of a line; a picture shows no more.
-const MOST_POINTS: usize = 2000;
+const MAX_POINTS: usize = 2000;
 /// States the model is asked for: each costs a whole field.
-const MOST_SHAPES: usize = 400;
+const MAX_SHAPES: usize = 400;
 
 /// A quantity that states themselves carry.
-type Quantity = (&'static str, fn(&TapeState) -> f64);
+type Quantity = (&'static str, fn(&RecordedState) -> f64);
 
 const QUANTITIES: [Quantity; 4] = [
     ("pressure [MPa]", |state| state.pressure_mpa),
     ("gap [mm]", |state| state.gap_mm),
     ("contact force [N]", |state| state.contact_force_n),
-    (LATENCY, TapeState::latency_ms),
+    (LATENCY, RecordedState::latency_ms),
 ];
 
 /// Drawn over decades: what matters is the rare slow one.
@@ -32,7 +32,7 @@ const LATENCY: &str = "latency, sensor to published [ms]";
 /// # Errors
 /// What is wrong with the recording or the model.
 pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
-    let tape = Tape::read(path, false)?;
+    let tape = RecordingData::read(path, false)?;
     let mut panels: Vec<Panel> = Vec::new();
     for (label, value) in QUANTITIES {
         let series = tape.tracks.iter().enumerate().map(|(colour, (name, track))| {
@@ -44,7 +44,7 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
     if let Some(model) = model {
         let mut peaks = [Vec::new(), Vec::new()];
         for (colour, (name, track)) in tape.tracks.iter().enumerate() {
-            let states = track.thinned(MOST_SHAPES).filter(|state| state.has_reading());
+            let states = track.thinned(MAX_SHAPES).filter(|state| state.has_reading());
             let found = largest(model, states)?;
             let column = |k: usize| found.iter().map(|(t_s, values)| (*t_s, values[k])).collect();
             for (k, series) in peaks.iter_mut().enumerate() {
@@ -62,10 +62,10 @@ fn line(name: &str, colour: usize, points: Vec<(f64, f64)>) -> Series {
     Series { name: name.into(), colour, mark: Mark::Line, points }
 }
 
-/// At most about [`MOST_POINTS`]: of each stretch of time the smallest and the largest value, in their order. Nothing that
+/// At most about [`MAX_POINTS`]: of each stretch of time the smallest and the largest value, in their order. Nothing that
 /// stands out is lost.
 fn envelope(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let stretch = (2 * points.len()).div_ceil(MOST_POINTS);
+    let stretch = (2 * points.len()).div_ceil(MAX_POINTS);
     if stretch <= 2 {
         return points.to_vec();
     }
@@ -86,7 +86,10 @@ fn panel(label: &str, series: Vec<Series>) -> Panel {
 }
 
 /// Largest displacement (mm) and von Mises stress (MPa) of each state.
-fn largest<'a>(model: &Model, states: impl Iterator<Item = &'a TapeState>) -> Result<Vec<(f64, [f64; 2])>> {
+fn largest<'a>(
+    model: &Model,
+    states: impl Iterator<Item = &'a RecordedState>,
+) -> Result<Vec<(f64, [f64; 2])>> {
     let mut predictor = Predictor::new(model, &Selection::default())?;
     let (mut evaluation, mut switch) = (predictor.evaluation(), RegimeSwitch::default());
     let mut values = vec![0.0; predictor.entries()];
@@ -110,8 +113,8 @@ mod tests {
         let mut points: Vec<(f64, f64)> = (0..100_000).map(|i| (f64::from(i), 1.0)).collect();
         (points[33_333].1, points[77_777].1) = (500.0, -3.0);
         let thin = envelope(&points);
-        assert!(thin.len() <= MOST_POINTS + 2 && thin.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+        assert!(thin.len() <= MAX_POINTS + 2 && thin.windows(2).all(|pair| pair[0].0 <= pair[1].0));
         assert!(thin.contains(&(33_333.0, 500.0)) && thin.contains(&(77_777.0, -3.0)));
-        assert_eq!(envelope(&points[..MOST_POINTS]), points[..MOST_POINTS]);
+        assert_eq!(envelope(&points[..MAX_POINTS]), points[..MAX_POINTS]);
     }
 }

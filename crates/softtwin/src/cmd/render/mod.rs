@@ -6,10 +6,10 @@ mod states;
 
 use crate::failure::usage;
 use crate::load::LoadedModel;
+use crate::output;
 use crate::render::camera::Camera;
 use crate::render::colour::{ColourMap, MapName};
 use crate::render::theme::ThemeName;
-use crate::say;
 use anyhow::Result;
 use rom::snapshots::RegimeKind;
 use std::path::PathBuf;
@@ -158,7 +158,7 @@ impl Args {
             },
         };
         canvas.write_png(&self.out)?;
-        say!("{} ({} x {} px)", self.out.display(), canvas.width, canvas.height)?;
+        output!("{} ({} x {} px)", self.out.display(), canvas.width, canvas.height)?;
         Ok(())
     }
 

@@ -1,8 +1,8 @@
 //! States of a model or of a database as pictures.
 
 use super::{Args, Shown};
-use crate::artefact::{self, refusal};
 use crate::failure::usage;
+use crate::files::{self, refusal};
 use crate::load::LoadedModel;
 use crate::render::canvas::Canvas;
 use crate::render::colour::MapName;
@@ -15,7 +15,7 @@ use anyhow::{Context, Result};
 use rom::evaluation::{Evaluation, Input};
 use rom::predict::{Predictor, Selection};
 use rom::regime::RegimeSwitch;
-use rom::snapshots::{Database, Obstacle, RegimeKind};
+use rom::snapshots::{Database, Footprint, RegimeKind};
 
 /// The paper's three scenes and five pressures.
 const FIG9_GAPS_MM: [f64; 3] = [80.0, 40.0, 15.0];
@@ -93,7 +93,7 @@ impl Studio {
 }
 
 fn plate(gap_mm: f64) -> Plate {
-    let Obstacle { x_mm, z_mm } = Obstacle::PLATE;
+    let Footprint { x_mm, z_mm } = Footprint::PLATE;
     let narrow = |range: [f64; 2]| range.map(|v| v as f32);
     Plate { gap_mm: gap_mm as f32, x_mm: narrow(x_mm), z_mm: narrow(z_mm) }
 }
@@ -127,7 +127,7 @@ pub fn case(args: &Args) -> Result<Canvas> {
     };
     let mut found = None;
     for scene in formats::database::scenes(dir).map_err(refusal)? {
-        let database = artefact::database(dir, scene)?;
+        let database = files::database(dir, scene)?;
         if let Some(index) = database.cases.iter().position(|case| case.name == *wanted) {
             found = Some((database, index));
             break;
@@ -152,7 +152,7 @@ fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
     let undeformed: Vec<[f32; 3]> = undeformed.iter().map(|p| p.map(|v| v as f32)).collect();
     let case = &database.cases[index];
     let drawn = |gap: f64| {
-        let Obstacle { x_mm, z_mm } = database.obstacle;
+        let Footprint { x_mm, z_mm } = database.obstacle;
         Plate { x_mm: x_mm.map(|v| v as f32), z_mm: z_mm.map(|v| v as f32), ..plate(gap) }
     };
     Ok(Shot {

@@ -5,7 +5,7 @@ use super::published::{self, Case as Published};
 use super::study::{REGIMES, Study, percent};
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use rom::evaluate::{CaseReport, spread};
-use rom::hull::Verdict;
+use rom::hull::DomainStatus;
 use rom::snapshots::{Case, FieldKind, RegimeKind, Split};
 use std::fmt::Write as _;
 
@@ -21,7 +21,8 @@ pub fn section(study: &Study, out: &Folder) -> anyhow::Result<String> {
     let held_out = study.cases(|c| c.split == Split::Check);
     let report = study.evaluate(&study.ours, &held_out)?;
     let pairs = held_out.iter().zip(&report.cases);
-    let outside: Vec<usize> = pairs.filter(|(_, c)| c.domain != Verdict::Inside).map(|(i, _)| *i).collect();
+    let outside: Vec<usize> =
+        pairs.filter(|(_, c)| c.domain != DomainStatus::Inside).map(|(i, _)| *i).collect();
     page += &case_table(
         study,
         &outside,
@@ -60,7 +61,7 @@ fn case_table(study: &Study, cases: &[usize], note: &str) -> anyhow::Result<Stri
             _ => case.name.clone(),
         };
         let gap = case.gap_mm.map_or(String::new(), |gap| format!(", {gap:.2} mm"));
-        let state = format!("{:.4} MPa{gap}, {}", case.pressure_mpa, verdict(mine.domain));
+        let state = format!("{:.4} MPa{gap}, {}", case.pressure_mpa, status(mine.domain));
         for (quantity, of, figure) in QUANTITIES {
             let (Some(theirs), Some(mine)) = (of(study, theirs), of(study, mine)) else { continue };
             let figure = known.and_then(figure).map_or("-".into(), |v| format!("{v}"));
@@ -91,11 +92,11 @@ fn normalised(study: &Study, case: &CaseReport, kind: FieldKind) -> Option<f64> 
     Some(case.fields[at].normalised)
 }
 
-const fn verdict(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Inside => "inside",
-        Verdict::Near => "near",
-        Verdict::Outside => "outside",
+const fn status(status: DomainStatus) -> &'static str {
+    match status {
+        DomainStatus::Inside => "inside",
+        DomainStatus::Near => "near",
+        DomainStatus::Outside => "outside",
     }
 }
 

@@ -13,9 +13,9 @@ mod switch;
 
 use crate::picture::Figure;
 use crate::progress::Progress;
-use crate::{artefact, say};
+use crate::{files, output};
 use anyhow::Context;
-use formats::database::Scene;
+use formats::database::ObstacleKind;
 use std::path::PathBuf;
 use study::Study;
 
@@ -67,7 +67,7 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let mut progress = Progress::new(false);
         progress.step("reading the database");
-        let database = artefact::database(&self.database, Scene::Plate)?;
+        let database = files::database(&self.database, ObstacleKind::Plate)?;
         std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
         let folder = Folder { dir: self.out, ending: if self.png { "png" } else { "svg" } };
         progress.step("training by the paper's method and by ours");
@@ -89,8 +89,8 @@ impl Args {
         page += &pareto::section(&study, &folder, &mut progress)?;
         drop(progress);
         let path = folder.dir.join("README.md");
-        artefact::save(&path, page.as_bytes())?;
-        say!("{}", path.display())?;
+        files::save(&path, page.as_bytes())?;
+        output!("{}", path.display())?;
         Ok(())
     }
 }

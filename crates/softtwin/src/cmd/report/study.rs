@@ -2,7 +2,7 @@
 
 use rom::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
 use rom::evaluate::{DEFAULT_FLOOR, Report, evaluate};
-use rom::hull::Verdict;
+use rom::hull::DomainStatus;
 use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
 use std::path::Path;
@@ -38,7 +38,7 @@ impl Study {
         let held_out = self.cases(|c| c.split != Split::Train);
         let report = self.evaluate(&self.ours, &held_out)?;
         let inside =
-            |(i, c): (&usize, &rom::evaluate::CaseReport)| (c.domain == Verdict::Inside).then_some(*i);
+            |(i, c): (&usize, &rom::evaluate::CaseReport)| (c.domain == DomainStatus::Inside).then_some(*i);
         Ok(held_out.iter().zip(&report.cases).filter_map(inside).collect())
     }
 

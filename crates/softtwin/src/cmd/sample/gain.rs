@@ -1,9 +1,9 @@
 //! What a refinement gained: errors before and after, on states the model has not been trained on.
 
 use super::refine::Trained;
-use crate::say;
+use crate::output;
 use rom::evaluate::{CaseReport, DEFAULT_FLOOR, evaluate};
-use rom::hull::Verdict;
+use rom::hull::DomainStatus;
 use rom::snapshots::{Database, FieldKind, RegimeKind, Split};
 use serde::Serialize;
 use serde_json::json;
@@ -38,7 +38,7 @@ impl Quality {
         let kept: Vec<usize> = all().filter(|i| database.cases[*i].split != Split::Train).collect();
         let report = |cases: &[usize]| evaluate(model, database, cases, DEFAULT_FLOOR);
         let mut held_out = report(&kept)?.cases;
-        held_out.retain(|case| case.domain == Verdict::Inside);
+        held_out.retain(|case| case.domain == DomainStatus::Inside);
         let left_out = sheet.regimes.iter().find(|r| r.kind == kind).and_then(|regime| {
             let inner = regime.leave_one_out.iter().filter(|e| !e.on_hull);
             mean(inner.map(|e| [e.displacement_mm, e.stress_mpa, e.force_n]))
@@ -86,12 +86,12 @@ impl Gain<'_> {
     /// Prints both.
     pub fn tell(&self, as_json: bool) -> anyhow::Result<()> {
         if as_json {
-            return say::json(&json!({
+            return output::json(&json!({
                 "added": self.added, "model": self.model, "before": self.before, "after": self.after,
             }));
         }
-        say!("{} states added; {}", self.added, self.model.display())?;
-        say!(
+        output!("{} states added; {}", self.added, self.model.display())?;
+        output!(
             "{:<38} {:>18} {:>22} {:>20}",
             "mean error, before -> after",
             "displacement (mm)",
@@ -106,7 +106,7 @@ impl Gain<'_> {
         ] {
             let (Some(b), Some(a)) = (before, after) else { continue };
             let pair = |k: usize| format!("{:.3e} -> {:.3e}", b[k], a[k]);
-            say!("{name:<32} {:>24} {:>24} {:>24}", pair(0), pair(1), pair(2))?;
+            output!("{name:<32} {:>24} {:>24} {:>24}", pair(0), pair(1), pair(2))?;
         }
         Ok(())
     }

@@ -3,13 +3,13 @@
 mod gain;
 mod refine;
 
-use crate::artefact::{self, save};
 use crate::failure::usage;
-use crate::say;
+use crate::files::{self, save};
+use crate::output;
 use anyhow::Context;
 use fem::run::cases::{Case, to_csv};
 use fem::sample;
-use formats::database::{Scene, bottom_nodes};
+use formats::database::{ObstacleKind, bottom_nodes};
 use rom::snapshots::{Database, RegimeKind};
 use std::path::{Path, PathBuf};
 
@@ -126,7 +126,7 @@ pub struct Args {
 }
 
 /// More states than this are a slip of the keyboard: they would take months.
-const MOST_STATES: usize = 100_000;
+const MAX_STATES: usize = 100_000;
 
 impl Args {
     /// Chooses and writes the list.
@@ -155,15 +155,15 @@ impl Args {
         };
         let cases: Vec<Case> = points.iter().enumerate().map(|(i, p)| self.case(i, p)).collect();
         save(&self.out, to_csv(&cases).as_bytes())?;
-        say!("{}: {} cases", self.out.display(), cases.len())?;
+        output!("{}: {} cases", self.out.display(), cases.len())?;
         Ok(())
     }
 
     /// One range a dimension: pressure, and gap unless free.
     fn bounds(&self, n: usize) -> anyhow::Result<Vec<[f64; 2]>> {
-        if n == 0 || self.n_gaps == 0 || n.saturating_mul(self.n_gaps) > MOST_STATES {
+        if n == 0 || self.n_gaps == 0 || n.saturating_mul(self.n_gaps) > MAX_STATES {
             let found = format!("{n} x {}", self.n_gaps);
-            return Err(usage(format!("--n, --n-gaps: expected 1 to {MOST_STATES} states, found {found}")));
+            return Err(usage(format!("--n, --n-gaps: expected 1 to {MAX_STATES} states, found {found}")));
         }
         let mut bounds = Vec::new();
         for (name, range, least) in
@@ -186,7 +186,7 @@ impl Args {
             return Err(usage("--kind onset: expected --regime contact or gripper, found free"));
         }
         let path = self.database.as_deref().unwrap_or(Path::new("."));
-        let database = artefact::database(path, Scene::Plate)?;
+        let database = files::database(path, ObstacleKind::Plate)?;
         let clearances =
             clearances(&database).context("the onset needs the undeformed mesh and a field y")?;
         let points = sample::onset(n, &clearances, [self.gap_mm[0], self.gap_mm[1]]);

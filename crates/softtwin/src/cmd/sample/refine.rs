@@ -2,21 +2,21 @@
 
 use super::gain::{Gain, Quality};
 use super::{Regime, case_at};
-use crate::artefact::{self, refusal};
 use crate::failure::{configuration, usage};
+use crate::files::{self, refusal};
+use crate::output;
 use crate::progress::Progress;
-use crate::say;
 use anyhow::Context;
 use fem::Problem;
 use fem::actuator::Actuator;
 use fem::rng::Rng;
 use fem::run::{self, Case, Event, Run, Solved, Store, cases, fingerprint};
 use fem::sample::{Doubt, doubtful};
-use formats::database::Scene;
+use formats::database::ObstacleKind;
 use rom::config::TrainConfig;
 use rom::datasheet::{DataSheet, RegimeSheet};
 use rom::evaluation::Input;
-use rom::hull::Verdict;
+use rom::hull::DomainStatus;
 use rom::model::Model;
 use rom::predict::{Predictor, Selection};
 use rom::regime::RegimeSwitch;
@@ -66,31 +66,31 @@ impl Order<'_> {
         let mesh = actuator.read_mesh(self.actuator).map_err(refusal)?;
         let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
         let (scene, kind) = match self.regime {
-            Regime::Free => (Scene::Plate, RegimeKind::Free),
-            Regime::Contact => (Scene::Plate, RegimeKind::Contact),
-            Regime::Gripper => (Scene::Gripper, RegimeKind::Contact),
+            Regime::Free => (ObstacleKind::Plate, RegimeKind::Free),
+            Regime::Contact => (ObstacleKind::Plate, RegimeKind::Contact),
+            Regime::Gripper => (ObstacleKind::Gripper, RegimeKind::Contact),
         };
         progress.step("training on the database as it is");
-        let database = artefact::database(self.database, scene)?;
+        let database = files::database(self.database, scene)?;
         let before = train(&database)?;
         let proposed = self.propose(&database, &before, kind)?;
         if !self.json {
-            say!("{} states where the model is least sure:", proposed.len())?;
+            output!("{} states where the model is least sure:", proposed.len())?;
             proposed.iter().try_for_each(|c| match c.gap_mm {
-                Some(gap) => say!("  {}: {} MPa, gap {gap} mm", c.name, c.pressure_mpa),
-                None => say!("  {}: {} MPa", c.name, c.pressure_mpa),
+                Some(gap) => output!("  {}: {} MPa, gap {gap} mm", c.name, c.pressure_mpa),
+                None => output!("  {}: {} MPa", c.name, c.pressure_mpa),
             })?;
         }
         progress.step("simulating them");
         let solved = self.simulate(&actuator, &problem, &proposed)?;
         run::extend(self.database, self.out, problem.mesh(), &proposed, &solved).map_err(refusal)?;
         progress.step("training on the refined database");
-        let refined = artefact::database(self.out, scene)?;
+        let refined = files::database(self.out, scene)?;
         let after = train(&refined)?;
         let model = self.out.join(&actuator.name).with_extension("twin");
-        artefact::save(&model, &after.0.to_bytes()?)?;
+        files::save(&model, &after.0.to_bytes()?)?;
         let sheet = format!("{:#}\n", serde_json::to_value(&after.1)?);
-        artefact::save(&artefact::data_sheet(&model), sheet.as_bytes())?;
+        files::save(&files::data_sheet(&model), sheet.as_bytes())?;
         drop(progress);
         let added: Vec<&str> = solved.iter().map(|(i, _)| proposed[*i].name.as_str()).collect();
         let quality = |trained: &Trained| Quality::of(trained, &refined, kind, &added);
@@ -133,7 +133,7 @@ impl Order<'_> {
             let input = Input { pressure_mpa: point[0], gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
             predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
             // A state of the other regime, or beyond the samples, would not refine this one.
-            if evaluation.basis == kind && evaluation.domain == Verdict::Inside {
+            if evaluation.basis == kind && evaluation.domain == DomainStatus::Inside {
                 places.push((point[0], gap_mm));
             }
         }

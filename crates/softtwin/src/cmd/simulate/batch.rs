@@ -1,7 +1,7 @@
 //! A list of cases to a database folder, with progress, checkpoints and a report.
 
-use crate::artefact::refusal;
-use crate::{resources, say};
+use crate::files::refusal;
+use crate::{output, resources};
 use fem::Problem;
 use fem::actuator::Actuator;
 use fem::run::{self, Case, Event, Outcome, Run, Store, cases, fingerprint};
@@ -26,7 +26,7 @@ pub fn run(
     let seconds = began.elapsed().as_secs_f64();
     let report = report(&cases, &outcome, seconds);
     if as_json {
-        say::json(&report)?;
+        output::json(&report)?;
     } else {
         print(&report, &cases, &outcome, out)?;
     }
@@ -108,7 +108,7 @@ fn report(cases: &[Case], outcome: &Outcome, seconds: f64) -> Value {
 }
 
 fn print(report: &Value, cases: &[Case], outcome: &Outcome, out: &Path) -> anyhow::Result<()> {
-    say!(
+    output!(
         "{}: {} cases, {} solved now, {} reused, {} failed",
         out.display(),
         report["cases"],
@@ -116,26 +116,26 @@ fn print(report: &Value, cases: &[Case], outcome: &Outcome, out: &Path) -> anyho
         report["reused"],
         outcome.failed.len()
     )?;
-    say!(
+    output!(
         "{} load steps, {} factorisations (one a Newton iteration), {} steps cut; median of a contact case: {} factorisations",
         report["steps"],
         report["factorisations"],
         report["cuts"],
         report["median_factorisations_contact"]
     )?;
-    say!(
+    output!(
         "{:.0} s elapsed, {:.0} s of processor time, {} MB at most; {:.0} s of solver time in all cases",
         report["seconds"].as_f64().unwrap_or(0.0),
         report["cpu_seconds"].as_f64().unwrap_or(f64::NAN),
         report["peak_memory_mb"],
         report["solver_seconds"].as_f64().unwrap_or(0.0)
     )?;
-    say!(
+    output!(
         "largest force out of balance at a node: {:.1e} N",
         report["largest_residual_n"].as_f64().unwrap_or(f64::NAN)
     )?;
     for (index, reason) in &outcome.failed {
-        say!("failed: {}: {reason}", cases[*index].name)?;
+        output!("failed: {}: {reason}", cases[*index].name)?;
     }
     Ok(())
 }

@@ -3,8 +3,8 @@
 pub mod batch;
 mod single;
 
-use crate::artefact::refusal;
 use crate::failure::{configuration, usage};
+use crate::files::refusal;
 use fem::Problem;
 use fem::actuator::Actuator;
 use std::path::{Path, PathBuf};

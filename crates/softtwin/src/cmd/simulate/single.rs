@@ -1,7 +1,7 @@
 //! One state, or a path of states from rest.
 
 use crate::failure::usage;
-use crate::say;
+use crate::output;
 use anyhow::Context;
 use fem::actuator::Actuator;
 use fem::output::clearance_mm;
@@ -50,7 +50,7 @@ pub fn run(
             described["contact_node_set"] = json!(output.contact_nodes);
             described["slot_contact_node_set"] = json!(output.slot_contact_nodes);
         }
-        say::json(&described)?;
+        output::json(&described)?;
         if let (true, Some(out)) = (step == target.steps, out) {
             write(&problem, &output, out).context("the state was not written")?;
         }

@@ -2,8 +2,8 @@
 //! implementation of the same formulation computed there.
 
 use super::Book;
-use crate::artefact::refusal;
 use crate::failure::{configuration, usage};
+use crate::files::refusal;
 use anyhow::Context;
 use fem::config::{GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2};
 use fem::mesh::abaqus_arrays;

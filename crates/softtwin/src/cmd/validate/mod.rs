@@ -4,9 +4,9 @@ mod commercial;
 mod published;
 mod refinement;
 
-use crate::artefact::refusal;
 use crate::failure::configuration;
-use crate::say;
+use crate::files::refusal;
+use crate::output;
 use fem::Problem;
 use fem::actuator::Actuator;
 use serde::Serialize;
@@ -111,8 +111,8 @@ struct Book {
 impl Book {
     fn heading(&self, text: &str) -> anyhow::Result<()> {
         if !self.quiet {
-            say!("\n{text}")?;
-            say!(
+            output!("\n{text}")?;
+            output!(
                 "{:<50} {:>11} {:>11} {:>10} {:>9}",
                 "quantity",
                 "computed",
@@ -126,7 +126,7 @@ impl Book {
 
     fn remark(&self, text: &str) -> anyhow::Result<()> {
         if !self.quiet {
-            say!("{text}")?;
+            output!("{text}")?;
         }
         Ok(())
     }
@@ -163,7 +163,7 @@ impl Book {
     fn add(&mut self, mut row: Row) -> anyhow::Result<()> {
         row.holds = row.error.abs() <= row.bound;
         if !self.quiet {
-            say!(
+            output!(
                 "{:<50} {:>11.5} {:>11.5} {:>+8.4} {:<2} {:>6} {}{}",
                 row.quantity,
                 row.computed,
@@ -182,9 +182,9 @@ impl Book {
     fn close(self) -> anyhow::Result<()> {
         let missed: Vec<&str> = self.rows.iter().filter(|r| !r.holds).map(|r| r.quantity.as_str()).collect();
         if self.quiet {
-            say::json(&json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped}))?;
+            output::json(&json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped}))?;
         } else {
-            say!("\n{} figures compared, {} missed", self.rows.len(), missed.len())?;
+            output!("\n{} figures compared, {} missed", self.rows.len(), missed.len())?;
         }
         if missed.is_empty() {
             return Ok(());

@@ -1,8 +1,8 @@
 //! The same states of a shorter actuator on one family of finer and finer grids: what the element size costs.
 
 use super::Book;
-use crate::artefact::refusal;
 use crate::failure::{configuration, usage};
+use crate::files::refusal;
 use fem::actuator::Actuator;
 use fem::mesh::{grid, load};
 use fem::output::clearance_mm;

@@ -53,7 +53,7 @@ export class Actuator {
 
   // A node as text for the pointer.
   describe(node) {
-    const { fields, displacement_bar_mm: bar_mm, von_mises_bar_mpa: bar_mpa } = this.shape;
+    const { fields, displacement_halfwidth_mm: bar_mm, von_mises_halfwidth_mpa: bar_mpa } = this.shape;
     const half = (bar, digits) => (Number.isFinite(bar) ? ` ± ${bar.toFixed(digits)}` : "");
     const lines = [`${this.name} · node ${this.body.ids[node]}`, `x ${fields.x[node].toFixed(2)}  y ${fields.y[node].toFixed(2)}  z ${fields.z[node].toFixed(2)} mm`];
     if (fields.displacement) lines.push(`displacement ${fields.displacement[node].toFixed(2)}${half(bar_mm, 2)} mm`);

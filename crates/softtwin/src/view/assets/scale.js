@@ -3,8 +3,8 @@
 export const QUANTITIES = {
   von_mises: { unit: "MPa", values: (frame) => frame.fields.von_mises },
   displacement: { unit: "mm", values: (frame) => frame.fields.displacement },
-  stress_bar: { unit: "%", values: (frame) => share(frame.von_mises_bar_mpa, frame.fields.von_mises) },
-  displacement_bar: { unit: "%", values: (frame) => share(frame.displacement_bar_mm, frame.fields.displacement) },
+  stress_bar: { unit: "%", values: (frame) => share(frame.von_mises_halfwidth_mpa, frame.fields.von_mises) },
+  displacement_bar: { unit: "%", values: (frame) => share(frame.displacement_halfwidth_mm, frame.fields.displacement) },
 };
 
 // Half width of the error bar in percent of each node's value; not a number where either is unknown.

@@ -7,20 +7,20 @@ macro_rules! verdicts {
         /// The end of one question. The number is what travels in [`Answer::verdict`].
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[repr(u32)]
-        pub enum Verdict { $($(#[doc = $doc])+ $name = $code,)+ }
+        pub enum QueryStatus { $($(#[doc = $doc])+ $name = $code,)+ }
 
-        impl Verdict {
+        impl QueryStatus {
             /// All verdicts in the order of their numbers.
-            pub const ALL: &'static [Verdict] = &[$(Verdict::$name,)+];
+            pub const ALL: &'static [QueryStatus] = &[$(QueryStatus::$name,)+];
 
             /// The sentence for people; `{limit}` stands for [`Answer::limit`].
             fn template(self) -> &'static str {
-                match self { $(Verdict::$name => $text,)+ }
+                match self { $(QueryStatus::$name => $text,)+ }
             }
 
             /// The verdict of that number, if there is one.
             pub fn from_code(code: u32) -> Option<Self> {
-                match code { $($code => Some(Verdict::$name),)+ _ => None }
+                match code { $($code => Some(QueryStatus::$name),)+ _ => None }
             }
         }
     };
@@ -53,7 +53,7 @@ verdicts! {
     Model = 11, "the model gave no finite value";
 }
 
-impl Verdict {
+impl QueryStatus {
     /// The number on the wire.
     pub fn code(self) -> u32 {
         self as u32
@@ -82,11 +82,11 @@ mod tests {
 
     #[test]
     fn every_refusal_has_its_sentence_with_its_number() {
-        for verdict in Verdict::ALL {
-            assert_eq!(Verdict::from_code(verdict.code()), Some(*verdict));
+        for verdict in QueryStatus::ALL {
+            assert_eq!(QueryStatus::from_code(verdict.code()), Some(*verdict));
             let answer = Answer { verdict: verdict.code(), limit: 12.5, ..Answer::default() };
             let text = answer.refusal();
-            assert_eq!(text.is_none(), *verdict == Verdict::Answered);
+            assert_eq!(text.is_none(), *verdict == QueryStatus::Answered);
             let named = text.as_ref().is_some_and(|text| text.contains("12.5"));
             assert_eq!(named, verdict.template().contains("{limit}"), "{text:?}");
         }

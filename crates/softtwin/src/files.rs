@@ -3,7 +3,7 @@
 use crate::failure::configuration;
 use anyhow::Context;
 use formats::FormatError;
-use formats::database::{self, Scene};
+use formats::database::{self, ObstacleKind};
 use rom::model::Model;
 use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub fn model_and_hash(path: &Path) -> anyhow::Result<(Model, [u8; 32])> {
 }
 
 /// Loads the cases of one scene of a database.
-pub fn database(dir: &Path, scene: Scene) -> anyhow::Result<Database> {
+pub fn database(dir: &Path, scene: ObstacleKind) -> anyhow::Result<Database> {
     database::read(dir, scene).map_err(refusal)
 }
 

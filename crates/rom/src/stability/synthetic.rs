@@ -1,7 +1,7 @@
 //! An actuator made of formulas: a beam that bends with pressure until it meets a plate. Its truth is known everywhere,
 //! so that a wrong answer cannot hide. Tests use it where no finite-element database is at hand.
 
-use crate::snapshots::{Case, Database, FieldSpec, NodeSet, Obstacle, RegimeKind, Split};
+use crate::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
 
 /// Nodes: 12 along x, 5 across z, 2 over the height.
 pub const NODES: usize = 120;
@@ -92,7 +92,7 @@ pub fn database(states: &[State]) -> Database {
         undeformed_mm: Some(mesh()),
         surface_triangles: vec![[0, 1, 2], [2, 3, 4]],
         node_sets: vec![NodeSet { name: "tip".into(), nodes: (110..120).collect() }],
-        obstacle: Obstacle::PLATE,
+        obstacle: Footprint::PLATE,
         hash: [0; 32],
     };
     database.hash = database.content_hash();

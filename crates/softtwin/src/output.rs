@@ -7,7 +7,7 @@ use std::io::{self, Write};
 /// Writes one line to standard output; evaluates to `io::Result<()>`.
 #[macro_export]
 macro_rules! say {
-    ($($part:tt)*) => { $crate::say::line(format_args!($($part)*)) };
+    ($($part:tt)*) => { $crate::output::line(format_args!($($part)*)) };
 }
 
 /// One line to standard output.

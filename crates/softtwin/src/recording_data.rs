@@ -12,10 +12,10 @@ use std::path::Path;
 use wire::{Topic, TopicKind};
 
 /// Fields that are kept of one recording; with more, every second is let go until they fit.
-const MOST_FIELDS: usize = 600;
+const MAX_FIELDS: usize = 600;
 
 /// A recording.
-pub struct Tape {
+pub struct RecordingData {
     /// Its file's name.
     pub name: String,
     /// From the first message to the last, s.
@@ -28,7 +28,7 @@ pub struct Tape {
 #[derive(Default)]
 pub struct Track {
     /// States in order of time.
-    pub states: Vec<TapeState>,
+    pub states: Vec<RecordedState>,
     /// Recorded fields in order of time; empty unless asked for.
     pub fields: Vec<TapeField>,
     stride: usize,
@@ -38,7 +38,7 @@ pub struct Track {
 /// A recorded state. Names as in `softtwin.State`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default)]
-pub struct TapeState {
+pub struct RecordedState {
     /// Seconds after the recording's first message.
     #[serde(skip)]
     pub t_s: f64,
@@ -56,18 +56,18 @@ pub struct TapeState {
     #[serde(deserialize_with = "number")]
     pub onset_pressure_mpa: f64,
     #[serde(deserialize_with = "number")]
-    pub force_bar_n: f64,
+    pub force_halfwidth_n: f64,
     #[serde(deserialize_with = "number")]
-    pub displacement_bar_mm: f64,
+    pub displacement_halfwidth_mm: f64,
     #[serde(deserialize_with = "number")]
-    pub von_mises_bar_mpa: f64,
+    pub von_mises_halfwidth_mpa: f64,
     pub regime: String,
     pub outcome: String,
     pub flags: Vec<String>,
     pub model_hash: String,
 }
 
-impl Default for TapeState {
+impl Default for RecordedState {
     fn default() -> Self {
         Self {
             t_s: 0.0,
@@ -79,9 +79,9 @@ impl Default for TapeState {
             contact_force_n: f64::NAN,
             measured_force_n: f64::NAN,
             onset_pressure_mpa: f64::NAN,
-            force_bar_n: f64::NAN,
-            displacement_bar_mm: f64::NAN,
-            von_mises_bar_mpa: f64::NAN,
+            force_halfwidth_n: f64::NAN,
+            displacement_halfwidth_mm: f64::NAN,
+            von_mises_halfwidth_mpa: f64::NAN,
             regime: "unknown".into(),
             outcome: String::new(),
             flags: Vec::new(),
@@ -90,7 +90,7 @@ impl Default for TapeState {
     }
 }
 
-impl TapeState {
+impl RecordedState {
     /// From sensor stamp to published, ms.
     pub fn latency_ms(&self) -> f64 {
         self.t_publish_ns.saturating_sub(self.t_sensor_ns) as f64 * 1e-6
@@ -139,7 +139,7 @@ fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     })
 }
 
-impl Tape {
+impl RecordingData {
     /// Reads a recording; of fields at most some hundreds, evenly thinned, and none unless wanted.
     ///
     /// # Errors
@@ -181,8 +181,8 @@ impl Tape {
 
 impl Track {
     fn add_state(&mut self, message: &Message, t_s: f64) {
-        if let Ok(state) = serde_json::from_slice::<TapeState>(&message.data) {
-            self.states.push(TapeState { t_s, ..state });
+        if let Ok(state) = serde_json::from_slice::<RecordedState>(&message.data) {
+            self.states.push(RecordedState { t_s, ..state });
         }
     }
 
@@ -198,7 +198,7 @@ impl Track {
         }
         let FieldText { fields, node_count: nodes, pressure_mpa, gap_mm, .. } = text;
         self.fields.push(TapeField { t_s, fields, nodes, values, pressure_mpa, gap_mm });
-        if self.fields.len() > MOST_FIELDS {
+        if self.fields.len() > MAX_FIELDS {
             let mut keep = false;
             self.fields.retain(|_| {
                 keep = !keep;
@@ -209,7 +209,7 @@ impl Track {
     }
 
     /// The newest state at a time; the first one before it.
-    pub fn state_at(&self, t_s: f64) -> Option<&TapeState> {
+    pub fn state_at(&self, t_s: f64) -> Option<&RecordedState> {
         let after = self.states.partition_point(|state| state.t_s <= t_s);
         self.states.get(after.saturating_sub(1))
     }
@@ -221,7 +221,7 @@ impl Track {
     }
 
     /// Every n-th state, so that at most about `most` remain.
-    pub fn thinned(&self, most: usize) -> impl Iterator<Item = &TapeState> {
+    pub fn thinned(&self, most: usize) -> impl Iterator<Item = &RecordedState> {
         self.states.iter().step_by(self.states.len().div_ceil(most.max(1)).max(1))
     }
 }
