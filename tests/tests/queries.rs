@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use tests::{PATIENCE, Program, Stage, synthetic};
 use wire::layout::{field_id, flags, pack_name, query_kind, regime};
-use wire::{Answer, Bus, Query, QueryClient, Selector, SelectorError, Verdict, WireError};
+use wire::{Answer, Bus, Query, QueryClient, QueryStatus, Selector, SelectorError, WireError};
 
 fn scene(stage: &Stage, extra: &str) -> (Scene, PathBuf) {
     let text = format!(
@@ -83,7 +83,7 @@ fn a_what_if_is_answered_with_state_and_field() {
         let tip = Query { want_field: 1, node_set: pack_name("tip"), ..whatif(0.05, 25.0) };
         assert_eq!(client.ask(&tip, PATIENCE).unwrap().values().len(), 10);
         let unknown = Query { want_field: 1, node_set: pack_name("heel"), ..whatif(0.05, 25.0) };
-        assert_eq!(client.ask(&unknown, PATIENCE).unwrap().answer().verdict, Verdict::NoSuchField.code());
+        assert_eq!(client.ask(&unknown, PATIENCE).unwrap().answer().verdict, QueryStatus::NoSuchField.code());
     });
 }
 
@@ -104,7 +104,7 @@ fn fields_are_refused_where_the_scene_did_not_ask_for_them() {
     with_service("", |bus| {
         let mut client = QueryClient::open(bus, "finger").unwrap();
         let all = Query { want_field: 1, ..whatif(0.05, 25.0) };
-        assert_eq!(client.ask(&all, PATIENCE).unwrap().answer().verdict, Verdict::NoSuchField.code());
+        assert_eq!(client.ask(&all, PATIENCE).unwrap().answer().verdict, QueryStatus::NoSuchField.code());
     });
 }
 
@@ -147,19 +147,24 @@ fn ask(answerer: &mut Answerer, query: &Query) -> Answer {
 fn the_reason_is_given_where_there_is_no_answer() {
     let (_stage, mut beam) = beam();
     let cases = [
-        (whatif(f64::NAN, 20.0), Verdict::NotFinite),
-        (pressure_for(0.2, f64::NAN), Verdict::NotFinite),
-        (pressure_for(50.0, 25.0), Verdict::ForceTooHigh),
-        (pressure_for(-0.1, 25.0), Verdict::ForceTooLow),
-        (pressure_for(0.2, 500.0), Verdict::OutOfReach),
-        (gap_for(0.05, 0.0), Verdict::NoContact),
-        (gap_for(0.05, 50.0), Verdict::ForceTooHigh),
-        (gap_for(0.5, 0.3), Verdict::OutsideDomain),
-        (Query { kind: 77, ..whatif(0.05, 20.0) }, Verdict::UnknownKind),
+        (whatif(f64::NAN, 20.0), QueryStatus::NotFinite),
+        (pressure_for(0.2, f64::NAN), QueryStatus::NotFinite),
+        (pressure_for(50.0, 25.0), QueryStatus::ForceTooHigh),
+        (pressure_for(-0.1, 25.0), QueryStatus::ForceTooLow),
+        (pressure_for(0.2, 500.0), QueryStatus::OutOfReach),
+        (gap_for(0.05, 0.0), QueryStatus::NoContact),
+        (gap_for(0.05, 50.0), QueryStatus::ForceTooHigh),
+        (gap_for(0.5, 0.3), QueryStatus::OutsideDomain),
+        (Query { kind: 77, ..whatif(0.05, 20.0) }, QueryStatus::UnknownKind),
     ];
     for (query, expected) in cases {
         let answer = ask(&mut beam, &query);
-        assert_eq!(Verdict::from_code(answer.verdict), Some(expected), "{query:?}: {:?}", answer.refusal());
+        assert_eq!(
+            QueryStatus::from_code(answer.verdict),
+            Some(expected),
+            "{query:?}: {:?}",
+            answer.refusal()
+        );
     }
     // The limits are the truth's: the gap that 0.03 MPa just closes, the largest force at a gap.
     let touching = ask(&mut beam, &gap_for(0.03, 0.0)).limit;
@@ -218,7 +223,7 @@ fn the_committed_model_is_inverted_over_its_whole_domain() {
                 solved += 1;
             } else {
                 // More force than 0.09 MPa gives there, or less than the weight alone does.
-                let known = [Verdict::ForceTooHigh.code(), Verdict::ForceTooLow.code()];
+                let known = [QueryStatus::ForceTooHigh.code(), QueryStatus::ForceTooLow.code()];
                 assert!(known.contains(&answer.verdict), "{gap_mm} mm, {force_n} N: {:?}", answer.refusal());
             }
         }

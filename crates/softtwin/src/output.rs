@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 /// Writes one line to standard output; evaluates to `io::Result<()>`.
 #[macro_export]
-macro_rules! say {
+macro_rules! output {
     ($($part:tt)*) => { $crate::output::line(format_args!($($part)*)) };
 }
 

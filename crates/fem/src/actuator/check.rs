@@ -8,7 +8,7 @@ const THINNEST_MM: f64 = 0.1;
 
 impl Actuator {
     /// Everything that is wrong with the values, at once.
-    pub(super) fn problems(&self) -> Vec<Problem> {
+    pub(super) fn problems(&self) -> Vec<Diagnostic> {
         let mut found = Found(Vec::new());
         if self.layout != 1 {
             found.add("layout", "1", self.layout);
@@ -142,11 +142,11 @@ impl Actuator {
     }
 }
 
-struct Found(Vec<Problem>);
+struct Found(Vec<Diagnostic>);
 
 impl Found {
     fn add(&mut self, place: impl ToString, expected: &str, found: impl ToString) {
-        self.0.push(Problem::new(place.to_string(), expected, found.to_string()));
+        self.0.push(Diagnostic::new(place.to_string(), expected, found.to_string()));
     }
 
     /// `high` lies at least `least` above `low`, or the parts overlap.

@@ -10,7 +10,7 @@ use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, SheetMaterial};
 use crate::mesh::Mesh;
 use crate::mesh::load::read_mesh;
-use formats::{FormatError, Problem};
+use formats::{Diagnostic, FormatError};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -204,9 +204,9 @@ impl Actuator {
     ///
     /// # Errors
     /// Everything that is wrong; never empty.
-    pub fn parse(text: &str) -> Result<Self, Vec<Problem>> {
+    pub fn parse(text: &str) -> Result<Self, Vec<Diagnostic>> {
         let actuator: Self = toml::from_str(text).map_err(|e| {
-            vec![Problem::new(
+            vec![Diagnostic::new(
                 "content",
                 "the keys of models/pneunet/actuator.toml",
                 e.to_string().trim_end(),
@@ -225,7 +225,8 @@ impl Actuator {
         let mesh = read_mesh(&path, self)?;
         let (found, expected) = (mesh.nodes_mm.len(), self.mesh.nodes);
         if expected != 0 && found != expected {
-            let problem = Problem::new("nodes", format!("{expected} (mesh.nodes in actuator.toml)"), found);
+            let problem =
+                Diagnostic::new("nodes", format!("{expected} (mesh.nodes in actuator.toml)"), found);
             return Err(FormatError::one(&path, problem));
         }
         Ok(mesh)

@@ -11,12 +11,12 @@ const MIDSIDE_SHARE: f64 = 0.05;
 
 /// Everything that is wrong with nodes, elements and surfaces; empty for a sound mesh. `O(elements)`.
 #[must_use]
-pub fn problems(mesh: &Mesh) -> Vec<Problem> {
+pub fn problems(mesh: &Mesh) -> Vec<Diagnostic> {
     let nodes = mesh.nodes_mm.len();
     let surfaces = surfaces(mesh);
     let outside = |n: &u32| *n as usize >= nodes;
     if mesh.tets.iter().flatten().any(outside) || surfaces.iter().any(|s| s.1.iter().flatten().any(outside)) {
-        return vec![Problem::new(
+        return vec![Diagnostic::new(
             "elements",
             format!("nodes 0 .. {nodes}"),
             "larger indices; write the mesh again",
@@ -40,12 +40,12 @@ pub fn problems(mesh: &Mesh) -> Vec<Problem> {
     list
 }
 
-fn report(list: &mut Vec<Problem>, bad: Vec<(String, String)>, expected: &str) {
+fn report(list: &mut Vec<Diagnostic>, bad: Vec<(String, String)>, expected: &str) {
     let more = bad.len().saturating_sub(LISTED);
     for (i, (place, found)) in bad.into_iter().take(LISTED).enumerate() {
         let rest =
             if i + 1 == LISTED && more > 0 { format!(" (and {more} more like this)") } else { String::new() };
-        list.push(Problem::new(place, expected, found + &rest));
+        list.push(Diagnostic::new(place, expected, found + &rest));
     }
 }
 

@@ -29,7 +29,7 @@ const MAX_CUBES: usize = 200_000;
 ///
 /// # Errors
 /// A size that is no length, or so small that nobody could solve the mesh.
-pub fn mesh(actuator: &Actuator, size_mm: f64) -> Result<MeshFile, Problem> {
+pub fn mesh(actuator: &Actuator, size_mm: f64) -> Result<MeshFile, Diagnostic> {
     refined(actuator, size_mm, 1)
 }
 
@@ -40,12 +40,12 @@ pub fn mesh(actuator: &Actuator, size_mm: f64) -> Result<MeshFile, Problem> {
 ///
 /// # Errors
 /// As [`mesh`]; 0 times.
-pub fn refined(actuator: &Actuator, size_mm: f64, times: usize) -> Result<MeshFile, Problem> {
+pub fn refined(actuator: &Actuator, size_mm: f64, times: usize) -> Result<MeshFile, Diagnostic> {
     if !(size_mm.is_finite() && size_mm > 0.0) {
-        return Err(Problem::new("element size", "a finite length above 0 mm", size_mm));
+        return Err(Diagnostic::new("element size", "a finite length above 0 mm", size_mm));
     }
     if times == 0 {
-        return Err(Problem::new("parts of a box", "1 or more", times));
+        return Err(Diagnostic::new("parts of a box", "1 or more", times));
     }
     let boxes = Boxes::of(actuator);
     let planes = [0, 1, 2].map(|axis| boxes.planes(axis));
@@ -53,7 +53,7 @@ pub fn refined(actuator: &Actuator, size_mm: f64, times: usize) -> Result<MeshFi
     let cubes: f64 = counts.iter().map(|axis| axis.iter().sum::<f64>()).product();
     if cubes > MAX_CUBES as f64 {
         let expected = format!("a size that makes at most {MAX_CUBES} boxes; choose a larger one");
-        return Err(Problem::new("element size", expected, format!("{cubes:.0} boxes at {size_mm} mm")));
+        return Err(Diagnostic::new("element size", expected, format!("{cubes:.0} boxes at {size_mm} mm")));
     }
     let mut grid = Grid::new([0, 1, 2].map(|axis| divided(&planes[axis], &counts[axis])));
     grid.fill(|centre| boxes.solid_at(centre));

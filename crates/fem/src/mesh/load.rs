@@ -3,7 +3,7 @@
 use super::{Mesh, Slot, Tri6, check, surfaces};
 use crate::actuator::Actuator;
 use formats::mesh_file::MeshFile;
-use formats::{FormatError, Problem, msh, vtu};
+use formats::{Diagnostic, FormatError, msh, vtu};
 use std::path::Path;
 
 /// Reads the mesh of an actuator and checks it. A `.msh` names its surfaces as the mesh script does; in a `.vtu`, which
@@ -21,7 +21,7 @@ pub fn read_mesh(path: &Path, actuator: &Actuator) -> Result<Mesh, FormatError> 
         }
         _ => {
             let expected = "a .msh or a .vtu (scripts/mesh.sh and `softtwin mesh` make them)";
-            return Err(FormatError::one(path, Problem::new("file name", expected, path.display())));
+            return Err(FormatError::one(path, Diagnostic::new("file name", expected, path.display())));
         }
     };
     let (mesh, mut problems) = named(file, actuator.chambers.count - 1);
@@ -30,7 +30,7 @@ pub fn read_mesh(path: &Path, actuator: &Actuator) -> Result<Mesh, FormatError> 
 }
 
 /// Sorts named surfaces into their roles; what is missing is a problem each.
-pub fn named(mut file: MeshFile, slots: usize) -> (Mesh, Vec<Problem>) {
+pub fn named(mut file: MeshFile, slots: usize) -> (Mesh, Vec<Diagnostic>) {
     let present: Vec<String> = file.surfaces.keys().cloned().collect();
     let mut problems = Vec::new();
     let mut take = |name: &str| -> Vec<Tri6> {
@@ -38,7 +38,7 @@ pub fn named(mut file: MeshFile, slots: usize) -> (Mesh, Vec<Problem>) {
         if triangles.is_empty() {
             let found = if present.is_empty() { "no names".into() } else { present.join(", ") };
             let expected = "6-node triangles in a physical surface of that name (.msh) or on that face of the geometry in actuator.toml (.vtu)";
-            problems.push(Problem::new(format!("surface {name}"), expected, found));
+            problems.push(Diagnostic::new(format!("surface {name}"), expected, found));
         }
         triangles
     };

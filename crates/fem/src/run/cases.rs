@@ -1,6 +1,6 @@
 //! Lists of cases: `case,regime,split,pressure_mpa,gap_mm`, one row a state to compute.
 
-use formats::{FormatError, Problem};
+use formats::{Diagnostic, FormatError};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -49,15 +49,15 @@ pub fn read(path: &Path) -> Result<Vec<Case>, FormatError> {
 ///
 /// # Errors
 /// Everything that is wrong; never empty.
-pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Problem>> {
+pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Diagnostic>> {
     let mut lines = text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty() && !l.starts_with('#'));
     let header: Vec<&str> = lines.next().map_or("", |(_, l)| l).split(',').map(str::trim).collect();
     let places: Vec<Option<usize>> = COLUMNS.iter().map(|c| header.iter().position(|h| h == c)).collect();
-    let missing: Vec<Problem> = COLUMNS
+    let missing: Vec<Diagnostic> = COLUMNS
         .iter()
         .zip(&places)
         .filter(|(_, place)| place.is_none())
-        .map(|(column, _)| Problem::new(format!("column {column}"), COLUMNS.join(","), header.join(",")))
+        .map(|(column, _)| Diagnostic::new(format!("column {column}"), COLUMNS.join(","), header.join(",")))
         .collect();
     if !missing.is_empty() {
         return Err(missing);
@@ -74,16 +74,16 @@ pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Problem>> {
     }
     problems.extend(repeated(&cases));
     if cases.is_empty() && problems.is_empty() {
-        problems.push(Problem::new("rows", "at least one case", "none"));
+        problems.push(Diagnostic::new("rows", "at least one case", "none"));
     }
     if problems.is_empty() { Ok(cases) } else { Err(problems) }
 }
 
-fn row<'a>(cell: &impl Fn(usize) -> &'a str, line: usize) -> Result<Case, Vec<Problem>> {
+fn row<'a>(cell: &impl Fn(usize) -> &'a str, line: usize) -> Result<Case, Vec<Diagnostic>> {
     let mut problems = Vec::new();
     let mut wrong = |column: usize, expected: &str| {
         let place = format!("line {line}, column {}", COLUMNS[column]);
-        problems.push(Problem::new(place, expected, format!("`{}`", cell(column))));
+        problems.push(Diagnostic::new(place, expected, format!("`{}`", cell(column))));
     };
     let named = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     if cell(0).is_empty() || cell(0).starts_with('.') || !cell(0).chars().all(named) {
@@ -118,17 +118,17 @@ fn row<'a>(cell: &impl Fn(usize) -> &'a str, line: usize) -> Result<Case, Vec<Pr
     })
 }
 
-fn repeated(cases: &[Case]) -> Vec<Problem> {
+fn repeated(cases: &[Case]) -> Vec<Diagnostic> {
     let mut names = HashMap::new();
     let mut places = HashMap::new();
     let mut problems = Vec::new();
     for case in cases {
         if names.insert(&case.name, ()).is_some() {
-            problems.push(Problem::new(format!("case {}", case.name), "every name once", "it twice"));
+            problems.push(Diagnostic::new(format!("case {}", case.name), "every name once", "it twice"));
         }
         let place = (case.pressure_mpa.to_bits(), case.gap_mm.map(f64::to_bits));
         if let Some(other) = places.insert(place, &case.name) {
-            problems.push(Problem::new(
+            problems.push(Diagnostic::new(
                 format!("case {}", case.name),
                 "every state once",
                 format!("that of case {other}"),
@@ -172,7 +172,10 @@ pub fn read_volumes(path: &Path) -> Result<Vec<Volume>, FormatError> {
     let mut lines = text.lines().enumerate();
     let heading = lines.next().map_or("", |(_, line)| line.trim());
     if heading != VOLUME_COLUMNS {
-        return Err(FormatError::one(path, Problem::new("heading", VOLUME_COLUMNS, format!("`{heading}`"))));
+        return Err(FormatError::one(
+            path,
+            Diagnostic::new("heading", VOLUME_COLUMNS, format!("`{heading}`")),
+        ));
     }
     let (mut rows, mut problems) = (Vec::new(), Vec::new());
     for (index, line) in lines {
@@ -182,7 +185,7 @@ pub fn read_volumes(path: &Path) -> Result<Vec<Volume>, FormatError> {
             (Some(pressure_mpa), Some(cavity_volume_mm3)) => {
                 rows.push(Volume { pressure_mpa, gap_mm: number(2), cavity_volume_mm3 });
             }
-            _ => problems.push(Problem::new(
+            _ => problems.push(Diagnostic::new(
                 format!("line {}", index + 1),
                 VOLUME_COLUMNS,
                 format!("`{line}`"),

@@ -5,7 +5,7 @@ use super::{Case, Solved};
 use crate::mesh::Mesh;
 use crate::solver::FORMULATION;
 use formats::database::{self, Manifest};
-use formats::{FormatError, Problem, npy, vtu};
+use formats::{Diagnostic, FormatError, npy, vtu};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
@@ -76,7 +76,7 @@ pub fn extend(
     let expected = [before.shape[0], mesh.nodes_mm.len(), FIELDS.len()];
     if before.shape != expected {
         let problem =
-            Problem::new("shape", format!("{expected:?} of this mesh"), format!("{:?}", before.shape));
+            Diagnostic::new("shape", format!("{expected:?} of this mesh"), format!("{:?}", before.shape));
         return Err(FormatError::one(&from.join(&manifest.snapshots), problem));
     }
     let mut rows = Rows::new(mesh, cases);
@@ -98,7 +98,7 @@ fn table(path: &Path, heading: &str) -> Result<String, FormatError> {
     let text = fs::read_to_string(path).map_err(|e| FormatError::read(path, e))?;
     let found = text.lines().next().unwrap_or("");
     if found != heading {
-        return Err(FormatError::one(path, Problem::new("heading", heading, format!("`{found}`"))));
+        return Err(FormatError::one(path, Diagnostic::new("heading", heading, format!("`{found}`"))));
     }
     Ok(text.trim_end().to_owned() + "\n")
 }

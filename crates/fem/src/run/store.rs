@@ -3,7 +3,7 @@
 use crate::config::Load;
 use crate::solver::Report;
 use crate::state::State;
-use formats::{FormatError, Problem};
+use formats::{Diagnostic, FormatError};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -110,8 +110,8 @@ impl Store {
         bytes
     }
 
-    fn decode(&self, bytes: &[u8], load: &Load, sizes: Sizes) -> Result<Solved, Problem> {
-        let wrong = |found: &str| Problem::new("checkpoint", "a whole state of this problem", found);
+    fn decode(&self, bytes: &[u8], load: &Load, sizes: Sizes) -> Result<Solved, Diagnostic> {
+        let wrong = |found: &str| Diagnostic::new("checkpoint", "a whole state of this problem", found);
         let (body, hash) = bytes.split_last_chunk::<HASH>().ok_or_else(|| wrong("too few bytes"))?;
         if blake3::hash(body).as_bytes() != hash {
             return Err(wrong("a wrong checksum"));

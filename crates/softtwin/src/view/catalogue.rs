@@ -5,7 +5,7 @@ use crate::load::LoadedModel;
 use crate::render::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::evaluation::{Evaluation, Input};
-use rom::hull::Verdict;
+use rom::hull::DomainStatus;
 use rom::predict::{Nodes, Predictor, Selection};
 use rom::regime::RegimeSwitch;
 use rom::snapshots::Footprint;
@@ -268,10 +268,10 @@ impl Oracle {
     }
 }
 
-fn verdict_flag(verdict: Verdict) -> Option<&'static str> {
+fn verdict_flag(verdict: DomainStatus) -> Option<&'static str> {
     match verdict {
-        Verdict::Inside => None,
-        Verdict::Near => Some("near-edge"),
-        Verdict::Outside => Some("outside-domain"),
+        DomainStatus::Inside => None,
+        DomainStatus::Near => Some("near-edge"),
+        DomainStatus::Outside => Some("outside-domain"),
     }
 }
