@@ -1,121 +1,139 @@
-//! From values to drawing coordinates: range, logarithm, tick labels.
+//! Colour scales: a range with round ticks, and the bar that explains it.
 
-use super::{Axis, Map, Panel};
-use std::ops::Range;
+use super::colour::ColourMap;
+use super::theme::Theme;
+use super::canvas::Canvas;
+use super::text::{Align, Fonts, Style};
 
-impl Axis {
-    /// Drawing coordinate of a value; none for what the axis cannot show.
-    pub(super) fn place(&self, value: f64) -> Option<f64> {
-        let placed = if self.log { value.log10() } else { value };
-        placed.is_finite().then_some(placed)
-    }
-
-    /// Range of the drawing coordinates with a margin; whole decades on a logarithmic axis.
-    pub(super) fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
-        if !self.names.is_empty() {
-            return -0.5..self.names.len() as f64 - 0.5;
-        }
-        let placed = values.filter_map(|v| self.place(v));
-        let (min, max) = placed.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-        if min > max {
-            return 0.0..1.0;
-        }
-        if self.log {
-            return min.floor()..max.ceil().max(min.floor() + 1.0);
-        }
-        // A constant gets room that its labels can tell apart.
-        let margin = if max > min { 0.04 * (max - min) } else { 0.05 * max.abs() }.max(1e-12);
-        // An axis of quantities that start at 0 starts at 0.
-        let low = if min >= 0.0 && min < 0.3 * max { 0.0 } else { min - margin };
-        low..max + margin
-    }
-
-    /// How many labels to ask for.
-    pub(super) fn labels(&self, range: &Range<f64>) -> usize {
-        match () {
-            () if !self.names.is_empty() => self.names.len() * 2,
-            () if self.log => ((range.end - range.start) as usize + 1).min(12),
-            () => 6,
-        }
-    }
-
-    /// Label of a drawing coordinate; empty where none belongs.
-    pub(super) fn text(&self, placed: f64) -> String {
-        let whole = (placed - placed.round()).abs() < 1e-6;
-        match () {
-            () if !self.names.is_empty() => {
-                let name = self.names.get(placed.round().max(0.0) as usize).filter(|_| whole);
-                name.cloned().unwrap_or_default()
-            }
-            () if self.log && whole => power(placed.round() as i32),
-            () if self.log => String::new(),
-            () => number(placed),
-        }
-    }
+/// A value range with round numbers along it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scale {
+    /// Values at the ends.
+    pub range: [f32; 2],
+    /// Round values within the range, ascending.
+    pub ticks: Vec<f32>,
+    /// Digits after the point that tell the ticks apart.
+    pub digits: usize,
 }
 
-/// A power of ten: in full where that is short.
-fn power(exponent: i32) -> String {
-    match exponent {
-        0..=4 => format!("{}", 10_i64.pow(exponent.unsigned_abs())),
-        -3..=-1 => format!("{}", 10_f64.powi(exponent)),
-        _ => format!("1e{exponent}"),
-    }
-}
-
-/// A number with as many digits as it needs.
-pub(super) fn number(value: f64) -> String {
-    if value.abs() >= 1e5 || (value != 0.0 && value.abs() < 1e-4) {
-        return format!("{value:.1e}");
-    }
-    let text = format!("{value:.4}");
-    let short = text.trim_end_matches('0').trim_end_matches('.');
-    if short == "-0" { "0".into() } else { short.into() }
-}
-
-impl Panel {
-    /// Ranges of both axes.
-    pub(super) fn ranges(&self) -> (Range<f64>, Range<f64>) {
-        let points = || self.series.iter().flat_map(|s| &s.points);
-        match &self.map {
-            Some(map) => (map.x[0]..map.x[1], map.y[0]..map.y[1]),
-            None => (self.x.range(points().map(|p| p.0)), self.y.range(points().map(|p| p.1))),
+impl Scale {
+    /// About `count` steps of 1, 2, 2.5 or 5 times a power of ten over a range; a range without width gets one tick.
+    pub fn new(range: [f32; 2], count: usize) -> Self {
+        let span = f64::from(range[1]) - f64::from(range[0]);
+        let usable = span.is_finite() && span > 0.0;
+        if !usable {
+            return Self { range, ticks: vec![range[0]], digits: 3 };
+        }
+        let rough = span / count.max(1) as f64;
+        let power = 10_f64.powf(rough.log10().floor());
+        let factor = [1.0, 2.0, 2.5, 5.0, 10.0]
+            .into_iter()
+            .find(|f| f * power >= rough * (1.0 - 1e-9))
+            .unwrap_or(10.0);
+        let step = factor * power;
+        let first = (f64::from(range[0]) / step - 1e-6).ceil() as i64;
+        let last = (f64::from(range[1]) / step + 1e-6).floor() as i64;
+        let half = if factor == 2.5 { 1 } else { 0 };
+        Self {
+            range,
+            ticks: (first..=last).map(|k| (k as f64 * step) as f32).collect(),
+            digits: (half - step.log10().floor() as i64).max(0) as usize,
         }
     }
-}
 
-impl Map {
-    /// Smallest and largest finite value.
-    pub(super) fn limits(&self) -> (f64, f64) {
-        let finite = self.values.iter().copied().filter(|v| v.is_finite());
-        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+    /// The same range, widened outwards to whole ticks.
+    pub fn rounded(range: [f32; 2], count: usize) -> Self {
+        let scale = Self::new(range, count);
+        let [Some(first), Some(second)] =
+            [scale.ticks.first(), scale.ticks.get(1)].map(Option::<&f32>::copied)
+        else {
+            return scale;
+        };
+        let step = second - first;
+        let low = if first - range[0] > 1e-4 * step { first - step } else { first };
+        let last = scale.ticks[scale.ticks.len() - 1];
+        let high = if range[1] - last > 1e-4 * step { last + step } else { last };
+        Self::new([low, high], count)
+    }
+
+    /// A tick as text.
+    pub fn text(&self, value: f32) -> String {
+        let shown = if value == 0.0 { 0.0 } else { value }; // no "-0"
+        format!("{shown:.digits$}", digits = self.digits)
+    }
+
+    /// Draws a horizontal bar with its ticks below and its label above; `x`, `y` is the top left of the label.
+    #[expect(clippy::too_many_arguments, reason = "a place, a size and what to draw there")]
+    pub fn draw_bar(
+        &self,
+        canvas: &mut Canvas,
+        fonts: &Fonts,
+        map: &ColourMap,
+        theme: &Theme,
+        place: [usize; 2],
+        width: usize,
+        text_px: f32,
+        label: &str,
+    ) {
+        let [x, y] = place;
+        let line = (text_px * 1.35) as usize;
+        let height = (text_px * 0.8) as usize;
+        let style = Style { size_px: text_px, bold: false, colour: theme.ink, align: Align::Left };
+        fonts.draw(canvas, x as f32, y as f32, label, style);
+        for column in 0..width {
+            let colour = map.srgb(column as f32 / (width - 1).max(1) as f32);
+            canvas.fill(x + column, y + line, 1, height, colour);
+        }
+        for tick in &self.ticks {
+            let share = if self.range[1] > self.range[0] {
+                (tick - self.range[0]) / (self.range[1] - self.range[0])
+            } else {
+                0.5
+            };
+            let at = x as f32 + share * width as f32;
+            canvas.fill((at as usize).min(x + width - 2), y + line + height, 2, height / 3, theme.faint);
+            let style = Style { size_px: text_px * 0.9, colour: theme.faint, align: Align::Centre, ..style };
+            fonts.draw(canvas, at, (y + line + height) as f32 + text_px * 0.3, &self.text(*tick), style);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
-    fn decades_enclose_the_values_and_skip_what_has_no_logarithm() {
-        let axis = Axis::log("mse");
-        assert_eq!(axis.range([3e-4, 0.0, f64::NAN, 2.0].into_iter()), -4.0..1.0);
-        assert_eq!(axis.text(-4.0), "1e-4");
-        assert_eq!(axis.text(-2.0), "0.01");
-        assert_eq!(axis.text(0.5), "");
+    fn ticks_are_round_and_their_texts_differ() {
+        let scale = Scale::new([0.0, 0.46], 4);
+        assert_eq!(scale.ticks.iter().map(|t| scale.text(*t)).collect::<Vec<_>>(), ["0.0", "0.2", "0.4"]);
+        let scale = Scale::new([-1.0, 1.0], 4);
+        assert_eq!(
+            scale.ticks.iter().map(|t| scale.text(*t)).collect::<Vec<_>>(),
+            ["-1.0", "-0.5", "0.0", "0.5", "1.0"]
+        );
     }
 
     #[test]
-    fn numbers_are_short() {
-        assert_eq!(number(0.05), "0.05");
-        assert_eq!(number(-0.0), "0");
-        assert_eq!(number(1.0), "1");
-        assert_eq!(number(2e-7), "2.0e-7");
+    fn rounding_widens_to_whole_ticks() {
+        assert_eq!(Scale::rounded([0.0, 0.46], 5).range, [0.0, 0.5]);
+        assert_eq!(Scale::rounded([0.0, 0.5], 5).range, [0.0, 0.5]);
     }
 
     #[test]
-    fn an_axis_without_values_still_has_a_range() {
-        assert_eq!(Axis::linear("x").range(std::iter::empty()), 0.0..1.0);
-        assert_eq!(Axis::linear("gap").range([40.0, 40.0].into_iter()), 38.0..42.0);
+    fn a_range_without_width_has_one_tick() {
+        assert_eq!(Scale::new([3.0, 3.0], 5).ticks, [3.0]);
+        assert_eq!(Scale::rounded([f32::NAN, 1.0], 5).ticks.len(), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn ticks_ascend_within_the_range(low in -1e3_f32..1e3, span in 1e-3_f32..1e4, count in 2_usize..9) {
+            let scale = Scale::new([low, low + span], count);
+            prop_assert!(scale.ticks.windows(2).all(|pair| pair[0] < pair[1]));
+            prop_assert!(scale.ticks.len() <= count + 1);
+            let slack = 1e-3 * span;
+            prop_assert!(scale.ticks.iter().all(|t| *t >= low - slack && *t <= low + span + slack));
+        }
     }
 }

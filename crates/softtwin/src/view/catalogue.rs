@@ -2,7 +2,7 @@
 
 use super::frame::{FrameHead, Word, bits, encode};
 use crate::load::LoadedModel;
-use crate::render::visible::visible_facets;
+use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::evaluation::{Evaluation, Input};
 use rom::hull::DomainStatus;

@@ -5,7 +5,7 @@ use super::client;
 use super::guard::Guard;
 use super::hub::Hub;
 use super::player::{Command, Library};
-use crate::render::colour::{ColourMap, ENTRIES, MapName};
+use crate::picture::colour::{ColourMap, ENTRIES};
 use anyhow::{Context, Result};
 use axum::Router;
 use axum::extract::{Request, State, WebSocketUpgrade};
@@ -127,7 +127,7 @@ async fn admit(State(guard): State<Arc<Guard>>, request: Request, next: Next) ->
 
 /// The colour table as RGB bytes: the page and the pictures share one formula.
 async fn colours() -> impl IntoResponse {
-    let map = ColourMap::new(MapName::Stress);
+    let map = ColourMap::stress();
     let table: Vec<u8> = (0..ENTRIES).flat_map(|k| map.srgb(k as f32 / (ENTRIES - 1) as f32)).collect();
     ([(header::CONTENT_TYPE, "application/octet-stream")], table)
 }

@@ -1,21 +1,21 @@
 //! POD modes as pictures: each mode's shape as colour on the mean state of its regime (the paper's Fig. 6).
 
-use super::{Args, Shown};
+use super::args::{Args, Shown};
 use crate::failure::usage;
 use crate::load::LoadedModel;
-use crate::render::canvas::Canvas;
-use crate::render::colour::MapName;
-use crate::render::scale::Scale;
-use crate::render::scene::Scene;
-use crate::render::sheet::{Panel, Row, Sheet};
-use crate::render::skin::Body;
-use crate::render::visible::visible_facets;
+use crate::picture::canvas::Canvas;
+use crate::picture::colour::ColourMap;
+use crate::picture::scale::Scale;
+use crate::picture::scene::Scene;
+use crate::picture::sheet::{Panel, Row, Sheet};
+use crate::picture::skin::Body;
+use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::model::{BlockKind, RegimeModel};
 use rom::snapshots::RegimeKind;
 
 /// Modes a picture shows, and drawings a row.
-const MOST: usize = 8;
+const MAX_MODES: usize = 8;
 const COLUMNS: usize = 4;
 
 /// Draws the leading modes of a field of a regime.
@@ -31,17 +31,15 @@ pub fn draw(args: &Args, loaded: &LoadedModel, kind: RegimeKind) -> Result<Canva
     let shapes = shapes(loaded, regime, name)?;
     let bodies = mean_state(loaded, kind, &shapes)?;
     let energies = energies(regime, loaded, name);
-    let panels = bodies.iter().zip(energies).enumerate().map(|(k, (body, energy))| Panel {
+    let panel = |(k, (body, energy)): (usize, (&'_ Body, f64))| Panel {
         scene: Scene { body, plate: None, blocks: &[], range: [-1.0, 1.0] },
         title: format!("mode {}", k + 1),
         note: format!("{:.2} %", 100.0 * energy),
-    });
+    };
+    let mut panels = bodies.iter().zip(energies).enumerate().map(panel).peekable();
     let mut rows: Vec<Row> = Vec::new();
-    for (k, panel) in panels.enumerate() {
-        if k % COLUMNS == 0 {
-            rows.push(Row { heading: String::new(), panels: Vec::new() });
-        }
-        rows.last_mut().context("a row was just made")?.panels.push(panel);
+    while panels.peek().is_some() {
+        rows.push(Row { heading: String::new(), panels: panels.by_ref().take(COLUMNS).collect() });
     }
     let sheet = Sheet {
         title: format!("POD modes of the {} regime: {label}", kind.name()),
@@ -49,7 +47,7 @@ pub fn draw(args: &Args, loaded: &LoadedModel, kind: RegimeKind) -> Result<Canva
         rows,
         bar_label: "mode / its largest entry".into(),
         scale: Scale::new([-1.0, 1.0], 4),
-        map: args.map(MapName::Diverging),
+        map: ColourMap::diverging(),
         camera: args.view.camera(),
         panel_px: usize::from(args.width.unwrap_or(520)),
         text_px: 21.0,
@@ -66,7 +64,7 @@ fn shapes(loaded: &LoadedModel, regime: &RegimeModel, name: &str) -> Result<Vec<
     let block = loaded.model.f32_block(BlockKind::Modes { regime: regime.kind, field });
     let block =
         block.with_context(|| format!("the field {name:?} is derived and has no modes of its own"))?;
-    let modes = block.chunks_exact(header.node_count).take(MOST);
+    let modes = block.chunks_exact(header.node_count).take(MAX_MODES);
     Ok(modes
         .map(|mode| {
             let largest = mode.iter().copied().fold(0.0_f32, |a, b| if b.abs() > a.abs() { b } else { a });

@@ -1,22 +1,30 @@
 //! A whole scene as a picture: its actuators in their places, its blocks between them.
 
-use super::states::{Shot, Studio, draw};
-use super::{Args, usage};
-use crate::failure::configuration;
+use super::args::Args;
+use super::states::{Group, Shot, Studio, draw};
+use crate::failure::{configuration, usage};
 use crate::load::LoadedModel;
-use crate::render::canvas::Canvas;
-use crate::render::scene::Block;
-use crate::render::skin::Body;
+use crate::picture::canvas::Canvas;
+use crate::picture::scene::Block;
+use crate::picture::skin::Body;
 use anyhow::Result;
-use runtime::config::{PlaceSpec, Scene};
+use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use std::path::Path;
 
 /// All actuators of a scene at one pressure.
 pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
-    let pressure = args.pressure()?;
+    let pressure = args.pressure_mpa()?;
     let scene = Scene::load(path).map_err(configuration)?;
-    let mut whole =
-        Shot { body: Body::default(), plate: None, blocks: Vec::new(), force_n: 0.0, outside: false };
+    let narrow = |point: [f64; 3]| point.map(|v| v as f32);
+    let block = |block: &BlockSpec| Block { min_mm: narrow(block.min_mm), max_mm: narrow(block.max_mm) };
+    let mut whole = Shot {
+        body: Body::default(),
+        plate: None,
+        blocks: scene.blocks.iter().map(block).collect(),
+        force_n: 0.0,
+        outside: false,
+        title: format!("{} at P = {pressure} MPa", scene.name),
+    };
     for actuator in &scene.actuators {
         let (min_mm, max_mm) = actuator.gap_mm.range_mm();
         let gap_mm = args.gap_mm.or((min_mm == max_mm).then_some(min_mm)).ok_or_else(|| {
@@ -28,13 +36,8 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
         whole.outside |= shot.outside;
         add(&mut whole.body, &shot.body, &actuator.place);
     }
-    let narrow = |point: [f64; 3]| point.map(|v| v as f32);
-    whole.blocks.extend(
-        scene.blocks.iter().map(|block| Block { min_mm: narrow(block.min_mm), max_mm: narrow(block.max_mm) }),
-    );
-    let title = |_: usize, _: usize| format!("{} at P = {pressure} MPa", scene.name);
     let caption = "Predicted by the reduced-order model. Bold: contact force of one finger.";
-    draw(args, &[vec![whole]], title, |_| String::new(), "", caption)
+    draw(args, &[Group::alone(whole)], None, caption.into())
 }
 
 /// Adds a body at its place; a mirrored one is turned inside out by the mirror, so its facets turn round.
@@ -50,7 +53,7 @@ fn add(whole: &mut Body, body: &Body, place: &PlaceSpec) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::camera::{cross, minus};
+    use crate::picture::camera::{cross, minus};
 
     #[test]
     fn a_mirrored_body_still_looks_outwards() {

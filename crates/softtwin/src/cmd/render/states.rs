@@ -1,16 +1,16 @@
 //! States of a model or of a database as pictures.
 
-use super::{Args, Shown};
+use super::args::{Args, Shown};
 use crate::failure::usage;
 use crate::files::{self, refusal};
 use crate::load::LoadedModel;
-use crate::render::canvas::Canvas;
-use crate::render::colour::MapName;
-use crate::render::scale::Scale;
-use crate::render::scene::{Block, Plate, Scene};
-use crate::render::sheet::{Panel, Row, Sheet};
-use crate::render::skin::Body;
-use crate::render::visible::visible_facets;
+use crate::picture::canvas::Canvas;
+use crate::picture::colour::ColourMap;
+use crate::picture::scale::Scale;
+use crate::picture::scene::{Block, Plate, Scene};
+use crate::picture::sheet::{Panel, Row, Sheet};
+use crate::picture::skin::Body;
+use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::evaluation::{Evaluation, Input};
 use rom::predict::{Predictor, Selection};
@@ -28,6 +28,26 @@ pub(super) struct Shot {
     pub(super) blocks: Vec<Block>,
     pub(super) force_n: f64,
     pub(super) outside: bool,
+    pub(super) title: String,
+}
+
+impl Shot {
+    fn full_title(&self) -> String {
+        format!("{}{}", self.title, if self.outside { " (extrapolated)" } else { "" })
+    }
+}
+
+/// Shots side by side under a heading.
+pub(super) struct Group {
+    heading: String,
+    shots: Vec<Shot>,
+}
+
+impl Group {
+    /// One shot without a heading.
+    pub(super) fn alone(shot: Shot) -> Self {
+        Self { heading: String::new(), shots: vec![shot] }
+    }
 }
 
 /// A model that answers with shots.
@@ -88,6 +108,7 @@ impl Studio {
             blocks: Vec::new(),
             force_n: self.evaluation.contact_force_n,
             outside: self.evaluation.flags.extrapolated,
+            title: String::new(),
         })
     }
 }
@@ -99,25 +120,28 @@ fn plate(gap_mm: f64) -> Plate {
 }
 
 /// One state of a model.
-pub fn one(args: &Args, loaded: LoadedModel) -> Result<Canvas> {
-    let pressure = args.pressure()?;
-    let shot = Studio::new(&loaded, args.field)?.shoot(pressure, args.gap_mm)?;
-    let place = args.gap_mm.map_or("no plate".into(), |gap| format!("gap {gap} mm"));
+pub fn one(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
+    let pressure = args.pressure_mpa()?;
+    let mut shot = Studio::new(loaded, args.field)?.shoot(pressure, args.gap_mm)?;
+    shot.title = state_title(pressure, args.gap_mm);
     let caption = format!("Predicted by the reduced-order model {}.", loaded.name());
-    draw(args, &[vec![shot]], |_, _| format!("P = {pressure} MPa, {place}"), |_| String::new(), "", &caption)
+    draw(args, &[Group::alone(shot)], None, caption)
 }
 
 /// The paper's Fig. 9.
-pub fn fig9(args: &Args, loaded: LoadedModel) -> Result<Canvas> {
-    let mut studio = Studio::new(&loaded, args.field)?;
-    let mut row =
-        |gap: f64| FIG9_PRESSURES_MPA.iter().map(|pressure| studio.shoot(*pressure, Some(gap))).collect();
-    let rows = FIG9_GAPS_MM.iter().map(|gap| row(*gap)).collect::<Result<Vec<Vec<Shot>>>>()?;
-    let title = |_: usize, k: usize| format!("P = {} MPa", FIG9_PRESSURES_MPA[k]);
-    let heading = |r: usize| format!("gap ΔH = {} mm", FIG9_GAPS_MM[r]);
-    let caption =
-        "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
-    draw(args, &rows, title, heading, "Three gaps, five pressures", caption)
+pub fn fig9(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
+    let mut studio = Studio::new(loaded, args.field)?;
+    let mut shot = |gap_mm: f64, pressure_mpa: f64| -> Result<Shot> {
+        let title = format!("P = {pressure_mpa} MPa");
+        Ok(Shot { title, ..studio.shoot(pressure_mpa, Some(gap_mm))? })
+    };
+    let mut groups = Vec::new();
+    for gap_mm in FIG9_GAPS_MM {
+        let shots = FIG9_PRESSURES_MPA.iter().map(|pressure| shot(gap_mm, *pressure)).collect::<Result<_>>()?;
+        groups.push(Group { heading: format!("gap ΔH = {gap_mm} mm"), shots });
+    }
+    let caption = "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
+    draw(args, &groups, Some("Three gaps, five pressures"), caption.into())
 }
 
 /// One case of a database.
@@ -125,21 +149,20 @@ pub fn case(args: &Args) -> Result<Canvas> {
     let (Some(dir), Some(wanted)) = (&args.database, &args.case) else {
         return Err(usage("give --model FILE, or --database DIR with --case NAME"));
     };
-    let mut found = None;
     for scene in formats::database::scenes(dir).map_err(refusal)? {
         let database = files::database(dir, scene)?;
         if let Some(index) = database.cases.iter().position(|case| case.name == *wanted) {
-            found = Some((database, index));
-            break;
+            let shot = shot_of(&database, index, args.field)?;
+            let caption = format!("Finite elements: case {wanted} of {}.", database.actuator);
+            return draw(args, &[Group::alone(shot)], None, caption);
         }
     }
-    let (database, index) = found.with_context(|| format!("no case {wanted:?} in {}", dir.display()))?;
-    let shot = shot_of(&database, index, args.field)?;
-    let case = &database.cases[index];
-    let place = case.gap_mm.map_or("no plate".into(), |gap| format!("gap {gap} mm"));
-    let title = |_: usize, _: usize| format!("P = {} MPa, {place}", case.pressure_mpa);
-    let caption = format!("Finite elements: case {wanted} of {}.", database.actuator);
-    draw(args, &[vec![shot]], title, |_| String::new(), "", &caption)
+    anyhow::bail!("no case {wanted:?} in {}", dir.display())
+}
+
+fn state_title(pressure_mpa: f64, gap_mm: Option<f64>) -> String {
+    let place = gap_mm.map_or("no plate".into(), |gap| format!("gap {gap} mm"));
+    format!("P = {pressure_mpa} MPa, {place}")
 }
 
 fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
@@ -165,20 +188,21 @@ fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
         blocks: Vec::new(),
         force_n: if case.regime == RegimeKind::Contact { case.contact_force_n } else { 0.0 },
         outside: false,
+        title: state_title(case.pressure_mpa, case.gap_mm),
     })
 }
 
 /// The scale of all shots and the largest value. Stress peaks at single nodes of sharp corners; the scale ends where
 /// 99.5 % of the visible nodes lie, so that the rest of the body is not all one colour, and the label says how far it goes.
-fn colour_scale(args: &Args, rows: &[Vec<Shot>]) -> (Scale, f32) {
+fn colour_scale(args: &Args, groups: &[Group]) -> (Scale, f32) {
     let visible = |shot: &Shot| {
         let mut seen = shot.body.facets.as_flattened().to_vec();
         seen.sort_unstable();
         seen.dedup();
         seen.into_iter().map(|node| shot.body.values[node as usize]).collect::<Vec<f32>>()
     };
-    let mut values: Vec<f32> =
-        rows.iter().flatten().flat_map(visible).filter(|value| value.is_finite()).collect();
+    let shots = groups.iter().flat_map(|group| &group.shots);
+    let mut values: Vec<f32> = shots.flat_map(visible).filter(|value| value.is_finite()).collect();
     values.sort_unstable_by(f32::total_cmp);
     let largest = values.last().copied().unwrap_or(0.0);
     let most = values.get(values.len() * 995 / 1000).copied().unwrap_or(0.0);
@@ -186,53 +210,30 @@ fn colour_scale(args: &Args, rows: &[Vec<Shot>]) -> (Scale, f32) {
     (scale, largest)
 }
 
-/// Lays shots out with one colour scale for all.
+/// Arranges shots with one colour scale for all. Without a headline there is one shot, whose title is the picture's.
 pub(super) fn draw(
     args: &Args,
-    rows: &[Vec<Shot>],
-    title: impl Fn(usize, usize) -> String,
-    heading: impl Fn(usize) -> String,
-    headline: &str,
-    caption: &str,
+    groups: &[Group],
+    headline: Option<&str>,
+    caption: String,
 ) -> Result<Canvas> {
-    let (scale, largest) = colour_scale(args, rows);
-    let panel = |shot: &'_ Shot, r: usize, k: usize| -> (String, String) {
-        let force = if shot.force_n > 0.0 { format!("{:.3} N", shot.force_n) } else { String::new() };
-        let outside = if shot.outside { " (extrapolated)" } else { "" };
-        (format!("{}{outside}", title(r, k)), force)
+    let (scale, largest) = colour_scale(args, groups);
+    let single = headline.is_none();
+    let panel = |shot: &'_ Shot| Panel {
+        scene: Scene { body: &shot.body, plate: shot.plate, blocks: &shot.blocks, range: scale.range },
+        title: if single { String::new() } else { shot.full_title() },
+        note: if shot.force_n > 0.0 { format!("{:.3} N", shot.force_n) } else { String::new() },
     };
-    let single = rows.len() == 1;
-    let panels = |(r, row): (usize, &'_ Vec<Shot>)| -> Vec<(String, String)> {
-        row.iter().enumerate().map(|(k, shot)| panel(shot, r, k)).collect()
+    let row = |group: &'_ Group| Row {
+        heading: group.heading.clone(),
+        panels: group.shots.iter().map(panel).collect(),
     };
-    let texts: Vec<Vec<(String, String)>> = rows.iter().enumerate().map(panels).collect();
     let sheet = Sheet {
-        title: if headline.is_empty() { texts[0][0].0.clone() } else { headline.to_owned() },
-        caption: caption.to_owned(),
-        rows: rows
-            .iter()
-            .zip(texts)
-            .enumerate()
-            .map(|(r, (row, texts))| Row {
-                heading: heading(r),
-                panels: row
-                    .iter()
-                    .zip(texts)
-                    .map(|(shot, (title, note))| Panel {
-                        scene: Scene {
-                            body: &shot.body,
-                            plate: shot.plate,
-                            blocks: &shot.blocks,
-                            range: scale.range,
-                        },
-                        title: if single { String::new() } else { title },
-                        note,
-                    })
-                    .collect(),
-            })
-            .collect(),
+        title: headline.map_or_else(|| groups[0].shots[0].full_title(), str::to_owned),
+        caption,
+        rows: groups.iter().map(row).collect(),
         bar_label: format!("{}, largest {largest:.2}", args.field.label()),
-        map: args.map(MapName::Stress),
+        map: ColourMap::stress(),
         camera: args.view.camera(),
         panel_px: usize::from(args.width.unwrap_or(if single { 1100 } else { 420 })),
         text_px: if single { 22.0 } else { 21.0 },

@@ -6,7 +6,7 @@ use super::raster::{Hit, Raster};
 use super::shadow::Shadow;
 use super::skin::{Body, Corner};
 use super::theme::Theme;
-use crate::render::canvas::Canvas;
+use super::canvas::Canvas;
 
 /// Thickness of the plate as drawn, mm.
 const PLATE_THICKNESS_MM: f32 = 2.0;
@@ -173,7 +173,6 @@ impl Light {
 
 #[cfg(test)]
 mod tests {
-    use super::super::colour::MapName;
     use super::*;
 
     #[test]
@@ -184,7 +183,7 @@ mod tests {
         let scene = Scene { body: &body, plate: Some(plate), blocks: &[], range: [0.0, 1.0] };
         let camera = Camera::new(0.0, 60.0);
         let window = Window::around(&camera, scene.extent(), [120, 60], 0.05);
-        let canvas = scene.draw(camera, window, [120, 60], &ColourMap::new(MapName::Stress), &Theme::LIGHT);
+        let canvas = scene.draw(camera, window, [120, 60], &ColourMap::stress(), &Theme::LIGHT);
         let yellow = canvas.pixels.iter().filter(|p| p[0] > 200 && p[1] > 180 && p[2] < 120).count();
         assert!(yellow > 200, "{yellow} pixels at the top of the scale");
         assert_eq!(canvas.pixels[0], Theme::LIGHT.panel);

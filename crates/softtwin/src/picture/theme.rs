@@ -1,6 +1,6 @@
 //! Colours of pictures for light and for dark pages.
 
-use crate::render::canvas::Rgb;
+use super::canvas::Rgb;
 
 /// Colours of everything that is not data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@
 use super::camera::{Camera, Vec3, Window, dot};
 use super::colour::encode;
 use super::skin::Corner;
-use crate::render::canvas::Canvas;
+use super::canvas::Canvas;
 
 /// Sub-pixels along each side of a pixel.
 pub const SAMPLES: usize = 3;

@@ -6,8 +6,8 @@ use super::colour::ColourMap;
 use super::scale::Scale;
 use super::scene::Scene;
 use super::theme::Theme;
-use crate::render::canvas::{Canvas, Rgb};
-use crate::render::text::{Align, Fonts, Style};
+use super::canvas::{Canvas, Rgb};
+use super::text::{Align, Fonts, Style};
 use anyhow::Result;
 
 /// One state with its texts.
@@ -165,7 +165,6 @@ impl Sheet<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::colour::MapName;
     use super::super::scene::Plate;
     use super::super::skin::Body;
     use super::*;
@@ -189,7 +188,7 @@ mod tests {
             rows: vec![Row { heading: "gap".into(), panels: bodies.iter().map(panel).collect() }],
             bar_label: "von Mises stress (MPa)".into(),
             scale: Scale::new([0.0, 1.0], 4),
-            map: ColourMap::new(MapName::Stress),
+            map: ColourMap::stress(),
             camera: Camera::new(20.0, 20.0),
             panel_px: 160,
             text_px: 12.0,

@@ -1,16 +1,23 @@
 //! Drawing a figure on any backend of plotters.
 
-use super::{COLOURS, Figure, Map, Mark, Panel, Series};
-use anyhow::{Context, anyhow};
+use super::figure::{Figure, Map, Mark, Panel, Series};
+use crate::failure::usage;
+use crate::files;
+use crate::picture::canvas::{Compression, png_bytes};
+use anyhow::anyhow;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
+use std::path::Path;
 use std::sync::Once;
 
 const PANEL: (u32, u32) = (560, 400);
 const TITLE_HEIGHT: u32 = 44;
 const BAR_WIDTH: u32 = 96;
+/// Colours that stay apart for colour-blind eyes and in grey, by index.
+const COLOURS: [(u8, u8, u8); 6] =
+    [(0, 84, 147), (213, 94, 0), (0, 135, 90), (150, 60, 140), (90, 90, 90), (200, 150, 0)];
 /// Lines of more points are drawn thin.
 const DENSE_POINTS: usize = 500;
 const FONT: &str = "sans-serif";
@@ -18,24 +25,33 @@ const FONT: &str = "sans-serif";
 type Area<'a, B> = DrawingArea<B, Shift>;
 type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
+impl Figure {
+    /// Draws the figure into a `.svg` or `.png` file.
+    ///
+    /// # Errors
+    /// Another ending, or a file that cannot be written.
+    pub fn save(&self, path: &Path) -> anyhow::Result<()> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("svg") => files::save(path, svg(self)?.as_bytes()),
+            Some("png") => files::save(path, &png(self)?),
+            _ => Err(usage(format!("{}: a picture ends in .svg or .png", path.display()))),
+        }
+    }
+}
+
 /// The figure as SVG text.
-pub fn svg(figure: &Figure) -> anyhow::Result<String> {
+fn svg(figure: &Figure) -> anyhow::Result<String> {
     let mut text = String::new();
     paint(figure, SVGBackend::with_string(&mut text, size(figure)))?;
     Ok(text)
 }
 
 /// The figure as a PNG file.
-pub fn png(figure: &Figure) -> anyhow::Result<Vec<u8>> {
+fn png(figure: &Figure) -> anyhow::Result<Vec<u8>> {
     let (width, height) = size(figure);
     let mut pixels = vec![255; (width * height * 3) as usize];
     paint(figure, BitMapBackend::with_buffer(&mut pixels, (width, height)))?;
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.write_header().and_then(|mut w| w.write_image_data(&pixels)).context("encoding the picture")?;
-    Ok(bytes)
+    png_bytes([width, height], &pixels, Compression::default())
 }
 
 fn size(figure: &Figure) -> (u32, u32) {
@@ -188,7 +204,7 @@ fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>) -> Drawn<B> {
         .disable_y_mesh()
         .x_labels(0)
         .y_labels(6)
-        .y_label_formatter(&|v| super::scale::number(*v))
+        .y_label_formatter(&|v| super::axis::number(*v))
         .y_desc(&map.label)
         .label_style((FONT, 14))
         .axis_desc_style((FONT, 15))

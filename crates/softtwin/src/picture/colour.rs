@@ -2,7 +2,7 @@
 //!
 //! A stop is (position, lightness L, chroma C, hue h in degrees); between stops all three are linear. Colour is then
 //! `a = C cos h`, `b = C sin h`, `(l, m, s) = (M (L, a, b))^3`, linear RGB = N (l, m, s), with the published matrices
-//! M and N of OKLab. Lightness of `stress` and `heat` grows strictly, so they read in grey and to colour-blind eyes.
+//! M and N of OKLab. The lightness of `stress` grows strictly, so it can be read in grey and by colour-blind people.
 
 /// One stop of a map: position in 0 ..= 1, lightness, chroma, hue in degrees.
 type Stop = (f32, f32, f32, f32);
@@ -13,13 +13,6 @@ const STRESS: &[Stop] = &[
     (0.5, 0.66, 0.115, 190.0),
     (0.75, 0.80, 0.175, 138.0),
     (1.0, 0.94, 0.185, 106.0),
-];
-const HEAT: &[Stop] = &[
-    (0.0, 0.36, 0.13, 280.0),
-    (0.25, 0.49, 0.19, 325.0),
-    (0.5, 0.63, 0.20, 375.0),
-    (0.75, 0.78, 0.155, 420.0),
-    (1.0, 0.95, 0.11, 462.0),
 ];
 /// Two hues at the middle: the chroma is zero there, so nothing jumps.
 const DIVERGING: &[Stop] = &[
@@ -34,17 +27,6 @@ const DIVERGING: &[Stop] = &[
 /// Entries of a map's table.
 pub const ENTRIES: usize = 256;
 
-/// Which map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum MapName {
-    /// Violet over teal to yellow: the default for stress and displacement.
-    Stress,
-    /// Violet over red to pale yellow.
-    Heat,
-    /// Blue over white to red, for signed quantities.
-    Diverging,
-}
-
 /// A map as a table of linear-light colours.
 #[derive(Clone, Debug)]
 pub struct ColourMap {
@@ -52,13 +34,17 @@ pub struct ColourMap {
 }
 
 impl ColourMap {
-    /// Builds the table of a map.
-    pub fn new(name: MapName) -> Self {
-        let stops = match name {
-            MapName::Stress => STRESS,
-            MapName::Heat => HEAT,
-            MapName::Diverging => DIVERGING,
-        };
+    /// Violet over teal to yellow: for stress and displacement.
+    pub fn stress() -> Self {
+        Self::of(STRESS)
+    }
+
+    /// Blue over white to red: for signed quantities.
+    pub fn diverging() -> Self {
+        Self::of(DIVERGING)
+    }
+
+    fn of(stops: &[Stop]) -> Self {
         let entry = |k: usize| oklab_to_linear(at(stops, k as f32 / (ENTRIES - 1) as f32));
         Self { table: (0..ENTRIES).map(entry).collect() }
     }
@@ -126,18 +112,16 @@ mod tests {
     }
 
     #[test]
-    fn sequential_maps_grow_strictly_lighter() {
-        for name in [MapName::Stress, MapName::Heat] {
-            let map = ColourMap::new(name);
-            for k in 1..ENTRIES {
-                assert!(luminance(map.table[k]) > luminance(map.table[k - 1]), "{name:?} entry {k}");
-            }
+    fn the_sequential_map_grows_strictly_lighter() {
+        let map = ColourMap::stress();
+        for k in 1..ENTRIES {
+            assert!(luminance(map.table[k]) > luminance(map.table[k - 1]), "entry {k}");
         }
     }
 
     #[test]
     fn the_diverging_map_is_white_in_the_middle_and_dark_at_both_ends() {
-        let map = ColourMap::new(MapName::Diverging);
+        let map = ColourMap::diverging();
         let [low, middle, high] = [0.0, 0.5, 1.0].map(|t| map.srgb(t));
         assert!(middle.iter().all(|v| *v > 225), "{middle:?}");
         assert!(low[2] > low[0] + 60 && high[0] > high[2] + 60, "{low:?} {high:?}");
@@ -145,7 +129,7 @@ mod tests {
 
     #[test]
     fn values_beyond_the_ends_take_the_end_colours_and_nan_is_grey() {
-        let map = ColourMap::new(MapName::Stress);
+        let map = ColourMap::stress();
         assert_eq!(map.srgb(-3.0), map.srgb(0.0));
         assert_eq!(map.srgb(7.0), map.srgb(1.0));
         let grey = map.srgb(f32::NAN);

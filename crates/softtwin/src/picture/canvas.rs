@@ -1,7 +1,8 @@
-//! A picture in memory: opaque RGB pixels, filled rectangles, blended text, PNG out.
+//! A picture in memory: opaque RGB pixels, filled rectangles, blended text, PNG files.
 
+use crate::files;
 use anyhow::{Context, Result};
-use std::io::BufWriter;
+pub use png::Compression;
 use std::path::Path;
 
 /// An sRGB colour.
@@ -55,23 +56,28 @@ impl Canvas {
         }
     }
 
-    /// Writes an 8-bit RGB PNG.
+    /// Writes an 8-bit RGB PNG. An existing file is replaced as a whole.
     ///
     /// # Errors
-    /// When the file cannot be made or written.
+    /// When the file cannot be written.
     pub fn write_png(&self, path: &Path) -> Result<()> {
-        let file = std::fs::File::create(path).with_context(|| {
-            format!("cannot create the picture; give --out a folder that exists: {}", path.display())
-        })?;
-        let mut encoder = png::Encoder::new(BufWriter::new(file), self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::High);
-        encoder
-            .write_header()
-            .and_then(|mut writer| writer.write_image_data(self.pixels.as_flattened()))
-            .with_context(|| format!("cannot write the picture: {}", path.display()))
+        let size = [self.width as u32, self.height as u32];
+        files::save(path, &png_bytes(size, self.pixels.as_flattened(), Compression::High)?)
     }
+}
+
+/// An 8-bit RGB PNG of `[width, height]` pixels.
+///
+/// # Errors
+/// A size that no PNG has, or pixels that do not fill it.
+pub fn png_bytes([width, height]: [u32; 2], rgb: &[u8], compression: Compression) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(compression);
+    encoder.write_header().and_then(|mut writer| writer.write_image_data(rgb)).context("encoding the picture")?;
+    Ok(bytes)
 }
 
 #[cfg(test)]
