@@ -1,6 +1,6 @@
-//! `softtwin`: the tool. Trains, inspects, predicts, evaluates, listens and draws.
+//! `softtwin`, the users' tool: trains, inspects, predicts, evaluates, shows and records what twins publish, draws.
 //!
-//! One file a sub-command under [`cmd`]. This file is the only place that decides exit codes.
+//! Each sub-command has a file under [`cmd`]. Exit codes are decided in [`failure`].
 #![forbid(unsafe_code)]
 // Results go through `output!`, which survives a closed pipe; `println!` would panic there.
 #![warn(clippy::print_stdout)]
@@ -14,12 +14,11 @@ mod output;
 mod picture;
 mod progress;
 mod recording_data;
-mod render;
 mod resources;
 mod view;
 
 use clap::Parser;
-use failure::Outcome;
+use failure::exit_code_and_message;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -40,19 +39,17 @@ struct Cli {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse(); // clap itself leaves with 2 on wrong usage
+    let cli = Cli::parse(); // clap itself exits with 2 on wrong usage
     runtime::service::start_logging("warn");
 
-    match Outcome::of(cli.command.run()) {
-        Outcome::Done => ExitCode::SUCCESS,
-        Outcome::Failed(message) => leave(1, &message),
-        Outcome::Usage(message) => leave(2, &message),
-        Outcome::Configuration(message) => leave(78, &message),
+    match exit_code_and_message(cli.command.run()) {
+        None => ExitCode::SUCCESS,
+        Some((code, message)) => fail(code, &message),
     }
 }
 
-#[expect(clippy::print_stderr, reason = "the last words of the program, after all output")]
-fn leave(code: u8, message: &str) -> ExitCode {
+#[expect(clippy::print_stderr, reason = "the last output of the program; nothing else can report it")]
+fn fail(code: u8, message: &str) -> ExitCode {
     eprintln!("softtwin: {message}");
     ExitCode::from(code)
 }

@@ -52,9 +52,9 @@ pub use keyexpr::KeyExpr;
 pub use layout::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State};
 pub use outcome::Outcome;
 pub use port::{
-    AnswerSample, CommandReader, CommandWriter, FieldLoan, FieldReader, FieldSample, FieldWriter,
-    GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question, SensorReader,
-    SensorWriter, StateReader, StateWriter,
+    AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, FieldLoan, FieldReader, FieldSample,
+    FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question,
+    SensorReader, SensorWriter, Stamp, StateReader, StateWriter,
 };
 pub use query_status::QueryStatus;
 pub use selector::{Selector, SelectorError};

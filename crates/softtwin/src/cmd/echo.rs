@@ -1,13 +1,13 @@
 //! `softtwin echo`.
 
 use crate::failure::usage;
-use crate::live::{self, DomainArgs, Readers, Sample};
+use crate::live::{self, DomainArgs, Readers};
 use crate::output;
 use serde_json::json;
 use std::io::IsTerminal;
 use std::time::Duration;
-use wire::FieldSample;
 use wire::layout::field_id;
+use wire::{AnySample, FieldSample};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -17,7 +17,7 @@ Examples:
   softtwin echo softtwin/finger/field --field von_mises --once        all values of one field
   softtwin echo softtwin/finger/field --node 1200 --count 10          all fields of one node
 
-A field is shown as a summary: 125,110 numbers help nobody. Ctrl-C ends.";
+A field is shown as a summary unless --field or --node is given. Ctrl-C ends.";
 
 /// Width that a terminal always has.
 const COLUMNS: usize = 80;
@@ -52,25 +52,19 @@ pub struct Args {
 }
 
 impl Args {
-    /// Listens until the end that was asked for.
+    /// Shows samples until the end that the arguments name.
     pub fn run(self) -> anyhow::Result<()> {
         let field = self.field.as_deref().map(field_number).transpose()?;
-        let limit = self.seconds.map(seconds).transpose()?;
+        let limit = self.seconds.map(live::seconds).transpose()?;
         let mut readers = Readers::open(&self.domain.join()?, &live::key(&self.key)?, limit)?;
-        let wanted = if self.once { Some(1) } else { self.count };
+        let topics: Vec<String> = readers.topics().map(|topic| topic.name().to_owned()).collect();
+        let wanted = if self.once { 1 } else { self.count.unwrap_or(u64::MAX) };
         let mut shown = 0;
-        loop {
-            for (topic, reader) in &readers.readers {
-                while let Some(sample) = reader.next()? {
-                    if wanted.is_some_and(|wanted| shown >= wanted) {
-                        return Ok(());
-                    }
-                    self.show(topic.name(), &sample, field)?;
-                    shown += 1;
-                }
-            }
-            let satisfied = wanted.is_some_and(|wanted| shown >= wanted);
-            if satisfied || !readers.wait(Duration::from_secs(1))? {
+        while shown < wanted {
+            if let Some((index, sample)) = readers.next()? {
+                self.show(&topics[index], &sample, field)?;
+                shown += 1;
+            } else if !readers.wait(Duration::from_secs(1))? {
                 break;
             }
         }
@@ -83,22 +77,18 @@ impl Args {
         Ok(())
     }
 
-    fn show(&self, topic: &str, sample: &Sample, field: Option<u8>) -> anyhow::Result<()> {
-        if let Sample::Field(values) = sample
+    fn show(&self, topic: &str, sample: &AnySample, field: Option<u8>) -> anyhow::Result<()> {
+        if let AnySample::Field(values) = sample
             && (field.is_some() || self.node.is_some())
         {
             return self.show_values(topic, values, field);
         }
         if self.json {
-            return output::json(&json!({ "topic": topic, "sample": sample.json()? }));
+            return output::json(&json!({ "topic": topic, "sample": live::json::sample(sample)? }));
         }
-        let line = format!("{topic}  {}", sample.line());
-        if std::io::stdout().is_terminal() {
-            output!("{}", fold(&line, COLUMNS))?
-        } else {
-            output!("{line}")?
-        }
-        Ok(())
+        let line = format!("{topic}  {}", live::text::sample(sample));
+        let is_terminal = std::io::stdout().is_terminal();
+        Ok(output!("{}", if is_terminal { fold(&line, COLUMNS) } else { line })?)
     }
 
     /// One field, one node, or one value.
@@ -130,8 +120,8 @@ impl Args {
     }
 }
 
-/// Breaks a line where two spaces separate its parts, so that none is wider than the terminals people have; programs get
-/// one line a sample.
+/// Breaks a line between its parts, which two spaces separate, so that no line is wider than a terminal. Only for
+/// terminals: programs get one line a sample.
 fn fold(line: &str, columns: usize) -> String {
     let (mut text, mut width) = (String::new(), 0);
     for part in line.split("  ").filter(|part| !part.is_empty()) {
@@ -155,14 +145,6 @@ fn fold(line: &str, columns: usize) -> String {
 fn field_number(name: &str) -> anyhow::Result<u8> {
     field_id::from_name(name)
         .ok_or_else(|| usage(format!("--field {name}: expected x, y, z, displacement or von_mises")))
-}
-
-/// A positive number of seconds.
-pub(super) fn seconds(seconds: f64) -> anyhow::Result<Duration> {
-    Duration::try_from_secs_f64(seconds)
-        .ok()
-        .filter(|time| !time.is_zero())
-        .ok_or_else(|| usage(format!("--seconds {seconds}: expected a number above 0")))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! `softtwin get`.
 
 use crate::failure::usage;
-use crate::live::DomainArgs;
+use crate::live::{self, DomainArgs};
 use crate::output;
 use anyhow::Context;
 use formats::npy;
@@ -9,8 +9,8 @@ use recording::message::AnswerMessage;
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
-use wire::layout::{field_id, flags, query_kind, regime, unpack_name};
-use wire::{Answer, AnswerSample, Bus, KeyExpr, Query, QueryClient, Selector, TopicKind};
+use wire::layout::{field_id, unpack_name};
+use wire::{AnswerSample, Bus, KeyExpr, Query, QueryClient, Selector, TopicKind};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -27,8 +27,8 @@ Examples:
   Every twin of the domain
     softtwin get 'softtwin/*/whatif?pressure_mpa=0.05;gap_mm=30' --json
 
-A question is answered by the twin in a thread beside its real-time loop. When there is no answer (the force is out of
-reach, say) the reason is printed and the exit code is 1.";
+The twin answers in a thread apart from its real-time loop. When there is no answer (the force is out of reach, for example)
+the reason is printed and the exit code is 1.";
 
 /// Ask a running twin: what if, which pressure, which gap.
 #[derive(clap::Args)]
@@ -51,7 +51,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Asks, prints every answer.
+    /// Sends the questions and prints every answer.
     pub fn run(self) -> anyhow::Result<()> {
         let selector = Selector::parse(&self.selector).map_err(usage)?;
         let bus = self.domain.join()?;
@@ -85,7 +85,7 @@ impl Args {
             npy::write_f32(out, &shape, sample.values()).context("the field was not written")?;
         }
         if !self.json {
-            return Ok(output!("{}", line(answer))?);
+            return Ok(output!("{}", live::text::answer(answer))?);
         }
         let fields: Vec<&str> = answer.fields().map(field_id::as_str).collect();
         let mut value = serde_json::to_value(AnswerMessage::from(answer))?;
@@ -120,41 +120,4 @@ fn actuators(bus: &Bus, selector: &Selector) -> anyhow::Result<Vec<String>> {
         selector.key()
     );
     Ok(names)
-}
-
-/// One answer for people.
-fn line(answer: &Answer) -> String {
-    let head = format!("softtwin/{}/{}", unpack_name(&answer.actuator), query_kind::as_str(answer.kind));
-    if let Some(reason) = answer.refusal() {
-        return format!("{head}  no answer: {reason}");
-    }
-    let found = match answer.kind {
-        query_kind::PRESSURE => between("P", answer.pressure_mpa, answer, "MPa"),
-        query_kind::GAP => between("gap", answer.gap_mm, answer, "mm"),
-        _ => String::new(),
-    };
-    let gap = if answer.gap_mm.is_finite() { format!("{:.3} mm", answer.gap_mm) } else { "none".into() };
-    let flags: Vec<&str> = flags::names(answer.flags).collect();
-    format!(
-        "{head}  {found}P {:.5} MPa  gap {gap}  {}  F {:.4} +- {:.4} N  dF/dP {:.4} N/MPa  dF/dgap {:.4} N/mm  onset {:.5} MPa{}{}  ({:.0} us)",
-        answer.pressure_mpa,
-        regime::as_str(answer.regime),
-        answer.contact_force_n,
-        answer.force_halfwidth_n,
-        answer.force_by_pressure_n_per_mpa,
-        answer.force_by_gap_n_per_mm,
-        answer.onset_pressure_mpa,
-        if answer.entries() > 0 {
-            format!("  field {} x {}", answer.field_count, answer.node_count)
-        } else {
-            String::new()
-        },
-        if flags.is_empty() { String::new() } else { format!("  [{}]", flags.join(" ")) },
-        answer.compute_ns as f64 / 1e3,
-    )
-}
-
-fn between(name: &str, value: f64, answer: &Answer, unit: &str) -> String {
-    let (bar, low, high) = (answer.uncertainty, answer.low, answer.high);
-    format!("{name} = {value:.5} +- {bar:.5} {unit} ({low:.5} .. {high:.5})  at ")
 }

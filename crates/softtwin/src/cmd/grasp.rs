@@ -1,12 +1,12 @@
 //! `softtwin grasp`.
 
 use crate::failure::{configuration, usage};
+use crate::live;
 use crate::output;
 use recording::message::GraspMessage;
 use runtime::config::Scene;
 use runtime::grasp::GraspModel;
 use std::path::PathBuf;
-use wire::layout::grasp_status;
 
 /// What the paper reports of its gripper: force per finger in N, at a pressure in MPa, object in g, smallest friction.
 const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
@@ -14,13 +14,13 @@ const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
 const EXAMPLES: &str = "\
 Examples:
   softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079
-  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079 --paper      beside the paper's figures
+  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079 --paper      compared with the paper
   softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.05 --friction 0.3 --mass-g 30 --json
 
 The object is held when n mu F >= s m g, with the smallest of the n finger forces as F. A running twin publishes the same
 as softtwin/<scene>/grasp.";
 
-/// Say whether a gripper holds its object at a pressure, and from which pressure on.
+/// Show whether a gripper holds its object at a pressure, and from which pressure on it does.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -51,7 +51,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Judges and ends.
+    /// Evaluates the grasp and prints it.
     pub fn run(self) -> anyhow::Result<()> {
         if !self.pressure_mpa.is_finite() {
             return Err(usage(format!(
@@ -76,12 +76,7 @@ impl Args {
         if self.json {
             return output::json(&GraspMessage::from(&grasp));
         }
-        output!(
-            "scene {}: {} at {:.4} MPa",
-            scene.name,
-            grasp_status::as_str(grasp.verdict),
-            self.pressure_mpa
-        )?;
+        output!("scene {} at {:.4} MPa: {}", scene.name, self.pressure_mpa, live::text::grasp(&grasp))?;
         for (number, (force, _)) in grasp.fingers().enumerate() {
             output!("  finger {}: {force:.4} +- {:.4} N", number + 1, grasp.force_halfwidth_n)?;
         }
@@ -94,17 +89,13 @@ impl Args {
             grasp.margin * 100.0
         )?;
         output!("  these forces hold it from a friction coefficient of {:.3} on", grasp.needed_friction)?;
-        match grasp.stop_pressure_mpa {
-            stop if stop.is_nan() => output!("  stop point: none, no sampled pressure holds it")?,
-            stop => output!("  stop point: {stop:.5} +- {:.5} MPa", grasp.stop_pressure_bar_mpa)?,
-        }
         if self.paper {
             let (force_n, pressure_mpa, mass_g, friction) = PAPER;
             output!(
                 "  the paper: {force_n} N per finger at {pressure_mpa} MPa, {mass_g} g, friction above {friction}"
             )?;
             output!(
-                "  ours beside it: {:+.1} % of its force",
+                "  this scene: {:+.1} % against its force",
                 (grasp.least_force_n / force_n - 1.0) * 100.0
             )?;
         }

@@ -1,18 +1,18 @@
 //! `softtwin hz`.
 
-use crate::live::{self, DomainArgs, Readers, SeqTracker};
+use crate::live::{self, DomainArgs, Latencies, PercentilesUs, Readers, SequenceTracker};
 use crate::output;
-use runtime::twin::Histogram;
 use serde_json::json;
 use std::time::{Duration, Instant};
-use wire::now_ns;
+use wire::layout::flags;
+use wire::{AnySample, now_ns};
 
 const EXAMPLES: &str = "\
 Examples:
   softtwin hz softtwin/finger/field
   softtwin hz 'softtwin/**' --seconds 10 --json
 
-Latency is from the reading's stamp to this program's hands.";
+Latency is the time from the reading's stamp until this program has received the sample.";
 
 /// Measure rate, loss and latency of topics, second by second.
 #[derive(clap::Args)]
@@ -32,47 +32,59 @@ pub struct Args {
 }
 
 /// What one topic did in the current second.
-#[derive(Default)]
 struct Meter {
     count: u64,
-    lost_before: u64,
-    tracker: SeqTracker,
-    latency: Histogram,
+    sequence: SequenceTracker,
+    latencies: Latencies,
+}
+
+impl Meter {
+    fn new() -> anyhow::Result<Self> {
+        Ok(Self { count: 0, sequence: SequenceTracker::default(), latencies: Latencies::new()? })
+    }
+
+    fn record(&mut self, sample: &AnySample) {
+        self.count += 1;
+        self.sequence.record(&sample.stamp());
+        if let Some(t_sensor_ns) = reading_time_ns(sample) {
+            self.latencies.record_ns(now_ns().saturating_sub(t_sensor_ns));
+        }
+    }
+}
+
+/// When the reading behind a sample was taken; none for health, and for a state that stands in for a missing reading.
+fn reading_time_ns(sample: &AnySample) -> Option<u64> {
+    let bits = match sample {
+        AnySample::State(state) => state.flags,
+        AnySample::Grasp(grasp) => grasp.flags,
+        _ => 0,
+    };
+    let is_fresh = bits & (flags::STALE | flags::HELD | flags::NO_DATA) == 0;
+    Some(sample.stamp().t_sensor_ns).filter(|t_sensor_ns| is_fresh && *t_sensor_ns != 0)
 }
 
 impl Args {
-    /// Measures until the end that was asked for.
+    /// Measures until the end that the arguments name.
     pub fn run(self) -> anyhow::Result<()> {
-        let limit = self.seconds.map(super::echo::seconds).transpose()?;
+        let limit = self.seconds.map(live::seconds).transpose()?;
         let mut readers = Readers::open(&self.domain.join()?, &live::key(&self.key)?, limit)?;
-        let mut meters: Vec<Meter> = readers.readers.iter().map(|_| Meter::default()).collect();
+        let names = readers.topics().map(|topic| Ok((topic.name().to_owned(), Meter::new()?)));
+        let mut meters = names.collect::<anyhow::Result<Vec<(String, Meter)>>>()?;
         let mut begin = Instant::now();
-        loop {
-            for ((_, reader), meter) in readers.readers.iter().zip(&mut meters) {
-                while let Some(sample) = reader.next()? {
-                    meter.count += 1;
-                    meter.tracker.see(sample.boot_and_seq());
-                    if let Some(t_sensor_ns) = sample.t_sensor_ns() {
-                        meter.latency.add(now_ns().saturating_sub(t_sensor_ns));
-                    }
-                }
+        let mut goes_on = true;
+        while goes_on {
+            while let Some((index, sample)) = readers.next()? {
+                meters[index].1.record(&sample);
             }
+            let rest = Duration::from_secs(1).saturating_sub(begin.elapsed());
+            goes_on = readers.wait(rest.max(Duration::from_millis(1)))?;
             let elapsed = begin.elapsed();
-            let rest = Duration::from_secs(1).saturating_sub(elapsed);
-            if rest.is_zero() {
-                for ((topic, _), meter) in readers.readers.iter().zip(&mut meters) {
-                    self.show(topic.name(), meter, elapsed)?;
+            let is_worth_showing = elapsed > Duration::from_millis(100);
+            if elapsed >= Duration::from_secs(1) || (!goes_on && is_worth_showing) {
+                for (topic, meter) in &mut meters {
+                    self.show(topic, meter, elapsed)?;
                 }
                 begin = Instant::now();
-            }
-            if !readers.wait(rest.max(Duration::from_millis(1)))? {
-                break;
-            }
-        }
-        let elapsed = begin.elapsed();
-        if elapsed > Duration::from_millis(100) {
-            for ((topic, _), meter) in readers.readers.iter().zip(&mut meters) {
-                self.show(topic.name(), meter, elapsed)?;
             }
         }
         Ok(())
@@ -80,23 +92,22 @@ impl Args {
 
     fn show(&self, topic: &str, meter: &mut Meter, elapsed: Duration) -> anyhow::Result<()> {
         let rate_hz = meter.count as f64 / elapsed.as_secs_f64();
-        let lost = meter.tracker.lost - std::mem::replace(&mut meter.lost_before, meter.tracker.lost);
-        let us = |share| meter.latency.quantile(share) as f64 / 1000.0;
-        let (p50, p99, max) = (us(0.5), us(0.99), meter.latency.max() as f64 / 1000.0);
+        let lost = meter.sequence.take_lost();
+        let latency = meter.latencies.percentiles_us();
         if self.json {
-            let latency = json!({ "p50": p50, "p99": p99, "max": max });
             output::json(
                 &json!({ "topic": topic, "rate_hz": rate_hz, "lost": lost, "latency_us": latency }),
             )?;
-        } else if meter.latency.total() == 0 {
-            output!("{topic}  {rate_hz:8.1} Hz  {lost} lost")?;
         } else {
-            output!(
-                "{topic}  {rate_hz:8.1} Hz  {lost} lost  latency p50 {p50:.1} p99 {p99:.1} max {max:.1} us"
-            )?;
+            let PercentilesUs { p50, p99, max } = latency;
+            let latency = match meter.latencies.is_empty() {
+                true => String::new(),
+                false => format!("  latency p50 {p50:.1} p99 {p99:.1} max {max:.1} us"),
+            };
+            output!("{topic}  {rate_hz:8.1} Hz  {lost} lost{latency}")?;
         }
         meter.count = 0;
-        meter.latency.clear();
+        meter.latencies.clear();
         Ok(())
     }
 }

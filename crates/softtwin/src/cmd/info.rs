@@ -1,13 +1,13 @@
 //! `softtwin info`.
 
-use crate::live::{self, AnyReader, DomainArgs};
+use crate::live::{self, DomainArgs};
 use crate::output;
 use serde_json::{Value, json};
 use std::time::Duration;
-use wire::{Bus, TopicInfo, WakeSet, qos};
+use wire::{AnyReader, AnySample, Bus, TopicInfo, WakeSet, Wakeable, qos};
 
 /// How long to wait for a sample to show.
-const PATIENCE: Duration = Duration::from_millis(300);
+const NEWEST_TIMEOUT: Duration = Duration::from_millis(300);
 
 const EXAMPLES: &str = "\
 Examples:
@@ -29,13 +29,13 @@ pub struct Args {
 }
 
 impl Args {
-    /// Looks and ends.
+    /// Prints what is known of each topic.
     pub fn run(self) -> anyhow::Result<()> {
         let bus = self.domain.join()?;
         for info in live::find(&bus, &live::key(&self.key)?)? {
             let newest = newest(&bus, &info)?;
             if self.json {
-                let last = newest.as_ref().map(live::Sample::json).transpose()?.unwrap_or(Value::Null);
+                let last = newest.as_ref().map(live::json::sample).transpose()?.unwrap_or(Value::Null);
                 output::json(&describe(&info, last))?;
             } else {
                 print(&info, newest.as_ref())?;
@@ -46,17 +46,16 @@ impl Args {
 }
 
 /// The last sample of topics that keep one for late readers.
-fn newest(bus: &Bus, info: &TopicInfo) -> anyhow::Result<Option<live::Sample>> {
+fn newest(bus: &Bus, info: &TopicInfo) -> anyhow::Result<Option<AnySample>> {
     if qos::of(info.topic.kind()).history == 0 || info.writers.is_empty() {
         return Ok(None);
     }
     let reader = AnyReader::open(bus, &info.topic)?;
-    // The writer hands over the last sample when it next looks at its readers: with its next sample.
-    let sample = reader.next()?;
-    if sample.is_some() {
-        return Ok(sample);
+    if let Some(sample) = reader.next()? {
+        return Ok(Some(sample));
     }
-    WakeSet::new([reader.wakeable()]).wait([reader.wakeable()], PATIENCE)?;
+    // The writer delivers the last sample to a new reader together with its next one.
+    WakeSet::new([&reader as &dyn Wakeable]).wait([&reader as &dyn Wakeable], NEWEST_TIMEOUT)?;
     Ok(reader.next()?)
 }
 
@@ -80,7 +79,7 @@ fn describe(info: &TopicInfo, last: Value) -> Value {
     })
 }
 
-fn print(info: &TopicInfo, newest: Option<&live::Sample>) -> anyhow::Result<()> {
+fn print(info: &TopicInfo, newest: Option<&AnySample>) -> anyhow::Result<()> {
     let qos = qos::of(info.topic.kind());
     let list = |ids: &[u32]| match ids {
         [] => "none".to_owned(),
@@ -100,7 +99,7 @@ fn print(info: &TopicInfo, newest: Option<&live::Sample>) -> anyhow::Result<()> 
         qos.samples_in_use()
     )?;
     if let Some(sample) = newest {
-        output!("  last      {}", sample.line())?;
+        output!("  last      {}", live::text::sample(sample))?;
     }
     Ok(())
 }

@@ -1,19 +1,19 @@
-//! What the commands that listen share: the domain, topics by key expression, readers of every kind, the wait.
+//! What the commands that show live data share: the domain, topics by key expression, readers, waiting, texts.
 
-mod sample;
-mod text;
+pub mod json;
+mod latency;
+mod readers;
+mod sequence;
+pub mod text;
 
-pub use sample::{Sample, SeqTracker};
+pub use latency::{Latencies, PercentilesUs};
+pub use readers::Readers;
+pub use sequence::SequenceTracker;
 
 use crate::failure::usage;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
-use wire::{
-    Bus, CommandReader, Domain, FieldReader, GraspReader, HealthReader, KeyExpr, SensorReader, StateReader,
-    Topic, TopicInfo, TopicKind, Wake, WakeSet, Wakeable, WireError,
-};
+use std::time::Duration;
+use wire::{Bus, Domain, KeyExpr, TopicInfo, WireError};
 
 /// Which programs see one another.
 #[derive(Debug, Clone, clap::Args)]
@@ -41,9 +41,17 @@ impl DomainArgs {
     }
 }
 
-/// Parses a key expression or says what is wrong with it.
+/// Parses a key expression; the error says what is wrong with it.
 pub fn key(text: &str) -> anyhow::Result<KeyExpr> {
     KeyExpr::new(text).map_err(usage)
+}
+
+/// A positive number of seconds, as given with `--seconds`.
+pub fn seconds(seconds: f64) -> anyhow::Result<Duration> {
+    Duration::try_from_secs_f64(seconds)
+        .ok()
+        .filter(|time| !time.is_zero())
+        .ok_or_else(|| usage(format!("--seconds {seconds}: expected a number above 0")))
 }
 
 /// All topics that `key` matches; none is an error that says what to do.
@@ -52,107 +60,13 @@ pub fn find(bus: &Bus, key: &KeyExpr) -> anyhow::Result<Vec<TopicInfo>> {
     if !found.is_empty() {
         return Ok(found);
     }
-    let all = bus.topics(&self::key("softtwin/**")?)?;
+    let all = bus.names(&self::key("softtwin/**")?)?;
     if all.is_empty() {
         anyhow::bail!(
             "nothing is there: no topic in this domain. Start `softtwind twin --scene config/scenes/finger.toml`, or \
              name the twin's domain with --domain"
         );
     }
-    let names: Vec<&str> = all.iter().map(|info| info.topic.name()).collect();
+    let names: Vec<&str> = all.iter().map(|topic| topic.name()).collect();
     anyhow::bail!("no topic matches `{key}`; there are:\n  {}", names.join("\n  "));
-}
-
-/// A reader of any kind of topic.
-#[derive(Debug)]
-pub enum AnyReader {
-    /// Readings.
-    Sensor(SensorReader),
-    /// States.
-    State(StateReader),
-    /// Health.
-    Health(HealthReader),
-    /// Fields.
-    Field(FieldReader),
-    /// Grasps.
-    Grasp(GraspReader),
-    /// Pressure commands.
-    Command(CommandReader),
-}
-
-impl AnyReader {
-    /// Reads an existing topic.
-    pub fn open(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
-        Ok(match topic.kind() {
-            TopicKind::Sensor => Self::Sensor(SensorReader::open(bus, topic)?),
-            TopicKind::State => Self::State(StateReader::open(bus, topic)?),
-            TopicKind::Health => Self::Health(HealthReader::open(bus, topic)?),
-            TopicKind::Field => Self::Field(FieldReader::open(bus, topic)?),
-            TopicKind::Grasp => Self::Grasp(GraspReader::open(bus, topic)?),
-            TopicKind::Command => Self::Command(CommandReader::open(bus, topic)?),
-        })
-    }
-
-    /// The oldest waiting sample.
-    pub fn next(&self) -> Result<Option<Sample>, WireError> {
-        Ok(match self {
-            Self::Sensor(reader) => reader.next()?.map(Sample::Sensor),
-            Self::State(reader) => reader.next()?.map(|state| Sample::State(Box::new(state))),
-            Self::Health(reader) => reader.next()?.map(Sample::Health),
-            Self::Field(reader) => reader.next()?.map(Sample::Field),
-            Self::Grasp(reader) => reader.next()?.map(Sample::Grasp),
-            Self::Command(reader) => reader.next()?.map(Sample::Command),
-        })
-    }
-
-    /// For the wait.
-    pub fn wakeable(&self) -> &dyn Wakeable {
-        match self {
-            Self::Sensor(reader) => reader,
-            Self::State(reader) => reader,
-            Self::Health(reader) => reader,
-            Self::Field(reader) => reader,
-            Self::Grasp(reader) => reader,
-            Self::Command(reader) => reader,
-        }
-    }
-}
-
-/// Several readers and the wait for any of them.
-#[derive(Debug)]
-pub struct Readers {
-    /// Topic and reader.
-    pub readers: Vec<(Topic, AnyReader)>,
-    wake: WakeSet,
-    stop: Arc<AtomicBool>,
-    end: Option<Instant>,
-}
-
-impl Readers {
-    /// Opens all topics that `key` matches; listens for `limit` at most, and until SIGINT or SIGTERM.
-    pub fn open(bus: &Bus, key: &KeyExpr, limit: Option<Duration>) -> anyhow::Result<Self> {
-        let topics = find(bus, key)?;
-        let readers = topics
-            .into_iter()
-            .map(|info| Ok((info.topic.clone(), AnyReader::open(bus, &info.topic)?)))
-            .collect::<Result<Vec<_>, WireError>>()?;
-        let wake = WakeSet::new(readers.iter().map(|(_, reader)| reader.wakeable()));
-        Ok(Self {
-            readers,
-            wake,
-            stop: runtime::service::stop_flag()?,
-            end: limit.map(|limit| Instant::now() + limit),
-        })
-    }
-
-    /// Waits until something may be there. `false`: time is over or a signal came.
-    pub fn wait(&mut self, at_most: Duration) -> Result<bool, WireError> {
-        let now = Instant::now();
-        let left = self.end.map_or(at_most, |end| end.saturating_duration_since(now).min(at_most));
-        if self.stop.load(Ordering::Relaxed) || self.end.is_some_and(|end| now >= end) {
-            return Ok(false);
-        }
-        let woken = self.wake.wait(self.readers.iter().map(|(_, reader)| reader.wakeable()), left)?;
-        Ok(woken != Wake::Signal || !self.stop.load(Ordering::Relaxed))
-    }
 }

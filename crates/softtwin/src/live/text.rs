@@ -1,68 +1,71 @@
-//! Samples as one line for people.
+//! Samples and answers as one line for people. Every command and the page use these texts.
 
-use super::sample::range;
-use wire::layout::{field_id, flags, grasp_status, regime};
-use wire::{Command, FieldSample, Grasp, Health, Outcome, SensorSample, State, now_ns};
+use wire::layout::{field_id, flags, grasp_status, query_kind, regime, unpack_name};
+use wire::{Answer, AnySample, FieldSample, Grasp, Health, Outcome, SensorSample, State, now_ns};
 
-pub(super) fn sensor(sample: &SensorSample) -> String {
+/// A summary of a sample; of a field never all values.
+pub fn sample(sample: &AnySample) -> String {
+    match sample {
+        AnySample::Sensor(sample) => sensor(sample),
+        AnySample::State(sample) => state(sample),
+        AnySample::Health(sample) => health(sample),
+        AnySample::Field(sample) => field(sample),
+        AnySample::Grasp(sample) => numbered_grasp(sample),
+        AnySample::Command(sample) => format!("#{:<7} P wanted {:8.5} MPa", sample.seq, sample.pressure_mpa),
+    }
+}
+
+fn sensor(sample: &SensorSample) -> String {
     let status = if sample.status == 0 { String::new() } else { format!("  FAULT {}", sample.status) };
-    let force = optional("  measured", sample.measured_force_n, "N");
     format!(
-        "#{:<7} P {:8.5} MPa  gap {:6.2} mm{force}  age {}{status}",
+        "#{:<7} {}{}  age {}{status}",
         sample.seq,
-        sample.pressure_mpa,
-        sample.gap_mm,
+        inputs(sample.pressure_mpa, sample.gap_mm),
+        optional("  measured", sample.measured_force_n, "N"),
         ms(now_ns().saturating_sub(sample.t_sensor_ns))
     )
 }
 
-pub(super) fn state(state: &State) -> String {
-    let bar = if state.force_halfwidth_n.is_nan() {
-        String::new()
-    } else {
-        format!(" +- {:.4}", state.force_halfwidth_n)
-    };
+fn state(state: &State) -> String {
+    let outcome = Outcome::from_code(state.outcome).filter(|outcome| *outcome != Outcome::Published);
     format!(
-        "#{:<7} P {:8.5} MPa  gap {:6.2} mm  {:7}  F {:7.4}{bar} N{}{}{}  age {}{}{}",
+        "#{:<7} {}  {:7}  {}{}  age {}{}{}",
         state.seq,
-        state.pressure_mpa,
-        state.gap_mm,
+        inputs(state.pressure_mpa, state.gap_mm),
         regime::as_str(state.regime),
-        state.contact_force_n,
-        optional("  dF/dP", state.force_by_pressure_n_per_mpa, "N/MPa"),
-        optional("  dF/dgap", state.force_by_gap_n_per_mm, "N/mm"),
+        force(
+            state.contact_force_n,
+            state.force_halfwidth_n,
+            [state.force_by_pressure_n_per_mpa, state.force_by_gap_n_per_mm]
+        ),
         optional("  measured", state.measured_force_n, "N"),
         ms(state.age_ns),
         flag_list(state.flags),
-        Outcome::from_code(state.outcome)
-            .filter(|outcome| *outcome != Outcome::Published)
-            .map(|outcome| format!("  ({outcome})"))
-            .unwrap_or_default(),
+        outcome.map(|outcome| format!("  ({outcome})")).unwrap_or_default(),
     )
 }
 
-pub(super) fn health(health: &Health) -> String {
-    let bad: Vec<String> = Outcome::ALL
-        .iter()
-        .filter(|outcome| **outcome != Outcome::Published && health.count(**outcome) > 0)
-        .map(|outcome| format!("{} {outcome}", health.count(*outcome)))
+fn health(health: &Health) -> String {
+    let us = |ns: u64| format!("{:.0} us", ns as f64 / 1e3);
+    let counts = Outcome::ALL.iter().map(|outcome| (*outcome, health.count(*outcome)));
+    let others: String = counts
+        .filter(|(outcome, count)| *outcome != Outcome::Published && *count > 0)
+        .map(|(outcome, count)| format!(", {count} {outcome}"))
         .collect();
     format!(
-        "{:7.1} Hz  latency p50 {} p99 {} max {}  {} received, {} published{}{}, {} never arrived{}",
+        "{:7.1} Hz  latency p50 {} p99 {} max {}  {} received, {} published{others}, {} never arrived{}",
         health.rate_hz,
         us(health.latency_p50_ns),
         us(health.latency_p99_ns),
         us(health.latency_max_ns),
         health.received,
         health.count(Outcome::Published),
-        if bad.is_empty() { "" } else { ", " },
-        bad.join(", "),
         health.missed,
         flag_list(health.flags),
     )
 }
 
-pub(super) fn field(sample: &FieldSample) -> String {
+fn field(sample: &FieldSample) -> String {
     let header = sample.header();
     let ranges: Vec<String> = header
         .fields()
@@ -72,39 +75,93 @@ pub(super) fn field(sample: &FieldSample) -> String {
         })
         .collect();
     format!(
-        "#{:<7} P {:8.5} MPa  {:7}  F {:7.4} N  {} nodes  {}{}",
+        "#{:<7} {}  {:7}  {}  {} nodes  {}{}",
         header.seq,
-        header.pressure_mpa,
+        inputs(header.pressure_mpa, header.gap_mm),
         regime::as_str(header.regime),
-        header.contact_force_n,
+        force(header.contact_force_n, f32::NAN, [f64::NAN; 2]),
         header.node_count,
         ranges.join("  "),
         flag_list(header.flags),
     )
 }
 
-pub(super) fn grasp(grasp: &Grasp) -> String {
-    let forces: Vec<String> = grasp.fingers().map(|(force, _)| format!("{force:.4}")).collect();
-    let stop = match grasp.stop_pressure_mpa {
-        stop if stop.is_nan() => "no sampled pressure holds it".to_owned(),
-        stop => format!("held from {stop:.5} +- {:.5} MPa on", grasp.stop_pressure_bar_mpa),
-    };
+fn numbered_grasp(sample: &Grasp) -> String {
+    let forces: Vec<String> = sample.fingers().map(|(force, _)| format!("{force:.4}")).collect();
     format!(
-        "#{:<7} {}  F {} N, {:.4} N each needed for {:.1} g at friction {:.2}, safety {:.2}  margin {:+.0} %  {stop}{}",
-        grasp.seq,
-        grasp_status::as_str(grasp.verdict),
+        "#{:<7} {}  F {} N  {:.1} g at friction {:.2}, safety {:.2}  margin {:+.0} %{}",
+        sample.seq,
+        grasp(sample),
         forces.join(" "),
-        grasp.needed_force_n,
-        grasp.mass_kg * 1e3,
-        grasp.friction,
-        grasp.safety,
-        grasp.margin * 100.0,
-        flag_list(grasp.flags),
+        sample.mass_kg * 1e3,
+        sample.friction,
+        sample.safety,
+        sample.margin * 100.0,
+        flag_list(sample.flags),
     )
 }
 
-pub(super) fn command(command: &Command) -> String {
-    format!("#{:<7} P wanted {:8.5} MPa", command.seq, command.pressure_mpa)
+/// Whether the object is held, the forces of it, and the pressure from which on it is held.
+pub fn grasp(grasp: &Grasp) -> String {
+    let stop = match grasp.stop_pressure_mpa {
+        stop if stop.is_nan() => "no sampled pressure holds it".to_owned(),
+        stop => format!("first held at {stop:.5} +- {:.5} MPa", grasp.stop_pressure_bar_mpa),
+    };
+    format!(
+        "{}, {:.3} of {:.3} N a finger, {stop}",
+        grasp_status::as_str(grasp.verdict),
+        grasp.least_force_n,
+        grasp.needed_force_n
+    )
+}
+
+/// An answer with the question it belongs to, or why there is none.
+pub fn answer(answer: &Answer) -> String {
+    let head = format!("softtwin/{}/{}", unpack_name(&answer.actuator), query_kind::as_str(answer.kind));
+    if let Some(reason) = answer.refusal() {
+        return format!("{head}  no answer: {reason}");
+    }
+    let found = |name: &str, value: f64, unit: &str| {
+        let (halfwidth, low, high) = (answer.uncertainty, answer.low, answer.high);
+        format!("{name} = {value:.5} +- {halfwidth:.5} {unit} ({low:.5} .. {high:.5})  at ")
+    };
+    let entries = match answer.entries() {
+        0 => String::new(),
+        _ => format!("  field {} x {}", answer.field_count, answer.node_count),
+    };
+    format!(
+        "{head}  {}{}  {}  {}  onset {:.5} MPa{entries}{}  ({:.0} us)",
+        match answer.kind {
+            query_kind::PRESSURE => found("P", answer.pressure_mpa, "MPa"),
+            query_kind::GAP => found("gap", answer.gap_mm, "mm"),
+            _ => String::new(),
+        },
+        inputs(answer.pressure_mpa, answer.gap_mm),
+        regime::as_str(answer.regime),
+        force(
+            answer.contact_force_n,
+            answer.force_halfwidth_n,
+            [answer.force_by_pressure_n_per_mpa, answer.force_by_gap_n_per_mm]
+        ),
+        answer.onset_pressure_mpa,
+        flag_list(answer.flags),
+        answer.compute_ns as f64 / 1e3,
+    )
+}
+
+fn inputs(pressure_mpa: f64, gap_mm: f64) -> String {
+    let gap = if gap_mm.is_finite() { format!("{gap_mm:6.2} mm") } else { "none".into() };
+    format!("P {pressure_mpa:8.5} MPa  gap {gap}")
+}
+
+/// Contact force (N) with its half-width and its gradients by pressure and gap, those that are known.
+fn force(force_n: f64, halfwidth_n: f32, [by_pressure, by_gap]: [f64; 2]) -> String {
+    let halfwidth = if halfwidth_n.is_nan() { String::new() } else { format!(" +- {halfwidth_n:.4}") };
+    format!(
+        "F {force_n:7.4}{halfwidth} N{}{}",
+        optional("  dF/dP", by_pressure, "N/MPa"),
+        optional("  dF/dgap", by_gap, "N/mm")
+    )
 }
 
 fn optional(label: &str, value: f64, unit: &str) -> String {
@@ -120,7 +177,33 @@ fn ms(ns: u64) -> String {
     format!("{:.2} ms", ns as f64 / 1e6)
 }
 
-/// Nanoseconds as microseconds.
-fn us(ns: u64) -> String {
-    format!("{:.0} us", ns as f64 / 1e3)
+/// Smallest and largest value, NaN left out.
+pub fn range(values: &[f32]) -> (f32, f32) {
+    values
+        .iter()
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), value| (min.min(*value), max.max(*value)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_range_leaves_nan_out() {
+        assert_eq!(range(&[2.0, f32::NAN, -1.0]), (-1.0, 2.0));
+    }
+
+    #[test]
+    fn a_grasp_is_one_sentence() {
+        let held = Grasp {
+            verdict: grasp_status::HELD,
+            least_force_n: 0.5862,
+            needed_force_n: 0.4169,
+            stop_pressure_mpa: 0.0651,
+            stop_pressure_bar_mpa: 0.0012,
+            ..Grasp::default()
+        };
+        assert_eq!(grasp(&held), "held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa");
+        assert!(grasp(&Grasp::default()).ends_with("no sampled pressure holds it"));
+    }
 }

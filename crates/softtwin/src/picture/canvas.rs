@@ -76,7 +76,10 @@ pub fn png_bytes([width, height]: [u32; 2], rgb: &[u8], compression: Compression
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(compression);
-    encoder.write_header().and_then(|mut writer| writer.write_image_data(rgb)).context("encoding the picture")?;
+    encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(rgb))
+        .context("encoding the picture")?;
     Ok(bytes)
 }
 

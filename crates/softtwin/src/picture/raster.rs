@@ -4,9 +4,9 @@
 //! edges. `O(pixels covered)` a triangle.
 
 use super::camera::{Camera, Vec3, Window, dot};
+use super::canvas::Canvas;
 use super::colour::encode;
 use super::skin::Corner;
-use super::canvas::Canvas;
 
 /// Sub-pixels along each side of a pixel.
 pub const SAMPLES: usize = 3;

@@ -1,9 +1,9 @@
 //! Colour scales: a range with round ticks, and the bar that explains it.
 
-use super::colour::ColourMap;
-use super::theme::Theme;
 use super::canvas::Canvas;
+use super::colour::ColourMap;
 use super::text::{Align, Fonts, Style};
+use super::theme::Theme;
 
 /// A value range with round numbers along it.
 #[derive(Clone, Debug, PartialEq)]

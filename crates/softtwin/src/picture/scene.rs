@@ -1,12 +1,12 @@
 //! One state as a picture: the coloured body, the plate under it, light and shadow.
 
 use super::camera::{Camera, Vec3, Window, dot, unit};
+use super::canvas::Canvas;
 use super::colour::{ColourMap, decode};
 use super::raster::{Hit, Raster};
 use super::shadow::Shadow;
 use super::skin::{Body, Corner};
 use super::theme::Theme;
-use super::canvas::Canvas;
 
 /// Thickness of the plate as drawn, mm.
 const PLATE_THICKNESS_MM: f32 = 2.0;

@@ -2,12 +2,12 @@
 //! a caption and the colour bar.
 
 use super::camera::{Camera, Window};
+use super::canvas::{Canvas, Rgb};
 use super::colour::ColourMap;
 use super::scale::Scale;
 use super::scene::Scene;
-use super::theme::Theme;
-use super::canvas::{Canvas, Rgb};
 use super::text::{Align, Fonts, Style};
+use super::theme::Theme;
 use anyhow::Result;
 
 /// One state with its texts.

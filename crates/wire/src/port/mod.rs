@@ -1,11 +1,13 @@
 //! Typed ports: one writer and one reader type per kind of topic.
 
+mod any;
 mod field;
 mod query;
 mod segment;
 pub(crate) mod service;
 mod sized;
 
+pub use any::{AnyReader, AnySample, Stamp};
 pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
 pub use query::{AnswerSample, QueryClient, QueryServer, Question};
 pub(crate) use segment::{SHM_DIR, require_headroom};

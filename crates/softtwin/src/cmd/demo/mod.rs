@@ -4,6 +4,7 @@ mod daemon;
 mod watch;
 
 use crate::failure::{configuration, usage};
+use crate::live;
 use crate::output;
 use daemon::Daemon;
 use std::path::{Path, PathBuf};
@@ -46,7 +47,7 @@ pub struct Args {
 impl Args {
     /// Runs the demonstration.
     pub fn run(self) -> anyhow::Result<()> {
-        let limit = self.seconds.map(super::echo::seconds).transpose()?;
+        let limit = self.seconds.map(live::seconds).transpose()?;
         let actuator = self.actuator()?;
         let stop = runtime::service::stop_flag()?;
         let name = format!("demo_{}", std::process::id());

@@ -31,20 +31,20 @@ pub fn draw(args: &Args, loaded: &LoadedModel, kind: RegimeKind) -> Result<Canva
     let shapes = shapes(loaded, regime, name)?;
     let bodies = mean_state(loaded, kind, &shapes)?;
     let energies = energies(regime, loaded, name);
-    let panel = |(k, (body, energy)): (usize, (&'_ Body, f64))| Panel {
-        scene: Scene { body, plate: None, blocks: &[], range: [-1.0, 1.0] },
+    let panel = |k: usize, energy: f64| Panel {
+        scene: Scene { body: &bodies[k], plate: None, blocks: &[], range: [-1.0, 1.0] },
         title: format!("mode {}", k + 1),
         note: format!("{:.2} %", 100.0 * energy),
     };
-    let mut panels = bodies.iter().zip(energies).enumerate().map(panel).peekable();
-    let mut rows: Vec<Row> = Vec::new();
-    while panels.peek().is_some() {
-        rows.push(Row { heading: String::new(), panels: panels.by_ref().take(COLUMNS).collect() });
-    }
+    let panels: Vec<(usize, f64)> = energies.into_iter().take(bodies.len()).enumerate().collect();
+    let row = |part: &[(usize, f64)]| Row {
+        heading: String::new(),
+        panels: part.iter().map(|(k, energy)| panel(*k, *energy)).collect(),
+    };
     let sheet = Sheet {
         title: format!("POD modes of the {} regime: {label}", kind.name()),
         caption: "Drawn on the mean state. Bold: share of the snapshots' variance.".into(),
-        rows,
+        rows: panels.chunks(COLUMNS).map(row).collect(),
         bar_label: "mode / its largest entry".into(),
         scale: Scale::new([-1.0, 1.0], 4),
         map: ColourMap::diverging(),

@@ -1,7 +1,7 @@
 //! A whole scene as a picture: its actuators in their places, its blocks between them.
 
 use super::args::Args;
-use super::states::{Group, Shot, Studio, draw};
+use super::states::{DrawnState, Group, StateDrawer, draw};
 use crate::failure::{configuration, usage};
 use crate::load::LoadedModel;
 use crate::picture::canvas::Canvas;
@@ -17,7 +17,7 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
     let scene = Scene::load(path).map_err(configuration)?;
     let narrow = |point: [f64; 3]| point.map(|v| v as f32);
     let block = |block: &BlockSpec| Block { min_mm: narrow(block.min_mm), max_mm: narrow(block.max_mm) };
-    let mut whole = Shot {
+    let mut whole = DrawnState {
         body: Body::default(),
         plate: None,
         blocks: scene.blocks.iter().map(block).collect(),
@@ -31,10 +31,10 @@ pub fn scene(args: &Args, path: &Path) -> Result<Canvas> {
             usage(format!("--gap-mm: the scene leaves the gap of `{}` open, so give one", actuator.name))
         })?;
         let loaded = LoadedModel::read(&scene.resolve(&actuator.model))?;
-        let shot = Studio::new(&loaded, args.field)?.shoot(pressure, Some(gap_mm))?;
-        whole.force_n = whole.force_n.max(shot.force_n);
-        whole.outside |= shot.outside;
-        add(&mut whole.body, &shot.body, &actuator.place);
+        let state = StateDrawer::new(&loaded, args.field)?.draw_state(pressure, Some(gap_mm))?;
+        whole.force_n = whole.force_n.max(state.force_n);
+        whole.outside |= state.outside;
+        add(&mut whole.body, &state.body, &actuator.place);
     }
     let caption = "Predicted by the reduced-order model. Bold: contact force of one finger.";
     draw(args, &[Group::alone(whole)], None, caption.into())

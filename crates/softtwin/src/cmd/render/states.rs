@@ -22,7 +22,7 @@ const FIG9_GAPS_MM: [f64; 3] = [80.0, 40.0, 15.0];
 const FIG9_PRESSURES_MPA: [f64; 5] = [0.01, 0.025, 0.04, 0.055, 0.07];
 
 /// A state ready to draw.
-pub(super) struct Shot {
+pub(super) struct DrawnState {
     pub(super) body: Body,
     pub(super) plate: Option<Plate>,
     pub(super) blocks: Vec<Block>,
@@ -31,27 +31,40 @@ pub(super) struct Shot {
     pub(super) title: String,
 }
 
-impl Shot {
+impl DrawnState {
     fn full_title(&self) -> String {
         format!("{}{}", self.title, if self.outside { " (extrapolated)" } else { "" })
+    }
+
+    fn panel(&self, range: [f32; 2], with_title: bool) -> Panel<'_> {
+        Panel {
+            scene: Scene { body: &self.body, plate: self.plate, blocks: &self.blocks, range },
+            title: if with_title { self.full_title() } else { String::new() },
+            note: if self.force_n > 0.0 { format!("{:.3} N", self.force_n) } else { String::new() },
+        }
     }
 }
 
 /// Shots side by side under a heading.
 pub(super) struct Group {
     heading: String,
-    shots: Vec<Shot>,
+    states: Vec<DrawnState>,
 }
 
 impl Group {
-    /// One shot without a heading.
-    pub(super) fn alone(shot: Shot) -> Self {
-        Self { heading: String::new(), shots: vec![shot] }
+    /// One state without a heading.
+    pub(super) fn alone(state: DrawnState) -> Self {
+        Self { heading: String::new(), states: vec![state] }
+    }
+
+    fn row(&self, range: [f32; 2], with_titles: bool) -> Row<'_> {
+        let panels = self.states.iter().map(|state| state.panel(range, with_titles)).collect();
+        Row { heading: self.heading.clone(), panels }
     }
 }
 
-/// A model that answers with shots.
-pub(super) struct Studio {
+/// A model of which states are drawn.
+pub(super) struct StateDrawer {
     predictor: Predictor,
     switch: RegimeSwitch,
     evaluation: Evaluation,
@@ -61,7 +74,7 @@ pub(super) struct Studio {
     columns: [usize; 4],
 }
 
-impl Studio {
+impl StateDrawer {
     pub(super) fn new(loaded: &LoadedModel, shown: Shown) -> Result<Self> {
         let fields = &loaded.model.header.fields;
         let at = |name: &str| fields.iter().position(|field| field.spec.name == name);
@@ -91,14 +104,14 @@ impl Studio {
         })
     }
 
-    pub(super) fn shoot(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<Shot> {
+    pub(super) fn draw_state(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<DrawnState> {
         let input = Input { pressure_mpa, gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
         self.predictor.evaluate(input, &mut self.switch, &mut self.evaluation);
         self.predictor.reconstruct_into(&self.evaluation, &mut self.values)?;
         let rows = self.predictor.rows();
         let column = |k: usize| &self.values[self.columns[k] * rows..(self.columns[k] + 1) * rows];
         let (x, y, z) = (column(0), column(1), column(2));
-        Ok(Shot {
+        Ok(DrawnState {
             body: Body {
                 nodes_mm: x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect(),
                 facets: self.facets.clone(),
@@ -122,25 +135,27 @@ fn plate(gap_mm: f64) -> Plate {
 /// One state of a model.
 pub fn one(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
     let pressure = args.pressure_mpa()?;
-    let mut shot = Studio::new(loaded, args.field)?.shoot(pressure, args.gap_mm)?;
-    shot.title = state_title(pressure, args.gap_mm);
+    let mut state = StateDrawer::new(loaded, args.field)?.draw_state(pressure, args.gap_mm)?;
+    state.title = state_title(pressure, args.gap_mm);
     let caption = format!("Predicted by the reduced-order model {}.", loaded.name());
-    draw(args, &[Group::alone(shot)], None, caption)
+    draw(args, &[Group::alone(state)], None, caption)
 }
 
 /// The paper's Fig. 9.
 pub fn fig9(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
-    let mut studio = Studio::new(loaded, args.field)?;
-    let mut shot = |gap_mm: f64, pressure_mpa: f64| -> Result<Shot> {
+    let mut studio = StateDrawer::new(loaded, args.field)?;
+    let mut state = |gap_mm: f64, pressure_mpa: f64| -> Result<DrawnState> {
         let title = format!("P = {pressure_mpa} MPa");
-        Ok(Shot { title, ..studio.shoot(pressure_mpa, Some(gap_mm))? })
+        Ok(DrawnState { title, ..studio.draw_state(pressure_mpa, Some(gap_mm))? })
     };
     let mut groups = Vec::new();
     for gap_mm in FIG9_GAPS_MM {
-        let shots = FIG9_PRESSURES_MPA.iter().map(|pressure| shot(gap_mm, *pressure)).collect::<Result<_>>()?;
-        groups.push(Group { heading: format!("gap ΔH = {gap_mm} mm"), shots });
+        let states =
+            FIG9_PRESSURES_MPA.iter().map(|pressure| state(gap_mm, *pressure)).collect::<Result<_>>()?;
+        groups.push(Group { heading: format!("gap ΔH = {gap_mm} mm"), states });
     }
-    let caption = "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
+    let caption =
+        "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
     draw(args, &groups, Some("Three gaps, five pressures"), caption.into())
 }
 
@@ -152,9 +167,9 @@ pub fn case(args: &Args) -> Result<Canvas> {
     for scene in formats::database::scenes(dir).map_err(refusal)? {
         let database = files::database(dir, scene)?;
         if let Some(index) = database.cases.iter().position(|case| case.name == *wanted) {
-            let shot = shot_of(&database, index, args.field)?;
+            let state = drawn_case(&database, index, args.field)?;
             let caption = format!("Finite elements: case {wanted} of {}.", database.actuator);
-            return draw(args, &[Group::alone(shot)], None, caption);
+            return draw(args, &[Group::alone(state)], None, caption);
         }
     }
     anyhow::bail!("no case {wanted:?} in {}", dir.display())
@@ -165,7 +180,7 @@ fn state_title(pressure_mpa: f64, gap_mm: Option<f64>) -> String {
     format!("P = {pressure_mpa} MPa, {place}")
 }
 
-fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
+fn drawn_case(database: &Database, index: usize, shown: Shown) -> Result<DrawnState> {
     let axis = |k: u8| database.coordinate(k).with_context(|| format!("the database has no coordinate {k}"));
     let [x, y, z] = [axis(0)?, axis(1)?, axis(2)?].map(|field| database.field(index, field));
     let shown =
@@ -178,7 +193,7 @@ fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
         let Footprint { x_mm, z_mm } = database.obstacle;
         Plate { x_mm: x_mm.map(|v| v as f32), z_mm: z_mm.map(|v| v as f32), ..plate(gap) }
     };
-    Ok(Shot {
+    Ok(DrawnState {
         body: Body {
             nodes_mm: x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect(),
             facets: visible_facets(&undeformed, &database.surface_triangles),
@@ -192,17 +207,17 @@ fn shot_of(database: &Database, index: usize, shown: Shown) -> Result<Shot> {
     })
 }
 
-/// The scale of all shots and the largest value. Stress peaks at single nodes of sharp corners; the scale ends where
+/// The scale of all states and the largest value. Stress peaks at single nodes of sharp corners; the scale ends where
 /// 99.5 % of the visible nodes lie, so that the rest of the body is not all one colour, and the label says how far it goes.
 fn colour_scale(args: &Args, groups: &[Group]) -> (Scale, f32) {
-    let visible = |shot: &Shot| {
-        let mut seen = shot.body.facets.as_flattened().to_vec();
+    let visible = |state: &DrawnState| {
+        let mut seen = state.body.facets.as_flattened().to_vec();
         seen.sort_unstable();
         seen.dedup();
-        seen.into_iter().map(|node| shot.body.values[node as usize]).collect::<Vec<f32>>()
+        seen.into_iter().map(|node| state.body.values[node as usize]).collect::<Vec<f32>>()
     };
-    let shots = groups.iter().flat_map(|group| &group.shots);
-    let mut values: Vec<f32> = shots.flat_map(visible).filter(|value| value.is_finite()).collect();
+    let states = groups.iter().flat_map(|group| &group.states);
+    let mut values: Vec<f32> = states.flat_map(visible).filter(|value| value.is_finite()).collect();
     values.sort_unstable_by(f32::total_cmp);
     let largest = values.last().copied().unwrap_or(0.0);
     let most = values.get(values.len() * 995 / 1000).copied().unwrap_or(0.0);
@@ -210,28 +225,14 @@ fn colour_scale(args: &Args, groups: &[Group]) -> (Scale, f32) {
     (scale, largest)
 }
 
-/// Arranges shots with one colour scale for all. Without a headline there is one shot, whose title is the picture's.
-pub(super) fn draw(
-    args: &Args,
-    groups: &[Group],
-    headline: Option<&str>,
-    caption: String,
-) -> Result<Canvas> {
+/// Arranges states with one colour scale for all. Without a headline there is one state, whose title is the picture's.
+pub(super) fn draw(args: &Args, groups: &[Group], headline: Option<&str>, caption: String) -> Result<Canvas> {
     let (scale, largest) = colour_scale(args, groups);
     let single = headline.is_none();
-    let panel = |shot: &'_ Shot| Panel {
-        scene: Scene { body: &shot.body, plate: shot.plate, blocks: &shot.blocks, range: scale.range },
-        title: if single { String::new() } else { shot.full_title() },
-        note: if shot.force_n > 0.0 { format!("{:.3} N", shot.force_n) } else { String::new() },
-    };
-    let row = |group: &'_ Group| Row {
-        heading: group.heading.clone(),
-        panels: group.shots.iter().map(panel).collect(),
-    };
     let sheet = Sheet {
-        title: headline.map_or_else(|| groups[0].shots[0].full_title(), str::to_owned),
+        title: headline.map_or_else(|| groups[0].states[0].full_title(), str::to_owned),
         caption,
-        rows: groups.iter().map(row).collect(),
+        rows: groups.iter().map(|group| group.row(scale.range, !single)).collect(),
         bar_label: format!("{}, largest {largest:.2}", args.field.label()),
         map: ColourMap::stress(),
         camera: args.view.camera(),
