@@ -146,15 +146,15 @@ fn the_doctor_finds_nothing_wrong_with_a_running_twin() {
     let (code, said) = run(&stage, &["doctor", "--json", "--scene", &scene.display().to_string()]);
     assert_eq!(code, Some(0), "{said:?}");
     let found = json(&said).remove(0);
-    let verdict = |subject: &str| {
+    let level = |subject: &str| {
         let finding = found.as_array().unwrap().iter().find(|finding| finding["subject"] == subject);
-        finding.unwrap_or_else(|| panic!("{subject}: {found}"))["verdict"].as_str().unwrap().to_owned()
+        finding.unwrap_or_else(|| panic!("{subject}: {found}"))["level"].as_str().unwrap().to_owned()
     };
     for subject in ["/dev/shm", "domain", "softtwin/finger/sensor", "softtwin/finger/state"] {
-        assert_eq!(verdict(subject), "good", "{subject}: {found}");
+        assert_eq!(level(subject), "good", "{subject}: {found}");
     }
     for finding in found.as_array().unwrap() {
-        assert_eq!(finding["verdict"] == "good", finding["remedy"] == "", "{finding}");
+        assert_eq!(finding["level"] == "good", finding["remedy"] == "", "{finding}");
     }
     let shm = format!("/dev/shm/{}", stage.domain_name);
     let (_, said) = run(&stage, &["doctor", "--domain-root", &shm]);

@@ -1,7 +1,9 @@
 //! Samples and answers as one line for people. Every command and the page use these texts.
 
 use wire::layout::{field_id, flags, grasp_status, query_kind, regime, unpack_name};
-use wire::{Answer, AnySample, FieldSample, Grasp, Health, Outcome, SensorSample, State, now_ns};
+use wire::{
+    Answer, AnySample, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, State, now_ns,
+};
 
 /// A summary of a sample; of a field never all values.
 pub fn sample(sample: &AnySample) -> String {
@@ -75,14 +77,22 @@ fn field(sample: &FieldSample) -> String {
         })
         .collect();
     format!(
-        "#{:<7} {}  {:7}  {}  {} nodes  {}{}",
+        "{}  {} nodes  {}{}",
+        field_header(header),
+        header.node_count,
+        ranges.join("  "),
+        flag_list(header.flags),
+    )
+}
+
+/// Number, inputs, regime and force of a field.
+pub fn field_header(header: &FieldHeader) -> String {
+    format!(
+        "#{:<7} {}  {:7}  {}",
         header.seq,
         inputs(header.pressure_mpa, header.gap_mm),
         regime::as_str(header.regime),
         force(header.contact_force_n, f32::NAN, [f64::NAN; 2]),
-        header.node_count,
-        ranges.join("  "),
-        flag_list(header.flags),
     )
 }
 

@@ -1,6 +1,7 @@
-//! A `softtwind` process under the demonstration's control.
+//! A `softtwind` process of the demonstration.
 
 use anyhow::Context;
+use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -9,7 +10,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 /// How long a process may take to start or to end.
-const PATIENCE: Duration = Duration::from_secs(30);
+const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A child process; killed when dropped.
 #[derive(Debug)]
@@ -17,13 +18,13 @@ pub(super) struct Daemon {
     role: &'static str,
     child: Child,
     lines: Receiver<String>,
-    said: Vec<String>,
+    log: Vec<String>,
     status: Option<ExitStatus>,
 }
 
 impl Daemon {
     /// Starts `softtwind ROLE ARGUMENTS`.
-    pub(super) fn start(role: &'static str, arguments: &[String]) -> anyhow::Result<Self> {
+    pub(super) fn start(role: &'static str, arguments: &[OsString]) -> anyhow::Result<Self> {
         let program = program()?;
         let mut child = Command::new(&program)
             .arg(role)
@@ -39,17 +40,17 @@ impl Daemon {
                 BufReader::new(errors).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
             });
         }
-        Ok(Self { role, child, lines, said: Vec::new(), status: None })
+        Ok(Self { role, child, lines, log: Vec::new(), status: None })
     }
 
-    /// Waits for its word that it is ready.
+    /// Waits until it logs that it is ready.
     pub(super) fn wait_ready(&mut self, stop: &AtomicBool) -> anyhow::Result<()> {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while Instant::now() < end && !stop.load(Ordering::Relaxed) {
             match self.lines.recv_timeout(Duration::from_millis(100)) {
                 Ok(line) => {
                     let ready = line.contains("ready:");
-                    self.said.push(line);
+                    self.log.push(line);
                     if ready {
                         return Ok(());
                     }
@@ -58,8 +59,8 @@ impl Daemon {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        let said = self.said();
-        anyhow::bail!("the {} did not become ready; it said:\n{said}", self.role)
+        let log = self.log();
+        anyhow::bail!("the {} did not become ready; its log:\n{log}", self.role)
     }
 
     /// Whether it has ended.
@@ -75,43 +76,43 @@ impl Daemon {
         self.status.is_some_and(|status| status.success())
     }
 
-    /// Asks it to end (SIGTERM) and waits.
+    /// Sends SIGTERM and waits for the end.
     pub(super) fn stop(&mut self) -> anyhow::Result<()> {
         runtime::process::terminate(&mut self.child)?;
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while !self.ended()? {
-            anyhow::ensure!(Instant::now() < end, "the {} did not end within {PATIENCE:?}", self.role);
+            anyhow::ensure!(Instant::now() < end, "the {} did not end within {TIMEOUT:?}", self.role);
             std::thread::sleep(Duration::from_millis(5));
         }
-        let said = self.said();
-        anyhow::ensure!(self.succeeded(), "the {} ended with an error:\n{said}", self.role);
+        let log = self.log();
+        anyhow::ensure!(self.succeeded(), "the {} ended with an error:\n{log}", self.role);
         Ok(())
     }
 
-    /// All it has said.
-    pub(super) fn said(&mut self) -> String {
-        self.said.extend(self.lines.try_iter());
-        self.said.join("\n")
+    /// All it has logged.
+    pub(super) fn log(&mut self) -> String {
+        self.log.extend(self.lines.try_iter());
+        self.log.join("\n")
     }
 }
 
 impl Drop for Daemon {
     fn drop(&mut self) {
         if self.status.is_none() {
-            // Gone already is fine: this is the way out after an error.
+            // It may have ended already: this runs after an error.
             let _ = self.child.kill();
             let _ = self.child.wait();
         }
     }
 }
 
-/// `softtwind` beside this program.
+/// `softtwind` in the folder of this program.
 fn program() -> anyhow::Result<PathBuf> {
-    let own = std::env::current_exe().context("cannot tell where this program is")?;
+    let own = std::env::current_exe().context("the folder of this program is not known")?;
     let path = own.with_file_name("softtwind");
     anyhow::ensure!(
         path.exists(),
-        "the daemon is not beside this program; build it with `cargo build -p softtwind` ({})",
+        "the daemon is not in the folder of this program; build it with `cargo build -p softtwind` ({})",
         path.display()
     );
     Ok(path)

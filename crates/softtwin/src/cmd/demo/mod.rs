@@ -7,6 +7,7 @@ use crate::failure::{configuration, usage};
 use crate::live;
 use crate::output;
 use daemon::Daemon;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,7 +22,7 @@ Examples:
   softtwin demo --seconds 10 --json
 
 Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of their own and subscribes like any program.
-`lost` counts readings whose field did not come into this program's hands.";
+`lost` counts readings whose field this program did not receive.";
 
 /// Watch a recorded pressure trace become live fields through two real processes.
 #[derive(clap::Args)]
@@ -54,10 +55,12 @@ impl Args {
         let domain = Domain { root: Domain::from_env().root, ..Domain::named(&name) };
         let bus = Bus::open(&domain)?;
 
-        let mut twin = Daemon::start("twin", &self.twin_arguments(&name))?;
+        let mut twin = Daemon::start("twin", &self.arguments(&name, "--model", self.model.as_deref()))?;
         twin.wait_ready(&stop)?;
         let mut watch = Watch::open(&bus, &actuator, !self.json)?;
-        let mut bridge = Daemon::start("bridge", &self.bridge_arguments(&name))?;
+        let mut arguments = self.arguments(&name, "--trace", self.trace.as_deref());
+        arguments.extend(self.seconds.map(|_| "--loop".into()));
+        let mut bridge = Daemon::start("bridge", &arguments)?;
         let reason = follow(&mut watch, &mut twin, &mut bridge, limit, &stop)?;
         bridge.stop()?;
         watch.drain()?;
@@ -69,7 +72,7 @@ impl Args {
         if self.json { output::json(&summary) } else { summary.print() }
     }
 
-    /// The one actuator of the scene; wrong scenes are said before anything starts.
+    /// The one actuator of the scene. A wrong scene is an error before any process starts.
     fn actuator(&self) -> anyhow::Result<String> {
         let scene = runtime::config::Scene::load(&self.scene).map_err(configuration)?;
         let [actuator] = scene.actuators.as_slice() else {
@@ -86,31 +89,18 @@ impl Args {
         Ok(actuator.name.clone())
     }
 
-    fn twin_arguments(&self, domain: &str) -> Vec<String> {
-        let mut arguments = vec!["--scene".into(), path_text(&self.scene), "--domain".into(), domain.into()];
-        if let Some(model) = &self.model {
-            arguments.extend(["--model".into(), path_text(model)]);
-        }
-        arguments
-    }
-
-    fn bridge_arguments(&self, domain: &str) -> Vec<String> {
-        let mut arguments = vec!["--scene".into(), path_text(&self.scene), "--domain".into(), domain.into()];
-        if let Some(trace) = &self.trace {
-            arguments.extend(["--trace".into(), path_text(trace)]);
-        }
-        if self.seconds.is_some() {
-            arguments.push("--loop".into());
+    /// Scene and domain, which both processes need, and an option that only one has.
+    fn arguments(&self, domain: &str, option: &str, path: Option<&Path>) -> Vec<OsString> {
+        let mut arguments =
+            vec!["--scene".into(), self.scene.clone().into(), "--domain".into(), domain.into()];
+        if let Some(path) = path {
+            arguments.extend([option.into(), path.into()]);
         }
         arguments
     }
 }
 
-fn path_text(path: &Path) -> String {
-    path.display().to_string()
-}
-
-/// Watches until the bridge is through, the time is over, a signal comes or a process dies; returns which.
+/// Receives until the bridge has sent the whole trace, the time is over, a signal comes or a process dies; returns which.
 fn follow(
     watch: &mut Watch,
     twin: &mut Daemon,
@@ -120,15 +110,15 @@ fn follow(
 ) -> anyhow::Result<&'static str> {
     let begin = Instant::now();
     loop {
-        watch.take(Duration::from_millis(50))?;
+        watch.receive(Duration::from_millis(50))?;
         if twin.ended()? {
-            anyhow::bail!("the twin ended by itself:\n{}", twin.said());
+            anyhow::bail!("the twin ended by itself:\n{}", twin.log());
         }
         if bridge.ended()? {
             return if bridge.succeeded() {
                 Ok("end of trace")
             } else {
-                anyhow::bail!("the bridge failed:\n{}", bridge.said())
+                anyhow::bail!("the bridge failed:\n{}", bridge.log())
             };
         }
         if stop.load(Ordering::Relaxed) {

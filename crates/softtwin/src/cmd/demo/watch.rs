@@ -1,19 +1,20 @@
 //! The demonstration's subscriber: an ordinary reader of the field and sensor topics.
 
+use crate::live::{self, Latencies, PercentilesUs};
 use crate::output;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 use wire::layout::regime;
-use wire::{Bus, FieldReader, FieldSample, SensorReader, Topic, WakeSet, Wakeable, WireError, now_ns};
+use wire::{Bus, FieldHeader, FieldReader, SensorReader, Topic, WakeSet, Wakeable, now_ns};
 
 /// Pause between two live lines.
-const LINE_EVERY: Duration = Duration::from_millis(200);
-/// After the bridge's end: silence of this length means that everything has come.
+const LINE_INTERVAL: Duration = Duration::from_millis(200);
+/// When nothing comes for so long after the bridge's end, everything has come.
 const SILENCE: Duration = Duration::from_millis(300);
 
-/// Readers and what they have seen.
+/// Readers and what they have received.
 #[derive(Debug)]
 pub(super) struct Watch {
     fields: FieldReader,
@@ -21,15 +22,11 @@ pub(super) struct Watch {
     wake: WakeSet,
     live: bool,
     last_line: Instant,
-    readings: u64,
-    fields_received: u64,
-    entries: u64,
-    regimes: BTreeMap<&'static str, u64>,
-    max_force_n: f64,
-    latency_us: Vec<f64>,
+    latencies: Latencies,
+    summary: Summary,
 }
 
-/// The end of the demonstration.
+/// The numbers of the whole demonstration.
 #[derive(Debug, Serialize)]
 pub(super) struct Summary {
     readings: u64,
@@ -38,111 +35,91 @@ pub(super) struct Summary {
     entries: u64,
     regimes: BTreeMap<&'static str, u64>,
     max_force_n: f64,
-    latency_us: Latency,
+    /// From the reading's stamp until the reader has received the field.
+    latency_us: PercentilesUs,
     exit: &'static str,
-}
-
-/// Microseconds from the reading's stamp to the field in the reader's hands.
-#[derive(Debug, Serialize)]
-struct Latency {
-    p50: f64,
-    p99: f64,
-    max: f64,
 }
 
 impl Watch {
     /// Subscribes. The twin must be running, the bridge not yet.
-    pub(super) fn open(bus: &Bus, actuator: &str, live: bool) -> Result<Self, WireError> {
+    pub(super) fn open(bus: &Bus, actuator: &str, live: bool) -> anyhow::Result<Self> {
         let fields = FieldReader::open(bus, &Topic::field(actuator, None)?)?;
         let sensor = SensorReader::attach(bus, &Topic::sensor(actuator)?)?;
-        Ok(Self {
-            wake: WakeSet::new([&fields as &dyn Wakeable]),
-            fields,
-            sensor,
-            live,
-            last_line: Instant::now(),
+        let latencies = Latencies::new()?;
+        let summary = Summary {
             readings: 0,
             fields_received: 0,
+            lost: 0,
             entries: 0,
             regimes: BTreeMap::new(),
             max_force_n: 0.0,
-            latency_us: Vec::new(),
-        })
+            latency_us: latencies.percentiles_us(),
+            exit: "",
+        };
+        let wake = WakeSet::new([&fields as &dyn Wakeable]);
+        Ok(Self { fields, sensor, wake, live, last_line: Instant::now(), latencies, summary })
     }
 
-    /// Waits at most `at_most` for a field and takes all that are there. Returns how many.
-    pub(super) fn take(&mut self, at_most: Duration) -> anyhow::Result<u64> {
+    /// Waits at most `at_most` for a field and receives all that are there. Returns how many.
+    pub(super) fn receive(&mut self, at_most: Duration) -> anyhow::Result<u64> {
         self.wake.wait([&self.fields as &dyn Wakeable], at_most)?;
-        let before = self.fields_received;
+        let before = self.summary.fields_received;
         while let Some(sample) = self.fields.next()? {
             let latency_ns = now_ns().saturating_sub(sample.header().t_sensor_ns);
-            self.note(&sample, latency_ns);
+            self.record(sample.header(), latency_ns);
         }
         // The bridge numbers its readings from 1, so the newest number is their count.
         while let Some(reading) = self.sensor.next()? {
-            self.readings = self.readings.max(reading.seq);
+            self.summary.readings = self.summary.readings.max(reading.seq);
         }
-        Ok(self.fields_received - before)
+        Ok(self.summary.fields_received - before)
     }
 
-    /// Takes what is still on its way after the bridge's end.
+    /// Receives what is still under way after the bridge's end.
     pub(super) fn drain(&mut self) -> anyhow::Result<()> {
-        while self.take(SILENCE)? > 0 {}
+        while self.receive(SILENCE)? > 0 {}
         if self.live && std::io::stderr().is_terminal() {
-            writeln!(std::io::stderr())?; // leave the live line
+            writeln!(std::io::stderr())?; // ends the live line
         }
         Ok(())
     }
 
-    fn note(&mut self, sample: &FieldSample, latency_ns: u64) {
-        let header = sample.header();
-        self.fields_received += 1;
-        self.entries = header.entries();
-        *self.regimes.entry(regime::as_str(header.regime)).or_default() += 1;
-        self.max_force_n = self.max_force_n.max(header.contact_force_n);
-        self.latency_us.push(latency_ns as f64 / 1000.0);
-        if self.live && self.last_line.elapsed() >= LINE_EVERY {
+    fn record(&mut self, header: &FieldHeader, latency_ns: u64) {
+        let summary = &mut self.summary;
+        summary.fields_received += 1;
+        summary.entries = header.entries();
+        *summary.regimes.entry(regime::as_str(header.regime)).or_default() += 1;
+        summary.max_force_n = summary.max_force_n.max(header.contact_force_n);
+        self.latencies.record_ns(latency_ns);
+        if self.live && self.last_line.elapsed() >= LINE_INTERVAL {
             self.last_line = Instant::now();
-            let on_terminal = std::io::stderr().is_terminal();
-            let (begin, end) = if on_terminal { ("\r", "  ") } else { ("", "\n") };
-            // A closed standard error must not end the demonstration.
-            let _ = write!(
-                std::io::stderr(),
-                "{begin}reading {:5}  P {:.4} MPa  gap {:.1} mm  {:7}  F {:.3} N  max stress {:.3} MPa  {} entries  {:6.0} us{end}",
-                header.sensor_seq,
-                header.pressure_mpa,
-                header.gap_mm,
-                regime::as_str(header.regime),
-                header.contact_force_n,
-                header.max_von_mises_mpa,
-                header.entries(),
-                latency_ns as f64 / 1000.0,
-            );
+            show_line(header, latency_ns);
         }
     }
 
     /// The numbers of the whole run.
-    pub(super) fn summary(mut self, exit: &'static str) -> Summary {
-        self.latency_us.sort_by(f64::total_cmp);
-        let quantile = |share: f64| {
-            let rank = (self.latency_us.len() as f64 * share).ceil() as usize;
-            self.latency_us.get(rank.max(1) - 1).copied().unwrap_or(0.0)
-        };
-        Summary {
-            readings: self.readings,
-            fields_received: self.fields_received,
-            lost: self.readings.saturating_sub(self.fields_received),
-            entries: self.entries,
-            latency_us: Latency { p50: quantile(0.5), p99: quantile(0.99), max: quantile(1.0) },
-            regimes: self.regimes,
-            max_force_n: self.max_force_n,
-            exit,
-        }
+    pub(super) fn summary(self, exit: &'static str) -> Summary {
+        let lost = self.summary.readings.saturating_sub(self.summary.fields_received);
+        Summary { lost, latency_us: self.latencies.percentiles_us(), exit, ..self.summary }
     }
 }
 
+/// One line to standard error, on a terminal always the same line.
+fn show_line(header: &FieldHeader, latency_ns: u64) {
+    let (begin, end) = if std::io::stderr().is_terminal() { ("\r", "  ") } else { ("", "\n") };
+    // A closed standard error must not end the demonstration.
+    let _ = write!(
+        std::io::stderr(),
+        "{begin}{}  max stress {:.3} MPa  {} entries  {:6.0} us{end}",
+        live::text::field_header(header),
+        header.max_von_mises_mpa,
+        header.entries(),
+        latency_ns as f64 / 1000.0,
+    );
+}
+
 impl Summary {
-    /// The same in words.
+    /// The same as text.
     pub(super) fn print(&self) -> anyhow::Result<()> {
         let regimes: Vec<String> =
             self.regimes.iter().map(|(name, count)| format!("{count} {name}")).collect();
@@ -155,13 +132,8 @@ impl Summary {
         )?;
         output!("{} entries a field; regimes: {}", self.entries, regimes.join(", "))?;
         output!("largest contact force {:.3} N", self.max_force_n)?;
-        let latency = &self.latency_us;
-        output!(
-            "sensor stamp to field in hand: p50 {:.0} us, p99 {:.0} us, max {:.0} us",
-            latency.p50,
-            latency.p99,
-            latency.max
-        )?;
+        let PercentilesUs { p50, p99, max } = self.latency_us;
+        output!("sensor stamp to received field: p50 {p50:.0} us, p99 {p99:.0} us, max {max:.0} us")?;
         Ok(())
     }
 }

@@ -1,0 +1,55 @@
+//! Checks of the shared-memory domain and its topics.
+
+use super::finding::Finding;
+use std::time::Duration;
+use wire::{AnyReader, Bus, KeyExpr, TopicInfo, WireError};
+
+/// How long the removal of what dead programs left may take.
+const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Whether the domain can be joined. Joining and cleaning up removes what dead programs left.
+pub fn domain(bus: &Result<Bus, WireError>) -> Finding {
+    let subject = "domain";
+    let bus = match bus {
+        Ok(bus) => bus,
+        Err(error) => {
+            let remedy = "run as the user that runs the twin, with its SOFTTWIN_ROOT and SOFTTWIN_DOMAIN";
+            return Finding::bad(subject, error, remedy);
+        }
+    };
+    match bus.clean_up(CLEAN_UP_TIMEOUT) {
+        0 => Finding::good(subject, "joined, nothing left behind by dead programs"),
+        count => {
+            Finding::good(subject, format!("joined; what dead programs left was removed ({count} nodes)"))
+        }
+    }
+}
+
+/// Opens every topic as a reader: programs of another version have other types.
+pub fn topics(bus: &Bus) -> Vec<Finding> {
+    match KeyExpr::new("softtwin/**").map(|key| bus.topics(&key)) {
+        Err(error) => vec![Finding::bad("topics", error, "report this: the key is the program's own")],
+        Ok(Err(error)) => vec![Finding::bad("topics", error, "check the rights on the domain's folder")],
+        Ok(Ok(topics)) if topics.is_empty() => {
+            vec![Finding::warning(
+                "topics",
+                "none in this domain",
+                "start `softtwind twin` and `softtwind bridge`",
+            )]
+        }
+        Ok(Ok(topics)) => topics.iter().map(|info| topic(bus, info)).collect(),
+    }
+}
+
+fn topic(bus: &Bus, info: &TopicInfo) -> Finding {
+    let subject = info.topic.name();
+    match AnyReader::open(bus, &info.topic) {
+        Err(error) => {
+            Finding::bad(subject, error, "run the same release everywhere; restart the older program")
+        }
+        Ok(_) if info.writers.is_empty() => {
+            Finding::warning(subject, "nobody publishes", "start its bridge or twin; readers wait for it")
+        }
+        Ok(_) => Finding::good(subject, format!("{}, {} readers", info.payload_type, info.readers.len())),
+    }
+}

@@ -1,0 +1,76 @@
+//! Checks of the machine: shared memory, the domain's folder, real-time rights.
+
+use super::finding::Finding;
+use runtime::config::Settings;
+use runtime::machine;
+use std::path::Path;
+
+/// A full field topic takes 58 MB (see `wire::qos`); two of them and the small topics fit into this.
+const SHM_WANTED_BYTES: u64 = 128 << 20;
+
+/// Free space and rights of /dev/shm.
+pub fn shared_memory() -> Finding {
+    let subject = "/dev/shm";
+    let room = match machine::room(Path::new(subject)) {
+        Ok(room) => room,
+        Err(error) => return Finding::bad(subject, error, "mount it: mount -t tmpfs tmpfs /dev/shm"),
+    };
+    let found = format!("{} MB free of {} MB", room.free_bytes >> 20, room.total_bytes >> 20);
+    if !machine::is_writable(Path::new(subject)) {
+        return Finding::bad(subject, "not writable for this user", "chmod 1777 /dev/shm");
+    }
+    if room.free_bytes < SHM_WANTED_BYTES {
+        let remedy = format!(
+            "free space, or enlarge it: mount -o remount,size=1G /dev/shm; a full field topic and the small ones need {} MB",
+            SHM_WANTED_BYTES >> 20
+        );
+        return Finding::bad(subject, found, remedy);
+    }
+    Finding::good(subject, found)
+}
+
+/// A program that opens a topic writes to the domain's folder, and waits while its disk is busy.
+pub fn management_files(folder: &Path) -> Finding {
+    let subject = "management files";
+    match machine::is_in_memory(folder) {
+        Err(error) => Finding::warning(subject, format!("{}: {error}", folder.display()), "check its rights"),
+        Ok(true) => Finding::good(subject, format!("{}, in memory", folder.display())),
+        Ok(false) => Finding::warning(
+            subject,
+            format!("{}, on a disk: while it is busy, programs start late", folder.display()),
+            "SOFTTWIN_ROOT=/run/softtwin for all programs, as in the units, or another folder in memory",
+        ),
+    }
+}
+
+/// Rights for real time: bad only where the settings ask for them.
+pub fn real_time(settings: Option<&Settings>) -> [Finding; 2] {
+    let remedy =
+        |line: &str| format!("systemd: {line} in the unit; by hand: the same in /etc/security/limits.conf");
+    let wanted = settings.map(|settings| &settings.realtime);
+
+    let subject = "real-time priority";
+    let priority = wanted.map_or(0, |wanted| u64::from(wanted.fifo_priority));
+    let priority = match machine::fifo_priority_limit() {
+        None => Finding::good(subject, "any"),
+        Some(limit) if limit >= priority.max(1) => Finding::good(subject, format!("up to {limit}")),
+        Some(limit) => {
+            let found = match priority {
+                0 => format!("up to {limit}"),
+                _ => format!("up to {limit}, {priority} wanted"),
+            };
+            Finding::missing(priority > 0, subject, found, remedy("LimitRTPRIO=60"))
+        }
+    };
+
+    let subject = "locked memory";
+    let is_wanted = wanted.is_some_and(|wanted| wanted.lock_memory);
+    let memory = match machine::locked_memory_limit() {
+        None => Finding::good(subject, "no limit"),
+        Some(limit) => {
+            let found = format!("{} MB", limit >> 20);
+            Finding::missing(is_wanted, subject, found, remedy("LimitMEMLOCK=infinity"))
+        }
+    };
+    [priority, memory]
+}

@@ -1,0 +1,154 @@
+//! `softtwin top`: a table of all twins.
+
+mod table;
+
+use crate::failure::usage;
+use crate::live::{self, DomainArgs};
+use crate::output;
+use anyhow::Result;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+use wire::{
+    Bus, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader, Topic, TopicKind, now_ns,
+};
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin top
+  softtwin top --key 'softtwin/left_*/**' --interval-s 0.5
+  softtwin top --once --json | jq '.[] | select(.alive | not)'
+
+RATE readings a second, P50/P99 time from sensor stamp to publication in microseconds, AGE of the newest good reading,
+HELD/DROP readings held and dropped since the start. A twin that has published nothing for 3 s is marked `gone`.";
+
+/// Watch all twins: rate, latency, age, regime, force, flags, faults.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Which twins, as a key expression
+    #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
+    key: String,
+    /// Time between two updates
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    interval_s: f64,
+    /// Show the table once and end; also done when the output is no terminal
+    #[arg(long)]
+    once: bool,
+    /// JSON instead of a table: one array an update
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainArgs,
+}
+
+/// How long the first table waits for the health of every twin.
+const FIRST_HEALTH: Duration = Duration::from_millis(1_200);
+/// Time between two tries meanwhile.
+const FIRST_INTERVAL: Duration = Duration::from_millis(50);
+
+/// What is known of one twin.
+struct Twin {
+    states: StateReader,
+    healths: HealthReader,
+    state: Option<State>,
+    health: Option<Health>,
+}
+
+/// All twins and grasps seen so far.
+#[derive(Default)]
+struct TopicScan {
+    twins: BTreeMap<String, Twin>,
+    /// By scene.
+    grasps: BTreeMap<String, (GraspReader, Option<Grasp>)>,
+}
+
+impl Args {
+    /// Shows the table until a signal, or once.
+    ///
+    /// # Errors
+    /// A wrong key expression, a domain that cannot be joined.
+    pub fn run(self) -> Result<()> {
+        let key = live::key(&self.key)?;
+        if !(self.interval_s > 0.0 && self.interval_s < 1e6) {
+            return Err(usage(format!("--interval-s: expected a number above 0, found {}", self.interval_s)));
+        }
+        let stop = runtime::service::stop_flag()?;
+        let bus = self.domain.join()?;
+        let mut scan = TopicScan::default();
+        let is_live = !self.once && std::io::stdout().is_terminal();
+        let first = Instant::now();
+        loop {
+            scan.update(&bus, &key)?;
+            // A twin publishes its health once a second, so a single table waits for it.
+            let is_incomplete = scan.twins.values().any(|twin| twin.health.is_none());
+            let waits = !is_live && is_incomplete && first.elapsed() < FIRST_HEALTH;
+            if !waits {
+                self.show(&scan, is_live)?;
+            }
+            if stop.load(Ordering::Relaxed) || !(is_live || waits) {
+                return Ok(());
+            }
+            std::thread::sleep(if waits { FIRST_INTERVAL } else { Duration::from_secs_f64(self.interval_s) });
+        }
+    }
+
+    fn show(&self, TopicScan { twins, grasps }: &TopicScan, is_live: bool) -> Result<()> {
+        let now = now_ns();
+        if self.json {
+            let all: Vec<Value> = twins
+                .iter()
+                .map(|(name, twin)| table::json(name, twin.state.as_ref(), twin.health.as_ref(), now))
+                .collect();
+            return output::json(&all);
+        }
+        let clear_screen = if is_live { "\x1b[H\x1b[2J" } else { "" };
+        output!("{clear_screen}{}", table::head())?;
+        for (name, twin) in twins {
+            output!("{}", table::row(name, twin.state.as_ref(), twin.health.as_ref(), now))?;
+        }
+        for (scene, (_, grasp)) in grasps {
+            if let Some(grasp) = grasp {
+                output!("{}", table::grasp_row(scene, grasp))?;
+            }
+        }
+        if twins.is_empty() {
+            output!("no twin in this domain matches {}; is `softtwind twin` running?", self.key)?;
+        }
+        Ok(())
+    }
+}
+
+impl TopicScan {
+    /// Finds new twins and reads what is new of the known ones.
+    fn update(&mut self, bus: &Bus, key: &KeyExpr) -> Result<()> {
+        for topic in bus.names(key)? {
+            let name = topic.actuator();
+            let is_twin = matches!(topic.kind(), TopicKind::State | TopicKind::Health);
+            if is_twin && !self.twins.contains_key(name) {
+                self.twins.insert(name.to_owned(), Twin::attach(bus, name)?);
+            }
+            if topic.kind() == TopicKind::Grasp && !self.grasps.contains_key(name) {
+                self.grasps.insert(name.to_owned(), (GraspReader::attach(bus, &topic)?, None));
+            }
+        }
+        for (reader, grasp) in self.grasps.values_mut() {
+            *grasp = reader.newest()?.or(*grasp);
+        }
+        for twin in self.twins.values_mut() {
+            twin.state = twin.states.newest()?.or(twin.state);
+            twin.health = twin.healths.newest()?.or(twin.health);
+        }
+        Ok(())
+    }
+}
+
+impl Twin {
+    fn attach(bus: &Bus, name: &str) -> Result<Self> {
+        let states = StateReader::attach(bus, &Topic::state(name)?)?;
+        let healths = HealthReader::attach(bus, &Topic::health(name)?)?;
+        Ok(Self { states, healths, state: None, health: None })
+    }
+}
