@@ -4,13 +4,21 @@ use crate::failure::{configuration, usage};
 use crate::live::DomainArgs;
 use crate::load::LoadedModel;
 use crate::output;
-use crate::view::{Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, Stand, open_port};
+use crate::view::{
+    Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, Shared, Stand, open_port,
+};
 use anyhow::{Context, Result};
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
+use std::time::Duration;
 use wire::KeyExpr;
+
+/// How often the server checks for a signal to end.
+const STOP_INTERVAL: Duration = Duration::from_millis(50);
 
 const EXAMPLES: &str = "\
 Examples:
@@ -20,9 +28,9 @@ Examples:
     softtwin view --scene config/scenes/gripper.toml
   Two actuators of several:
     softtwin view --model finger.twin --key 'softtwin/finger_*/**'
-  No sensor at hand: press \"What if\" on the page and move the sliders:
+  Without a sensor: press \"What if\" on the page and move the sliders:
     softtwin view --model finger.twin
-  What happened: a recording, or a folder of recordings to choose from:
+  A recording, or a folder of recordings to choose from:
     softtwin view --model finger.twin --recording run.mcap
   For other machines, with a token in the printed address:
     softtwin view --model finger.twin --bind 0.0.0.0
@@ -30,46 +38,37 @@ Examples:
 The surface is drawn when the model that the twin runs is given; without it, nodes are drawn as points.
 Keys on the page: 1-4 views, F fit, space pause, L light, M mesh lines, T theme.";
 
-/// Look at running twins in a browser: the deformed, stressed body, live.
+/// Show running twins in a browser: the deformed, stressed body, live.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Model file of an actuator that will be seen; repeat for several.
+    /// Model file of an actuator to show; repeat for several.
     #[arg(long, value_name = "FILE")]
     model: Vec<PathBuf>,
     /// Scene file: its models, and where its actuators and blocks stand.
     #[arg(long, value_name = "FILE.toml")]
     scene: Option<PathBuf>,
-    /// Topics to look at, as a key expression (`*` one chunk, `**` any).
+    /// Topics to show, as a key expression (`*` one chunk, `**` any).
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
     /// Play this recording, or those of this folder, instead of live topics.
     #[arg(long, value_name = "PATH", conflicts_with = "key")]
     recording: Option<PathBuf>,
-    /// Address to listen on; anything but loopback asks visitors for a token.
+    /// Address to listen on; visitors of any address but loopback need a token.
     #[arg(long, value_name = "IP", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     bind: IpAddr,
     /// Port to listen on; 0 takes any free one.
     #[arg(long, value_name = "PORT", default_value_t = 7411)]
     port: u16,
-    /// Token that visitors must have (8 to 64 letters and digits); made up when needed and left out.
+    /// Token that visitors must have (8 to 64 letters and digits); made at random when needed and left out.
     #[arg(long, value_name = "TEXT", value_parser = parse_token)]
     token: Option<String>,
     #[command(flatten)]
     domain: DomainArgs,
 }
 
-/// The thread that fills the slots, and how to end it.
-struct Feed {
-    thread: JoinHandle<Result<()>>,
-    stop: Stop,
-}
-
-/// Live feeds end when their channel closes, recordings when they are told.
-enum Stop {
-    Live(mpsc::Sender<()>),
-    Recording(Library, mpsc::Sender<Command>),
-}
+/// The thread that fills the hub, and what pages control it by when it plays recordings.
+type Feed = (JoinHandle<Result<()>>, Option<(Library, Sender<Command>)>);
 
 fn parse_token(text: &str) -> Result<String, String> {
     let fine = (8..=64).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_alphanumeric());
@@ -86,10 +85,11 @@ impl Args {
         let scene = self.scene.as_deref().map(runtime::config::Scene::load).transpose();
         let scene = scene.map_err(configuration)?;
         let mut paths = self.model.clone();
-        for actuator in scene.iter().flat_map(|scene| &scene.actuators) {
-            let path = scene.as_ref().map(|scene| scene.resolve(&actuator.model)).unwrap_or_default();
-            if !paths.contains(&path) {
-                paths.push(path);
+        if let Some(scene) = &scene {
+            for path in scene.actuators.iter().map(|actuator| scene.resolve(&actuator.model)) {
+                if !paths.contains(&path) {
+                    paths.push(path);
+                }
             }
         }
         let models = paths.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
@@ -101,60 +101,51 @@ impl Args {
 
     async fn serve(self, key: KeyExpr, catalogue: Arc<Catalogue>) -> Result<()> {
         let listener = open_port(self.bind, self.port).await?;
-        let hub = Arc::new(Hub::default());
         let guard = Guard::new(self.bind, self.token.clone())?;
-        let Feed { thread, stop } = self.feed(key, &catalogue, &hub)?;
-        let player = match &stop {
-            Stop::Live(_) => None,
-            Stop::Recording(library, commands) => Some((library.clone(), commands.clone())),
-        };
-        let server = Server { listener, guard, catalogue, hub, player };
+        let hub = Arc::new(Hub::default());
+        let stop = runtime::service::stop_flag()?;
+        let (thread, player) = self.feed(key, &catalogue, &hub, &stop)?;
+        let server = Server { listener, guard, shared: Shared { catalogue, hub, player } };
         output!("{}\nOpen it in a browser; Ctrl-C ends the viewer.", server.url()?)?;
-        let served = server.run(end_of_service()).await;
-        match stop {
-            Stop::Live(open) => drop(open),
-            Stop::Recording(_, commands) => {
-                // A player that has ended already needs no telling.
-                let _ = commands.send(Command::End);
-            }
-        }
+        let served = server.run(is_set(&stop)).await;
+        stop.store(true, Ordering::Relaxed);
         match thread.join() {
             Ok(read) => served.and(read),
-            Err(_) => anyhow::bail!("the reader thread broke; please report this"),
+            Err(_) => anyhow::bail!("the reader thread panicked; please report this"),
         }
     }
 
-    /// Starts what fills the slots.
-    fn feed(&self, key: KeyExpr, catalogue: &Arc<Catalogue>, hub: &Arc<Hub>) -> Result<Feed> {
-        let named = |name: &str| std::thread::Builder::new().name(name.into());
-        let (catalogue, hub) = (Arc::clone(catalogue), Arc::clone(hub));
-        if let Some(path) = &self.recording {
-            let library = Library::new(path)?;
-            let player = Player::new(library.clone(), catalogue, hub)?;
-            let (commands, wishes) = mpsc::channel();
-            let play = move || {
-                player.run(&wishes);
-                Ok(())
-            };
-            let thread = named("view-player").spawn(play).context("no thread for the player")?;
-            return Ok(Feed { thread, stop: Stop::Recording(library, commands) });
-        }
-        let reader = Reader { domain: self.domain.domain(), key, catalogue, hub };
-        let (open, stopped) = mpsc::channel();
-        let thread = named("view-reader").spawn(move || reader.run(&stopped));
-        Ok(Feed { thread: thread.context("no thread for the reader")?, stop: Stop::Live(open) })
+    /// Starts the thread that fills the hub. It ends when `stop` is set.
+    fn feed(
+        &self,
+        key: KeyExpr,
+        catalogue: &Arc<Catalogue>,
+        hub: &Arc<Hub>,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Feed> {
+        let (catalogue, hub, stop) = (Arc::clone(catalogue), Arc::clone(hub), Arc::clone(stop));
+        let thread = std::thread::Builder::new().name("view-feed".into());
+        let Some(path) = &self.recording else {
+            let reader = Reader { domain: self.domain.domain(), key, catalogue, hub };
+            let thread = thread.spawn(move || reader.run(&stop)).context("no thread for the reader")?;
+            return Ok((thread, None));
+        };
+        let library = Library::new(path)?;
+        let player = Player::new(library.clone(), catalogue, hub)?;
+        let (sender, commands) = mpsc::channel();
+        let play = move || {
+            player.run(&commands, &stop);
+            Ok(())
+        };
+        let thread = thread.spawn(play).context("no thread for the player")?;
+        Ok((thread, Some((library, sender))))
     }
 }
 
-/// Done at Ctrl-C or a polite kill.
-async fn end_of_service() {
-    let term = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate());
-    let Ok(mut term) = term else {
-        return std::future::pending().await; // without signals only a kill ends the viewer
-    };
-    tokio::select! {
-        _ = tokio::signal::ctrl_c() => {}
-        _ = term.recv() => {}
+/// Done when the flag is set.
+async fn is_set(flag: &AtomicBool) {
+    while !flag.load(Ordering::Relaxed) {
+        tokio::time::sleep(STOP_INTERVAL).await;
     }
 }
 

@@ -1,38 +1,51 @@
-//! One page: frames out when it is ready for them, questions in, patience limited on both sides.
+//! One page: it gets frames when it is ready for them and sends requests. Time and number of its messages are limited.
 
-use super::catalogue::{Card, Stand};
-use super::player::Command;
-use super::server::Shared;
+use super::catalogue::{Card, Catalogue, Stand};
+use super::hub::Hub;
+use super::player::{Command, Library};
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-/// A page that does not take a message for this long is gone.
-const PATIENCE: Duration = Duration::from_secs(10);
-/// Messages a second that a page may send: a mouse and two sliders stay far below.
+/// A page that does not accept a message for this long is gone.
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+/// Messages a second that a page may send; a mouse and two sliders send far fewer.
 const MAX_MESSAGES: u32 = 500;
 
-/// What a page may say.
+/// What every page's task needs.
+#[derive(Clone)]
+pub struct Shared {
+    /// Known models.
+    pub catalogue: Arc<Catalogue>,
+    /// The newest frames.
+    pub hub: Arc<Hub>,
+    /// The recordings that may be opened and who plays them, when recordings are shown instead of live topics.
+    pub player: Option<(Library, Sender<Command>)>,
+}
+
+/// What a page may send.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
 enum Request {
     /// The last frames are drawn.
     Ready {},
-    /// A prediction is wanted; no gap: no plate.
+    /// Predict a state; no gap: no plate.
     Predict { model: usize, pressure_mpa: f64, gap_mm: Option<f64> },
-    /// Another place in the recording.
+    /// Go to another time of the recording.
     Seek { at_s: f64 },
     /// Run or stand still.
     Play { playing: bool },
-    /// Another recording, by its name in the folder.
+    /// Open another recording, by its name in the folder.
     Open { name: String },
 }
 
-/// What a page is told besides frames.
+/// What a page receives besides frames.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
-enum Told<'a> {
+enum Notification<'a> {
     Hello {
         version: &'a str,
         models: Vec<&'a Card>,
@@ -47,25 +60,25 @@ enum Told<'a> {
     },
 }
 
-/// Why a conversation ended.
+/// Why a connection ended.
 #[derive(Debug)]
 enum End {
-    /// The page went away or does not listen any more.
+    /// The page closed the connection or does not read any more.
     Gone,
-    /// The page broke the rules; it is told which.
+    /// The page broke a rule; it receives the text.
     Refused(&'static str),
 }
 
-/// Talks to one page until it goes.
+/// Serves one page until it goes.
 pub async fn serve(mut socket: WebSocket, shared: &Shared) {
-    let Some(_place) = shared.hub.enter() else {
+    let Some(_viewer) = shared.hub.enter() else {
         let text = "too many viewers at once; close one of them";
-        let _gone_anyway = close(&mut socket, text).await;
+        let _is_gone_anyway = close(&mut socket, text).await;
         return;
     };
     let mut page = Page { socket, shared, seen: 0, ready: false, second: Instant::now(), messages: 0 };
-    if let Err(End::Refused(text)) = page.talk().await {
-        let _gone_anyway = close(&mut page.socket, text).await;
+    if let Err(End::Refused(text)) = page.run().await {
+        let _is_gone_anyway = close(&mut page.socket, text).await;
     }
 }
 
@@ -84,24 +97,28 @@ struct Page<'a> {
 }
 
 impl Page<'_> {
-    async fn talk(&mut self) -> Result<(), End> {
+    async fn run(&mut self) -> Result<(), End> {
         let catalogue = &self.shared.catalogue;
         let models = catalogue.cards();
         let known = !models.is_empty();
-        self.tell(&Told::Hello { version: env!("CARGO_PKG_VERSION"), models, stand: catalogue.stand() })
-            .await?;
+        self.notify(&Notification::Hello {
+            version: env!("CARGO_PKG_VERSION"),
+            models,
+            stand: catalogue.stand(),
+        })
+        .await?;
         for mesh in catalogue.meshes() {
             self.send(Message::Binary(Bytes::copy_from_slice(mesh))).await?;
         }
         if !known {
             let text =
                 "No model was given, so the surface is unknown and nodes are drawn as points (--model FILE)";
-            self.tell(&Told::Notice { text }).await?;
+            self.notify(&Notification::Notice { text }).await?;
         }
         let mut newest = self.shared.hub.watch();
         loop {
             tokio::select! {
-                message = self.socket.recv() => self.hear(message).await?,
+                message = self.socket.recv() => self.receive(message).await?,
                 changed = newest.changed(), if self.ready => {
                     changed.map_err(|_| End::Gone)?;
                     self.show().await?;
@@ -126,7 +143,7 @@ impl Page<'_> {
         Ok(())
     }
 
-    async fn hear(&mut self, message: Option<Result<Message, axum::Error>>) -> Result<(), End> {
+    async fn receive(&mut self, message: Option<Result<Message, axum::Error>>) -> Result<(), End> {
         let Some(Ok(message)) = message else { return Err(End::Gone) };
         self.count()?;
         match message {
@@ -138,7 +155,7 @@ impl Page<'_> {
                 Ok(Request::Predict { model, pressure_mpa, gap_mm }) => {
                     match self.shared.catalogue.predict(model, pressure_mpa, gap_mm) {
                         Ok(frame) => self.send(Message::Binary(frame.into())).await,
-                        Err(text) => self.tell(&Told::Refused { text }).await,
+                        Err(text) => self.notify(&Notification::Refused { text }).await,
                     }
                 }
                 Ok(Request::Seek { at_s }) => self.play(Command::Seek(at_s)).await,
@@ -152,23 +169,23 @@ impl Page<'_> {
         }
     }
 
-    /// Passes a wish on to the player of recordings; only recordings of the folder can be opened.
+    /// Passes a command on to the player of recordings. Only recordings of the folder can be opened.
     async fn play(&mut self, command: Command) -> Result<(), End> {
         let Some((library, player)) = &self.shared.player else {
             let text = "this is live; recordings are shown by softtwin view --recording FILE".into();
-            return self.tell(&Told::Refused { text }).await;
+            return self.notify(&Notification::Refused { text }).await;
         };
         if let Command::Open(name) = &command
             && !library.names().contains(name)
         {
             let known = library.names().join(", ");
             let text = format!("expected a recording of the folder ({known}), found {name:?}");
-            return self.tell(&Told::Refused { text }).await;
+            return self.notify(&Notification::Refused { text }).await;
         }
         player.send(command).map_err(|_| End::Gone)
     }
 
-    /// Ends the conversation with a page that floods.
+    /// Ends the connection to a page that sends too much.
     fn count(&mut self) -> Result<(), End> {
         if self.second.elapsed() > Duration::from_secs(1) {
             (self.second, self.messages) = (Instant::now(), 0);
@@ -177,13 +194,13 @@ impl Page<'_> {
         if self.messages > MAX_MESSAGES { Err(End::Refused("too many messages a second")) } else { Ok(()) }
     }
 
-    async fn tell(&mut self, notice: &Told<'_>) -> Result<(), End> {
-        let text = serde_json::to_string(notice).map_err(|_| End::Gone)?;
+    async fn notify(&mut self, notification: &Notification<'_>) -> Result<(), End> {
+        let text = serde_json::to_string(notification).map_err(|_| End::Gone)?;
         self.send(Message::Text(text.into())).await
     }
 
     async fn send(&mut self, message: Message) -> Result<(), End> {
-        match tokio::time::timeout(PATIENCE, self.socket.send(message)).await {
+        match tokio::time::timeout(SEND_TIMEOUT, self.socket.send(message)).await {
             Ok(Ok(())) => Ok(()),
             _ => Err(End::Gone),
         }

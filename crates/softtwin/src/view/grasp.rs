@@ -1,4 +1,4 @@
-//! What grippers hold, as texts for the page.
+//! Grasps, as texts for the page.
 
 use super::hub::Hub;
 use recording::message::GraspMessage;
@@ -14,12 +14,12 @@ const INTERVAL: Duration = Duration::from_millis(100);
 #[derive(Default)]
 pub struct Grasps {
     readers: BTreeMap<String, GraspReader>,
-    told: Option<Instant>,
+    notified: Option<Instant>,
 }
 
 #[derive(Serialize)]
 #[serde(tag = "type", rename = "grasp")]
-struct Told {
+struct GraspNotification {
     #[serde(flatten)]
     grasp: GraspMessage,
 }
@@ -33,16 +33,19 @@ impl Grasps {
         Ok(())
     }
 
-    /// Tells the pages what is new, a few times a second.
-    pub fn pump(&mut self, hub: &Hub) {
-        if self.told.is_some_and(|told| told.elapsed() < INTERVAL) {
+    /// Sends the pages what is new, a few times a second.
+    pub fn update(&mut self, hub: &Hub) {
+        if self.notified.is_some_and(|at| at.elapsed() < INTERVAL) {
             return;
         }
-        self.told = Some(Instant::now());
+        self.notified = Some(Instant::now());
         self.readers.retain(|topic, reader| match reader.newest() {
             Ok(Some(grasp)) => {
-                let told = Told { grasp: GraspMessage::from(&grasp) };
-                hub.tell_grasp(&told.grasp.scene, serde_json::to_string(&told).unwrap_or_default()); // plain numbers and texts
+                let notification = GraspNotification { grasp: GraspMessage::from(&grasp) };
+                hub.notify_grasp(
+                    &notification.grasp.scene,
+                    serde_json::to_string(&notification).unwrap_or_default(),
+                ); // plain numbers and texts
                 true
             }
             Ok(None) => true,
@@ -53,7 +56,7 @@ impl Grasps {
         });
     }
 
-    /// Nobody looks: gives the ports back.
+    /// Closes the ports, when there are no viewers.
     pub fn clear(&mut self) {
         self.readers.clear();
     }

@@ -1,8 +1,7 @@
-//! Who may look. On loopback: pages from this machine only. Elsewhere: whoever has the token.
+//! Who may see the page. On loopback: this machine only. Elsewhere: who has the token.
 
-use anyhow::{Context, Result};
+use anyhow::{Result, anyhow};
 use axum::http::{HeaderMap, Uri, header};
-use std::io::Read;
 use std::net::IpAddr;
 
 /// Name of the cookie that carries the token after the first page.
@@ -14,7 +13,7 @@ pub enum Guard {
     /// Bound to loopback: a name that is not this machine's in `Host`, or a foreign page in `Origin`, is refused.
     /// (Otherwise any page in the user's browser could read the twin.)
     Loopback,
-    /// Bound elsewhere: the token is asked for.
+    /// Bound elsewhere: the token is needed.
     Token(String),
 }
 
@@ -31,7 +30,7 @@ impl Guard {
         }
     }
 
-    /// The token, if one is asked for.
+    /// The token, if one is needed.
     pub fn token(&self) -> Option<&str> {
         match self {
             Self::Loopback => None,
@@ -39,7 +38,7 @@ impl Guard {
         }
     }
 
-    /// Whether a request may pass; the text says why not.
+    /// Whether a request is allowed; the text says why not.
     ///
     /// # Errors
     /// The refusal for the user.
@@ -88,15 +87,15 @@ fn cookie_token(cookies: &str) -> Option<&str> {
     cookies.split(';').find_map(|cookie| cookie.trim().strip_prefix(COOKIE)?.strip_prefix('='))
 }
 
-/// Compares without stopping at the first difference, so that the time tells nothing.
+/// Compares without stopping at the first difference, so that the time it takes gives no hint.
 fn same(a: &str, b: &str) -> bool {
     a.len() == b.len() && a.bytes().zip(b.bytes()).fold(0, |sum, (x, y)| sum | (x ^ y)) == 0
 }
 
 fn random_token() -> Result<String> {
     let mut bytes = [0_u8; 16];
-    let read = std::fs::File::open("/dev/urandom").and_then(|mut file| file.read_exact(&mut bytes));
-    read.context("no random bytes for a token; give one with --token")?;
+    getrandom::fill(&mut bytes)
+        .map_err(|error| anyhow!("no random bytes for a token ({error}); give one with --token"))?;
     Ok(wire::layout::hex(&bytes))
 }
 
@@ -132,11 +131,11 @@ mod tests {
 
     #[test]
     fn elsewhere_the_token_is_asked_for_in_address_or_cookie() {
-        let guard = Guard::new("0.0.0.0".parse().expect("address"), None).expect("urandom");
+        let guard = Guard::new("0.0.0.0".parse().expect("address"), None).expect("random bytes");
         let token = guard.token().expect("not loopback").to_owned();
         assert_eq!(token.len(), 32);
         assert_ne!(
-            Guard::new("0.0.0.0".parse().expect("address"), None).expect("urandom").token(),
+            Guard::new("0.0.0.0".parse().expect("address"), None).expect("random bytes").token(),
             Some(token.as_str())
         );
         let guard = Guard::Token("abc".into());

@@ -1,4 +1,4 @@
-//! The slots between the reader and the pages: the newest frame of each actuator, and who is looking.
+//! Between the reader and the pages: the newest frame of each actuator, and the number of viewers.
 
 use axum::body::Bytes;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ pub struct Slot {
     pub number: u64,
     /// The message.
     pub message: Bytes,
-    /// A text for the page instead of a frame.
+    /// A notification instead of a frame.
     pub is_text: bool,
 }
 
@@ -28,7 +28,7 @@ pub struct Hub {
     viewers: AtomicUsize,
 }
 
-/// One page that is looking; dropping it takes it off the count.
+/// One page; dropping it reduces the count.
 #[derive(Debug)]
 pub struct Viewer<'a>(&'a Hub);
 
@@ -44,13 +44,13 @@ impl Hub {
         self.replace(actuator, message, false);
     }
 
-    /// Replaces what all pages are told of the recording.
+    /// Replaces the notification of the recording that all pages receive.
     pub fn announce(&self, text: String) {
         self.replace("", text.into_bytes(), true); // no actuator has an empty name
     }
 
-    /// Replaces what all pages are told of a scene's grasp.
-    pub fn tell_grasp(&self, scene: &str, text: String) {
+    /// Replaces the notification of a scene's grasp that all pages receive.
+    pub fn notify_grasp(&self, scene: &str, text: String) {
         self.replace(&format!("{scene}/grasp"), text.into_bytes(), true); // no actuator has a `/` in its name
     }
 
@@ -74,18 +74,18 @@ impl Hub {
         self.newest.subscribe()
     }
 
-    /// Counts a page in; none when there are too many.
+    /// Adds a page to the count; none when there are too many.
     pub fn enter(&self) -> Option<Viewer<'_>> {
         let more = |now: usize| (now < MAX_VIEWERS).then_some(now + 1);
         self.viewers.fetch_update(Ordering::AcqRel, Ordering::Acquire, more).ok().map(|_| Viewer(self))
     }
 
-    /// Pages that are looking.
+    /// Number of pages.
     pub fn viewers(&self) -> usize {
         self.viewers.load(Ordering::Acquire)
     }
 
-    /// Forgets all frames: nobody looked for a while, so they are old.
+    /// Removes all frames: without viewers they become old.
     pub fn clear(&self) {
         self.slots.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn pages_are_counted_and_limited() {
         let hub = Hub::default();
-        let pages: Vec<_> = (0..MAX_VIEWERS).map(|_| hub.enter().expect("room")).collect();
+        let pages: Vec<_> = (0..MAX_VIEWERS).map(|_| hub.enter().expect("below the limit")).collect();
         assert!(hub.enter().is_none());
         drop(pages);
         assert_eq!(hub.viewers(), 0);

@@ -1,9 +1,9 @@
 //! The live view: a page in any browser, fed from shared memory.
 //!
-//! One thread ([`reader`]) reads the newest field and state of every actuator, only while somebody looks, and puts them
-//! into one slot an actuator ([`hub`]): a newer frame replaces an older one. Each page has its own task ([`client`])
-//! that takes a frame when the page says it has drawn the last one, so slow pages skip frames, queue nothing, and the
-//! twin never waits for anybody. A [`player`] takes the reader's place for recordings. [`server`] hands out the page; [`guard`] decides who may have it.
+//! One thread ([`reader`]) reads the newest field and state of every actuator while there are viewers, and puts them into
+//! the [`hub`], which keeps the newest frame of each actuator only. Each page has a task ([`client`]) that sends a frame
+//! when the page has drawn the last one. So slow pages skip frames, nothing is queued, and the twin never waits. For
+//! recordings a [`player`] replaces the reader. [`server`] serves the page, [`guard`] decides who may have it.
 
 mod catalogue;
 mod client;
@@ -16,6 +16,7 @@ mod reader;
 mod server;
 
 pub use catalogue::{Catalogue, Stand};
+pub use client::Shared;
 pub use guard::Guard;
 pub use hub::Hub;
 pub use player::{Command, Library, Player};

@@ -1,4 +1,4 @@
-//! From a recording to the slots: the same pages, fed at the recorded pace. All pages share one place in the recording.
+//! Plays a recording into the hub at the recorded pace. All pages show the same time of the recording.
 
 use super::catalogue::Catalogue;
 use super::frame::{FrameHead, Word, bits, encode};
@@ -9,6 +9,7 @@ use rom::evaluation::Input;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use wire::layout::field_id;
@@ -18,17 +19,15 @@ const TICK: Duration = Duration::from_millis(16);
 /// Points of the strip charts; a screen shows no more.
 const MAX_POINTS: usize = 1500;
 
-/// What a page may ask of the player.
+/// What a page may request of the player.
 #[derive(Debug)]
 pub enum Command {
     /// Go to a time, s.
     Seek(f64),
     /// Run or stand still.
     Play(bool),
-    /// Take another recording; the name was checked against [`Library::names`].
+    /// Open another recording; the name was checked against [`Library::names`].
     Open(String),
-    /// The viewer ends.
-    End,
 }
 
 /// The recordings that pages may choose from: one file, or those of one folder.
@@ -73,14 +72,14 @@ pub struct Player {
     library: Library,
     catalogue: Arc<Catalogue>,
     hub: Arc<Hub>,
-    tape: RecordingData,
+    data: RecordingData,
     at_s: f64,
     playing: bool,
 }
 
-/// What pages are told of a recording when it is opened.
+/// What pages receive when a recording is opened.
 #[derive(Serialize)]
-struct Told<'a> {
+struct Opened<'a> {
     r#type: &'static str,
     name: &'a str,
     names: Vec<String>,
@@ -105,32 +104,32 @@ impl Player {
     /// # Errors
     /// What is wrong with it.
     pub fn new(library: Library, catalogue: Arc<Catalogue>, hub: Arc<Hub>) -> Result<Self> {
-        let tape = read(&library.files[0], &catalogue)?;
-        let player = Self { library, catalogue, hub, tape, at_s: 0.0, playing: true };
+        let data = read(&library.files[0], &catalogue)?;
+        let player = Self { library, catalogue, hub, data, at_s: 0.0, playing: true };
         player.announce();
         Ok(player)
     }
 
-    /// Plays until the viewer ends.
-    pub fn run(mut self, commands: &Receiver<Command>) {
+    /// Plays until `stop` is set.
+    pub fn run(mut self, commands: &Receiver<Command>, stop: &AtomicBool) {
         let mut last = Instant::now();
         let mut shown = None;
-        loop {
+        while !stop.load(Ordering::Relaxed) {
             match commands.recv_timeout(TICK) {
-                Ok(Command::End) | Err(RecvTimeoutError::Disconnected) => return,
-                Ok(command) => self.obey(command),
+                Ok(command) => self.execute(command),
+                Err(RecvTimeoutError::Disconnected) => return,
                 Err(RecvTimeoutError::Timeout) => {}
             }
             let passed_s = last.elapsed().as_secs_f64();
             last = Instant::now();
             if self.hub.viewers() == 0 {
-                continue; // nobody looks: the recording waits
+                continue; // without viewers the recording waits
             }
             if self.playing {
-                self.at_s = (self.at_s + passed_s).min(self.tape.duration_s);
-                self.playing = self.at_s < self.tape.duration_s;
+                self.at_s = (self.at_s + passed_s).min(self.data.duration_s);
+                self.playing = self.at_s < self.data.duration_s;
             }
-            let now = (self.tape.name.clone(), self.at_s, self.playing);
+            let now = (self.data.name.clone(), self.at_s, self.playing);
             if shown.as_ref() != Some(&now) {
                 self.show();
                 shown = Some(now);
@@ -138,26 +137,25 @@ impl Player {
         }
     }
 
-    fn obey(&mut self, command: Command) {
+    fn execute(&mut self, command: Command) {
         match command {
-            Command::Seek(at_s) => self.at_s = at_s.clamp(0.0, self.tape.duration_s),
+            Command::Seek(at_s) => self.at_s = at_s.clamp(0.0, self.data.duration_s),
             Command::Play(playing) => {
                 self.playing = playing;
-                if playing && self.at_s >= self.tape.duration_s {
+                if playing && self.at_s >= self.data.duration_s {
                     self.at_s = 0.0;
                 }
             }
             Command::Open(name) => self.open(&name),
-            Command::End => {}
         }
     }
 
     fn open(&mut self, name: &str) {
         let Some(file) = self.library.file(name) else { return };
         match read(file, &self.catalogue) {
-            Ok(tape) => {
+            Ok(data) => {
                 self.hub.clear();
-                (self.tape, self.at_s, self.playing) = (tape, 0.0, true);
+                (self.data, self.at_s, self.playing) = (data, 0.0, true);
                 self.announce();
             }
             Err(error) => tracing::warn!("the recording stays closed: {error:#}"),
@@ -165,20 +163,20 @@ impl Player {
     }
 
     fn announce(&self) {
-        let strips = self.tape.tracks.iter().map(|(name, track)| Strip::new(name, track));
-        let told = Told {
+        let strips = self.data.tracks.iter().map(|(name, track)| Strip::new(name, track));
+        let opened = Opened {
             r#type: "recording",
-            name: &self.tape.name,
+            name: &self.data.name,
             names: self.library.names(),
-            duration_s: self.tape.duration_s,
+            duration_s: self.data.duration_s,
             tracks: strips.collect(),
         };
-        self.hub.announce(serde_json::to_string(&told).unwrap_or_default()); // plain numbers and texts
+        self.hub.announce(serde_json::to_string(&opened).unwrap_or_default()); // plain numbers and texts
     }
 
-    /// One frame of every actuator at the present place.
+    /// One frame of every actuator at the present time.
     fn show(&self) {
-        for (actuator, track) in &self.tape.tracks {
+        for (actuator, track) in &self.data.tracks {
             let mut head = FrameHead::empty(actuator);
             (head.t_s, head.playing) = (self.at_s, self.playing);
             let state = track.state_at(self.at_s);
@@ -212,11 +210,11 @@ impl Player {
 
 /// Recorded fields are only needed where no model can make them again.
 fn read(path: &Path, catalogue: &Catalogue) -> Result<RecordingData> {
-    let tape = RecordingData::read(path, false)?;
-    let mut states = tape.tracks.values().flat_map(|track| track.states.last());
-    let all_known = !tape.tracks.values().any(|track| track.states.is_empty())
+    let data = RecordingData::read(path, false)?;
+    let mut states = data.tracks.values().flat_map(|track| track.states.last());
+    let all_known = !data.tracks.values().any(|track| track.states.is_empty())
         && states.all(|state| catalogue.find_text(&state.model_hash).is_some());
-    if all_known { Ok(tape) } else { RecordingData::read(path, true) }
+    if all_known { Ok(data) } else { RecordingData::read(path, true) }
 }
 
 impl<'a> Strip<'a> {

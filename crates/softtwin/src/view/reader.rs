@@ -1,4 +1,4 @@
-//! From shared memory to the slots, while somebody looks.
+//! Reads shared memory into the hub while there are viewers.
 
 use super::catalogue::Catalogue;
 use super::frame::{FrameHead, bits, encode};
@@ -7,14 +7,14 @@ use super::hub::Hub;
 use anyhow::{Context, Result};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use wire::{Bus, Domain, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind, Waking};
 
 /// Frames at most this often: a screen's rate.
 const TICK: Duration = Duration::from_millis(16);
-/// New topics are looked for this often.
-const LOOK: Duration = Duration::from_secs(1);
+/// Time between two searches for new topics.
+const SCAN_INTERVAL: Duration = Duration::from_secs(1);
 /// The node set that viewers prefer.
 const SURFACE: &str = "surface";
 
@@ -26,7 +26,7 @@ pub struct Reader {
     pub key: KeyExpr,
     /// Known models.
     pub catalogue: Arc<Catalogue>,
-    /// The slots.
+    /// Receives the frames.
     pub hub: Arc<Hub>,
 }
 
@@ -51,45 +51,43 @@ struct Pace {
 }
 
 impl Reader {
-    /// Reads until the sender of `stop` is dropped. Ports exist only while somebody looks, so that an unwatched twin has
-    /// one reader less.
+    /// Reads until `stop` is set. Ports exist only while there are viewers, so that a twin without viewers has one reader
+    /// less.
     ///
     /// # Errors
     /// When the domain cannot be joined.
-    pub fn run(self, stop: &Receiver<()>) -> Result<()> {
+    pub fn run(self, stop: &AtomicBool) -> Result<()> {
         let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
         let (mut sources, mut grasps) = (BTreeMap::new(), Grasps::default());
-        let mut looked: Option<Instant> = None;
-        loop {
-            match stop.recv_timeout(TICK) {
-                Err(RecvTimeoutError::Timeout) => {}
-                _ => return Ok(()),
-            }
+        let mut scanned: Option<Instant> = None;
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::sleep(TICK);
             if self.hub.viewers() == 0 {
                 if !sources.is_empty() {
                     sources.clear();
                     grasps.clear();
                     self.hub.clear();
                 }
-                looked = None;
+                scanned = None;
                 continue;
             }
-            if looked.is_none_or(|at| at.elapsed() > LOOK) {
-                self.look(&bus, &mut sources, &mut grasps);
-                looked = Some(Instant::now());
+            if scanned.is_none_or(|at| at.elapsed() > SCAN_INTERVAL) {
+                self.open_new_topics(&bus, &mut sources, &mut grasps);
+                scanned = Some(Instant::now());
             }
-            grasps.pump(&self.hub);
+            grasps.update(&self.hub);
             for (actuator, source) in &mut sources {
-                if let Err(error) = source.pump(actuator, &self.catalogue, &self.hub) {
+                if let Err(error) = source.update(actuator, &self.catalogue, &self.hub) {
                     tracing::warn!(actuator, "reading failed; the topic is opened again: {error}");
                     (source.field, source.state) = (None, None);
                 }
             }
         }
+        Ok(())
     }
 
-    /// Opens ports of topics that are new: of the fields the surface, else all nodes, else any node set.
-    fn look(&self, bus: &Bus, sources: &mut BTreeMap<String, Source>, grasps: &mut Grasps) {
+    /// Opens ports of new topics: of the fields the surface, else all nodes, else any node set.
+    fn open_new_topics(&self, bus: &Bus, sources: &mut BTreeMap<String, Source>, grasps: &mut Grasps) {
         let topics = match bus.topics(&self.key) {
             Ok(topics) => topics,
             Err(error) => {
@@ -137,7 +135,7 @@ impl Source {
         }
     }
 
-    /// Opens without wake-ups: we look at a fixed rate, and the twin need not pay for them.
+    /// Opens without wake-ups: this thread reads at a fixed rate, and wake-ups would cost the twin time.
     fn open(&mut self, bus: &Bus, topic: &Topic) -> Result<(), wire::WireError> {
         match topic.kind() {
             TopicKind::Field if self.field.is_none() => {
@@ -151,8 +149,8 @@ impl Source {
         Ok(())
     }
 
-    /// Takes the newest of both topics; if anything is new, a frame goes to the hub.
-    fn pump(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
+    /// Reads the newest of both topics; if anything is new, a frame goes to the hub.
+    fn update(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
         let state = self.state.as_ref().map(StateReader::newest).transpose()?.flatten();
         if let Some(state) = state {
             self.pace.count(state.seq, &mut self.head);
@@ -164,7 +162,7 @@ impl Source {
             if self.state.is_none() {
                 self.pace.count(header.seq, &mut self.head);
             }
-            let values = self.take_field(&header, sample.values(), catalogue);
+            let values = self.field_values(&header, sample.values(), catalogue);
             self.add_state();
             hub.put(actuator, encode(&self.head, &[&values]));
         } else if state.is_some() {
@@ -182,7 +180,7 @@ impl Source {
     }
 
     /// The header's facts and the numbers to send: of the visible nodes when the model is known, else of all.
-    fn take_field(&mut self, header: &FieldHeader, values: &[f32], catalogue: &Catalogue) -> Vec<u32> {
+    fn field_values(&mut self, header: &FieldHeader, values: &[f32], catalogue: &Catalogue) -> Vec<u32> {
         self.head.set_field(header);
         let set = wire::layout::unpack_name(&header.node_set);
         if self.mesh.as_ref().is_none_or(|(hash, _)| *hash != header.model_hash) {

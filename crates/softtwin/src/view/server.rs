@@ -1,10 +1,7 @@
 //! The web server: one page, its parts, one websocket.
 
-use super::catalogue::Catalogue;
-use super::client;
+use super::client::{self, Shared};
 use super::guard::Guard;
-use super::hub::Hub;
-use super::player::{Command, Library};
 use crate::picture::colour::{ColourMap, ENTRIES};
 use anyhow::{Context, Result};
 use axum::Router;
@@ -16,12 +13,11 @@ use axum::routing::{any, get};
 use std::future::Future;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
-use std::sync::mpsc::Sender;
 use tokio::net::TcpListener;
 
 /// Largest message a page may send, bytes.
 const MAX_MESSAGE: usize = 4096;
-/// Nothing from elsewhere is loaded, nothing inline is run.
+/// The page loads nothing from other sites and runs no inline scripts.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'self'; frame-ancestors 'none'";
 
 /// The parts of the page: path, type, content.
@@ -49,12 +45,8 @@ pub struct Server {
     pub listener: TcpListener,
     /// Who may look.
     pub guard: Guard,
-    /// Known models.
-    pub catalogue: Arc<Catalogue>,
-    /// The slots.
-    pub hub: Arc<Hub>,
-    /// Where a recording is played instead of live topics: what may be opened, and who plays it.
-    pub player: Option<(Library, Sender<Command>)>,
+    /// What pages show.
+    pub shared: Shared,
 }
 
 /// Binds the port.
@@ -65,17 +57,6 @@ pub async fn open_port(address: IpAddr, port: u16) -> Result<TcpListener> {
     TcpListener::bind(SocketAddr::new(address, port)).await.with_context(|| {
         format!("cannot listen on {address} port {port}; is a viewer running already? --port N takes another, --port 0 any free one")
     })
-}
-
-/// What every page's task needs.
-#[derive(Clone)]
-pub struct Shared {
-    /// Known models.
-    pub catalogue: Arc<Catalogue>,
-    /// The slots.
-    pub hub: Arc<Hub>,
-    /// The player of recordings, if that is what is shown.
-    pub player: Option<(Library, Sender<Command>)>,
 }
 
 impl Server {
@@ -90,26 +71,25 @@ impl Server {
     ///
     /// # Errors
     /// When the port breaks.
-    pub async fn run(self, stop: impl Future<Output = ()> + Send + 'static) -> Result<()> {
+    pub async fn run(self, stop: impl Future<Output = ()>) -> Result<()> {
         let mut router = Router::new().route("/ws", any(websocket)).route("/colours", get(colours));
         for (path, kind, content) in PARTS {
             router =
                 router.route(path, get(move || async move { ([(header::CONTENT_TYPE, *kind)], *content) }));
         }
-        let router = router
-            .with_state(Shared { catalogue: self.catalogue, hub: self.hub, player: self.player })
-            .layer(from_fn_with_state(Arc::new(self.guard), admit));
+        let router =
+            router.with_state(self.shared).layer(from_fn_with_state(Arc::new(self.guard), check_request));
         let serve = axum::serve(self.listener, router).into_future();
         tokio::select! {
-            // Pages keep their websockets open for ever, so there is nothing to wait for on the way out.
+            // Pages never close their websockets, so the end does not wait for them.
             () = stop => Ok(()),
             served = serve => served.context("the web server stopped"),
         }
     }
 }
 
-/// Lets a request pass or refuses it, and puts the headers on every answer.
-async fn admit(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response {
+/// Admits or refuses a request, and adds the headers to every response.
+async fn check_request(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response {
     if let Err(text) = guard.check(request.uri(), request.headers()) {
         return (StatusCode::FORBIDDEN, format!("softtwin view: {text}\n")).into_response();
     }
@@ -125,7 +105,7 @@ async fn admit(State(guard): State<Arc<Guard>>, request: Request, next: Next) ->
     response
 }
 
-/// The colour table as RGB bytes: the page and the pictures share one formula.
+/// The colour table as RGB bytes: the page uses the same colours as the pictures.
 async fn colours() -> impl IntoResponse {
     let map = ColourMap::stress();
     let table: Vec<u8> = (0..ENTRIES).flat_map(|k| map.srgb(k as f32 / (ENTRIES - 1) as f32)).collect();
