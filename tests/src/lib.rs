@@ -4,7 +4,6 @@
 //! sleeps to synchronise: stories wait for lines that a program prints, or for samples, with generous time-outs.
 
 pub mod inputs;
-pub mod judge;
 pub mod manager;
 pub mod process;
 pub mod stage;
@@ -12,8 +11,9 @@ pub mod wait;
 
 pub use manager::Manager;
 pub use process::Program;
+pub use studies::verify::Verifier;
 /// The beam that bends until it meets a plate, with its exact answers.
-pub use rom::stability::synthetic;
+pub use rom::synthetic;
 pub use stage::Stage;
 
 use std::time::Duration;

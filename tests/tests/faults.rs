@@ -3,7 +3,7 @@
 
 use std::process::Command;
 use std::time::Instant;
-use tests::judge::Judge;
+use tests::Verifier;
 use tests::stage::{model_bytes, other_model_bytes};
 use tests::wait::{fresh, states, wait_for, wait_state};
 use tests::{PATIENCE, Program, Stage};
@@ -24,13 +24,13 @@ fn all_fields(bus: &Bus) -> FieldReader {
 }
 
 /// Judges fields until `count` of one run of the twin that is not `before` have come; returns that run.
-fn judge_fields(reader: &FieldReader, judge: &mut Judge, before: u64, count: u64) -> u64 {
+fn verify_fields(reader: &FieldReader, verifier: &mut Verifier, before: u64, count: u64) -> u64 {
     let (mut run, mut seen) = (0, 0);
     wait_for(reader, "fields of the new twin", |reader| {
-        // The judge is slower than the twin: what comes after the last one wanted must not be waited out.
+        // The verifier is slower than the twin: what comes after the last one wanted must not be waited out.
         while seen < count {
             let sample = reader.next().unwrap()?;
-            judge.field(&sample);
+            verifier.field(&sample);
             if sample.header().boot_id != before {
                 run = sample.header().boot_id;
                 seen += 1;
@@ -42,9 +42,9 @@ fn judge_fields(reader: &FieldReader, judge: &mut Judge, before: u64, count: u64
 }
 
 /// Judges what is still waiting: after a kill, the last things the dead one said.
-fn judge_rest(reader: &FieldReader, judge: &mut Judge) {
+fn verify_rest(reader: &FieldReader, verifier: &mut Verifier) {
     while let Some(sample) = reader.next().unwrap() {
-        judge.field(&sample);
+        verifier.field(&sample);
     }
 }
 
@@ -68,32 +68,32 @@ fn every_role_killed_and_restarted_in_every_order() {
         1 => Program::daemon(&stage, &["bridge", "--scene", &text]),
         _ => Program::tool(&stage, &["echo", "softtwin/finger/field", "--json"]),
     };
-    let mut judge = Judge::new(model_bytes());
+    let mut verifier = verifier_of(model_bytes());
     let twin = Program::twin(&stage, &scene);
     let bus = stage.bus();
     let (fields, states) = (all_fields(&bus), states(&bus));
     let mut roles: Vec<Option<Program>> = vec![Some(twin), Some(start(1)), Some(start(2))];
-    let mut run = judge_fields(&fields, &mut judge, 0, 5);
+    let mut run = verify_fields(&fields, &mut verifier, 0, 5);
     let mut leftovers = Vec::new();
     for (round, order) in ORDERS.iter().enumerate() {
         for role in order {
             roles[*role].take().unwrap().kill();
         }
-        judge_rest(&fields, &mut judge);
+        verify_rest(&fields, &mut verifier);
         let begin = Instant::now();
         for role in ORDERS[(round * 5 + 1) % ORDERS.len()] {
             roles[role] = Some(start(role));
         }
-        run = judge_fields(&fields, &mut judge, run, 5);
+        run = verify_fields(&fields, &mut verifier, run, 5);
         wait_state(&states, "a fresh state", |state| {
-            judge.state(state);
+            verifier.state(state);
             state.boot_id == run && fresh(state)
         });
         roles[2].as_mut().unwrap().wait_for("max_von_mises");
         println!("killed {order:?} (twin, bridge, reader): all back after {:?}", begin.elapsed());
         leftovers.push(stage.leftovers().len());
     }
-    judge.acquit();
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     assert!(leftovers.iter().all(|count| *count <= leftovers[0] + 6), "files pile up: {leftovers:?}");
     for role in [2, 1, 0] {
         let program = roles[role].take().unwrap();
@@ -115,7 +115,7 @@ fn a_twin_killed_in_the_middle_of_a_publish_leaves_no_torn_field() {
     let stage = Stage::with_model("publish", &bytes);
     let scene = stage.whole_finger(&source(20_000.0));
     let text = scene.display().to_string();
-    let mut judge = Judge::new(&bytes);
+    let mut verifier = verifier_of(&bytes);
     let mut twin = Program::twin(&stage, &scene);
     let bus = stage.bus();
     let fields = all_fields(&bus);
@@ -123,14 +123,14 @@ fn a_twin_killed_in_the_middle_of_a_publish_leaves_no_torn_field() {
     let mut run = 0;
     for round in 0..8 {
         // Another number of fields each time: the kill falls into another place of the loop.
-        run = judge_fields(&fields, &mut judge, run, 3 + 7 * round);
+        run = verify_fields(&fields, &mut verifier, run, 3 + 7 * round);
         twin.kill();
-        judge_rest(&fields, &mut judge);
+        verify_rest(&fields, &mut verifier);
         twin = Program::daemon(&stage, &["twin", "--scene", &text]);
     }
-    judge_fields(&fields, &mut judge, run, 5);
-    judge.acquit();
-    println!("{} whole fields around 8 kills, none wrong", judge.fields);
+    verify_fields(&fields, &mut verifier, run, 5);
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
+    println!("{} whole fields around 8 kills, none wrong", verifier.counts.fields_checked);
     assert!(twin.stop().0.success() && bridge.stop().0.success());
 }
 
@@ -143,16 +143,16 @@ fn slow_stopped_and_short_lived_readers_disturb_nobody() {
     let twin = Program::twin(&stage, &scene);
     let bridge = Program::bridge(&stage, &scene);
     let bus = stage.bus();
-    let mut judge = Judge::new(model_bytes());
+    let mut verifier = verifier_of(model_bytes());
     let (good, slow) = (states(&bus), all_fields(&bus));
-    let listen = |judge: &mut Judge, count: u64| {
-        let end = judge.states + count;
+    let listen = |verifier: &mut Verifier, count: u64| {
+        let end = verifier.counts.states_checked + count;
         wait_state(&good, "states", |state| {
-            judge.state(state);
-            judge.states >= end
+            verifier.state(state);
+            verifier.counts.states_checked >= end
         });
     };
-    listen(&mut judge, 20);
+    listen(&mut verifier, 20);
     let before = (open_files(twin.id()), threads(twin.id()));
     let held = wait_for(&slow, "a field", |slow| slow.next().unwrap());
     let values: Vec<u32> = held.values().iter().map(|value| value.to_bits()).collect();
@@ -165,7 +165,7 @@ fn slow_stopped_and_short_lived_readers_disturb_nobody() {
         for reader in &mut readers {
             reader.wait_for("contact_force_n");
         }
-        listen(&mut judge, 50);
+        listen(&mut verifier, 50);
         for (number, reader) in readers.into_iter().enumerate() {
             if (group + number) % 2 == 0 {
                 reader.kill();
@@ -175,10 +175,10 @@ fn slow_stopped_and_short_lived_readers_disturb_nobody() {
             }
         }
     }
-    listen(&mut judge, 100);
+    listen(&mut verifier, 100);
     stopped.kill();
-    judge.acquit();
-    assert_eq!(judge.lost_states, 0, "of {} states", judge.states);
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
+    assert_eq!(verifier.counts.states_lost, 0, "of {} states", verifier.counts.states_checked);
     assert!(held.values().iter().map(|value| value.to_bits()).eq(values), "a held field changed");
     drop(held);
     // What a dead reader held is given back when any program starts next, and its connections when the twin looks at its
@@ -186,7 +186,7 @@ fn slow_stopped_and_short_lived_readers_disturb_nobody() {
     let mut after = (usize::MAX, 0);
     for _ in 0..40 {
         drop(stage.bus());
-        listen(&mut judge, 50);
+        listen(&mut verifier, 50);
         after = (open_files(twin.id()), threads(twin.id()));
         if after.0 <= before.0 + 8 {
             break;
@@ -265,15 +265,15 @@ fn steps_of_the_wall_clock_are_not_noticed() {
     let reader = states(&bus);
     let bridge = Program::daemon_with(&stage, &["bridge", "--scene", &scene], &jumping);
     wait_state(&reader, "a fresh state", fresh);
-    let (mut judge, mut last_ns) = (Judge::new(model_bytes()), 0);
+    let (mut verifier, mut last_ns) = (verifier_of(model_bytes()), 0);
     let begin_ns = now_ns();
     wait_state(&reader, "two seconds of states", |state| {
-        judge.state(state);
+        verifier.state(state);
         assert!(state.t_publish_ns >= last_ns && state.age_ns < 60_000_000_000, "{state:?}");
         last_ns = state.t_publish_ns;
         state.t_sensor_ns > begin_ns + 1_000_000_000
     });
-    judge.acquit();
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     let health = HealthReader::open(&bus, &Topic::health("finger").unwrap()).unwrap();
     let health = wait_for(&health, "health", |health| health.newest().unwrap());
     let refused =
@@ -299,7 +299,7 @@ fn silence_and_bursts_are_stale_and_counted() {
         state.flags & (flags::STALE | flags::NO_DATA) == flags::STALE | flags::NO_DATA
     });
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
-    let mut judge = Judge::new(model_bytes());
+    let mut verifier = verifier_of(model_bytes());
     let mut sent = 0;
     for burst in [1u64, 5_000, 20_000] {
         for number in 0..burst {
@@ -310,7 +310,7 @@ fn silence_and_bursts_are_stale_and_counted() {
             sensor.publish(SensorSample { pressure_mpa, gap_mm: 30.0, ..sample }).unwrap();
         }
         wait_state(&states, "the newest reading's state", |state| {
-            judge.state(state);
+            verifier.state(state);
             state.sensor_seq == sent
         });
         wait_state(&states, "stale after the burst", |state| state.flags & flags::STALE != 0);
@@ -318,7 +318,7 @@ fn silence_and_bursts_are_stale_and_counted() {
     let counted = wait_for(&health, "the last health", |health| {
         health.newest().unwrap().filter(|health| total(health) == sent)
     });
-    judge.acquit();
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     println!("{sent} readings in bursts: {} received, {} never arrived", counted.received, counted.missed);
     assert!(twin.stop().0.success());
 }
@@ -333,8 +333,8 @@ fn twenty_thousand_readings_a_second_are_all_accounted_for() {
     let (fields, health) =
         (all_fields(&bus), HealthReader::open(&bus, &Topic::health("finger").unwrap()).unwrap());
     let bridge = Program::bridge(&stage, &scene);
-    let mut judge = Judge::new(model_bytes());
-    judge_fields(&fields, &mut judge, 0, 2_000);
+    let mut verifier = verifier_of(model_bytes());
+    verify_fields(&fields, &mut verifier, 0, 2_000);
     let (status, said) = bridge.stop();
     assert!(status.success());
     let line = said.iter().find(|line| line.contains("readings sent")).expect("a summary");
@@ -344,8 +344,8 @@ fn twenty_thousand_readings_a_second_are_all_accounted_for() {
     wait_for(&health, "the last health", |health| {
         health.newest().unwrap().filter(|health| total(health) == sent)
     });
-    judge_rest(&fields, &mut judge);
-    judge.acquit();
+    verify_rest(&fields, &mut verifier);
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     assert!(twin.stop().0.success());
 }
 
@@ -358,12 +358,12 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
     let bridge = Program::bridge(&stage, &scene);
     let bus = stage.bus();
     let reader: StateReader = states(&bus);
-    let mut judge = Judge::new(model_bytes());
-    let listen = |judge: &mut Judge| {
-        let end = judge.states + 20;
+    let mut verifier = verifier_of(model_bytes());
+    let listen = |verifier: &mut Verifier| {
+        let end = verifier.counts.states_checked + 20;
         wait_state(&reader, "states", |state| {
-            judge.state(state);
-            judge.states >= end
+            verifier.state(state);
+            verifier.counts.states_checked >= end
         });
     };
     let model = stage.path("beam.twin");
@@ -380,7 +380,7 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
     ];
     for (what, bytes) in damages {
         std::fs::write(&model, bytes).unwrap();
-        listen(&mut judge);
+        listen(&mut verifier);
         println!("{what}: the stream goes on");
     }
     // Asked for, another actuator's model is refused: its samples have another size.
@@ -388,8 +388,8 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
     twin.signal(libc::SIGHUP);
     let line = twin.wait_for("reload refused");
     assert!(line.contains("old scene and models go on"), "{line}");
-    listen(&mut judge);
-    judge.acquit();
+    listen(&mut verifier);
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     // A restart with a damaged file is refused as a configuration error that names it.
     twin.kill();
     std::fs::write(&model, &flipped).unwrap();
@@ -399,8 +399,8 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
     assert!(said.join("\n").contains("beam.twin"), "{said:?}");
     std::fs::write(&model, model_bytes()).unwrap();
     let _twin = Program::twin(&stage, &scene);
-    listen(&mut judge);
-    judge.acquit();
+    listen(&mut verifier);
+    assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     assert!(bridge.stop().0.success());
 }
 

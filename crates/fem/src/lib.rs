@@ -27,8 +27,6 @@ pub mod sample;
 pub mod solver;
 pub mod sparse;
 pub mod state;
-pub mod trace;
-pub mod validate;
 
 pub use config::{Load, ProblemConfig};
 pub use contact::obstacle::Obstacle;

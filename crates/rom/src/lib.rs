@@ -16,7 +16,7 @@
 //! ```
 //! use rom::{config::TrainConfig, evaluation::Input, predict::*, regime::RegimeSwitch, train::train};
 //!
-//! let database = rom::stability::synthetic::plate(); // an actuator made of formulas
+//! let database = rom::synthetic::plate(); // an actuator made of formulas
 //! let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_step| {})?;
 //! let mut predictor = Predictor::new(&model, &Selection::default())?;
 //! let (mut evaluation, mut switch) = (predictor.evaluation(), RegimeSwitch::default());
@@ -48,6 +48,6 @@ mod radial;
 pub mod regime;
 pub mod select;
 pub mod snapshots;
-pub mod stability;
+pub mod synthetic;
 pub mod train;
 mod validate;

@@ -2,7 +2,7 @@
 
 use rom::config::{KernelKind, KernelSpec, ModeChoice, Tail, TrainConfig};
 use rom::snapshots::{Database, RegimeKind, Split};
-use rom::stability::synthetic::{self, database, training_states};
+use rom::synthetic::{self, database, training_states};
 use rom::train::{TrainError, train};
 
 fn quick() -> TrainConfig {

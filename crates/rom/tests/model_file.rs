@@ -6,7 +6,7 @@ use rom::evaluation::Input;
 use rom::model::{BlockKind, MAGIC, Model, ModelFileError, ModelReader, VERSION};
 use rom::predict::{Nodes, PredictError, Predictor, Selection};
 use rom::regime::RegimeSwitch;
-use rom::stability::synthetic;
+use rom::synthetic;
 use rom::train::train;
 use std::io::Cursor;
 use std::sync::OnceLock;

@@ -8,7 +8,7 @@ use rom::model::Model;
 use rom::predict::{Predictor, Selection};
 use rom::regime::RegimeSwitch;
 use rom::snapshots::{RegimeKind, Split};
-use rom::stability::synthetic;
+use rom::synthetic;
 use rom::train::train;
 use std::sync::OnceLock;
 

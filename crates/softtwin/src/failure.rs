@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, ErrorKind};
+use std::process::ExitCode;
 
 /// A mistake of the user, which no repetition of the command will cure.
 #[derive(Debug, thiserror::Error)]
@@ -12,17 +13,19 @@ struct Mistake {
     message: String,
 }
 
-/// Exit code and message of a command that failed. None: everything was done, or the reader of the output closed the pipe.
-pub fn exit_code_and_message(result: anyhow::Result<()>) -> Option<(u8, String)> {
-    let error = result.err()?;
+/// Prints a command's error and returns the exit code of the program: 0 when everything was done, or the reader of the output
+/// closed the pipe; 1 run-time failure, 2 usage, 78 configuration.
+#[expect(clippy::print_stderr, reason = "the last output of the program; nothing else can report it")]
+pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
+    let Err(error) = result else { return ExitCode::SUCCESS };
     let is_broken_pipe = |cause: &(dyn Error + 'static)| {
         cause.downcast_ref::<io::Error>().is_some_and(|cause| cause.kind() == ErrorKind::BrokenPipe)
     };
     if error.chain().any(is_broken_pipe) {
-        return None;
+        return ExitCode::SUCCESS;
     }
-    let exit_code = error.downcast_ref::<Mistake>().map_or(1, |mistake| mistake.exit_code);
-    Some((exit_code, format!("{error:#}")))
+    eprintln!("{program}: {error:#}");
+    ExitCode::from(error.downcast_ref::<Mistake>().map_or(1, |mistake| mistake.exit_code))
 }
 
 /// An error in the arguments: what was expected, what was found, what to do. Exit code 2.

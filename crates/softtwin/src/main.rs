@@ -1,24 +1,7 @@
-//! `softtwin`, the users' tool: trains, inspects, predicts, evaluates, shows and records what twins publish, draws.
-//!
-//! Each sub-command has a file under [`cmd`]. Exit codes are decided in [`failure`].
+//! The program `softtwin`: trains, inspects, predicts, evaluates, listens and draws.
 #![forbid(unsafe_code)]
-// Results go through `output!`, which survives a closed pipe; `println!` would panic there.
-#![warn(clippy::print_stdout)]
-
-mod cmd;
-mod failure;
-mod files;
-mod live;
-mod load;
-mod output;
-mod picture;
-mod progress;
-mod recording_data;
-mod resources;
-mod view;
 
 use clap::Parser;
-use failure::exit_code_and_message;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -35,21 +18,11 @@ Results go to standard output, everything else to standard error (RUST_LOG=debug
 #[command(name = "softtwin", version, about, after_help = EXAMPLES, propagate_version = true)]
 struct Cli {
     #[command(subcommand)]
-    command: cmd::Command,
+    command: softtwin::Command,
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse(); // clap itself exits with 2 on wrong usage
+    let cli = Cli::parse(); // exits with 2 on wrong usage
     runtime::service::start_logging("warn");
-
-    match exit_code_and_message(cli.command.run()) {
-        None => ExitCode::SUCCESS,
-        Some((code, message)) => fail(code, &message),
-    }
-}
-
-#[expect(clippy::print_stderr, reason = "the last output of the program; nothing else can report it")]
-fn fail(code: u8, message: &str) -> ExitCode {
-    eprintln!("softtwin: {message}");
-    ExitCode::from(code)
+    softtwin::failure::exit_code("softtwin", cli.command.run())
 }

@@ -1,5 +1,5 @@
-//! Results on standard output. Unlike with `println!`, a closed pipe (`| head`) is an error that the caller passes on with
-//! `?`; `main` then ends without a message and every guard on the way is dropped.
+//! Results on standard output. Unlike `println!` a closed pipe (`| head`) is an error the caller passes on with `?`;
+//! the program then ends with code 0.
 
 use std::fmt::Arguments;
 use std::io::{self, Write};

@@ -1,18 +1,24 @@
-//! What this process has used so far, as Linux counts it; nothing where there is no `/proc`.
+//! What a process has used so far, as Linux counts it; nothing where there is no `/proc`. A process is `self` or its number.
 
-use std::fs::read_to_string;
+use std::fs::{read_dir, read_to_string};
 
 /// Ticks a second of the times in `/proc`: fixed by Linux's interface to programs, whatever the kernel's own clock.
 const TICKS_PER_S: f64 = 100.0;
 
 /// Processor time of all threads, user and system (s).
-pub fn cpu_s() -> Option<f64> {
-    cpu_of(&read_to_string("/proc/self/stat").ok()?)
+pub fn cpu_s(process: &str) -> Option<f64> {
+    cpu_of(&read_to_string(format!("/proc/{process}/stat")).ok()?)
 }
 
-/// Largest resident memory so far (bytes).
-pub fn peak_memory_bytes() -> Option<u64> {
-    peak_of(&read_to_string("/proc/self/status").ok()?)
+/// A number of `/proc/PROCESS/status`: memory in kB (`VmHWM` the largest resident, `VmRSS` resident now, `RssAnon` its own), or
+/// `Threads`.
+pub fn status(process: &str, key: &str) -> Option<u64> {
+    status_of(&read_to_string(format!("/proc/{process}/status")).ok()?, key)
+}
+
+/// Open files and sockets.
+pub fn open_files(process: &str) -> Option<u64> {
+    Some(read_dir(format!("/proc/{process}/fd")).ok()?.count() as u64)
 }
 
 /// Fields 14 and 15; the program's name before them may hold blanks, so they are counted from its closing bracket.
@@ -22,9 +28,9 @@ fn cpu_of(stat: &str) -> Option<f64> {
     Some((ticks()? + ticks()?) / TICKS_PER_S)
 }
 
-fn peak_of(status: &str) -> Option<u64> {
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(line.split_ascii_whitespace().next()?.parse::<u64>().ok()? * 1024)
+fn status_of(status: &str, key: &str) -> Option<u64> {
+    let line = status.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(':'))?;
+    line.split_ascii_whitespace().next()?.parse().ok()
 }
 
 #[cfg(test)]
@@ -36,7 +42,7 @@ mod tests {
         let stat = "12 (a b) c) S 1 12 12 0 -1 4194304 500 0 0 0 250 50 0 0 20 0 2 0 100 0 0";
         assert_eq!(cpu_of(stat), Some(3.0));
         assert_eq!(cpu_of("12 (cut"), None);
-        assert_eq!(peak_of("VmPeak:\t 9 kB\nVmHWM:\t  2048 kB\n"), Some(2 << 20));
-        assert_eq!(peak_of(""), None);
+        assert_eq!(status_of("VmPeak:\t 9 kB\nVmHWM:\t  2048 kB\n", "VmHWM"), Some(2048));
+        assert_eq!(status_of("", "VmHWM"), None);
     }
 }

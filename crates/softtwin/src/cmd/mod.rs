@@ -5,7 +5,7 @@
 
 use formats::database::ObstacleKind;
 
-mod bench;
+pub mod bench;
 mod demo;
 mod doctor;
 mod echo;
@@ -25,18 +25,14 @@ mod predict;
 mod record;
 mod render;
 mod replay;
-mod report;
 mod sample;
 mod scene;
 mod simulate;
-mod stability;
 mod top;
-mod trace;
 mod train;
-mod validate;
 mod view;
 
-/// ObstacleKind as the command line names it.
+/// The obstacle, as `--scene` names it.
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum SceneArg {
     /// The actuator over a plate.
@@ -89,17 +85,13 @@ commands! {
     Hz => hz,
     Get => get,
     Grasp => grasp,
-    ObstacleKind => scene,
+    Scene => scene,
     Mesh => mesh,
     Sample => sample,
     Simulate => simulate,
-    Validate => validate,
-    Trace => trace,
     Evaluate => evaluate,
-    Report => report,
     Plot => plot,
     Render => render,
     View => view,
     Bench => bench,
-    Stability => stability,
 }

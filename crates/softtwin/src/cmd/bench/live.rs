@@ -1,16 +1,16 @@
 //! End to end: `softtwind bridge` and `softtwind twin` as processes, this process as the reader.
 
-mod process;
 mod scene;
 
 use super::measure::{Quantiles, Series};
+use crate::daemon::{self, Daemon};
 use crate::progress::Progress;
-use process::Daemons;
+use crate::testbed::Testbed;
 use rom::model::Model;
-use scene::Folder;
+use scene::Scenes;
 use serde::Serialize;
 use std::time::{Duration, Instant};
-use wire::{Bus, Domain, FieldReader, StateReader, Topic, Wake, WakeSet, Wakeable, now_ns};
+use wire::{Bus, FieldReader, StateReader, Topic, Wake, WakeSet, Wakeable, now_ns};
 
 /// What the reader gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -97,12 +97,11 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Measures all rows, `seconds` each.
 pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Result<Vec<Row>> {
-    let Some(daemon) = process::daemon() else {
-        let text = "end to end: no softtwind beside this program; build it with `cargo build --release -p softtwind`";
-        return Ok(vec![Row::Failed(text.into())]);
-    };
-    let folder = Folder::create(model)?;
-    let domain = format!("bench{}", std::process::id());
+    if let Err(error) = daemon::program("softtwind") {
+        return Ok(vec![Row::Failed(format!("end to end: {error:#}"))]);
+    }
+    let testbed = Testbed::new("bench")?;
+    let scenes = Scenes::new(&testbed, model)?;
     let mut rows = Vec::new();
     for wake in WAKES {
         for rate_hz in RATES_HZ {
@@ -110,33 +109,32 @@ pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Resu
                 let name = format!("{rate_hz} Hz, {payload:?}, {wake:?}");
                 progress.step(&format!("end to end: {name}"));
                 let settings = scene::Row { rate_hz, payload, wake };
-                rows.push(match row(&daemon, &folder, &domain, settings, seconds) {
+                rows.push(match row(&testbed, &scenes, settings, seconds) {
                     Ok((row, series)) => Row::Done(row, series),
                     Err(error) => Row::Failed(format!("end to end, {name}: {error:#}")),
                 });
             }
         }
     }
-    Domain::named(&domain).remove_leftovers()?; // the domain was made for this run
     Ok(rows)
 }
 
 fn row(
-    daemon: &std::path::Path,
-    folder: &Folder,
-    domain: &str,
+    testbed: &Testbed,
+    scenes: &Scenes<'_>,
     settings: scene::Row,
     seconds: f64,
 ) -> anyhow::Result<(EndToEnd, Series)> {
-    let files = folder.write(settings)?;
-    let bus = Bus::open(&Domain::named(domain))?;
+    let (scene, twin_settings) = scenes.write(settings)?;
+    let bus = testbed.bus()?;
     let port = Port::attach(&bus, settings.payload)?;
-    let mut daemons = Daemons::start(daemon, domain, &files)?;
+    let twin = testbed.daemon("twin", &scene, &["--config".as_ref(), twin_settings.as_ref()])?;
+    let bridge = testbed.daemon("bridge", &scene, &[])?;
     let series =
         Series::new(format!("{} Hz {:?} {:?}", settings.rate_hz, settings.payload, settings.wake), 0);
-    let received = Listener { port, series, first: None, last: 0 }.listen(settings, seconds, &mut daemons);
-    daemons.stop();
-    let listener = received?;
+    let mut daemons = [bridge, twin];
+    let listener = Listener { port, series, first: None, last: 0 }.listen(settings, seconds, &mut daemons)?;
+    daemons.iter_mut().try_for_each(Daemon::stop)?;
     let (first, last) = (listener.first.unwrap_or(0), listener.last);
     let row = EndToEnd {
         rate_hz: settings.rate_hz,
@@ -194,7 +192,7 @@ struct Listener {
 }
 
 impl Listener {
-    fn listen(mut self, row: scene::Row, seconds: f64, daemons: &mut Daemons) -> anyhow::Result<Self> {
+    fn listen(mut self, row: scene::Row, seconds: f64, daemons: &mut [Daemon]) -> anyhow::Result<Self> {
         let mut wakes = WakeSet::new([self.port.wakeable()]);
         let started = Instant::now();
         let mut begin: Option<Instant> = None;
@@ -216,7 +214,7 @@ impl Listener {
                 Some(begin) if Instant::now() >= begin + Duration::from_secs_f64(seconds) => break,
                 Some(_) => {}
                 None => {
-                    daemons.check()?;
+                    daemons.iter_mut().try_for_each(Daemon::check)?;
                     anyhow::ensure!(started.elapsed() < PATIENCE, "nothing received in {PATIENCE:?}");
                 }
             }

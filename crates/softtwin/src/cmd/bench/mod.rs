@@ -1,12 +1,12 @@
 //! `softtwin bench`: what a twin costs on this machine, against what the machine can do.
 
-mod compute;
+pub mod compute;
+pub mod full_size;
 mod live;
-mod measure;
+pub mod measure;
 mod picture;
 mod report;
-mod scale;
-mod synthetic;
+
 
 use crate::failure::usage;
 use crate::progress::Progress;
@@ -21,8 +21,6 @@ Examples:
     softtwin bench --model models/pneunet/pneunet.twin --json --picture latency.svg
   Computation only, no processes:
     softtwin bench --no-live
-  Cost against nodes, modes, actuators and subscribers (takes up to 3 GB of memory):
-    softtwin bench --scale
 
 All columns of a table are measured in turn inside one loop, so that a disturbance hits all of them: trust ratios of one
 run, not figures of two runs. `evicted` walks through more memory than the caches hold before each call. The end-to-end
@@ -46,9 +44,6 @@ pub struct Args {
     /// Leave the end-to-end rows out.
     #[arg(long)]
     no_live: bool,
-    /// Measure cost against nodes, modes, actuators and subscribers instead.
-    #[arg(long, conflicts_with_all = ["model", "picture"])]
-    scale: bool,
     /// One JSON object on standard output.
     #[arg(long)]
     json: bool,
@@ -62,15 +57,10 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         self.check()?;
         let mut progress = Progress::new(false);
-        if self.scale {
-            let study = scale::run(&mut progress)?;
-            drop(progress);
-            return if self.json { output::json(&study) } else { report::scale(&study) };
-        }
         progress.step("preparing the model");
         let model = match &self.model {
             Some(path) => files::model(path)?,
-            None => synthetic::model()?,
+            None => full_size::model()?,
         };
         let (compute, mut series) = compute::run(&model, self.samples, &mut progress)?;
         let rows = if self.no_live { Vec::new() } else { live::run(&model, self.seconds, &mut progress)? };

@@ -1,12 +1,11 @@
 //! `softtwin demo`: bridge and twin as two real processes, a live line, a summary.
 
-mod daemon;
 mod watch;
 
+use crate::daemon::Daemon;
 use crate::failure::{configuration, usage};
 use crate::live;
 use crate::output;
-use daemon::Daemon;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,12 +54,12 @@ impl Args {
         let domain = Domain { root: Domain::from_env().root, ..Domain::named(&name) };
         let bus = Bus::open(&domain)?;
 
-        let mut twin = Daemon::start("twin", &self.arguments(&name, "--model", self.model.as_deref()))?;
+        let mut twin = Daemon::softtwind("twin", &self.arguments(&name, "--model", self.model.as_deref()))?;
         twin.wait_ready(&stop)?;
         let mut watch = Watch::open(&bus, &actuator, !self.json)?;
         let mut arguments = self.arguments(&name, "--trace", self.trace.as_deref());
         arguments.extend(self.seconds.map(|_| "--loop".into()));
-        let mut bridge = Daemon::start("bridge", &arguments)?;
+        let mut bridge = Daemon::softtwind("bridge", &arguments)?;
         let reason = follow(&mut watch, &mut twin, &mut bridge, limit, &stop)?;
         bridge.stop()?;
         watch.drain()?;

@@ -101,8 +101,8 @@ fn report(cases: &[Case], outcome: &Outcome, seconds: f64) -> Value {
         "median_factorisations_contact": contact.get(contact.len() / 2),
         "seconds": seconds,
         "solver_seconds": outcome.solved.iter().map(|(_, s)| s.report.seconds).sum::<f64>(),
-        "cpu_seconds": resources::cpu_s(),
-        "peak_memory_mb": resources::peak_memory_bytes().map(|bytes| bytes / 1_000_000),
+        "cpu_seconds": resources::cpu_s("self"),
+        "peak_memory_mb": resources::status("self", "VmHWM").map(|kb| kb * 1024 / 1_000_000),
         "largest_residual_n": outcome.solved.iter().map(|(_, s)| s.report.residual_n).fold(0.0, f64::max),
     })
 }

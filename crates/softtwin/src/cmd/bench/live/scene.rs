@@ -1,13 +1,9 @@
-//! Model, scene and settings files of a row, in a folder that goes away again.
+//! Model, scene and settings files of a row.
 
+use super::super::compute;
 use super::{Payload, WakeUp};
-use anyhow::Context;
+use crate::testbed::{Sine, Testbed};
 use rom::model::Model;
-use runtime::config::{
-    ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, PlaceSpec, Precision, Queries, Realtime, Scene,
-    Settings, StateSpec,
-};
-use runtime::source::{Profile, SimulateSpec, SourceSpec};
 use std::path::PathBuf;
 
 /// Name of the actuator.
@@ -28,110 +24,57 @@ pub struct Row {
     pub wake: WakeUp,
 }
 
-/// The files of a row.
-pub struct Files {
-    /// Scene.
-    pub scene: PathBuf,
-    /// Settings of the twin.
-    pub settings: PathBuf,
+/// What the scenes of all rows share.
+pub struct Scenes<'a> {
+    testbed: &'a Testbed,
+    readings: Sine,
+    tip_nodes: Vec<u32>,
+    /// The model's surface, or all nodes where it names none.
+    surface_nodes: &'static str,
 }
 
-/// A folder in the system's temporary one.
-pub struct Folder {
-    path: PathBuf,
-    gap_mm: f64,
-    pressure_mpa: (f64, f64),
-    tip: NodesSpec,
-    surface: NodesSpec,
-}
-
-impl Folder {
-    /// Makes the folder and saves the model there.
-    pub fn create(model: &Model) -> anyhow::Result<Self> {
-        let path = std::env::temp_dir().join(format!("softtwin-bench-{}", std::process::id()));
-        std::fs::create_dir_all(&path).with_context(|| format!("cannot make {}", path.display()))?;
-        let inputs = super::super::compute::inputs(model)?;
+impl<'a> Scenes<'a> {
+    /// Saves the model.
+    pub fn new(testbed: &'a Testbed, model: &Model) -> anyhow::Result<Self> {
+        let inputs = compute::inputs(model)?;
         let pressures = inputs.iter().map(|input| input.pressure_mpa);
+        let (low, high) = pressures.fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p), high.max(p)));
         let gap_mm = inputs.first().map_or(f64::INFINITY, |input| input.gap_mm);
-        let folder = Self {
-            path,
-            // A scene without a plate: a gap out of reach.
-            gap_mm: if gap_mm.is_finite() { gap_mm } else { 1e3 },
-            pressure_mpa: (pressures.clone().fold(f64::MAX, f64::min), pressures.fold(f64::MIN, f64::max)),
-            tip: NodesSpec::Fixed(FixedNodes::List(super::super::compute::tip_nodes(model))),
-            surface: surface(model),
-        };
-        std::fs::write(folder.path.join("bench.twin"), model.to_bytes()?)?;
-        Ok(folder)
+        testbed.write("bench.twin", model.to_bytes()?)?;
+        let has_surface = model.header.node_sets.iter().any(|set| set.name == SURFACE);
+        Ok(Self {
+            testbed,
+            readings: Sine {
+                rate_hz: 0.0,
+                // A scene without a plate: a gap out of reach.
+                gap_mm: if gap_mm.is_finite() { gap_mm } else { 1e3 },
+                mean_mpa: (low + high) / 2.0,
+                amplitude_mpa: (high - low) / 2.0,
+                frequency_hz: 1.0,
+            },
+            tip_nodes: compute::tip_nodes(model),
+            surface_nodes: if has_surface { SURFACE } else { "all" },
+        })
     }
 
-    /// Writes scene and settings of a row.
-    pub fn write(&self, row: Row) -> anyhow::Result<Files> {
-        let output = |name: &str, nodes: &NodesSpec| OutputSpec {
-            name: Some(name.into()),
-            nodes: nodes.clone(),
-            fields: Vec::new(),
-            rate_hz: 0.0,
-            precision: Precision::F32,
+    /// Writes scene and settings of a row; returns their paths.
+    pub fn write(&self, row: Row) -> anyhow::Result<(PathBuf, PathBuf)> {
+        let output = match row.payload {
+            Payload::StateOnly => None,
+            Payload::Tip => Some(format!("name = \"{TIP}\"\nnodes = {{ list = {:?} }}", self.tip_nodes)),
+            Payload::Surface => Some(format!("name = \"{SURFACE}\"\nnodes = \"{}\"", self.surface_nodes)),
+            Payload::All => Some("nodes = \"all\"".into()),
         };
-        let outputs = match row.payload {
-            Payload::StateOnly => Vec::new(),
-            Payload::Tip => vec![output(TIP, &self.tip)],
-            Payload::Surface => vec![output(SURFACE, &self.surface)],
-            Payload::All => vec![output("all", &NodesSpec::default())],
-        };
-        let (low, high) = self.pressure_mpa;
-        let profile = Profile::Sine {
-            mean_mpa: (low + high) / 2.0,
-            amplitude_mpa: (high - low) / 2.0,
-            frequency_hz: 1.0,
-        };
-        let source =
-            SimulateSpec { rate_hz: row.rate_hz, gap_mm: self.gap_mm, profile, ..SimulateSpec::default() };
-        let scene = Scene {
-            name: "bench".into(),
-            actuators: vec![ActuatorSpec {
-                name: ACTUATOR.into(),
-                model: "bench.twin".into(),
-                gap_mm: Gap::default(),
-                // Every reading is answered, also after a hiccup: what is lost is then the transport's doing.
-                backlog: 64,
-                sensor: None,
-                place: PlaceSpec::default(),
-                queries: Queries::Off,
-                source: Some(SourceSpec::Simulate(source)),
-                state: StateSpec::default(),
-                outputs,
-            }],
-            grasp: None,
-            blocks: Vec::new(),
-            folder: PathBuf::new(),
-        };
-        let realtime = Realtime {
-            busy_poll: row.wake == WakeUp::BusyPoll,
-            stay_awake: row.wake == WakeUp::EventAwake,
-            prefault: true,
-            ..Realtime::default()
-        };
-        let settings = Settings { realtime, ..Settings::default() };
-        let files = Files { scene: self.path.join("scene.toml"), settings: self.path.join("twin.toml") };
-        std::fs::write(&files.scene, toml::to_string(&scene)?)?;
-        std::fs::write(&files.settings, toml::to_string(&settings)?)?;
-        Ok(files)
+        let outputs: Vec<String> = output.into_iter().collect();
+        // Every reading is answered, also after an interruption: what is lost is then lost by the transport.
+        let keys = "backlog = 64\nqueries = \"off\"";
+        let readings = Sine { rate_hz: row.rate_hz, ..self.readings };
+        let scene = readings.scene(ACTUATOR, "bench.twin".as_ref(), keys, &outputs);
+        let settings = format!(
+            "[realtime]\nbusy_poll = {}\nstay_awake = {}\nprefault = true\n",
+            row.wake == WakeUp::BusyPoll,
+            row.wake == WakeUp::EventAwake
+        );
+        Ok((self.testbed.write("scene.toml", scene)?, self.testbed.write("twin.toml", settings)?))
     }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // A folder that cannot be removed is the system's to clean; the measurement is done.
-        let _ = std::fs::remove_dir_all(&self.path);
-    }
-}
-
-/// The model's surface, or all nodes where it names none.
-fn surface(model: &Model) -> NodesSpec {
-    if model.header.node_sets.iter().any(|set| set.name == SURFACE) {
-        return NodesSpec::Named(SURFACE.into());
-    }
-    NodesSpec::default()
 }

@@ -1,0 +1,23 @@
+//! The commands of `softtwin`, one file each under [`cmd`], and what the program `softtwin-studies` shares with them:
+//! errors and exit codes, files, output, progress, pictures, timing.
+#![forbid(unsafe_code)]
+// Results go through `output!`, which survives a closed pipe; `println!` would panic there.
+#![warn(clippy::print_stdout)]
+
+mod cmd;
+pub mod daemon;
+pub mod failure;
+pub mod files;
+mod live;
+mod load;
+pub mod output;
+pub mod picture;
+pub mod progress;
+mod recording_data;
+mod render;
+pub mod resources;
+pub mod testbed;
+mod view;
+
+pub use cmd::Command;
+pub use cmd::bench::{compute, full_size, measure};

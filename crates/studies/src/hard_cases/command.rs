@@ -1,0 +1,103 @@
+//! `softtwin-studies hard-cases`.
+
+use softtwin::output;
+use softtwin::progress::Progress;
+use super::{Ending, Outcome, Row, hard_cases, run};
+
+const EXAMPLES: &str = "\
+Examples:
+    softtwin-studies hard-cases
+  Only the cases with `duplicate` in their name, for a script:
+    softtwin-studies hard-cases --only duplicate --json
+
+Every case has a known truth. It ends in a correct answer within its bound, a refusal with its reason, or an answer that is
+flagged; a silent wrong number fails, and so does the command (exit code 1). The paper's method runs on the same cases for
+comparison and fails nothing.";
+
+/// Run the named hard cases: conditioning, duplicates, degenerate data, the switch between regimes.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Run only the cases whose name contains this.
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+    /// Print one JSON object a case instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Runs the cases one after the other and prints each as it ends.
+    pub fn run(self) -> anyhow::Result<()> {
+        let wanted = |name: &str| self.only.as_ref().is_none_or(|part| name.contains(part.as_str()));
+        let cases: Vec<_> = hard_cases().into_iter().filter(|case| wanted(&case.name)).collect();
+        if cases.is_empty() {
+            let names: Vec<String> = hard_cases().into_iter().map(|case| case.name).collect();
+            return Err(softtwin::failure::usage(format!(
+                "--only: no such case; there are {}",
+                names.join(", ")
+            )));
+        }
+        if !self.json {
+            output!(
+                "{:<34}{:>10}  {:<34}  {:<34}  what is hard",
+                "case",
+                "bound",
+                "ours",
+                "the paper's method"
+            )?;
+        }
+        let mut progress = Progress::new(self.json);
+        let mut failed = Vec::new();
+        for case in &cases {
+            progress.step(&case.name);
+            let row = run(case);
+            if self.json {
+                output::json(&row)?
+            } else {
+                print(&row)?
+            }
+            if !row.passed() {
+                failed.push(row.case);
+            }
+        }
+        drop(progress);
+        if failed.is_empty() {
+            return Ok(());
+        }
+        Err(anyhow::anyhow!(
+            "{} of {} cases did not end as they must: {}",
+            failed.len(),
+            cases.len(),
+            failed.join(", ")
+        ))
+    }
+}
+
+fn print(row: &Row) -> anyhow::Result<()> {
+    let mark = if row.passed() { "" } else { "  FAILED" };
+    output!(
+        "{:<34}{:>10.1e}  {:<34}  {:<34}  {}{mark}",
+        row.case,
+        row.bound,
+        outcome(&row.ours),
+        outcome(&row.paper),
+        row.hard
+    )?;
+    if !row.ours.note.is_empty() {
+        output!("{:<34}{:>10}  note: {}", "", "", row.ours.note)?;
+    }
+    Ok(())
+}
+
+fn outcome(outcome: &Outcome) -> String {
+    let ending = match outcome.ending {
+        Ending::Correct => "correct",
+        Ending::Flagged => "flagged",
+        Ending::Refused => "refused",
+        Ending::SilentlyWrong => "WRONG",
+    };
+    let error = outcome.error.map_or(String::new(), |e| format!(" {e:.1e}"));
+    let condition = outcome.condition.map_or(String::new(), |c| format!(", cond {c:.1e}"));
+    format!("{ending}{error}{condition}")
+}

@@ -1,0 +1,51 @@
+//! What the project measures about itself, one command of `softtwin-studies` a module.
+#![forbid(unsafe_code)]
+#![warn(clippy::print_stdout)]
+
+mod hard_cases;
+mod measure;
+mod peers;
+mod python;
+mod report;
+mod restart;
+mod scale;
+mod soak;
+mod stats;
+mod trace;
+mod validate;
+pub mod verify;
+
+/// A study; each variant's help is the doc comment of its `Args`.
+#[derive(clap::Subcommand)]
+#[allow(missing_docs)]
+pub enum Command {
+    Report(report::Args),
+    Validate(validate::Args),
+    Trace(trace::Args),
+    HardCases(hard_cases::Args),
+    Scale(scale::Args),
+    Measure(measure::Args),
+    Peers(peers::Args),
+    Soak(soak::Args),
+    Restart(restart::Args),
+}
+
+impl Command {
+    /// Runs the study.
+    ///
+    /// # Errors
+    /// What went wrong, or which bounds were missed.
+    pub fn run(self) -> anyhow::Result<()> {
+        match self {
+            Self::Report(args) => args.run(),
+            Self::Validate(args) => args.run(),
+            Self::Trace(args) => args.run(),
+            Self::HardCases(args) => args.run(),
+            Self::Scale(args) => args.run(),
+            Self::Measure(args) => args.run(),
+            Self::Peers(args) => args.run(),
+            Self::Soak(args) => args.run(),
+            Self::Restart(args) => args.run(),
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! `softtwin-studies report`: the paper's tables and figures on a database, beside this program's.
+
+mod cases;
+mod curves;
+mod hard;
+mod machine;
+mod pareto;
+mod published;
+mod reproduction;
+mod study;
+mod summary;
+mod switch;
+
+use softtwin::picture::Figure;
+use softtwin::progress::Progress;
+use softtwin::{files, output};
+use anyhow::Context;
+use formats::database::ObstacleKind;
+use std::path::PathBuf;
+use study::Study;
+
+const EXAMPLES: &str = "\
+Examples:
+  The report that is committed (docs/report/README.md and its pictures):
+    softtwin-studies report --database models/pneunet/database
+  On another database, with more random subsets:
+    softtwin-studies report --database fresh --out /tmp/report --repeats 20
+
+Everything is computed on the spot: three columns set the paper's published figures, the paper's method on this database,
+and this program's method side by side. Test cases are looked at here and nowhere else.";
+
+/// Regenerate the paper's tables and figures, and the table of speed against error.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Database folder.
+    #[arg(long, value_name = "DIR")]
+    database: PathBuf,
+    /// Folder for the page and its pictures.
+    #[arg(long, value_name = "DIR", default_value = "docs/report")]
+    out: PathBuf,
+    /// Random subsets for each number of training cases.
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=200))]
+    repeats: u64,
+    /// Draw PNG instead of SVG.
+    #[arg(long)]
+    png: bool,
+}
+
+/// The folder the report is written into.
+struct Folder {
+    dir: PathBuf,
+    ending: &'static str,
+}
+
+impl Folder {
+    /// Saves a picture and gives the line that shows it on the page.
+    fn picture(&self, name: &str, caption: &str, figure: &Figure) -> anyhow::Result<String> {
+        let file = format!("{name}.{}", self.ending);
+        figure.save(&self.dir.join(&file))?;
+        Ok(format!("\n![{caption}]({file})\n"))
+    }
+}
+
+impl Args {
+    /// Computes everything and writes the folder.
+    pub fn run(self) -> anyhow::Result<()> {
+        let mut progress = Progress::new(false);
+        progress.step("reading the database");
+        let database = files::database(&self.database, ObstacleKind::Plate)?;
+        std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
+        let folder = Folder { dir: self.out, ending: if self.png { "png" } else { "svg" } };
+        progress.step("training by the paper's method and by ours");
+        let study = Study::new(database)?;
+        let mut page = study.heading(&self.database, self.repeats);
+        progress.step("what was promised");
+        page += &summary::section(&study)?;
+        progress.step("test cases A to D and states outside the domain");
+        page += &cases::section(&study, &folder)?;
+        progress.step("errors against modes and training cases (Fig. 5)");
+        page += &curves::section(&study, &folder, self.repeats, &mut progress)?;
+        progress.step("the switch between the regimes");
+        page += &switch::section(&study)?;
+        progress.step("how exactly training cases come back");
+        page += &reproduction::section(&study)?;
+        progress.step("hard cases");
+        page += &hard::section();
+        progress.step("speed against error");
+        page += &pareto::section(&study, &folder, &mut progress)?;
+        drop(progress);
+        let path = folder.dir.join("README.md");
+        files::save(&path, page.as_bytes())?;
+        output!("{}", path.display())?;
+        Ok(())
+    }
+}

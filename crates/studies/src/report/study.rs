@@ -1,0 +1,110 @@
+//! One database, both methods, and what every section asks of them.
+
+use rom::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
+use rom::evaluate::{DEFAULT_FLOOR, Report, evaluate};
+use rom::hull::DomainStatus;
+use rom::model::Model;
+use rom::snapshots::{Database, RegimeKind, Split};
+use std::path::Path;
+
+/// Both regimes, in the order of the paper.
+pub const REGIMES: [RegimeKind; 2] = [RegimeKind::Free, RegimeKind::Contact];
+
+/// A database with a model of each method.
+pub struct Study {
+    pub database: Database,
+    pub paper: Model,
+    pub ours: Model,
+}
+
+impl Study {
+    pub fn new(database: Database) -> anyhow::Result<Self> {
+        let paper = train(&database, &paper(super::published::MODES))?;
+        let ours = train(&database, &ours())?;
+        Ok(Self { database, paper, ours })
+    }
+
+    /// Cases that satisfy a condition.
+    pub fn cases(&self, keep: impl Fn(&rom::snapshots::Case) -> bool) -> Vec<usize> {
+        (0..self.database.cases.len()).filter(|i| keep(&self.database.cases[*i])).collect()
+    }
+
+    pub fn evaluate(&self, model: &Model, cases: &[usize]) -> anyhow::Result<Report> {
+        Ok(evaluate(model, &self.database, cases, DEFAULT_FLOOR)?)
+    }
+
+    /// Cases training never saw and that lie inside our model's domain.
+    pub fn untouched(&self) -> anyhow::Result<Vec<usize>> {
+        let held_out = self.cases(|c| c.split != Split::Train);
+        let report = self.evaluate(&self.ours, &held_out)?;
+        let inside =
+            |(i, c): (&usize, &rom::evaluate::CaseReport)| (c.domain == DomainStatus::Inside).then_some(*i);
+        Ok(held_out.iter().zip(&report.cases).filter_map(inside).collect())
+    }
+
+    pub fn heading(&self, database: &Path, repeats: u64) -> String {
+        let count = |split| self.database.of_split(split).count();
+        let hash = wire::layout::hex(&self.ours.header.database_hash[..8]);
+        format!(
+            "# Accuracy and speed\n\nMade by `softtwin-studies report --database {} --repeats {repeats}`; do not edit.\n\n\
+             Database `{}`: {} training, {} test and {} check cases, {} nodes, blake3 `{hash}...`.\n\n\
+             *Paper* is what the paper published; *paper's method* is its algorithm (joint uncentred POD, linear splines \
+             without tail, {} and {} modes) on this database; *ours* is the default of `softtwin train` on the same \
+             cases. *Normalised* is the largest error over nodes by the field's largest value in that case; the paper \
+             states relative errors (Eq. 16), which come near it where the field is large.\n",
+            database.display(),
+            self.database.actuator,
+            count(Split::Train),
+            count(Split::Test),
+            count(Split::Check),
+            self.database.node_count,
+            super::published::MODES[0],
+            super::published::MODES[1],
+        )
+    }
+}
+
+/// Trains quietly.
+pub fn train(database: &Database, config: &TrainConfig) -> anyhow::Result<Model> {
+    Ok(rom::train::train(database, config, &mut |_| {})?.0)
+}
+
+/// Mean squared error on the test cases of a regime.
+pub fn test_mse(model: &Model, database: &Database, regime: RegimeKind) -> anyhow::Result<f64> {
+    let wanted = |i: &usize| database.cases[*i].regime == regime;
+    let cases: Vec<usize> = database.of_split(Split::Test).filter(wanted).collect();
+    let report = evaluate(model, database, &cases, DEFAULT_FLOOR)?;
+    Ok(report.cases.iter().map(|c| c.mse).sum::<f64>() / cases.len() as f64)
+}
+
+/// The paper's method with so many modes for free and contact.
+pub fn paper(modes: [usize; 2]) -> TrainConfig {
+    let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::paper() };
+    config.free.modes = ModeChoice::Fixed(modes[0]);
+    config.contact.modes = ModeChoice::Fixed(modes[1]);
+    config
+}
+
+/// The default; repeating every POD for the data sheet is left out.
+pub fn ours() -> TrainConfig {
+    TrainConfig { full_leave_one_out: false, ..TrainConfig::default() }
+}
+
+/// Our method with one kernel and a given choice of modes: for curves over modes and cases.
+pub fn ours_with(modes: ModeChoice, kernel: KernelKind, tail: Tail) -> TrainConfig {
+    let regime = RegimeConfig {
+        modes,
+        kernels: vec![KernelSpec { kernel, tail }],
+        anisotropy: vec![0.5],
+        shear: vec![0.0],
+        smoothing: vec![0.0],
+        ..RegimeConfig::default()
+    };
+    TrainConfig { free: regime.clone(), contact: regime, ..ours() }
+}
+
+/// A number for a table.
+pub fn percent(share: f64) -> String {
+    let value = share * 100.0;
+    if value.abs() >= 10.0 { format!("{value:.1}") } else { format!("{value:.3}") }
+}

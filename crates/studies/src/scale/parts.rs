@@ -1,0 +1,148 @@
+//! The measurements of the scale study.
+
+use super::{ActuatorsRow, SubscribersRow};
+use anyhow::Context;
+use rom::kernel::{Affine, Basis, Field, Precision, Role, Source, Spec, Values};
+use rom::predict::{Nodes, Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use softtwin::measure::Series;
+use softtwin::{compute, full_size};
+use wire::{Bus, Domain, FieldHeader, FieldReader, FieldWriter, Topic};
+
+/// Medians of one basis.
+pub struct Cost {
+    pub bytes: usize,
+    pub f32_us: f64,
+    pub i16_us: f64,
+    pub read_us: f64,
+}
+
+/// Values touched per size of basis, so that small ones are measured often and large ones end.
+const WORK: usize = 300_000_000;
+
+/// X, Y, Z, |U| and S of a synthetic body. Its fields share one set of modes as source; the basis stores each field's
+/// own copy, as for a model.
+pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
+    let wave =
+        |len: usize, scale: f32| (0..len).map(|i| scale * (0.37 * i as f32).sin()).collect::<Vec<f32>>();
+    let (rest, basis) = (wave(nodes, 100.0), wave(nodes * modes, 0.01));
+    let field = |index: usize, role| Field {
+        source: Source::Affine(Affine {
+            mean: Some(Values::F32(&rest)),
+            modes: Values::F32(&basis),
+            stride: nodes,
+            coefficients: index * modes..(index + 1) * modes,
+        }),
+        role,
+        published: true,
+    };
+    let magnitude = Source::Magnitude { coordinates: [0, 1, 2], rest: [Values::F32(&rest); 3] };
+    let displacement = Field { source: magnitude, role: Role::Displacement, published: true };
+    let mut fields: Vec<Field<'_>> = (0..3).map(|axis| field(axis, Role::Plain)).collect();
+    fields.extend([displacement, field(3, Role::Stress)]);
+    let spec = Spec { node_count: nodes, nodes: None, fields };
+    let wide = Basis::build(&spec, Precision::F32)?;
+    let narrow = Basis::build(&spec, Precision::I16)?;
+
+    let coefficients: Vec<f64> = (0..4 * modes).map(|j| (j as f64).cos()).collect();
+    let mut out = vec![0.0; wide.output_len()];
+    let samples = (WORK / (nodes * modes * 4)).clamp(7, 2000);
+    let mut series = [(); 3].map(|()| Series::new("", samples));
+    let [f32, i16, read] = &mut series;
+    for _ in 0..samples {
+        wide.reconstruct(&coefficients, &mut out)?;
+        f32.time(|| wide.reconstruct(&coefficients, &mut out));
+        read.time(|| wide.read_once());
+        narrow.reconstruct(&coefficients, &mut out)?;
+        i16.time(|| narrow.reconstruct(&coefficients, &mut out));
+    }
+    Ok(Cost { bytes: wide.bytes(), f32_us: f32.p50(), i16_us: i16.p50(), read_us: read.p50() })
+}
+
+/// Rounds over all actuators.
+const ROUNDS: usize = 300;
+
+/// Actuators in turn in one thread, each with a model of its own in memory.
+pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
+    let model = full_size::model()?;
+    let input = compute::inputs(&model)?[0];
+    let most = counts.iter().copied().max().unwrap_or(1);
+    let tip = Selection { fields: None, nodes: Nodes::List(compute::tip_nodes(&model)) };
+    let make = |selection: &Selection| {
+        (0..most).map(|_| Predictor::new(&model, selection)).collect::<Result<Vec<_>, _>>()
+    };
+    let (mut full, mut tips) = (make(&Selection::default())?, make(&tip)?);
+    let regime = model.header.regimes.last().context("the model has no regime")?.kind;
+    let bytes = full[0].basis(regime).map_or(0, Basis::bytes);
+    let mut rows = Vec::new();
+    for &actuators in counts {
+        let full_us = round(&mut full[..actuators], input)?;
+        let tip_us = round(&mut tips[..actuators], input)?;
+        rows.push(ActuatorsRow { actuators, bytes: actuators * bytes, full_us, tip_us });
+    }
+    Ok(rows)
+}
+
+/// Median over rounds of the time of one actuator, each writing its own output.
+fn round(predictors: &mut [Predictor], input: rom::evaluation::Input) -> anyhow::Result<f64> {
+    let mut evaluations: Vec<_> = predictors.iter().map(Predictor::evaluation).collect();
+    let mut outs: Vec<_> = predictors.iter().map(|predictor| vec![0.0; predictor.entries()]).collect();
+    let mut switch = RegimeSwitch::default();
+    let mut series = Series::new("", ROUNDS);
+    for _ in 0..ROUNDS {
+        let mut failed = None;
+        series.time(|| {
+            for ((predictor, evaluation), out) in predictors.iter_mut().zip(&mut evaluations).zip(&mut outs) {
+                predictor.evaluate(input, &mut switch, evaluation);
+                failed = predictor.reconstruct_into(evaluation, out).err().or(failed);
+            }
+        });
+        failed.map_or(Ok(()), Err)?;
+    }
+    Ok(series.p50() / predictors.len() as f64)
+}
+
+/// Loan and send of a full field with so many readers in this process, which take each sample.
+pub fn subscribers(counts: &[usize]) -> anyhow::Result<Vec<SubscribersRow>> {
+    let mut rows = Vec::new();
+    for &subscribers in counts {
+        let bus = Bus::open(&Domain::isolated("bench"))?;
+        let topic = Topic::field("bench", None)?;
+        let entries = 5 * full_size::NODES;
+        let mut writer = FieldWriter::create(&bus, &topic, entries)?;
+        let readers =
+            (0..subscribers).map(|_| FieldReader::open(&bus, &topic)).collect::<Result<Vec<_>, _>>()?;
+        let mut header =
+            FieldHeader { node_count: full_size::NODES as u32, field_count: 5, ..FieldHeader::default() };
+        header.field_ids[..5].copy_from_slice(&[0, 1, 2, 3, 4]);
+        let [mut loans, mut sends] = [(); 2].map(|()| Series::new("", ROUNDS));
+        for _ in 0..ROUNDS {
+            let mut loan = None;
+            loans.time(|| loan = Some(writer.loan()));
+            let loan = loan.context("no loan was tried")??;
+            let mut sent = None;
+            sends.time(|| sent = Some(writer.send(loan, header)));
+            sent.context("no send was tried")??;
+            for reader in &readers {
+                reader.newest()?;
+            }
+        }
+        rows.push(SubscribersRow { subscribers, loan_us: loans.p50(), send_us: sends.p50() });
+    }
+    Ok(rows)
+}
+
+/// Sizes of the first core's data caches, as the system reports them.
+pub fn caches() -> String {
+    let read = |index: usize, file: &str| {
+        let path = format!("/sys/devices/system/cpu/cpu0/cache/index{index}/{file}");
+        std::fs::read_to_string(path).map(|text| text.trim().to_owned())
+    };
+    let cache = |index: usize| {
+        let (level, kind, size) =
+            (read(index, "level").ok()?, read(index, "type").ok()?, read(index, "size").ok()?);
+        (kind != "Instruction").then(|| format!("L{level} {size}"))
+    };
+    let known: Vec<String> = (0..8).filter_map(cache).collect();
+    if known.is_empty() { "unknown".into() } else { known.join(", ") }
+}

@@ -1,0 +1,152 @@
+//! `softtwin-studies trace`: what a pressure gauge reads while the simulated actuator is filled at constant flow.
+
+mod inflation;
+
+use softtwin::failure::{configuration, usage};
+use softtwin::files::{refusal, save};
+use softtwin::output;
+use fem::actuator::Actuator;
+use fem::run::cases;
+use inflation::{Inflation, to_csv};
+use fem::{Problem, Solver};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const EXAMPLES: &str = "\
+Examples:
+  Simulate the volumes, then make the trace:
+    softtwin-studies trace --gap-mm 40 --out gap40.csv
+  The three traces of the paper's scenes, from one run of the simulator (scripts/make_traces.sh):
+    softtwin simulate --cases models/pneunet/trace_cases.csv --out target/traces
+    softtwin-studies trace --volumes target/traces/volumes.csv --gap-mm 40 --seed 2 --out config/traces/gap40.csv
+  Half the flow through a long tube:
+    softtwin-studies trace --gap-mm 40 --flow-ml-per-min 62.5 --dead-volume-mm3 3000 --out slow.csv
+
+The cavity's volume is simulated at --states pressures; the ideal gas law at constant temperature does the rest.";
+
+/// Make a pressure trace: constant-flow inflation of the simulated actuator, read by a gauge.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Geometry, materials, loads, supports and mesh.
+    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
+    actuator: PathBuf,
+    /// Gap from the underside of the undeformed base to the obstacle in mm.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    gap_mm: f64,
+    /// The trace: t_s,pressure_mpa,gap_mm.
+    #[arg(long, value_name = "FILE.csv")]
+    out: PathBuf,
+    /// Volumes of a `softtwin simulate` run (its volumes.csv) instead of simulating here; rows with this gap are taken.
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "states")]
+    volumes: Option<PathBuf>,
+    /// States simulated above rest; the volume is interpolated between them.
+    #[arg(long, value_name = "N", default_value_t = 14)]
+    states: u32,
+    /// Flow of air at atmospheric pressure in mL/min.
+    #[arg(long, value_name = "FLOW", default_value_t = 125.0)]
+    flow_ml_per_min: f64,
+    /// Gauge pressure at which the pump stops in MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 0.07)]
+    end_pressure_mpa: f64,
+    /// Volume of tube and fittings in mm3.
+    #[arg(long, value_name = "MM3", default_value_t = 0.0)]
+    dead_volume_mm3: f64,
+    /// Readings a second.
+    #[arg(long, value_name = "HZ", default_value_t = 200.0)]
+    rate_hz: f64,
+    /// Step of the gauge's display in MPa; 0 for none.
+    #[arg(long, value_name = "MPA", default_value_t = 1.0e-4)]
+    resolution_mpa: f64,
+    /// Standard deviation of the gauge's noise in MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 5.0e-5)]
+    noise_mpa: f64,
+    /// Seed of the noise.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+impl Args {
+    /// Simulates the volumes and writes the trace.
+    pub fn run(self) -> anyhow::Result<()> {
+        let pump = self.inflation();
+        pump.check().map_err(usage)?; // before the work, not after it
+        if self.states == 0 {
+            return Err(usage("--states: expected at least 1, found 0"));
+        }
+        let volumes = match &self.volumes {
+            Some(table) => self.tabulated(table)?,
+            None => self.simulated()?,
+        };
+        let readings = pump.readings(&volumes)?;
+        save(&self.out, to_csv(&readings, self.gap_mm, &self.made_by(&volumes)).as_bytes())?;
+        let seconds = readings.last().map_or(0.0, |r| r.t_s);
+        output!("{}: {} readings, {seconds:.2} s", self.out.display(), readings.len())?;
+        Ok(())
+    }
+
+    fn inflation(&self) -> Inflation {
+        Inflation {
+            flow_ml_per_min: self.flow_ml_per_min,
+            dead_volume_mm3: self.dead_volume_mm3,
+            end_pressure_mpa: self.end_pressure_mpa,
+            rate_hz: self.rate_hz,
+            resolution_mpa: self.resolution_mpa,
+            noise_mpa: self.noise_mpa,
+            seed: self.seed,
+        }
+    }
+
+    /// Cavity volumes (MPa, mm3) at this gap from a table, by rising pressure.
+    fn tabulated(&self, table: &Path) -> anyhow::Result<Vec<(f64, f64)>> {
+        let rows = cases::read_volumes(table).map_err(refusal)?;
+        let mut volumes: Vec<(f64, f64)> = rows
+            .into_iter()
+            .filter(|row| row.gap_mm == Some(self.gap_mm))
+            .map(|row| (row.pressure_mpa, row.cavity_volume_mm3))
+            .collect();
+        volumes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(volumes)
+    }
+
+    /// Cavity volumes (MPa, mm3) along the path from rest at the gap.
+    fn simulated(&self) -> anyhow::Result<Vec<(f64, f64)>> {
+        let actuator = Actuator::read(&self.actuator).map_err(refusal)?;
+        let mesh = actuator.read_mesh(&self.actuator).map_err(refusal)?;
+        let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
+        let mut solver = Solver::new(problem)?;
+        let (mut state, _) = solver.rest(actuator.loads.gravity_mm_s2)?;
+        let bar = ProgressBar::new(u64::from(self.states) + 1);
+        bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} states, about {eta} left")?);
+        let mut volumes = Vec::new();
+        for k in 0..=self.states {
+            let pressure_mpa = self.end_pressure_mpa * f64::from(k) / f64::from(self.states);
+            (state, _) = solver.reach(&state, &actuator.load(pressure_mpa, Some(self.gap_mm)))?;
+            volumes.push((pressure_mpa, solver.output(&state).cavity_volume_mm3));
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(volumes)
+    }
+
+    fn made_by(&self, volumes: &[(f64, f64)]) -> String {
+        let (first, last) = (volumes.first().map_or(0.0, |v| v.1), volumes.last().map_or(0.0, |v| v.1));
+        format!(
+            "Simulated gauge trace, made by `softtwin-studies trace`: actuator {}, gap {} mm, 0 to {} MPa\n\
+             at {} mL/min of air at atmospheric pressure (isothermal ideal gas, dead volume {} mm3).\n\
+             Cavity volume simulated at {} pressures: {first:.1} mm3 at rest, {last:.1} mm3 at the end.\n\
+             Gauge: {} Hz, resolution {} MPa, noise {} MPa (seed {}).",
+            self.actuator.display(),
+            self.gap_mm,
+            self.end_pressure_mpa,
+            self.flow_ml_per_min,
+            self.dead_volume_mm3,
+            volumes.len(),
+            self.rate_hz,
+            self.resolution_mpa,
+            self.noise_mpa,
+            self.seed
+        )
+    }
+}

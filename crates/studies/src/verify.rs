@@ -1,0 +1,103 @@
+//! Verifies samples to the bit: evaluates each again with its own copy of the model.
+//!
+//! It runs on the machine of the twin: another processor may round a fused product otherwise.
+
+use rom::evaluation::{Evaluation, Input};
+use rom::model::Model;
+use rom::predict::{Predictor, Selection};
+use rom::regime::RegimeSwitch;
+use serde::Serialize;
+use wire::layout::{COEFFICIENTS_MAX, flags};
+use wire::{FieldSample, State};
+
+/// Evaluates samples again and counts those that differ.
+#[derive(Debug)]
+pub struct Verifier {
+    predictor: Predictor,
+    evaluation: Evaluation,
+    expected: Vec<f32>,
+    /// Run and number of the newest state.
+    newest: (u64, u64),
+    /// The counts so far.
+    pub counts: Counts,
+}
+
+/// What was verified, and what was wrong with it.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Counts {
+    /// Fields verified.
+    pub fields_checked: u64,
+    /// Fields of which at least one bit was wrong.
+    pub wrong_fields: u64,
+    /// States with data verified.
+    pub states_checked: u64,
+    /// States whose force or coefficients were wrong.
+    pub wrong_states: u64,
+    /// States that came out of order within a run of the twin.
+    pub states_out_of_order: u64,
+    /// States that were sent and did not come, by jumps of the number within a run.
+    pub states_lost: u64,
+}
+
+impl Verifier {
+    /// A verifier of fields of all nodes in the model's order, from a model file's bytes.
+    ///
+    /// # Errors
+    /// The bytes are no model.
+    pub fn new(model: &[u8]) -> anyhow::Result<Self> {
+        let predictor = Predictor::new(&Model::from_bytes(model)?, &Selection::default())?;
+        Ok(Self {
+            evaluation: predictor.evaluation(),
+            expected: vec![0.0; predictor.entries()],
+            predictor,
+            newest: (0, 0),
+            counts: Counts::default(),
+        })
+    }
+
+    fn evaluate(&mut self, pressure_mpa: f64, gap_mm: f64) {
+        // Only the label depends on earlier states; values follow pressure and gap alone.
+        let mut switch = RegimeSwitch::default();
+        self.predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut switch, &mut self.evaluation);
+    }
+
+    /// Verifies order and values of a state.
+    pub fn state(&mut self, state: &State) {
+        let (run, seq) = self.newest;
+        if state.boot_id == run {
+            self.counts.states_out_of_order += u64::from(state.seq <= seq);
+            self.counts.states_lost += state.seq.saturating_sub(seq + 1);
+        }
+        self.newest = (state.boot_id, state.seq);
+        if state.flags & flags::NO_DATA != 0 {
+            return;
+        }
+        self.evaluate(state.pressure_mpa, state.gap_mm);
+        let coefficients = self.evaluation.coefficients.iter().take(COEFFICIENTS_MAX);
+        let coefficients = coefficients.map(|a| (*a as f32).to_bits());
+        let same = state.contact_force_n.to_bits() == self.evaluation.contact_force_n.to_bits()
+            && state.coefficients().iter().map(|a| a.to_bits()).eq(coefficients);
+        self.counts.states_checked += 1;
+        self.counts.wrong_states += u64::from(!same);
+    }
+
+    /// Verifies a field against its own header.
+    pub fn field(&mut self, sample: &FieldSample) {
+        let header = sample.header();
+        self.evaluate(header.pressure_mpa, header.gap_mm);
+        let computed = self.predictor.reconstruct_into(&self.evaluation, &mut self.expected).is_ok();
+        let pairs = || sample.values().iter().zip(&self.expected);
+        let same = sample.values().len() == self.expected.len()
+            && pairs().all(|(found, wanted)| found.to_bits() == wanted.to_bits());
+        self.counts.fields_checked += 1;
+        self.counts.wrong_fields += u64::from(!(computed && same));
+    }
+}
+
+impl Counts {
+    /// Whether something was verified and nothing was wrong. Lost states are not wrong.
+    pub fn all_correct(&self) -> bool {
+        self.fields_checked + self.states_checked > 0
+            && (self.wrong_fields, self.wrong_states, self.states_out_of_order) == (0, 0, 0)
+    }
+}
