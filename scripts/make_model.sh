@@ -1,14 +1,25 @@
 #!/bin/sh
-# Makes databases and models from nothing: mesh -> states -> database -> trained model.
-#   scripts/make_model.sh [pneunet|gripper ...]     default: both
-#   MESH=1 scripts/make_model.sh                    builds the mesh again too (needs gmsh, see scripts/mesh.sh)
+# Makes databases, models and gauge traces from nothing: mesh -> states -> database -> trained model; cavity volumes -> traces.
+#   scripts/make_model.sh [pneunet|gripper|traces ...]     default: pneunet gripper
+#   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.sh)
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
 cd "$(dirname "$0")/.."
-# SOFTTWIN=path/to/softtwin takes a program that is already built.
+# SOFTTWIN=path/to/softtwin takes programs that are already built.
 softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
+studies() { if [ -n "${SOFTTWIN:-}" ]; then "$SOFTTWIN-studies" "$@"; else cargo run --quiet --release -p studies -- "$@"; fi; }
 [ $# -gt 0 ] || set -- pneunet gripper
 for name in "$@"; do
+    if [ "$name" = traces ]; then
+        # Volumes at the paper's three gaps (about 45 states), then the gas law and a gauge: config/traces/.
+        softtwin simulate --cases models/pneunet/trace_cases.csv --out target/traces
+        seed=1
+        for gap in 80 40 15; do
+            studies trace --volumes target/traces/volumes.csv --gap-mm "$gap" --seed "$seed" --out "config/traces/gap$gap.csv"
+            seed=$((seed + 1))
+        done
+        continue
+    fi
     model="models/$name"
     database="target/database/$name"
     if [ "${MESH:-0}" = 1 ] && [ "$name" = pneunet ]; then scripts/mesh.sh "$model/actuator.toml"; fi

@@ -11,10 +11,10 @@ pub mod wait;
 
 pub use manager::Manager;
 pub use process::Program;
-pub use studies::verify::Verifier;
 /// The beam that bends until it meets a plate, with its exact answers.
 pub use rom::synthetic;
 pub use stage::Stage;
+pub use studies::verify::Verifier;
 
 use std::time::Duration;
 

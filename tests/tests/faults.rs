@@ -23,7 +23,7 @@ fn all_fields(bus: &Bus) -> FieldReader {
     FieldReader::open(bus, &Topic::field("finger", None).unwrap()).unwrap()
 }
 
-/// Judges fields until `count` of one run of the twin that is not `before` have come; returns that run.
+/// Verifies fields until `count` of one run of the twin that is not `before` have come; returns that run.
 fn verify_fields(reader: &FieldReader, verifier: &mut Verifier, before: u64, count: u64) -> u64 {
     let (mut run, mut seen) = (0, 0);
     wait_for(reader, "fields of the new twin", |reader| {
@@ -41,7 +41,7 @@ fn verify_fields(reader: &FieldReader, verifier: &mut Verifier, before: u64, cou
     run
 }
 
-/// Judges what is still waiting: after a kill, the last things the dead one said.
+/// Verifies what is still waiting: after a kill, the last samples of the killed program.
 fn verify_rest(reader: &FieldReader, verifier: &mut Verifier) {
     while let Some(sample) = reader.next().unwrap() {
         verifier.field(&sample);
@@ -68,7 +68,7 @@ fn every_role_killed_and_restarted_in_every_order() {
         1 => Program::daemon(&stage, &["bridge", "--scene", &text]),
         _ => Program::tool(&stage, &["echo", "softtwin/finger/field", "--json"]),
     };
-    let mut verifier = verifier_of(model_bytes());
+    let mut verifier = Verifier::new(model_bytes()).expect("a model");
     let twin = Program::twin(&stage, &scene);
     let bus = stage.bus();
     let (fields, states) = (all_fields(&bus), states(&bus));
@@ -115,7 +115,7 @@ fn a_twin_killed_in_the_middle_of_a_publish_leaves_no_torn_field() {
     let stage = Stage::with_model("publish", &bytes);
     let scene = stage.whole_finger(&source(20_000.0));
     let text = scene.display().to_string();
-    let mut verifier = verifier_of(&bytes);
+    let mut verifier = Verifier::new(&bytes).expect("a model");
     let mut twin = Program::twin(&stage, &scene);
     let bus = stage.bus();
     let fields = all_fields(&bus);
@@ -143,7 +143,7 @@ fn slow_stopped_and_short_lived_readers_disturb_nobody() {
     let twin = Program::twin(&stage, &scene);
     let bridge = Program::bridge(&stage, &scene);
     let bus = stage.bus();
-    let mut verifier = verifier_of(model_bytes());
+    let mut verifier = Verifier::new(model_bytes()).expect("a model");
     let (good, slow) = (states(&bus), all_fields(&bus));
     let listen = |verifier: &mut Verifier, count: u64| {
         let end = verifier.counts.states_checked + count;
@@ -265,7 +265,7 @@ fn steps_of_the_wall_clock_are_not_noticed() {
     let reader = states(&bus);
     let bridge = Program::daemon_with(&stage, &["bridge", "--scene", &scene], &jumping);
     wait_state(&reader, "a fresh state", fresh);
-    let (mut verifier, mut last_ns) = (verifier_of(model_bytes()), 0);
+    let (mut verifier, mut last_ns) = (Verifier::new(model_bytes()).expect("a model"), 0);
     let begin_ns = now_ns();
     wait_state(&reader, "two seconds of states", |state| {
         verifier.state(state);
@@ -299,7 +299,7 @@ fn silence_and_bursts_are_stale_and_counted() {
         state.flags & (flags::STALE | flags::NO_DATA) == flags::STALE | flags::NO_DATA
     });
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
-    let mut verifier = verifier_of(model_bytes());
+    let mut verifier = Verifier::new(model_bytes()).expect("a model");
     let mut sent = 0;
     for burst in [1u64, 5_000, 20_000] {
         for number in 0..burst {
@@ -333,7 +333,7 @@ fn twenty_thousand_readings_a_second_are_all_accounted_for() {
     let (fields, health) =
         (all_fields(&bus), HealthReader::open(&bus, &Topic::health("finger").unwrap()).unwrap());
     let bridge = Program::bridge(&stage, &scene);
-    let mut verifier = verifier_of(model_bytes());
+    let mut verifier = Verifier::new(model_bytes()).expect("a model");
     verify_fields(&fields, &mut verifier, 0, 2_000);
     let (status, said) = bridge.stop();
     assert!(status.success());
@@ -358,7 +358,7 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
     let bridge = Program::bridge(&stage, &scene);
     let bus = stage.bus();
     let reader: StateReader = states(&bus);
-    let mut verifier = verifier_of(model_bytes());
+    let mut verifier = Verifier::new(model_bytes()).expect("a model");
     let listen = |verifier: &mut Verifier| {
         let end = verifier.counts.states_checked + 20;
         wait_state(&reader, "states", |state| {

@@ -104,8 +104,11 @@ impl Daemon {
     /// # Errors
     /// It has ended.
     pub fn check(&mut self) -> anyhow::Result<()> {
-        anyhow::ensure!(!self.ended()?, "the {} ended by itself:\n{}", self.name, self.log());
-        Ok(())
+        if !self.ended()? {
+            return Ok(());
+        }
+        let log = self.log();
+        anyhow::bail!("the {} ended by itself:\n{log}", self.name)
     }
 
     /// Sends a signal, unless it has ended.

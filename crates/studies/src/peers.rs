@@ -70,8 +70,8 @@ impl Args {
             for (times, us) in theirs.iter_mut().zip(peers.round()?) {
                 times.push(us);
             }
-            let bench =
-                testbed.run("softtwin", &["bench", "--model", &model, "--no-live", "--samples", "500", "--json"])?;
+            let bench = testbed
+                .run("softtwin", &["bench", "--model", &model, "--no-live", "--samples", "500", "--json"])?;
             let bench: Value = serde_json::from_str(&bench)?;
             for (times, (_, key)) in ours.iter_mut().zip(OURS) {
                 times.push(bench.pointer(key).and_then(Value::as_f64).context("bench reports no time")?);
@@ -79,7 +79,10 @@ impl Args {
         }
         let [.., input_to_field] = ours.each_ref().map(|times| median(times.iter().copied()));
         let Hello { entries, modes, states, .. } = peers.hello;
-        output!("{entries} entries, {modes} modes, {states} contact states, one thread; median of {} rounds\n", self.rounds)?;
+        output!(
+            "{entries} entries, {modes} modes, {states} contact states, one thread; median of {} rounds\n",
+            self.rounds
+        )?;
         output!("| one full field | us | softtwin is faster by | training, s |")?;
         output!("| --- | ---: | ---: | ---: |")?;
         for (peer, times) in peers.hello.peers.iter().zip(theirs) {

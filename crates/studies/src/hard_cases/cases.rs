@@ -1,9 +1,9 @@
 //! The named hard cases.
 
-use rom::synthetic::{State, database, force_n, snapshot, training_states};
 use super::{Ending, HardCase, Probe, Query};
 use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use rom::snapshots::{Database, FieldKind, Split};
+use rom::synthetic::{State, database, force_n, snapshot, training_states};
 
 /// Error that counts as correct where nothing but interpolation stands between data and answer.
 const BOUND: f64 = 0.01;

@@ -1,8 +1,8 @@
 //! `softtwin-studies hard-cases`.
 
+use super::{Ending, Outcome, Row, hard_cases, run};
 use softtwin::output;
 use softtwin::progress::Progress;
-use super::{Ending, Outcome, Row, hard_cases, run};
 
 const EXAMPLES: &str = "\
 Examples:

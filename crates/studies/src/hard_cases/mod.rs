@@ -6,7 +6,7 @@ mod cases;
 mod command;
 mod probe;
 
-use cases::hard_cases;
+pub use cases::hard_cases;
 pub use command::Args;
 
 use rom::config::TrainConfig;

@@ -25,13 +25,8 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let seconds = self.time.seconds.to_string();
         let testbed = Testbed::new("clients")?;
-        let readings = Sine {
-            rate_hz: 1000.0,
-            gap_mm: 30.0,
-            mean_mpa: 0.045,
-            amplitude_mpa: 0.03,
-            frequency_hz: 0.5,
-        };
+        let readings =
+            Sine { rate_hz: 1000.0, gap_mm: 30.0, mean_mpa: 0.045, amplitude_mpa: 0.03, frequency_hz: 0.5 };
         let scene = readings.scene("finger", &model()?, "queries = \"fields\"", &["nodes = \"all\"".into()]);
         let scene = testbed.write("scene.toml", scene)?;
         let twin = Twin::start(testbed, &scene, &[], &[])?;

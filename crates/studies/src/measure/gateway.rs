@@ -16,7 +16,9 @@ use std::time::Instant;
 /// States lost and fields a second at a remote subscriber, and the twin's latency without gateway, with one, and with one that
 /// is listened to.
 #[derive(clap::Args)]
-#[command(after_help = "Needs softtwin-gateway beside this program, Python 3.9 or newer with venv, and PyPI the first time.")]
+#[command(
+    after_help = "Needs softtwin-gateway beside this program, Python 3.9 or newer with venv, and PyPI the first time."
+)]
 pub struct Args {
     #[command(flatten)]
     time: Duration,
@@ -54,7 +56,10 @@ impl Args {
             let lines = log.lines().filter_map(|line| line.split_once("ASKED FOR: "));
             lines.map(|(_, what)| what.to_owned()).collect::<Vec<_>>()
         };
-        print("machine", json!({ "realtime": !self.no_realtime, "twin_was_refused": refused(twin.twin.log()) }))?;
+        print(
+            "machine",
+            json!({ "realtime": !self.no_realtime, "twin_was_refused": refused(twin.twin.log()) }),
+        )?;
         let mut study = Study { twin, config, python, seconds: self.time.seconds, found: Default::default() };
         for _ in 0..self.rounds {
             study.round()?;

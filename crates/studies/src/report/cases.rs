@@ -3,10 +3,10 @@
 use super::Folder;
 use super::published::{self, Case as Published};
 use super::study::{REGIMES, Study, percent};
-use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use rom::evaluate::{CaseReport, spread};
 use rom::hull::DomainStatus;
 use rom::snapshots::{Case, FieldKind, RegimeKind, Split};
+use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use std::fmt::Write as _;
 
 pub fn section(study: &Study, out: &Folder) -> anyhow::Result<String> {

@@ -2,13 +2,13 @@
 
 use super::Folder;
 use super::study::{REGIMES, Study, ours_with, paper, test_mse, train};
-use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
-use softtwin::progress::Progress;
 use fem::rng::Rng;
 use rom::config::{KernelKind, ModeChoice, Tail};
 use rom::model::Model;
 use rom::pod::truncation_error;
 use rom::snapshots::{Database, RegimeKind, Split};
+use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
+use softtwin::progress::Progress;
 use std::fmt::Write as _;
 
 /// Numbers of modes at which models are trained.

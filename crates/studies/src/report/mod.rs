@@ -11,11 +11,11 @@ mod study;
 mod summary;
 mod switch;
 
+use anyhow::Context;
+use formats::database::ObstacleKind;
 use softtwin::picture::Figure;
 use softtwin::progress::Progress;
 use softtwin::{files, output};
-use anyhow::Context;
-use formats::database::ObstacleKind;
 use std::path::PathBuf;
 use study::Study;
 

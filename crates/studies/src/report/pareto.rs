@@ -3,8 +3,6 @@
 use super::Folder;
 use super::machine::{Double, Kernel, Machine};
 use super::study::{Study, ours_with, paper, percent, train};
-use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
-use softtwin::progress::Progress;
 use rom::config::{KernelKind, ModeChoice, Tail, TrainConfig};
 use rom::evaluate::spread;
 use rom::evaluation::Input;
@@ -12,6 +10,8 @@ use rom::kernel::Precision;
 use rom::model::Model;
 use rom::predict::{Nodes, Selection};
 use rom::snapshots::FieldKind;
+use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
+use softtwin::progress::Progress;
 use std::fmt::Write as _;
 use std::time::Instant;
 

@@ -3,9 +3,9 @@
 mod parts;
 mod tables;
 
-use softtwin::{full_size, measure::gbps, output};
-use softtwin::progress::Progress;
 use serde::Serialize;
+use softtwin::progress::Progress;
+use softtwin::{full_size, measure::gbps, output};
 
 /// Nodes of the study; the reference actuator among them.
 const NODES: [usize; 10] =

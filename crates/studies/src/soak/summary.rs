@@ -49,7 +49,8 @@ impl Summary {
     ) -> anyhow::Result<Self> {
         let warm_up = ((rows.len() as f64 * WARM_UP) as usize).max(1).min(rows.len().saturating_sub(1));
         let settled = &rows[warm_up..];
-        let number = |key: &str| record[key].as_u64().with_context(|| format!("the recorder reports no {key}"));
+        let number =
+            |key: &str| record[key].as_u64().with_context(|| format!("the recorder reports no {key}"));
         let messages = record["messages"].as_object().context("the recorder reports no messages")?;
         let mut summary = Self {
             faults,

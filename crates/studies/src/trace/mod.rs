@@ -2,14 +2,14 @@
 
 mod inflation;
 
+use fem::actuator::Actuator;
+use fem::run::cases;
+use fem::{Problem, Solver};
+use indicatif::{ProgressBar, ProgressStyle};
+use inflation::{Inflation, to_csv};
 use softtwin::failure::{configuration, usage};
 use softtwin::files::{refusal, save};
 use softtwin::output;
-use fem::actuator::Actuator;
-use fem::run::cases;
-use inflation::{Inflation, to_csv};
-use fem::{Problem, Solver};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

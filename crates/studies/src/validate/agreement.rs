@@ -1,6 +1,6 @@
 //! Node-by-node agreement of a computed state with a reference of the same mesh.
 
-use softtwin::output::Output;
+use fem::Output;
 
 /// Fields of a reference snapshot: X, Y, Z (mm), |U| (mm), von Mises stress (MPa).
 pub const REFERENCE_FIELDS: usize = 5;

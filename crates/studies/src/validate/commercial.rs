@@ -2,14 +2,14 @@
 //! implementation of the same formulation computed there.
 
 use super::Book;
-use softtwin::failure::{configuration, usage};
-use softtwin::files::refusal;
+use super::agreement::{REFERENCE_FIELDS, compare};
 use anyhow::Context;
 use fem::config::{GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2};
 use fem::mesh::abaqus_arrays;
-use super::agreement::{REFERENCE_FIELDS, compare};
 use fem::{Load, Obstacle, Problem, ProblemConfig, Solver, State};
 use formats::npy;
+use softtwin::failure::{configuration, usage};
+use softtwin::files::refusal;
 use std::path::Path;
 use std::sync::Arc;
 

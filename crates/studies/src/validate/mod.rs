@@ -5,13 +5,13 @@ mod commercial;
 mod published;
 mod refinement;
 
-use softtwin::failure::configuration;
-use softtwin::files::refusal;
-use softtwin::output;
 use fem::Problem;
 use fem::actuator::Actuator;
 use serde::Serialize;
 use serde_json::json;
+use softtwin::failure::configuration;
+use softtwin::files::refusal;
+use softtwin::output;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -1,12 +1,12 @@
 //! The same states of a shorter actuator on one family of finer and finer grids: what the element size costs.
 
 use super::Book;
-use softtwin::failure::{configuration, usage};
-use softtwin::files::refusal;
 use fem::actuator::Actuator;
 use fem::mesh::{grid, load};
 use fem::output::clearance_mm;
 use fem::{Problem, Solver};
+use softtwin::failure::{configuration, usage};
+use softtwin::files::refusal;
 use std::path::Path;
 use std::sync::Arc;
 

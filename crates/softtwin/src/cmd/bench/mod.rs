@@ -7,7 +7,6 @@ pub mod measure;
 mod picture;
 mod report;
 
-
 use crate::failure::usage;
 use crate::progress::Progress;
 use crate::{files, output};

@@ -1,4 +1,4 @@
-"""Checks `softtwin view` from outside: in a browser, and as programs that misbehave. See test_view.sh."""
+"""Checks `softtwin view` from outside: in a browser, and as programs that misbehave. See scripts/check.sh."""
 import argparse
 import json
 import os
@@ -394,8 +394,8 @@ def main():
     options = parser.parse_args()
     program = find()
     if not program:
-        sys.exit("test_view: no Chromium found; apt-get install chromium, or name one in CHROMIUM")
-    os.chdir(pathlib.Path(__file__).resolve().parent.parent)
+        sys.exit("check.sh view: no Chromium found; apt-get install chromium, or name one in CHROMIUM")
+    os.chdir(pathlib.Path(__file__).resolve().parents[2])
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     for function in CHECKS:
         if options.only not in function.__name__:

@@ -1,4 +1,4 @@
-"""Exports read by an independent reader (meshio), imports of files it wrote. See test_exports.sh."""
+"""Exports read by an independent reader (meshio), imports of files it wrote. See scripts/check.sh."""
 import argparse
 import json
 import os
@@ -225,7 +225,7 @@ def main():
     parser.add_argument("--only", default="", help="checks whose name contains this")
     options = parser.parse_args()
     programs = pathlib.Path(options.programs).resolve()
-    os.chdir(pathlib.Path(__file__).resolve().parent.parent)
+    os.chdir(pathlib.Path(__file__).resolve().parents[2])
     for function in CHECKS:
         if options.only in function.__name__:
             with tempfile.TemporaryDirectory(prefix="softtwin-exports-") as folder:

@@ -1,0 +1,118 @@
+"""softtwin's peers on the contact states of a database: numpy, EZyRB and the paper's own way. See `softtwin-studies peers`.
+
+peers.py DATABASE MODES.csv prints what it trained as one JSON line; then, for each line it reads, the time of each peer (us).
+
+The reduced model of every peer: 6 modes, cubic kernels over inputs scaled to [0, 1]. softtwin keeps 6 modes of each of four
+fields and derives the displacement; the others keep 6 modes of all five fields stacked, as the paper and EZyRB do: one mode
+matrix of 125,110 x 6.
+"""
+import csv
+import json
+import sys
+import time
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+MODES = 6
+AT = np.array([0.6, 0.3])
+
+
+def contact_states(database):
+    """Inputs (pressure, gap) scaled to [0, 1] and snapshots, field-major, of the training cases with contact."""
+    with open(database / "cases.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    keep = [i for i, row in enumerate(rows) if row["regime"] == "contact" and row["split"] == "train"]
+    inputs = np.array([[float(rows[i]["pressure_mpa"]), float(rows[i]["gap_mm"])] for i in keep])
+    snapshots = np.load(database / "snapshots.npy", mmap_mode="r")[keep]
+    fields = np.ascontiguousarray(snapshots.transpose(0, 2, 1)).reshape(len(keep), -1)
+    scaled = (inputs - inputs.min(axis=0)) / np.ptp(inputs, axis=0)
+    return scaled, fields.astype(np.float64)
+
+
+def median_us(work, seconds):
+    """Median time of `work` over about `seconds`, at least three calls."""
+    times, end = [], time.perf_counter() + seconds
+    while len(times) < 3 or time.perf_counter() < end:
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return 1e6 * float(np.median(times))
+
+
+class Numpy:
+    """POD by thin SVD and cubic radial basis functions; three ways to evaluate the same model."""
+
+    def __init__(self, inputs, fields, table):
+        start = time.perf_counter()
+        modes, values, rows = np.linalg.svd(fields.T, full_matrices=False)
+        self.modes = np.ascontiguousarray(modes[:, :MODES])
+        self.coefficients = RBFInterpolator(inputs, (values[:MODES, None] * rows[:MODES]).T, kernel="cubic")
+        self.training_s = time.perf_counter() - start
+        # The weights by themselves: an interpolant as a product with a vector of kernel values, as the authors have it.
+        self.inputs = inputs
+        gram = np.linalg.norm(inputs[:, None] - inputs[None], axis=2) ** 3
+        self.weights = np.linalg.solve(gram, (values[:MODES, None] * rows[:MODES]).T).T
+        self.modes32 = np.asfortranarray(self.modes, dtype=np.float32)
+        self.weights32 = self.weights.astype(np.float32)
+        self.out32 = np.empty(len(self.modes), dtype=np.float32)
+        self.table = table
+        np.savetxt(table, self.modes, delimiter=",")
+
+    def kernel_values(self, x):
+        return np.linalg.norm(self.inputs - x, axis=1) ** 3
+
+    def f64(self, x):
+        return self.modes @ (self.weights @ self.kernel_values(x))
+
+    def f32(self, x):
+        coefficients = self.weights32 @ self.kernel_values(x).astype(np.float32)
+        return np.dot(self.modes32, coefficients, out=self.out32)
+
+    def with_tail(self, x):
+        return self.modes @ self.coefficients(x[None])[0]
+
+    def from_csv(self, x):
+        return np.loadtxt(self.table, delimiter=",") @ (self.weights @ self.kernel_values(x))
+
+
+def train_ezyrb(inputs, fields):
+    try:
+        import torch  # noqa: F401
+    except ImportError:
+        # EZyRB imports PyTorch for its neural networks, which are not used here: the name is enough.
+        torch = MagicMock()
+        torch.nn.Module = object
+        sys.modules.update({"torch": torch, "torch.nn": torch.nn})
+    from ezyrb import POD, RBF, Database, ReducedOrderModel
+
+    start = time.perf_counter()
+    model = ReducedOrderModel(Database(inputs, fields), POD("svd", rank=MODES), RBF(kernel="cubic"))
+    model.fit()
+    return model, time.perf_counter() - start
+
+
+def main():
+    inputs, fields = contact_states(Path(sys.argv[1]))
+    numpy = Numpy(inputs, fields, sys.argv[2])
+    ezyrb, ezyrb_s = train_ezyrb(inputs, fields)
+    if not np.allclose(numpy.f64(AT), numpy.from_csv(AT), rtol=1e-9, atol=1e-9):
+        raise SystemExit("peers: the CSV modes do not give the field of the modes in memory")
+    if not np.allclose(numpy.with_tail(AT), ezyrb.predict(AT[None])[0], rtol=1e-6, atol=1e-6):
+        raise SystemExit("peers: EZyRB does not give the field of the same modes and kernels in numpy")
+    ways = [
+        ("the paper's way: modes read from CSV each time", lambda: numpy.from_csv(AT), 1.0, numpy.training_s),
+        ("EZyRB 1.3.3", lambda: ezyrb.predict(AT[None]), 1.0, ezyrb_s),
+        ("numpy f64", lambda: numpy.f64(AT), 0.5, numpy.training_s),
+        ("numpy f32, column-major, out=", lambda: numpy.f32(AT), 0.5, numpy.training_s),
+    ]
+    peers = [{"name": name, "training_s": training_s} for name, _, _, training_s in ways]
+    print(json.dumps({"entries": fields.shape[1], "modes": MODES, "states": len(inputs), "peers": peers}), flush=True)
+    for _ in sys.stdin:
+        print(json.dumps([median_us(work, seconds) for _, work, seconds, _ in ways]), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+#!/usr/bin/env bash
+# Our programs as others use them: browsers, readers of our files, client languages, the network, another processor.
+#   scripts/check.sh view [--picture FILE.png]   `softtwin view` in headless Chromium (CHROMIUM names another program); --picture
+#                                                keeps the screenshot, which is docs/images/view.png
+#   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
+#   scripts/check.sh clients [pytest arguments]  the Python client against live twins
+#   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
+#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin
+#   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
+# Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++
+# and pkg-config; gateway: openssl. scripts/test.sh needs none of this.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+target=${CARGO_TARGET_DIR:-target}
+
+# needs PROGRAM... : ends with a message when one is missing.
+needs() {
+    local program
+    for program in "$@"; do
+        command -v "$program" >/dev/null || { echo "check.sh: expected the program $program, which is not installed" >&2; exit 1; }
+    done
+}
+
+build() { cargo build --locked --quiet --workspace --bins; }
+
+# python NAME PACKAGE... : an interpreter with these packages, in build/NAME-venv; its path is in `python`.
+python() {
+    local venv=build/$1-venv
+    needs python3
+    if [ ! -f "$venv/installed" ]; then
+        python3 -m venv "$venv" || { echo "check.sh: python3 needs venv; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
+        "$venv/bin/pip" install --quiet --disable-pip-version-check "${@:2}"
+        touch "$venv/installed"
+    fi
+    python=$venv/bin/python
+}
+
+view() {
+    needs python3
+    build
+    exec python3 scripts/checks/view.py --programs "$target/debug" "$@"
+}
+
+exports() {
+    build
+    python=python3
+    if ! python3 -c 'import meshio, numpy, h5py' 2>/dev/null; then python readers 'meshio==5.3.5' 'numpy<3' h5py; fi
+    exec "$python" scripts/checks/exports.py --programs "$target/debug"
+}
+
+clients() {
+    [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
+    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy
+    build
+    export PYTHONPATH=$PWD/clients/python/src
+    "$python" -m mypy --ignore-missing-imports --no-error-summary clients/python/src/softtwin
+    exec "$python" -m pytest -q clients/python/tests "$@"
+}
+
+# started LOG COMMAND...: starts it in the background and waits until it is ready.
+started() {
+    local log=$1 pid
+    "${@:2}" 2>"$log" &
+    pid=$!
+    until grep -q ready: "$log"; do
+        kill -0 "$pid" 2>/dev/null || { echo "check.sh: ${*:2} did not start:" >&2; cat "$log" >&2; exit 1; }
+        sleep 0.1
+    done
+}
+
+c() {
+    needs cc c++ pkg-config
+    local work program flags
+    work=$(mktemp -d)
+    # shellcheck disable=SC2064
+    trap "kill \$(jobs -p) 2>/dev/null || true; wait; rm -rf '$work'" EXIT
+    scripts/install_c.sh "$work/prefix" --profile dev
+    export PKG_CONFIG_PATH=$work/prefix/lib/pkgconfig LD_LIBRARY_PATH=$work/prefix/lib
+    read -ra flags < <(pkg-config --cflags --libs softtwin)
+    cc -std=c11 -Wall -Werror clients/c/examples/twin.c "${flags[@]}" -lm -o "$work/twin_c"
+    c++ -std=c++17 -Wall -Werror clients/c/examples/twin.cpp "${flags[@]}" -o "$work/twin_cpp"
+    export SOFTTWIN_DOMAIN=cinstall$$ SOFTTWIN_ROOT=$work/iox
+    started "$work/twin.log" "$target/debug/softtwind" twin --scene config/scenes/finger.toml
+    started "$work/bridge.log" "$target/debug/softtwind" bridge --scene config/scenes/finger.toml --loop
+    for program in twin_c twin_cpp; do
+        "$work/$program" finger | tee "$work/$program.out"
+        grep -q '^field' "$work/$program.out" || { echo "check.sh: $program printed no field" >&2; exit 1; }
+    done
+    echo "check.sh: the C and C++ clients were installed, found by pkg-config, compiled and run"
+}
+
+gateway() {
+    needs openssl
+    python gateway "eclipse-zenoh==1.10.2" numpy pytest
+    build
+    # Its hundreds of dependencies are not optimised here: that would take most of the time, and no test needs it.
+    local cargo=(cargo --config 'profile.dev.package."*".opt-level=0')
+    "${cargo[@]}" clippy --quiet --locked -p gateway --features network --all-targets -- -D warnings
+    "${cargo[@]}" test --locked -p gateway --features network --no-fail-fast -- "$@"
+    exec "$python" -m pytest -q crates/gateway/tests
+}
+
+# With an aarch64 target of the installed toolchain that target is used; without one (no rustup server in reach) Debian's own
+# compiler and its arm64 standard library are unpacked into build/aarch64.
+aarch64() {
+    local triple=aarch64-unknown-linux-gnu need=() root=$PWD/build/aarch64 version runtime llvm package
+    command -v aarch64-linux-gnu-gcc >/dev/null || need+=(gcc-aarch64-linux-gnu)
+    command -v qemu-aarch64-static >/dev/null || need+=(qemu-user-static)
+    ((${#need[@]} == 0)) || { apt-get update -qq && apt-get install -y -qq "${need[@]}"; }
+    if ! [ -d "$(rustc --print sysroot)/lib/rustlib/$triple/lib" ]; then
+        if [ ! -x "$root/usr/bin/rustc" ]; then
+            dpkg --print-foreign-architectures | grep -qx arm64 || dpkg --add-architecture arm64
+            apt-get update -qq
+            version=$(apt-cache show rustc-web | sed -n 's/^Version: //p' | sort -V | tail -1)
+            runtime=libstd-rust-web-$(cut -d. -f1,2 <<<"$version")
+            llvm=$(apt-cache depends "$runtime" | sed -n 's/.*Depends: \(libllvm[0-9]*\)$/\1/p')
+            mkdir -p "$root/packages"
+            (cd "$root/packages" && apt-get download -qq "rustc-web=$version" "$runtime=$version" "$llvm" \
+                "libstd-rust-web-dev:amd64=$version" "libstd-rust-web-dev:arm64=$version")
+            for package in "$root"/packages/*.deb; do dpkg -x "$package" "$root"; done
+        fi
+        export RUSTC=$root/usr/bin/rustc LD_LIBRARY_PATH=$root/usr/lib/x86_64-linux-gnu
+    fi
+    export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
+    export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu"
+    exec cargo test --locked --target "$triple" --target-dir target/aarch64 -p rom --lib -- kernel "$@"
+}
+
+case ${1:-} in
+    view | exports | clients | c | gateway | aarch64) "$@" ;;
+    -h | --help) sed -n '2,12s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,12s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+esac
