@@ -14,7 +14,6 @@ pub mod output;
 pub mod picture;
 pub mod progress;
 mod recording_data;
-mod render;
 pub mod resources;
 pub mod testbed;
 mod view;
