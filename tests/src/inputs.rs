@@ -101,7 +101,7 @@ fn recording_seed() -> Vec<u8> {
             .encode(&mut bytes);
         writer.message(channel, seq as u32, seq, seq, &bytes).expect("memory");
     }
-    writer.finish().expect("memory").1
+    writer.finish().expect("memory")
 }
 
 /// Scene and settings.

@@ -1,36 +1,37 @@
 //! `softtwin-gateway`: the twins of this machine on a Zenoh network, under the keys they have locally.
 //!
 //! ```text
-//! domain -> [look] -> topics -> [small]  states, health, ... : every one, JSON        -> network
-//!                            -> [fields] the newest, at a rate or on demand, f32      -> network
-//! domain <- [questions] <- get  softtwin/<actuator>/whatif|pressure|gap?...           <- network
-//! domain <- [readings]  <- put  softtwin/<actuator>/sensor, where the configuration allows it
+//! domain -> [topic_scan] -> topics -> [messages] states, health, ... : every one, JSON      -> network
+//!                                  -> [fields]   the newest, at a rate or on demand, f32    -> network
+//! domain <- [queries]  <- get  softtwin/<actuator>/whatif|pressure|gap?...                  <- network
+//! domain <- [readings] <- put  softtwin/<actuator>/sensor, where the configuration allows it
 //! ```
 //!
-//! A thread each, because ports of the shared memory stay in the thread that made them. All wait for the network; none of
-//! them is on the twin's way.
+//! A thread each, because ports of the shared memory stay in the thread that made them. All may wait for the network; none of
+//! them delays the twin.
 #![forbid(unsafe_code)]
 
 mod clock;
 mod config;
 mod endpoint;
 mod fields;
-mod lane;
 mod link;
-mod look;
+mod liveness;
+mod messages;
 mod network;
-mod pulse;
-mod questions;
+mod queries;
 mod readings;
 mod security;
-mod small;
+mod topic_bridge;
+mod topic_scan;
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use clap::Parser;
 use config::Config;
 use link::{Counters, Link};
-use look::Look;
-use pulse::Pulse;
+use liveness::Liveness;
+use queries::QueryHandler;
+use recording::ThreadGroup;
 use runtime::config::ConfigError;
 use runtime::service;
 use std::path::PathBuf;
@@ -38,13 +39,14 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::channel;
-use std::thread::{self, JoinHandle};
+use std::thread;
 use std::time::{Duration, Instant};
+use topic_scan::TopicScan;
 use wire::Domain;
 use zenoh::Wait;
 
-/// How often the counts are told.
-const TELL_EVERY: Duration = Duration::from_secs(60);
+/// How often the counts are logged.
+const LOG_EVERY: Duration = Duration::from_secs(60);
 
 const EXAMPLES: &str = "\
 Examples:
@@ -64,7 +66,7 @@ struct Options {
     /// Configuration file, see config/gateway.toml
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// Check the configuration, say what it means, and end
+    /// Check the configuration, print what it means, and end
     #[arg(long)]
     check: bool,
 }
@@ -88,17 +90,17 @@ fn run(options: &Options) -> anyhow::Result<()> {
         return Ok(());
     }
     let stop = service::stop_flag().context("signals cannot be handled")?;
-    let mut pulse = Pulse::from_env();
-    let Some(session) = network::open(&config, &stop, &mut pulse)? else { return Ok(()) };
+    let mut liveness = Liveness::from_env();
+    let Some(session) = network::open(&config, &stop, &mut liveness)? else { return Ok(()) };
     let link = Link {
         domain: Domain::from_env(),
         session,
         prefix: config.prefix.as_str().into(),
         stop,
-        turns: Arc::default(),
+        is_alive: Arc::default(),
         counters: Arc::new(Counters::default()),
     };
-    let ended = serve(&link, &config, pulse);
+    let ended = serve(&link, &config, liveness);
     service::tell_stopping();
     link.stop.store(true, Ordering::Relaxed);
     tracing::info!("ended: {}", link.counters.line());
@@ -108,60 +110,50 @@ fn run(options: &Options) -> anyhow::Result<()> {
     ended
 }
 
-/// Starts the threads and looks at the domain until the end.
-fn serve(link: &Link, config: &Config, mut pulse: Pulse) -> anyhow::Result<()> {
-    let ((small, small_news), (fields, field_news)) = (channel(), channel());
-    let (desk, questions) = questions::desk();
-    let mut look = Look::new(link, config, small, fields, desk)?;
+/// Starts the threads and scans the domain until the end.
+fn serve(link: &Link, config: &Config, mut liveness: Liveness) -> anyhow::Result<()> {
+    let ((to_messages, for_messages), (to_fields, for_fields)) = (channel(), channel());
+    let (handler, requests) = QueryHandler::new();
+    let mut scan = TopicScan::new(link, config, to_messages, to_fields, handler)?;
     let (period, inlets) = (config.field_period, config.inlets.clone());
-    let mut link_of = || Link { turns: pulse.of_thread(), ..link.clone() };
-    let mut threads = vec![
-        start(link_of(), "small", move |link| small::run(link, &small_news))?,
-        start(link_of(), "fields", move |link| fields::run(link, &field_news, period))?,
-        start(link_of(), "questions", move |link| questions::run(link, &questions))?,
-    ];
+    let mut threads = ThreadGroup::with_stop(link.stop.clone());
+    let mut thread_link = || Link { is_alive: liveness.add_thread(), ..link.clone() };
+    let own = thread_link();
+    threads.start("messages", move |_| Ok(messages::run(&own, &for_messages)?))?;
+    let own = thread_link();
+    threads.start("fields", move |_| Ok(fields::run(&own, &for_fields, period)?))?;
+    let own = thread_link();
+    threads.start("queries", move |_| Ok(queries::run(&own, &requests)?))?;
     if !inlets.is_empty() {
-        threads.push(start(link_of(), "readings", move |link| readings::run(link, &inlets))?);
+        let own = thread_link();
+        threads.start("readings", move |_| Ok(readings::run(&own, &inlets)?))?;
     }
-    look.look(link)?;
-    service::tell_ready(&place(config));
-    let mut tell_at = Instant::now() + TELL_EVERY;
-    while !link.is_stopped() && !threads.iter().any(JoinHandle::is_finished) {
-        thread::sleep(look::EVERY);
-        if let Err(error) = look.look(link) {
+    scan.scan(link)?;
+    service::tell_ready(&connections(config));
+    let mut log_at = Instant::now() + LOG_EVERY;
+    while !link.is_stopped() {
+        threads.check()?;
+        thread::sleep(topic_scan::EVERY);
+        if let Err(error) = scan.scan(link) {
             tracing::warn!("{error:#}");
         }
-        pulse.look();
-        if Instant::now() >= tell_at {
-            tell_at += TELL_EVERY;
+        liveness.feed();
+        if Instant::now() >= log_at {
+            log_at += LOG_EVERY;
             let line = link.counters.line();
             tracing::info!("so far: {line}");
             service::tell_status(&line);
         }
     }
-    link.stop.store(true, Ordering::Relaxed);
-    let ends =
-        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| Err(anyhow!("a thread panicked"))));
-    ends.collect()
+    Ok(())
 }
 
-fn start(
-    link: Link,
-    name: &str,
-    body: impl FnOnce(&Link) -> anyhow::Result<()> + Send + 'static,
-) -> anyhow::Result<JoinHandle<anyhow::Result<()>>> {
-    Ok(thread::Builder::new().name(name.into()).spawn(move || body(&link))?)
-}
-
-/// Where the gateway can be met.
-fn place(config: &Config) -> String {
-    match (config.listen.is_empty(), config.connect.is_empty()) {
-        (false, true) => format!("listens on {}", endpoint::list(&config.listen)),
-        (true, _) => format!("calls {}", endpoint::list(&config.connect)),
-        (false, false) => format!(
-            "listens on {}, calls {}",
-            endpoint::list(&config.listen),
-            endpoint::list(&config.connect)
-        ),
+/// Where the gateway listens and whom it calls.
+fn connections(config: &Config) -> String {
+    let (listen, connect) = (endpoint::list(&config.listen), endpoint::list(&config.connect));
+    match (listen.is_empty(), connect.is_empty()) {
+        (false, true) => format!("listens on {listen}"),
+        (true, _) => format!("calls {connect}"),
+        (false, false) => format!("listens on {listen}, calls {connect}"),
     }
 }

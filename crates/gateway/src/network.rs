@@ -1,7 +1,7 @@
 //! The gateway's place in the Zenoh network.
 
 use crate::config::{Config, Mode};
-use crate::pulse::Pulse;
+use crate::liveness::Liveness;
 use anyhow::anyhow;
 use runtime::service;
 use serde_json::{Value, json};
@@ -10,8 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 use zenoh::{Session, Wait};
 
-/// Longest time that a state waits for a reader who takes nothing. Then this reader is cut off, so that the others get
-/// what the topics' own buffers (2 s at 1 kHz) have kept for them meanwhile.
+/// Longest time that a state waits for a subscriber that takes nothing. Then this subscriber is disconnected, so that the
+/// others get what the topics' own buffers (2 s at 1 kHz) hold for them meanwhile.
 const SLOWEST_READER: Duration = Duration::from_secs(1);
 /// Batches of 64 kB that may wait in each of the queues of states and of fields: 1 MB, two whole fields.
 const QUEUE_BATCHES: u32 = 16;
@@ -20,7 +20,7 @@ const QUEUE_BATCHES: u32 = 16;
 ///
 /// # Errors
 /// When a port is taken, or a certificate cannot be used.
-pub fn open(config: &Config, stop: &AtomicBool, pulse: &mut Pulse) -> anyhow::Result<Option<Session>> {
+pub fn open(config: &Config, stop: &AtomicBool, liveness: &mut Liveness) -> anyhow::Result<Option<Session>> {
     let settings = zenoh::Config::from_json5(&settings(config).to_string())
         .map_err(|error| anyhow!("Zenoh refuses the configuration: {error}"))?;
     let opening = thread::Builder::new().name("open".into()).spawn(|| zenoh::open(settings).wait())?;
@@ -32,11 +32,11 @@ pub fn open(config: &Config, stop: &AtomicBool, pulse: &mut Pulse) -> anyhow::Re
         if patience.take_if(|until| Instant::now() >= *until).is_some() {
             let status = format!("nobody answers at {} yet; waiting", crate::endpoint::list(&config.connect));
             tracing::warn!("{status}");
-            // The other side may take hours: that is no reason for the service manager to give up on us.
+            // The router may take hours to come: the service manager must not end the gateway for that.
             service::tell_started(&status);
         }
         if patience.is_none() {
-            pulse.look();
+            liveness.feed();
         }
         thread::sleep(Duration::from_millis(20));
     }
@@ -49,7 +49,7 @@ pub fn open(config: &Config, stop: &AtomicBool, pulse: &mut Pulse) -> anyhow::Re
     }
 }
 
-/// The settings in Zenoh's own form. Nobody is looked for: what is connected is what the configuration names.
+/// The settings in Zenoh's own form. Nothing is discovered: the configuration names every connection.
 fn settings(config: &Config) -> Value {
     let texts = |endpoints: &[crate::endpoint::Endpoint]| {
         endpoints.iter().map(|endpoint| json!(endpoint.to_string())).collect::<Vec<Value>>()
@@ -70,7 +70,7 @@ fn settings(config: &Config) -> Value {
         },
         "scouting": {
             "multicast": { "enabled": false },
-            // Who is connected to whom is told, so that nothing arrives twice over two ways; nobody is called for that.
+            // Connections are announced, so that nothing arrives twice over two ways; this opens no connections.
             "gossip": { "autoconnect": { "router": [], "peer": [], "client": [] } },
         },
         "open": { "return_conditions": { "connect_scouted": false } },

@@ -48,8 +48,8 @@ fn serve(link: &Link, bus: &Bus, receiver: &Receiver<Arrived>, inlets: &mut [Inl
         match receiver.recv_timeout(TICK) {
             Ok(arrived) => {
                 let Some(inlet) = inlets.get_mut(arrived.inlet) else { continue };
-                let is_taken = inlet.take(bus, &arrived);
-                count(if is_taken { &link.counters.readings } else { &link.counters.bad_readings });
+                let is_passed_on = inlet.pass_on(bus, &arrived);
+                count(if is_passed_on { &link.counters.readings } else { &link.counters.bad_readings });
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
@@ -75,7 +75,7 @@ fn subscribe(
             count(&counters.bad_readings);
         }
     };
-    let subscriber = link.session.declare_subscriber(link.topic_key(topic)).callback(take);
+    let subscriber = link.session.declare_subscriber(link.key(topic.name())).callback(take);
     network(subscriber.allowed_origin(Locality::Remote).wait())
 }
 
@@ -85,7 +85,7 @@ struct Inlet {
     writer: Option<SensorWriter>,
     retry_at: Instant,
     clock: SenderClock,
-    /// The last trouble, told once until it is over.
+    /// The last trouble; it is logged once.
     trouble: Option<String>,
 }
 
@@ -104,16 +104,16 @@ impl Inlet {
         self.retry_at = Instant::now() + RETRY;
         match SensorWriter::create(bus, &self.topic) {
             Ok(writer) => self.writer = Some(writer),
-            Err(error) => self.tell(format!("readings from the network cannot be passed on: {error}")),
+            Err(error) => self.log_once(format!("readings from the network cannot be passed on: {error}")),
         }
     }
 
-    /// Passes a reading on; its values are the twin's to judge. False when it is none, or nobody takes it.
-    fn take(&mut self, bus: &Bus, arrived: &Arrived) -> bool {
+    /// Passes a reading on; the twin checks its values. False when it is none, or cannot be passed on.
+    fn pass_on(&mut self, bus: &Bus, arrived: &Arrived) -> bool {
         let message = match SensorMessage::decode(&arrived.bytes) {
             Ok(message) => message,
             Err(error) => {
-                self.tell(format!("{}: a message from the network is no reading: {error}", self.topic));
+                self.log_once(format!("{}: a message from the network is no reading: {error}", self.topic));
                 return false;
             }
         };
@@ -130,13 +130,13 @@ impl Inlet {
             }
             Err(error) => {
                 self.writer = None;
-                self.tell(error.to_string());
+                self.log_once(error.to_string());
                 false
             }
         }
     }
 
-    fn tell(&mut self, trouble: String) {
+    fn log_once(&mut self, trouble: String) {
         if self.trouble.as_ref() != Some(&trouble) {
             tracing::warn!("{trouble}");
             self.trouble = Some(trouble);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
@@ -24,7 +24,7 @@ pub enum ExportError {
     Write {
         /// The table.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
@@ -38,14 +38,6 @@ pub struct Exported {
     pub left_out: u64,
     /// How the recording ended.
     pub ending: Ending,
-}
-
-/// A table on its way: its columns are those of the topic's first message.
-struct Table {
-    path: PathBuf,
-    columns: Vec<String>,
-    out: BufWriter<File>,
-    rows: u64,
 }
 
 /// Writes every topic that `key` matches into `folder`, named after the topic: `softtwin.finger.state.csv`.
@@ -65,8 +57,8 @@ pub fn export_csv<R: Read>(
     let mut left_out = 0;
     while let Some(item) = reader.next_item()? {
         let Item::Message(message) = item else { continue };
-        let topic = message.channel.topic.clone();
-        if !key.matches(&topic) {
+        let topic = &message.channel.topic;
+        if !key.matches(topic) {
             continue;
         }
         let Ok(Properties(properties)) = serde_json::from_slice(&message.data) else {
@@ -74,15 +66,11 @@ pub fn export_csv<R: Read>(
             continue;
         };
         let cells = cells(&properties);
-        let table = match tables.remove(&topic) {
-            Some(table) => Ok(table),
-            None => Table::create(folder, &topic, &cells),
+        let table = match tables.get_mut(topic) {
+            Some(table) => table,
+            None => tables.entry(topic.clone()).or_insert(Table::create(folder, topic, &cells)?),
         };
-        let mut table = table.map_err(|(path, source)| ExportError::Write { path, source })?;
-        table
-            .row(&message, cells)
-            .map_err(|source| ExportError::Write { path: table.path.clone(), source })?;
-        tables.insert(topic, table);
+        table.row(&message, cells)?;
     }
     let mut rows = BTreeMap::new();
     for mut table in tables.into_values() {
@@ -92,34 +80,43 @@ pub fn export_csv<R: Read>(
     Ok(Exported { rows, left_out, ending: reader.ending().cloned().unwrap_or(Ending::Complete) })
 }
 
+/// An open table. Its columns are those of the topic's first message.
+struct Table {
+    path: PathBuf,
+    columns: Vec<String>,
+    out: csv::Writer<File>,
+    rows: u64,
+}
+
 impl Table {
-    fn create(folder: &Path, topic: &str, cells: &[(String, String)]) -> Result<Self, (PathBuf, io::Error)> {
-        // A topic comes out of the file: nothing in it may lead out of the folder.
+    fn create(folder: &Path, topic: &str, cells: &[(String, String)]) -> Result<Self, ExportError> {
+        // The topic comes out of the file: it must not lead out of the folder.
         let plain = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '.' };
         let name: String = topic.chars().map(plain).take(200).collect();
         let path = folder.join(format!("{}.csv", name.trim_matches('.')));
+        let file = File::create(&path).map_err(|source| ExportError::Write { path: path.clone(), source })?;
         let columns: Vec<String> = cells.iter().map(|(name, _)| name.clone()).collect();
-        let create = || {
-            let mut out = BufWriter::new(File::create(&path)?);
-            let head =
-                ["log_time_ns", "publish_time_ns"].into_iter().chain(columns.iter().map(String::as_str));
-            writeln!(out, "{}", head.map(quote).collect::<Vec<_>>().join(","))?;
-            Ok(out)
-        };
-        match create() {
-            Ok(out) => Ok(Self { path, columns, out, rows: 0 }),
-            Err(error) => Err((path, error)),
-        }
+        let mut table = Self { path, columns, out: csv::Writer::from_writer(file), rows: 0 };
+        let head: Vec<String> = ["log_time_ns", "publish_time_ns"]
+            .map(String::from)
+            .into_iter()
+            .chain(table.columns.clone())
+            .collect();
+        table.write(&head)?;
+        Ok(table)
     }
 
-    fn row(&mut self, message: &Message, cells: Vec<(String, String)>) -> io::Result<()> {
+    fn row(&mut self, message: &Message, cells: Vec<(String, String)>) -> Result<(), ExportError> {
         let mut cells: BTreeMap<String, String> = cells.into_iter().collect();
-        write!(self.out, "{},{}", message.log_time_ns, message.publish_time_ns)?;
-        for column in &self.columns {
-            write!(self.out, ",{}", quote(&cells.remove(column).unwrap_or_default()))?;
-        }
+        let mut row = vec![message.log_time_ns.to_string(), message.publish_time_ns.to_string()];
+        row.extend(self.columns.iter().map(|column| cells.remove(column).unwrap_or_default()));
         self.rows += 1;
-        writeln!(self.out)
+        self.write(&row)
+    }
+
+    fn write(&mut self, row: &[String]) -> Result<(), ExportError> {
+        let written = self.out.write_record(row);
+        written.map_err(|error| ExportError::Write { path: self.path.clone(), source: error.into() })
     }
 }
 
@@ -142,15 +139,6 @@ fn cell(value: &Value) -> String {
         Value::String(text) => text.clone(),
         Value::Array(items) => items.iter().map(cell).collect::<Vec<_>>().join(" "),
         other => other.to_string(),
-    }
-}
-
-/// Quotes as RFC 4180 asks, only where it must be.
-fn quote(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
     }
 }
 

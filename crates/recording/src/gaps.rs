@@ -1,6 +1,6 @@
 //! Finds what is missing in a numbered stream.
 
-use std::collections::HashMap;
+use wire::Stamp;
 
 /// Samples that were published and never arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,40 +18,18 @@ impl Gap {
     }
 }
 
-/// Follows the sequence numbers of every topic. A new publisher (another boot id) starts its own count.
+/// Follows the sequence numbers of one topic. A new publisher (another boot id) starts its own count.
 #[derive(Debug, Default)]
 pub struct GapCounter {
-    last: HashMap<String, (u64, u64)>,
-    missing: u64,
+    last: Option<(u64, u64)>,
 }
 
 impl GapCounter {
     /// Notes a sample; returns the gap in front of it, if there is one.
-    pub fn observe(&mut self, topic: &str, boot_id: u64, seq: u64) -> Option<Gap> {
-        let previous = match self.last.get_mut(topic) {
-            Some(last) => std::mem::replace(last, (boot_id, seq)),
-            None => {
-                self.last.insert(topic.to_owned(), (boot_id, seq));
-                return None;
-            }
-        };
-        let expected_seq = previous.1.wrapping_add(1);
-        if previous.0 != boot_id || seq <= expected_seq {
-            return None;
-        }
-        let gap = Gap { expected_seq, found_seq: seq };
-        self.missing = self.missing.saturating_add(gap.missing());
-        Some(gap)
-    }
-
-    /// Begins anew with a topic that was not followed for a while.
-    pub fn forget(&mut self, topic: &str) {
-        self.last.remove(topic);
-    }
-
-    /// Samples missing over all topics so far.
-    pub fn missing(&self) -> u64 {
-        self.missing
+    pub fn observe(&mut self, stamp: Stamp) -> Option<Gap> {
+        let (boot_id, last_seq) = self.last.replace((stamp.boot_id, stamp.seq))?;
+        let gap = Gap { expected_seq: last_seq.saturating_add(1), found_seq: stamp.seq };
+        (boot_id == stamp.boot_id && gap.missing() > 0).then_some(gap)
     }
 }
 
@@ -62,14 +40,14 @@ mod tests {
     #[test]
     fn a_jump_is_a_gap_and_a_new_publisher_is_not() {
         let mut gaps = GapCounter::default();
-        assert_eq!(gaps.observe("a", 1, 10), None, "the first sample starts the count");
-        assert_eq!(gaps.observe("a", 1, 11), None);
-        assert_eq!(gaps.observe("b", 1, 0), None, "topics count apart");
-        assert_eq!(gaps.observe("a", 1, 15), Some(Gap { expected_seq: 12, found_seq: 15 }));
-        assert_eq!(gaps.observe("a", 2, 900), None, "another boot id is another publisher");
-        assert_eq!(gaps.observe("a", 2, 899), None, "backwards is not a loss");
-        gaps.forget("b");
-        assert_eq!(gaps.observe("b", 1, 50), None, "what was not followed is not missing");
-        assert_eq!(gaps.missing(), 3);
+        let mut observe =
+            |boot_id, seq| gaps.observe(Stamp { boot_id, seq, t_sensor_ns: 0, t_publish_ns: 0 });
+        assert_eq!(observe(1, 10), None, "the first sample starts the count");
+        assert_eq!(observe(1, 11), None);
+        assert_eq!(observe(1, 15), Some(Gap { expected_seq: 12, found_seq: 15 }));
+        assert_eq!(observe(2, 900), None, "another boot id is another publisher");
+        assert_eq!(observe(2, 899), None, "backwards is not a loss");
+        assert_eq!(observe(2, u64::MAX).map(Gap::missing), Some(u64::MAX - 900));
+        assert_eq!(observe(2, u64::MAX), None);
     }
 }

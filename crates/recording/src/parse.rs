@@ -1,17 +1,16 @@
-//! Reads the format's primitives from a slice; every read is checked and none allocates.
+//! The fields of the few records that readers need, with every length checked against the bytes that are there.
+//!
+//! `mcap::parse_record` is not used: for a text that claims 4 GB it reserves 4 GB (test `a_claimed_length_reserves_nothing`),
+//! and it panics on a short attachment.
 
-/// A position in a record's body.
+/// The unread rest of a record.
 pub struct Body<'a>(pub &'a [u8]);
 
 impl<'a> Body<'a> {
-    pub fn take(&mut self, count: u64) -> Option<&'a [u8]> {
-        let (head, tail) = self.0.split_at_checked(usize::try_from(count).ok()?)?;
+    pub fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (head, tail) = self.0.split_at_checked(count)?;
         self.0 = tail;
         Some(head)
-    }
-
-    pub fn u8(&mut self) -> Option<u8> {
-        self.take(1)?.first().copied()
     }
 
     pub fn u16(&mut self) -> Option<u16> {
@@ -26,37 +25,23 @@ impl<'a> Body<'a> {
         Some(u64::from_le_bytes(self.take(8)?.try_into().ok()?))
     }
 
+    /// A length of 32 bits and as many bytes.
+    pub fn bytes(&mut self) -> Option<&'a [u8]> {
+        let length = self.u32()?;
+        self.take(length as usize)
+    }
+
     pub fn string(&mut self) -> Option<&'a str> {
-        let length = self.u32()?;
-        std::str::from_utf8(self.take(u64::from(length))?).ok()
-    }
-
-    /// The pairs of a string map.
-    pub fn string_map(&mut self) -> Option<Vec<(&'a str, &'a str)>> {
-        let length = self.u32()?;
-        let mut pairs = Body(self.take(u64::from(length))?);
-        let mut map = Vec::new();
-        while !pairs.0.is_empty() {
-            map.push((pairs.string()?, pairs.string()?));
-        }
-        Some(map)
+        std::str::from_utf8(self.bytes()?).ok()
     }
 }
 
-/// The head of a chunk and its (perhaps compressed) records.
-pub struct ChunkBody<'a> {
-    pub uncompressed: u64,
-    pub checksum: u32,
-    pub compression: &'a str,
-    pub records: &'a [u8],
-}
-
-pub fn chunk(bytes: &[u8]) -> Option<ChunkBody<'_>> {
-    let mut body = Body(bytes);
-    body.take(16)?;
-    let uncompressed = body.u64()?;
-    let checksum = body.u32()?;
-    let compression = body.string()?;
-    let length = body.u64()?;
-    Some(ChunkBody { uncompressed, checksum, compression, records: body.take(length)? })
+/// Bytes of a chunk record up to the end of its compressed records; what follows is padding.
+pub fn chunk_length(record: &[u8]) -> Option<usize> {
+    let mut body = Body(record);
+    body.take(28)?; // times, size and checksum
+    body.bytes()?; // compression
+    let records_length = body.u64()?;
+    body.take(usize::try_from(records_length).ok()?)?;
+    Some(record.len() - body.0.len())
 }

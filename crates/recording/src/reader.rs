@@ -1,16 +1,26 @@
 //! Reads a recording from start to end, whatever state it is in.
 
-use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
-use std::sync::Arc;
 
+use mcap::records::op;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{MAGIC, McapError};
 use thiserror::Error;
 
-use crate::parse::{self, Body};
-use crate::{ChannelInfo, MAGIC, MAX_RECORD_BYTES, SharedChannel, op};
+use crate::contents::{Contents, Item};
+use crate::parse;
 
-/// Channels a reader remembers; a file that announces more is not a recording but an attack on memory.
-const MAX_CHANNELS: usize = 4096;
+/// Largest record, and largest decompressed chunk, that a reader takes into memory: 64 MiB.
+///
+/// A field of 125,110 values is half a megabyte, so a chunk of ours stays far below.
+pub const MAX_RECORD_BYTES: u64 = 64 << 20;
+
+/// Opcode and length in front of every record, bytes.
+const RECORD_HEAD: usize = 9;
+/// Content of the record that ends a file.
+const FOOTER_BYTES: usize = 20;
+/// Read at once, so that a length field alone allocates no more.
+const READ_BYTES: usize = 1 << 16;
 
 /// Why a file cannot be read as a recording at all.
 #[derive(Debug, Error)]
@@ -24,7 +34,7 @@ pub enum ReadError {
         /// The first bytes of the file.
         found: String,
     },
-    /// A compression that is not read here.
+    /// A compression that is not supported.
     #[error(
         "expected chunks compressed with lz4 or not at all, found {found}; rewrite the file with `mcap compress \
          --compression lz4 IN -o OUT`"
@@ -32,35 +42,6 @@ pub enum ReadError {
     Compression {
         /// Its name in the file.
         found: String,
-    },
-}
-
-/// One message.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
-    /// Where it was published.
-    pub channel: SharedChannel,
-    /// Low 32 bits of the publisher's sequence number.
-    pub sequence: u32,
-    /// When it was recorded, nanoseconds since 1970.
-    pub log_time_ns: u64,
-    /// When it was published, nanoseconds since 1970.
-    pub publish_time_ns: u64,
-    /// The message itself.
-    pub data: Vec<u8>,
-}
-
-/// What a recording consists of.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Item {
-    /// A message.
-    Message(Message),
-    /// A named table of texts.
-    Metadata {
-        /// Its name.
-        name: String,
-        /// Its entries.
-        entries: BTreeMap<String, String>,
     },
 }
 
@@ -86,23 +67,16 @@ pub enum Ending {
 /// Reads a recording record by record. Memory: one record and one chunk, each of at most [`MAX_RECORD_BYTES`].
 pub struct Reader<R: Read> {
     input: R,
+    /// Where the next record begins.
     at_byte: u64,
-    schemas: HashMap<u16, String>,
-    channels: HashMap<u16, SharedChannel>,
-    chunk: Vec<u8>,
-    chunk_at: usize,
-    chunks: u64,
-    delivered: u64,
-    promised: Option<u64>,
-    skipped: u64,
+    /// Bytes taken from the input.
+    taken_bytes: u64,
+    file: LinearReader,
+    /// A chunk whose checksum held, while its records are read.
+    chunk: Option<LinearReader>,
+    has_chunks: bool,
+    contents: Contents,
     ending: Option<Ending>,
-}
-
-/// What one record turned out to be.
-enum Step {
-    Item(Item),
-    Continue,
-    End,
 }
 
 impl<R: Read> Reader<R> {
@@ -120,14 +94,11 @@ impl<R: Read> Reader<R> {
         Ok(Self {
             input,
             at_byte: MAGIC.len() as u64,
-            schemas: HashMap::new(),
-            channels: HashMap::new(),
-            chunk: Vec::new(),
-            chunk_at: 0,
-            chunks: 0,
-            delivered: 0,
-            promised: None,
-            skipped: 0,
+            taken_bytes: MAGIC.len() as u64,
+            file: LinearReader::new_with_options(options().with_emit_chunks(true)),
+            chunk: None,
+            has_chunks: false,
+            contents: Contents::default(),
             ending: None,
         })
     }
@@ -139,15 +110,12 @@ impl<R: Read> Reader<R> {
     /// recording and are reported by [`Reader::ending`].
     pub fn next_item(&mut self) -> Result<Option<Item>, ReadError> {
         while self.ending.is_none() {
-            let step =
-                if self.chunk_at < self.chunk.len() { self.step_in_chunk() } else { self.step_in_file()? };
-            match step {
-                Step::Item(item) => return Ok(Some(item)),
-                Step::Continue => {}
-                Step::End => {
-                    let ending = self.whole_or_damaged();
-                    self.ending.get_or_insert(ending);
-                }
+            let item = match &self.chunk {
+                Some(_) => self.step_in_chunk()?,
+                None => self.step_in_file()?,
+            };
+            if item.is_some() {
+                return Ok(item);
             }
         }
         Ok(None)
@@ -158,163 +126,105 @@ impl<R: Read> Reader<R> {
         self.ending.as_ref()
     }
 
-    /// The file's own count of messages also betrays a chunk whose kind was damaged, and that was passed over unseen.
-    fn whole_or_damaged(&self) -> Ending {
-        let unseen = self.promised.map_or(0, |promised| promised.abs_diff(self.delivered));
-        match self.skipped.max(u64::from(unseen > 0)) {
-            0 => Ending::Complete,
-            skipped => Ending::Damaged { skipped },
+    fn step_in_chunk(&mut self) -> Result<Option<Item>, ReadError> {
+        let Some(chunk) = &mut self.chunk else { return Ok(None) };
+        match chunk.next_event() {
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                return Ok(self.contents.take(opcode, data));
+            }
+            Some(Ok(LinearReadEvent::ReadRequest(_))) => {
+                chunk.notify_read(0); // the whole chunk is in there: this is its end
+                return Ok(None);
+            }
+            Some(Err(McapError::UnsupportedCompression(found))) => {
+                return Err(ReadError::Compression { found: found.chars().take(32).collect() });
+            }
+            Some(Err(_)) => self.contents.skipped += 1,
+            None => {}
         }
+        self.chunk = None;
+        Ok(None)
     }
 
-    fn step_in_chunk(&mut self) -> Step {
-        let chunk = std::mem::take(&mut self.chunk);
-        let mut body = Body(chunk.get(self.chunk_at..).unwrap_or_default());
-        let step = match (body.u8(), body.u64().and_then(|length| body.take(length))) {
-            (Some(opcode), Some(record)) => {
-                self.chunk_at = chunk.len() - body.0.len();
-                self.record(opcode, record)
+    fn step_in_file(&mut self) -> Result<Option<Item>, ReadError> {
+        let (opcode, record) = match self.file.next_event() {
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => (opcode, data),
+            Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                let count = read(&mut self.input, self.file.insert(wanted.min(READ_BYTES)))?;
+                self.file.notify_read(count);
+                self.taken_bytes += count as u64;
+                return Ok(None);
             }
-            // The checksum held and the records still do not add up: leave the rest of this chunk out.
-            _ => {
-                self.chunk_at = chunk.len();
-                self.skipped += 1;
-                Step::Continue
+            failed => {
+                let reason = match failed {
+                    Some(Err(McapError::RecordTooLarge { .. })) => {
+                        "a record claims more bytes than any recording holds"
+                    }
+                    Some(Err(error)) if !matches!(error, McapError::UnexpectedEof) => {
+                        "the end of the data is damaged"
+                    }
+                    _ if self.taken_bytes == self.at_byte => {
+                        "the file ends between two records, without a footer"
+                    }
+                    _ => "the file ends inside a record",
+                };
+                self.ending = Some(Ending::Truncated { at_byte: self.at_byte, reason });
+                return Ok(None);
             }
         };
-        self.chunk = chunk;
-        step
-    }
-
-    fn step_in_file(&mut self) -> Result<Step, ReadError> {
-        let start = self.at_byte;
-        let head = self.read_up_to(9)?;
-        let mut body = Body(&head);
-        let (Some(opcode), Some(length)) = (body.u8(), body.u64()) else {
-            return Ok(self.truncated(start, "the file ends between two records, without a footer"));
-        };
-        if length > MAX_RECORD_BYTES {
-            return Ok(self.truncated(start, "a record claims more bytes than any recording holds"));
-        }
-        let record = self.read_up_to(length)?;
-        if (record.len() as u64) < length {
-            return Ok(self.truncated(start, "the file ends inside a record"));
-        }
+        self.at_byte += (RECORD_HEAD + record.len()) as u64;
         match opcode {
-            op::FOOTER => Ok(Step::End),
-            op::CHUNK => self.open_chunk(&record),
-            // Outside chunks nothing is checked: where there are chunks, a message out there is a damaged index.
-            op::MESSAGE if self.chunks > 0 => {
-                self.skipped += 1;
-                Ok(Step::Continue)
+            // Of another length it is something else whose opcode was damaged.
+            op::FOOTER if record.len() == FOOTER_BYTES => {
+                self.ending = Some(match self.contents.damage() {
+                    0 => Ending::Complete,
+                    skipped => Ending::Damaged { skipped },
+                });
             }
-            _ => Ok(self.record(opcode, &record)),
+            op::CHUNK => {
+                self.has_chunks = true;
+                self.chunk = open_chunk(record);
+                self.contents.skipped += u64::from(self.chunk.is_none());
+            }
+            // Outside chunks nothing has a checksum: where there are chunks, a message outside is a damaged index.
+            op::MESSAGE if self.has_chunks => self.contents.skipped += 1,
+            _ => return Ok(self.contents.take(opcode, record)),
         }
-    }
-
-    /// Grows with what is really there, so that a length field alone allocates nothing.
-    fn read_up_to(&mut self, count: u64) -> Result<Vec<u8>, ReadError> {
-        let mut bytes = Vec::new();
-        self.input.by_ref().take(count).read_to_end(&mut bytes)?;
-        self.at_byte += bytes.len() as u64;
-        Ok(bytes)
-    }
-
-    fn truncated(&mut self, at_byte: u64, reason: &'static str) -> Step {
-        self.ending = Some(Ending::Truncated { at_byte, reason });
-        Step::End
-    }
-
-    fn open_chunk(&mut self, record: &[u8]) -> Result<Step, ReadError> {
-        self.chunks += 1;
-        let Some(chunk) = parse::chunk(record) else {
-            self.skipped += 1;
-            return Ok(Step::Continue);
-        };
-        let records = match chunk.compression {
-            "" => Some(chunk.records.to_vec()),
-            "lz4" => decompress(chunk.records, chunk.uncompressed),
-            other => return Err(ReadError::Compression { found: other.chars().take(32).collect() }),
-        };
-        let whole =
-            records.filter(|records| chunk.checksum == 0 || crc32fast::hash(records) == chunk.checksum);
-        match whole {
-            Some(records) => (self.chunk, self.chunk_at) = (records, 0),
-            None => self.skipped += 1,
-        }
-        Ok(Step::Continue)
-    }
-
-    fn record(&mut self, opcode: u8, record: &[u8]) -> Step {
-        let mut body = Body(record);
-        let known = match opcode {
-            op::SCHEMA => self.schema(&mut body).map(|()| Step::Continue),
-            op::CHANNEL => self.channel(&mut body).map(|()| Step::Continue),
-            op::MESSAGE => self.message(&mut body).map(Step::Item),
-            op::METADATA => metadata(&mut body).map(Step::Item),
-            op::STATISTICS => body.u64().map(|promised| {
-                self.promised = Some(promised);
-                Step::Continue
-            }),
-            _ => Some(Step::Continue),
-        };
-        known.unwrap_or_else(|| {
-            self.skipped += 1;
-            Step::Continue
-        })
-    }
-
-    fn schema(&mut self, body: &mut Body) -> Option<()> {
-        let (id, name) = (body.u16()?, body.string()?);
-        if self.schemas.len() < MAX_CHANNELS {
-            self.schemas.insert(id, name.to_owned());
-        }
-        Some(())
-    }
-
-    fn channel(&mut self, body: &mut Body) -> Option<()> {
-        let (id, schema) = (body.u16()?, body.u16()?);
-        let (topic, encoding) = (body.string()?, body.string()?);
-        let info = ChannelInfo {
-            topic: topic.to_owned(),
-            message_encoding: encoding.to_owned(),
-            schema_name: self.schemas.get(&schema).cloned().unwrap_or_default(),
-        };
-        // Every chunk repeats its channels: the same one stays, so that its messages go on sharing it.
-        let is_known = self.channels.get(&id).is_some_and(|known| **known == info);
-        if !is_known && (self.channels.len() < MAX_CHANNELS || self.channels.contains_key(&id)) {
-            self.channels.insert(id, Arc::new(info));
-        }
-        Some(())
-    }
-
-    fn message(&mut self, body: &mut Body) -> Option<Item> {
-        let channel = self.channels.get(&body.u16()?)?.clone();
-        let (sequence, log_time_ns, publish_time_ns) = (body.u32()?, body.u64()?, body.u64()?);
-        self.delivered += 1;
-        Some(Item::Message(Message {
-            channel,
-            sequence,
-            log_time_ns,
-            publish_time_ns,
-            data: body.0.to_vec(),
-        }))
+        Ok(None)
     }
 }
 
-fn metadata(body: &mut Body) -> Option<Item> {
-    let name = body.string()?.to_owned();
-    let pairs = body.string_map()?;
-    let entries = pairs.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
-    Some(Item::Metadata { name, entries })
+fn options() -> LinearReaderOptions {
+    LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(MAX_RECORD_BYTES as usize)
 }
 
-/// Expands at most what the chunk announces, and never more than [`MAX_RECORD_BYTES`].
-fn decompress(frame: &[u8], uncompressed: u64) -> Option<Vec<u8>> {
-    if uncompressed > MAX_RECORD_BYTES {
-        return None;
+/// A reader over one chunk alone, so that a damaged one can be left out; `None` when its lengths do not fit.
+///
+/// Padding is cut off: the crate would read records out of it and panic
+/// (test `a_record_that_reaches_into_the_padding_of_its_chunk_is_left_out`).
+fn open_chunk(record: &[u8]) -> Option<LinearReader> {
+    let record = record.get(..parse::chunk_length(record)?)?;
+    let mut chunk = LinearReader::new_with_options(options());
+    let buffer = chunk.insert(RECORD_HEAD + record.len());
+    let (opcode, rest) = buffer.split_first_mut()?;
+    let (length, body) = rest.split_at_mut(RECORD_HEAD - 1);
+    *opcode = op::CHUNK;
+    length.copy_from_slice(&(record.len() as u64).to_le_bytes());
+    body.copy_from_slice(record);
+    chunk.notify_read(RECORD_HEAD + record.len());
+    Some(chunk)
+}
+
+/// As [`Read::read`], again when a signal came.
+fn read(input: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match input.read(buffer) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            other => return other,
+        }
     }
-    let mut records = Vec::new();
-    lz4_flex::frame::FrameDecoder::new(frame).take(uncompressed + 1).read_to_end(&mut records).ok()?;
-    (records.len() as u64 == uncompressed).then_some(records)
 }

@@ -3,18 +3,18 @@
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 
-/// Somewhere bytes are appended, that can be cut back to a known length and forced to disk.
+/// Bytes are appended to it; it can be cut back to a known length and forced to disk.
 pub trait Store: Write {
     /// Cuts the store to `len` bytes and continues writing there.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// The system's error.
     fn cut_to(&mut self, len: u64) -> io::Result<()>;
 
     /// Forces what was written onto the medium.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// The system's error.
     fn sync(&mut self) -> io::Result<()>;
 }
 

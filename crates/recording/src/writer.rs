@@ -1,20 +1,23 @@
 //! Writes one MCAP file, chunk by chunk.
+//!
+//! The `mcap` crate encodes into memory ([`Staging`]); each closed chunk goes to the file in one piece and is never changed
+//! afterwards. A program that is killed leaves a file that is readable up to its last whole chunk.
 
 use std::collections::BTreeMap;
-use std::io;
+use std::io::{self, Cursor};
 use std::path::PathBuf;
 
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Compression, McapError, McapResult, WriteOptions};
 use thiserror::Error;
 
-use crate::chunk::{Chunk, ChunkPlace};
+use crate::staging::Staging;
 use crate::store::Store;
-use crate::summary::{MetadataPlace, Summary};
-use crate::{MAGIC, encode, op};
 
 /// A chunk is closed at this size at the latest.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// What a channel says about itself.
+/// Topic and schema of messages.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Channel {
     /// Topic, such as `softtwin/finger/state`.
@@ -27,70 +30,58 @@ pub struct Channel {
 
 /// A channel of one writer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct ChannelId(pub(crate) u16);
+pub struct ChannelId(u16);
 
 /// Why a recording could not go on.
 #[derive(Debug, Error)]
 pub enum WriteError {
-    /// The medium refused. The file was cut back to its last whole chunk and stays readable.
+    /// The disk refused. The file was cut back to its last whole chunk and stays readable.
     #[error(
         "recording stopped: {source}; the file is readable up to its last whole chunk ({kept_messages} messages kept, \
          {lost_messages} not written). Free space, or record with --keep, then start again"
     )]
     Store {
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
         /// Messages safely in the file.
         kept_messages: u64,
-        /// Messages that were in the chunk that could not be written.
+        /// Messages of the chunk that could not be written.
         lost_messages: u64,
     },
-    /// The first file is somebody's already.
+    /// The first file exists already.
     #[error("{} is there already, and a recording never overwrites: name another file, or remove it", path.display())]
     Exists {
         /// The file.
         path: PathBuf,
     },
-    /// The first file cannot be made.
+    /// The first file cannot be created.
     #[error("cannot make {}: {cause}; its folder must exist, be writable and have room", path.display())]
     Create {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         cause: io::Error,
     },
     /// An earlier write failed; nothing more is written to this file.
     #[error("the recording already ended with a failed write; open a new file")]
     Ended,
-    /// More channels than the format can number.
-    #[error("expected at most 65535 channels in a recording; topic {topic} is one more")]
-    TooManyChannels {
-        /// The topic that did not fit.
-        topic: String,
-    },
-}
-
-/// What a finished file holds.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct WriteSummary {
-    /// Messages in the file.
-    pub messages: u64,
-    /// Chunks in the file.
-    pub chunks: u64,
-    /// Bytes of the file.
-    pub bytes: u64,
+    /// The container refused, such as more than 65535 channels in a file.
+    #[error("recording stopped: {0}; record fewer topics, or into several files")]
+    Container(#[from] McapError),
 }
 
 /// Writes one recording. A message is on disk after the next [`Writer::flush`]; call it at least once a second.
 ///
-/// Memory: one open chunk of about 1 MiB, and about 150 bytes for each closed chunk until the file is finished.
+/// Memory: one open chunk of about 1 MiB, and about 300 bytes for each closed chunk until the file is finished.
 pub struct Writer<S: Store> {
     store: S,
-    len: u64,
-    chunk: Chunk,
-    channels: Vec<Channel>,
-    announced: usize,
-    summary: Summary,
+    staging: Staging,
+    mcap: mcap::Writer<Staging>,
+    channels: Vec<(Channel, ChannelId)>,
+    messages: u64,
+    chunk_messages: u64,
+    /// Bytes in the open chunk, before compression; 0: no chunk is open.
+    chunk_bytes: usize,
     ended: bool,
 }
 
@@ -100,42 +91,40 @@ impl<S: Store> Writer<S> {
     /// # Errors
     /// [`WriteError::Store`] when the head of the file cannot be written.
     pub fn new(store: S) -> Result<Self, WriteError> {
-        let mut head = MAGIC.to_vec();
-        encode::record(&mut head, op::HEADER, |out| {
-            encode::string(out, "");
-            encode::string(out, concat!("softtwin ", env!("CARGO_PKG_VERSION")));
-        });
+        let staging = Staging::default();
+        let mcap = options().disable_seeking(true).create(staging.clone())?;
         let mut writer = Self {
             store,
-            len: 0,
-            chunk: Chunk::default(),
+            staging,
+            mcap,
             channels: Vec::new(),
-            announced: 0,
-            summary: Summary::default(),
+            messages: 0,
+            chunk_messages: 0,
+            chunk_bytes: 0,
             ended: false,
         };
-        writer.append(&head, 0)?;
+        writer.write_staged()?;
         Ok(writer)
     }
 
     /// Bytes in the file and in the open chunk (before compression).
     pub fn bytes(&self) -> u64 {
-        self.len + self.chunk.len() as u64
+        self.staging.lock().file_bytes + self.chunk_bytes as u64
     }
 
-    /// The channel of this description; made at its first mention.
+    /// The channel of this description; added at its first mention.
     ///
     /// # Errors
-    /// [`WriteError::TooManyChannels`].
+    /// [`WriteError::Container`] when there are too many.
     pub fn channel(&mut self, channel: &Channel) -> Result<ChannelId, WriteError> {
-        if let Some(at) = self.channels.iter().position(|known| known == channel) {
-            return Ok(ChannelId(at as u16 + 1));
+        if let Some((_, id)) = self.channels.iter().find(|(known, _)| known == channel) {
+            return Ok(*id);
         }
-        if self.channels.len() >= usize::from(u16::MAX) {
-            return Err(WriteError::TooManyChannels { topic: channel.topic.clone() });
-        }
-        self.channels.push(channel.clone());
-        Ok(ChannelId(self.channels.len() as u16))
+        self.open_chunk()?;
+        let id = ChannelId(add_channel(&mut self.mcap, channel)?);
+        self.chunk_bytes += channel.schema_json.len();
+        self.channels.push((channel.clone(), id));
+        Ok(id)
     }
 
     /// Adds one message. `log_time_ns` is when it was recorded, `publish_time_ns` when it was sent, both since 1970.
@@ -150,30 +139,28 @@ impl<S: Store> Writer<S> {
         publish_time_ns: u64,
         data: &[u8],
     ) -> Result<(), WriteError> {
-        if self.ended {
-            return Err(WriteError::Ended);
-        }
-        self.announce();
-        self.chunk.push(channel.0, sequence, log_time_ns, publish_time_ns, data);
-        self.summary.count(channel.0, log_time_ns);
-        if self.chunk.len() >= CHUNK_BYTES { self.close_chunk() } else { Ok(()) }
+        self.open_chunk()?;
+        let header = MessageHeader {
+            channel_id: channel.0,
+            sequence,
+            log_time: log_time_ns,
+            publish_time: publish_time_ns,
+        };
+        self.mcap.write_to_known_channel(&header, data)?;
+        self.chunk_bytes += size_of::<MessageHeader>() + data.len();
+        self.chunk_messages += 1;
+        self.messages += 1;
+        if self.chunk_bytes >= CHUNK_BYTES { self.close_chunk() } else { Ok(()) }
     }
 
-    /// Adds a named table of texts (model hash, versions), on disk at once.
+    /// Adds a named table of texts (model hash, versions) and writes it to the file at once.
     ///
     /// # Errors
     /// [`WriteError`].
     pub fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> Result<(), WriteError> {
         self.close_chunk()?;
-        let mut out = Vec::new();
-        encode::record(&mut out, op::METADATA, |out| {
-            encode::string(out, name);
-            encode::string_map(out, entries);
-        });
-        let place = MetadataPlace { offset: self.len, length: out.len() as u64, name: name.to_owned() };
-        self.append(&out, 0)?;
-        self.summary.metadata.push(place);
-        Ok(())
+        self.mcap.write_metadata(&Metadata { name: name.to_owned(), metadata: entries.clone() })?;
+        self.write_staged()
     }
 
     /// Closes the open chunk and forces everything onto the medium: what was written before this survives a crash.
@@ -182,99 +169,98 @@ impl<S: Store> Writer<S> {
     /// [`WriteError`].
     pub fn flush(&mut self) -> Result<(), WriteError> {
         self.close_chunk()?;
-        self.store.sync().map_err(|source| self.fail(source, 0))
+        self.store.sync().map_err(|source| self.fail(source))
     }
 
-    /// Closes the file with its summary. Dropping the writer instead leaves a file without a footer, which reads as well.
+    /// Closes the file with its summary and returns the store. A writer that is dropped instead leaves a file without a
+    /// footer, which can be read as well.
     ///
     /// # Errors
     /// [`WriteError`]; all messages but those of the open chunk are in the file even then.
-    pub fn finish(mut self) -> Result<(WriteSummary, S), WriteError> {
+    pub fn finish(mut self) -> Result<S, WriteError> {
         self.close_chunk()?;
-        let tail = self.summary.encode(self.len, &self.channels);
-        self.append(&tail, 0)?;
-        self.store.sync().map_err(|source| self.fail(source, 0))?;
-        let done = WriteSummary {
-            messages: self.summary.messages(),
-            chunks: self.summary.chunks.len() as u64,
-            bytes: self.len,
-        };
-        Ok((done, self.store))
+        self.mcap.finish()?;
+        self.write_staged()?;
+        self.store.sync().map_err(|source| self.fail(source))?;
+        Ok(self.store)
     }
 
-    /// Puts the channels in front of the first message that needs them, in every chunk anew: a chunk stands alone, so a
-    /// damaged one takes no other with it.
-    fn announce(&mut self) {
-        if self.chunk.is_empty() {
-            self.announced = 0;
+    /// Begins a chunk where none is open. All channels so far come first, in a chunk of their own: the crate writes each
+    /// channel once, and a damaged chunk would take all messages of its channels with it
+    /// (test `a_damaged_chunk_is_left_out_alone`).
+    fn open_chunk(&mut self) -> Result<(), WriteError> {
+        if self.ended {
+            return Err(WriteError::Ended);
         }
-        for (at, channel) in self.channels.iter().enumerate().skip(self.announced) {
-            channel.encode(at as u16 + 1, self.chunk.records_mut());
+        if self.chunk_bytes == 0 && !self.channels.is_empty() {
+            let channels = channel_chunk(&self.channels)?;
+            self.staging.lock().bytes.extend(channels);
         }
-        self.announced = self.channels.len();
+        self.chunk_bytes = self.chunk_bytes.max(1);
+        Ok(())
     }
 
     fn close_chunk(&mut self) -> Result<(), WriteError> {
         if self.ended {
             return Err(WriteError::Ended);
         }
-        if self.chunk.is_empty() {
-            return Ok(());
-        }
-        let (bytes, place): (Vec<u8>, ChunkPlace) = self.chunk.encode(self.len);
-        self.append(&bytes, self.chunk.messages())?;
-        self.summary.chunks.push(place);
-        self.chunk.clear();
+        self.mcap.flush()?;
+        self.chunk_bytes = 0;
+        self.write_staged()?;
+        self.chunk_messages = 0;
         Ok(())
     }
 
-    fn append(&mut self, bytes: &[u8], messages: u64) -> Result<(), WriteError> {
-        match self.store.write_all(bytes) {
-            Ok(()) => {
-                self.len += bytes.len() as u64;
-                Ok(())
-            }
-            Err(source) => Err(self.fail(source, messages)),
+    fn write_staged(&mut self) -> Result<(), WriteError> {
+        let mut staged = self.staging.lock();
+        let written = self.store.write_all(&staged.bytes);
+        if written.is_ok() {
+            staged.file_bytes += staged.bytes.len() as u64;
         }
+        staged.bytes.clear();
+        drop(staged);
+        written.map_err(|source| self.fail(source))
     }
 
-    /// Cuts a half-written piece off. When even that fails the reader still stops at the last whole chunk.
-    fn fail(&mut self, source: io::Error, lost_messages: u64) -> WriteError {
+    /// Cuts a half-written piece off. When even that fails, readers still stop at the last whole chunk.
+    fn fail(&mut self, source: io::Error) -> WriteError {
         self.ended = true;
-        let source = match self.store.cut_to(self.len) {
+        let file_bytes = self.staging.lock().file_bytes;
+        let source = match self.store.cut_to(file_bytes) {
             Ok(()) => source,
             Err(cut) => {
                 io::Error::new(source.kind(), format!("{source}; cutting the file back failed too: {cut}"))
             }
         };
-        WriteError::Store { source, kept_messages: self.summary.messages() - lost_messages, lost_messages }
+        let lost_messages = self.chunk_messages;
+        WriteError::Store { source, kept_messages: self.messages - lost_messages, lost_messages }
     }
 }
 
-impl Channel {
-    /// Schema and channel record. Each channel has its own schema id: the same schema twice costs a few hundred bytes
-    /// a file and saves a second table.
-    pub(crate) fn encode(&self, id: u16, out: &mut Vec<u8>) {
-        self.encode_schema(id, out);
-        self.encode_channel(id, out);
-    }
+/// Chunks are closed by [`Writer`] alone. The data section has no checksum of its own: the repeated channels are not the
+/// crate's, and each chunk has one.
+fn options() -> WriteOptions {
+    WriteOptions::new()
+        .library(concat!("softtwin ", env!("CARGO_PKG_VERSION")))
+        .compression(Some(Compression::Lz4))
+        .chunk_size(None)
+        .calculate_data_section_crc(false)
+}
 
-    pub(crate) fn encode_schema(&self, id: u16, out: &mut Vec<u8>) {
-        encode::record(out, op::SCHEMA, |out| {
-            encode::u16(out, id);
-            encode::string(out, &self.schema_name);
-            encode::string(out, "jsonschema");
-            encode::bytes(out, self.schema_json.as_bytes());
-        });
-    }
+fn add_channel<W: io::Write + io::Seek>(mcap: &mut mcap::Writer<W>, channel: &Channel) -> McapResult<u16> {
+    let schema = mcap.add_schema(&channel.schema_name, "jsonschema", channel.schema_json.as_bytes())?;
+    mcap.add_channel(schema, &channel.topic, "json", &BTreeMap::new())
+}
 
-    pub(crate) fn encode_channel(&self, id: u16, out: &mut Vec<u8>) {
-        encode::record(out, op::CHANNEL, |out| {
-            encode::u16(out, id);
-            encode::u16(out, id);
-            encode::string(out, &self.topic);
-            encode::string(out, "json");
-            encode::string_map(out, &BTreeMap::new());
-        });
+/// A chunk that holds these channels and no message. Added in the same order to an empty file, they get the same numbers.
+fn channel_chunk(channels: &[(Channel, ChannelId)]) -> McapResult<Vec<u8>> {
+    let mut mcap = options().create(Cursor::new(Vec::new()))?;
+    for (channel, _) in channels {
+        add_channel(&mut mcap, channel)?;
     }
+    let summary = mcap.finish()?;
+    let mut bytes = mcap.into_inner().into_inner();
+    let Some(chunk) = summary.chunk_indexes.first() else { return Ok(Vec::new()) };
+    bytes.truncate((chunk.chunk_start_offset + chunk.chunk_length) as usize);
+    Ok(bytes.split_off(chunk.chunk_start_offset as usize))
 }

@@ -209,6 +209,27 @@ fn a_chunk_that_claims_to_be_huge_is_left_out() {
     assert!(matches!(ending, Ending::Truncated { .. }));
 }
 
+/// A chunk without compression and checksum whose only record claims more bytes than the chunk holds; they are there, as
+/// padding behind its records.
+#[test]
+fn a_record_that_reaches_into_the_padding_of_its_chunk_is_left_out() {
+    let record = [&[5u8][..], &64u64.to_le_bytes(), &[0; 8]].concat();
+    let mut body = [0u8; 16].to_vec(); // times
+    body.extend((record.len() as u64).to_le_bytes());
+    body.extend(0u32.to_le_bytes()); // no checksum
+    body.extend(0u32.to_le_bytes()); // no compression
+    body.extend((record.len() as u64).to_le_bytes());
+    body.extend(record);
+    body.extend([0; 200]);
+    let mut bytes = recording::MAGIC.to_vec();
+    bytes.push(6);
+    bytes.extend((body.len() as u64).to_le_bytes());
+    bytes.extend(body);
+    bytes.extend([2, 20, 0, 0, 0, 0, 0, 0, 0]);
+    bytes.extend([0; 20]);
+    assert_eq!(read_all(&bytes), (Vec::new(), Ending::Damaged { skipped: 1 }));
+}
+
 #[test]
 fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     let folder = tempfile::tempdir().expect("a folder");

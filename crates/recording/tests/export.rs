@@ -20,7 +20,7 @@ fn recording() -> Vec<u8> {
         StateMessage::from(&known).encode(&mut bytes);
         writer.message(state, seq as u32, 100 + seq, 95 + seq, &bytes).expect("memory");
     }
-    writer.finish().expect("memory").1
+    writer.finish().expect("memory")
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn a_topic_cannot_lead_out_of_the_folder_and_texts_are_quoted() {
         .expect("a channel");
     writer.message(odd, 0, 0, 0, br#"{"note":"a \"b\", c","list":[],"none":null}"#).expect("memory");
     writer.message(odd, 0, 0, 0, b"no object").expect("memory");
-    let bytes = writer.finish().expect("memory").1;
+    let bytes = writer.finish().expect("memory");
     let key = KeyExpr::new("**").expect("a key");
     let exported = export_csv(Reader::new(bytes.as_slice()).expect("a recording"), folder.path(), &key)
         .expect("written");

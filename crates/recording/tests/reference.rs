@@ -7,6 +7,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use common::{metadata, read_all, text, write_some};
+use recording::message::SensorMessage;
 use recording::{Ending, Item, ReadError, Reader};
 
 #[test]
@@ -158,4 +159,25 @@ fn a_file_that_is_none_is_refused() {
         assert!(matches!(error, ReadError::NotMcap { .. }), "{error}");
     }
     assert_eq!(read_all(&write_some(Vec::new(), 0, 1).expect("memory")), (Vec::new(), Ending::Complete));
+}
+
+/// A recording of the first release, whose container was written without the `mcap` crate.
+#[test]
+fn a_kept_recording_of_an_earlier_release_is_read() {
+    let bytes = include_bytes!("data/layout-1.mcap");
+    let mut reader = Reader::new(bytes.as_slice()).expect("head");
+    let (mut readings, mut tables) = (Vec::new(), Vec::new());
+    while let Some(item) = reader.next_item().expect("readable") {
+        match item {
+            Item::Message(message) => {
+                assert_eq!(message.channel.schema_name, "softtwin.Sensor");
+                let reading = SensorMessage::decode(&message.data).expect("a reading");
+                readings.push((reading.seq, reading.pressure_mpa));
+            }
+            Item::Metadata { name, .. } => tables.push(name),
+        }
+    }
+    assert_eq!(readings, [(4, 0.0003), (5, 0.0004), (6, 0.0004), (7, 0.0005)]);
+    assert_eq!(tables, ["softtwin.recording"]);
+    assert_eq!(reader.ending(), Some(&Ending::Complete));
 }

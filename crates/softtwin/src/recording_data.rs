@@ -30,7 +30,7 @@ pub struct Track {
     /// States in order of time.
     pub states: Vec<RecordedState>,
     /// Recorded fields in order of time; empty unless asked for.
-    pub fields: Vec<TapeField>,
+    pub fields: Vec<RecordedField>,
     stride: usize,
     seen: usize,
 }
@@ -103,7 +103,7 @@ impl RecordedState {
 }
 
 /// A recorded field.
-pub struct TapeField {
+pub struct RecordedField {
     /// Seconds after the recording's first message.
     pub t_s: f64,
     /// Names of the fields, in order.
@@ -197,7 +197,7 @@ impl Track {
             return;
         }
         let FieldText { fields, node_count: nodes, pressure_mpa, gap_mm, .. } = text;
-        self.fields.push(TapeField { t_s, fields, nodes, values, pressure_mpa, gap_mm });
+        self.fields.push(RecordedField { t_s, fields, nodes, values, pressure_mpa, gap_mm });
         if self.fields.len() > MAX_FIELDS {
             let mut keep = false;
             self.fields.retain(|_| {
@@ -215,7 +215,7 @@ impl Track {
     }
 
     /// The newest field at a time; the first one before it.
-    pub fn field_at(&self, t_s: f64) -> Option<&TapeField> {
+    pub fn field_at(&self, t_s: f64) -> Option<&RecordedField> {
         let after = self.fields.partition_point(|field| field.t_s <= t_s);
         self.fields.get(after.saturating_sub(1))
     }

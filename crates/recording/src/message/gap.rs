@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{Recorded, schema};
-use crate::Gap;
+use crate::gaps::Gap;
 
 /// A jump in the sequence numbers of a topic.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -26,7 +26,7 @@ pub use state::StateMessage;
 
 use serde::Serialize;
 
-use crate::Channel;
+use crate::writer::Channel;
 
 /// A payload's JSON form and where it belongs.
 pub trait Recorded: Serialize {

@@ -1,26 +1,33 @@
-//! The bounded queue between the ports and the disk, and the thread behind it.
+//! The bounded queue between the topics and the disk, and the thread that writes.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use wire::{Topic, now_ns};
+use wire::layout::{hex, unpack_name};
+use wire::{AnySample, Stamp, State, Topic, now_ns};
 
-use super::drain::{Outlet, Stamp};
-use super::{FLUSH_EVERY, RecordError, RecordSummary};
+use super::summary::{RecordError, RecordSummary};
+use crate::gaps::GapCounter;
 use crate::message::{GapMessage, Recorded};
-use crate::{Channel, GapCounter, RotateSummary, RotatingWriter, WriteError};
+use crate::rotate::{RotateSummary, RotatingWriter};
+use crate::sample;
+use crate::thread_group;
+use crate::writer::{Channel, WriteError};
 
-/// What the writer's thread is given.
+/// Everything is on disk at the latest so long after it was received.
+pub const FLUSH_EVERY: Duration = Duration::from_millis(500);
+
+/// What the writer's thread receives.
 enum Entry {
     Message { channel: Arc<Channel>, sequence: u32, log_time_ns: u64, publish_time_ns: u64, data: Vec<u8> },
     Metadata { name: String, entries: BTreeMap<String, String> },
 }
 
-/// The near end of the queue. Each topic's thread has its own [`Sink`] into it.
+/// The end that is filled. Each topic's thread has its own [`QueueSink`].
 #[derive(Clone)]
 pub struct Queue {
     sender: Sender<Entry>,
@@ -30,55 +37,59 @@ pub struct Queue {
     summary: Arc<Mutex<RecordSummary>>,
 }
 
-/// Encodes, counts, notes gaps.
-pub struct Sink {
+/// Encodes and counts the samples of one topic and notes gaps.
+pub struct QueueSink {
     queue: Queue,
-    channels: BTreeMap<String, Arc<Channel>>,
-    models: BTreeMap<String, String>,
+    topic: Topic,
+    channel: Arc<Channel>,
+    gap_channel: Arc<Channel>,
     gaps: GapCounter,
+    /// The model of the newest state.
+    model: Option<[u8; 16]>,
 }
 
-/// The far end.
-pub struct WriterThread {
-    handle: JoinHandle<Result<RotateSummary, WriteError>>,
-    failed: Arc<AtomicBool>,
-}
+/// The end that is emptied.
+pub struct WriterThread(JoinHandle<Result<RotateSummary, WriteError>>);
 
-/// Starts the writer's thread. It ends when all clones of the queue are gone.
-pub fn start(file: RotatingWriter, limit_bytes: u64, offset_ns: u64) -> (Queue, WriterThread) {
+/// Starts the writer's thread. It ends when all clones of the queue are gone. `offset_ns` added to the monotonic clock gives
+/// the time since 1970.
+///
+/// # Errors
+/// [`RecordError::Start`].
+pub fn start(
+    file: RotatingWriter,
+    limit_bytes: u64,
+    offset_ns: u64,
+) -> Result<(Queue, WriterThread), RecordError> {
     let (sender, receiver) = mpsc::channel();
     let waiting_bytes = Arc::new(AtomicU64::new(0));
-    let failed = Arc::new(AtomicBool::new(false));
-    let handle = thread::spawn({
-        let (waiting, failed) = (waiting_bytes.clone(), failed.clone());
-        move || {
-            let result = write_all(file, &receiver, &waiting);
-            failed.store(result.is_err(), Ordering::Relaxed);
-            result
-        }
-    });
+    let waiting = waiting_bytes.clone();
+    let thread = thread::Builder::new().name("writer".into());
+    let handle = thread.spawn(move || write_all(file, &receiver, &waiting)).map_err(RecordError::Start)?;
     let queue = Queue { sender, waiting_bytes, limit_bytes, offset_ns, summary: Arc::default() };
-    (queue, WriterThread { handle, failed })
+    Ok((queue, WriterThread(handle)))
 }
 
 impl Queue {
-    /// A way into the queue.
-    pub fn sink(&self) -> Sink {
-        Sink {
+    /// A sink for the samples of `topic`.
+    pub fn sink(&self, topic: Topic) -> QueueSink {
+        QueueSink {
             queue: self.clone(),
-            channels: BTreeMap::new(),
-            models: BTreeMap::new(),
+            channel: Arc::new(sample::channel(&topic)),
+            gap_channel: Arc::new(GapMessage::channel(GapMessage::TOPIC)),
+            topic,
             gaps: GapCounter::default(),
+            model: None,
         }
     }
 
     /// What was recorded so far, over all topics.
     pub fn summary(&self) -> MutexGuard<'_, RecordSummary> {
-        // Counts are whole after every line: who panicked while holding them left nothing half done.
+        // Counts are whole after every line: a thread that panicked while it held the lock left nothing half done.
         self.summary.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes `bytes` of the room there is; false when there is not enough.
+    /// Reserves `bytes` of the queue; false when they do not fit.
     fn reserve(&self, bytes: u64) -> bool {
         let waiting = self.waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
         let fits = waiting + bytes <= self.limit_bytes;
@@ -89,77 +100,72 @@ impl Queue {
     }
 }
 
-impl Outlet for Sink {
-    /// Queues one message; reports a jump in its topic's numbers as a message of its own, in front of it.
-    fn put<M: Recorded>(&mut self, topic: &str, stamp: Stamp, message: &M) {
-        if let Some(gap) = self.gaps.observe(topic, stamp.boot_id, stamp.seq) {
-            self.queue.summary().missing += gap.missing();
-            let stamp = Stamp { seq: gap.found_seq, ..stamp };
-            self.enqueue(GapMessage::TOPIC, stamp, &GapMessage::new(topic, gap));
-        }
-        self.enqueue(topic, stamp, message);
+impl QueueSink {
+    /// The topic.
+    pub fn topic(&self) -> &Topic {
+        &self.topic
     }
 
-    /// Notes which model an actuator's states come from, whenever that changes.
-    fn model(&mut self, actuator: &str, hash: &str) {
-        if self.models.get(actuator).is_some_and(|known| known == hash) {
+    /// Notes why the topic cannot be recorded, or that it can.
+    pub fn set_trouble(&self, cause: Option<String>) {
+        self.queue.summary().set_trouble(self.topic.name(), cause);
+    }
+
+    /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one.
+    pub fn put(&mut self, sample: &AnySample) {
+        let stamp = sample.stamp();
+        if let Some(gap) = self.gaps.observe(stamp) {
+            self.queue.summary().add_missing(gap.missing());
+            let mut data = Vec::new();
+            GapMessage::new(self.topic.name(), gap).encode(&mut data);
+            self.enqueue(self.gap_channel.clone(), stamp, data);
+        }
+        if let AnySample::State(state) = sample {
+            self.note_model(state);
+        }
+        self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
+    }
+
+    /// Records which model an actuator's states come from, whenever that changes.
+    fn note_model(&mut self, state: &State) {
+        if self.model.replace(state.model_hash) == Some(state.model_hash) {
             return;
         }
-        self.models.insert(actuator.to_owned(), hash.to_owned());
+        let actuator = unpack_name(&state.actuator);
+        let name = format!("softtwin.model.{actuator}");
         let entries = BTreeMap::from([
-            ("actuator".to_owned(), actuator.to_owned()),
-            ("model_hash".to_owned(), hash.to_owned()),
+            ("actuator".to_owned(), actuator),
+            ("model_hash".to_owned(), hex(&state.model_hash)),
         ]);
-        // A writer that is gone has said why; the recorder's loop sees it.
-        let _ =
-            self.queue.sender.send(Entry::Metadata { name: format!("softtwin.model.{actuator}"), entries });
-    }
-}
-
-impl Sink {
-    /// Says what keeps `topic` from being recorded, or that nothing does any more.
-    pub fn trouble(&self, topic: &Topic, what: Option<String>) {
-        self.queue.summary().set_trouble(topic.name(), what);
+        // If the writer has ended, the recorder's loop sees it.
+        let _ = self.queue.sender.send(Entry::Metadata { name, entries });
     }
 
-    fn enqueue<M: Recorded>(&mut self, topic: &str, stamp: Stamp, message: &M) {
-        let mut data = Vec::new();
-        message.encode(&mut data);
-        let channel = match self.channels.get(topic) {
-            Some(channel) => channel.clone(),
-            None => {
-                let channel = Arc::new(M::channel(topic));
-                self.channels.insert(topic.to_owned(), channel.clone());
-                channel
-            }
-        };
-        let is_queued = self.queue.reserve(data.len() as u64)
-            && self.queue.sender.send(self.entry(channel, stamp, data)).is_ok();
-        self.queue.summary().count(topic, is_queued);
-    }
-
-    fn entry(&self, channel: Arc<Channel>, stamp: Stamp, data: Vec<u8>) -> Entry {
-        Entry::Message {
+    fn enqueue(&self, channel: Arc<Channel>, stamp: Stamp, data: Vec<u8>) {
+        let (topic, bytes, offset_ns) = (channel.topic.clone(), data.len() as u64, self.queue.offset_ns);
+        let entry = Entry::Message {
             channel,
             sequence: stamp.seq as u32, // the format keeps 32 bits; the message has them all
-            log_time_ns: now_ns().saturating_add(self.queue.offset_ns),
-            publish_time_ns: stamp.t_publish_ns.saturating_add(self.queue.offset_ns),
+            log_time_ns: now_ns().saturating_add(offset_ns),
+            publish_time_ns: stamp.t_publish_ns.saturating_add(offset_ns),
             data,
-        }
+        };
+        let is_queued = self.queue.reserve(bytes) && self.queue.sender.send(entry).is_ok();
+        self.queue.summary().count(&topic, is_queued);
     }
 }
 
 impl WriterThread {
-    /// Whether the disk refused.
-    pub fn has_failed(&self) -> bool {
-        self.failed.load(Ordering::Relaxed)
+    /// Whether it ended although the queue is still there: the disk refused, or it panicked.
+    pub fn has_ended(&self) -> bool {
+        self.0.is_finished()
     }
 
     /// Waits until everything is written.
     pub fn join(self) -> Result<RotateSummary, RecordError> {
-        match self.handle.join() {
+        match self.0.join() {
             Ok(result) => Ok(result?),
-            Err(_) => Err(RecordError::ThreadGone("writer")),
+            Err(panic) => Err(thread_group::panicked("writer", &*panic).into()),
         }
     }
 }

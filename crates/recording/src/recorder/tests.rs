@@ -1,4 +1,4 @@
-//! What must hold nobody up: a look that hangs, a topic that cannot be opened.
+//! What must delay nothing else: a scan that hangs, a topic that cannot be opened.
 
 use std::collections::BTreeSet;
 use std::fs::{self, Permissions};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, mpsc};
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wire::{Bus, SensorReader, SensorSample, SensorWriter};
 
@@ -58,14 +58,14 @@ impl Place {
     }
 
     /// Publishes more than a topic keeps, bit by bit, as the recorder takes it.
-    fn publish_and_see_all_recorded(&mut self, told: &Told) {
+    fn publish_and_see_all_recorded(&mut self, reported: &Reported) {
         for _ in 0..3 {
             for _ in 0..BATCH {
                 self.sent += 1;
                 self.good.publish(SensorSample { seq: self.sent, ..SensorSample::default() }).unwrap();
             }
             let sent = self.sent;
-            told.wait("the readings", |summary| {
+            reported.wait("the readings", |summary| {
                 summary.messages.get("softtwin/good/sensor") == Some(&sent) && summary.missing == 0
             });
         }
@@ -90,11 +90,11 @@ fn topic(actuator: &str) -> Topic {
     Topic::sensor(actuator).unwrap()
 }
 
-/// The newest summary that the recorder told.
+/// The newest summary that the recorder reported.
 #[derive(Default)]
-struct Told(Mutex<RecordSummary>);
+struct Reported(Mutex<RecordSummary>);
 
-impl Told {
+impl Reported {
     fn wait(&self, what: &str, is_so: impl Fn(&RecordSummary) -> bool) {
         let end = Instant::now() + PATIENCE;
         loop {
@@ -108,16 +108,16 @@ impl Told {
     }
 }
 
-/// Runs `recorder` while `story` is told, and finishes it.
-fn while_recording(mut recorder: Recorder, story: impl FnOnce(&Told)) -> RecordSummary {
-    let (told, stop) = (Told::default(), AtomicBool::new(false));
+/// Runs `recorder` while `story` runs, and finishes it.
+fn while_recording(mut recorder: Recorder, story: impl FnOnce(&Reported)) -> RecordSummary {
+    let (reported, stop) = (Reported::default(), AtomicBool::new(false));
     thread::scope(|scope| {
         let running = scope.spawn(|| {
-            recorder.run(&stop, |summary| told.0.lock().unwrap().clone_from(summary)).unwrap();
+            recorder.run(&stop, |summary| reported.0.lock().unwrap().clone_from(summary)).unwrap();
             recorder
         });
         let ending = End(&stop);
-        story(&told);
+        story(&reported);
         drop(ending);
         running.join().unwrap().finish().unwrap()
     })
@@ -134,7 +134,7 @@ impl Drop for End<'_> {
 
 /// The domain's folder lies on a disk that answers nothing for minutes.
 #[test]
-fn a_look_that_hangs_holds_up_no_reading() {
+fn a_scan_that_hangs_delays_no_reading() {
     let mut place = Place::new();
     let (release, held) = mpsc::channel::<()>();
     let recorder = Recorder::start_with(&place.domain, place.options(), || {
@@ -146,16 +146,16 @@ fn a_look_that_hangs_holds_up_no_reading() {
             Ok(vec![topic("good")])
         }
     });
-    let summary = while_recording(recorder.unwrap(), |told| {
-        place.publish_and_see_all_recorded(told);
+    let summary = while_recording(recorder.unwrap(), |reported| {
+        place.publish_and_see_all_recorded(reported);
         drop(release);
     });
     assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent));
 }
 
-/// A topic that hangs in its creation, as a killed program leaves it: told, tried again, recorded once it can be.
+/// A topic that hangs in its creation, as a killed program leaves it: reported, tried again, recorded once it can be.
 #[test]
-fn a_topic_that_cannot_be_opened_holds_up_no_other() {
+fn a_topic_that_cannot_be_opened_delays_no_other() {
     let mut place = Place::new();
     let before = place.files();
     let mut writer = SensorWriter::create(&place.bus, &topic("hung")).unwrap();
@@ -172,20 +172,20 @@ fn a_topic_that_cannot_be_opened_holds_up_no_other() {
     let recorder = Recorder::start_with(&place.domain, place.options(), || {
         move || Ok(shown.try_recv().unwrap_or_default())
     });
-    let summary = while_recording(recorder.unwrap(), |told| {
+    let summary = while_recording(recorder.unwrap(), |reported| {
         show.send(vec![topic("hung")]).unwrap();
-        place.publish_and_see_all_recorded(told);
-        told.wait("the trouble", |summary| {
+        place.publish_and_see_all_recorded(reported);
+        reported.wait("the trouble", |summary| {
             summary
                 .troubles
                 .get("softtwin/hung/sensor")
                 .is_some_and(|why| why.contains("could not be opened"))
         });
-        place.publish_and_see_all_recorded(told);
+        place.publish_and_see_all_recorded(reported);
         set_mode(mode);
-        told.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+        reported.wait("the end of the trouble", |summary| summary.troubles.is_empty());
         writer.publish(SensorSample { seq: 1, ..SensorSample::default() }).unwrap();
-        told.wait("its reading", |summary| summary.messages.get("softtwin/hung/sensor") == Some(&1));
+        reported.wait("its reading", |summary| summary.messages.get("softtwin/hung/sensor") == Some(&1));
     });
     assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent + 1));
     assert!(summary.troubles.is_empty());
@@ -195,7 +195,7 @@ fn is_service(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "service")
 }
 
-/// At the start, what cannot be read ends the recording; later it is told and tried again.
+/// At the start, what cannot be read ends the recording; later it is reported and tried again.
 #[test]
 fn a_refused_topic_is_an_error_at_the_start_and_a_trouble_later() {
     let mut place = Place::new();
@@ -212,34 +212,34 @@ fn a_refused_topic_is_an_error_at_the_start_and_a_trouble_later() {
     let recorder = Recorder::start_with(&place.domain, place.options(), || {
         move || Ok(shown.try_recv().unwrap_or_default())
     });
-    let summary = while_recording(recorder.unwrap(), |told| {
+    let summary = while_recording(recorder.unwrap(), |reported| {
         show.send(vec![full.clone()]).unwrap();
-        told.wait("the trouble", |summary| summary.troubles.contains_key(full.name()));
-        place.publish_and_see_all_recorded(told);
+        reported.wait("the trouble", |summary| summary.troubles.contains_key(full.name()));
+        place.publish_and_see_all_recorded(reported);
         readers.pop();
-        told.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+        reported.wait("the end of the trouble", |summary| summary.troubles.is_empty());
     });
     assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent));
 }
 
-/// The folder cannot be read for a while: told, over when it is over, and nothing recorded meanwhile is touched.
+/// The folder cannot be read for a while: reported, over when it is over, and nothing recorded meanwhile is touched.
 #[test]
-fn a_failed_look_is_a_trouble_until_one_succeeds() {
+fn a_failed_scan_is_a_trouble_until_one_succeeds() {
     let mut place = Place::new();
-    let (show, shown) = mpsc::channel::<Look>();
+    let (show, shown) = mpsc::channel::<ScanResult>();
     show.send(Ok(vec![topic("good")])).unwrap();
     let recorder = Recorder::start_with(&place.domain, place.options(), || {
-        // Between the answers of the test nothing changes: an eye that waits.
+        // Between the answers of the test nothing changes: a scan that waits.
         move || shown.recv().unwrap_or_else(|_| Ok(Vec::new()))
     });
-    let summary = while_recording(recorder.unwrap(), |told| {
+    let summary = while_recording(recorder.unwrap(), |reported| {
         show.send(Err(WireError::List { cause: "no such folder".into() })).unwrap();
-        told.wait("the trouble", |summary| {
+        reported.wait("the trouble", |summary| {
             summary.troubles.get("topics").is_some_and(|why| why.contains("no such folder"))
         });
-        place.publish_and_see_all_recorded(told);
+        place.publish_and_see_all_recorded(reported);
         drop(show);
-        told.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+        reported.wait("the end of the trouble", |summary| summary.troubles.is_empty());
     });
     assert_eq!((summary.missing, summary.files.messages), (0, place.sent));
 }

@@ -34,7 +34,7 @@ pub fn write_some<S: Store>(store: S, count: u64, flush_every: u64) -> Result<S,
             writer.flush()?;
         }
     }
-    writer.finish().map(|(_, store)| store)
+    writer.finish()
 }
 
 /// All messages' texts and how the recording ended.

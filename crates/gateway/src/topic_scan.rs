@@ -1,8 +1,9 @@
-//! What there is on this machine: new topics go to those who move them, living twins are announced.
+//! Scans the local domain: new topics are announced and passed to the threads that move them, living twins get a token.
 
-use crate::lane::Lane;
+use crate::config::Config;
 use crate::link::{Link, network};
-use crate::questions::Desk;
+use crate::queries::QueryHandler;
+use crate::topic_bridge::TopicBridge;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::Sender;
 use std::time::Duration;
@@ -11,96 +12,92 @@ use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::Queryable;
 
-/// How often it is looked.
+/// How often the domain is scanned.
 pub const EVERY: Duration = Duration::from_millis(250);
 /// Longest time for removing what dead programs left, so that a killed twin is not taken for a living one.
 const CLEANING: Duration = Duration::from_millis(5);
 
-/// The eye on the local domain.
-pub struct Look {
+/// Scans the local domain.
+pub struct TopicScan {
     bus: Bus,
     keys: Vec<KeyExpr>,
     inlets: Vec<Topic>,
-    small: Sender<Lane>,
-    fields: Sender<Lane>,
-    desk: Desk,
+    messages: Sender<TopicBridge>,
+    fields: Sender<TopicBridge>,
+    handler: QueryHandler,
     seen: BTreeSet<String>,
-    desks: BTreeMap<String, Vec<Queryable<()>>>,
+    queryables: BTreeMap<String, Vec<Queryable<()>>>,
     tokens: BTreeMap<String, LivelinessToken>,
 }
 
-impl Look {
-    /// An eye that has seen nothing yet.
+impl TopicScan {
+    /// A scan that has found nothing yet.
     ///
     /// # Errors
     /// When the domain cannot be joined.
     pub fn new(
         link: &Link,
-        config: &crate::config::Config,
-        small: Sender<Lane>,
-        fields: Sender<Lane>,
-        desk: Desk,
+        config: &Config,
+        messages: Sender<TopicBridge>,
+        fields: Sender<TopicBridge>,
+        handler: QueryHandler,
     ) -> Result<Self, WireError> {
         Ok(Self {
             bus: Bus::open(&link.domain)?,
             keys: config.keys.clone(),
             inlets: config.inlets.clone(),
-            small,
+            messages,
             fields,
-            desk,
+            handler,
             seen: BTreeSet::new(),
-            desks: BTreeMap::new(),
+            queryables: BTreeMap::new(),
             tokens: BTreeMap::new(),
         })
     }
 
-    /// Looks once.
+    /// Scans once.
     ///
     /// # Errors
     /// When the domain's folder cannot be read, or the session is closed.
-    pub fn look(&mut self, link: &Link) -> anyhow::Result<()> {
+    pub fn scan(&mut self, link: &Link) -> anyhow::Result<()> {
         self.bus.clean_up(CLEANING);
         let mut found: Vec<TopicInfo> = Vec::new();
         for key in &self.keys {
             found.extend(self.bus.topics(key)?);
         }
         for info in &found {
-            self.meet(link, &info.topic)?;
+            self.announce_topic(link, &info.topic)?;
         }
-        self.announce(link, &found)
+        self.announce_twins(link, &found)
     }
 
-    /// Announces a topic that is new and passes it on. What comes from the network does not go back there.
-    fn meet(&mut self, link: &Link, topic: &Topic) -> anyhow::Result<()> {
+    /// Announces a topic that is new. What comes from the network does not go back there.
+    fn announce_topic(&mut self, link: &Link, topic: &Topic) -> anyhow::Result<()> {
         if self.inlets.contains(topic) || self.seen.contains(topic.name()) {
             return Ok(());
         }
-        let lane = Lane::declare(link, topic.clone())?;
+        let bridge = TopicBridge::declare(link, topic.clone())?;
         if topic.kind() == TopicKind::State {
-            let desk = self.desk.open(link, topic.actuator())?;
-            self.desks.insert(topic.actuator().to_owned(), desk);
+            let queryables = self.handler.open(link, topic.actuator())?;
+            self.queryables.insert(topic.actuator().to_owned(), queryables);
         }
         self.seen.insert(topic.name().to_owned());
-        tracing::info!("{} is on the network as {}", topic, link.topic_key(topic));
-        // A thread that is gone has said why; the main loop sees it.
+        tracing::info!("{topic} is on the network as {}", link.key(topic.name()));
+        // If the receiving thread has ended, the main loop sees it.
         let _ = match topic.kind() {
-            TopicKind::Field => self.fields.send(lane),
-            _ => self.small.send(lane),
+            TopicKind::Field => self.fields.send(bridge),
+            _ => self.messages.send(bridge),
         };
         Ok(())
     }
 
     /// One token for every actuator whose state has a living writer.
-    fn announce(&mut self, link: &Link, found: &[TopicInfo]) -> anyhow::Result<()> {
+    fn announce_twins(&mut self, link: &Link, found: &[TopicInfo]) -> anyhow::Result<()> {
         let lives = |info: &&TopicInfo| info.topic.kind() == TopicKind::State && !info.writers.is_empty();
         let living: BTreeSet<&str> = found.iter().filter(lives).map(|info| info.topic.actuator()).collect();
-        self.tokens.retain(|actuator, _| {
-            let stays = living.contains(actuator.as_str());
-            if !stays {
-                tracing::info!("the twin of {actuator} has gone");
-            }
-            stays
-        });
+        for (actuator, _) in self.tokens.extract_if(.., |actuator, _| !living.contains(actuator.as_str())) {
+            tracing::info!("the twin of {actuator} has gone");
+        }
         for actuator in living {
             if !self.tokens.contains_key(actuator) {
                 tracing::info!("the twin of {actuator} is alive");

@@ -1,0 +1,63 @@
+//! Feeds the service manager's watchdog while all threads of the gateway go on.
+
+use runtime::service::Watchdog;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Counts the rounds in which every thread has gone through its loop, and feeds the watchdog with them: one thread that hangs
+/// is reason enough to start the gateway again.
+#[derive(Debug)]
+pub struct Liveness {
+    watchdog: Watchdog,
+    rounds: u64,
+    threads: Vec<Arc<AtomicBool>>,
+}
+
+impl Liveness {
+    /// Without threads.
+    pub fn from_env() -> Self {
+        Self { watchdog: Watchdog::from_env(), rounds: 0, threads: Vec::new() }
+    }
+
+    /// A flag that one more thread sets each time it goes through its loop.
+    pub fn add_thread(&mut self) -> Arc<AtomicBool> {
+        let is_alive = Arc::new(AtomicBool::new(false));
+        self.threads.push(is_alive.clone());
+        is_alive
+    }
+
+    /// Feeds the watchdog when it is due and a round is complete.
+    pub fn feed(&mut self) {
+        let rounds = self.count();
+        self.watchdog.look(rounds);
+    }
+
+    fn count(&mut self) -> u64 {
+        if self.threads.iter().all(|is_alive| is_alive.load(Ordering::Relaxed)) {
+            self.threads.iter().for_each(|is_alive| is_alive.store(false, Ordering::Relaxed));
+            self.rounds += 1;
+        }
+        self.rounds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_thread_that_hangs_ends_the_rounds() {
+        let mut liveness = Liveness::from_env();
+        assert!(liveness.count() < liveness.count(), "before the threads start, each count is a round");
+        let (quick, slow) = (liveness.add_thread(), liveness.add_thread());
+        let begin = liveness.count();
+        for _ in 0..3 {
+            quick.store(true, Ordering::Relaxed);
+            assert_eq!(liveness.count(), begin, "the slow thread hangs");
+        }
+        slow.store(true, Ordering::Relaxed);
+        assert_eq!(liveness.count(), begin + 1);
+        slow.store(true, Ordering::Relaxed);
+        assert_eq!(liveness.count(), begin + 1, "now the quick one hangs");
+    }
+}

@@ -1,0 +1,104 @@
+//! States, health, grasps, readings, commands: every single one, as JSON, to those who subscribe.
+
+use crate::link::{Link, network};
+use crate::topic_bridge::{EncodedSample, ReadBridge, TopicBridge};
+use recording::message::{GapMessage, Recorded};
+use recording::{Gap, GapCounter, sample};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::Receiver;
+use std::thread;
+use std::time::{Duration, Instant};
+use wire::{AnyReader, Bus, Waking, WireError};
+use zenoh::Wait;
+use zenoh::bytes::{Encoding, ZBytes};
+use zenoh::pubsub::Publisher;
+use zenoh::qos::CongestionControl;
+
+/// Where losses are published, behind the prefix.
+const GAP_NAME: &str = "softtwin/gateway/gap";
+/// How often the gateway checks who subscribes.
+const TICK: Duration = Duration::from_millis(50);
+/// How often open topics are emptied. Waiting for each sample's event would be sooner by a millisecond, and the twin would
+/// pay for every wake-up; readers that are never woken cost it none.
+const PACE: Duration = Duration::from_millis(2);
+
+/// Moves messages until the gateway ends; `bridges` brings new topics.
+///
+/// # Errors
+/// When the domain cannot be joined.
+pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
+    let bus = Bus::open(&link.domain)?;
+    let gap_publisher = link
+        .session
+        .declare_publisher(link.key(GAP_NAME))
+        .encoding(Encoding::APPLICATION_JSON)
+        .congestion_control(CongestionControl::Block);
+    let gap_publisher = network(gap_publisher.wait())?;
+    let mut topics: Vec<MessageTopic> = Vec::new();
+    let mut check_at = Instant::now();
+    while link.goes_on() {
+        let now = Instant::now();
+        if now >= check_at {
+            check_at = now + TICK;
+            topics.extend(bridges.try_iter().map(MessageTopic::new));
+            for topic in &mut topics {
+                topic.adjust(link, &bus, now);
+            }
+        }
+        for topic in &mut topics {
+            if let Err(error) = topic.pump(link, &gap_publisher) {
+                topic.read.close(&error);
+            }
+        }
+        let is_idle = topics.iter().all(|topic| topic.read.reader.is_none());
+        thread::sleep(if is_idle { TICK } else { PACE });
+    }
+    Ok(())
+}
+
+struct MessageTopic {
+    read: ReadBridge<AnyReader>,
+    /// Losses on the way from the twin to the gateway.
+    gaps: GapCounter,
+}
+
+impl MessageTopic {
+    fn new(bridge: TopicBridge) -> Self {
+        Self { read: ReadBridge::new(bridge), gaps: GapCounter::default() }
+    }
+
+    fn adjust(&mut self, link: &Link, bus: &Bus, now: Instant) {
+        if self.read.adjust(link, now, |topic| AnyReader::attach_as(bus, topic, Waking::Never)) {
+            // A topic that was not read for a while has lost nothing.
+            self.gaps = GapCounter::default();
+        }
+    }
+
+    /// Sends what waits and answers requests.
+    fn pump(&mut self, link: &Link, gap_publisher: &Publisher) -> Result<(), WireError> {
+        let Some(reader) = &self.read.reader else { return Ok(()) };
+        let (bridge, counters) = (&self.read.bridge, &link.counters);
+        while let Some(sample) = reader.next()? {
+            if let Some(gap) = self.gaps.observe(sample.stamp()) {
+                counters.lost.fetch_add(gap.missing(), Ordering::Relaxed);
+                report_loss(bridge.topic.name(), gap, gap_publisher);
+            }
+            let payload = ZBytes::from(sample::encode(&sample));
+            let encoded = EncodedSample { payload, attachment: None };
+            bridge.send(&encoded, &counters.messages, &counters.longest_send_us);
+            self.read.newest = Some(encoded);
+        }
+        self.read.answer(link);
+        Ok(())
+    }
+}
+
+fn report_loss(topic: &str, gap: Gap, publisher: &Publisher) {
+    let missing = gap.missing();
+    tracing::warn!("{topic}: {missing} samples were lost before the gateway; is the machine overloaded?");
+    let mut json = Vec::new();
+    GapMessage::new(topic, gap).encode(&mut json);
+    if let Err(error) = publisher.put(json).wait() {
+        tracing::warn!("the loss cannot be published: {error}");
+    }
+}

@@ -1,0 +1,98 @@
+//! Queries from the network, sent to the twins of this machine one after the other.
+
+use crate::fields::values;
+use crate::link::Link;
+use crate::topic_bridge::{EncodedSample, Request, accept_requests, refuse, reply};
+use recording::message::AnswerMessage;
+use serde_json::json;
+use std::collections::HashMap;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::Duration;
+use wire::layout::{field_id, query_kind, unpack_name};
+use wire::{AnswerSample, Bus, QueryClient, Selector};
+use zenoh::bytes::ZBytes;
+use zenoh::query::{Query, Queryable};
+
+/// Queries that may wait.
+const QUERIES: usize = 64;
+/// Longest wait for a twin.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Longest sleep.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Takes queries on the network and passes them to the thread that answers them.
+#[derive(Clone)]
+pub struct QueryHandler {
+    sender: SyncSender<Request>,
+}
+
+impl QueryHandler {
+    /// A handler, and the queries that it takes.
+    pub fn new() -> (Self, Receiver<Request>) {
+        let (sender, receiver) = sync_channel(QUERIES);
+        (Self { sender }, receiver)
+    }
+
+    /// Takes all kinds of queries for one actuator, as long as the result exists.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub fn open(&self, link: &Link, actuator: &str) -> anyhow::Result<Vec<Queryable<()>>> {
+        let names = query_kind::NAMES.iter().map(|(_, kind)| format!("softtwin/{actuator}/{kind}"));
+        names.map(|name| accept_requests(link, &name, self.sender.clone())).collect()
+    }
+}
+
+/// Answers until the gateway ends.
+///
+/// # Errors
+/// When the domain cannot be joined.
+pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {
+    let bus = Bus::open(&link.domain)?;
+    let mut clients = HashMap::new();
+    while link.goes_on() {
+        let Ok((name, query)) = requests.recv_timeout(TICK) else { continue };
+        match ask(&bus, &mut clients, &name, &query) {
+            Ok(sample) => {
+                reply(link, &query, &name, &encode(&sample), sample.answer().entries() > 0);
+            }
+            Err(error) => refuse(&query, &format!("{error:#}"), &link.counters.refusals),
+        }
+    }
+    Ok(())
+}
+
+fn ask(
+    bus: &Bus,
+    clients: &mut HashMap<String, QueryClient>,
+    name: &str,
+    query: &Query,
+) -> anyhow::Result<AnswerSample> {
+    let selector = Selector::parse(&format!("{name}?{}", query.parameters().as_str()))?;
+    let actuator = selector.actuator().unwrap_or_default().to_owned();
+    let question = selector.questions(&actuator).into_iter().next();
+    let question = question.ok_or_else(|| anyhow::anyhow!("`{name}` asks nothing"))?;
+    let mut client = match clients.remove(&actuator) {
+        Some(client) => client,
+        None => QueryClient::open(bus, &actuator)?,
+    };
+    // A client whose twin has gone is not kept: the next query finds the next twin.
+    let sample = client.ask(&question, PATIENCE)?;
+    clients.insert(actuator, client);
+    Ok(sample)
+}
+
+/// JSON; for a field its values, and the JSON beside them.
+fn encode(sample: &AnswerSample) -> EncodedSample {
+    let answer = sample.answer();
+    let mut message = json!(AnswerMessage::from(answer));
+    if answer.entries() == 0 {
+        return EncodedSample { payload: ZBytes::from(message.to_string()), attachment: None };
+    }
+    message["node_set"] = json!(unpack_name(&answer.node_set));
+    message["node_count"] = json!(answer.node_count);
+    message["fields"] = answer.fields().map(field_id::as_str).collect();
+    message["max_von_mises_mpa"] = json!(answer.max_von_mises_mpa);
+    message["max_von_mises_node"] = json!(answer.max_von_mises_node);
+    EncodedSample { payload: values(sample.values()), attachment: Some(ZBytes::from(message.to_string())) }
+}

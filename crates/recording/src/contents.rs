@@ -1,0 +1,127 @@
+//! What a recording holds, record by record.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use mcap::records::op;
+
+use crate::parse::Body;
+
+/// Channels a reader remembers; more of them would be an attack on memory.
+const MAX_CHANNELS: usize = 4096;
+
+/// What a reader knows of a message's channel.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChannelInfo {
+    /// Topic, such as `softtwin/finger/state`.
+    pub topic: String,
+    /// Name of the schema; empty when the channel has none.
+    pub schema_name: String,
+}
+
+/// One message.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Message {
+    /// Where it was published.
+    pub channel: Arc<ChannelInfo>,
+    /// Low 32 bits of the publisher's sequence number.
+    pub sequence: u32,
+    /// When it was recorded, nanoseconds since 1970.
+    pub log_time_ns: u64,
+    /// When it was published, nanoseconds since 1970.
+    pub publish_time_ns: u64,
+    /// The message itself.
+    pub data: Vec<u8>,
+}
+
+/// What a recording consists of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Item {
+    /// A message.
+    Message(Message),
+    /// A named table of texts.
+    Metadata {
+        /// Its name.
+        name: String,
+        /// Its entries.
+        entries: BTreeMap<String, String>,
+    },
+}
+
+/// What the records read so far amount to.
+#[derive(Default)]
+pub struct Contents {
+    schemas: HashMap<u16, String>,
+    channels: HashMap<u16, Arc<ChannelInfo>>,
+    delivered: u64,
+    /// Messages of the file by its own statistics.
+    promised: Option<u64>,
+    /// Damaged chunks and records.
+    pub skipped: u64,
+}
+
+impl Contents {
+    /// Takes a record; one that cannot be read is counted as skipped.
+    pub fn take(&mut self, opcode: u8, record: &[u8]) -> Option<Item> {
+        let mut body = Body(record);
+        let known = match opcode {
+            op::SCHEMA => self.schema(&mut body).map(|()| None),
+            op::CHANNEL => self.channel(&mut body).map(|()| None),
+            op::MESSAGE => self.message(&mut body).map(Some),
+            op::METADATA => metadata(&mut body).map(Some),
+            op::STATISTICS => body.u64().map(|promised| {
+                self.promised = Some(promised);
+                None
+            }),
+            _ => Some(None),
+        };
+        self.skipped += u64::from(known.is_none());
+        known.flatten()
+    }
+
+    /// Chunks and records left out. The file's own count of messages also shows a chunk that was not recognised as one.
+    pub fn damage(&self) -> u64 {
+        let is_short = self.promised.is_some_and(|promised| promised != self.delivered);
+        self.skipped.max(is_short.into())
+    }
+
+    fn schema(&mut self, body: &mut Body) -> Option<()> {
+        let (id, name) = (body.u16()?, body.string()?);
+        if self.schemas.len() < MAX_CHANNELS {
+            self.schemas.insert(id, name.to_owned());
+        }
+        Some(())
+    }
+
+    fn channel(&mut self, body: &mut Body) -> Option<()> {
+        let (id, schema, topic) = (body.u16()?, body.u16()?, body.string()?);
+        let info = ChannelInfo {
+            topic: topic.to_owned(),
+            schema_name: self.schemas.get(&schema).cloned().unwrap_or_default(),
+        };
+        // Channels are repeated with every chunk: the same one stays, so that its messages go on sharing it.
+        let is_known = self.channels.get(&id).is_some_and(|known| **known == info);
+        if !is_known && (self.channels.len() < MAX_CHANNELS || self.channels.contains_key(&id)) {
+            self.channels.insert(id, Arc::new(info));
+        }
+        Some(())
+    }
+
+    fn message(&mut self, body: &mut Body) -> Option<Item> {
+        let channel = self.channels.get(&body.u16()?)?.clone();
+        let (sequence, log_time_ns, publish_time_ns) = (body.u32()?, body.u64()?, body.u64()?);
+        self.delivered += 1;
+        let data = body.0.to_vec();
+        Some(Item::Message(Message { channel, sequence, log_time_ns, publish_time_ns, data }))
+    }
+}
+
+fn metadata(body: &mut Body) -> Option<Item> {
+    let name = body.string()?.to_owned();
+    let mut pairs = Body(body.bytes()?);
+    let mut entries = BTreeMap::new();
+    while !pairs.0.is_empty() {
+        entries.insert(pairs.string()?.to_owned(), pairs.string()?.to_owned());
+    }
+    Some(Item::Metadata { name, entries })
+}

@@ -1,0 +1,58 @@
+//! One topic on its way to the queue, in a thread of its own: opening a topic writes to the domain's folder, and a busy disk
+//! that delays that must not delay the other topics.
+
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use wire::{AnyReader, Bus, Domain, WakeSet, Wakeable, Waking, WireError};
+
+use super::queue::QueueSink;
+use crate::thread_group::{StopFlag, WAIT};
+
+/// Pause before a topic that cannot be read is tried again.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Whether a topic could be opened.
+pub type Opened = Result<(), WireError>;
+
+/// Moves everything of a topic into `sink`, and opens it again when it breaks. The result of each try goes to `opened`.
+pub fn keep_moving(domain: &Domain, mut sink: QueueSink, opened: &Sender<Opened>, stop: &StopFlag) {
+    while !stop.is_set() {
+        if let Err(error) = open_and_move(domain, &mut sink, opened, stop) {
+            sink.set_trouble(Some(error.to_string()));
+            report(opened, Err(error));
+            stop.pause(RETRY);
+        }
+    }
+}
+
+/// Returns when `stop` is set, or when the topic cannot be opened or breaks.
+fn open_and_move(
+    domain: &Domain,
+    sink: &mut QueueSink,
+    opened: &Sender<Opened>,
+    stop: &StopFlag,
+) -> Result<(), WireError> {
+    let bus = Bus::open(domain)?;
+    let reader = AnyReader::attach_as(&bus, sink.topic(), Waking::ByEvent)?;
+    sink.set_trouble(None);
+    report(opened, Ok(()));
+    let mut wakes = WakeSet::new([&reader as &dyn Wakeable]);
+    while !stop.is_set() {
+        wakes.wait([&reader as &dyn Wakeable], WAIT)?;
+        drain(&reader, sink)?;
+    }
+    drain(&reader, sink)
+}
+
+fn drain(reader: &AnyReader, sink: &mut QueueSink) -> Result<(), WireError> {
+    while let Some(sample) = reader.next()? {
+        sink.put(&sample);
+    }
+    Ok(())
+}
+
+/// Only the first try has a receiver; the others are seen in the summary.
+fn report(opened: &Sender<Opened>, result: Opened) {
+    let _ = opened.send(result);
+}
