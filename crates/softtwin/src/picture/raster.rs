@@ -1,15 +1,20 @@
 //! The rasteriser: triangles to pixels with a depth buffer, colours and normals interpolated per pixel.
 //!
 //! Everything is drawn at [`SAMPLES`] times the size in each direction and averaged in linear light, which smooths
-//! edges. `O(pixels covered)` a triangle.
+//! edges. `O(pixels covered)` a triangle. A picture is drawn in bands of [`BAND_ROWS`] rows, so that the sub-pixels, 153
+//! bytes a pixel, never take more than some megabytes.
 
 use super::camera::{Camera, Vec3, Window, dot};
 use super::canvas::Canvas;
 use super::colour::encode;
 use super::skin::Corner;
+use std::iter::repeat_n;
+use std::ops::Range;
 
 /// Sub-pixels along each side of a pixel.
 pub const SAMPLES: usize = 3;
+/// Rows of pixels of a band.
+pub const BAND_ROWS: usize = 64;
 /// A step in depth (mm) between neighbours that is drawn as an outline.
 const OUTLINE_MM: f32 = 2.0;
 /// How much darker an outline is.
@@ -26,35 +31,44 @@ pub struct Hit {
     pub value: f32,
 }
 
-/// Sub-pixels of one picture.
+/// Sub-pixels of one band of a picture.
 pub struct Raster {
     camera: Camera,
     window: Window,
+    /// Size of the whole picture, in sub-pixels.
     width: usize,
     height: usize,
+    /// The rows of sub-pixels that are drawn: the band, and one more below it for the outlines.
+    rows: Range<usize>,
     depth: Vec<f32>,
     colour: Vec<[f32; 3]>,
     outlined: Vec<bool>,
 }
 
 impl Raster {
-    /// An empty picture of `width x height` pixels; `background` gives the linear colour for a height 0 (top) ..= 1.
+    /// An empty band of a picture of `[width, height]` pixels, from the pixel row `top` on. `background` gives the linear
+    /// colour for a height 0 (top) ..= 1.
     pub fn new(
         camera: Camera,
         window: Window,
         pixels: [usize; 2],
+        top: usize,
         background: impl Fn(f32) -> [f32; 3],
     ) -> Self {
         let (width, height) = (pixels[0] * SAMPLES, pixels[1] * SAMPLES);
-        let rows = (0..height).flat_map(|y| std::iter::repeat_n(background(y as f32 / height as f32), width));
+        let rows = top * SAMPLES..((top + BAND_ROWS) * SAMPLES + 1).min(height);
+        let colour =
+            rows.clone().flat_map(|y| repeat_n(background(y as f32 / height as f32), width)).collect();
+        let count = width * rows.len();
         Self {
             camera,
             window,
             width,
             height,
-            depth: vec![f32::NEG_INFINITY; width * height],
-            colour: rows.collect(),
-            outlined: vec![false; width * height],
+            rows,
+            depth: vec![f32::NEG_INFINITY; count],
+            colour,
+            outlined: vec![false; count],
         }
     }
 
@@ -97,13 +111,14 @@ impl Raster {
             let high = (a[k].max(b[k]).max(c[k]).ceil() + 1.0).clamp(0.0, limit as f32) as usize;
             low..high
         };
-        for y in span(1, self.height) {
+        let rows = span(1, self.height);
+        for y in rows.start.max(self.rows.start)..rows.end.min(self.rows.end) {
             for x in span(0, self.width) {
                 let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
                 let wa = ((b[0] - px) * (c[1] - py) - (b[1] - py) * (c[0] - px)) / area;
                 let wb = ((c[0] - px) * (a[1] - py) - (c[1] - py) * (a[0] - px)) / area;
                 let weights = [wa, wb, 1.0 - wa - wb];
-                let index = y * self.width + x;
+                let index = (y - self.rows.start) * self.width + x;
                 let depth = weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2];
                 if weights.iter().all(|w| *w >= -1e-6) && depth > self.depth[index] {
                     self.depth[index] = depth;
@@ -128,7 +143,8 @@ impl Raster {
         }
     }
 
-    /// True where the surface ends: a right or lower neighbour is farther away or nearer by a visible step.
+    /// True where the surface ends: a right or lower neighbour is farther away or nearer by a visible step. `y` counts from
+    /// the band's first row.
     fn is_outline(&self, x: usize, y: usize) -> bool {
         let index = y * self.width + x;
         let step = |other: usize| {
@@ -138,19 +154,18 @@ impl Raster {
                 && near > f32::NEG_INFINITY
                 && near - far > OUTLINE_MM
         };
-        (x + 1 < self.width && step(index + 1)) || (y + 1 < self.height && step(index + self.width))
+        (x + 1 < self.width && step(index + 1)) || (y + 1 < self.rows.len() && step(index + self.width))
     }
 
-    /// Averages the sub-pixels into a picture.
-    pub fn finish(&self) -> Canvas {
-        let (width, height) = (self.width / SAMPLES, self.height / SAMPLES);
-        let mut canvas = Canvas::new(width, height, [0; 3]);
-        for y in 0..height {
-            for x in 0..width {
-                canvas.pixels[y * width + x] = self.average(x * SAMPLES, y * SAMPLES).map(encode);
+    /// Averages the sub-pixels into the band's pixels of the picture.
+    pub fn finish(&self, canvas: &mut Canvas) {
+        let top = self.rows.start / SAMPLES;
+        for y in top..(top + BAND_ROWS).min(canvas.height) {
+            for x in 0..canvas.width {
+                canvas.pixels[y * canvas.width + x] =
+                    self.average(x * SAMPLES, (y - top) * SAMPLES).map(encode);
             }
         }
-        canvas
     }
 
     fn average(&self, left: usize, top: usize) -> [f32; 3] {
@@ -174,7 +189,13 @@ mod tests {
 
     fn raster() -> Raster {
         let window = Window { centre_mm: [0.0; 2], mm_per_px: 1.0 };
-        Raster::new(Camera::new(0.0, 0.0), window, [SIDE; 2], |_| [0.0; 3])
+        Raster::new(Camera::new(0.0, 0.0), window, [SIDE; 2], 0, |_| [0.0; 3])
+    }
+
+    fn finished(raster: &Raster) -> Canvas {
+        let mut canvas = Canvas::new(SIDE, SIDE, [0; 3]);
+        raster.finish(&mut canvas);
+        canvas
     }
 
     /// A triangle with corners (-8, -8), (8, -8), (-8, 8) at the given depth.
@@ -187,7 +208,7 @@ mod tests {
     fn values_are_interpolated_linearly_per_pixel() {
         let mut raster = raster();
         raster.draw(&[triangle(0.0, [0.0, 1.6, 0.0])], false, |hit| [hit.value; 3]);
-        let canvas = raster.finish();
+        let canvas = finished(&raster);
         // The pixel (6, 15) has its centre at x = -3.5, y = -5.5, so the value is 0.1 (x + 8).
         assert_eq!(canvas.pixels[15 * SIDE + 6][0], encode(0.45));
     }
@@ -198,7 +219,7 @@ mod tests {
         let pictures = [[near, far], [far, near]].map(|both| {
             let mut raster = raster();
             raster.draw(&both, false, |hit| [hit.value; 3]);
-            raster.finish()
+            finished(&raster)
         });
         assert_eq!(pictures[0], pictures[1]);
         assert_eq!(pictures[0].pixels[14 * SIDE + 5], [255; 3]);
@@ -220,6 +241,6 @@ mod tests {
         let outside =
             triangle(0.0, [1.0; 3]).map(|c| Corner { position: [c.position[0] + 1e6, 0.0, 0.0], ..c });
         raster.draw(&[broken, outside], true, |_| [1.0; 3]);
-        assert!(raster.finish().pixels.iter().all(|p| *p == [0; 3]));
+        assert!(finished(&raster).pixels.iter().all(|p| *p == [0; 3]));
     }
 }

@@ -3,7 +3,7 @@
 use super::camera::{Camera, Vec3, Window, dot, unit};
 use super::canvas::Canvas;
 use super::colour::{ColourMap, decode};
-use super::raster::{Hit, Raster};
+use super::raster::{BAND_ROWS, Hit, Raster};
 use super::shadow::Shadow;
 use super::skin::{Body, Corner};
 use super::theme::Theme;
@@ -89,23 +89,26 @@ impl Scene<'_> {
         theme: &Theme,
     ) -> Canvas {
         let page = theme.panel.map(decode);
-        let mut raster = Raster::new(camera, window, pixels, |_| page);
+        let base = theme.plate.map(decode);
         let light = Light::of(&camera);
-        if let Some(plate) = self.plate {
-            let shadow = Shadow::cast(self.body, -plate.gap_mm, plate.x_mm, plate.z_mm);
-            let base = theme.plate.map(decode);
-            raster.draw(&plate.corners(), true, |hit| plate.shade(hit, base, &shadow, &light));
-        }
-        for block in self.blocks {
-            let base = theme.plate.map(decode);
-            raster.draw(&block.corners(), true, |hit| light.on(base, hit.normal));
-        }
+        let plate = self.plate.map(|plate| {
+            (plate, plate.corners(), Shadow::cast(self.body, -plate.gap_mm, plate.x_mm, plate.z_mm))
+        });
+        let blocks: Vec<[Corner; 3]> = self.blocks.iter().flat_map(Block::corners).collect();
+        let body = self.body.corners();
         let [low, high] = self.range;
         let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
-        raster.draw(&self.body.corners(), true, |hit| {
-            light.on(map.linear((hit.value - low) * scale), hit.normal)
-        });
-        raster.finish()
+        let mut canvas = Canvas::new(pixels[0], pixels[1], theme.panel);
+        for top in (0..pixels[1]).step_by(BAND_ROWS) {
+            let mut raster = Raster::new(camera, window, pixels, top, |_| page);
+            if let Some((plate, corners, shadow)) = &plate {
+                raster.draw(corners, true, |hit| plate.shade(hit, base, shadow, &light));
+            }
+            raster.draw(&blocks, true, |hit| light.on(base, hit.normal));
+            raster.draw(&body, true, |hit| light.on(map.linear((hit.value - low) * scale), hit.normal));
+            raster.finish(&mut canvas);
+        }
+        canvas
     }
 }
 
@@ -174,6 +177,25 @@ impl Light {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Bands must not be seen: outlines and colours go on across their edges.
+    #[test]
+    fn a_picture_of_several_bands_is_that_of_one_band_moved() {
+        let nodes_mm = vec![[20.0, 5.0, 0.0], [100.0, 5.0, 0.0], [60.0, 60.0, 30.0]];
+        let body = Body { nodes_mm, facets: vec![[0, 1, 2]], values: vec![0.0, 0.5, 1.0] };
+        let scene = Scene { body: &body, plate: None, blocks: &[], range: [0.0, 1.0] };
+        let camera = Camera::new(0.0, 0.0);
+        let draw = |centre_px: f32| {
+            let window = Window { centre_mm: [60.0, 30.0 + centre_px], mm_per_px: 1.0 };
+            scene.draw(camera, window, [100, 3 * BAND_ROWS], &ColourMap::stress(), &Theme::LIGHT)
+        };
+        let moved = BAND_ROWS / 2;
+        let (still, shifted) = (draw(0.0), draw(moved as f32));
+        let rows =
+            |canvas: &Canvas, from: usize| canvas.pixels[100 * from..100 * (from + 2 * BAND_ROWS)].to_vec();
+        assert_eq!(rows(&still, 0), rows(&shifted, moved));
+        assert!(still.pixels.iter().any(|pixel| *pixel != Theme::LIGHT.panel));
+    }
 
     #[test]
     fn a_body_on_a_plate_shows_its_colour_and_the_plate_its_own() {

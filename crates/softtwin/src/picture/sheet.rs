@@ -54,12 +54,14 @@ pub struct Sheet<'a> {
 
 /// Space around a drawing as a share of its width.
 const MARGIN: f32 = 0.035;
+/// The largest picture, in pixels; it takes 300 MB of memory.
+const MAX_PIXELS: usize = 100_000_000;
 
 impl Sheet<'_> {
     /// Draws everything. The millimetres a pixel are those of the widest scene; a row is as high as its scenes need.
     ///
     /// # Errors
-    /// When the embedded font cannot be read.
+    /// A picture of more than 100 megapixels; an embedded font that cannot be read.
     pub fn draw(&self) -> Result<Canvas> {
         let fonts = Fonts::embedded()?;
         let [gap, line] = [self.text_px * 0.6, self.text_px * 1.4].map(|v| v as usize);
@@ -70,7 +72,14 @@ impl Sheet<'_> {
         let rows_px: usize =
             heights.iter().zip(&self.rows).map(|((_, h), row)| h + line + heading(row) + gap).sum();
         let head = 2 * gap + (self.text_px * 1.45) as usize + line * 2;
-        let mut canvas = Canvas::new(width, head + rows_px + gap, self.theme.page);
+        let height = head + rows_px + gap;
+        anyhow::ensure!(
+            width.saturating_mul(height) <= MAX_PIXELS,
+            "expected a picture of at most {} megapixels, found {width} x {height} pixels; choose a smaller --width or a \
+             smaller gap",
+            MAX_PIXELS / 1_000_000
+        );
+        let mut canvas = Canvas::new(width, height, self.theme.page);
         self.draw_head(&mut canvas, &fonts, gap);
         let mut top = head;
         for (row, (window, height)) in self.rows.iter().zip(&heights) {
@@ -103,7 +112,8 @@ impl Sheet<'_> {
             let ups =
                 row.panels.iter().flat_map(|panel| panel.scene.extent()).map(|p| self.camera.project(p)[1]);
             let (low, high) = ups.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-            ((high - low).max(1.0) / mm_per_px) as usize + (2.0 * MARGIN * self.panel_px as f32) as usize
+            ((high - low).max(1.0) / mm_per_px).min(MAX_PIXELS as f32) as usize
+                + (2.0 * MARGIN * self.panel_px as f32) as usize
         };
         windows.iter().zip(&self.rows).map(|(w, row)| (Window { mm_per_px, ..*w }, height(row))).collect()
     }
@@ -210,6 +220,14 @@ mod tests {
                 });
             assert!(coloured.count() > 100, "half {half} has no coloured body");
         }
+    }
+
+    #[test]
+    fn a_picture_that_is_too_large_is_an_error_before_it_takes_memory() {
+        let bodies = [body(0.0)];
+        let wide = Sheet { panel_px: 4000, ..sheet(&bodies, 1e6) };
+        let error = wide.draw().err().expect("a plate a kilometre away");
+        assert!(error.to_string().contains("at most 100 megapixels"), "{error}");
     }
 
     #[test]

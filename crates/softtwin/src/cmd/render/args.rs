@@ -22,6 +22,10 @@ Examples:
   A case of a database, as computed by the finite elements:
     softtwin render --database models/pneunet/database --case 17 --out case.png";
 
+/// Largest pressure and gap that are drawn.
+const MAX_PRESSURE_MPA: f64 = 100.0;
+const MAX_GAP_MM: f64 = 10_000.0;
+
 /// Draw states or modes as PNG pictures, without a display.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -38,10 +42,10 @@ pub struct Args {
     /// Case of the database, by its name.
     #[arg(long, value_name = "NAME", requires = "database")]
     pub case: Option<String>,
-    /// Pressure in the chambers, MPa.
+    /// Pressure in the chambers, MPa (0 to 100).
     #[arg(long, value_name = "MPA")]
     pub pressure_mpa: Option<f64>,
-    /// Gap from the underside of the undeformed base to the plate, mm; no plate when left out.
+    /// Gap from the underside of the undeformed base to the plate, mm (0 to 10000); no plate when left out.
     #[arg(long, value_name = "MM")]
     pub gap_mm: Option<f64>,
     /// Draw the POD modes of a regime.
@@ -62,7 +66,7 @@ pub struct Args {
     /// Colours of the page.
     #[arg(long, value_enum, default_value = "light")]
     pub theme: ThemeName,
-    /// Width of one drawing, pixels (100 to 4000).
+    /// Width of one drawing, pixels (100 to 4000); the whole picture has at most 100 megapixels.
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=4000))]
     pub width: Option<u16>,
     /// Picture to write.
@@ -142,11 +146,13 @@ impl Args {
         let pressure = self.pressure_mpa.ok_or_else(|| {
             usage("which state? give --pressure-mpa (and --gap-mm), or --modes, or --fig9; see --help for examples")
         })?;
-        let gap_ok = self.gap_mm.is_none_or(|gap| gap.is_finite() && gap >= 0.0);
-        if pressure.is_finite() && pressure >= 0.0 && gap_ok {
+        let gap_mm = self.gap_mm.unwrap_or(0.0);
+        if (0.0..=MAX_PRESSURE_MPA).contains(&pressure) && (0.0..=MAX_GAP_MM).contains(&gap_mm) {
             return Ok(pressure);
         }
-        Err(usage("expected a pressure and a gap of 0 or more"))
+        Err(usage(format!(
+            "expected a pressure of 0 to {MAX_PRESSURE_MPA} MPa and a gap of 0 to {MAX_GAP_MM} mm, found {pressure} MPa, {gap_mm} mm"
+        )))
     }
 }
 
