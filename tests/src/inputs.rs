@@ -4,8 +4,7 @@
 use recording::message::{Recorded, SensorMessage};
 use recording::{Reader, Writer};
 use runtime::config::{Scene, Settings};
-use runtime::source::Trace;
-use runtime::source::live::{Encoding, LineBuffer, Quantity, RegisterSpec, Table, WordOrder};
+use runtime::source::{Encoding, LineBuffer, Quantity, RegisterSpec, Table, Trace, WordOrder};
 use std::io::Cursor;
 use wire::{KeyExpr, SensorSample, Topic};
 
@@ -76,7 +75,10 @@ fn npy_seed() -> Vec<u8> {
 /// A trace in CSV.
 pub fn trace(bytes: &[u8]) {
     if let Ok(trace) = Trace::parse(&String::from_utf8_lossy(bytes)) {
-        assert!(trace.rows.windows(2).all(|pair| pair[0].t_s <= pair[1].t_s), "rows out of order");
+        assert!(
+            trace.rows.windows(2).all(|pair| pair[0].t_trace_s <= pair[1].t_trace_s),
+            "rows out of order"
+        );
     }
 }
 

@@ -2,7 +2,8 @@
 //! exactly the transport's small handle for each loaned sample, and nothing else.
 
 use runtime::config::{Scene, Settings};
-use runtime::twin::{Ring, Twin, load_scene};
+use runtime::load::load_scene;
+use runtime::twin::{Ring, Twin};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use runtime::config::{ActuatorSpec, Scene};
 use runtime::query::{Answerer, QueryService, load_answerers};
+use runtime::side_service::SideService;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,7 +44,7 @@ fn with_service(extra: &str, story: impl FnOnce(&Bus)) {
         scope.spawn(move || {
             let mut service = QueryService::start(&Bus::open(&domain).unwrap(), answerers).unwrap();
             ready.send(()).unwrap();
-            service.run(stop);
+            service.run(stop, &std::sync::mpsc::channel().1);
         });
         serving.recv_timeout(PATIENCE).unwrap();
         let bus = stage.bus();

@@ -172,9 +172,14 @@ fn a_measured_force_that_does_not_fit_raises_the_alarm() {
 }
 
 fn get(address: &str, path: &str) -> String {
+    get_as(address, address, path)
+}
+
+/// Asks with this `Host`.
+fn get_as(host: &str, address: &str, path: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\n\r\n").unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
     let mut reply = String::new();
     stream.read_to_string(&mut reply).unwrap();
     reply
@@ -206,8 +211,13 @@ fn metrics_are_served_on_loopback_when_asked_for() {
     }
     assert!(get(&bridge_at, "/metrics").contains("\nsofttwin_bridge_failed_total 0\n"));
     assert!(get(&bridge_at, "/").starts_with("HTTP/1.1 404"));
-    // A visitor who says nothing holds nobody up for long.
-    let _silent = TcpStream::connect(&twin_at).unwrap();
+    let foreign = get_as("twin.example", &twin_at, "/metrics");
+    assert!(foreign.starts_with("HTTP/1.1 403"), "a page of another name reads the metrics: {foreign}");
+    // Visitors who send nothing, or half a request, hold nobody up for long: more than fit at a time.
+    let _silent: Vec<TcpStream> = (0..400).map(|_| TcpStream::connect(&twin_at).unwrap()).collect();
+    for mut half in &_silent[..50] {
+        half.write_all(b"GET /metrics HTTP/1.1\r\nHost:").unwrap();
+    }
     assert!(get(&twin_at, "/metrics").contains("softtwin_flag"));
     let mut open = Program::daemon(&stage, &["twin", "--scene", &scene, "--metrics", "0.0.0.0:9464"]);
     let (status, said) = open.end();

@@ -333,7 +333,7 @@ typedef struct {
    */
   uint64_t late;
   /**
-   * Events for the log that were lost because the reporter was behind.
+   * Events and lines that are missing in the log: the reporter was behind, or a line could not be written.
    */
   uint64_t log_lost;
   /**

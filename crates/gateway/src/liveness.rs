@@ -29,7 +29,7 @@ impl Liveness {
     /// Feeds the watchdog when it is due and a round is complete.
     pub fn feed(&mut self) {
         let rounds = self.count();
-        self.watchdog.look(rounds);
+        self.watchdog.feed(rounds);
     }
 
     fn count(&mut self) -> u64 {

@@ -101,7 +101,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         counters: Arc::new(Counters::default()),
     };
     let ended = serve(&link, &config, liveness);
-    service::tell_stopping();
+    service::notify_stopping();
     link.stop.store(true, Ordering::Relaxed);
     tracing::info!("ended: {}", link.counters.line());
     if let Err(error) = link.session.close().wait() {
@@ -129,7 +129,7 @@ fn serve(link: &Link, config: &Config, mut liveness: Liveness) -> anyhow::Result
         threads.start("readings", move |_| Ok(readings::run(&own, &inlets)?))?;
     }
     scan.scan(link)?;
-    service::tell_ready(&connections(config));
+    service::notify_ready(&connections(config));
     let mut log_at = Instant::now() + LOG_EVERY;
     while !link.is_stopped() {
         threads.check()?;
@@ -142,7 +142,7 @@ fn serve(link: &Link, config: &Config, mut liveness: Liveness) -> anyhow::Result
             log_at += LOG_EVERY;
             let line = link.counters.line();
             tracing::info!("so far: {line}");
-            service::tell_status(&line);
+            service::notify_status(&line);
         }
     }
     Ok(())

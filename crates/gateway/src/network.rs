@@ -33,7 +33,7 @@ pub fn open(config: &Config, stop: &AtomicBool, liveness: &mut Liveness) -> anyh
             let status = format!("nobody answers at {} yet; waiting", crate::endpoint::list(&config.connect));
             tracing::warn!("{status}");
             // The router may take hours to come: the service manager must not end the gateway for that.
-            service::tell_started(&status);
+            service::notify_started(&status);
         }
         if patience.is_none() {
             liveness.feed();

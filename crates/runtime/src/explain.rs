@@ -1,6 +1,7 @@
 //! What a scene costs before it runs: what will be loaded, bytes, and measured microseconds a sample.
 
-use crate::twin::{Histogram, Loaded};
+use crate::latency;
+use crate::load::Loaded;
 use rom::evaluation::Input;
 use rom::regime::RegimeSwitch;
 use rom::snapshots::RegimeKind;
@@ -97,11 +98,11 @@ fn costly_gap_mm(loaded: &Loaded) -> f64 {
 }
 
 fn median_us<R>(mut call: impl FnMut() -> R) -> f64 {
-    let mut histogram = Histogram::default();
+    let mut histogram = latency::histogram();
     for _ in 0..ROUNDS {
         let begin = Instant::now();
         std::hint::black_box(call());
-        histogram.add(begin.elapsed().as_nanos() as u64);
+        histogram.saturating_record(begin.elapsed().as_nanos() as u64);
     }
-    histogram.quantile(0.5) as f64 / 1000.0
+    histogram.value_at_quantile(0.5) as f64 / 1000.0
 }

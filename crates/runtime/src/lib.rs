@@ -1,10 +1,22 @@
 //! The live part: sources of readings, the bridge loop, scenes, the twin loop. The only place where the model
 //! (`rom`) and the shared memory (`wire`) meet.
 //!
-//! ```text
-//! scene.toml -> config::load -> [source] -> bridge::Bridge -> sensor topic
-//!                            -> twin::Twin: sensor topic -> check -> regime -> evaluate -> field, state, health
-//! ```
+//! The way of a reading from a gauge on Modbus to the field that readers map, file by file:
+//!
+//! | | file | what happens | shape of the data |
+//! | --- | --- | --- | --- |
+//! | 1 | `source/sensor/modbus.rs` | asks the device, stamps its answer | registers -> [`source::Reading`] |
+//! | 2 | `source/sensor/register.rs` | registers to MPa, mm, N | |
+//! | 3 | `bridge.rs` | numbers the reading, sends it | -> `wire::SensorSample` |
+//! | 4 | `wire/port/sized.rs` | writes it into shared memory; reads it there | |
+//! | 5 | `twin/actuator.rs` | calls the steps: poll, ingest, evaluate, reconstruct, publish | |
+//! | 6 | `twin/ingest.rs` | validates | |
+//! | 7 | `rom/predict.rs` | evaluates the model; reconstructs into the loan of 10 | -> `rom::evaluation::Evaluation` |
+//! | 8 | `payload.rs` | evaluation to state and header | -> `wire::State`, `wire::FieldHeader` |
+//! | 9 | `twin/reconstruct.rs` | one field topic: reconstruct, publish | |
+//! | 10 | `wire/port/field.rs` | lends the slice, sends it | field: `[f32]` |
+//!
+//! A replayed or simulated reading comes out of `source/replay.rs` or `source/simulate.rs` in place of 1 and 2.
 
 #![cfg_attr(
     not(test),
@@ -15,13 +27,19 @@ pub mod bridge;
 pub mod config;
 pub mod explain;
 pub mod grasp;
+pub mod http;
+pub mod latency;
+pub mod load;
 pub mod machine;
 pub mod metrics;
+mod payload;
 pub mod process;
 pub mod query;
 pub mod realtime;
 pub mod service;
+pub mod side_service;
 pub mod source;
+pub mod threads;
 pub mod twin;
 
 pub use wire;

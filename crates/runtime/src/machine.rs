@@ -1,33 +1,33 @@
-//! What the machine allows: room in a file system, limits of this process.
+//! What the machine allows: space in a file system, limits of this process.
 
 use std::ffi::CString;
 use std::io;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-/// Room in a file system, bytes.
+/// Space in a file system, bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Room {
+pub struct Space {
     /// Free for this user.
     pub free_bytes: u64,
     /// In all.
     pub total_bytes: u64,
 }
 
-/// Room in the file system of `path`.
+/// Space in the file system of `path`.
 ///
 /// # Errors
-/// The system's refusal to look.
-pub fn room(path: &Path) -> io::Result<Room> {
+/// The system's refusal.
+pub fn space(path: &Path) -> io::Result<Space> {
     let found = file_system(path)?;
     let bytes = |blocks: u64| blocks.saturating_mul(found.f_frsize as u64);
-    Ok(Room { free_bytes: bytes(found.f_bavail), total_bytes: bytes(found.f_blocks) })
+    Ok(Space { free_bytes: bytes(found.f_bavail), total_bytes: bytes(found.f_blocks) })
 }
 
-/// Whether the files of `path` live in memory, where no disk holds up who opens or removes one.
+/// Whether the files of `path` live in memory, where opening or removing one waits for no disk.
 ///
 /// # Errors
-/// The system's refusal to look.
+/// The system's refusal.
 pub fn is_in_memory(path: &Path) -> io::Result<bool> {
     let kind = file_system(path)?.f_type;
     Ok(kind == libc::TMPFS_MAGIC || kind == RAMFS_MAGIC)
@@ -45,7 +45,7 @@ fn file_system(path: &Path) -> io::Result<libc::statfs> {
     Ok(found)
 }
 
-/// What the kernel calls a ramfs (linux/magic.h).
+/// Number of a ramfs (linux/magic.h).
 const RAMFS_MAGIC: libc::__fsword_t = 0x8584_58f6;
 
 /// Whether this process may write to `path`.
@@ -83,12 +83,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_temporary_folder_has_room_and_a_missing_one_is_an_error() {
-        let room = room(&std::env::temp_dir()).unwrap();
-        assert!(room.free_bytes <= room.total_bytes && room.total_bytes > 0);
+    fn the_temporary_folder_has_space_and_a_missing_one_is_an_error() {
+        let space = space(&std::env::temp_dir()).unwrap();
+        assert!(space.free_bytes <= space.total_bytes && space.total_bytes > 0);
         assert!(is_writable(&std::env::temp_dir()));
         assert!(
-            super::room(Path::new("/no/such/folder")).is_err() && !is_writable(Path::new("/no/such/folder"))
+            super::space(Path::new("/no/such/folder")).is_err() && !is_writable(Path::new("/no/such/folder"))
         );
     }
 

@@ -1,4 +1,4 @@
-//! Real-time settings of the process: each is asked for, and what was refused is said once, by name.
+//! Real-time settings of the process: each is requested, and each refusal is reported once, by name.
 
 use crate::config::Realtime;
 use std::fs::{File, OpenOptions};
@@ -11,7 +11,7 @@ use std::path::Path;
 pub struct MissingRight {
     /// Key in the settings file.
     pub setting: &'static str,
-    /// The system's word for it.
+    /// The system's message.
     pub cause: String,
     /// What to do.
     pub remedy: &'static str,
@@ -29,20 +29,21 @@ pub struct Granted {
 /// Applies the settings to the calling thread (cores, scheduler), the process (memory) and the machine (sleep of cores).
 pub fn apply(settings: &Realtime) -> Granted {
     let mut granted = Granted { missing: Vec::new(), _awake: None };
-    granted._awake = granted.ask(settings.stay_awake, "stay_awake", AWAKE_REMEDY, || stay_awake(CPU_LATENCY));
-    granted.ask(
+    granted._awake =
+        granted.request(settings.stay_awake, "stay_awake", AWAKE_REMEDY, || stay_awake(CPU_LATENCY));
+    granted.request(
         !settings.cores.is_empty(),
         "cores",
         "name cores that exist and that the process may use",
         || pin(&settings.cores),
     );
-    granted.ask(
+    granted.request(
         settings.fifo_priority > 0,
         "fifo_priority",
         "give CAP_SYS_NICE or a real-time limit (LimitRTPRIO= in the unit)",
         || fifo(settings.fifo_priority),
     );
-    granted.ask(
+    granted.request(
         settings.lock_memory,
         "lock_memory",
         "give CAP_IPC_LOCK or raise the limit (LimitMEMLOCK=infinity in the unit)",
@@ -52,8 +53,8 @@ pub fn apply(settings: &Realtime) -> Granted {
 }
 
 impl Granted {
-    /// Asks for a setting that is wanted; a refusal is noted.
-    fn ask<T>(
+    /// Requests a setting that is wanted; keeps a refusal for the message.
+    fn request<T>(
         &mut self,
         wanted: bool,
         setting: &'static str,
@@ -80,13 +81,13 @@ fn stay_awake(device: impl AsRef<Path>) -> std::io::Result<File> {
     Ok(request)
 }
 
-/// Niceness of the threads that answer questions: on a full machine the loop comes first.
-const BESIDE_NICE: i32 = 5;
+/// Niceness of the side services: on a busy machine the loop comes first.
+const SIDE_SERVICE_NICE: i32 = 5;
 
-/// Lets the calling thread step back behind the loop. A refusal changes nothing that was promised.
-pub fn step_back() {
+/// Lets the calling thread run behind the loop. Without it, it only runs at the ordinary priority.
+pub fn lower_priority() {
     // SAFETY: takes no pointers; on Linux 0 is the calling thread.
-    let _ordinary_then = unsafe { libc::setpriority(libc::PRIO_PROCESS, 0, BESIDE_NICE) };
+    let _ordinary_otherwise = unsafe { libc::setpriority(libc::PRIO_PROCESS, 0, SIDE_SERVICE_NICE) };
 }
 
 fn pin(cores: &[usize]) -> std::io::Result<()> {
@@ -128,10 +129,10 @@ mod tests {
         let _held = stay_awake(device.path()).unwrap();
         assert_eq!(std::fs::read(device.path()).unwrap(), 0_i32.to_ne_bytes());
         let mut granted = Granted { missing: Vec::new(), _awake: None };
-        let refused = granted.ask(true, "stay_awake", AWAKE_REMEDY, || stay_awake("/no/such/device"));
+        let refused = granted.request(true, "stay_awake", AWAKE_REMEDY, || stay_awake("/no/such/device"));
         assert!(refused.is_none() && granted.missing.len() == 1);
         let text = granted.missing[0].to_string();
         assert!(text.starts_with("realtime.stay_awake: refused: ") && text.contains("udev"), "{text}");
-        assert!(granted.ask(false, "cores", "", || pin(&[])).is_none() && granted.missing.len() == 1);
+        assert!(granted.request(false, "cores", "", || pin(&[])).is_none() && granted.missing.len() == 1);
     }
 }

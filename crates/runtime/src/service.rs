@@ -2,25 +2,51 @@
 
 use sd_notify::NotifyState;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use tracing_subscriber::EnvFilter;
 
-/// Logs to standard error what `RUST_LOG` asks for, else what `default` does; colours only on a terminal.
+/// Log lines that could not be written since the start.
+static LOST_LINES: AtomicU64 = AtomicU64::new(0);
+
+/// Log lines that could not be written since the start: a full disk, a closed pipe.
+pub fn lost_log_lines() -> u64 {
+    LOST_LINES.load(Ordering::Relaxed)
+}
+
+/// Standard error as a log: a line that cannot be written is counted, and never an error.
+struct LogWriter;
+
+impl Write for LogWriter {
+    /// Called once for each line.
+    fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
+        if std::io::stderr().write_all(line).is_err() {
+            LOST_LINES.fetch_add(1, Ordering::Relaxed);
+        }
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Logs to standard error at the level of `RUST_LOG`, else at `default`; colours only on a terminal.
 pub fn start_logging(default: &str) {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(|| LogWriter)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         .without_time()
+        .log_internal_errors(false) // they would be printed, and printing panics where writing fails
         .init();
 }
 
-/// A flag that SIGTERM and SIGINT set. A second signal ends the process at once, clean or not.
+/// A flag that SIGTERM and SIGINT set. A second signal ends the process immediately, without clean-up.
 ///
 /// # Errors
 /// The system's refusal to handle signals.
@@ -43,45 +69,45 @@ pub fn reload_flag() -> std::io::Result<Arc<AtomicBool>> {
     Ok(asked)
 }
 
-/// Tells the service manager that a reload begins; it ends with "ready".
-pub fn tell_reloading() {
+/// Notifies the service manager that a reload begins; it ends with [`notify_reloaded`].
+pub fn notify_reloading() {
     match NotifyState::monotonic_usec_now() {
-        Ok(now) => tell_manager(&[NotifyState::Reloading, now]),
-        Err(error) => tracing::warn!("the service manager could not be told: {error}"),
+        Ok(now) => notify_manager(&[NotifyState::Reloading, now]),
+        Err(error) => tracing::warn!("the service manager could not be notified: {error}"),
     }
 }
 
-/// Tells the service manager, if there is one; a failure there must not stop the program.
-fn tell_manager(states: &[NotifyState]) {
+/// Notifies the service manager, if there is one; a failure there must not stop the program.
+fn notify_manager(states: &[NotifyState]) {
     if let Err(error) = sd_notify::notify(states) {
-        tracing::warn!("the service manager could not be told: {error}");
+        tracing::warn!("the service manager could not be notified: {error}");
     }
 }
 
-/// Ready to serve, with a status line; said in the log as well.
-pub fn tell_ready(status: &str) {
-    tell_started(status);
+/// Ready to serve, with a status line; logged as well.
+pub fn notify_ready(status: &str) {
+    notify_started(status);
     tracing::info!("ready: {status}");
 }
 
-/// Started as far as it depends on this program, with a status line that says what is waited for.
-pub fn tell_started(status: &str) {
-    tell_manager(&[NotifyState::Ready, NotifyState::Status(status)]);
+/// Started as far as it depends on this program; the status line says what it waits for.
+pub fn notify_started(status: &str) {
+    notify_manager(&[NotifyState::Ready, NotifyState::Status(status)]);
 }
 
 /// Serves again after a reload.
-pub fn tell_reloaded() {
-    tell_manager(&[NotifyState::Ready]);
+pub fn notify_reloaded() {
+    notify_manager(&[NotifyState::Ready]);
 }
 
 /// The status line.
-pub fn tell_status(status: &str) {
-    tell_manager(&[NotifyState::Status(status)]);
+pub fn notify_status(status: &str) {
+    notify_manager(&[NotifyState::Status(status)]);
 }
 
 /// The end has begun.
-pub fn tell_stopping() {
-    tell_manager(&[NotifyState::Stopping]);
+pub fn notify_stopping() {
+    notify_manager(&[NotifyState::Stopping]);
 }
 
 /// Feeds the service manager's watchdog, but only while the loop makes progress.
@@ -93,17 +119,17 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// Asks the environment whether and how often (at half the time allowed).
+    /// Reads from the environment whether and how often (at half the time allowed).
     pub fn from_env() -> Self {
         let interval = sd_notify::watchdog_enabled().map(|allowed| allowed / 2);
         Self { interval, last: Instant::now(), seen: 0 }
     }
 
-    /// Takes the loop's count of its turns, and feeds the watchdog when it is due and the count has moved.
-    pub fn look(&mut self, turns: u64) {
+    /// Takes the loop's count of its turns; feeds the watchdog when it is due and the count has changed.
+    pub fn feed(&mut self, turns: u64) {
         let Some(interval) = self.interval else { return };
         if self.last.elapsed() >= interval && turns != self.seen {
-            tell_manager(&[NotifyState::Watchdog]);
+            notify_manager(&[NotifyState::Watchdog]);
             self.last = Instant::now();
             self.seen = turns;
         }

@@ -2,8 +2,8 @@
 //! misbehaves in every way a cable and a device can.
 
 use proptest::prelude::*;
-use runtime::source::live::{
-    Encoding, FilterSpec, LinesSpec, LiveReading, LiveSource, LiveSpec, ModbusSpec, RegisterSpec, SerialSpec,
+use runtime::source::{
+    Encoding, FilterSpec, LinesSpec, ModbusSpec, Reading, RegisterSpec, SerialSpec, SourceReader, SourceSpec,
     Table, WordOrder,
 };
 use std::fs::File;
@@ -11,9 +11,9 @@ use std::future::{Ready, ready};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU16, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -89,36 +89,30 @@ fn modbus() -> ModbusSpec {
     }
 }
 
-fn start(spec: LiveSpec) -> (LiveSource, Receiver<LiveReading>) {
-    let (sender, receiver) = sync_channel(1024);
-    (LiveSource::start(spec, 3, sender).unwrap(), receiver)
+fn start(spec: SourceSpec) -> SourceReader {
+    SourceReader::start(spec.open(Path::new("")).unwrap()).unwrap()
 }
 
 /// The first reading that fits; readings before it may be older news.
-fn wait_for(
-    receiver: &Receiver<LiveReading>,
-    what: &str,
-    fits: impl Fn(&LiveReading) -> bool,
-) -> LiveReading {
+fn wait_for(source: &mut SourceReader, what: &str, fits: impl Fn(&Reading) -> bool) -> Reading {
     let end = Instant::now() + PATIENCE;
     loop {
         let left = end.saturating_duration_since(Instant::now());
-        let reading =
-            receiver.recv_timeout(left).unwrap_or_else(|_| panic!("{what}: nothing within {PATIENCE:?}"));
+        let reading = source.next(left).unwrap_or_else(|| panic!("{what}: nothing within {PATIENCE:?}"));
         if fits(&reading) {
             return reading;
         }
     }
 }
 
-fn counter(source: &LiveSource, name: &str) -> u64 {
-    source.counters().all().iter().find(|(found, _)| *found == name).unwrap().1
+fn counter(source: &SourceReader, name: &str) -> u64 {
+    source.device().unwrap().all().iter().find(|(found, _)| *found == name).unwrap().1
 }
 
-fn wait_for_count(source: &LiveSource, name: &str) {
+fn wait_for_count(source: &SourceReader, name: &str) {
     let end = Instant::now() + PATIENCE;
     while counter(source, name) == 0 {
-        assert!(Instant::now() < end, "{name} was never counted: {:?}", source.counters().all());
+        assert!(Instant::now() < end, "{name} was never counted: {}", source.device().unwrap().summary());
         thread::yield_now();
     }
 }
@@ -156,21 +150,21 @@ fn a_device_over_tcp_with_three_quantities_and_an_exception() {
         ..modbus()
     };
     assert_eq!(spec.problems(), Vec::<String>::new());
-    let (source, receiver) = start(LiveSpec::Modbus(spec));
-    let reading = wait_for(&receiver, "first reading", |reading| reading.status == 0);
+    let mut source = start(SourceSpec::Modbus(spec));
+    let reading = wait_for(&mut source, "first reading", |reading| reading.status == 0);
     assert!((reading.pressure_mpa - 0.045).abs() < 1e-15, "{reading:?}: 450 x 0.1 kPa");
-    assert_eq!((reading.gap_mm, reading.line), (40.25, 3));
+    assert_eq!(reading.gap_mm, 40.25);
     assert!((reading.measured_force_n + 0.1).abs() < 1e-15, "{reading:?}: -100 mN");
 
     device.fault.store(4, Ordering::SeqCst);
-    let faulty = wait_for(&receiver, "exception", |reading| reading.status != 0);
+    let faulty = wait_for(&mut source, "exception", |reading| reading.status != 0);
     assert!(
         faulty.status == 4 && faulty.pressure_mpa.is_nan(),
         "{faulty:?}: a device failure is told as one"
     );
     device.fault.store(0, Ordering::SeqCst);
     device.steps.store((-30i16).cast_unsigned(), Ordering::SeqCst);
-    wait_for(&receiver, "recovery", |reading| (reading.pressure_mpa + 0.003).abs() < 1e-15);
+    wait_for(&mut source, "recovery", |reading| (reading.pressure_mpa + 0.003).abs() < 1e-15);
     assert!(counter(&source, "exceptions") > 0 && counter(&source, "disconnects") == 0);
 }
 
@@ -200,13 +194,13 @@ fn a_device_over_a_serial_line() {
         });
     });
     let spec = receiver.recv_timeout(PATIENCE).unwrap();
-    let (_source, readings) = start(LiveSpec::Modbus(ModbusSpec { serial: Some(spec), ..modbus() }));
-    let reading = wait_for(&readings, "first reading", |reading| reading.status == 0);
+    let mut source = start(SourceSpec::Modbus(ModbusSpec { serial: Some(spec), ..modbus() }));
+    let reading = wait_for(&mut source, "first reading", |reading| reading.status == 0);
     assert!((reading.pressure_mpa - 0.07).abs() < 1e-15, "{reading:?}");
     device.fault.store(2, Ordering::SeqCst);
-    wait_for(&readings, "exception", |reading| reading.status == 2);
+    wait_for(&mut source, "exception", |reading| reading.status == 2);
     device.fault.store(0, Ordering::SeqCst);
-    wait_for(&readings, "recovery", |reading| reading.status == 0);
+    wait_for(&mut source, "recovery", |reading| reading.status == 0);
 }
 
 /// What a bad device does with its n-th connection.
@@ -269,17 +263,16 @@ fn every_mischief_ends_in_a_new_connection_and_a_good_reading() {
         Mischief::CloseInTheMiddle,
     ];
     let (address, connections) = misbehave(PLAN);
-    let (source, receiver) =
-        start(LiveSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
-    let reading = receiver.recv_timeout(PATIENCE).expect("a good reading in the end");
+    let mut source = start(SourceSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
+    let reading = source.next(PATIENCE).expect("a good reading in the end");
     assert!(
         (reading.pressure_mpa - 0.045).abs() < 1e-15 && reading.status == 0,
         "nothing wrong came first: {reading:?}"
     );
     assert_eq!(connections.load(Ordering::SeqCst), PLAN.len() + 1, "one connection for each mischief");
     let failures = ["timeouts", "garbage", "disconnects"].map(|name| counter(&source, name));
-    assert_eq!(failures.iter().sum::<u64>(), PLAN.len() as u64, "{:?}", source.counters().all());
-    assert!(failures[0] >= 1, "the silent one ran into the time-out: {:?}", source.counters().all());
+    assert_eq!(failures.iter().sum::<u64>(), PLAN.len() as u64, "{:?}", source.device().unwrap().all());
+    assert!(failures[0] >= 1, "the silent one ran into the time-out: {:?}", source.device().unwrap().all());
 }
 
 #[test]
@@ -287,8 +280,7 @@ fn a_device_that_is_not_there_is_tried_again_until_it_is() {
     let reserved = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = reserved.local_addr().unwrap();
     drop(reserved);
-    let (source, receiver) =
-        start(LiveSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
+    let mut source = start(SourceSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
     wait_for_count(&source, "refusals");
     let listener = TcpListener::bind(address).unwrap();
     thread::spawn(move || {
@@ -296,7 +288,7 @@ fn a_device_that_is_not_there_is_tried_again_until_it_is() {
             answer(stream, Mischief::Behave, &Mutex::default());
         }
     });
-    wait_for(&receiver, "first reading", |reading| reading.status == 0);
+    wait_for(&mut source, "first reading", |reading| reading.status == 0);
 }
 
 #[test]
@@ -313,18 +305,18 @@ fn a_line_protocol_over_a_serial_line_with_garbage_between() {
     let serial = receiver.recv_timeout(PATIENCE).unwrap();
     let spec = LinesSpec { serial: Some(serial), pressure_unit: Some("bar".into()), ..LinesSpec::default() };
     assert_eq!(spec.problems(), Vec::<String>::new());
-    let (source, readings) = start(LiveSpec::Lines(spec));
+    let mut source = start(SourceSpec::Lines(spec));
     // What is sent before the sensor has opened the line is cleared away; so the first line is repeated until heard.
     let first = loop {
         say.send(b"0.31,40\n").unwrap();
-        if let Ok(reading) = readings.recv_timeout(Duration::from_millis(20)) {
+        if let Some(reading) = source.next(Duration::from_millis(20)) {
             break reading;
         }
     };
     assert!((first.pressure_mpa - 0.031).abs() < 1e-15 && first.gap_mm == 40.0, "{first:?}");
     say.send(b"E\xfcRR 99\n\n# note\n").unwrap();
     say.send(b"{\"pressure\": 0.5, \"gap\": 15}\r\n").unwrap();
-    let second = wait_for(&readings, "the line after the garbage", |reading| reading.gap_mm == 15.0);
+    let second = wait_for(&mut source, "the line after the garbage", |reading| reading.gap_mm == 15.0);
     assert!((second.pressure_mpa - 0.05).abs() < 1e-15);
     assert!(counter(&source, "garbage") >= 1);
 }
@@ -370,11 +362,10 @@ proptest! {
             answer(stream, Mischief::Behave, &Mutex::default());
         });
         let spec = ModbusSpec { tcp: Some(address.to_string()), ..modbus() };
-        let (source, receiver) = start(LiveSpec::Modbus(spec));
-        let good = wait_for(&receiver, "a good reading", |reading| (reading.pressure_mpa - 0.045).abs() < 1e-15);
+        let mut source = start(SourceSpec::Modbus(spec));
+        let good = wait_for(&mut source, "a good reading", |reading| (reading.pressure_mpa - 0.045).abs() < 1e-15);
         prop_assert_eq!(good.status, 0);
         drop(source);
-        drop(receiver);
         server.join().unwrap();
     }
 }

@@ -1,7 +1,9 @@
 //! Every source keeps the contract of `Source`; traces of every kind are read or refused with the place.
 
 use proptest::prelude::*;
-use runtime::source::{Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError};
+use runtime::source::{
+    Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError,
+};
 use std::path::Path;
 
 const TRACE: &str =
@@ -41,8 +43,19 @@ fn all_specs() -> Vec<SourceSpec> {
     ]
 }
 
-fn take(mut source: Source, count: usize) -> Vec<Reading> {
-    std::iter::from_fn(|| source.next_reading()).take(count).collect()
+/// The next reading, ahead of its time; none at the end.
+fn next(source: &mut dyn Source) -> Option<Reading> {
+    match source.poll(f64::INFINITY) {
+        Poll::Reading(reading) => Some(reading),
+        end => {
+            assert_eq!(end, Poll::End);
+            None
+        }
+    }
+}
+
+fn take(mut source: Box<dyn Source>, count: usize) -> Vec<Reading> {
+    std::iter::from_fn(|| next(source.as_mut())).take(count).collect()
 }
 
 #[test]
@@ -61,9 +74,19 @@ fn every_source_keeps_the_contract() {
         };
         assert_eq!(bits(&readings), bits(&take(open(), 1000)), "{spec:?} is not repeatable");
         let mut source = open();
-        let count = std::iter::from_fn(|| source.next_reading()).take(1000).count();
+        let count = std::iter::from_fn(|| next(source.as_mut())).take(1000).count();
         if count < 1000 {
-            assert!(source.next_reading().is_none(), "{spec:?} goes on after its end");
+            assert_eq!(source.poll(f64::INFINITY), Poll::End, "{spec:?} goes on after its end");
+        }
+        // Nothing comes before its time.
+        let mut source = open();
+        for reading in &readings {
+            let early = source.poll(reading.due_s.next_down());
+            let is_held = early == Poll::Waiting { until_s: reading.due_s };
+            assert!(is_held || matches!(early, Poll::Reading(_)), "{spec:?}: {early:?}");
+            if is_held {
+                assert!(matches!(source.poll(reading.due_s), Poll::Reading(_)), "{spec:?}");
+            }
         }
     }
 }
@@ -191,7 +214,7 @@ proptest! {
     fn any_cells_are_answered(cells in prop::collection::vec("[-0-9.einfa# ,]{0,12}", 0..12)) {
         let text = format!("t_s,pressure_mpa,gap_mm\n{}", cells.join("\n"));
         if let Ok(trace) = Trace::parse(&text) {
-            prop_assert!(trace.rows.windows(2).all(|pair| pair[1].t_s >= pair[0].t_s));
+            prop_assert!(trace.rows.windows(2).all(|pair| pair[1].t_trace_s >= pair[0].t_trace_s));
         }
     }
 }

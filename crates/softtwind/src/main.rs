@@ -3,12 +3,12 @@
 //! The start-up order is the order of [`bridge::run`] and [`twin::run`]: banner, whole configuration, domain and topics,
 //! ready, loop, summary. Nothing is bound before the whole configuration has been checked.
 
-mod beside;
 mod bridge;
 mod metrics;
 mod options;
 mod reload;
 mod reporter;
+mod side_services;
 mod twin;
 
 use clap::Parser;

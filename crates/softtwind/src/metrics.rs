@@ -1,12 +1,11 @@
-//! The metrics page: a few lines of HTTP on a loopback port, off unless asked for.
+//! The metrics page on a loopback port; off by default.
 
 use anyhow::Context;
 use runtime::metrics;
+use runtime::threads::ThreadGroup;
 use runtime::wire::{Bus, Domain, Health, HealthReader, Topic};
-use std::io::{ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::net::{SocketAddr, TcpListener};
+use std::thread::Scope;
 
 /// Whether and where to serve metrics.
 #[derive(Debug, Clone, clap::Args)]
@@ -22,16 +21,9 @@ fn loopback(text: &str) -> Result<SocketAddr, String> {
     if address.ip().is_loopback() {
         Ok(address)
     } else {
-        Err("expected a loopback address: the page has no guard; put a proxy before it to reach it from elsewhere".into())
+        Err("expected a loopback address: the page has no password; put a proxy before it to reach it from elsewhere".into())
     }
 }
-
-/// How long a visitor may take to ask, and to listen.
-const PATIENCE: Duration = Duration::from_millis(500);
-/// How often the end of the process is looked for.
-const INTERVAL: Duration = Duration::from_millis(50);
-/// Longest request that is read.
-const REQUEST_BYTES: usize = 4096;
 
 impl MetricsOptions {
     /// Opens the port, if there is to be one.
@@ -42,50 +34,27 @@ impl MetricsOptions {
         let Some(address) = self.address else { return Ok(None) };
         let listener = TcpListener::bind(address)
             .with_context(|| format!("--metrics {address}: cannot listen there; is the port in use?"))?;
-        listener.set_nonblocking(true)?;
         tracing::info!("metrics: http://{}/metrics", listener.local_addr()?);
         Ok(Some(listener))
     }
 }
 
-/// Answers one visitor after the other until `done`. `page` makes the text anew for each.
-pub fn serve(listener: TcpListener, done: &AtomicBool, mut page: impl FnMut() -> String) {
-    while !done.load(Ordering::Acquire) {
-        match listener.accept() {
-            // A visitor who hangs up is no trouble of ours.
-            Ok((stream, _)) => drop(answer(stream, &mut page)),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::sleep(INTERVAL),
-            Err(error) => {
-                tracing::warn!("metrics: {error}");
-                std::thread::sleep(INTERVAL);
-            }
+/// Serves the page in a thread, if there is a port. `page` is made in that thread, and writes the text anew for each visitor.
+///
+/// # Errors
+/// The system refuses a thread.
+pub fn serve<'scope, P: FnMut() -> String + 'static>(
+    group: &'scope ThreadGroup,
+    scope: &'scope Scope<'scope, '_>,
+    listener: Option<TcpListener>,
+    page: impl FnOnce() -> P + Send + 'scope,
+) -> std::io::Result<()> {
+    let Some(listener) = listener else { return Ok(()) };
+    group.spawn(scope, "metrics", move || {
+        if let Err(error) = metrics::serve(listener, group.done(), page()) {
+            tracing::error!("metrics: {error}");
         }
-    }
-}
-
-fn answer(mut stream: TcpStream, page: &mut impl FnMut() -> String) -> std::io::Result<()> {
-    stream.set_nonblocking(false)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    let mut request = Vec::new();
-    let mut part = [0; 512];
-    while !request.windows(4).any(|window| window == b"\r\n\r\n") && request.len() < REQUEST_BYTES {
-        let count = stream.read(&mut part)?;
-        if count == 0 {
-            break;
-        }
-        request.extend_from_slice(part.get(..count).unwrap_or_default());
-    }
-    let (status, body) = if request.starts_with(b"GET /metrics ") {
-        ("200 OK", page())
-    } else {
-        ("404 Not Found", "the metrics are at /metrics\n".to_owned())
-    };
-    write!(
-        stream,
-        "HTTP/1.1 {status}\r\nContent-Type: text/plain; version=0.0.4\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
-        body.len()
-    )
+    })
 }
 
 /// The page of the twins: an ordinary reader of their health topics, so that the loop knows nothing of it.
@@ -97,11 +66,10 @@ pub fn twins(domain: &Domain, names: &[String]) -> impl FnMut() -> String + use<
     let mut readers = readers.unwrap_or_default();
     move || {
         for (reader, last) in &mut readers {
-            // A reader that fails keeps showing its last health, whose age grows on the page of whoever scrapes it.
+            // A reader that fails keeps showing its last health, whose age grows for whoever reads the page.
             *last = reader.newest().ok().flatten().or(*last);
         }
-        let known: Vec<Health> = readers.iter().filter_map(|(_, last)| *last).collect();
-        metrics::twins(&known)
+        metrics::twins(readers.iter().filter_map(|(_, last)| *last).collect())
     }
 }
 

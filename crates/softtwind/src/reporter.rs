@@ -1,4 +1,4 @@
-//! The slow thread beside the twin's loop: turns events into log lines and feeds the watchdog.
+//! The thread beside the twin's loop that writes its events to the log and feeds the watchdog.
 
 use runtime::service::Watchdog;
 use runtime::twin::{Event, EventKind, Ring};
@@ -7,9 +7,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-/// How often the reporter looks.
+/// Interval of the reporter.
 const INTERVAL: Duration = Duration::from_millis(50);
-/// Lines written at most per look; more are counted in one line, so that a flickering sensor cannot fill the disk.
+/// Most lines in one interval; more are counted in one line, so that a flickering sensor cannot fill the disk.
 const LINES_MAX: usize = 20;
 
 /// Reports until `done`; what is still in the ring then is reported too.
@@ -31,7 +31,7 @@ pub fn run(ring: &Arc<Ring>, names: &[String], progress: &AtomicU64, done: &Atom
         if unwritten > 0 {
             tracing::warn!("{unwritten} more events within {} ms are not shown", INTERVAL.as_millis());
         }
-        watchdog.look(progress.load(Ordering::Relaxed));
+        watchdog.feed(progress.load(Ordering::Relaxed));
         if last {
             return;
         }
@@ -58,11 +58,26 @@ fn write(name: &str, event: &Event) {
             );
         }
         EventKind::ForceMismatch => tracing::info!("{name}: measured and predicted force agree again"),
-        EventKind::TransportFailed => {
+        EventKind::ReceiveFailed => {
+            tracing::error!(
+                "{name}: reading the sensor topic failed {} times; see `softtwin doctor`",
+                event.value
+            );
+        }
+        EventKind::SendFailed => {
             tracing::error!(
                 "{name}: shared memory refused {} times; `softtwin info` shows who holds it",
                 event.value
             );
+        }
+        EventKind::ReconstructionFailed => {
+            tracing::error!(
+                "{name}: the model gave no field {} times; the state is sent without it; `softtwin inspect` the model",
+                event.value
+            );
+        }
+        EventKind::WaitFailed => {
+            tracing::error!("{name}: the wait for readings failed {} times", event.value)
         }
     }
 }

@@ -1,15 +1,17 @@
 //! `softtwind twin`: readings to states and fields.
 
-use crate::beside::{self, Beside};
 use crate::options::TwinOptions;
+use crate::side_services::SideServices;
 use crate::{metrics, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
-use runtime::twin::{Loaded, Ring, Twin, load_scene};
+use runtime::load::{Loaded, load_scene};
+use runtime::threads::ThreadGroup;
+use runtime::twin::{Ring, Twin};
 use runtime::wire::{Bus, Health, Outcome, layout};
 use runtime::{realtime, service};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 
 /// Runs until a signal comes.
 pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
@@ -17,7 +19,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let settings = options.config.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
     let scene = configure(options)?;
     let loaded = load_scene(&scene, &options.scene)?;
-    let beside = Beside::load(&scene, &options.scene)?;
+    let side_services = SideServices::load(&scene, &options.scene)?;
     tracing::info!("limits: {:?}", settings.limits);
     tracing::info!("real time: {:?}", settings.realtime);
     loaded.iter().for_each(describe);
@@ -28,31 +30,24 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let bus = Bus::open(&domain)?;
     let ring = Arc::new(Ring::default());
     let mut twin = Twin::start(&bus, loaded, &settings, &ring)?;
-    let (progress, done) = (AtomicU64::new(0), AtomicBool::new(false));
-    let (desk, loader) = reload::pair();
-    let asked = service::reload_flag().context("cannot listen for signals")?;
+    let progress = AtomicU64::new(0);
+    let (inbox, loader) = reload::pair();
+    let reload = service::reload_flag().context("cannot listen for signals")?;
     let listener = options.metrics.open()?;
-    std::thread::scope(|scope| -> anyhow::Result<()> {
-        // The reporter starts before this thread takes real-time rights, so that it does not inherit them.
-        scope.spawn(|| reporter::run(&ring, &names, &progress, &done));
-        if let Some(listener) = listener {
-            scope.spawn(|| metrics::serve(listener, &done, metrics::twins(&domain, &names)));
-        }
-        let answering = beside::start(scope, &domain, beside, &done);
-        let prepared = answering.and_then(|successor| {
-            // Receivers belong to one thread: the loader goes there whole.
-            let (asked, ended) = (&asked, &done);
-            scope.spawn(move || loader.run(asked, ended, &successor, || reread(options)));
-            prepare(&settings, &twin)
-        });
-        if prepared.is_ok() {
-            service::tell_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
-            twin.run_with(&stop, &progress, |twin| desk.serve(twin));
-            service::tell_stopping();
-        }
-        done.store(true, Ordering::Release);
-        prepared.map(drop) // what was granted ends with the loop
-    })?;
+    let group = ThreadGroup::new(stop.clone());
+    group.run(|scope| -> anyhow::Result<()> {
+        // All threads start before this one takes real-time rights, so that they do not inherit them.
+        group.spawn(scope, "reporter", || reporter::run(&ring, &names, &progress, group.done()))?;
+        metrics::serve(&group, scope, listener, || metrics::twins(&domain, &names))?;
+        let services = side_services.start(&group, scope, &domain)?;
+        let (reload, done) = (&reload, group.done());
+        group.spawn(scope, "loader", move || loader.run(reload, done, &services, || reread(options)))?;
+        let _granted = prepare(&settings, &twin)?; // it ends with the loop
+        service::notify_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
+        twin.run(&stop, &progress, |twin| inbox.swap(twin));
+        service::notify_stopping();
+        Ok(())
+    })??;
     for (health, name) in twin.health().zip(&names) {
         tracing::info!("stopped: {name}: {}", summary(health));
     }
@@ -68,19 +63,19 @@ fn configure(options: &TwinOptions) -> Result<Scene, ConfigError> {
                 "--model: the scene has several actuators; name their models in the scene".to_owned();
             return Err(ConfigError { path: options.scene.clone(), problems: vec![problem] });
         };
-        // The path was typed in this folder, not in the scene's.
+        // A path on the command line begins at the current folder, not at the scene's.
         actuator.model = std::path::absolute(model).unwrap_or_else(|_| model.clone());
     }
     Ok(scene)
 }
 
 /// Scene and models once more, as at the start.
-fn reread(options: &TwinOptions) -> Result<reload::Reread, ConfigError> {
+fn reread(options: &TwinOptions) -> Result<reload::Reloaded, ConfigError> {
     let scene = configure(options)?;
-    Ok((load_scene(&scene, &options.scene)?, Beside::load(&scene, &options.scene)?))
+    Ok((load_scene(&scene, &options.scene)?, SideServices::load(&scene, &options.scene)?))
 }
 
-/// Real-time rights: what was refused is said once, and stops the start when so configured.
+/// Real-time rights: a refusal is logged once, and stops the start when so configured.
 fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<realtime::Granted> {
     let granted = realtime::apply(&settings.realtime);
     let mut missing: Vec<String> = granted.missing.iter().map(ToString::to_string).collect();

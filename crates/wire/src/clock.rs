@@ -11,10 +11,9 @@ pub fn now_ns() -> u64 {
     (time.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(time.tv_nsec as u64)
 }
 
-/// A number that no other run of a program on this machine shares: start time mixed with the process id.
-///
-/// Readers see a restart of the sender by it; it is never zero, zero means "no sender yet".
+/// A random number that identifies a run of a program; readers see a restart of the sender by it. It is never zero: zero
+/// means "no sender yet".
 pub fn boot_id() -> u64 {
-    let mixed = now_ns().rotate_left(20) ^ (u64::from(std::process::id()) << 1);
-    mixed | 1
+    // The system's random numbers fail only on kernels without the call; the start time tells runs apart there.
+    getrandom::u64().unwrap_or_else(|_| now_ns()) | 1
 }

@@ -54,6 +54,10 @@ outcomes! {
     HeldOutsideDomain = 12, "held: outside the model's domain";
     /// The reading lies outside the model's domain and the settings say to refuse it.
     DroppedOutsideDomain = 13, "dropped: outside the model's domain";
+    /// The model gave no field for an output; the state was sent.
+    DroppedReconstruction = 14, "dropped: field could not be reconstructed";
+    /// The sequence number is far from the one before; readings that go on from there are used from the third on.
+    DroppedSequenceJump = 15, "dropped: sequence number jumps";
 }
 
 impl Outcome {

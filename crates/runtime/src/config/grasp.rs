@@ -1,6 +1,5 @@
 //! What a scene says of the object between its fingers, and of where things stand.
 
-use super::ActuatorSpec;
 use serde::{Deserialize, Serialize};
 use wire::layout::FINGERS_MAX;
 
@@ -25,16 +24,7 @@ fn one() -> f64 {
 }
 
 impl GraspSpec {
-    /// The actuators that are fingers, in the order named.
-    pub fn fingers<'a>(&'a self, actuators: &'a [ActuatorSpec]) -> Vec<&'a ActuatorSpec> {
-        if self.fingers.is_empty() {
-            return actuators.iter().collect();
-        }
-        let named = |name: &String| actuators.iter().find(|actuator| actuator.name == *name);
-        self.fingers.iter().filter_map(named).collect()
-    }
-
-    pub(super) fn problems(&self, scene: &str, actuators: &[ActuatorSpec], problems: &mut Vec<String>) {
+    pub(super) fn problems(&self, scene: &str, actuators: &[&str], problems: &mut Vec<String>) {
         for (key, value) in [("mass_g", self.mass_g), ("friction", self.friction), ("safety", self.safety)] {
             if !(value.is_finite() && value > 0.0) {
                 problems.push(format!("grasp.{key}: expected a finite number above 0, found {value}"));
@@ -44,11 +34,12 @@ impl GraspSpec {
             problems.push(format!("name: it names the grasp's topic: {error}"));
         }
         for name in &self.fingers {
-            if !actuators.iter().any(|actuator| actuator.name == *name) {
+            if !actuators.contains(&name.as_str()) {
                 problems.push(format!("grasp.fingers: no actuator is called `{name}`"));
             }
         }
-        let count = self.fingers(actuators).len();
+        let known = self.fingers.iter().filter(|name| actuators.contains(&name.as_str())).count();
+        let count = if self.fingers.is_empty() { actuators.len() } else { known };
         if !(2..=FINGERS_MAX).contains(&count) {
             problems.push(format!("grasp.fingers: expected 2 to {FINGERS_MAX} fingers, found {count}"));
         }

@@ -1,6 +1,7 @@
 //! Scenes: what is there, and what is wanted of it. The twin loads and computes exactly that.
 
-use super::{BlockSpec, ConfigError, GraspSpec, PlaceSpec};
+use super::error::{ConfigError, read};
+use super::grasp::{BlockSpec, GraspSpec, PlaceSpec};
 use crate::source::SourceSpec;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -209,10 +210,10 @@ impl Scene {
     /// # Errors
     /// All problems at once.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let mut scene: Self = super::read(path)?;
+        let mut scene: Self = read(path)?;
         scene.folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
-        let problems = scene.problems();
-        if problems.is_empty() { Ok(scene) } else { Err(ConfigError { path: path.into(), problems }) }
+        ConfigError::unless(path, scene.problems())?;
+        Ok(scene)
     }
 
     /// Everything that is wrong with the scene by itself.
@@ -230,12 +231,22 @@ impl Scene {
             actuator.problems(&place, &mut problems);
         }
         if let Some(grasp) = &self.grasp {
-            grasp.problems(&self.name, &self.actuators, &mut problems);
+            let names: Vec<&str> = self.actuators.iter().map(|actuator| actuator.name.as_str()).collect();
+            grasp.problems(&self.name, &names, &mut problems);
         }
         for (index, block) in self.blocks.iter().enumerate() {
             block.problems(&format!("block[{index}]"), &mut problems);
         }
         problems
+    }
+
+    /// The actuators that are fingers of `grasp`, in the order named.
+    pub fn fingers(&self, grasp: &GraspSpec) -> Vec<&ActuatorSpec> {
+        if grasp.fingers.is_empty() {
+            return self.actuators.iter().collect();
+        }
+        let named = |name: &String| self.actuators.iter().find(|actuator| actuator.name == *name);
+        grasp.fingers.iter().filter_map(named).collect()
     }
 
     /// A path of the scene file as it is to be opened.

@@ -1,6 +1,6 @@
 //! Settings of the twin's process: limits on readings, deadlines, real time. One file (`config/twin.toml`), all optional.
 
-use super::ConfigError;
+use super::error::{ConfigError, read};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Duration;
@@ -118,9 +118,9 @@ impl Settings {
     /// # Errors
     /// All problems at once.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let settings: Self = super::read(path)?;
-        let problems = settings.problems();
-        if problems.is_empty() { Ok(settings) } else { Err(ConfigError { path: path.into(), problems }) }
+        let settings: Self = read(path)?;
+        ConfigError::unless(path, settings.problems())?;
+        Ok(settings)
     }
 
     /// Everything that is wrong with the settings.

@@ -4,10 +4,10 @@
 //! when `n mu F >= s m g` (the paper's section on the gripper, there with `s = 1`). The smallest finger force counts for all.
 //! A thread of its own listens to the fingers' states: the twin's loop knows nothing of it.
 
-use crate::config::{ActuatorSpec, ConfigError, GraspSpec, Scene};
+use crate::config::{self, ActuatorSpec, ConfigError, GraspSpec, Scene};
 use crate::query::Answerer;
+use crate::side_service::SideService;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use wire::layout::{FINGERS_MAX, flags, grasp_status, pack_name};
 use wire::{
@@ -16,8 +16,6 @@ use wire::{
 
 /// Acceleration of gravity, m/s2, as in the actuators' own finite elements.
 pub const GRAVITY_M_S2: f64 = 9.81;
-/// Longest sleep: the shutdown flag is looked at that often.
-const MAX_WAIT: Duration = Duration::from_millis(100);
 /// The stop point is found anew when the gap has changed by more, mm.
 const GAP_CHANGE_MM: f64 = 0.01;
 
@@ -44,7 +42,7 @@ pub fn stop_point(finger: &mut Answerer, gap_mm: f64, needed_n: f64) -> StopPoin
 }
 
 /// The grasp that follows from the fingers' states; one that is missing or not fresh makes it unknown.
-pub fn judge(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
+pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
     let needed_n = needed_force_n(spec, states.len());
     let mut grasp = Grasp {
         flags: 0,
@@ -105,22 +103,13 @@ impl GraspModel {
     /// The problems of all fingers at once.
     pub fn load(scene: &Scene, path: &Path) -> Result<Option<Self>, ConfigError> {
         let Some(spec) = &scene.grasp else { return Ok(None) };
-        let (mut fingers, mut sensors, mut problems) = (Vec::new(), Vec::new(), Vec::new());
-        for finger in spec.fingers(&scene.actuators) {
+        let named = scene.fingers(spec);
+        let load = |finger: &ActuatorSpec| {
             let small = ActuatorSpec { outputs: Vec::new(), ..finger.clone() };
-            match Answerer::load(&small, &scene.resolve(&finger.model)) {
-                Ok(answerer) => {
-                    fingers.push((finger.name.clone(), answerer));
-                    sensors.push(finger.sensor().to_owned());
-                }
-                Err(found) => {
-                    problems.extend(found.into_iter().map(|text| format!("grasp: `{}`: {text}", finger.name)))
-                }
-            }
-        }
-        if !problems.is_empty() {
-            return Err(ConfigError { path: path.into(), problems });
-        }
+            Answerer::load(&small, &scene.resolve(&finger.model)).map(|model| (finger.name.clone(), model))
+        };
+        let fingers = config::collect(path, named.iter().map(|finger| (finger.name.as_str(), load(finger))))?;
+        let sensors = named.iter().map(|finger| finger.sensor().to_owned()).collect();
         Ok(Some(Self { scene: scene.name.clone(), spec: spec.clone(), fingers, sensors }))
     }
 
@@ -137,16 +126,7 @@ impl GraspModel {
             .iter_mut()
             .map(|(_, finger)| {
                 let gap_mm = finger.default_gap_mm().unwrap_or(gap_mm);
-                let evaluation = finger.solver().evaluate(pressure_mpa, gap_mm);
-                let outside = evaluation.domain == rom::hull::DomainStatus::Outside;
-                Some(State {
-                    flags: if outside { flags::OUTSIDE_DOMAIN } else { 0 },
-                    pressure_mpa,
-                    gap_mm,
-                    contact_force_n: evaluation.contact_force_n,
-                    force_halfwidth_n: evaluation.bars.force_n as f32,
-                    ..State::default()
-                })
+                Some(finger.state(pressure_mpa, gap_mm))
             })
             .collect();
         let stop = self.stop_point(&gaps_mm);
@@ -154,7 +134,7 @@ impl GraspModel {
             stop_pressure_mpa: stop.pressure_mpa,
             stop_pressure_bar_mpa: stop.bar_mpa,
             scene: pack_name(&self.scene),
-            ..judge(&self.spec, &states)
+            ..evaluate(&self.spec, &states)
         }
     }
 
@@ -192,12 +172,12 @@ pub struct GraspService {
     stop_gaps_mm: Vec<f64>,
 }
 
-impl GraspService {
-    /// Becomes the grasp of the scene.
-    ///
-    /// # Errors
-    /// The refusals of the ports.
-    pub fn start(bus: &Bus, mut model: GraspModel) -> Result<Self, WireError> {
+impl SideService for GraspService {
+    type Model = GraspModel;
+
+    const NAME: &'static str = "grasp";
+
+    fn start(bus: &Bus, mut model: GraspModel) -> Result<Self, WireError> {
         let writer = GraspWriter::create(bus, &Topic::grasp(&model.scene)?)?;
         let readers = model
             .fingers
@@ -211,41 +191,21 @@ impl GraspService {
         Ok(Self { model, readers, states, wake, writer, boot_id: boot_id(), seq: 0, stop, stop_gaps_mm })
     }
 
-    /// Continues with other models of the same fingers. False, and nothing changed, when they are others.
-    pub fn replace(&mut self, model: GraspModel) -> bool {
+    fn replace(&mut self, model: GraspModel) -> bool {
         let names = |model: &GraspModel| -> Vec<String> {
             model.fingers.iter().map(|(name, _)| name.clone()).chain(model.sensors.clone()).collect()
         };
         let same = self.model.scene == model.scene && names(&self.model) == names(&model);
         if same {
             self.model = model;
-            // The stop point belongs to the model: it is found anew with the next states.
+            // The stop point belongs to the model: it is computed anew with the next states.
             self.stop_gaps_mm.fill(f64::NAN);
         }
         same
     }
 
-    /// Judges every new set of states until `stop`.
-    pub fn run(&mut self, stop: &AtomicBool) {
-        self.run_with(stop, |_| ());
-    }
-
-    /// The same, with something to do between two turns.
-    pub fn run_with(&mut self, stop: &AtomicBool, mut between: impl FnMut(&mut Self)) {
-        while !stop.load(Ordering::Relaxed) {
-            if let Err(error) = self.turn(MAX_WAIT) {
-                tracing::warn!("grasp: {error}");
-                std::thread::sleep(MAX_WAIT); // a broken port must not become a spin
-            }
-            between(self);
-        }
-    }
-
-    /// Waits for states, at most `max_wait`, and publishes one grasp when something new came.
-    ///
-    /// # Errors
-    /// The ports' refusals.
-    pub fn turn(&mut self, max_wait: Duration) -> Result<(), WireError> {
+    /// Waits for states and publishes one grasp when there is a new one.
+    fn turn(&mut self, max_wait: Duration) -> Result<(), WireError> {
         self.wake.wait(self.readers.iter().map(|reader| reader as &dyn Wakeable), max_wait)?;
         let mut is_new = false;
         for (reader, state) in self.readers.iter().zip(&mut self.states) {
@@ -256,7 +216,7 @@ impl GraspService {
         if !is_new || !self.is_coherent() {
             return Ok(());
         }
-        self.find_stop();
+        self.update_stop_point();
         self.seq += 1;
         self.writer.publish(Grasp {
             boot_id: self.boot_id,
@@ -265,10 +225,12 @@ impl GraspService {
             stop_pressure_mpa: self.stop.pressure_mpa,
             stop_pressure_bar_mpa: self.stop.bar_mpa,
             scene: pack_name(&self.model.scene),
-            ..judge(&self.model.spec, &self.states)
+            ..evaluate(&self.model.spec, &self.states)
         })
     }
+}
 
+impl GraspService {
     /// Whether fingers on the same sensor show the same reading; while they do not, the other one is about to come.
     fn is_coherent(&self) -> bool {
         let shown = |i: usize| {
@@ -283,7 +245,7 @@ impl GraspService {
     }
 
     /// The stop point moves with the measured gaps.
-    fn find_stop(&mut self) {
+    fn update_stop_point(&mut self) {
         let gaps = self.states.iter().map(|state| state.map_or(f64::NAN, |state| state.gap_mm));
         let moved =
             |(old, new): (&f64, f64)| (old - new).abs() > GAP_CHANGE_MM || old.is_nan() != new.is_nan();
@@ -316,7 +278,7 @@ mod tests {
 
     #[test]
     fn the_papers_gripper_holds_its_object() {
-        let grasp = judge(&paper(), &[state(0.58, 0.001), state(0.58, 0.001)]);
+        let grasp = evaluate(&paper(), &[state(0.58, 0.001), state(0.58, 0.001)]);
         assert_eq!(grasp.verdict, grasp_status::HELD);
         assert!((grasp.needed_force_n - 0.017 * 9.81 / 0.4).abs() < 1e-12);
         assert!((grasp.margin - (0.58 / 0.416925 - 1.0)).abs() < 1e-9);
@@ -327,7 +289,7 @@ mod tests {
     #[test]
     fn the_weakest_finger_counts_and_the_error_bar_decides_what_is_certain() {
         let needed_n = needed_force_n(&paper(), 2);
-        let verdict = |a: f64, b: f64, bar| judge(&paper(), &[state(a, bar), state(b, bar)]).verdict;
+        let verdict = |a: f64, b: f64, bar| evaluate(&paper(), &[state(a, bar), state(b, bar)]).verdict;
         assert_eq!(verdict(needed_n * 0.99, 10.0, 0.0), grasp_status::NOT_HELD);
         assert_eq!(verdict(needed_n * 1.01, 10.0, 0.1), grasp_status::MARGINAL);
         assert_eq!(verdict(needed_n * 1.01, 10.0, 0.001), grasp_status::HELD);
@@ -336,9 +298,9 @@ mod tests {
 
     #[test]
     fn a_finger_without_fresh_data_makes_the_grasp_unknown() {
-        assert_eq!(judge(&paper(), &[state(1.0, 0.0), None]).verdict, grasp_status::UNKNOWN);
+        assert_eq!(evaluate(&paper(), &[state(1.0, 0.0), None]).verdict, grasp_status::UNKNOWN);
         let stale = State { flags: flags::STALE, contact_force_n: 1.0, ..State::default() };
-        let grasp = judge(&paper(), &[state(1.0, 0.0), Some(stale)]);
+        let grasp = evaluate(&paper(), &[state(1.0, 0.0), Some(stale)]);
         assert_eq!((grasp.verdict, grasp.flags), (grasp_status::UNKNOWN, flags::STALE));
     }
 }

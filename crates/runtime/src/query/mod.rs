@@ -7,22 +7,22 @@ mod solve;
 
 pub use solve::{NoSolution, Solution, Solver};
 
-use crate::config::{ActuatorSpec, ConfigError, Gap, Queries, Scene};
-use crate::twin::{Loaded, LoadedOutput, load, regime_number};
-use rom::evaluation::Evaluation;
-use rom::hull::DomainStatus;
+use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateSpec};
+use crate::load::{GroupSizes, Loaded, LoadedOutput, load};
+use crate::payload;
+use crate::side_service::SideService;
 use rom::interpolant::Quantity;
 use rom::model::{ModelHeader, ModelReader};
 use rom::snapshots::RegimeKind;
 use std::fs::File;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use wire::layout::{COEFFICIENTS_MAX, FIELD_SLOTS, GROUPS_MAX, flags, pack_name, query_kind, unpack_name};
-use wire::{Answer, Bus, Query, QueryServer, QueryStatus, WakeSet, Wakeable, WireError};
+use wire::layout::{pack_name, query_kind, unpack_name};
+use wire::{Answer, Bus, Query, QueryServer, QueryStatus, State, WakeSet, Wakeable, WireError};
 
-/// Longest sleep: the shutdown flag is looked at that often.
-const MAX_WAIT: Duration = Duration::from_millis(100);
+/// Questions of one actuator answered in one turn: a flood must not keep the service from its stop flag or from the other
+/// actuators.
+const MAX_BATCH: usize = 64;
 
 /// One actuator's model, ready to answer.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ pub struct Answerer {
     solver: Solver,
     /// The gap that stands in when a question names none; none: it must.
     default_gap_mm: Option<f64>,
-    group_sizes: Vec<(RegimeKind, Vec<u8>)>,
+    group_sizes: GroupSizes,
     outputs: Vec<LoadedOutput>,
 }
 
@@ -70,6 +70,14 @@ impl Answerer {
     /// The solver, for answers that are not questions of the wire.
     pub fn solver(&mut self) -> &mut Solver {
         &mut self.solver
+    }
+
+    /// The state that a twin would publish at this pressure and gap.
+    pub fn state(&mut self, pressure_mpa: f64, gap_mm: f64) -> State {
+        let mut state = State::default();
+        let evaluation = self.solver.evaluate(pressure_mpa, gap_mm);
+        payload::fill_state(&mut state, evaluation, &self.group_sizes, StateSpec::default());
+        state
     }
 
     /// The solver alone.
@@ -141,37 +149,12 @@ impl Answerer {
             answer.limit = self.solver.gap_mm[1];
             return;
         }
-        let e: &Evaluation = self.solver.evaluation();
-        if !e.contact_force_n.is_finite() || e.coefficients.iter().any(|a| !a.is_finite()) {
+        let evaluation = self.solver.evaluation();
+        if payload::is_finite(evaluation) {
+            payload::fill_answer(answer, evaluation, &self.group_sizes);
+        } else {
             answer.verdict = QueryStatus::Model.code();
-            return;
         }
-        answer.pressure_mpa = e.input.pressure_mpa;
-        answer.gap_mm = e.input.gap_mm;
-        answer.regime = regime_number(e.regime);
-        answer.contact_force_n = e.contact_force_n;
-        answer.force_by_pressure_n_per_mpa = e.dforce_dpressure;
-        answer.force_by_gap_n_per_mm = e.dforce_dgap;
-        answer.onset_pressure_mpa = e.onset_pressure_mpa.unwrap_or(f64::INFINITY);
-        answer.force_halfwidth_n = e.bars.force_n as f32;
-        answer.displacement_halfwidth_mm = e.bars.displacement_mm as f32;
-        answer.von_mises_halfwidth_mpa = e.bars.stress_mpa as f32;
-        answer.domain_distance = e.domain_distance as f32;
-        let (verdict, domain_flags) = match e.domain {
-            DomainStatus::Inside => (0, 0),
-            DomainStatus::Near => (1, flags::NEAR_EDGE),
-            DomainStatus::Outside => (2, flags::OUTSIDE_DOMAIN),
-        };
-        answer.domain_status = verdict;
-        let clamped = if e.flags.force_clamped { flags::FORCE_CLAMPED } else { 0 };
-        let cut = if e.coefficients.len() > COEFFICIENTS_MAX { flags::COEFFICIENTS_CUT } else { 0 };
-        answer.flags = domain_flags | clamped | cut;
-        answer.coefficient_count = e.coefficients.len().min(COEFFICIENTS_MAX) as u32;
-        for (to, from) in answer.coefficients.iter_mut().zip(&e.coefficients) {
-            *to = *from as f32;
-        }
-        let sizes = self.group_sizes.iter().find(|(kind, _)| *kind == e.basis);
-        answer.group_sizes = sizes.map_or([0; GROUPS_MAX], |(_, sizes)| head(sizes));
     }
 
     fn reconstruct(&self, query: &Query, answer: &mut Answer, values: &mut [f32]) {
@@ -182,16 +165,9 @@ impl Answerer {
             answer.verdict = QueryStatus::NoSuchField.code();
             return;
         };
-        let Ok(peaks) = output.predictor.reconstruct_into(self.solver.evaluation(), values) else {
-            answer.verdict = QueryStatus::Model.code();
-            return;
-        };
-        answer.node_count = output.predictor.rows() as u32;
-        answer.field_count = output.predictor.field_count() as u32;
-        answer.field_ids = head::<FIELD_SLOTS>(&output.field_ids);
-        answer.node_set = pack_name(output.spec.topic_name().unwrap_or("all"));
-        if let Some(peak) = peaks.stress_mpa {
-            (answer.max_von_mises_mpa, answer.max_von_mises_node) = (peak.value.into(), peak.node);
+        match output.predictor.reconstruct_into(self.solver.evaluation(), values) {
+            Ok(peaks) => payload::fill_answer_field(answer, output, &peaks),
+            Err(_) => answer.verdict = QueryStatus::Model.code(),
         }
     }
 
@@ -203,15 +179,6 @@ impl Answerer {
         let wanted = if name.is_empty() { "all" } else { &name };
         self.outputs.iter().find(|output| output.spec.topic_name().unwrap_or("all") == wanted)
     }
-}
-
-/// The first entries of a list in an array of fixed size.
-fn head<const N: usize>(from: &[u8]) -> [u8; N] {
-    let mut out = [0; N];
-    for (to, from) in out.iter_mut().zip(from) {
-        *to = *from;
-    }
-    out
 }
 
 fn header(path: &Path) -> Result<ModelHeader, Vec<String>> {
@@ -238,6 +205,8 @@ fn ranges(header: &ModelHeader) -> [[f64; 2]; 2] {
 pub struct QueryService {
     served: Vec<(QueryServer, Answerer)>,
     wake: WakeSet,
+    /// Questions may wait that nobody will be woken for.
+    has_more: bool,
 }
 
 /// Loads the answerers of a scene; actuators with `queries = "off"` have none.
@@ -245,34 +214,26 @@ pub struct QueryService {
 /// # Errors
 /// The problems of all actuators at once.
 pub fn load_answerers(scene: &Scene, path: &Path) -> Result<Vec<Answerer>, ConfigError> {
-    let (mut answerers, mut problems) = (Vec::new(), Vec::new());
-    for spec in scene.actuators.iter().filter(|spec| spec.queries != Queries::Off) {
-        match Answerer::load(spec, &scene.resolve(&spec.model)) {
-            Ok(answerer) => answerers.push(answerer),
-            Err(found) => {
-                problems.extend(found.into_iter().map(|text| format!("actuator `{}`: {text}", spec.name)))
-            }
-        }
-    }
-    if problems.is_empty() { Ok(answerers) } else { Err(ConfigError { path: path.into(), problems }) }
+    let asked = scene.actuators.iter().filter(|spec| spec.queries != Queries::Off);
+    let load = |spec: &ActuatorSpec| Answerer::load(spec, &scene.resolve(&spec.model));
+    config::collect(path, asked.map(|spec| (spec.name.as_str(), load(spec))))
 }
 
-impl QueryService {
-    /// Becomes the one that answers for all of them.
-    ///
-    /// # Errors
-    /// The refusals of [`QueryServer::create`].
-    pub fn start(bus: &Bus, answerers: Vec<Answerer>) -> Result<Self, WireError> {
+impl SideService for QueryService {
+    type Model = Vec<Answerer>;
+
+    const NAME: &'static str = "queries";
+
+    fn start(bus: &Bus, answerers: Vec<Answerer>) -> Result<Self, WireError> {
         let served = answerers
             .into_iter()
             .map(|answerer| Ok((QueryServer::create(bus, &answerer.name)?, answerer)))
             .collect::<Result<Vec<_>, WireError>>()?;
         let wake = WakeSet::new(served.iter().map(|(server, _)| server as &dyn Wakeable));
-        Ok(Self { served, wake })
+        Ok(Self { served, wake, has_more: false })
     }
 
-    /// Continues with other models of the same actuators. False, and nothing changed, when they are others.
-    pub fn replace(&mut self, answerers: Vec<Answerer>) -> bool {
+    fn replace(&mut self, answerers: Vec<Answerer>) -> bool {
         let same = self.served.iter().map(|(_, old)| &old.name).eq(answerers.iter().map(|new| &new.name));
         if same {
             for ((_, old), new) in self.served.iter_mut().zip(answerers) {
@@ -282,36 +243,26 @@ impl QueryService {
         same
     }
 
-    /// Answers until `stop`. What cannot be sent is said in the log; the asker runs into its timeout.
-    pub fn run(&mut self, stop: &AtomicBool) {
-        self.run_with(stop, |_| ());
-    }
-
-    /// The same, with something to do between two turns.
-    pub fn run_with(&mut self, stop: &AtomicBool, mut between: impl FnMut(&mut Self)) {
-        while !stop.load(Ordering::Relaxed) {
-            self.turn(MAX_WAIT);
-            between(self);
-        }
-    }
-
-    /// Waits for questions, at most `max_wait`, and answers all that wait.
-    pub fn turn(&mut self, max_wait: Duration) {
+    /// Waits for questions and answers them. What cannot be sent is logged; its client runs into the time-out.
+    fn turn(&mut self, max_wait: Duration) -> Result<(), WireError> {
         let servers = self.served.iter().map(|(server, _)| server as &dyn Wakeable);
-        if let Err(error) = self.wake.wait(servers, max_wait) {
-            tracing::warn!("queries: {error}");
-            std::thread::sleep(max_wait); // a broken wait must not become a spin
-        }
+        // Questions beyond the batch of the last turn have woken nobody again.
+        let max_wait = if std::mem::take(&mut self.has_more) { Duration::ZERO } else { max_wait };
+        self.wake.wait(servers, max_wait)?;
         for (server, answerer) in &mut self.served {
-            if let Err(error) = answer_all(server, answerer) {
-                tracing::warn!("queries: {error}");
+            match answer_batch(server, answerer) {
+                Ok(has_more) => self.has_more |= has_more,
+                Err(error) => tracing::warn!("{}: {error}", Self::NAME),
             }
         }
+        Ok(())
     }
 }
 
-fn answer_all(server: &QueryServer, answerer: &mut Answerer) -> Result<(), WireError> {
-    while let Some(question) = server.next()? {
+/// Answers what waits, at most [`MAX_BATCH`] questions; true when more may wait.
+fn answer_batch(server: &QueryServer, answerer: &mut Answerer) -> Result<bool, WireError> {
+    for _ in 0..MAX_BATCH {
+        let Some(question) = server.next()? else { return Ok(false) };
         let query = *question.query();
         let entries = answerer.entries(&query);
         let sent =
@@ -326,5 +277,5 @@ fn answer_all(server: &QueryServer, answerer: &mut Answerer) -> Result<(), WireE
             sent?;
         }
     }
-    Ok(())
+    Ok(true)
 }

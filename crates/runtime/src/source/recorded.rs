@@ -1,6 +1,7 @@
 //! Traces out of recordings: the readings as they were published, to the bit.
 
-use super::{TraceError, TraceRow};
+use super::reading::Reading;
+use super::trace_error::TraceError;
 use recording::message::{Recorded, SensorMessage};
 use recording::{Item, Reader};
 use std::collections::BTreeSet;
@@ -21,11 +22,11 @@ pub(super) fn is_recording(path: &Path) -> bool {
 }
 
 /// The readings of one sensor topic, `topic` or the only one. A recording that stops early gives what it has.
-pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<TraceRow>, Vec<TraceError>> {
+pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<Reading>, Vec<TraceError>> {
     let unreadable = |cause: String| vec![TraceError::Unreadable { cause }];
     let file = File::open(path).map_err(|error| unreadable(error.to_string()))?;
     let mut reader = Reader::new(BufReader::new(file)).map_err(|error| unreadable(error.to_string()))?;
-    let (mut rows, mut topics, mut begin_ns) = (Vec::<TraceRow>::new(), BTreeSet::new(), None);
+    let (mut rows, mut topics, mut begin_ns) = (Vec::<Reading>::new(), BTreeSet::new(), None);
     while let Some(item) = reader.next_item().map_err(|error| unreadable(error.to_string()))? {
         let Item::Message(message) = item else { continue };
         if message.channel.schema_name != SensorMessage::SCHEMA_NAME {
@@ -44,15 +45,17 @@ pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<TraceRow>, Ve
             return Err(vec![TraceError::TooManyRows { limit: MAX_ROWS }]);
         }
         let begin_ns = *begin_ns.get_or_insert(reading.t_sensor_ns);
-        let row = TraceRow {
-            t_s: reading.t_sensor_ns.wrapping_sub(begin_ns).cast_signed() as f64 * 1e-9,
+        let row = Reading {
+            t_trace_s: reading.t_sensor_ns.wrapping_sub(begin_ns).cast_signed() as f64 * 1e-9,
             pressure_mpa: reading.pressure_mpa,
             gap_mm: reading.gap_mm,
             measured_force_n: reading.measured_force_n,
             status: reading.status,
+            ..Reading::default()
         };
-        if let Some(before) = rows.last().map(|last| last.t_s).filter(|before| row.t_s < *before) {
-            return Err(vec![TraceError::TimeOrder { line: rows.len() + 1, before, found: row.t_s }]);
+        if let Some(before) = rows.last().map(|last| last.t_trace_s).filter(|before| row.t_trace_s < *before)
+        {
+            return Err(vec![TraceError::TimeOrder { line: rows.len() + 1, before, found: row.t_trace_s }]);
         }
         rows.push(row);
     }

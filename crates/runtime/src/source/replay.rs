@@ -1,6 +1,7 @@
-//! Replays a recorded trace with its original timing, faster, slower, in part or for ever.
+//! Replays a recorded trace with its original timing, faster, slower, in part or repeatedly.
 
-use super::{Reading, Trace, require_above};
+use super::reading::{Reading, Scheduled, Source};
+use super::trace::Trace;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -14,7 +15,7 @@ pub struct ReplaySpec {
     pub topic: Option<String>,
     /// Factor on the speed: 2 sends twice as fast.
     pub speed: f64,
-    /// Begin again at the end, for ever.
+    /// Begin again at the end, without end.
     #[serde(rename = "loop")]
     pub repeat: bool,
     /// Skip what lies before this time of the trace, s.
@@ -36,10 +37,55 @@ impl Default for ReplaySpec {
     }
 }
 
-/// A trace on its way.
+impl ReplaySpec {
+    /// Reads the trace and keeps the part that was asked for. Gaps in time are logged now, not when they come.
+    ///
+    /// # Errors
+    /// All problems of the specification and of the file.
+    pub(super) fn open(&self, folder: &Path) -> Result<Box<dyn Source>, Vec<String>> {
+        let mut problems = Vec::new();
+        if !(self.speed.is_finite() && self.speed > 0.0) {
+            problems.push(format!("source.speed: expected a finite number above 0, found {}", self.speed));
+        }
+        let path = folder.join(&self.trace);
+        if self.trace.as_os_str().is_empty() {
+            problems.push("source.trace: expected a file, found nothing".into());
+            return Err(problems);
+        }
+        match Trace::read_topic(&path, self.topic.as_deref()) {
+            Ok(trace) => {
+                let gaps = trace.gaps.clone();
+                match Replay::new(self, trace) {
+                    Some(replay) if problems.is_empty() => {
+                        for (line, seconds) in gaps {
+                            let trace = path.display();
+                            tracing::warn!(
+                                "the trace has a gap of {seconds:.3} s before line {line} ({trace})"
+                            );
+                        }
+                        return Ok(Box::new(Scheduled::new(replay)));
+                    }
+                    Some(_) => {}
+                    None => problems.push(format!(
+                        "source.from_s, source.to_s: no row of the trace lies within {} .. {} s ({})",
+                        self.from_s,
+                        self.to_s,
+                        path.display()
+                    )),
+                }
+            }
+            Err(errors) => problems.extend(
+                errors.into_iter().map(|error| format!("source.trace: {error} ({})", path.display())),
+            ),
+        }
+        Err(problems)
+    }
+}
+
+/// The rows of a trace that are still to come.
 #[derive(Debug)]
-pub struct Replay {
-    trace: Trace,
+struct Replay {
+    rows: Vec<Reading>,
     speed: f64,
     repeat: bool,
     /// Time of the trace that is second 0 of the replay.
@@ -51,80 +97,36 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Reads the trace and keeps the part that was asked for.
-    ///
-    /// # Errors
-    /// All problems of the specification and of the file.
-    pub fn open(spec: &ReplaySpec, folder: &Path) -> Result<Self, Vec<String>> {
-        let mut problems = Vec::new();
-        require_above(&mut problems, "speed", spec.speed, 0.0);
-        if spec.trace.as_os_str().is_empty() {
-            problems.push("source.trace: expected a file, found nothing".into());
-            return Err(problems);
-        }
-        let path = folder.join(&spec.trace);
-        let trace = match Trace::read_topic(&path, spec.topic.as_deref()) {
-            Ok(trace) => trace,
-            Err(errors) => {
-                problems.extend(
-                    errors.into_iter().map(|error| format!("source.trace: {error} ({})", path.display())),
-                );
-                return Err(problems);
-            }
-        };
-        match Self::of(spec, trace) {
-            Some(replay) if problems.is_empty() => Ok(replay),
-            Some(_) => Err(problems),
-            None => {
-                problems.push(format!(
-                    "source.from_s, source.to_s: no row of the trace lies within {} .. {} s ({})",
-                    spec.from_s,
-                    spec.to_s,
-                    path.display()
-                ));
-                Err(problems)
-            }
-        }
-    }
-
     /// `None` when no row is left.
-    fn of(spec: &ReplaySpec, mut trace: Trace) -> Option<Self> {
-        trace.rows.retain(|row| row.t_s >= spec.from_s && row.t_s <= spec.to_s);
-        let (first, last) = (trace.rows.first()?.t_s, trace.rows.last()?.t_s);
+    fn new(spec: &ReplaySpec, mut trace: Trace) -> Option<Self> {
+        trace.rows.retain(|row| row.t_trace_s >= spec.from_s && row.t_trace_s <= spec.to_s);
+        let (first, last) = (trace.rows.first()?.t_trace_s, trace.rows.last()?.t_trace_s);
         // A single row would otherwise repeat without any time between.
         let period_s = if trace.period_s > 0.0 { trace.period_s } else { 1.0 };
         Some(Self {
+            rows: trace.rows,
             speed: spec.speed,
             repeat: spec.repeat,
             begin_s: first,
             round_s: last - first + period_s,
-            trace,
             next: 0,
             rounds: 0,
         })
     }
+}
 
-    /// Gaps in time of the whole trace: (line, seconds).
-    pub fn gaps(&self) -> &[(usize, f64)] {
-        &self.trace.gaps
-    }
+impl Iterator for Replay {
+    type Item = Reading;
 
-    /// The next row; at the end the first again when looping.
-    pub fn next_reading(&mut self) -> Option<Reading> {
-        if self.next >= self.trace.rows.len() && self.repeat {
+    /// The next row; at the end the first again when repeating.
+    fn next(&mut self) -> Option<Reading> {
+        if self.next >= self.rows.len() && self.repeat {
             self.next = 0;
             self.rounds += 1;
         }
-        let row = self.trace.rows.get(self.next)?;
+        let row = *self.rows.get(self.next)?;
         self.next += 1;
-        let elapsed_s = row.t_s - self.begin_s + f64::from(self.rounds) * self.round_s;
-        Some(Reading {
-            due_s: elapsed_s / self.speed,
-            t_trace_s: row.t_s,
-            pressure_mpa: row.pressure_mpa,
-            gap_mm: row.gap_mm,
-            measured_force_n: row.measured_force_n,
-            status: row.status,
-        })
+        let elapsed_s = row.t_trace_s - self.begin_s + f64::from(self.rounds) * self.round_s;
+        Some(Reading { due_s: elapsed_s / self.speed, ..row })
     }
 }

@@ -1,7 +1,7 @@
 //! Readings by formula: for tests, demonstrations and controllers without hardware.
 
+use super::reading::{Reading, Scheduled, Source};
 use super::rng::Rng;
-use super::{Reading, require_above};
 use serde::{Deserialize, Serialize};
 
 /// Pressure of the surrounding air, MPa.
@@ -113,77 +113,97 @@ impl Profile {
         }
     }
 
-    fn check(&self, problems: &mut Vec<String>) {
-        let finite = |problems: &mut Vec<String>, key: &str, value: f64| {
-            if !value.is_finite() {
-                problems.push(format!("source.profile.{key}: expected a finite number, found {value}"));
-            }
-        };
+    /// Keys and values, each with the rule it must keep.
+    fn rules(&self) -> Vec<(&'static str, f64, Rule)> {
         match *self {
-            Self::ConstantFlow { flow_ml_per_min, volume_mm3, compliance_mm3_per_mpa, until_mpa } => {
-                require_above(problems, "profile.flow_ml_per_min", flow_ml_per_min, 0.0);
-                require_above(problems, "profile.volume_mm3", volume_mm3, 0.0);
-                finite(problems, "until_mpa", until_mpa);
-                if !(compliance_mm3_per_mpa.is_finite() && compliance_mm3_per_mpa >= 0.0) {
-                    problems.push(format!(
-                        "source.profile.compliance_mm3_per_mpa: expected 0 or more, found {compliance_mm3_per_mpa}"
-                    ));
-                }
-            }
-            Self::Ramp { from_mpa, to_mpa, rise_s } => {
-                finite(problems, "from_mpa", from_mpa);
-                finite(problems, "to_mpa", to_mpa);
-                require_above(problems, "profile.rise_s", rise_s, 0.0);
-            }
-            Self::Step { low_mpa, high_mpa, at_s } => {
-                finite(problems, "low_mpa", low_mpa);
-                finite(problems, "high_mpa", high_mpa);
-                finite(problems, "at_s", at_s);
-            }
-            Self::Sine { mean_mpa, amplitude_mpa, frequency_hz } => {
-                finite(problems, "mean_mpa", mean_mpa);
-                finite(problems, "amplitude_mpa", amplitude_mpa);
-                require_above(problems, "profile.frequency_hz", frequency_hz, 0.0);
-            }
+            Self::ConstantFlow { flow_ml_per_min, volume_mm3, compliance_mm3_per_mpa, until_mpa } => vec![
+                ("profile.flow_ml_per_min", flow_ml_per_min, Rule::Above0),
+                ("profile.volume_mm3", volume_mm3, Rule::Above0),
+                ("profile.until_mpa", until_mpa, Rule::Finite),
+                ("profile.compliance_mm3_per_mpa", compliance_mm3_per_mpa, Rule::AtLeast0),
+            ],
+            Self::Ramp { from_mpa, to_mpa, rise_s } => vec![
+                ("profile.from_mpa", from_mpa, Rule::Finite),
+                ("profile.to_mpa", to_mpa, Rule::Finite),
+                ("profile.rise_s", rise_s, Rule::Above0),
+            ],
+            Self::Step { low_mpa, high_mpa, at_s } => vec![
+                ("profile.low_mpa", low_mpa, Rule::Finite),
+                ("profile.high_mpa", high_mpa, Rule::Finite),
+                ("profile.at_s", at_s, Rule::Finite),
+            ],
+            Self::Sine { mean_mpa, amplitude_mpa, frequency_hz } => vec![
+                ("profile.mean_mpa", mean_mpa, Rule::Finite),
+                ("profile.amplitude_mpa", amplitude_mpa, Rule::Finite),
+                ("profile.frequency_hz", frequency_hz, Rule::Above0),
+            ],
         }
     }
 }
 
-/// A formula on its way.
+/// What a value of the specification must be.
+#[derive(Debug, Clone, Copy)]
+enum Rule {
+    Finite,
+    AtLeast0,
+    Above0,
+    /// Above 0, infinity allowed.
+    Duration,
+}
+
+impl Rule {
+    /// The rule for the user when `value` breaks it.
+    fn broken_by(self, value: f64) -> Option<&'static str> {
+        let (kept, text) = match self {
+            Self::Finite => (value.is_finite(), "a finite number"),
+            Self::AtLeast0 => (value.is_finite() && value >= 0.0, "0 or more"),
+            Self::Above0 => (value.is_finite() && value > 0.0, "a finite number above 0"),
+            Self::Duration => (value > 0.0, "more than 0 (or inf)"),
+        };
+        (!kept).then_some(text)
+    }
+}
+
+impl SimulateSpec {
+    /// Checks the specification.
+    ///
+    /// # Errors
+    /// All its problems.
+    pub(super) fn open(&self) -> Result<Box<dyn Source>, Vec<String>> {
+        let own = [
+            ("rate_hz", self.rate_hz, Rule::Above0),
+            ("noise_mpa", self.noise_mpa, Rule::AtLeast0),
+            ("resolution_mpa", self.resolution_mpa, Rule::AtLeast0),
+            ("duration_s", self.duration_s, Rule::Duration),
+        ];
+        let problems: Vec<String> = own
+            .into_iter()
+            .chain(self.profile.rules())
+            .filter_map(|(key, value, rule)| {
+                Some(format!("source.{key}: expected {}, found {value}", rule.broken_by(value)?))
+            })
+            .collect();
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let simulation = Simulation { rng: Rng::new(self.seed), spec: self.clone(), count: 0 };
+        Ok(Box::new(Scheduled::new(simulation)))
+    }
+}
+
+/// The readings of a formula that are still to come.
 #[derive(Debug)]
-pub struct Simulate {
+struct Simulation {
     spec: SimulateSpec,
     rng: Rng,
     count: u64,
 }
 
-impl Simulate {
-    /// Checks the specification.
-    ///
-    /// # Errors
-    /// All problems of the specification.
-    pub fn new(spec: &SimulateSpec) -> Result<Self, Vec<String>> {
-        let mut problems = Vec::new();
-        require_above(&mut problems, "rate_hz", spec.rate_hz, 0.0);
-        for (key, value) in [("noise_mpa", spec.noise_mpa), ("resolution_mpa", spec.resolution_mpa)] {
-            if !(value.is_finite() && value >= 0.0) {
-                problems.push(format!("source.{key}: expected 0 or more, found {value}"));
-            }
-        }
-        if spec.duration_s.is_nan() || spec.duration_s <= 0.0 {
-            problems
-                .push(format!("source.duration_s: expected more than 0 (or inf), found {}", spec.duration_s));
-        }
-        spec.profile.check(&mut problems);
-        if problems.is_empty() {
-            Ok(Self { rng: Rng::new(spec.seed), spec: spec.clone(), count: 0 })
-        } else {
-            Err(problems)
-        }
-    }
+impl Iterator for Simulation {
+    type Item = Reading;
 
     /// The next reading; `None` after `duration_s`.
-    pub fn next_reading(&mut self) -> Option<Reading> {
+    fn next(&mut self) -> Option<Reading> {
         let t_s = self.count as f64 / self.spec.rate_hz;
         if t_s > self.spec.duration_s {
             return None;
@@ -196,8 +216,7 @@ impl Simulate {
             t_trace_s: t_s,
             pressure_mpa: if resolution > 0.0 { (noisy / resolution).round() * resolution } else { noisy },
             gap_mm: self.spec.gap_mm,
-            measured_force_n: f64::NAN,
-            status: 0,
+            ..Reading::default()
         })
     }
 }

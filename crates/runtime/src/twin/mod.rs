@@ -1,32 +1,40 @@
 //! The twin: waits for readings, answers each with a state and fields. One thread for any number of actuators.
 //!
+//! Every reading goes through these steps, in this order (`actuator.rs` calls them):
+//!
+//! | step | file |
+//! | --- | --- |
+//! | 1. poll: take it from the sensor topic | `actuator.rs` |
+//! | 2. ingest: validate it; a good one waits for its answer | `ingest.rs` |
+//! | 3. evaluate: coefficients, force, gradients, half-widths; fill the state | `actuator.rs`, `payload.rs` |
+//! | 4. reconstruct: write each field into a sample on loan | `reconstruct.rs` |
+//! | 5. publish: send state and fields | `actuator.rs`, `reconstruct.rs` |
+//! | 6. record the outcome: count it once, after its outputs | `record.rs` |
+//!
 //! After start the loop allocates nothing of its own (a test counts: what remains is the transport's small handle for each
-//! loaned sample), takes no lock, writes no log: what it has to say goes through [`Ring`]; its only system calls are the
-//! wait and the wake-up of readers.
+//! loaned sample), takes no lock, writes no log: its events go through [`Ring`]; its only system calls are the wait and the
+//! wake-up of readers.
 
 mod actuator;
-mod check;
-mod histogram;
-mod load;
-mod output;
-mod ring;
+mod events;
+mod force_watch;
+mod ingest;
+mod reconstruct;
+mod record;
 mod swap;
-mod watch;
 
-pub(crate) use actuator::regime_number;
-pub use histogram::Histogram;
-pub use load::{Loaded, LoadedOutput, ReadBlock, load, load_scene};
-pub use ring::{CAPACITY as RING_CAPACITY, Event, EventKind, Ring};
+pub use events::{CAPACITY as RING_CAPACITY, Event, EventKind, Ring};
 pub use swap::{Retired, SwapError};
 
 use crate::config::Settings;
+use crate::load::Loaded;
 use actuator::ActuatorTwin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use wire::{Bus, Health, WakeSet, Wakeable, WireError, boot_id, now_ns};
 
-/// Longest sleep: the shutdown flag is looked at that often, and the watchdog sees progress.
+/// Longest sleep: the stop flag is checked that often, and the watchdog sees progress.
 const MAX_WAIT: Duration = Duration::from_millis(100);
 
 /// A running twin with all its topics open.
@@ -50,11 +58,10 @@ impl Twin {
         ring: &Arc<Ring>,
     ) -> Result<Self, WireError> {
         let boot_id = boot_id();
-        let actuators: Vec<ActuatorTwin> = loaded
-            .into_iter()
-            .enumerate()
+        let actuators: Vec<ActuatorTwin> = (0..)
+            .zip(loaded)
             .map(|(number, loaded)| {
-                ActuatorTwin::start(bus, number as u32, loaded, settings.limits, boot_id, ring.clone())
+                ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, ring.clone())
             })
             .collect::<Result<_, WireError>>()?;
         let wake = WakeSet::new(actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable));
@@ -69,13 +76,9 @@ impl Twin {
         self.actuators.iter().flat_map(|actuator| &actuator.outputs).map(|output| output.prefault()).sum()
     }
 
-    /// Runs until `stop`. `progress` counts turns, so that a watchdog can see that the loop lives.
-    pub fn run(&mut self, stop: &AtomicBool, progress: &AtomicU64) {
-        self.run_with(stop, progress, |_| ());
-    }
-
-    /// The same, with something to do between two turns (a swap, say).
-    pub fn run_with(&mut self, stop: &AtomicBool, progress: &AtomicU64, mut between: impl FnMut(&mut Self)) {
+    /// Runs until `stop`, with something to do between two turns (a swap, say). `progress` counts turns, so that a watchdog
+    /// can see that the loop lives.
+    pub fn run(&mut self, stop: &AtomicBool, progress: &AtomicU64, mut between: impl FnMut(&mut Self)) {
         while !stop.load(Ordering::Relaxed) {
             self.turn(MAX_WAIT);
             progress.fetch_add(1, Ordering::Relaxed);
@@ -90,11 +93,26 @@ impl Twin {
             let timeout = Duration::from_nanos(due_ns.saturating_sub(now_ns())).min(max_wait);
             let readers = self.actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable);
             if self.wake.wait(readers, timeout).is_err() {
-                self.actuators.iter_mut().for_each(ActuatorTwin::transport_failed);
-                std::thread::sleep(max_wait); // a broken wait must not become a spin
+                self.actuators.iter_mut().for_each(ActuatorTwin::wait_failed);
+                std::thread::sleep(max_wait); // a failing wait must not become a busy loop
             }
         }
-        self.actuators.iter_mut().for_each(ActuatorTwin::turn);
+        self.actuators.iter_mut().for_each(ActuatorTwin::serve);
+    }
+
+    /// Continues with other models for the same actuators and topics. All or nothing.
+    ///
+    /// Cost: a few pointers an actuator; nothing is loaded, nothing freed.
+    ///
+    /// # Errors
+    /// [`SwapError`]; the twin is as before.
+    pub fn swap(&mut self, loaded: Vec<Loaded>) -> Result<Retired, SwapError> {
+        swap::check(&self.actuators, &loaded)?;
+        let mut retired = Vec::new();
+        for (actuator, loaded) in self.actuators.iter_mut().zip(loaded) {
+            actuator.swap(loaded, &mut retired);
+        }
+        Ok(Retired(retired))
     }
 
     /// Counters of every actuator.

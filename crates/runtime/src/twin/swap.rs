@@ -1,12 +1,12 @@
-//! Another model, or another scene, between two readings. Topics, sequence numbers and counters go on; readers notice a new
+//! Another model, or another scene, between two readings. Topics, sequence numbers and counters continue; readers see a new
 //! model hash and nothing else.
 
-use super::Twin;
 use super::actuator::ActuatorTwin;
-use super::load::Loaded;
+use super::reconstruct::{FieldOutput, shape};
+use crate::load::Loaded;
 use rom::predict::Predictor;
 
-/// Why a running twin cannot go on with what was loaded. It goes on with what it has.
+/// Why a running twin cannot continue with what was loaded. It continues with what it has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SwapError {
     /// Other actuators, or sensors, than before.
@@ -34,38 +34,31 @@ pub enum SwapError {
 
 /// What a swap took out of the loop. Dropping it frees tens of megabytes: not a thing to do between two readings.
 #[derive(Debug, Default)]
-pub struct Retired(#[expect(dead_code, reason = "held to be dropped by its owner")] Vec<Predictor>);
+pub struct Retired(
+    #[expect(dead_code, reason = "held to be dropped by its owner")] pub(super) Vec<Predictor>,
+);
 
-impl Twin {
-    /// Continues with other models for the same actuators and topics. All or nothing.
-    ///
-    /// Cost: a few pointers an actuator; nothing is loaded, nothing freed.
-    ///
-    /// # Errors
-    /// [`SwapError`]; the twin is as before.
-    pub fn swap(&mut self, loaded: Vec<Loaded>) -> Result<Retired, SwapError> {
-        let running = list(self.actuators.iter().map(ActuatorTwin::names));
-        let new = list(loaded.iter().map(|loaded| (loaded.spec.name.as_str(), loaded.spec.sensor())));
-        if running != new {
-            return Err(SwapError::Actuators { running, new });
-        }
-        for (actuator, loaded) in self.actuators.iter().zip(&loaded) {
-            let (running, new) = (actuator.shapes(), shapes(loaded));
-            if running != new {
-                let actuator = loaded.spec.name.clone();
-                return Err(SwapError::Outputs {
-                    actuator,
-                    running: running.join(", "),
-                    new: new.join(", "),
-                });
-            }
-        }
-        let mut retired = Vec::new();
-        for (actuator, loaded) in self.actuators.iter_mut().zip(loaded) {
-            actuator.swap(loaded, &mut retired);
-        }
-        Ok(Retired(retired))
+/// Checks that a running twin can continue with what was loaded: the same actuators and topics, samples of the same size.
+///
+/// # Errors
+/// [`SwapError`] with both.
+pub(super) fn check(running: &[ActuatorTwin], new: &[Loaded]) -> Result<(), SwapError> {
+    let names = list(running.iter().map(ActuatorTwin::names));
+    let new_names = list(new.iter().map(|loaded| (loaded.spec.name.as_str(), loaded.spec.sensor())));
+    if names != new_names {
+        return Err(SwapError::Actuators { running: names, new: new_names });
     }
+    for (actuator, loaded) in running.iter().zip(new) {
+        let running: Vec<String> = actuator.outputs.iter().map(FieldOutput::shape).collect();
+        let wanted = loaded.outputs.iter();
+        let new: Vec<String> =
+            wanted.map(|output| shape(output.spec.topic_name(), output.predictor.entries())).collect();
+        if running != new {
+            let (running, new) = (running.join(", "), new.join(", "));
+            return Err(SwapError::Outputs { actuator: loaded.spec.name.clone(), running, new });
+        }
+    }
+    Ok(())
 }
 
 /// Actuators, with the sensor of those that read another's.
@@ -74,10 +67,4 @@ fn list<'a>(names: impl Iterator<Item = (&'a str, &'a str)>) -> String {
         if name == sensor { String::from(name) } else { format!("{name} (sensor {sensor})") }
     };
     names.map(text).collect::<Vec<String>>().join(", ")
-}
-
-/// Topics with the values of a sample, as the model would have them.
-fn shapes(loaded: &Loaded) -> Vec<String> {
-    let shape = |set: Option<&str>, entries: usize| format!("{} ({entries})", set.unwrap_or("all"));
-    loaded.outputs.iter().map(|output| shape(output.spec.topic_name(), output.predictor.entries())).collect()
 }

@@ -5,12 +5,12 @@ use crate::live::DomainArgs;
 use crate::output;
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
-use runtime::source::{Reading, ReplaySpec, Source, SourceSpec};
+use runtime::source::{Poll, Reading, ReplaySpec, Source, SourceSpec};
 use serde_json::json;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use wire::{Bus, SensorSample, SensorWriter, Topic, boot_id, now_ns};
+use wire::{Bus, SensorWriter, Topic, boot_id, now_ns};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -89,10 +89,10 @@ impl Args {
         }
     }
 
-    fn play(&self, bus: &Bus, source: Source, stop: &AtomicBool) -> Result<u64> {
+    fn play(&self, bus: &Bus, source: Box<dyn Source>, stop: &AtomicBool) -> Result<u64> {
         let mut bridge = Bridge::start(bus, vec![(self.actuator.clone(), source)])?;
         let counters = BridgeCounters::default();
-        bridge.run(stop, &counters);
+        bridge.run(stop, &counters)?;
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         let failed = count(&counters.failed);
         anyhow::ensure!(failed == 0, "{failed} readings could not be sent");
@@ -101,13 +101,13 @@ impl Args {
 }
 
 /// A reading for each line that comes in.
-fn step(bus: &Bus, topic: &Topic, mut source: Source, stop: &AtomicBool) -> Result<u64> {
+fn step(bus: &Bus, topic: &Topic, mut source: Box<dyn Source>, stop: &AtomicBool) -> Result<u64> {
     let mut writer = SensorWriter::create(bus, topic)?;
     let boot_id = boot_id();
     let mut sent = 0;
     let mut lines = std::io::stdin().lock().lines();
     while !stop.load(Ordering::Relaxed) {
-        let Some(reading) = source.next_reading() else { break };
+        let Poll::Reading(reading) = source.poll(f64::INFINITY) else { break };
         output!(
             "{:.6} s  {} MPa  {} mm  (Enter sends it)",
             reading.t_trace_s,
@@ -118,20 +118,7 @@ fn step(bus: &Bus, topic: &Topic, mut source: Source, stop: &AtomicBool) -> Resu
             break;
         }
         sent += 1;
-        writer.publish(SensorSample { boot_id, seq: sent, ..sample(&reading) })?;
+        writer.publish(Reading { t_sensor_ns: now_ns(), ..reading }.sample(boot_id, sent))?;
     }
     Ok(sent)
-}
-
-/// The reading as it goes on the wire, stamped now.
-fn sample(reading: &Reading) -> SensorSample {
-    SensorSample {
-        t_sensor_ns: now_ns(),
-        pressure_mpa: reading.pressure_mpa,
-        gap_mm: reading.gap_mm,
-        measured_force_n: reading.measured_force_n,
-        t_trace_s: reading.t_trace_s,
-        status: reading.status,
-        ..SensorSample::default()
-    }
 }

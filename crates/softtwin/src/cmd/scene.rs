@@ -4,7 +4,7 @@ use crate::failure::configuration;
 use crate::output;
 use runtime::config::Scene;
 use runtime::explain::{Explained, explain};
-use runtime::twin::load_scene;
+use runtime::load::load_scene;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\

@@ -2,6 +2,7 @@
 
 use anyhow::{Result, anyhow};
 use axum::http::{HeaderMap, Uri, header};
+use runtime::http::is_this_machine;
 use std::net::IpAddr;
 
 /// Name of the cookie that carries the token after the first page.
@@ -69,14 +70,6 @@ impl Guard {
     pub fn cookie(&self) -> Option<String> {
         self.token().map(|token| format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/"))
     }
-}
-
-fn is_this_machine(host: &str) -> bool {
-    let name = host
-        .rsplit_once(':')
-        .filter(|(_, port)| port.bytes().all(|b| b.is_ascii_digit()))
-        .map_or(host, |h| h.0);
-    matches!(name, "localhost" | "[::1]") || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
 }
 
 fn query_token(uri: &Uri) -> Option<&str> {

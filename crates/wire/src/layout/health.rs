@@ -40,7 +40,7 @@ pub struct Health {
     pub states_sent: u64,
     /// Readings whose field was sent later than the configured limit after their stamp.
     pub late: u64,
-    /// Events for the log that were lost because the reporter was behind.
+    /// Events and lines that are missing in the log: the reporter was behind, or a line could not be written.
     pub log_lost: u64,
     /// Age of the newest good reading, ns.
     pub age_ns: u64,

@@ -11,7 +11,7 @@ const SHM_WANTED_BYTES: u64 = 128 << 20;
 /// Free space and rights of /dev/shm.
 pub fn shared_memory() -> Finding {
     let subject = "/dev/shm";
-    let room = match machine::room(Path::new(subject)) {
+    let room = match machine::space(Path::new(subject)) {
         Ok(room) => room,
         Err(error) => return Finding::bad(subject, error, "mount it: mount -t tmpfs tmpfs /dev/shm"),
     };

@@ -2,11 +2,9 @@
 
 use super::finding::Finding;
 use runtime::config::Scene;
-use runtime::source::live::{LiveSource, LiveSpec};
-use runtime::source::{Source, SourceSpec};
-use runtime::twin::load_scene;
+use runtime::load::load_scene;
+use runtime::source::{SourceReader, SourceSpec};
 use std::path::Path;
-use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
 /// How long a sensor may take to answer once, its own time-outs and first attempts to reconnect included.
@@ -40,47 +38,39 @@ fn models(scene: &Scene, path: &Path) -> Finding {
     }
 }
 
+/// Takes one reading.
 fn source(subject: &str, spec: &SourceSpec, folder: &Path) -> Finding {
-    match spec.open(folder) {
-        Err(diagnostics) => Finding::bad(subject, diagnostics.join("; "), "correct the scene or the trace"),
-        Ok(Source::Live(spec)) => sensor(subject, spec),
-        Ok(mut source) => match source.next_reading() {
-            Some(reading) => Finding::good(subject, format!("first reading {} MPa", reading.pressure_mpa)),
-            None => Finding::bad(subject, "it has no readings", "choose another part of the trace"),
-        },
-    }
-}
-
-/// Reads the sensor once.
-fn sensor(subject: &str, spec: LiveSpec) -> Finding {
-    let (sender, receiver) = sync_channel(1);
-    let started = match LiveSource::start(spec, 0, sender) {
-        Ok(started) => started,
-        Err(error) => {
+    let mut source = match spec.open(folder).map(SourceReader::start) {
+        Ok(Ok(source)) => source,
+        Ok(Err(error)) => {
             return Finding::bad(subject, error, "the system has no thread left: raise TasksMax");
         }
+        Err(diagnostics) => {
+            return Finding::bad(subject, diagnostics.join("; "), "correct the scene or the trace");
+        }
     };
-    match receiver.recv_timeout(SENSOR_TIMEOUT) {
-        Ok(reading) if reading.status == 0 => Finding::good(
+    let reading = source.next(SENSOR_TIMEOUT);
+    let Some(device) = source.device() else {
+        return match reading {
+            Some(reading) => Finding::good(subject, format!("first reading {} MPa", reading.pressure_mpa)),
+            None => Finding::bad(subject, "it has no readings", "choose another part of the trace"),
+        };
+    };
+    match reading {
+        Some(reading) if reading.status == 0 => Finding::good(
             subject,
             format!(
                 "it answers: {} MPa, gap {} mm, force {} N",
                 reading.pressure_mpa, reading.gap_mm, reading.measured_force_n
             ),
         ),
-        Ok(reading) => Finding::bad(
+        Some(reading) => Finding::bad(
             subject,
             format!("it answers with fault {}", reading.status),
             "Modbus: 2 wrong register, 4 the device itself is faulty; see its manual",
         ),
-        Err(_) => {
-            let counts = started.counters().all();
-            let counted: Vec<String> = counts
-                .iter()
-                .filter(|(_, count)| *count > 0)
-                .map(|(name, count)| format!("{count} {name}"))
-                .collect();
-            let found = format!("no reading within {} s ({})", SENSOR_TIMEOUT.as_secs(), counted.join(", "));
+        None => {
+            let found = format!("no reading within {} s ({})", SENSOR_TIMEOUT.as_secs(), device.summary());
             let remedy = "timeouts: wiring, unit_id, baud; refusals: address, port, rights (group dialout), a bridge that holds \
                           the port; garbage: parity, baud, encoding";
             Finding::bad(subject, found, remedy)

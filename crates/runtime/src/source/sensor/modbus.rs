@@ -3,12 +3,14 @@
 //! After anything but a clean answer the connection is thrown away: on a serial line a late answer carries no number that
 //! would tell it from the answer to the next request.
 
-use super::decode::{Quantity, RegisterSpec, Table};
+use super::device::{Backoff, Device, Feed, Sensor};
 use super::filter::{Filter, FilterSpec};
+use super::register::{Quantity, RegisterSpec, Table};
 use super::serial::SerialSpec;
-use super::{Backoff, Feed, LiveReading, blank};
+use crate::source::reading::{Reading, Source};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
+use tokio::runtime::Runtime;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use tokio_modbus::client::{Client, Context, rtu, tcp};
 use tokio_modbus::slave::SlaveContext;
@@ -96,6 +98,20 @@ impl ModbusSpec {
         problems
     }
 
+    /// A source that is not started.
+    ///
+    /// # Errors
+    /// [`Self::problems`].
+    pub(crate) fn open(&self) -> Result<Box<dyn Source>, Vec<String>> {
+        Sensor::open(self.clone(), self.problems())
+    }
+
+    fn timeout(&self) -> Duration {
+        Duration::from_secs_f64(self.timeout_ms * 1e-3)
+    }
+}
+
+impl Device for ModbusSpec {
     fn place(&self) -> String {
         match (&self.tcp, &self.serial) {
             (Some(address), _) => address.clone(),
@@ -104,27 +120,26 @@ impl ModbusSpec {
         }
     }
 
-    fn timeout(&self) -> Duration {
-        Duration::from_secs_f64(self.timeout_ms * 1e-3)
+    fn run(&self, feed: Feed, runtime: &Runtime) {
+        runtime.block_on(run(self, feed));
     }
 }
 
-/// What one poll gave.
-enum Answer {
-    Values { pressure_mpa: f64, gap_mm: f64, measured_force_n: f64 },
+/// Why a poll gave no reading.
+enum NoReading {
     Exception(ExceptionCode),
     Garbage(String),
     Broken(String),
 }
 
-/// Polls until told to stop.
-pub(super) async fn run(spec: &ModbusSpec, mut feed: Feed) {
+/// Polls until the stop flag is set.
+async fn run(spec: &ModbusSpec, mut feed: Feed) {
     let mut backoff = Backoff::new(Duration::from_secs_f64(spec.backoff_max_ms * 1e-3));
     let mut filter = Filter::new(spec.filter);
     while !feed.is_stopped() {
         match connect(spec).await {
             Ok(mut context) => poll(spec, &mut context, &mut feed, &mut backoff, &mut filter).await,
-            Err(cause) => feed.trouble(|c| &c.refusals, format!("cannot reach {}: {cause}", spec.place())),
+            Err(cause) => feed.failed(|c| &c.refusals, &format!("cannot connect: {cause}")),
         }
         backoff.wait(&feed).await;
     }
@@ -148,7 +163,7 @@ async fn connect(spec: &ModbusSpec) -> Result<Context, String> {
     }
 }
 
-/// Polls one connection until it breaks or we are told to stop.
+/// Polls one connection until it breaks or the stop flag is set.
 async fn poll(
     spec: &ModbusSpec,
     context: &mut Context,
@@ -164,39 +179,35 @@ async fn poll(
         if feed.is_stopped() {
             return;
         }
-        let Ok(answer) = timeout(spec.timeout(), ask_all(spec, context)).await else {
-            return feed.trouble(
-                |c| &c.timeouts,
-                format!("{}: no answer within {} ms", spec.place(), spec.timeout_ms),
-            );
+        let Ok(answer) = timeout(spec.timeout(), read_all(spec, context)).await else {
+            return feed.failed(|c| &c.timeouts, &format!("no answer within {} ms", spec.timeout_ms));
         };
         match answer {
-            Answer::Values { pressure_mpa, gap_mm, measured_force_n } => {
-                let reading = blank();
-                let pressure_mpa = filter.apply(reading.t_sensor_ns, pressure_mpa);
-                feed.send(LiveReading { pressure_mpa, gap_mm, measured_force_n, ..reading });
-                feed.well();
+            Ok(reading) => {
+                let pressure_mpa = filter.apply(reading.t_sensor_ns, reading.pressure_mpa);
+                feed.send(Reading { pressure_mpa, ..reading });
+                feed.recovered();
                 backoff.reset();
             }
-            // The device is there and says no: the twin is told, and the connection is as good as before.
-            Answer::Exception(code) => {
-                let number = u16::from(u8::from(code));
-                feed.trouble(|c| &c.exceptions, format!("{}: exception {number} ({code})", spec.place()));
-                feed.send(LiveReading { status: u32::from(number).max(1), ..blank() });
+            // The device answers that it cannot: the twin gets the fault code, and the connection is kept.
+            Err(NoReading::Exception(code)) => {
+                let number = u32::from(u8::from(code));
+                feed.failed(|c| &c.exceptions, &format!("exception {number} ({code})"));
+                feed.send(Reading { status: number.max(1), ..Reading::now() });
                 backoff.reset();
             }
-            Answer::Garbage(cause) => {
-                return feed.trouble(|c| &c.garbage, format!("{}: not understood: {cause}", spec.place()));
+            Err(NoReading::Garbage(cause)) => {
+                return feed.failed(|c| &c.garbage, &format!("not understood: {cause}"));
             }
-            Answer::Broken(cause) => {
-                return feed
-                    .trouble(|c| &c.disconnects, format!("{}: connection lost: {cause}", spec.place()));
+            Err(NoReading::Broken(cause)) => {
+                return feed.failed(|c| &c.disconnects, &format!("connection lost: {cause}"));
             }
         }
     }
 }
 
-async fn ask_all(spec: &ModbusSpec, context: &mut Context) -> Answer {
+/// One reading of all quantities, stamped when the last answer has come.
+async fn read_all(spec: &ModbusSpec, context: &mut Context) -> Result<Reading, NoReading> {
     let mut values = [f64::NAN; 3];
     let wanted = [
         (Some(&spec.pressure), Quantity::Pressure),
@@ -205,16 +216,13 @@ async fn ask_all(spec: &ModbusSpec, context: &mut Context) -> Answer {
     ];
     for (value, (register, quantity)) in values.iter_mut().zip(wanted) {
         let Some(register) = register else { continue };
-        match ask(context, register, quantity).await {
-            Ok(found) => *value = found,
-            Err(answer) => return answer,
-        }
+        *value = read(context, register, quantity).await?;
     }
     let [pressure_mpa, gap_mm, measured_force_n] = values;
-    Answer::Values { pressure_mpa, gap_mm, measured_force_n }
+    Ok(Reading { pressure_mpa, gap_mm, measured_force_n, ..Reading::now() })
 }
 
-async fn ask(context: &mut Context, spec: &RegisterSpec, quantity: Quantity) -> Result<f64, Answer> {
+async fn read(context: &mut Context, spec: &RegisterSpec, quantity: Quantity) -> Result<f64, NoReading> {
     context.set_slave(Slave(spec.unit_id));
     // The library's typed readers assert that the device sent as many registers as were asked for; a device may not.
     let request = match spec.table {
@@ -224,16 +232,16 @@ async fn ask(context: &mut Context, spec: &RegisterSpec, quantity: Quantity) -> 
     match context.call(request).await {
         Ok(Ok(Response::ReadInputRegisters(registers) | Response::ReadHoldingRegisters(registers))) => {
             spec.decode(quantity, &registers).ok_or_else(|| {
-                Answer::Garbage(format!("{} registers, {} asked for", registers.len(), spec.count()))
+                NoReading::Garbage(format!("{} registers, {} asked for", registers.len(), spec.count()))
             })
         }
-        Ok(Ok(other)) => Err(Answer::Garbage(format!("registers asked for, {other:?} sent"))),
-        Ok(Err(code)) => Err(Answer::Exception(code)),
-        Err(Error::Protocol(error)) => Err(Answer::Garbage(error.to_string())),
+        Ok(Ok(other)) => Err(NoReading::Garbage(format!("registers asked for, {other:?} sent"))),
+        Ok(Err(code)) => Err(NoReading::Exception(code)),
+        Err(Error::Protocol(error)) => Err(NoReading::Garbage(error.to_string())),
         // A frame with a wrong checksum ends as "invalid data".
         Err(Error::Transport(error)) if error.kind() == std::io::ErrorKind::InvalidData => {
-            Err(Answer::Garbage(error.to_string()))
+            Err(NoReading::Garbage(error.to_string()))
         }
-        Err(Error::Transport(error)) => Err(Answer::Broken(error.to_string())),
+        Err(Error::Transport(error)) => Err(NoReading::Broken(error.to_string())),
     }
 }

@@ -1,6 +1,6 @@
 //! Compares a measured contact force with the predicted one.
 
-/// Raises an alarm when the residual stays outside the error bar for longer than a given time: a leak, a wrong gap, a torn
+/// Raises an alarm when the residual stays outside the half-width for longer than a given time: a leak, a wrong gap, a torn
 /// chamber. A single outlier, or the moment of touching, is none.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ForceWatch {
@@ -9,9 +9,15 @@ pub(super) struct ForceWatch {
 
 impl ForceWatch {
     /// Takes the residual of a reading taken at `t_sensor_ns`; true while the alarm stands. Without a measured force or
-    /// without an error bar (NaN) nothing can be judged, and the time begins anew.
-    pub(super) fn update(&mut self, t_sensor_ns: u64, residual_n: f64, bar_n: f64, after_ns: u64) -> bool {
-        if residual_n.is_nan() || bar_n.is_nan() || residual_n.abs() <= bar_n {
+    /// without a half-width (NaN) nothing can be said, and the time begins anew.
+    pub(super) fn update(
+        &mut self,
+        t_sensor_ns: u64,
+        residual_n: f64,
+        halfwidth_n: f64,
+        after_ns: u64,
+    ) -> bool {
+        if residual_n.is_nan() || halfwidth_n.is_nan() || residual_n.abs() <= halfwidth_n {
             self.outside_since_ns = None;
             return false;
         }
@@ -43,6 +49,6 @@ mod tests {
             let residual_n = if ms % 100 == 99 { f64::NAN } else { 1.0 };
             assert!(!watch.update(ms * MS, residual_n, 0.02, 200 * MS), "{ms} ms");
         }
-        assert!(!watch.update(0, 1.0, f64::NAN, 0), "without an error bar nothing can be said");
+        assert!(!watch.update(0, 1.0, f64::NAN, 0), "without a half-width nothing can be said");
     }
 }

@@ -5,17 +5,6 @@ use serde::Deserialize;
 /// Longest accepted line; what is longer is skipped to its end.
 pub const MAX_LINE_BYTES: usize = 512;
 
-/// One line's numbers in the units of the line; NaN for what it does not say.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LineReading {
-    /// Pressure.
-    pub pressure: f64,
-    /// Gap.
-    pub gap: f64,
-    /// Contact force.
-    pub force: f64,
-}
-
 /// Why a line is no reading.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LineError {
@@ -40,7 +29,7 @@ pub enum LineError {
     /// A JSON line without what is needed.
     #[error("expected JSON such as {{\"pressure\": 0.03, \"gap\": 40}}: {cause}")]
     Json {
-        /// The parser's word for it.
+        /// The parser's message.
         cause: String,
     },
 }
@@ -59,11 +48,12 @@ fn unknown() -> f64 {
     f64::NAN
 }
 
-/// Parses one line without its end. `None` for empty lines and comments (`#`).
+/// Parses one line without its end into pressure, gap and force in the units of the line, NaN for what it does not
+/// contain. `None` for empty lines and comments (`#`).
 ///
 /// # Errors
 /// [`LineError`].
-pub fn parse_line(line: &[u8]) -> Result<Option<LineReading>, LineError> {
+pub fn parse_line(line: &[u8]) -> Result<Option<[f64; 3]>, LineError> {
     if line.len() > MAX_LINE_BYTES {
         return Err(LineError::TooLong);
     }
@@ -74,7 +64,7 @@ pub fn parse_line(line: &[u8]) -> Result<Option<LineReading>, LineError> {
     if text.starts_with('{') {
         let line: JsonLine =
             serde_json::from_str(text).map_err(|error| LineError::Json { cause: error.to_string() })?;
-        return Ok(Some(LineReading { pressure: line.pressure, gap: line.gap, force: line.force }));
+        return Ok(Some([line.pressure, line.gap, line.force]));
     }
     let mut numbers = [f64::NAN; 3];
     let cells: Vec<&str> = text.split([',', ';', '\t']).collect();
@@ -86,8 +76,7 @@ pub fn parse_line(line: &[u8]) -> Result<Option<LineReading>, LineError> {
         *number =
             cell.parse().map_err(|_| LineError::NotANumber { found: cell.chars().take(40).collect() })?;
     }
-    let [pressure, gap, force] = numbers;
-    Ok(Some(LineReading { pressure, gap, force }))
+    Ok(Some(numbers))
 }
 
 /// Cuts a stream of bytes into lines without ever keeping more than [`MAX_LINE_BYTES`] + 1 of them.
@@ -98,7 +87,7 @@ pub struct LineBuffer {
 
 impl LineBuffer {
     /// Takes bytes as they come and calls `each` with every finished line.
-    pub fn push(&mut self, bytes: &[u8], mut each: impl FnMut(Result<Option<LineReading>, LineError>)) {
+    pub fn push(&mut self, bytes: &[u8], mut each: impl FnMut(Result<Option<[f64; 3]>, LineError>)) {
         for byte in bytes {
             match byte {
                 b'\n' | b'\r' => {
@@ -121,8 +110,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn numbers(line: &str) -> [f64; 3] {
-        let reading = parse_line(line.as_bytes()).unwrap().unwrap();
-        [reading.pressure, reading.gap, reading.force]
+        parse_line(line.as_bytes()).unwrap().unwrap()
     }
 
     #[test]
@@ -131,7 +119,7 @@ mod tests {
         assert_eq!(numbers("0.03,40")[..2], [0.03, 40.0]);
         assert_eq!(numbers("0.03; 40; 0.5"), [0.03, 40.0, 0.5]);
         assert_eq!(numbers(r#"{"pressure_mpa": 0.03, "gap": 40, "serial": "A7"}"#)[..2], [0.03, 40.0]);
-        assert!(numbers("nan")[0].is_nan(), "a gauge that says nan is heard; the twin judges it");
+        assert!(numbers("nan")[0].is_nan(), "nan is passed on; the twin validates it");
         assert_eq!(parse_line(b"# started"), Ok(None));
         assert_eq!(parse_line(b"0,1,2,3"), Err(LineError::TooMany { found: 4 }));
         assert_eq!(parse_line(b"0.03,"), Err(LineError::NotANumber { found: String::new() }));
@@ -151,7 +139,7 @@ mod tests {
         buffer.push(b"\n0.5\n", |line| found.push(line));
         assert_eq!(found.len(), 2);
         assert_eq!(found[0], Err(LineError::TooLong));
-        assert_eq!(found[1].as_ref().unwrap().unwrap().pressure, 0.5);
+        assert_eq!(found[1].as_ref().unwrap().unwrap()[0], 0.5);
     }
 
     proptest! {
@@ -161,7 +149,7 @@ mod tests {
             let text: String = values.iter().map(|value| format!("{value}\r\n")).collect();
             let (mut buffer, mut found) = (LineBuffer::default(), Vec::new());
             for part in text.as_bytes().chunks(piece) {
-                buffer.push(part, |line| found.push(line.unwrap().unwrap().pressure));
+                buffer.push(part, |line| found.push(line.unwrap().unwrap()[0]));
             }
             prop_assert_eq!(found, values);
         }

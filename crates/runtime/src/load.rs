@@ -1,6 +1,6 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
-use crate::config::{ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Precision, Scene};
+use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Precision, Scene};
 use rom::kernel::Precision as KernelPrecision;
 use rom::model::{BlockData, BlockKind, Model, ModelHeader, ModelReader};
 use rom::predict::{Nodes, Predictor, Selection};
@@ -8,7 +8,10 @@ use rom::snapshots::{FieldKind, RegimeKind};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
-use wire::layout::field_id;
+use wire::layout::{FIELD_SLOTS, GROUPS_MAX, field_id};
+
+/// Coefficients of each group, by regime.
+pub type GroupSizes = Vec<(RegimeKind, [u8; GROUPS_MAX])>;
 
 /// One actuator of a scene with everything it needs in memory.
 #[derive(Debug)]
@@ -19,8 +22,8 @@ pub struct Loaded {
     pub model_hash: [u8; 16],
     /// Answers readings: regime, coefficients, force. Carries no basis.
     pub evaluator: Predictor,
-    /// Groups of the model, with the number of coefficients of each, for each regime.
-    pub group_sizes: Vec<(RegimeKind, Vec<u8>)>,
+    /// Coefficients of each group, by regime.
+    pub group_sizes: GroupSizes,
     /// One for each field topic.
     pub outputs: Vec<LoadedOutput>,
     /// Regimes that can occur.
@@ -40,8 +43,8 @@ pub struct LoadedOutput {
     pub predictor: Predictor,
     /// Names of the fields in their order.
     pub fields: Vec<String>,
-    /// Their numbers of [`field_id`].
-    pub field_ids: Vec<u8>,
+    /// Their numbers of [`field_id`]; the rest are 0.
+    pub field_ids: [u8; FIELD_SLOTS],
     /// Bytes of the basis in memory, all regimes.
     pub basis_bytes: u64,
 }
@@ -60,17 +63,8 @@ pub struct ReadBlock {
 /// # Errors
 /// The problems of all actuators at once.
 pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError> {
-    let mut problems = Vec::new();
-    let mut loaded = Vec::new();
-    for spec in &scene.actuators {
-        match load(spec, &scene.resolve(&spec.model)) {
-            Ok(actuator) => loaded.push(actuator),
-            Err(found) => {
-                problems.extend(found.into_iter().map(|text| format!("actuator `{}`: {text}", spec.name)))
-            }
-        }
-    }
-    if problems.is_empty() { Ok(loaded) } else { Err(ConfigError { path: path.into(), problems }) }
+    let load = |spec: &ActuatorSpec| load(spec, &scene.resolve(&spec.model));
+    config::collect(path, scene.actuators.iter().map(|spec| (spec.name.as_str(), load(spec))))
 }
 
 /// Loads one actuator.
@@ -109,7 +103,8 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         .regimes
         .iter()
         .map(|regime| {
-            (regime.kind, regime.groups.iter().map(|group| group.coefficients.len() as u8).collect())
+            let sizes: Vec<u8> = regime.groups.iter().map(|group| group.coefficients.len() as u8).collect();
+            (regime.kind, first(&sizes))
         })
         .collect();
     Ok(Loaded {
@@ -130,11 +125,16 @@ fn trailer_hash(file: &mut File) -> std::io::Result<[u8; 16]> {
     file.seek(SeekFrom::End(-32))?;
     file.read_exact(&mut trailer)?;
     file.rewind()?;
-    let mut hash = [0; 16];
-    for (to, from) in hash.iter_mut().zip(trailer) {
-        *to = from;
+    Ok(first(&trailer))
+}
+
+/// The first entries of a list in an array of fixed size; the rest are 0.
+fn first<const N: usize>(from: &[u8]) -> [u8; N] {
+    let mut out = [0; N];
+    for (to, from) in out.iter_mut().zip(from) {
+        *to = *from;
     }
-    Ok(hash)
+    out
 }
 
 /// Contact only where the plate can be reached, free only where it can be left.
@@ -261,7 +261,7 @@ fn describe(spec: &OutputSpec, model: &Model, selection: &Selection, predictor: 
     LoadedOutput {
         spec: spec.clone(),
         fields: specs().map(|(_, spec)| spec.name.clone()).collect(),
-        field_ids: specs().map(|(number, spec)| id_of(number, spec.kind)).collect(),
+        field_ids: first(&specs().map(|(number, spec)| id_of(number, spec.kind)).collect::<Vec<u8>>()),
         basis_bytes,
         predictor,
     }

@@ -1,8 +1,8 @@
-//! What the loop has to say, handed to a slower thread without a lock, an allocation or a system call.
+//! Events of the loop, handed to the reporter thread without a lock, an allocation or a system call.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Something worth a line in the log. Repetitions are not sent: an event is a change.
+/// A change that belongs in the log. Repetitions are not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
     /// When, see [`wire::now_ns`].
@@ -11,7 +11,7 @@ pub struct Event {
     pub actuator: u32,
     /// What.
     pub kind: EventKind,
-    /// A number that belongs to it, see [`EventKind`].
+    /// Its number, see [`EventKind`].
     pub value: u64,
 }
 
@@ -31,22 +31,37 @@ pub enum EventKind {
     SensorStarted = 4,
     /// Readings never arrived; value: how many.
     Missed = 5,
-    /// The transport failed; value: failures so far.
-    TransportFailed = 6,
-    /// The measured force left or found back to its error bar; value: 1 left, 0 back.
-    ForceMismatch = 7,
+    /// The measured force left its half-width around the predicted one, or is back in it; value: 1 left, 0 back.
+    ForceMismatch = 6,
+    /// Readings could not be received; value: failures of this kind so far, as for all that follow.
+    ReceiveFailed = 7,
+    /// A state, field or health could not be sent.
+    SendFailed = 8,
+    /// The model gave no field for an evaluation.
+    ReconstructionFailed = 9,
+    /// The wait for readings failed.
+    WaitFailed = 10,
 }
 
-const KINDS: [EventKind; 8] = [
-    EventKind::Outcome,
-    EventKind::Regime,
-    EventKind::Stale,
-    EventKind::Fresh,
-    EventKind::SensorStarted,
-    EventKind::Missed,
-    EventKind::TransportFailed,
-    EventKind::ForceMismatch,
-];
+impl EventKind {
+    /// Kinds of events.
+    pub(super) const COUNT: usize = Self::ALL.len();
+
+    /// In the order of their numbers.
+    const ALL: [Self; 11] = [
+        Self::Outcome,
+        Self::Regime,
+        Self::Stale,
+        Self::Fresh,
+        Self::SensorStarted,
+        Self::Missed,
+        Self::ForceMismatch,
+        Self::ReceiveFailed,
+        Self::SendFailed,
+        Self::ReconstructionFailed,
+        Self::WaitFailed,
+    ];
+}
 
 /// Events that fit; more are counted as lost. A power of two.
 pub const CAPACITY: usize = 1024;
@@ -98,7 +113,7 @@ impl Ring {
         let event = Event {
             t_ns: time.load(Ordering::Relaxed),
             actuator: (what >> 32) as u32,
-            kind: KINDS.get((what & 0xffff_ffff) as usize).copied().unwrap_or(EventKind::TransportFailed),
+            kind: *EventKind::ALL.get((what & 0xffff_ffff) as usize)?,
             value: value.load(Ordering::Relaxed),
         };
         self.read.store(read + 1, Ordering::Release);
@@ -116,7 +131,17 @@ mod tests {
     use super::*;
 
     fn event(value: u64) -> Event {
-        Event { t_ns: value * 10, actuator: (value % 3) as u32, kind: KINDS[(value % 7) as usize], value }
+        Event {
+            t_ns: value * 10,
+            actuator: (value % 3) as u32,
+            kind: EventKind::ALL[value as usize % EventKind::COUNT],
+            value,
+        }
+    }
+
+    #[test]
+    fn kinds_are_in_the_order_of_their_numbers() {
+        assert!((0u32..).zip(EventKind::ALL).all(|(number, kind)| kind as u32 == number));
     }
 
     #[test]

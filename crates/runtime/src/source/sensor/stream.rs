@@ -1,14 +1,16 @@
 //! Lines of text from a serial line or standard input.
 
-use super::decode::Quantity;
+use super::device::{Backoff, Device, Feed, STOP_CHECK, Sensor};
 use super::filter::{Filter, FilterSpec};
-use super::lines::{LineBuffer, LineError, LineReading};
+use super::lines::LineBuffer;
+use super::register::Quantity;
 use super::serial::SerialSpec;
-use super::{Backoff, Feed, LOOK, LiveReading, blank};
+use crate::source::reading::{Reading, Source};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::time::Duration;
 use tokio::io::AsyncReadExt;
+use tokio::runtime::Runtime;
 
 /// A line sensor as written in a scene file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -27,7 +29,7 @@ pub struct LinesSpec {
 }
 
 /// Longest pause between attempts to open the line again.
-const BACKOFF_MAX: Duration = Duration::from_secs(5);
+const MAX_BACKOFF: Duration = Duration::from_secs(5);
 
 impl LinesSpec {
     /// Everything that is wrong with it.
@@ -42,14 +44,28 @@ impl LinesSpec {
         self.filter.problems("source.filter", &mut problems);
         problems
     }
+
+    /// A source that is not started.
+    ///
+    /// # Errors
+    /// [`Self::problems`].
+    pub(crate) fn open(&self) -> Result<Box<dyn Source>, Vec<String>> {
+        Sensor::open(self.clone(), self.problems())
+    }
 }
 
-/// Reads until told to stop, or to the end of standard input.
-pub(super) fn run(spec: &LinesSpec, feed: Feed, runtime: &tokio::runtime::Runtime) {
-    let mut reader = LineReader::new(spec, feed);
-    match &spec.serial {
-        Some(serial) => runtime.block_on(read_serial(serial, &mut reader)),
-        None => read_stdin(&mut reader),
+impl Device for LinesSpec {
+    fn place(&self) -> String {
+        self.serial.as_ref().map_or("standard input".into(), |serial| serial.port.display().to_string())
+    }
+
+    /// Reads until the stop flag is set, or to the end of standard input.
+    fn run(&self, feed: Feed, runtime: &Runtime) {
+        let mut reader = LineReader::new(self, feed);
+        match &self.serial {
+            Some(serial) => runtime.block_on(read_serial(serial, &mut reader)),
+            None => read_stdin(&mut reader),
+        }
     }
 }
 
@@ -57,6 +73,7 @@ struct LineReader {
     feed: Feed,
     buffer: LineBuffer,
     filter: Filter,
+    /// Of pressure, gap and force.
     factors: [f64; 3],
 }
 
@@ -77,60 +94,46 @@ impl LineReader {
     }
 
     fn push(&mut self, bytes: &[u8]) {
-        let Self { feed, buffer, filter, factors } = self;
+        let Self { feed, buffer, filter, factors: [to_mpa, to_mm, to_n] } = self;
         buffer.push(bytes, |line| match line {
-            Ok(Some(line)) => send(feed, filter, factors, line),
+            Ok(Some([pressure, gap, force])) => {
+                let reading = Reading::now();
+                feed.send(Reading {
+                    pressure_mpa: filter.apply(reading.t_sensor_ns, pressure * *to_mpa),
+                    gap_mm: gap * *to_mm,
+                    measured_force_n: force * *to_n,
+                    ..reading
+                });
+                feed.recovered();
+            }
             Ok(None) => {}
-            Err(error) => garbage(feed, &error),
+            Err(error) => feed.failed(|c| &c.garbage, &error.to_string()),
         });
     }
 }
 
-fn send(feed: &mut Feed, filter: &mut Filter, factors: &[f64; 3], line: LineReading) {
-    let [pressure, gap, force] = factors;
-    let reading = blank();
-    let pressure_mpa = filter.apply(reading.t_sensor_ns, line.pressure * pressure);
-    feed.send(LiveReading {
-        pressure_mpa,
-        gap_mm: line.gap * gap,
-        measured_force_n: line.force * force,
-        ..reading
-    });
-    feed.well();
-}
-
-fn garbage(feed: &mut Feed, error: &LineError) {
-    feed.trouble(|c| &c.garbage, error.to_string());
-}
-
 async fn read_serial(serial: &SerialSpec, reader: &mut LineReader) {
-    let mut backoff = Backoff::new(BACKOFF_MAX);
+    let mut backoff = Backoff::new(MAX_BACKOFF);
     while !reader.feed.is_stopped() {
         match serial.open() {
             Ok(mut port) => {
                 let mut bytes = [0; 1024];
                 while !reader.feed.is_stopped() {
-                    match tokio::time::timeout(LOOK, AsyncReadExt::read(&mut port, &mut bytes)).await {
-                        Err(_) => {} // silence: look at the stop flag, go on listening
+                    match tokio::time::timeout(STOP_CHECK, AsyncReadExt::read(&mut port, &mut bytes)).await {
+                        Err(_) => {} // nothing sent: check the stop flag, go on reading
                         Ok(Ok(count)) if count > 0 => {
                             reader.push(bytes.get(..count).unwrap_or_default());
                             backoff.reset();
                         }
                         Ok(end) => {
                             let cause = end.err().map_or("end of file".into(), |error| error.to_string());
-                            reader
-                                .feed
-                                .trouble(|c| &c.disconnects, format!("{}: {cause}", serial.port.display()));
+                            reader.feed.failed(|c| &c.disconnects, &cause);
                             break;
                         }
                     }
                 }
             }
-            Err(error) => {
-                reader
-                    .feed
-                    .trouble(|c| &c.refusals, format!("cannot open {}: {error}", serial.port.display()));
-            }
+            Err(error) => reader.feed.failed(|c| &c.refusals, &format!("cannot open it: {error}")),
         }
         backoff.wait(&reader.feed).await;
     }
@@ -144,7 +147,7 @@ fn read_stdin(reader: &mut LineReader) {
             Ok(0) => return,
             Ok(count) => reader.push(bytes.get(..count).unwrap_or_default()),
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return reader.feed.trouble(|c| &c.disconnects, format!("standard input: {error}")),
+            Err(error) => return reader.feed.failed(|c| &c.disconnects, &error.to_string()),
         }
     }
 }

@@ -1,0 +1,134 @@
+//! The one mapping from an evaluation to payloads of the wire: the twin's state, the answer to a question, the description
+//! of a field.
+
+use crate::config::StateSpec;
+use crate::load::{GroupSizes, LoadedOutput};
+use rom::evaluation::Evaluation;
+use rom::hull::DomainStatus;
+use rom::kernel::Peaks;
+use rom::snapshots::RegimeKind;
+use wire::layout::{COEFFICIENTS_MAX, flags, pack_name, regime};
+use wire::{Answer, FieldHeader, State};
+
+/// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
+macro_rules! write_evaluation {
+    ($payload:ident, $evaluation:expr, $groups:expr) => {{
+        let e: &Evaluation = $evaluation;
+        $payload.flags = flags_of(e);
+        $payload.pressure_mpa = e.input.pressure_mpa;
+        $payload.gap_mm = e.input.gap_mm;
+        $payload.regime = regime_number(e.regime);
+        $payload.contact_force_n = e.contact_force_n;
+        $payload.force_by_pressure_n_per_mpa = e.dforce_dpressure;
+        $payload.force_by_gap_n_per_mm = e.dforce_dgap;
+        $payload.onset_pressure_mpa = e.onset_pressure_mpa.unwrap_or(f64::INFINITY);
+        $payload.force_halfwidth_n = e.bars.force_n as f32;
+        $payload.displacement_halfwidth_mm = e.bars.displacement_mm as f32;
+        $payload.von_mises_halfwidth_mpa = e.bars.stress_mpa as f32;
+        $payload.domain_distance = e.domain_distance as f32;
+        $payload.domain_status = domain_number(e.domain);
+        $payload.coefficient_count = e.coefficients.len().min(COEFFICIENTS_MAX) as u32;
+        $payload.coefficients = [0.0; COEFFICIENTS_MAX];
+        for (to, from) in $payload.coefficients.iter_mut().zip(&e.coefficients) {
+            *to = *from as f32;
+        }
+        let sizes = $groups.iter().find(|(kind, _)| *kind == e.basis);
+        $payload.group_sizes = sizes.map(|(_, sizes)| *sizes).unwrap_or_default();
+    }};
+}
+
+/// Writes what a field consists of into a payload: [`FieldHeader`] and [`Answer`] have these values in common.
+macro_rules! write_shape {
+    ($payload:ident, $output:expr) => {{
+        let output: &LoadedOutput = $output;
+        $payload.node_count = output.predictor.rows() as u32;
+        $payload.field_count = output.predictor.field_count() as u32;
+        $payload.field_ids = output.field_ids;
+        $payload.node_set = pack_name(output.spec.topic_name().unwrap_or("all"));
+    }};
+}
+
+/// Writes the largest stress of a field and its node into a payload.
+macro_rules! write_peaks {
+    ($payload:ident, $peaks:expr) => {{
+        let stress = $peaks.stress_mpa;
+        $payload.max_von_mises_mpa = stress.map_or(f64::NAN, |peak| peak.value.into());
+        $payload.max_von_mises_node = stress.map_or(u32::MAX, |peak| peak.node);
+    }};
+}
+
+/// Fills a state from an evaluation; without the extras that are not wanted.
+pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &GroupSizes, wanted: StateSpec) {
+    write_evaluation!(state, evaluation, groups);
+    if !wanted.gradients {
+        state.force_by_pressure_n_per_mpa = f64::NAN;
+        state.force_by_gap_n_per_mm = f64::NAN;
+    }
+    if !wanted.bars {
+        state.force_halfwidth_n = f32::NAN;
+        state.displacement_halfwidth_mm = f32::NAN;
+        state.von_mises_halfwidth_mpa = f32::NAN;
+    }
+}
+
+/// Fills an answer from an evaluation.
+pub(crate) fn fill_answer(answer: &mut Answer, evaluation: &Evaluation, groups: &GroupSizes) {
+    write_evaluation!(answer, evaluation, groups);
+}
+
+/// Adds the field of an answer.
+pub(crate) fn fill_answer_field(answer: &mut Answer, output: &LoadedOutput, peaks: &Peaks) {
+    write_shape!(answer, output);
+    write_peaks!(answer, peaks);
+}
+
+/// The part of a field's header that is the same for every sample.
+pub(crate) fn field_header(output: &LoadedOutput) -> FieldHeader {
+    let mut header = FieldHeader::default();
+    write_shape!(header, output);
+    header
+}
+
+/// Fills the header of a field sample from the state that it belongs to.
+pub(crate) fn fill_field_header(header: &mut FieldHeader, state: &State, peaks: &Peaks) {
+    header.flags = state.flags;
+    header.sensor_boot_id = state.sensor_boot_id;
+    header.sensor_seq = state.sensor_seq;
+    header.t_sensor_ns = state.t_sensor_ns;
+    header.pressure_mpa = state.pressure_mpa;
+    header.gap_mm = state.gap_mm;
+    header.contact_force_n = state.contact_force_n;
+    header.regime = state.regime;
+    write_peaks!(header, peaks);
+}
+
+/// Whether all numbers of an evaluation are finite; a model that gives others has no answer.
+pub(crate) fn is_finite(evaluation: &Evaluation) -> bool {
+    evaluation.contact_force_n.is_finite() && evaluation.coefficients.iter().all(|a| a.is_finite())
+}
+
+fn flags_of(evaluation: &Evaluation) -> u32 {
+    let bits = [
+        (flags::NEAR_EDGE, evaluation.domain == DomainStatus::Near),
+        (flags::OUTSIDE_DOMAIN, evaluation.domain == DomainStatus::Outside),
+        (flags::COEFFICIENTS_CUT, evaluation.coefficients.len() > COEFFICIENTS_MAX),
+        (flags::FORCE_CLAMPED, evaluation.flags.force_clamped),
+        (flags::REGIME_HELD, evaluation.flags.held_by_hysteresis),
+    ];
+    bits.iter().filter(|(_, set)| *set).map(|(bit, _)| bit).sum()
+}
+
+fn regime_number(kind: RegimeKind) -> u32 {
+    match kind {
+        RegimeKind::Free => regime::FREE,
+        RegimeKind::Contact => regime::CONTACT,
+    }
+}
+
+fn domain_number(status: DomainStatus) -> u32 {
+    match status {
+        DomainStatus::Inside => 0,
+        DomainStatus::Near => 1,
+        DomainStatus::Outside => 2,
+    }
+}

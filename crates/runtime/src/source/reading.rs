@@ -1,0 +1,215 @@
+//! The one type of a reading, and the one trait of whatever gives readings.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+use wire::{SensorSample, now_ns};
+
+/// One reading of an actuator's sensors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// When it was taken, see [`wire::now_ns`].
+    pub t_sensor_ns: u64,
+    /// Seconds after the start of the source at which it is due; NaN for a device, which sends when it has something.
+    pub due_s: f64,
+    /// Time in the source's own trace, s; NaN when it has none.
+    pub t_trace_s: f64,
+    /// Gauge pressure, MPa. Any value that a gauge can send, NaN too: the twin validates it.
+    pub pressure_mpa: f64,
+    /// Gap, mm; NaN when the source does not measure it.
+    pub gap_mm: f64,
+    /// Measured contact force, N; NaN when there is no load cell.
+    pub measured_force_n: f64,
+    /// 0: good; anything else is the sensor's own fault code.
+    pub status: u32,
+}
+
+impl Reading {
+    /// A reading taken now that says nothing else.
+    pub fn now() -> Self {
+        Self { t_sensor_ns: now_ns(), ..Self::default() }
+    }
+
+    /// The reading as it goes on the wire.
+    pub fn sample(&self, boot_id: u64, seq: u64) -> SensorSample {
+        SensorSample {
+            boot_id,
+            seq,
+            t_sensor_ns: self.t_sensor_ns,
+            pressure_mpa: self.pressure_mpa,
+            gap_mm: self.gap_mm,
+            measured_force_n: self.measured_force_n,
+            t_trace_s: self.t_trace_s,
+            status: self.status,
+            ..SensorSample::default()
+        }
+    }
+}
+
+/// A reading with nothing known.
+impl Default for Reading {
+    fn default() -> Self {
+        Self {
+            t_sensor_ns: 0,
+            due_s: f64::NAN,
+            t_trace_s: f64::NAN,
+            pressure_mpa: f64::NAN,
+            gap_mm: f64::NAN,
+            measured_force_n: f64::NAN,
+            status: 0,
+        }
+    }
+}
+
+/// What a source has for the bridge.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Poll {
+    /// A reading.
+    Reading(Reading),
+    /// Nothing before this time after the start, s; infinite for a device, which wakes the bridge when it has something.
+    Waiting {
+        /// Seconds after the start.
+        until_s: f64,
+    },
+    /// Nothing more will come.
+    End,
+    /// The source failed and cannot go on; with the cause.
+    Failed(String),
+}
+
+/// The sending side of the bridge's wake-up: capacity 1, a full one means that the bridge is woken already.
+pub type BridgeWaker = SyncSender<()>;
+
+/// A source of readings.
+///
+/// The contract of every source, which a conformance test checks: [`Self::poll`] does not block; readings come in order of
+/// `due_s`, beginning at or after 0; after [`Poll::End`] it stays at the end. A source without a device gives the same
+/// readings, bit for bit, for the same specification (but for the time stamp).
+pub trait Source: Debug + Send {
+    /// Starts what the source needs beside the bridge; called once, before the first poll.
+    ///
+    /// # Errors
+    /// The system's refusal to start a thread.
+    fn start(&mut self, waker: &BridgeWaker) -> std::io::Result<()> {
+        let _none_needed = waker;
+        Ok(())
+    }
+
+    /// The next reading that is due `elapsed_s` after the start; infinity takes readings ahead of their time.
+    fn poll(&mut self, elapsed_s: f64) -> Poll;
+
+    /// Counters of the device behind the source, if there is one.
+    fn device(&self) -> Option<&Arc<SensorCounters>> {
+        None
+    }
+}
+
+/// A source whose readings are known ahead: sends each when it is due.
+#[derive(Debug)]
+pub(super) struct Scheduled<I> {
+    readings: I,
+    next: Option<Reading>,
+}
+
+impl<I: Iterator<Item = Reading>> Scheduled<I> {
+    pub(super) fn new(mut readings: I) -> Self {
+        let next = readings.next();
+        Self { readings, next }
+    }
+}
+
+impl<I: Iterator<Item = Reading> + Debug + Send> Source for Scheduled<I> {
+    fn poll(&mut self, elapsed_s: f64) -> Poll {
+        let Some(next) = self.next else { return Poll::End };
+        if next.due_s > elapsed_s {
+            return Poll::Waiting { until_s: next.due_s };
+        }
+        self.next = self.readings.next();
+        Poll::Reading(Reading { t_sensor_ns: now_ns(), ..next })
+    }
+}
+
+/// Reads a source without a bridge, every reading ahead of its time.
+#[derive(Debug)]
+pub struct SourceReader {
+    source: Box<dyn Source>,
+    wakes: Receiver<()>,
+}
+
+impl SourceReader {
+    /// Starts the source.
+    ///
+    /// # Errors
+    /// The system's refusal to start a thread.
+    pub fn start(mut source: Box<dyn Source>) -> std::io::Result<Self> {
+        let (waker, wakes) = sync_channel(1);
+        source.start(&waker)?;
+        Ok(Self { source, wakes })
+    }
+
+    /// The next reading; `None` at the end, or when a device sends none within `patience`.
+    pub fn next(&mut self, patience: Duration) -> Option<Reading> {
+        let end = Instant::now() + patience;
+        loop {
+            match self.source.poll(f64::INFINITY) {
+                Poll::Reading(reading) => return Some(reading),
+                Poll::Waiting { .. } => {
+                    let left = end.saturating_duration_since(Instant::now());
+                    // The device's end wakes without a reading; the channel closes with the device.
+                    if self.wakes.recv_timeout(left).is_err() && Instant::now() >= end {
+                        return None;
+                    }
+                }
+                Poll::End | Poll::Failed(_) => return None,
+            }
+        }
+    }
+
+    /// Counters of the device, if there is one.
+    pub fn device(&self) -> Option<&Arc<SensorCounters>> {
+        self.source.device()
+    }
+}
+
+/// What became of a device's answers.
+#[derive(Debug, Default)]
+pub struct SensorCounters {
+    /// Readings handed to the bridge.
+    pub readings: AtomicU64,
+    /// Requests without an answer in time.
+    pub timeouts: AtomicU64,
+    /// Answers that say why there is none (Modbus exceptions).
+    pub exceptions: AtomicU64,
+    /// Answers that could not be understood.
+    pub garbage: AtomicU64,
+    /// Connections that broke.
+    pub disconnects: AtomicU64,
+    /// Connections that could not be made.
+    pub refusals: AtomicU64,
+    /// Readings discarded because the bridge did not take them.
+    pub overflows: AtomicU64,
+}
+
+impl SensorCounters {
+    /// Names and values, in a fixed order.
+    pub fn all(&self) -> [(&'static str, u64); 7] {
+        [
+            ("readings", &self.readings),
+            ("timeouts", &self.timeouts),
+            ("exceptions", &self.exceptions),
+            ("garbage", &self.garbage),
+            ("disconnects", &self.disconnects),
+            ("refusals", &self.refusals),
+            ("overflows", &self.overflows),
+        ]
+        .map(|(name, counter)| (name, counter.load(Ordering::Relaxed)))
+    }
+
+    /// Names and values for people, without the zeros.
+    pub fn summary(&self) -> String {
+        let counted = self.all().into_iter().filter(|(name, count)| *count > 0 || *name == "readings");
+        counted.map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+    }
+}

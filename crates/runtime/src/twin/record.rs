@@ -1,0 +1,144 @@
+//! What a twin counts: outcomes of readings, latencies, failures. Everything leaves the loop through the health topic and the
+//! event ring.
+
+use super::events::{Event, EventKind, Ring};
+use super::ingest::SampleCheck;
+use crate::{latency, service};
+use hdrhistogram::Histogram;
+use std::sync::Arc;
+use wire::layout::flags;
+use wire::{Health, HealthWriter, Outcome, SensorSample, now_ns};
+
+/// Interval of the health topic, ns.
+const HEALTH_NS: u64 = 1_000_000_000;
+
+/// The counters of one actuator.
+#[derive(Debug)]
+pub(super) struct Record {
+    /// Place of the actuator in the scene.
+    actuator: u32,
+    pub(super) health: Health,
+    writer: HealthWriter,
+    latency: Histogram<u32>,
+    compute: Histogram<u32>,
+    start_ns: u64,
+    next_health_ns: u64,
+    received_at_last_health: u64,
+    last_outcome: Outcome,
+    failures: [u64; EventKind::COUNT],
+    ring: Arc<Ring>,
+}
+
+impl Record {
+    pub(super) fn new(actuator: u32, writer: HealthWriter, health: Health, ring: Arc<Ring>) -> Self {
+        let start_ns = now_ns();
+        Self {
+            actuator,
+            health,
+            writer,
+            latency: latency::histogram(),
+            compute: latency::histogram(),
+            start_ns,
+            next_health_ns: start_ns + HEALTH_NS,
+            received_at_last_health: 0,
+            last_outcome: Outcome::Published,
+            failures: [0; EventKind::COUNT],
+            ring,
+        }
+    }
+
+    /// Start of the twin.
+    pub(super) fn start_ns(&self) -> u64 {
+        self.start_ns
+    }
+
+    /// When the next health is due.
+    pub(super) fn next_health_ns(&self) -> u64 {
+        self.next_health_ns
+    }
+
+    /// Counts a reading that was taken from the sensor topic.
+    pub(super) fn ingested(&mut self, sample: &SensorSample, check: &SampleCheck) {
+        self.health.received += 1;
+        self.health.missed += check.missed;
+        if check.missed > 0 {
+            self.event(EventKind::Missed, check.missed);
+        }
+        if check.restarted {
+            self.health.sensor_restarts += u64::from(self.health.sensor_boot_id != 0);
+            self.health.sensor_boot_id = sample.boot_id;
+            self.event(EventKind::SensorStarted, sample.boot_id);
+        }
+    }
+
+    /// Counts the end of a reading. Every reading comes here exactly once, after its outputs.
+    pub(super) fn record_outcome(&mut self, outcome: Outcome) {
+        if let Some(count) = self.health.outcomes.get_mut(outcome.code() as usize) {
+            *count += 1;
+        }
+        // Superseded readings are usual in a burst and not worth an event.
+        if outcome != self.last_outcome && outcome != Outcome::DroppedSuperseded {
+            self.last_outcome = outcome;
+            self.event(EventKind::Outcome, outcome.code().into());
+        }
+    }
+
+    /// Counts the time from stamp to sent, and from taking the reading to sent.
+    pub(super) fn answered(&mut self, sample: &SensorSample, taken_ns: u64) {
+        let done_ns = now_ns();
+        self.latency.saturating_record(done_ns.saturating_sub(sample.t_sensor_ns));
+        self.compute.saturating_record(done_ns.saturating_sub(taken_ns));
+    }
+
+    /// A good reading was answered with a state that has these flags.
+    pub(super) fn good(&mut self, state_flags: u32, silence_ns: u64) {
+        if self.health.flags & flags::STALE != 0 {
+            self.event(EventKind::Fresh, silence_ns);
+        }
+        self.health.flags = state_flags;
+    }
+
+    /// Counts a failure of this kind; reports it when the count is a power of two.
+    pub(super) fn failed(&mut self, kind: EventKind) {
+        let Some(count) = self.failures.get_mut(kind as usize) else { return };
+        *count += 1;
+        let count = *count;
+        if count.is_power_of_two() {
+            self.event(kind, count);
+        }
+    }
+
+    /// Hands an event to the reporter.
+    pub(super) fn event(&self, kind: EventKind, value: u64) {
+        self.ring.push(Event { t_ns: now_ns(), actuator: self.actuator, kind, value });
+    }
+
+    /// Sends the health when it is due.
+    pub(super) fn send_health(&mut self, now: u64, last_good_ns: u64) {
+        if now < self.next_health_ns {
+            return;
+        }
+        let health = &mut self.health;
+        let interval_ns = now.saturating_sub(self.next_health_ns) + HEALTH_NS;
+        health.seq += 1;
+        health.t_publish_ns = now;
+        health.uptime_ns = now.saturating_sub(self.start_ns);
+        health.age_ns = now.saturating_sub(last_good_ns);
+        health.log_lost = self.ring.lost() + service::lost_log_lines();
+        health.rate_hz = (health.received - self.received_at_last_health) as f64 * 1e9 / interval_ns as f64;
+        health.latency_p50_ns = self.latency.value_at_quantile(0.5);
+        health.latency_p99_ns = self.latency.value_at_quantile(0.99);
+        health.latency_max_ns = self.latency.max();
+        health.compute_p50_ns = self.compute.value_at_quantile(0.5);
+        health.compute_p99_ns = self.compute.value_at_quantile(0.99);
+        health.compute_max_ns = self.compute.max();
+        self.received_at_last_health = health.received;
+        let sent = self.writer.publish(self.health).is_ok();
+        self.latency.reset();
+        self.compute.reset();
+        self.next_health_ns = now + HEALTH_NS;
+        if !sent {
+            self.failed(EventKind::SendFailed);
+        }
+    }
+}

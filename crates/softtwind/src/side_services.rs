@@ -1,0 +1,96 @@
+//! What runs beside the twin's loop, each in an ordinary thread with ports of its own: answers to questions, the grasp.
+
+use runtime::config::{ConfigError, Scene};
+use runtime::grasp::{GraspModel, GraspService};
+use runtime::query::{Answerer, QueryService, load_answerers};
+use runtime::realtime;
+use runtime::side_service::SideService;
+use runtime::threads::ThreadGroup;
+use runtime::wire::{Bus, Domain, WireError};
+use std::path::Path;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::Scope;
+
+/// The models of all side services, loaded before anything is bound.
+pub struct SideServices {
+    answerers: Vec<Answerer>,
+    grasp: Option<GraspModel>,
+}
+
+impl SideServices {
+    /// Loads the models of a scene once more, as far as the services need them.
+    pub fn load(scene: &Scene, path: &Path) -> Result<Self, ConfigError> {
+        Ok(Self { answerers: load_answerers(scene, path)?, grasp: GraspModel::load(scene, path)? })
+    }
+
+    /// Starts the threads and waits until all of them serve. Called before the loop takes real-time rights, so that none of
+    /// them inherits these.
+    ///
+    /// # Errors
+    /// The refusals of the ports and of the system.
+    pub fn start<'scope>(
+        self,
+        group: &'scope ThreadGroup,
+        scope: &'scope Scope<'scope, '_>,
+        domain: &Domain,
+    ) -> anyhow::Result<ReloadHandle> {
+        let answerers = Some(self.answerers).filter(|answerers| !answerers.is_empty());
+        Ok(ReloadHandle {
+            answerers: start::<QueryService>(group, scope, domain, answerers)?,
+            grasp: start::<GraspService>(group, scope, domain, self.grasp)?,
+        })
+    }
+}
+
+/// Hands models that were loaded again to the running services.
+pub struct ReloadHandle {
+    answerers: Sender<Vec<Answerer>>,
+    grasp: Sender<GraspModel>,
+}
+
+impl ReloadHandle {
+    /// The services take the models between two turns; one that does not run needs none.
+    pub fn replace(&self, services: SideServices) {
+        let _not_running = self.answerers.send(services.answerers);
+        if let Some(model) = services.grasp {
+            let _not_running = self.grasp.send(model);
+        }
+    }
+}
+
+/// Starts one service, if it has a model, and waits until it serves.
+fn start<'scope, S: SideService<Model: 'scope>>(
+    group: &'scope ThreadGroup,
+    scope: &'scope Scope<'scope, '_>,
+    domain: &Domain,
+    model: Option<S::Model>,
+) -> anyhow::Result<Sender<S::Model>> {
+    let (models, next_models) = channel();
+    let Some(model) = model else { return Ok(models) };
+    let (started, start) = channel();
+    let domain = domain.clone();
+    group.spawn(scope, S::NAME, move || serve::<S>(group, &domain, model, &started, &next_models))?;
+    // The other end is dropped only by a thread that panicked; the group reports it.
+    start.recv().unwrap_or(Ok(()))?;
+    Ok(models)
+}
+
+/// Opens the ports, reports how that went, then serves.
+fn serve<S: SideService>(
+    group: &ThreadGroup,
+    domain: &Domain,
+    model: S::Model,
+    started: &Sender<Result<(), WireError>>,
+    models: &Receiver<S::Model>,
+) {
+    let service = Bus::open(domain).and_then(|bus| S::start(&bus, model));
+    let (mut service, result) = match service {
+        Ok(service) => (Some(service), Ok(())),
+        Err(error) => (None, Err(error)),
+    };
+    let _received = started.send(result);
+    if let Some(service) = &mut service {
+        realtime::lower_priority();
+        service.run(group.done(), models);
+    }
+}
