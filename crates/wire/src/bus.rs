@@ -1,7 +1,9 @@
 //! A program's place in a domain, and what else is there.
 
-use crate::port::{require_headroom, service};
-use crate::{Domain, KeyExpr, Topic, WireError};
+use crate::leftover::{Places, Watch};
+use crate::port::require_headroom;
+use crate::port::service::{self, Refusal};
+use crate::{Domain, KeyExpr, OwnFiles, Removed, Topic, WireError};
 use iceoryx2::prelude::*;
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -15,8 +17,28 @@ pub(crate) type Ipc = ipc::Service;
 /// Joining removes what dead programs left behind. Signals stay the program's own business.
 #[derive(Debug, Clone)]
 pub struct Bus {
-    pub(crate) node: Rc<Node<Ipc>>,
+    pub(crate) places: Places,
+    removed: Removed,
+    member: Rc<Member>,
 }
+
+#[derive(Debug)]
+struct Member {
+    node: Node<Ipc>,
+    places: Places,
+    _watch: Watch,
+}
+
+impl Drop for Member {
+    /// The last one to leave leaves nothing of others behind, either.
+    fn drop(&mut self) {
+        self.places.sweep(Duration::ZERO);
+    }
+}
+
+/// How long joining waits for others that are just creating something, before it goes on without a full clean-up. Needed
+/// space is then made when it is missing, see `service::retry`.
+const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
 
 /// One topic as found in the domain.
 #[derive(Debug, Clone)]
@@ -36,25 +58,39 @@ pub struct TopicInfo {
 }
 
 impl Bus {
-    /// Joins `domain`.
+    /// Joins `domain`. Takes some milliseconds; at most 3 s when another program is in the way.
     ///
     /// # Errors
-    /// [`WireError::BadDomain`] for names that cannot be files, [`WireError::Node`] when the folders cannot be written,
-    /// [`WireError::NoMemory`] when /dev/shm is full.
+    /// [`WireError::BadDomain`] for names that cannot be files, [`WireError::LongDomain`] for names that are too long,
+    /// [`WireError::Node`] when the folders cannot be written, [`WireError::NoMemory`] when /dev/shm is full,
+    /// [`WireError::TooManyFiles`], [`WireError::NoFiles`], [`WireError::StartLocked`].
     pub fn open(domain: &Domain) -> Result<Self, WireError> {
         set_log_level(LogLevel::Fatal); // failures come back as errors; iceoryx2 would print kilobytes besides
-        let config = domain.config()?;
+        let places = domain.places()?;
         require_headroom("the shared-memory domain", 0)?;
-        let node = NodeBuilder::new()
-            .config(&config)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Ipc>()
-            .map_err(|error| WireError::Node { cause: format!("{error:?}") })?;
-        Ok(Self { node: Rc::new(node) })
+        let watch = Watch::start(places.clone());
+        let removed = places.sweep(SWEEP_PATIENCE);
+        let node = service::retry_in(&places, "the shared-memory domain", || {
+            NodeBuilder::new()
+                .config(&places.config)
+                .signal_handling_mode(SignalHandlingMode::Disabled)
+                .create::<Ipc>()
+                .map_err(|error| Refusal::Passing(format!("{error:?}")))
+        });
+        let node = node.map_err(|error| match error {
+            WireError::InFlux { cause, .. } => WireError::Node { cause },
+            other => other,
+        })?;
+        let member = Rc::new(Member { node, places: places.clone(), _watch: watch });
+        Ok(Self { places, removed, member })
     }
 
-    /// All topics whose name `key` matches, sorted by name. Looks at the management files and leaves them alone: for programs
-    /// that look again and again.
+    pub(crate) fn node(&self) -> &Node<Ipc> {
+        &self.member.node
+    }
+
+    /// All topics whose name `key` matches, sorted by name. Reads the management files and writes none: for programs that
+    /// look again and again.
     ///
     /// # Errors
     /// [`WireError::List`] when the management files cannot be read.
@@ -82,7 +118,7 @@ impl Bus {
     /// Topics without those who take part.
     fn listed(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
         let mut found = Vec::new();
-        let listed = Ipc::list(self.node.config(), |details| {
+        let listed = Ipc::list(&self.places.config, |details| {
             let config = &details.static_details;
             if !matches!(config.messaging_pattern(), MessagingPatternConfig::PublishSubscribe(_)) {
                 return CallbackProgression::Continue;
@@ -105,19 +141,24 @@ impl Bus {
         Ok(found)
     }
 
-    /// Removes what dead programs left behind, waiting at most `timeout`; returns how many were removed.
-    pub fn clean_up(&self, timeout: Duration) -> u64 {
-        self.node.blocking_cleanup_dead_nodes(timeout).cleanups
+    /// Removes what dead programs left behind, waiting at most `timeout` for others that are just creating something.
+    pub fn clean_up(&self, timeout: Duration) -> Removed {
+        self.places.sweep(timeout)
+    }
+
+    /// What joining removed after dead programs.
+    pub fn removed(&self) -> Removed {
+        self.removed
+    }
+
+    /// The files of this program in the domain, to look whether they are still there.
+    pub fn own_files(&self) -> OwnFiles {
+        OwnFiles::new(&self.places.root, self.places.writer_locks())
     }
 
     /// Folder of the domain's management files.
     pub fn folder(&self) -> PathBuf {
-        PathBuf::from(String::from_utf8_lossy(self.node.config().global.root_path().as_bytes()).into_owned())
-    }
-
-    /// Prefix of the shared-memory names of this domain.
-    pub(crate) fn prefix(&self) -> String {
-        String::from_utf8_lossy(self.node.config().global.prefix.as_bytes()).into_owned()
+        self.places.root.clone()
     }
 }
 

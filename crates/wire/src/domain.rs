@@ -1,7 +1,14 @@
 //! Which programs see one another.
 
 use crate::WireError;
+use crate::leftover::Places;
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
+
+/// Longest path of a socket: `sun_path` has 108 bytes, the last is zero.
+const SOCKET_PATH_BYTES: usize = 107;
+/// Behind folder and prefix a socket's name has a slash, a number of 128 bits (39 digits) and `.event`. All other names of
+/// a domain have more room: a file name may have 255 bytes, of which 90 come behind the prefix.
+const MAX_NAME_BYTES: usize = SOCKET_PATH_BYTES - 1 - 39 - ".event".len();
 
 /// A shared-memory domain: programs of different domains do not see one another.
 ///
@@ -41,36 +48,26 @@ impl Domain {
         use std::sync::atomic::{AtomicU32, Ordering};
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        Self::named(&format!("{label}_{}_{:x}_{number}", std::process::id(), crate::now_ns()))
+        // Short, because the length of a name is limited.
+        let moment = crate::now_ns() as u32;
+        Self::named(&format!("{label}_{}_{moment:x}_{number}", std::process::id()))
     }
 
-    /// Removes the management segment that outlives the last program of a domain: for domains that were made for one
+    /// Removes the counter segment that outlives the last program of a domain: for domains that were made for one
     /// run (a test, a demonstration) and that everybody has left. Returns how many files went.
     ///
     /// # Errors
     /// The system's refusal to list or to remove.
     pub fn remove_leftovers(&self) -> std::io::Result<usize> {
-        let mut removed = 0;
-        for entry in std::fs::read_dir(crate::port::SHM_DIR)? {
-            let entry = entry?;
-            if self.owns_management_segment(&entry.file_name().to_string_lossy()) {
-                std::fs::remove_file(entry.path())?;
-                removed += 1;
-            }
-        }
-        Ok(removed)
-    }
-
-    /// `<prefix><40 hex digits>_....global_mgmt`: the digits keep domain `a` from taking the files of domain `a_b`.
-    fn owns_management_segment(&self, file: &str) -> bool {
-        let Some(rest) = file.strip_prefix(&self.prefix) else { return false };
-        let digits = rest.bytes().take_while(u8::is_ascii_hexdigit).count();
-        digits == 40 && rest.ends_with(".global_mgmt")
+        let places = self.places().map_err(std::io::Error::other)?;
+        let counters = places.counter_segments();
+        counters.iter().try_for_each(std::fs::remove_file)?;
+        Ok(counters.len())
     }
 
     /// iceoryx2's configuration for this domain. The host's configuration file is ignored on purpose: quality of service
     /// is fixed in this crate, and two programs of one domain must agree.
-    pub(crate) fn config(&self) -> Result<Config, WireError> {
+    fn config(&self) -> Result<Config, WireError> {
         let bad = |what: &'static str, value: &str| WireError::BadDomain { what, value: value.to_owned() };
         let mut config = Config::default();
         config.global.prefix =
@@ -80,6 +77,32 @@ impl Domain {
         }
         Ok(config)
     }
+
+    /// Where the files of this domain are.
+    ///
+    /// # Errors
+    /// [`WireError::BadDomain`] and [`WireError::LongDomain`] when they cannot be there.
+    pub(crate) fn places(&self) -> Result<Places, WireError> {
+        let given = self.root.as_ref().map_or(0, String::len);
+        // Before iceoryx2 sees the names: it ends the program when they do not fit.
+        self.require_short(given)?;
+        let places = Places::new(self.config()?);
+        self.require_short(places.root.as_os_str().len())?;
+        Ok(places)
+    }
+
+    fn require_short(&self, root_bytes: usize) -> Result<(), WireError> {
+        let found = root_bytes + self.prefix.len();
+        if found <= MAX_NAME_BYTES {
+            return Ok(());
+        }
+        Err(WireError::LongDomain {
+            prefix: self.prefix.clone(),
+            root: self.root.clone().unwrap_or_default(),
+            found,
+            allowed: MAX_NAME_BYTES,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -87,12 +110,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_domain_owns_its_own_management_segment_only() {
-        let rest = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
-        let domain = Domain::named("a");
-        assert!(domain.owns_management_segment(&format!("iox2_a_{rest}")));
-        assert!(!domain.owns_management_segment(&format!("iox2_a_b_{rest}")), "that is domain a_b");
-        assert!(!domain.owns_management_segment(&format!("iox2_{rest}")), "that is the default domain");
-        assert!(!domain.owns_management_segment("iox2_a_123.data"), "that is somebody's data");
+    fn folder_and_prefix_are_limited_by_the_path_of_a_socket() {
+        let domain = |root: usize, name: usize| Domain {
+            root: Some(format!("/{}", "r".repeat(root - 1))),
+            ..Domain::named(&"n".repeat(name))
+        };
+        // `iox2_<name>_` is 6 bytes longer than the name.
+        assert!(domain(20, 35).places().is_ok());
+        let long = domain(21, 35).places().unwrap_err();
+        assert!(matches!(long, WireError::LongDomain { found: 62, allowed: 61, .. }), "{long}");
+        for (root, name) in [(160, 4), (64, 4), (13, 150), (255, 255), (5000, 5000)] {
+            assert!(
+                matches!(domain(root, name).places(), Err(WireError::LongDomain { .. })),
+                "{root} {name}"
+            );
+        }
+        assert!(matches!(Domain::named(&"n".repeat(150)).places(), Err(WireError::LongDomain { .. })));
+    }
+
+    #[test]
+    fn isolated_domains_stay_short() {
+        let longest = Domain::isolated("a label of 18 char").prefix;
+        assert!(longest.len() + "/tmp/iceoryx2".len() <= MAX_NAME_BYTES, "{longest}");
     }
 }

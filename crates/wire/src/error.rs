@@ -21,12 +21,76 @@ pub enum WireError {
         /// The value given.
         value: String,
     },
+    /// A domain whose names do not fit into the paths that the system allows.
+    #[error(
+        "the domain's folder `{root}` and its prefix `{prefix}` have {found} bytes together, at most {allowed} are allowed (sockets in that folder have paths of at most 107 bytes); choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
+    )]
+    LongDomain {
+        /// Prefix of all names.
+        prefix: String,
+        /// The folder; empty: the default one.
+        root: String,
+        /// Bytes of both.
+        found: usize,
+        /// Bytes that both may have.
+        allowed: usize,
+    },
+    /// A program holds the start lock and does not go on.
+    #[error(
+        "{path}: another program removes leftovers of this domain and has not finished within {waited_ms} ms; is it stopped? `lslocks` shows which one holds this file"
+    )]
+    StartLocked {
+        /// The lock file.
+        path: String,
+        /// How long we waited.
+        waited_ms: u64,
+    },
+    /// This process (or the machine) may not open more files.
+    #[error(
+        "{name}: no more files can be opened ({cause}; the limit of this process is {limit}); raise `LimitNOFILE=` of the unit or `ulimit -n`, or open fewer topics"
+    )]
+    TooManyFiles {
+        /// What was to be opened.
+        name: String,
+        /// The system's text.
+        cause: String,
+        /// The process's limit.
+        limit: u64,
+    },
+    /// A file system of the domain has no room for another file.
+    #[error(
+        "{name}: no file can be made in {folder}: {cause}; remove files there, or mount it with more (`df -i`, `df -h`)"
+    )]
+    NoFiles {
+        /// What was to be opened.
+        name: String,
+        /// The folder.
+        folder: String,
+        /// What is used up.
+        cause: String,
+    },
+    /// All client slots taken.
+    #[error("{name}: all {limit} places of clients are taken; stop a client")]
+    TooManyClients {
+        /// The service.
+        name: String,
+        /// The limit.
+        limit: usize,
+    },
+    /// All programs' slots taken.
+    #[error("{name}: {limit} programs take part, more are not allowed; stop one")]
+    TooManyPrograms {
+        /// The topic or service.
+        name: String,
+        /// The limit.
+        limit: usize,
+    },
     /// The node could not be made.
     #[error(
         "cannot join the shared-memory domain: {cause}; check that the root folder and /dev/shm are writable"
     )]
     Node {
-        /// iceoryx2's word for it.
+        /// iceoryx2's name of the failure.
         cause: String,
     },
     /// Nothing of that name.
@@ -45,7 +109,7 @@ pub enum WireError {
     Incompatible {
         /// The topic.
         topic: String,
-        /// iceoryx2's word for it.
+        /// iceoryx2's name of the failure.
         cause: String,
     },
     /// A second writer.
@@ -66,16 +130,16 @@ pub enum WireError {
         /// The limit.
         limit: usize,
     },
-    /// The topic stayed in flux while others came and went.
+    /// The topic could not be opened within the time for it, although nothing forbids it.
     #[error(
-        "{topic}: could not be opened within {tries} tries ({cause}); a program is starting or dying beside us, try again"
+        "{topic}: could not be opened within {tries} tries ({cause}); another program is creating or removing it, or one of its files is damaged: try again, then stop all programs of this domain and empty its folder"
     )]
     InFlux {
         /// The topic.
         topic: String,
         /// How often we tried.
         tries: u32,
-        /// iceoryx2's last word.
+        /// iceoryx2's name of the last failure.
         cause: String,
     },
     /// Any other refusal on opening a port.
@@ -83,7 +147,7 @@ pub enum WireError {
     Open {
         /// The topic.
         topic: String,
-        /// iceoryx2's word for it.
+        /// iceoryx2's name of the failure.
         cause: String,
     },
     /// /dev/shm is full (or limited).
@@ -95,7 +159,7 @@ pub enum WireError {
         topic: String,
         /// Bytes the port needs.
         needed_bytes: u64,
-        /// The system's word for it.
+        /// The system's text.
         cause: String,
     },
     /// Loan refused: readers hold more samples than agreed, or the port broke.
@@ -103,7 +167,7 @@ pub enum WireError {
     Loan {
         /// The topic.
         topic: String,
-        /// iceoryx2's word for it.
+        /// iceoryx2's name of the failure.
         cause: String,
     },
     /// Sending failed.
@@ -111,7 +175,7 @@ pub enum WireError {
     Send {
         /// The topic.
         topic: String,
-        /// iceoryx2's word for it.
+        /// iceoryx2's name of the failure.
         cause: String,
     },
     /// Receiving failed.
@@ -119,19 +183,19 @@ pub enum WireError {
     Receive {
         /// The topic.
         topic: String,
-        /// iceoryx2's word for it.
+        /// iceoryx2's name of the failure.
         cause: String,
     },
     /// Waiting failed.
     #[error("waiting for events failed: {cause}")]
     Wait {
-        /// The system's word for it.
+        /// The system's text.
         cause: String,
     },
     /// Listing failed.
     #[error("the topics of the domain cannot be listed: {cause}")]
     List {
-        /// iceoryx2's word for it.
+        /// iceoryx2's name of the failure.
         cause: String,
     },
     /// No twin answers questions for that actuator.

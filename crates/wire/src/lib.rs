@@ -36,7 +36,9 @@ mod domain;
 mod error;
 pub mod keyexpr;
 pub mod layout;
+mod leftover;
 pub mod outcome;
+mod own_files;
 mod port;
 pub mod qos;
 mod query_status;
@@ -50,7 +52,9 @@ pub use domain::Domain;
 pub use error::WireError;
 pub use keyexpr::KeyExpr;
 pub use layout::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State};
+pub use leftover::Removed;
 pub use outcome::Outcome;
+pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, FieldLoan, FieldReader, FieldSample,
     FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question,

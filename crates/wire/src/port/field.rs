@@ -2,6 +2,7 @@
 
 use super::segment;
 use super::service::{self, Missing};
+use super::writer_lock::WriterLock;
 use crate::bus::{Bus, Ipc};
 use crate::wake::{Wakeable, Waking};
 use crate::{FieldHeader, Topic, WireError, layout, now_ns, qos};
@@ -18,6 +19,8 @@ pub struct FieldWriter {
     prefix_bus: Bus,
     publisher: Publisher<Ipc, [f32], FieldHeader>,
     notifier: Notifier<Ipc>,
+    // Last: given back after the ports are.
+    _right: WriterLock,
 }
 
 /// A sample on loan: memory that all readers will map once it is sent. Dropping it unsent gives it back.
@@ -50,8 +53,9 @@ impl FieldWriter {
     /// full, [`WireError::Incompatible`] when a program of another version made the topic.
     pub fn create(bus: &Bus, topic: &Topic, entries: usize) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
+        let right = service::retry(bus, topic.name(), || WriterLock::take(bus, topic.name()))?;
         let service = service::slices(bus, topic, Missing::Create)?;
-        let publisher = service::retry(topic.name(), || {
+        let publisher = service::retry(bus, topic.name(), || {
             service
                 .publisher_builder()
                 .initial_max_slice_len(entries)
@@ -60,11 +64,18 @@ impl FieldWriter {
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .override_sample_preallocation(move |worst| worst.min(qos.samples_in_use()))
                 .create()
-                .map_err(|error| service::judge_writer(bus, topic, error))
+                .map_err(|error| service::writer_failed(bus, topic, error))
         })?;
         segment::reserve(bus, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
-        Ok(Self { topic: topic.clone(), entries, prefix_bus: bus.clone(), publisher, notifier })
+        Ok(Self {
+            topic: topic.clone(),
+            entries,
+            prefix_bus: bus.clone(),
+            publisher,
+            notifier,
+            _right: right,
+        })
     }
 
     /// Takes a free sample of the full length. Its values are whatever an earlier field left there: write all of them.

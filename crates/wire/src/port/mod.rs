@@ -1,11 +1,13 @@
 //! Typed ports: one writer and one reader type per kind of topic.
 
 mod any;
+mod exhausted;
 mod field;
 mod query;
 mod segment;
 pub(crate) mod service;
 mod sized;
+mod writer_lock;
 
 pub use any::{AnyReader, AnySample, Stamp};
 pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};

@@ -9,13 +9,15 @@ use crate::{Answer, Query, WireError, qos};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
+use iceoryx2::port::listener::{Listener, ListenerCreateError};
+use iceoryx2::port::notifier::{Notifier, NotifierCreateError};
 use iceoryx2::port::server::Server;
-use iceoryx2::port::{listener::Listener, notifier::Notifier};
 use iceoryx2::prelude::*;
 use iceoryx2::response::Response;
 use iceoryx2::service::builder::request_response::{
     RequestResponseOpenError as OpenError, RequestResponseOpenOrCreateError as OpenOrCreateError,
 };
+use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 use std::time::{Duration, Instant};
 
@@ -84,9 +86,9 @@ impl QueryServer {
         let names = Names::of(actuator)?;
         let name = names.query.as_str();
         let service = open(bus, name, Missing::Create)?;
-        let asked = listener(&service::named_events(bus, name, ASKED)?, name)?;
-        let answered = notifier(&service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
-        let server = service::retry(name, || {
+        let asked = listener(bus, &service::named_events(bus, name, ASKED)?, name)?;
+        let answered = notifier(bus, &service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
+        let server = service::retry(bus, name, || {
             service
                 .server_builder()
                 .initial_max_slice_len(1)
@@ -94,12 +96,9 @@ impl QueryServer {
                 .max_loaned_responses_per_request(1)
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
-                .map_err(|error| match bus.clean_up(Duration::from_millis(2)) {
-                    0 => Refusal::Final(WireError::AlreadyPublished {
-                        topic: name.to_owned(),
-                        holder: format!(" ({error:?})"),
-                    }),
-                    _ => Refusal::Passing("the slot of a dead twin was freed".into()),
+                .map_err(|error| {
+                    let holder = format!(" ({error:?})");
+                    Refusal::Full(WireError::AlreadyPublished { topic: name.to_owned(), holder })
                 })
         })?;
         Ok(Self { name: names.query, server, asked, answered })
@@ -170,15 +169,19 @@ impl QueryClient {
         let name = names.query.as_str();
         let service = open(bus, name, Missing::Refuse)?;
         // A server that died leaves its service behind until somebody cleans up.
-        let asking = notifier(&service::named_events(bus, name, ASKED)?, name)?;
-        let answered = listener(&service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
-        let client = service::retry(name, || {
+        let asking = notifier(bus, &service::named_events(bus, name, ASKED)?, name)?;
+        let answered = listener(bus, &service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
+        let client = service::retry(bus, name, || {
             service
                 .client_builder()
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
-                .map_err(|error| {
-                    Refusal::Final(WireError::Open { topic: name.to_owned(), cause: format!("{error:?}") })
+                .map_err(|error| match error {
+                    ClientCreateError::ExceedsMaxSupportedClients => Refusal::Full(too_many_clients(name)),
+                    other => Refusal::Final(WireError::Open {
+                        topic: name.to_owned(),
+                        cause: format!("{other:?}"),
+                    }),
                 })
         })?;
         let wake = WakeSet::new([&Ear(&answered) as &dyn Wakeable]);
@@ -246,9 +249,9 @@ fn receive(name: &str, pending: &Pending) -> Result<Option<Response<Ipc, [f32], 
 
 fn open(bus: &Bus, name: &str, missing: Missing) -> Result<Service, WireError> {
     let service = service::service_name(name)?;
-    service::retry(name, || {
+    service::retry(bus, name, || {
         let builder = bus
-            .node
+            .node()
             .service_builder(&service)
             .request_response::<Query, [f32]>()
             .response_user_header::<Answer>()
@@ -264,15 +267,19 @@ fn open(bus: &Bus, name: &str, missing: Missing) -> Result<Service, WireError> {
             .enable_fire_and_forget_requests(false);
         match missing {
             Missing::Create => builder.open_or_create().map_err(|error| match error {
-                OpenOrCreateError::RequestResponseOpenError(error) => judge(name, error),
+                OpenOrCreateError::RequestResponseOpenError(error) => open_failed(name, error),
                 other => Refusal::Passing(format!("{other:?}")),
             }),
-            Missing::Refuse => builder.open().map_err(|error| judge(name, error)),
+            Missing::Refuse => builder.open().map_err(|error| open_failed(name, error)),
         }
     })
 }
 
-fn judge(name: &str, error: OpenError) -> Refusal {
+fn too_many_clients(name: &str) -> WireError {
+    WireError::TooManyClients { name: name.to_owned(), limit: qos::MAX_CLIENTS }
+}
+
+fn open_failed(name: &str, error: OpenError) -> Refusal {
     let cause = format!("{error:?}");
     match error {
         OpenError::DoesNotExist => Refusal::Final(WireError::NobodyAnswers { name: name.to_owned() }),
@@ -282,21 +289,30 @@ fn judge(name: &str, error: OpenError) -> Refusal {
         | OpenError::Interrupt
         | OpenError::InternalFailure
         | OpenError::UnableToCreateServiceTag => Refusal::Passing(cause),
-        OpenError::InsufficientPermissions | OpenError::ExceedsMaxNumberOfNodes => {
+        OpenError::InsufficientPermissions => {
             Refusal::Final(WireError::Open { topic: name.to_owned(), cause })
+        }
+        OpenError::ExceedsMaxNumberOfNodes => {
+            Refusal::Full(WireError::TooManyPrograms { name: name.to_owned(), limit: qos::MAX_QUERY_NODES })
         }
         _ => Refusal::Final(WireError::Incompatible { topic: name.to_owned(), cause }),
     }
 }
 
-fn listener(events: &service::Events, name: &str) -> Result<Listener<Ipc>, WireError> {
-    service::retry(name, || {
-        events.listener_builder().create().map_err(|error| Refusal::Passing(format!("{error:?}")))
+fn listener(bus: &Bus, events: &service::Events, name: &str) -> Result<Listener<Ipc>, WireError> {
+    service::retry(bus, name, || {
+        events.listener_builder().create().map_err(|error| match error {
+            ListenerCreateError::ExceedsMaxSupportedListeners => Refusal::Full(too_many_clients(name)),
+            other => Refusal::Passing(format!("{other:?}")),
+        })
     })
 }
 
-fn notifier(events: &service::Events, name: &str) -> Result<Notifier<Ipc>, WireError> {
-    service::retry(name, || {
-        events.notifier_builder().create().map_err(|error| Refusal::Passing(format!("{error:?}")))
+fn notifier(bus: &Bus, events: &service::Events, name: &str) -> Result<Notifier<Ipc>, WireError> {
+    service::retry(bus, name, || {
+        events.notifier_builder().create().map_err(|error| match error {
+            NotifierCreateError::ExceedsMaxSupportedNotifiers => Refusal::Full(too_many_clients(name)),
+            other => Refusal::Passing(format!("{other:?}")),
+        })
     })
 }

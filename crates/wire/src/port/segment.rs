@@ -1,8 +1,9 @@
-//! The memory behind a writer: reserve it at start instead of dying by SIGBUS in the middle of the night.
+//! The memory behind a writer: all of it is reserved at the start, so that a full /dev/shm cannot end a running program.
 //!
 //! Shared-memory segments are sparse: a full /dev/shm shows itself only when a page is touched first, as a SIGBUS.
 //! Reserving all pages right after creation turns that into a clean error at start-up.
 
+use super::exhausted;
 use crate::bus::Bus;
 use crate::{Topic, WireError};
 use std::fs::{File, OpenOptions};
@@ -63,13 +64,8 @@ pub(crate) fn require_room(whom: &str, bytes: u64) -> Result<(), WireError> {
 
 /// Free space where shared memory lives; `None` where the system does not say.
 fn free_bytes() -> Option<u64> {
-    let path = std::ffi::CString::new(SHM_DIR).ok()?;
-    // SAFETY: all-zero is a valid statvfs; the path is a C string that lives across the call.
-    let (code, status) = unsafe {
-        let mut status: libc::statvfs = std::mem::zeroed();
-        (libc::statvfs(path.as_ptr(), &mut status), status)
-    };
-    (code == 0).then(|| status.f_bavail.saturating_mul(status.f_frsize))
+    let status = exhausted::status(Path::new(SHM_DIR))?;
+    Some(status.f_bavail.saturating_mul(status.f_frsize))
 }
 
 /// Maps the pages of the writer's data segment into this process ahead of their first use, so that no page fault falls
@@ -99,13 +95,13 @@ fn open(path: &Path) -> std::io::Result<File> {
 }
 
 fn find(bus: &Bus, writer_id: u128) -> Option<PathBuf> {
-    let (prefix, id) = (bus.prefix(), writer_id.to_string());
-    let suffix = bus.node.config().global.service.data_segment_suffix;
+    let (prefix, id) = (&bus.places.prefix, writer_id.to_string());
+    let suffix = bus.places.config.global.service.data_segment_suffix;
     let suffix = String::from_utf8_lossy(suffix.as_bytes()).into_owned();
     let entries = std::fs::read_dir(SHM_DIR).ok()?;
     entries.flatten().map(|entry| entry.path()).find(|path| {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        name.starts_with(&prefix) && name.contains(&id) && name.ends_with(&suffix)
+        name.starts_with(prefix) && name.contains(&id) && name.ends_with(&suffix)
     })
 }
 

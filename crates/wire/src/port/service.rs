@@ -1,12 +1,15 @@
 //! Opening services: one builder per kind of topic, bounded retries, errors a person understands.
 
+use super::exhausted;
 use crate::bus::{Bus, Ipc};
+use crate::leftover::Places;
 use crate::wake::Waking;
 use crate::{Topic, TopicKind, WireError, layout, qos};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::*;
+use iceoryx2::service::builder::event::{EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeOpenError as OpenError, PublishSubscribeOpenOrCreateError as OpenOrCreateError,
 };
@@ -16,6 +19,8 @@ use std::time::{Duration, Instant};
 
 /// How long to wait for others who create or remove the same topic.
 const FLUX_TIMEOUT: Duration = Duration::from_secs(2);
+/// How long a program whose place is taken waits for others that are just creating something, to remove leftovers then.
+const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
 /// Pause between tries; the others need a few hundred microseconds.
 const FLUX_PAUSE: Duration = Duration::from_millis(2);
 
@@ -38,11 +43,11 @@ pub(crate) fn sized<P: Debug + ZeroCopySend>(
     missing: Missing,
 ) -> Result<PubSub<P, ()>, WireError> {
     let name = service_name(topic.name())?;
-    retry(topic.name(), || {
-        let builder = with_qos(bus.node.service_builder(&name).publish_subscribe::<P>(), topic.kind());
+    retry(bus, topic.name(), || {
+        let builder = with_qos(bus.node().service_builder(&name).publish_subscribe::<P>(), topic.kind());
         match missing {
-            Missing::Create => builder.open_or_create().map_err(|error| judge(topic, error)),
-            Missing::Refuse => builder.open().map_err(|error| judge_open(topic, error)),
+            Missing::Create => builder.open_or_create().map_err(|error| open_or_create_failed(topic, error)),
+            Missing::Refuse => builder.open().map_err(|error| open_failed(topic, error)),
         }
     })
 }
@@ -54,12 +59,12 @@ pub(crate) fn slices(
     missing: Missing,
 ) -> Result<PubSub<[f32], layout::FieldHeader>, WireError> {
     let name = service_name(topic.name())?;
-    retry(topic.name(), || {
-        let builder = bus.node.service_builder(&name).publish_subscribe::<[f32]>();
+    retry(bus, topic.name(), || {
+        let builder = bus.node().service_builder(&name).publish_subscribe::<[f32]>();
         let builder = with_qos(builder.user_header::<layout::FieldHeader>(), topic.kind());
         match missing {
-            Missing::Create => builder.open_or_create().map_err(|error| judge(topic, error)),
-            Missing::Refuse => builder.open().map_err(|error| judge_open(topic, error)),
+            Missing::Create => builder.open_or_create().map_err(|error| open_or_create_failed(topic, error)),
+            Missing::Refuse => builder.open().map_err(|error| open_failed(topic, error)),
         }
     })
 }
@@ -83,8 +88,8 @@ pub(crate) struct EventShape {
 /// An event service by name.
 pub(crate) fn named_events(bus: &Bus, name: &str, shape: EventShape) -> Result<Events, WireError> {
     let service = service_name(name)?;
-    retry(name, || {
-        bus.node
+    retry(bus, name, || {
+        bus.node()
             .service_builder(&service)
             .event()
             .max_listeners(shape.listeners)
@@ -92,7 +97,12 @@ pub(crate) fn named_events(bus: &Bus, name: &str, shape: EventShape) -> Result<E
             .max_nodes(shape.nodes)
             .event_id_max_value(1)
             .open_or_create()
-            .map_err(|error| Refusal::Passing(format!("{error:?}")))
+            .map_err(|error| match error {
+                EventOpenOrCreateError::EventOpenError(EventOpenError::ExceedsMaxNumberOfNodes) => {
+                    Refusal::Full(WireError::TooManyPrograms { name: name.to_owned(), limit: shape.nodes })
+                }
+                other => Refusal::Passing(format!("{other:?}")),
+            })
     })
 }
 
@@ -123,9 +133,9 @@ pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
         Waking::ByEvent => Some(listener(bus, topic)?),
         Waking::Never => None,
     };
-    let subscriber = retry(topic.name(), || {
+    let subscriber = retry(bus, topic.name(), || {
         let builder = service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history);
-        builder.create().map_err(|error| judge_reader(topic, error))
+        builder.create().map_err(|error| reader_failed(topic, error))
     })?;
     Ok((subscriber, listener))
 }
@@ -135,37 +145,92 @@ pub(crate) fn service_name(name: &str) -> Result<ServiceName, WireError> {
         .map_err(|error| WireError::Open { topic: name.into(), cause: format!("{error:?}") })
 }
 
-/// Why a try failed: for good, or because somebody is in the middle of something.
+/// Why a try failed.
 pub(crate) enum Refusal {
+    /// For good.
     Final(WireError),
+    /// For good, unless the places that are taken are those of dead programs.
+    Full(WireError),
+    /// Because somebody is in the middle of something, or died there.
     Passing(String),
 }
 
-/// Tries until success, a final refusal, or [`FLUX_TIMEOUT`].
-pub(crate) fn retry<T>(name: &str, mut attempt: impl FnMut() -> Result<T, Refusal>) -> Result<T, WireError> {
+/// Tries until success, a final refusal, or [`FLUX_TIMEOUT`]. What dead programs left is removed between two tries.
+pub(crate) fn retry<T>(
+    bus: &Bus,
+    name: &str,
+    attempt: impl FnMut() -> Result<T, Refusal>,
+) -> Result<T, WireError> {
+    retry_in(&bus.places, name, attempt)
+}
+
+/// As [`retry`], before there is a bus.
+pub(crate) fn retry_in<T>(
+    places: &Places,
+    name: &str,
+    mut attempt: impl FnMut() -> Result<T, Refusal>,
+) -> Result<T, WireError> {
     let begin = Instant::now();
     let mut tries = 0;
     loop {
         tries += 1;
-        match attempt() {
+        let tried = locked(places, &mut attempt)?;
+        let refusal = match tried {
             Ok(done) => return Ok(done),
-            Err(Refusal::Final(error)) => return Err(error),
-            Err(Refusal::Passing(cause)) if begin.elapsed() > FLUX_TIMEOUT => {
+            Err(Refusal::Final(WireError::NoSuchTopic { topic })) => {
+                return Err(WireError::NoSuchTopic { topic });
+            }
+            Err(refusal) => refusal,
+        };
+        if let Some(error) = exhausted::named(name, places) {
+            return Err(error);
+        }
+        let over = begin.elapsed() > FLUX_TIMEOUT;
+        match refusal {
+            Refusal::Final(error) => return Err(error),
+            Refusal::Full(error) if over || !places.sweep(SWEEP_PATIENCE).any() => return Err(error),
+            Refusal::Passing(cause) if over => {
                 return Err(WireError::InFlux { topic: name.into(), tries, cause });
             }
-            Err(Refusal::Passing(_)) => std::thread::sleep(FLUX_PAUSE),
+            Refusal::Full(_) => {}
+            Refusal::Passing(_) => {
+                places.sweep(FLUX_PAUSE);
+                std::thread::sleep(FLUX_PAUSE);
+            }
         }
     }
 }
 
-fn judge(topic: &Topic, error: OpenOrCreateError) -> Refusal {
+/// One try, under the start lock: as long as it is held nobody takes what we make for a leftover.
+fn locked<T>(
+    places: &Places,
+    attempt: impl FnOnce() -> Result<T, Refusal>,
+) -> Result<Result<T, Refusal>, WireError> {
+    let path = || places.lock_path().display().to_string();
+    let lock = places.lock_to_create(FLUX_TIMEOUT).map_err(|error| {
+        let cause = format!("{}: {error}", path());
+        exhausted::named(&path(), places).unwrap_or(WireError::Node { cause })
+    })?;
+    let waited_ms = FLUX_TIMEOUT.as_millis() as u64;
+    let _lock = lock.ok_or_else(|| WireError::StartLocked { path: path(), waited_ms })?;
+    Ok(match places.empty_segment() {
+        // iceoryx2 would wait for ever for this file.
+        Some(empty) => Err(Refusal::Passing(format!(
+            "{} has no size: it is being made, or was truncated",
+            empty.display()
+        ))),
+        None => attempt(),
+    })
+}
+
+fn open_or_create_failed(topic: &Topic, error: OpenOrCreateError) -> Refusal {
     match error {
-        OpenOrCreateError::PublishSubscribeOpenError(error) => judge_open(topic, error),
+        OpenOrCreateError::PublishSubscribeOpenError(error) => open_failed(topic, error),
         other => Refusal::Passing(format!("{other:?}")),
     }
 }
 
-fn judge_open(topic: &Topic, error: OpenError) -> Refusal {
+fn open_failed(topic: &Topic, error: OpenError) -> Refusal {
     let topic_name = topic.name().to_owned();
     let cause = format!("{error:?}");
     match error {
@@ -181,37 +246,37 @@ fn judge_open(topic: &Topic, error: OpenError) -> Refusal {
         | OpenError::DoesNotSupportRequestedAmountOfSubscribers
         | OpenError::DoesNotSupportRequestedAmountOfNodes
         | OpenError::VersionMismatch => Refusal::Final(WireError::Incompatible { topic: topic_name, cause }),
-        OpenError::InsufficientPermissions | OpenError::ExceedsMaxNumberOfNodes => {
-            Refusal::Final(WireError::Open { topic: topic_name, cause })
+        OpenError::InsufficientPermissions => Refusal::Final(WireError::Open { topic: topic_name, cause }),
+        OpenError::ExceedsMaxNumberOfNodes => {
+            let limit = qos::of(topic.kind()).max_nodes;
+            Refusal::Full(WireError::TooManyPrograms { name: topic_name, limit })
         }
         _ => Refusal::Passing(cause),
     }
 }
 
-/// Judges a refused writer. A dead writer's slot is freed by cleaning up; only a living one is a contradiction.
-pub(crate) fn judge_writer(bus: &Bus, topic: &Topic, error: PublisherCreateError) -> Refusal {
+/// A writer was refused. A dead writer's place is freed by the clean-up; only a living one is a contradiction.
+pub(crate) fn writer_failed(bus: &Bus, topic: &Topic, error: PublisherCreateError) -> Refusal {
     match error {
         PublisherCreateError::ExceedsMaxSupportedPublishers => {
-            if bus.clean_up(FLUX_PAUSE) > 0 {
-                return Refusal::Passing("the slot of a dead writer was freed".into());
-            }
             let writers = participants(bus, topic).map(|(writers, _)| writers).unwrap_or_default();
             let holder = writers.first().map(|pid| format!(" (process {pid})")).unwrap_or_default();
-            Refusal::Final(WireError::AlreadyPublished { topic: topic.name().into(), holder })
+            Refusal::Full(WireError::AlreadyPublished { topic: topic.name().into(), holder })
         }
         other => Refusal::Final(WireError::Open { topic: topic.name().into(), cause: format!("{other:?}") }),
     }
 }
 
-/// Judges a refused reader.
-fn judge_reader(topic: &Topic, error: SubscriberCreateError) -> Refusal {
+/// A reader was refused.
+fn reader_failed(topic: &Topic, error: SubscriberCreateError) -> Refusal {
     match error {
-        SubscriberCreateError::ExceedsMaxSupportedSubscribers => Refusal::Final(WireError::TooManyReaders {
-            topic: topic.name().into(),
-            limit: qos::of(topic.kind()).max_readers,
-        }),
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => Refusal::Full(too_many_readers(topic)),
         other => Refusal::Final(WireError::Open { topic: topic.name().into(), cause: format!("{other:?}") }),
     }
+}
+
+fn too_many_readers(topic: &Topic) -> WireError {
+    WireError::TooManyReaders { topic: topic.name().into(), limit: qos::of(topic.kind()).max_readers }
 }
 
 /// Process ids of writers and readers of a topic.
@@ -249,7 +314,7 @@ pub(crate) fn notifier(
     topic: &Topic,
 ) -> Result<iceoryx2::port::notifier::Notifier<Ipc>, WireError> {
     let service = events(bus, topic)?;
-    retry(topic.name(), || {
+    retry(bus, topic.name(), || {
         service.notifier_builder().create().map_err(|error| Refusal::Passing(format!("{error:?}")))
     })
 }
@@ -258,12 +323,9 @@ pub(crate) fn notifier(
 fn listener(bus: &Bus, topic: &Topic) -> Result<Listener<Ipc>, WireError> {
     use iceoryx2::port::listener::ListenerCreateError as Error;
     let service = events(bus, topic)?;
-    retry(topic.name(), || {
+    retry(bus, topic.name(), || {
         service.listener_builder().create().map_err(|error| match error {
-            Error::ExceedsMaxSupportedListeners => Refusal::Final(WireError::TooManyReaders {
-                topic: topic.name().into(),
-                limit: qos::of(topic.kind()).max_readers,
-            }),
+            Error::ExceedsMaxSupportedListeners => Refusal::Full(too_many_readers(topic)),
             other => Refusal::Passing(format!("{other:?}")),
         })
     })

@@ -2,6 +2,7 @@
 
 use super::segment;
 use super::service::{self, Missing};
+use super::writer_lock::WriterLock;
 use crate::bus::{Bus, Ipc};
 use crate::wake::{Wakeable, Waking};
 use crate::{Command, Grasp, Health, SensorSample, State, Topic, WireError, qos};
@@ -15,6 +16,8 @@ pub struct Writer<P: Debug + Copy + ZeroCopySend + 'static> {
     topic: Topic,
     publisher: Publisher<Ipc, P, ()>,
     notifier: Notifier<Ipc>,
+    // Last: given back after the ports are.
+    _right: WriterLock,
 }
 
 /// One of many readers of a topic. Dropping it gives its slot back.
@@ -54,19 +57,20 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Writer<P> {
     /// full, [`WireError::Incompatible`] when a program of another version made the topic.
     pub fn create(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
+        let right = service::retry(bus, topic.name(), || WriterLock::take(bus, topic.name()))?;
         let service = service::sized::<P>(bus, topic, Missing::Create)?;
-        let publisher = service::retry(topic.name(), || {
+        let publisher = service::retry(bus, topic.name(), || {
             service
                 .publisher_builder()
                 .max_loaned_samples(qos.max_loans)
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .override_sample_preallocation(move |worst| worst.min(qos.samples_in_use()))
                 .create()
-                .map_err(|error| service::judge_writer(bus, topic, error))
+                .map_err(|error| service::writer_failed(bus, topic, error))
         })?;
         segment::reserve(bus, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
-        Ok(Self { topic: topic.clone(), publisher, notifier })
+        Ok(Self { topic: topic.clone(), publisher, notifier, _right: right })
     }
 
     /// Sends one sample and wakes the readers. Cost: under a microsecond, and 5-8 us per waiting reader to wake it.

@@ -17,11 +17,17 @@ pub fn domain(bus: &Result<Bus, WireError>) -> Finding {
             return Finding::bad(subject, error, remedy);
         }
     };
-    match bus.clean_up(CLEAN_UP_TIMEOUT) {
-        0 => Finding::good(subject, "joined, nothing left behind by dead programs"),
-        count => {
-            Finding::good(subject, format!("joined; what dead programs left was removed ({count} nodes)"))
-        }
+    let mut removed = bus.removed();
+    removed += bus.clean_up(CLEAN_UP_TIMEOUT);
+    let after = format!("after dead programs: {} nodes, {} files", removed.nodes, removed.files);
+    match removed.failed {
+        0 if !removed.any() => Finding::good(subject, "joined, nothing left behind by dead programs"),
+        0 => Finding::good(subject, format!("joined; removed {after}")),
+        failed => Finding::bad(
+            subject,
+            format!("joined; removed {after}; {failed} nodes of dead programs could not be removed"),
+            format!("stop all programs of this domain, then empty {}", bus.folder().display()),
+        ),
     }
 }
 

@@ -1,0 +1,101 @@
+//! Where the files of a domain are, and which of them belong to it.
+
+use crate::port::SHM_DIR;
+use iceoryx2::prelude::{Config, SemanticString};
+use std::path::{Path, PathBuf};
+
+/// The folders and names of one domain.
+#[derive(Debug, Clone)]
+pub(crate) struct Places {
+    pub(crate) config: Config,
+    /// Prefix of all file names of the domain.
+    pub(crate) prefix: String,
+    /// Folder of the management files.
+    pub(crate) root: PathBuf,
+}
+
+impl Places {
+    pub(crate) fn new(config: Config) -> Self {
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let prefix = text(config.global.prefix.as_bytes());
+        let root = PathBuf::from(text(config.global.root_path().as_bytes()));
+        Self { config, prefix, root }
+    }
+
+    /// Folder with one folder and three monitor files for each node (member) of the domain.
+    pub(super) fn nodes(&self) -> PathBuf {
+        self.root.join("nodes")
+    }
+
+    /// Folder with a description of each service (topic).
+    pub(super) fn services(&self) -> PathBuf {
+        self.root.join("services")
+    }
+
+    /// What follows the domain's prefix in a file name; `None`: the file is another domain's.
+    pub(super) fn own<'a>(&self, file: &'a str) -> Option<&'a str> {
+        file.strip_prefix(&self.prefix)
+    }
+
+    /// Whether a file in /dev/shm was made by iceoryx2 for this domain: `<prefix><40 hexadecimal digits>_...`. The digits
+    /// tell domain `a` from domain `a_b`.
+    pub(super) fn owns_segment(&self, file: &str) -> bool {
+        self.own(file).and_then(|rest| rest.split_once('_')).is_some_and(|(digits, _)| is_type_hash(digits))
+    }
+
+    /// The domain's shared-memory files.
+    pub(super) fn segments(&self) -> Vec<PathBuf> {
+        files(Path::new(SHM_DIR), |name| self.owns_segment(name))
+    }
+
+    /// The counters from which iceoryx2 numbers the nodes; they stay when nobody has them open.
+    pub(crate) fn counter_segments(&self) -> Vec<PathBuf> {
+        self.segments().into_iter().filter(|path| is_counter(path)).collect()
+    }
+
+    /// The descriptions of the domain's services: `<prefix><40 hexadecimal digits>.service`.
+    pub(super) fn service_files(&self) -> Vec<PathBuf> {
+        files(&self.services(), |name| {
+            self.own(name).and_then(|rest| rest.strip_suffix(".service")).is_some_and(is_type_hash)
+        })
+    }
+}
+
+pub(super) fn is_counter(path: &Path) -> bool {
+    name(path).ends_with(".global_mgmt")
+}
+
+fn is_type_hash(text: &str) -> bool {
+    text.len() == 40 && text.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
+/// The entries of a folder whose name is wanted; none when the folder cannot be read.
+pub(super) fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries
+        .filter(|entry| entry.file_name().to_str().is_some_and(&wanted))
+        .map(|entry| entry.path())
+        .collect()
+}
+
+/// The last part of a path, empty if it is not UTF-8.
+pub(super) fn name(path: &Path) -> &str {
+    path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Domain;
+
+    #[test]
+    fn a_domain_owns_its_own_segments_only() {
+        let digits = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5";
+        let places = Domain::named("a").places().unwrap();
+        assert!(places.owns_segment(&format!("iox2_a_{digits}_node.0_10_0.global_mgmt")));
+        assert!(places.owns_segment(&format!("iox2_a_{digits}_1_2.connection")));
+        assert!(!places.owns_segment(&format!("iox2_a_b_{digits}_1.data")), "that is domain a_b");
+        assert!(!places.owns_segment(&format!("iox2_{digits}_1.data")), "that is the default domain");
+        assert!(!places.owns_segment("iox2_a_123.data"), "that is not iceoryx2's");
+        assert!(!places.owns_segment("iox2_a_softtwin_0123456789abcdef.writer"), "that is a writer's lock");
+    }
+}

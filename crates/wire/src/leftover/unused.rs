@@ -1,0 +1,108 @@
+//! Whether any process still has a file open or mapped, answered by the kernel.
+
+use std::fs::{File, Metadata, OpenOptions};
+use std::io::ErrorKind;
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::net::UnixDatagram;
+use std::path::Path;
+
+/// `fcntl`: which signal says that somebody opens a file we hold a lease on (not in the `libc` crate for glibc).
+const F_SETSIG: libc::c_int = 10;
+
+/// Removes the file (or socket) at `path` if no process has it open or mapped. Returns whether it was removed.
+pub(super) fn remove(path: &Path) -> bool {
+    let Ok(metadata) = std::fs::symlink_metadata(path) else { return false };
+    if metadata.file_type().is_socket() {
+        return is_dead_socket(path) && std::fs::remove_file(path).is_ok();
+    }
+    // While the lease lasts, nobody else has this file open; so nobody else is about to remove it either.
+    lease(path, &metadata)
+        .is_some_and(|file| names_this_file(path, &file) && std::fs::remove_file(path).is_ok())
+}
+
+/// Whether some process has the file at `path` open or mapped. A file that is not there is not in use.
+pub(super) fn is_in_use(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|metadata| lease(path, &metadata).is_none())
+}
+
+/// Opens the file if nobody else has it open. Others that open it meanwhile wait until the returned file is closed.
+///
+/// The kernel grants a write lease (`fcntl(2)`, `F_SETLEASE`) only if the file is open nowhere else; a mapping keeps its
+/// file open. `None`: it is in use, or the system does not say.
+fn lease(path: &Path, metadata: &Metadata) -> Option<File> {
+    let readable = metadata.mode() & 0o400 != 0;
+    let file = OpenOptions::new()
+        .read(readable)
+        .write(!readable)
+        .custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK)
+        .open(path)
+        .ok()?;
+    let fd = file.as_raw_fd();
+    // SAFETY: the descriptor is open for both calls, which take a plain number. SIGURG is ignored by default; the usual
+    // signal of a lease, SIGIO, would end the process.
+    let granted = unsafe {
+        libc::fcntl(fd, F_SETSIG, libc::SIGURG) == 0 && libc::fcntl(fd, libc::F_SETLEASE, libc::F_WRLCK) == 0
+    };
+    granted.then_some(file)
+}
+
+/// Whether `path` still names the open `file`, and not a newer one of the same name.
+pub(crate) fn names_this_file(path: &Path, file: &File) -> bool {
+    match (std::fs::symlink_metadata(path), file.metadata()) {
+        (Ok(named), Ok(open)) => (named.dev(), named.ino()) == (open.dev(), open.ino()),
+        _ => false,
+    }
+}
+
+/// The kernel refuses a connection to a datagram socket that no process has bound any more.
+fn is_dead_socket(path: &Path) -> bool {
+    let connected = UnixDatagram::unbound().and_then(|socket| socket.connect(path));
+    connected.is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_in_use_while_it_is_open_and_while_it_is_mapped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let file = File::create_new(&path).unwrap();
+        file.set_len(4096).unwrap();
+        assert!(is_in_use(&path) && !remove(&path), "open");
+        // SAFETY: a private mapping of a file that this test owns, unmapped below.
+        let map = unsafe {
+            libc::mmap(std::ptr::null_mut(), 4096, libc::PROT_READ, libc::MAP_SHARED, file.as_raw_fd(), 0)
+        };
+        assert_ne!(map, libc::MAP_FAILED);
+        drop(file);
+        assert!(is_in_use(&path) && !remove(&path), "mapped");
+        // SAFETY: the mapping made above.
+        assert_eq!(unsafe { libc::munmap(map, 4096) }, 0);
+        assert!(!is_in_use(&path) && remove(&path), "neither");
+        assert!(!path.exists() && !is_in_use(&path));
+    }
+
+    #[test]
+    fn a_socket_is_in_use_while_it_is_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let socket = UnixDatagram::bind(&path).unwrap();
+        assert!(!remove(&path));
+        drop(socket);
+        assert!(remove(&path) && !path.exists());
+    }
+
+    #[test]
+    fn a_newer_file_of_the_same_name_is_told_apart() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let old = File::create(&path).unwrap();
+        assert!(names_this_file(&path, &old));
+        std::fs::rename(&path, folder.path().join("old")).unwrap();
+        File::create(&path).unwrap();
+        assert!(!names_this_file(&path, &old));
+    }
+}

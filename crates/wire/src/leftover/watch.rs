@@ -1,0 +1,56 @@
+//! A thread that removes half-made shared memory for as long as a program is in a domain.
+//!
+//! When another program is killed in the moment in which it makes its connection to one of our ports, iceoryx2 waits in
+//! our thread for that connection to be completed: a second each time, or for ever while the file has no size.
+
+use super::places::Places;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// How often it looks. It takes some 50 us.
+const PERIOD: Duration = Duration::from_millis(200);
+/// The thread calls little and keeps little.
+const STACK_BYTES: usize = 128 << 10;
+
+/// The running thread; ended when dropped.
+#[derive(Debug)]
+pub(crate) struct Watch {
+    stop: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watch {
+    /// Starts to watch `places`. Without it (no thread to be had) starting programs still remove what is half-made.
+    pub(crate) fn start(places: Places) -> Self {
+        let (stop, stopped) = channel::<()>();
+        let watch = move || {
+            leave_signals_to_others();
+            while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
+                places.remove_half_made();
+            }
+        };
+        let thread =
+            std::thread::Builder::new().name("domain-watch".into()).stack_size(STACK_BYTES).spawn(watch);
+        Self { stop: Some(stop), thread: thread.ok() }
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.stop.take();
+        if let Some(thread) = self.thread.take() {
+            let _a_panic_there_ends_nothing_here = thread.join();
+        }
+    }
+}
+
+/// A program's own threads wait for its signals.
+fn leave_signals_to_others() {
+    // SAFETY: the set is filled before it is used; the mask is that of this thread only.
+    unsafe {
+        let mut all: libc::sigset_t = std::mem::zeroed();
+        libc::sigfillset(&mut all);
+        libc::pthread_sigmask(libc::SIG_SETMASK, &all, std::ptr::null_mut());
+    }
+}

@@ -1,0 +1,54 @@
+//! What the system has run out of when a port cannot be made. iceoryx2 reports all of it as an internal failure.
+
+use super::SHM_DIR;
+use crate::WireError;
+use crate::leftover::Places;
+use std::path::Path;
+
+/// Names what is used up; `None`: it was something else.
+pub(crate) fn named(name: &str, places: &Places) -> Option<WireError> {
+    // Shared memory that is full is named where it is reserved, with the bytes that are missing.
+    too_many_files(name)
+        .or_else(|| full(name, &places.root, true))
+        .or_else(|| full(name, Path::new(SHM_DIR), false))
+}
+
+fn too_many_files(name: &str) -> Option<WireError> {
+    let error = std::fs::File::open("/dev/null").err()?;
+    let used_up = matches!(error.raw_os_error(), Some(libc::EMFILE | libc::ENFILE));
+    used_up.then(|| WireError::TooManyFiles {
+        name: name.to_owned(),
+        cause: error.to_string(),
+        limit: limit(),
+    })
+}
+
+/// Files that this process may have open.
+fn limit() -> u64 {
+    let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    // SAFETY: `limit` is a valid, writable structure.
+    unsafe { libc::getrlimit(libc::RLIMIT_NOFILE, &mut limit) };
+    limit.rlim_cur
+}
+
+fn full(name: &str, folder: &Path, blocks_count: bool) -> Option<WireError> {
+    let status = status(folder)?;
+    let cause = match (status.f_files > 0 && status.f_favail == 0, blocks_count && status.f_bavail == 0) {
+        (true, _) => "all inodes are in use",
+        (false, true) => "the file system is full",
+        (false, false) => return None,
+    };
+    let (name, folder) = (name.to_owned(), folder.display().to_string());
+    Some(WireError::NoFiles { name, folder, cause: cause.to_owned() })
+}
+
+/// What the file system of `folder` has left; `None` where the system does not say.
+pub(super) fn status(folder: &Path) -> Option<libc::statvfs> {
+    let path = std::ffi::CString::new(folder.as_os_str().as_encoded_bytes()).ok()?;
+    // SAFETY: all-zero is a valid statvfs; the path is a C string that lives across the call.
+    let (code, status) = unsafe {
+        let mut status: libc::statvfs = std::mem::zeroed();
+        (libc::statvfs(path.as_ptr(), &mut status), status)
+    };
+    (code == 0).then_some(status)
+}
