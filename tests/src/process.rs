@@ -48,6 +48,29 @@ impl Program {
         Self::start(stage, Command::new(binary("softtwin")).args(arguments))
     }
 
+    /// Starts one of our programs under `strace`, which kills it at a system call or writes down its calls.
+    ///
+    /// # Panics
+    /// When `strace` is not installed.
+    pub fn traced(stage: &Stage, tracing: &[&str], program: &[&str]) -> Self {
+        let (name, arguments) = program.split_first().expect("a program");
+        // `-D`: our child is the program itself, the tracer is its grandchild.
+        let mut command = Command::new("strace");
+        command.args(["-D", "-f", "-qq"]).args(tracing).arg(binary(name)).args(arguments);
+        assert!(
+            Command::new("strace").arg("-V").output().is_ok_and(|output| output.status.success()),
+            "strace is not installed: apt-get install strace (.ci/run does)"
+        );
+        Self::start(stage, command.env_remove("NOTIFY_SOCKET").env_remove("WATCHDOG_USEC"))
+    }
+
+    /// Starts one of our programs by its name.
+    pub fn named(stage: &Stage, program: &[&str]) -> Self {
+        let (name, arguments) = program.split_first().expect("a program");
+        let mut command = Command::new(binary(name));
+        Self::start(stage, command.args(arguments).env_remove("NOTIFY_SOCKET").env_remove("WATCHDOG_USEC"))
+    }
+
     /// Runs a shell line in which our programs are found by name.
     pub fn shell(stage: &Stage, line: &str) -> Self {
         let programs = binary("softtwin").parent().expect("a folder").display().to_string();
@@ -116,6 +139,31 @@ impl Program {
                 }
             }
         }
+    }
+
+    /// Lets the program run until a line contains `text` and for `longer` after it, then tells it to end. It may end, or be
+    /// killed, before. Returns its exit code (none: killed) and whether the line came.
+    ///
+    /// # Panics
+    /// When it has not ended after [`PATIENCE`].
+    pub fn run_and_stop(
+        mut self,
+        text: &str,
+        longer: std::time::Duration,
+    ) -> (Option<i32>, bool, Vec<String>) {
+        let mut ready = false;
+        let mut end = Instant::now() + PATIENCE;
+        while let Ok(line) = self.lines.recv_timeout(end.saturating_duration_since(Instant::now())) {
+            if !ready && line.contains(text) {
+                ready = true;
+                end = Instant::now() + longer;
+            }
+            self.said.push(line);
+        }
+        // SAFETY: the process is our own child and not yet waited for, so its number is not reused.
+        let _ended_already_is_fine = unsafe { libc::kill(self.child.id() as i32, libc::SIGTERM) };
+        let (status, said) = self.end();
+        (status.code(), ready, said)
     }
 
     /// Sends a signal.

@@ -124,6 +124,26 @@ impl Stage {
         self.write(name, &text)
     }
 
+    /// Every file and folder of the domain, in shared memory and in its folder.
+    pub fn everything(&self) -> std::collections::BTreeSet<PathBuf> {
+        let prefix = self.domain().prefix;
+        let mut found = std::collections::BTreeSet::new();
+        let mut folders = vec![self.root()];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+                found.insert(entry.path());
+                if entry.path().is_dir() {
+                    folders.push(entry.path());
+                }
+            }
+        }
+        let shared = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
+        found.extend(
+            shared.filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix)).map(|e| e.path()),
+        );
+        found
+    }
+
     /// What the domain has left in shared memory and in its folder, without the domain's own management segment.
     pub fn leftovers(&self) -> Vec<String> {
         let prefix = self.domain().prefix;

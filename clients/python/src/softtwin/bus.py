@@ -9,6 +9,7 @@ import iceoryx2 as iox2
 from . import layout
 from .errors import SofttwinError, TwinAbsent, VersionMismatch
 from .qos import QOS
+from .start import DEFAULT_ROOT, Places
 
 _KINDS = {
     "sensor": layout.SensorSample,
@@ -38,16 +39,21 @@ class Bus:
         iox2.set_log_level(iox2.LogLevel.Fatal)  # failures come back as exceptions
         # The host's configuration file is not read, so that every program of a domain agrees.
         config = iox2.config.default()
-        config.global_cfg.prefix = iox2.FileName.new(f"iox2_{domain}_" if domain else "iox2_")
+        prefix = f"iox2_{domain}_" if domain else "iox2_"
+        self.places = Places(prefix, root or DEFAULT_ROOT)
+        config.global_cfg.prefix = iox2.FileName.new(prefix)
         if root:
             config.global_cfg.root_path = iox2.Path.new(root)
         try:
-            self._node = (
-                iox2.NodeBuilder.new()
-                .config(config)
-                .signal_handling_mode(iox2.SignalHandlingMode.Disabled)
-                .create(iox2.ServiceType.Ipc)
-            )
+            with self.places.starting():
+                self._node = (
+                    iox2.NodeBuilder.new()
+                    .config(config)
+                    .signal_handling_mode(iox2.SignalHandlingMode.Disabled)
+                    .create(iox2.ServiceType.Ipc)
+                )
+        except SofttwinError:
+            raise
         except Exception as error:
             raise SofttwinError(
                 f"cannot join the shared-memory domain: {error}; check that its folder and /dev/shm are writable"
@@ -101,13 +107,15 @@ class Bus:
         )
         return self._retry(name, builder.open)
 
-    @staticmethod
-    def _retry(name: str, attempt: Any) -> Any:
+    def _retry(self, name: str, attempt: Any) -> Any:
         """Tries again while others come and go; turns the rest into exceptions that say what to do."""
         end = time.monotonic() + _FLUX_S
         while True:
             try:
-                return attempt()
+                with self.places.starting():
+                    return attempt()
+            except SofttwinError:
+                raise
             except Exception as error:  # the binding raises one type for each of its enums
                 cause = str(error)
                 if "DoesNotExist" in cause:

@@ -10,6 +10,7 @@ from .bus import Bus, default_bus, now_ns, payload_type
 from .errors import AlreadyPublished, SofttwinError
 from .layout import Command, SensorSample
 from .qos import MAX_LOANS
+from .start import WriterLock
 
 
 def _boot_id() -> int:
@@ -26,19 +27,23 @@ class _Writer:
         #: The topic's name.
         self.topic = topic
         self._kind = payload_type(topic)
+        self._right = WriterLock(bus.places, topic)
         service = bus.open_topic(topic, create=True)
         try:
-            self._publisher = (
-                service.publisher_builder()
-                .max_loaned_samples(MAX_LOANS)
-                .backpressure_strategy(iox2.BackpressureStrategy.DiscardData)
-                .create()
-            )
+            with bus.places.starting():
+                self._publisher = (
+                    service.publisher_builder()
+                    .max_loaned_samples(MAX_LOANS)
+                    .backpressure_strategy(iox2.BackpressureStrategy.DiscardData)
+                    .create()
+                )
         except Exception as error:
             if "ExceedsMaxSupportedPublishers" in str(error):
                 raise AlreadyPublished(f"{topic}: another process publishes here already; stop it first") from error
             raise SofttwinError(f"{topic}: cannot be written: {error}") from error
-        self._notifier = bus.open_topic_events(topic).notifier_builder().create()
+        events = bus.open_topic_events(topic)
+        with bus.places.starting():
+            self._notifier = events.notifier_builder().create()
         self._boot_id = _boot_id()
         self._seq = 0
 

@@ -39,12 +39,13 @@ class Client:
         answers = f"softtwin/{actuator}/answer"
         service = bus.open_questions(self._name)
         asked = bus.open_events(self._name, 1, MAX_CLIENTS, MAX_QUERY_NODES)
-        self._notifier = asked.notifier_builder().create()
         answered = bus.open_events(answers, MAX_CLIENTS, 1, MAX_QUERY_NODES)
-        self._listener = answered.listener_builder().create()
-        self._client = (
-            service.client_builder().backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
-        )
+        with bus.places.starting():
+            self._notifier = asked.notifier_builder().create()
+            self._listener = answered.listener_builder().create()
+            self._client = (
+                service.client_builder().backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
+            )
 
     def whatif(
         self, pressure_mpa: float, gap_mm: float = math.nan, *, field: Optional[str] = None

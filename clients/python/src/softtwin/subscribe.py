@@ -45,11 +45,14 @@ class Subscription:
         self._kind = None if kind_of(topic) == "field" else payload_type(topic)
         service = bus.open_topic(topic, create=wait_for_twin)
         # The listener comes first: a sample sent in between then wakes us for nothing instead of never.
-        self._listener = bus.open_topic_events(topic).listener_builder().create()
+        events = bus.open_topic_events(topic)
+        with bus.places.starting():
+            self._listener = events.listener_builder().create()
         try:
-            self._subscriber = (
-                service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history).create()
-            )
+            with bus.places.starting():
+                self._subscriber = (
+                    service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history).create()
+                )
         except Exception as error:
             raise SofttwinError(f"{topic}: all {qos.max_readers} reader slots are taken; stop a reader") from error
 

@@ -18,7 +18,8 @@ impl Places {
     pub(crate) fn new(config: Config) -> Self {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let prefix = text(config.global.prefix.as_bytes());
-        let root = PathBuf::from(text(config.global.root_path().as_bytes()));
+        // Without a slash at the end: the path's text is part of the names of writers' locks.
+        let root = Path::new(&text(config.global.root_path().as_bytes())).components().collect();
         Self { config, prefix, root }
     }
 

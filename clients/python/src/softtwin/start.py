@@ -1,0 +1,154 @@
+"""Starting beside others: the start lock, what killed programs left half-made, the lock of a topic's writer.
+
+The same rules as of the programs `softtwin` and `softtwind`; docs/iceoryx2.md says why.
+"""
+
+import fcntl
+import os
+import re
+import signal
+import time
+from contextlib import contextmanager
+from typing import Iterator, Optional
+
+from .errors import AlreadyPublished, SofttwinError
+
+DEFAULT_ROOT = "/tmp/iceoryx2"  # iceoryx2's own
+_SHM = "/dev/shm"
+_PATIENCE_S = 2.0
+_LONGEST = 107 - 1 - 39 - len(".event")  # a socket's path in the folder has at most 107 bytes
+_F_SETSIG, _F_SETLEASE = 10, 1024
+
+
+class Places:
+    """Where the files of a domain are."""
+
+    def __init__(self, prefix: str, root: str) -> None:
+        self.prefix = prefix
+        self.root = root.rstrip("/")
+        found = len(self.prefix.encode()) + len(self.root.encode())
+        if found > _LONGEST:
+            raise SofttwinError(
+                f"the domain's folder `{self.root}` and its prefix `{prefix}` have {found} bytes together, at most {_LONGEST} "
+                "are allowed; choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
+            )
+
+    @contextmanager
+    def starting(self) -> Iterator[None]:
+        """While something is created: nobody takes it for a leftover. Removes what is half-made first."""
+        path = f"{self.root}/softtwin.lock"
+        os.makedirs(self.root, mode=0o755, exist_ok=True)
+        lock = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            end = time.monotonic() + _PATIENCE_S
+            while True:
+                self.remove_half_made()
+                empty = self._empty_segment()
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                    if empty is None:
+                        break
+                    fcntl.flock(lock, fcntl.LOCK_UN)
+                    reason = f"{empty} has no size: it is being made, or was truncated"
+                except BlockingIOError:
+                    reason = f"{path}: another program removes leftovers and does not finish"
+                if time.monotonic() > end:
+                    raise SofttwinError(f"cannot start within {_PATIENCE_S} s: {reason}")
+                time.sleep(0.001)
+            yield
+        finally:
+            os.close(lock)
+
+    def remove_half_made(self) -> None:
+        """Removes files that were never completed and that nobody has open."""
+        for path in self._segments():
+            _remove_if_unused(path, lambda found: found.st_size == 0 or not found.st_mode & 0o400)
+        pattern = re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}\.service")
+        for path in _files(f"{self.root}/services", pattern):
+            _remove_if_unused(path, lambda found: bool(found.st_mode & 0o200))
+
+    def _segments(self) -> list:
+        return _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*"))
+
+    def _empty_segment(self) -> Optional[str]:
+        for path in self._segments():
+            try:
+                if os.stat(path).st_size == 0:
+                    return path
+            except FileNotFoundError:
+                pass
+        return None
+
+
+class WriterLock:
+    """The right to write a topic; given back with `close`, or by the kernel when the program ends."""
+
+    def __init__(self, places: Places, topic: str) -> None:
+        self._path = f"{_SHM}/{places.prefix}softtwin_{_number(places.root):016x}_{_number(topic):016x}.writer"
+        while True:
+            self._file: Optional[int] = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                holder = os.read(self._file, 32).decode().strip()
+                os.close(self._file)
+                self._file = None
+                raise AlreadyPublished(f"{topic}: process {holder} publishes here already; stop it first") from error
+            if self._is_named():
+                break
+            os.close(self._file)
+        os.ftruncate(self._file, 0)
+        os.write(self._file, f"{os.getpid()}\n".encode())
+
+    def _is_named(self) -> bool:
+        try:
+            return self._file is not None and os.path.samestat(os.fstat(self._file), os.stat(self._path))
+        except FileNotFoundError:
+            return False
+
+    def close(self) -> None:
+        """Gives the right back."""
+        if self._file is not None:
+            if self._is_named():
+                os.unlink(self._path)
+            os.close(self._file)
+            self._file = None
+
+    def __del__(self) -> None:
+        self.close()
+
+
+def _files(folder: str, pattern: "re.Pattern[str]") -> list:
+    try:
+        return [f"{folder}/{name}" for name in os.listdir(folder) if pattern.fullmatch(name)]
+    except FileNotFoundError:
+        return []
+
+
+def _remove_if_unused(path: str, half_made) -> None:  # type: ignore[no-untyped-def]
+    """The kernel grants a write lease only for a file that is open nowhere else."""
+    try:
+        found = os.lstat(path)
+        if not half_made(found):
+            return
+        mode = os.O_RDONLY if found.st_mode & 0o400 else os.O_WRONLY
+        file = os.open(path, mode | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return  # gone, or somebody else's
+    try:
+        fcntl.fcntl(file, _F_SETSIG, signal.SIGURG)
+        fcntl.fcntl(file, _F_SETLEASE, fcntl.F_WRLCK)
+        if os.path.samestat(os.fstat(file), os.lstat(path)):
+            os.unlink(path)
+    except OSError:
+        pass  # in use
+    finally:
+        os.close(file)
+
+
+def _number(text: str) -> int:
+    """FNV-1a, 64 bits."""
+    value = 0xCBF29CE484222325
+    for byte in text.encode():
+        value = (value ^ byte) * 0x100000001B3 & 0xFFFF_FFFF_FFFF_FFFF
+    return value
