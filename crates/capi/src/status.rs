@@ -61,11 +61,14 @@ pub(crate) fn of(error: &WireError) -> softtwin_status {
     let status = match error {
         WireError::NoSuchTopic { .. } | WireError::NobodyAnswers { .. } => softtwin_status::SOFTTWIN_ABSENT,
         WireError::Incompatible { .. } => softtwin_status::SOFTTWIN_INCOMPATIBLE,
-        WireError::AlreadyPublished { .. } | WireError::TooManyReaders { .. } => {
-            softtwin_status::SOFTTWIN_TAKEN
-        }
+        WireError::AlreadyPublished { .. }
+        | WireError::TooManyReaders { .. }
+        | WireError::TooManyClients { .. }
+        | WireError::TooManyPrograms { .. } => softtwin_status::SOFTTWIN_TAKEN,
         WireError::NoAnswer { .. } => softtwin_status::SOFTTWIN_TIMEOUT,
-        WireError::BadName { .. } | WireError::BadDomain { .. } => softtwin_status::SOFTTWIN_ARGUMENT,
+        WireError::BadName { .. } | WireError::BadDomain { .. } | WireError::LongDomain { .. } => {
+            softtwin_status::SOFTTWIN_ARGUMENT
+        }
         _ => softtwin_status::SOFTTWIN_FAILED,
     };
     fail(status, error.to_string())
