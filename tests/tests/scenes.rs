@@ -59,7 +59,7 @@ fn a_derived_field_pulls_in_what_it_needs_and_no_more() {
     let loaded = load(&stage, &actuator("[[actuator.output]]\nnodes = \"tip\"\nfields = [\"displacement\"]"))
         .remove(0);
     let output = &loaded.outputs[0];
-    assert_eq!((output.predictor.rows(), output.predictor.field_count()), (10, 1));
+    assert_eq!((output.reconstructor.rows(), output.reconstructor.field_count()), (10, 1));
     let undeformed =
         loaded.read.iter().filter(|block| matches!(block.kind, BlockKind::Undeformed(_))).count();
     assert_eq!((undeformed, loaded.read.len()), (3, 3 + 2 * 2 * 3), "three coordinates in two regimes");
@@ -74,7 +74,7 @@ fn nodes_come_by_name_box_or_list() {
          [[actuator.output]]\nname = \"three\"\nnodes = { list = [7, 0, 119] }\n",
     );
     let loaded = load(&stage, &text).remove(0);
-    let rows: Vec<usize> = loaded.outputs.iter().map(|output| output.predictor.rows()).collect();
+    let rows: Vec<usize> = loaded.outputs.iter().map(|output| output.reconstructor.rows()).collect();
     let in_box = synthetic::mesh().iter().filter(|x| x[0] == 110.0 && x[1] == 0.0).count();
     assert_eq!(rows, [10, in_box, 3]);
     let empty = stage.write(

@@ -1,20 +1,20 @@
-//! Coverage bars: split-conformal half-widths from leave-one-out residuals.
+//! Split-conformal half-widths from leave-one-out residuals.
 //!
-//! The bar is the `ceil((n + 1) c)`-th smallest of `n` worst-node residuals: exchangeable states err by less with
+//! The half-width is the `ceil((n + 1) c)`-th smallest of `n` worst-node residuals: exchangeable states err by less with
 //! probability at least `c`. Leave-one-out removes a neighbour from every case and so over-states the error a little; the
-//! bars are coverage bars for the domain as a whole and do not track the local error.
+//! half-widths hold for the domain as a whole and do not track the local error.
 
 use crate::datasheet::CaseError;
 use crate::model::HalfWidths;
 
-/// Bars for a share `coverage`, from all cases: those on the hull stand for the untouched states that lie near the edge.
-pub fn bars(errors: &[CaseError], coverage: f64) -> HalfWidths {
-    let bar = |of: fn(&CaseError) -> f64| quantile(errors.iter().map(of).collect(), coverage);
+/// Half-widths for a share `coverage`, from all cases: those on the hull stand for the untouched states that lie near the edge.
+pub(crate) fn halfwidths(errors: &[CaseError], coverage: f64) -> HalfWidths {
+    let halfwidth = |of: fn(&CaseError) -> f64| quantile(errors.iter().map(of).collect(), coverage);
     HalfWidths {
         coverage,
-        displacement_mm: bar(|e| e.displacement_mm),
-        stress_mpa: bar(|e| e.stress_mpa),
-        force_n: bar(|e| e.force_n),
+        displacement_mm: halfwidth(|e| e.displacement_mm),
+        stress_mpa: halfwidth(|e| e.stress_mpa),
+        force_n: halfwidth(|e| e.force_n),
     }
 }
 

@@ -1,8 +1,8 @@
 //! The data sheet: what a user reads before trusting a model. Written beside it by `train`.
 
 use crate::config::TrainConfig;
+use crate::interpolant::Metric;
 use crate::model::HalfWidths;
-use crate::select::Candidate;
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
@@ -58,8 +58,9 @@ pub struct RegimeSheet {
     pub groups: Vec<FitSheet>,
     /// Contact force.
     pub force: Option<FitSheet>,
-    /// Coverage bars.
-    pub bars: HalfWidths,
+    /// Half-widths that cover the stated share of states.
+    #[serde(rename = "bars")]
+    pub halfwidths: HalfWidths,
     /// Leave-one-out errors by case.
     pub leave_one_out: Vec<CaseError>,
 }
@@ -95,6 +96,23 @@ pub struct FitSheet {
     pub leave_one_out_full: Option<f64>,
     /// Candidates, best first.
     pub candidates: Vec<Candidate>,
+}
+
+/// What was tried and how it fared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Kernel and tail in words.
+    pub kernel: String,
+    /// How distances were taken.
+    pub metric: Metric,
+    /// Smoothing on the diagonal.
+    pub smoothing: f64,
+    /// Modes the group would keep.
+    pub modes: usize,
+    /// Leave-one-out score of the groups chosen together, in the data's own norm; none when the fit was refused.
+    pub error: Option<f64>,
+    /// Why the fit was refused.
+    pub refused: Option<String>,
 }
 
 /// Leave-one-out errors of one training case: the worst node's.

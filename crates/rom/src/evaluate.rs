@@ -6,11 +6,9 @@
 //! case. *Truncation* is what the modes alone cannot represent: the distance of the true field from its best
 //! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
 
-use crate::evaluation::Input;
 use crate::hull::DomainStatus;
-use crate::model::{BlockKind, Model, RegimeModel};
-use crate::predict::{PredictError, Predictor, Selection};
-use crate::regime::RegimeSwitch;
+use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
+use crate::model_state::ModelState;
 use crate::snapshots::{Database, FieldKind, RegimeKind};
 use serde::Serialize;
 use thiserror::Error;
@@ -23,7 +21,7 @@ pub const DEFAULT_FLOOR: f64 = 0.01;
 pub enum EvaluateError {
     /// The model cannot predict.
     #[error(transparent)]
-    Predict(#[from] PredictError),
+    Predict(#[from] ModelError),
     /// Fields or nodes differ.
     #[error(
         "the model has {expected}, the database {found}; evaluate on a database of the same actuator and mesh"
@@ -86,11 +84,11 @@ pub struct CaseReport {
     pub force_n: f64,
     /// Relative force error; none where the true force is 0.
     pub force_relative: Option<f64>,
-    /// Whether displacement, stress and force errors are within the bars.
+    /// Whether displacement, stress and force errors are within the half-widths.
     pub covered: Covered,
 }
 
-/// Whether errors are within the model's bars.
+/// Whether errors are within the model's half-widths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Covered {
     /// Displacement (the length of the coordinate error) at the worst node.
@@ -125,7 +123,7 @@ pub struct Summary {
     pub fields: Vec<FieldSummary>,
     /// Force error over the largest force: mean, 95th percentile, maximum.
     pub force_normalised: [f64; 3],
-    /// Share of cases within the displacement, stress and force bars.
+    /// Share of cases within the displacement, stress and force half-widths.
     pub coverage: [f64; 3],
 }
 
@@ -159,9 +157,9 @@ pub fn evaluate(
     if expected != found {
         return Err(EvaluateError::Mismatch { expected, found });
     }
-    let mut predictor = Predictor::new(model, &Selection::default())?;
+    let mut state = ModelState::new(model, &Selection::default())?;
     let cases: Vec<CaseReport> =
-        cases.iter().map(|&i| one_case(model, database, &mut predictor, i, floor)).collect();
+        cases.iter().map(|&i| one_case(model, database, &mut state, i, floor)).collect();
     let regimes = [RegimeKind::Free, RegimeKind::Contact]
         .into_iter()
         .filter_map(|kind| {
@@ -178,19 +176,16 @@ fn sampled_for(database: &Database, report: &CaseReport) -> RegimeKind {
 fn one_case(
     model: &Model,
     database: &Database,
-    predictor: &mut Predictor,
+    state: &mut ModelState,
     index: usize,
     floor: f64,
 ) -> CaseReport {
     let case = &database.cases[index];
     let nodes = database.node_count;
-    let mut evaluation = predictor.evaluation();
-    let input = Input { pressure_mpa: case.pressure_mpa, gap_mm: case.gap_mm.unwrap_or(f64::INFINITY) };
-    predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
-    let mut out = vec![0.0; predictor.entries()];
-    let reconstructed = predictor.reconstruct_into(&evaluation, &mut out);
-    debug_assert!(reconstructed.is_ok(), "the output was sized by the predictor");
-    let regime = model.regime(evaluation.basis);
+    let reconstructed = state.update(case.inputs());
+    debug_assert!(reconstructed.is_ok(), "the output was sized by the reconstructor");
+    let (evaluation, out) = (state.evaluation(), state.fields());
+    let regime = model.regime(evaluation.regime);
     let mut displacement = vec![0.0; nodes];
     let (mut stress, mut fields) = (0.0_f64, Vec::new());
     for (f, spec) in database.fields.iter().enumerate() {
@@ -209,10 +204,10 @@ fn one_case(
         fields.push(errors);
     }
     let error_n = (evaluation.contact_force_n - case.contact_force_n).abs();
-    let bars = evaluation.bars;
+    let halfwidths = evaluation.halfwidths;
     CaseReport {
         case: case.name.clone(),
-        regime: evaluation.basis,
+        regime: evaluation.regime,
         pressure_mpa: case.pressure_mpa,
         gap_mm: case.gap_mm,
         domain: evaluation.domain,
@@ -223,9 +218,10 @@ fn one_case(
         force_n: evaluation.contact_force_n,
         force_relative: (case.contact_force_n > 0.0).then(|| error_n / case.contact_force_n),
         covered: Covered {
-            displacement: displacement.iter().copied().fold(0.0, f64::max).sqrt() <= bars.displacement_mm,
-            stress: stress <= bars.stress_mpa,
-            force: error_n <= bars.force_n,
+            displacement: displacement.iter().copied().fold(0.0, f64::max).sqrt()
+                <= halfwidths.displacement_mm,
+            stress: stress <= halfwidths.stress_mpa,
+            force: error_n <= halfwidths.force_n,
         },
     }
 }

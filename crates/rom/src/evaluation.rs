@@ -1,59 +1,65 @@
-//! What a query answers before any field is reconstructed: plain data, allocated once.
+//! What an evaluation gives before any field is reconstructed: plain data, allocated once.
 
 use crate::hull::DomainStatus;
+use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
+use crate::interpolant::KernelScratch;
 use crate::model::HalfWidths;
 use crate::snapshots::RegimeKind;
-
-/// A checked reading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Input {
-    /// Cavity pressure in MPa.
-    pub pressure_mpa: f64,
-    /// Gap in mm; `f64::INFINITY` when there is no obstacle.
-    pub gap_mm: f64,
-}
 
 /// What deserves a reader's attention. Nothing is clamped in silence: each flag says what was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
-    /// The query lies outside the training hull.
+    /// The state lies outside the training hull.
     pub extrapolated: bool,
     /// The interpolated force was negative and was lifted to 0.
     pub force_clamped: bool,
-    /// The label still says contact although the pressure is just below the onset.
-    pub held_by_hysteresis: bool,
 }
 
-/// The answer to one query. Reused between calls: [`crate::predict::Predictor::evaluation`] sizes it.
-#[derive(Clone, Debug, PartialEq)]
+/// The model's answer at one state. Reused between calls: [`crate::evaluator::Evaluator::evaluation`] sizes it.
+#[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// The query.
-    pub input: Input,
-    /// Label, with hysteresis.
+    /// The state.
+    pub inputs: Inputs,
+    /// Regime that the state is in; the coefficients belong to its basis.
     pub regime: RegimeKind,
-    /// Regime whose basis the coefficients belong to (the physics; it differs from `regime` only while the label is
-    /// held by hysteresis).
-    pub basis: RegimeKind,
-    /// Modal coefficients of `basis`, group after group.
+    /// Modal coefficients, group after group; none when the model was not trained in this regime.
     pub coefficients: Vec<f64>,
-    /// Their derivatives by pressure, per MPa.
-    pub dcoefficients_dpressure: Vec<f64>,
-    /// Their derivatives by gap, per mm.
-    pub dcoefficients_dgap: Vec<f64>,
     /// Contact force in N, never negative.
     pub contact_force_n: f64,
-    /// dF/dP in N/MPa.
-    pub dforce_dpressure: f64,
-    /// dF/dgap in N/mm.
-    pub dforce_dgap: f64,
+    /// Derivative of the force by each input, in N per unit of the input.
+    pub force_gradient: [f64; MAX_INPUTS],
     /// Onset pressure of this gap in MPa: 0 when the actuator's own weight touches, none when out of reach.
     pub onset_pressure_mpa: Option<f64>,
-    /// Where the query lies with respect to the training samples of `basis`.
+    /// Where the state lies with respect to the training samples of its regime.
     pub domain: DomainStatus,
     /// Distance to the training hull over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f64,
-    /// Coverage bars of `basis`.
-    pub bars: HalfWidths,
+    /// Half-widths that cover the stated share of states.
+    pub halfwidths: HalfWidths,
     /// Flags.
     pub flags: Flags,
+    /// By input: derivatives of the coefficients.
+    pub(crate) gradients: Vec<Vec<f64>>,
+    pub(crate) scratch: KernelScratch,
+}
+
+impl Evaluation {
+    /// Derivatives of the coefficients by the input at a position, per unit of the input; 0 for one that the regime does
+    /// not take.
+    ///
+    /// # Panics
+    /// When the model has no input at this position.
+    pub fn coefficient_gradient(&self, input: usize) -> &[f64] {
+        &self.gradients[input]
+    }
+
+    /// dF/dP in N/MPa.
+    pub fn force_by_pressure_n_per_mpa(&self) -> f64 {
+        self.force_gradient[PRESSURE]
+    }
+
+    /// dF/dgap in N/mm.
+    pub fn force_by_gap_n_per_mm(&self) -> f64 {
+        self.force_gradient[GAP]
+    }
 }

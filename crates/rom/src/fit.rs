@@ -8,9 +8,12 @@
 //! Leave-one-out residuals follow in closed form (Rippa) from the augmented inverse `C = A^-1`: `e_i = w_i / C_ii`.
 
 use crate::config::{KernelSpec, Tail};
+use crate::inputs::{Point, square_distance};
 use crate::interpolant::{Interpolant, Metric};
+use crate::simplex::{Points, Rows};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
+use std::cmp::Ordering;
 use thiserror::Error;
 
 /// Largest relative residual (backward error) a solution may have.
@@ -58,10 +61,10 @@ pub enum FitError {
 /// Samples to interpolate: scaled inputs and `inputs.len() x outputs` values.
 #[derive(Clone, Debug)]
 pub struct Samples<'a> {
-    /// Inputs in use, 1 or 2.
+    /// Inputs in use.
     pub dimensions: usize,
     /// Scaled inputs.
-    pub inputs: &'a [[f64; 2]],
+    pub inputs: &'a [Point],
     /// `samples x outputs`, all outputs of a sample together.
     pub values: &'a [f64],
     /// Outputs.
@@ -77,25 +80,21 @@ pub struct Fit {
     pub residuals: Vec<f64>,
 }
 
-/// Fits one kernel and reports its condition number. `metric` says how distances between inputs are taken; `smoothing` is
-/// relative to the largest absolute kernel value. Cost `O((n + q)^3)`.
-///
-/// # Errors
-/// [`FitError`] when the samples do not determine the interpolant or the solution fails its residual check.
-pub fn fit(samples: &Samples, spec: KernelSpec, metric: Metric, smoothing: f64) -> Result<Fit, FitError> {
-    let mut fit = fit_candidate(samples, spec, metric, smoothing)?;
-    fit.interpolant.condition = condition_of(&fit.interpolant);
-    Ok(fit)
-}
-
 /// Condition number of the system an interpolant solved. Cost `O(n^3)`.
 pub(crate) fn condition_of(interpolant: &Interpolant) -> f64 {
     let spec = KernelSpec { kernel: interpolant.kernel, tail: interpolant.tail };
-    condition(&assemble(interpolant.dimensions, &interpolant.centres, spec, interpolant.smoothing))
+    let rows = Rows { values: &interpolant.centres, dimensions: interpolant.dimensions };
+    let centres: Vec<Point> = (0..rows.count()).map(|i| rows.point(i)).collect();
+    condition(&assemble(interpolant.dimensions, &centres, spec, interpolant.smoothing))
 }
 
-/// As [`fit`], without the condition number (NaN): selection tries many candidates and reports only the chosen.
-pub(crate) fn fit_candidate(
+/// Fits one kernel. `metric` says how distances between inputs are taken; `smoothing` is relative to the largest absolute
+/// kernel value. The condition number is left NaN: selection tries many candidates and reports only that of the chosen one
+/// ([`condition_of`]). Cost `O((n + q)^3)`.
+///
+/// # Errors
+/// [`FitError`] when the samples do not determine the interpolant or the solution fails its residual check.
+pub(crate) fn fit(
     samples: &Samples,
     spec: KernelSpec,
     metric: Metric,
@@ -105,7 +104,7 @@ pub(crate) fn fit_candidate(
     if n == 0 {
         return Err(FitError::Empty);
     }
-    let centres: Vec<[f64; 2]> = samples.inputs.iter().map(|x| metric.apply(*x)).collect();
+    let centres: Vec<Point> = samples.inputs.iter().map(|x| metric.apply(x)).collect();
     refuse_coincident(&centres, smoothing)?;
     refuse_undetermined(samples.dimensions, &centres, spec.tail)?;
     let system = assemble(samples.dimensions, &centres, spec, smoothing);
@@ -142,7 +141,7 @@ pub(crate) fn fit_candidate(
         metric,
         tail_weights: rows(n..size),
         weights,
-        centres,
+        centres: centres.iter().flat_map(|c| &c[..samples.dimensions]).copied().collect(),
         outputs: samples.outputs,
         smoothing,
         condition: f64::NAN,
@@ -151,14 +150,15 @@ pub(crate) fn fit_candidate(
     Ok(Fit { interpolant, residuals })
 }
 
-fn refuse_coincident(centres: &[[f64; 2]], smoothing: f64) -> Result<(), FitError> {
+fn refuse_coincident(centres: &[Point], smoothing: f64) -> Result<(), FitError> {
     if smoothing > 0.0 {
         return Ok(());
     }
     let mut order: Vec<usize> = (0..centres.len()).collect();
-    order.sort_by(|&a, &b| {
-        centres[a][0].total_cmp(&centres[b][0]).then(centres[a][1].total_cmp(&centres[b][1]))
-    });
+    let compare = |a: &Point, b: &Point| {
+        a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
+    };
+    order.sort_by(|&a, &b| compare(&centres[a], &centres[b]));
     match order.windows(2).find(|w| centres[w[0]] == centres[w[1]]) {
         Some(w) => Err(FitError::Coincident { first: w[0].min(w[1]), second: w[0].max(w[1]) }),
         None => Ok(()),
@@ -166,12 +166,13 @@ fn refuse_coincident(centres: &[[f64; 2]], smoothing: f64) -> Result<(), FitErro
 }
 
 /// The tail must have full column rank over the centres, or the saddle system is singular.
-fn refuse_undetermined(dimensions: usize, centres: &[[f64; 2]], tail: Tail) -> Result<(), FitError> {
+fn refuse_undetermined(dimensions: usize, centres: &[Point], tail: Tail) -> Result<(), FitError> {
     let q = tail.terms(dimensions);
     if q == 0 {
         return Ok(());
     }
-    let p = Mat::from_fn(centres.len(), q, |i, j| tail.values(dimensions, centres[i])[j]);
+    let terms: Vec<Vec<f64>> = centres.iter().map(|c| tail.values(dimensions, c)).collect();
+    let p = Mat::from_fn(centres.len(), q, |i, j| terms[i][j]);
     let determined = centres.len() >= q && p.singular_values().is_ok_and(|s| s[q - 1] > 1e-8 * s[0]);
     if determined {
         return Ok(());
@@ -179,22 +180,18 @@ fn refuse_undetermined(dimensions: usize, centres: &[[f64; 2]], tail: Tail) -> R
     Err(FitError::TailUndetermined { samples: centres.len(), tail: tail.name(), dimensions })
 }
 
-fn assemble(dimensions: usize, centres: &[[f64; 2]], spec: KernelSpec, smoothing: f64) -> Mat<f64> {
+fn assemble(dimensions: usize, centres: &[Point], spec: KernelSpec, smoothing: f64) -> Mat<f64> {
     let (n, q) = (centres.len(), spec.tail.terms(dimensions));
-    let kernel = |i: usize, j: usize| {
-        let d = [centres[i][0] - centres[j][0], centres[i][1] - centres[j][1]];
-        spec.kernel.radial(d[0] * d[0] + d[1] * d[1]).0
-    };
     let mut a = Mat::zeros(n + q, n + q);
     let mut largest = 0.0_f64;
     for j in 0..n {
         for i in j..n {
-            let g = kernel(i, j);
+            let g = spec.kernel.radial(square_distance(&centres[i], &centres[j])).0;
             a[(i, j)] = g;
             a[(j, i)] = g;
             largest = largest.max(g.abs());
         }
-        for (k, t) in spec.tail.values(dimensions, centres[j]).into_iter().take(q).enumerate() {
+        for (k, t) in spec.tail.values(dimensions, &centres[j]).into_iter().enumerate() {
             a[(n + k, j)] = t;
             a[(j, n + k)] = t;
         }

@@ -11,6 +11,8 @@
 
 use crate::config::{KernelKind, Tail};
 use crate::fit::Samples;
+use crate::inputs::Point;
+use crate::interpolant::Metric;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
@@ -18,15 +20,17 @@ use faer::{Mat, Side};
 const MAX_LIKELIHOOD_SAMPLES: usize = 250;
 /// Outputs the likelihood looks at, largest modes first: with one process variance the rest carry no weight.
 const LIKELIHOOD_OUTPUTS: usize = 8;
+/// Evaluations of the likelihood over one or two inputs; half as many more for every other one.
+const EVALUATIONS: usize = 160;
 /// Bounds of the logarithms: lengths over scaled inputs, then the nugget.
 const LN_LENGTH: [f64; 2] = [-3.0, 3.0];
 const LN_NUGGET: [f64; 2] = [-25.0, -4.0];
 
 /// What maximum likelihood found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lengths {
-    /// 1 / length over scaled inputs.
-    pub metric: [f64; 2],
+pub(crate) struct Lengths {
+    /// Factors 1 / length over scaled inputs.
+    pub metric: Metric,
     /// Nugget relative to the process variance.
     pub nugget: f64,
     /// Concentrated negative log likelihood there.
@@ -34,39 +38,52 @@ pub struct Lengths {
 }
 
 /// Maximum-likelihood lengths and nugget. Cost `O(200 n^3 / 3)`, n at most 250.
-pub fn maximum_likelihood(samples: &Samples, tail: Tail) -> Option<Lengths> {
+pub(crate) fn maximum_likelihood(samples: &Samples, tail: Tail) -> Option<Lengths> {
     let n = samples.inputs.len();
     let stride = n.div_ceil(MAX_LIKELIHOOD_SAMPLES).max(1);
     let chosen: Vec<usize> = (0..n).step_by(stride).collect();
     let outputs = samples.outputs.min(LIKELIHOOD_OUTPUTS);
     let data = Mat::from_fn(chosen.len(), outputs, |i, k| samples.values[chosen[i] * samples.outputs + k]);
-    let inputs: Vec<[f64; 2]> = chosen.iter().map(|&i| samples.inputs[i]).collect();
+    let inputs: Vec<Point> = chosen.iter().map(|&i| samples.inputs[i]).collect();
     let d = samples.dimensions;
     let objective = |theta: &[f64]| likelihood(&inputs, d, &data, tail, theta);
-    let start: Vec<f64> = [0.0, 0.0][..d].iter().copied().chain([-16.0]).collect();
-    let (theta, value) = nelder_mead(objective, &start, 160);
-    let metric = [(-theta[0]).exp(), if d > 1 { (-theta[1]).exp() } else { 1.0 }];
-    value.is_finite().then(|| Lengths { metric, nugget: theta[d].exp(), neg_log_likelihood: value })
+    let start: Vec<f64> = std::iter::repeat_n(0.0, d).chain([-16.0]).collect();
+    let evaluations = EVALUATIONS + EVALUATIONS / 2 * d.saturating_sub(2);
+    let (theta, value) = nelder_mead(objective, &start, evaluations);
+    value.is_finite().then(|| Lengths {
+        metric: metric_of(&theta[..d]),
+        nugget: theta[d].exp(),
+        neg_log_likelihood: value,
+    })
 }
 
-fn likelihood(inputs: &[[f64; 2]], d: usize, data: &Mat<f64>, tail: Tail, theta: &[f64]) -> f64 {
+/// Lengths from their logarithms.
+fn metric_of(theta: &[f64]) -> Metric {
+    let mut metric = Metric::IDENTITY;
+    metric.scale.iter_mut().zip(theta).for_each(|(s, t)| *s = (-t).exp());
+    metric
+}
+
+fn likelihood(inputs: &[Point], d: usize, data: &Mat<f64>, tail: Tail, theta: &[f64]) -> f64 {
     let within = |v: f64, b: [f64; 2]| (b[0]..=b[1]).contains(&v);
     if !theta[..d].iter().all(|t| within(*t, LN_LENGTH)) || !within(theta[d], LN_NUGGET) {
         return f64::INFINITY;
     }
-    let metric = [(-theta[0]).exp(), if d > 1 { (-theta[1]).exp() } else { 1.0 }];
+    let scale = metric_of(&theta[..d]).scale;
     let (n, q) = (inputs.len(), data.ncols());
     let mut r = Mat::zeros(n, n); // the lower half is all a Cholesky factorisation reads
     for j in 0..n {
         for i in j..n {
-            let v = [(inputs[i][0] - inputs[j][0]) * metric[0], (inputs[i][1] - inputs[j][1]) * metric[1]];
-            r[(i, j)] = KernelKind::Matern52.radial(v[0] * v[0] + v[1] * v[1]).0;
+            let along = |k: usize| (inputs[i][k] - inputs[j][k]) * scale[k];
+            let square = (0..d).map(|k| along(k) * along(k)).sum();
+            r[(i, j)] = KernelKind::Matern52.radial(square).0;
         }
         r[(j, j)] += theta[d].exp();
     }
     let Ok(llt) = r.llt(Side::Lower) else { return f64::INFINITY };
     let ln_det: f64 = 2.0 * (0..n).map(|i| llt.L()[(i, i)].ln()).sum::<f64>();
-    let p = Mat::from_fn(n, tail.terms(d), |i, j| tail.values(d, inputs[i])[j]);
+    let terms: Vec<Vec<f64>> = inputs.iter().map(|x| tail.values(d, x)).collect();
+    let p = Mat::from_fn(n, tail.terms(d), |i, j| terms[i][j]);
     let trend = if p.ncols() > 0 {
         let (rp, ra) = (llt.solve(&p), llt.solve(data));
         let normal = p.transpose() * &rp;
@@ -82,7 +99,7 @@ fn likelihood(inputs: &[[f64; 2]], d: usize, data: &Mat<f64>, tail: Tail, theta:
     if variance > 0.0 { (n * q) as f64 * variance.ln() + q as f64 * ln_det } else { f64::INFINITY }
 }
 
-/// Nelder-Mead with standard coefficients: derivative-free, enough for three parameters.
+/// Nelder-Mead with standard coefficients: derivative-free, enough for a few parameters.
 fn nelder_mead(f: impl Fn(&[f64]) -> f64, start: &[f64], evaluations: usize) -> (Vec<f64>, f64) {
     let n = start.len();
     let mut simplex: Vec<(Vec<f64>, f64)> = vec![(start.to_vec(), f(start))];

@@ -5,108 +5,59 @@
 //! outputs.
 
 use crate::config::{KernelKind, Tail};
-use crate::kernel::weigh::{Kernels, weigh};
-use serde::{Deserialize, Serialize};
+use crate::inputs::{MAX_INPUTS, Point};
+use crate::kernel::weigh::weigh;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Inputs of a regime: which of (pressure, gap) it takes, and their ranges.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct InputMap {
-    /// Axes in order.
-    pub axes: Vec<InputAxis>,
-    /// The gap all samples shared, where it is therefore no input.
-    pub constant_gap_mm: Option<f64>,
-}
-
-/// One input and the range it was sampled over.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct InputAxis {
-    /// Which reading.
-    pub quantity: Quantity,
-    /// Smallest training value.
-    pub min: f64,
-    /// Largest training value.
-    pub max: f64,
-}
-
-/// A reading that can be an input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Quantity {
-    /// Cavity pressure in MPa.
-    PressureMpa,
-    /// Gap in mm.
-    GapMm,
-}
-
-impl InputMap {
-    /// Number of inputs, 1 or 2.
-    pub fn dimensions(&self) -> usize {
-        self.axes.len()
-    }
-
-    /// Scales `(pressure, gap)` to [0, 1] over the training range; unused entries are 0.
-    pub fn scale(&self, pressure_mpa: f64, gap_mm: f64) -> [f64; 2] {
-        let mut x = [0.0; 2];
-        for (x, axis) in x.iter_mut().zip(&self.axes) {
-            let value = match axis.quantity {
-                Quantity::PressureMpa => pressure_mpa,
-                Quantity::GapMm => gap_mm,
-            };
-            *x = (value - axis.min) / (axis.max - axis.min);
-        }
-        x
-    }
-
-    /// How far a gap lies from the one gap all samples shared, as a share of it; 0 when the gap is an input.
-    pub fn off_constant(&self, gap_mm: f64) -> f64 {
-        match self.constant_gap_mm {
-            Some(constant) => (gap_mm - constant).abs() / constant.abs().max(1.0),
-            None => 0.0,
-        }
-    }
-
-    /// Turns a gradient over scaled inputs into `(d/dP per MPa, d/dgap per mm)`.
-    pub fn unscale_gradient(&self, gradient: [f64; 2]) -> (f64, f64) {
-        let mut out = (0.0, 0.0);
-        for (g, axis) in gradient.iter().zip(&self.axes) {
-            let slope = g / (axis.max - axis.min);
-            match axis.quantity {
-                Quantity::PressureMpa => out.0 = slope,
-                Quantity::GapMm => out.1 = slope,
-            }
-        }
-        out
-    }
-}
-
-/// How distances between scaled inputs are taken: `M x = (s0 (x0 + shear x1), s1 x1)`. Contact features run aslant over
-/// pressure and gap (what counts is how far the pressure is above the onset), so the shear pays.
+/// How distances between scaled inputs are taken: `M x = (s0 (x0 + shear x1), s1 x1, s2 x2, ...)`. Contact features run
+/// aslant over pressure and gap (what counts is how far the pressure is above the onset), so the shear pays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metric {
-    /// Factors on the two inputs after shearing.
-    pub scale: [f64; 2],
+    /// Factors on the inputs after shearing; 1 for those not in use.
+    #[serde(serialize_with = "write_scale", deserialize_with = "read_scale")]
+    pub scale: [f64; MAX_INPUTS],
     /// Share of the second scaled input added to the first.
     pub shear: f64,
 }
 
+/// Without the ones behind the last factor, but two at least.
+fn write_scale<S: Serializer>(scale: &[f64; MAX_INPUTS], to: S) -> Result<S::Ok, S::Error> {
+    let used = scale.iter().rposition(|s| *s != 1.0).map_or(0, |last| last + 1);
+    scale[..used.max(2)].serialize(to)
+}
+
+fn read_scale<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; MAX_INPUTS], D::Error> {
+    let written = Vec::<f64>::deserialize(from)?;
+    let mut scale = [1.0; MAX_INPUTS];
+    scale.iter_mut().zip(written).for_each(|(s, w)| *s = w);
+    Ok(scale)
+}
+
 impl Metric {
     /// Distances as they are.
-    pub const IDENTITY: Self = Self { scale: [1.0, 1.0], shear: 0.0 };
+    pub const IDENTITY: Self = Self { scale: [1.0; MAX_INPUTS], shear: 0.0 };
+
+    /// The same with another factor on one input.
+    pub(crate) fn stretched(mut self, input: usize, factor: f64) -> Self {
+        self.scale[input] = factor;
+        self
+    }
 
     /// `M x`.
-    pub fn apply(&self, x: [f64; 2]) -> [f64; 2] {
-        [self.scale[0] * (x[0] + self.shear * x[1]), self.scale[1] * x[1]]
+    pub(crate) fn apply(&self, x: &Point) -> Point {
+        let mut u = *x;
+        u[0] += self.shear * x[1];
+        u.iter_mut().zip(&self.scale).for_each(|(u, s)| *u *= s);
+        u
     }
 
     /// `M^T g`: a gradient over `M x` as a gradient over `x`.
-    fn pull_back(&self, g: [f64; 2]) -> [f64; 2] {
-        let first = self.scale[0] * g[0];
-        [first, self.scale[1] * g[1] + self.shear * first]
-    }
-}
-
-impl From<[f64; 2]> for Metric {
-    fn from(scale: [f64; 2]) -> Self {
-        Self { scale, shear: 0.0 }
+    fn pull_back<const D: usize>(&self, mut g: [f64; D]) -> [f64; D] {
+        g.iter_mut().zip(&self.scale).for_each(|(g, s)| *g *= s);
+        if D > 1 {
+            g[1] += self.shear * g[0];
+        }
+        g
     }
 }
 
@@ -117,12 +68,12 @@ pub struct Interpolant {
     pub kernel: KernelKind,
     /// Polynomial tail.
     pub tail: Tail,
-    /// Inputs, 1 or 2.
+    /// Inputs, 1 to [`MAX_INPUTS`].
     pub dimensions: usize,
     /// How distances are taken.
     pub metric: Metric,
-    /// Centres, `M x_k`.
-    pub centres: Vec<[f64; 2]>,
+    /// `centres x dimensions`: `M x_k`, all inputs of a centre together.
+    pub centres: Vec<f64>,
     /// `centres x outputs`, all outputs of a centre together.
     pub weights: Vec<f64>,
     /// `tail terms x outputs`.
@@ -137,92 +88,129 @@ pub struct Interpolant {
     pub residual: f64,
 }
 
-/// Reusable kernel values of one query: no allocation after construction.
+/// Quantities that are summed in one pass over the weights.
+const PASS: usize = 3;
+/// Passes for the value and the slopes along all inputs.
+const PASSES: usize = (1 + MAX_INPUTS).div_ceil(PASS);
+
+/// Reusable kernel values of one state: no allocation after construction.
 #[derive(Clone, Debug, Default)]
-pub struct KernelScratch {
-    value: Vec<f64>,
-    slope: Vec<[f64; 2]>,
+pub(crate) struct KernelScratch {
+    /// By pass and centre: (value, slope 0, slope 1), (slope 2, slope 3, slope 4), ...
+    factors: [Vec<[f64; PASS]>; PASSES],
+}
+
+/// Slices that take the derivatives by each scaled input: as many as [`gradient_rows`] says, the rest empty.
+pub(crate) type Gradient<'a> = [&'a mut [f64]; MAX_INPUTS];
+
+/// Derivatives that are computed together with those over `dimensions` inputs: whole passes.
+pub(crate) fn gradient_rows(dimensions: usize) -> usize {
+    (1 + dimensions).next_multiple_of(PASS) - 1
 }
 
 impl KernelScratch {
-    /// Room for interpolants of up to `centres` centres.
-    pub fn new(centres: usize) -> Self {
-        Self { value: vec![0.0; centres], slope: vec![[0.0; 2]; centres] }
+    /// Makes room for interpolants of up to `centres` centres over `dimensions` inputs.
+    pub fn reserve(&mut self, dimensions: usize, centres: usize) {
+        for factors in self.factors.iter_mut().take((1 + dimensions).div_ceil(PASS)) {
+            if factors.len() < centres {
+                factors.resize(centres, [0.0; PASS]);
+            }
+        }
     }
 }
 
 impl Interpolant {
-    /// Value and gradient over scaled inputs of every output at `x`: `value[k]`, `(dx0[k], dx1[k])`.
-    ///
-    /// Cost `O(centres x (1 + 3 outputs))`, no allocation.
-    ///
-    /// # Panics
-    /// When a slice is not `outputs` long or `scratch` is too small.
-    pub fn evaluate(
+    /// Number of centres.
+    pub fn centre_count(&self) -> usize {
+        self.centres.len() / self.dimensions.max(1)
+    }
+
+    /// Value and gradient over scaled inputs of every output at `x`. Cost `O(centres x (1 + outputs (1 + dimensions)))`,
+    /// no allocation.
+    pub(crate) fn evaluate(
         &self,
-        x: [f64; 2],
+        x: &Point,
         scratch: &mut KernelScratch,
         value: &mut [f64],
-        dx0: &mut [f64],
-        dx1: &mut [f64],
+        gradient: Gradient<'_>,
     ) {
         self.kernel_values(x, scratch);
-        self.combine(x, scratch, value, dx0, dx1);
+        self.combine(x, scratch, value, gradient);
     }
 
     /// Whether the kernel values of `other` are this interpolant's too: same kernel over the same centres.
-    pub fn shares_kernel_with(&self, other: &Self) -> bool {
+    pub(crate) fn shares_kernel_with(&self, other: &Self) -> bool {
         self.kernel == other.kernel && self.metric == other.metric && self.centres == other.centres
     }
 
     /// Kernel values and their gradients at `x`, into `scratch`.
-    pub(crate) fn kernel_values(&self, x: [f64; 2], scratch: &mut KernelScratch) {
+    pub(crate) fn kernel_values(&self, x: &Point, scratch: &mut KernelScratch) {
+        match self.dimensions {
+            1 => self.kernel_values_over::<1>(x, scratch),
+            2 => self.kernel_values_over::<2>(x, scratch),
+            3 => self.kernel_values_over::<3>(x, scratch),
+            4 => self.kernel_values_over::<4>(x, scratch),
+            5 => self.kernel_values_over::<5>(x, scratch),
+            6 => self.kernel_values_over::<6>(x, scratch),
+            7 => self.kernel_values_over::<7>(x, scratch),
+            _ => self.kernel_values_over::<8>(x, scratch),
+        }
+    }
+
+    fn kernel_values_over<const D: usize>(&self, x: &Point, scratch: &mut KernelScratch) {
         let u = self.metric.apply(x);
-        let n = self.centres.len();
-        let (g, dg) = (&mut scratch.value[..n], &mut scratch.slope[..n]);
-        for ((centre, g), dg) in self.centres.iter().zip(g.iter_mut()).zip(dg.iter_mut()) {
-            let d = [u[0] - centre[0], u[1] - centre[1]];
-            let (phi, over_r) = self.kernel.radial(d[0] * d[0] + d[1] * d[1]);
-            *g = phi;
-            *dg = self.metric.pull_back([over_r * d[0], over_r * d[1]]);
+        for (k, centre) in self.centres.as_chunks::<D>().0.iter().enumerate() {
+            let d: [f64; D] = std::array::from_fn(|i| u[i] - centre[i]);
+            let (phi, over_r) = self.kernel.radial(d.iter().map(|d| d * d).sum());
+            let slope = self.metric.pull_back(d.map(|d| over_r * d));
+            let factor = |i: usize| if i == 0 { phi } else { slope.get(i - 1).copied().unwrap_or(0.0) };
+            for (pass, factors) in scratch.factors.iter_mut().enumerate().take((1 + D).div_ceil(PASS)) {
+                factors[k] = std::array::from_fn(|i| factor(PASS * pass + i));
+            }
         }
     }
 
     /// Weighs the kernel values in `scratch` and adds the tail.
     pub(crate) fn combine(
         &self,
-        x: [f64; 2],
+        x: &Point,
         scratch: &KernelScratch,
         value: &mut [f64],
-        dx0: &mut [f64],
-        dx1: &mut [f64],
+        gradient: Gradient<'_>,
     ) {
         if self.outputs == 0 {
             return; // a constant field has no modes
         }
-        let kernels = Kernels { weights: &self.weights, values: &scratch.value, slopes: &scratch.slope };
-        weigh(kernels, [&mut *value, &mut *dx0, &mut *dx1]);
-        let u = self.metric.apply(x);
-        let terms = self.tail.terms(self.dimensions);
-        let (t, dt) = (self.tail.values(self.dimensions, u), self.tail.gradients(self.dimensions, u));
-        for (i, w) in self.tail_weights.chunks_exact(self.outputs).enumerate().take(terms) {
-            accumulate(w, t[i], self.metric.pull_back(dt[i]), value, dx0, dx1);
+        let [d0, d1, d2, d3, d4, d5, d6, d7] = gradient;
+        let rows = [
+            [&mut *value, &mut *d0, &mut *d1],
+            [&mut *d2, &mut *d3, &mut *d4],
+            [&mut *d5, &mut *d6, &mut *d7],
+        ];
+        let passes = (1 + self.dimensions).div_ceil(PASS);
+        for (factors, rows) in scratch.factors.iter().zip(rows).take(passes) {
+            weigh(&self.weights, factors, rows);
         }
+        let mut rows = [d0, d1, d2, d3, d4, d5, d6, d7];
+        let u = self.metric.apply(x);
+        let mut weights = self.tail_weights.chunks_exact(self.outputs);
+        self.tail.each_term(self.dimensions, &u, |term, slopes| {
+            let Some(w) = weights.next() else { return };
+            let slopes = self.metric.pull_back(slopes);
+            value.iter_mut().zip(w).for_each(|(v, w)| *v += w * term);
+            for (row, slope) in rows.iter_mut().zip(slopes).take(self.dimensions) {
+                row.iter_mut().zip(w).for_each(|(d, w)| *d += w * slope);
+            }
+        });
     }
 
-    /// Values only, allocated: for training and reports.
-    pub fn values_at(&self, x: [f64; 2]) -> Vec<f64> {
-        let mut out = [vec![0.0; self.outputs], vec![0.0; self.outputs], vec![0.0; self.outputs]];
-        let [value, dx0, dx1] = &mut out;
-        self.evaluate(x, &mut KernelScratch::new(self.centres.len()), value, dx0, dx1);
-        std::mem::take(value)
-    }
-}
-
-fn accumulate(w: &[f64], g: f64, dg: [f64; 2], value: &mut [f64], dx0: &mut [f64], dx1: &mut [f64]) {
-    for (((w, v), d0), d1) in w.iter().zip(value).zip(dx0).zip(dx1) {
-        *v += w * g;
-        *d0 += w * dg[0];
-        *d1 += w * dg[1];
+    /// Values only, allocated: for training.
+    pub(crate) fn values_at(&self, x: &Point) -> Vec<f64> {
+        let mut scratch = KernelScratch::default();
+        scratch.reserve(self.dimensions, self.centre_count());
+        let mut value = vec![0.0; self.outputs];
+        let mut rows: [Vec<f64>; MAX_INPUTS] = std::array::from_fn(|_| vec![0.0; self.outputs]);
+        self.evaluate(x, &mut scratch, &mut value, rows.each_mut().map(Vec::as_mut_slice));
+        value
     }
 }

@@ -4,9 +4,7 @@
 //! smoothing is always added with the same sign. The sign does not change an interpolant.
 
 use crate::config::{KernelKind, Tail};
-
-/// Most tail terms there can be: quadratic in two inputs.
-pub(crate) const MAX_TAIL_TERMS: usize = 6;
+use crate::inputs::{MAX_INPUTS, Point};
 
 impl KernelKind {
     /// `(g(r), g'(r) / r)` for a squared distance. The second is what a gradient multiplies `x - x_k` with; where it is
@@ -73,33 +71,34 @@ impl Tail {
         }
     }
 
-    /// Values of the terms `1, u, v, u^2, uv, v^2` (those in use) at `u`.
-    pub(crate) fn values(self, dimensions: usize, u: [f64; 2]) -> [f64; MAX_TAIL_TERMS] {
-        let mut t = [0.0; MAX_TAIL_TERMS];
-        match dimensions {
-            1 => t[..3].copy_from_slice(&[1.0, u[0], u[0] * u[0]]),
-            _ => t.copy_from_slice(&[1.0, u[0], u[1], u[0] * u[0], u[0] * u[1], u[1] * u[1]]),
+    /// Calls `with` for the terms in use at `u`: value and gradient of `1`, of every input, of every product of two.
+    pub(crate) fn each_term(self, dimensions: usize, u: &Point, mut with: impl FnMut(f64, Point)) {
+        let order = match self {
+            Self::None => return,
+            Self::Constant => 0,
+            Self::Linear => 1,
+            Self::Quadratic => 2,
+        };
+        with(1.0, [0.0; MAX_INPUTS]);
+        for i in (0..dimensions).filter(|_| order > 0) {
+            let mut slope = [0.0; MAX_INPUTS];
+            slope[i] = 1.0;
+            with(u[i], slope);
         }
-        t
+        for (i, j) in (0..dimensions).flat_map(|i| (i..dimensions).map(move |j| (i, j))).filter(|_| order > 1)
+        {
+            let mut slope = [0.0; MAX_INPUTS];
+            slope[i] += u[j];
+            slope[j] += u[i];
+            with(u[i] * u[j], slope);
+        }
     }
 
-    /// Gradients of the terms at `u`.
-    pub(crate) fn gradients(self, dimensions: usize, u: [f64; 2]) -> [[f64; 2]; MAX_TAIL_TERMS] {
-        let mut t = [[0.0; 2]; MAX_TAIL_TERMS];
-        match dimensions {
-            1 => {
-                t[1][0] = 1.0;
-                t[2][0] = 2.0 * u[0];
-            }
-            _ => {
-                t[1][0] = 1.0;
-                t[2][1] = 1.0;
-                t[3][0] = 2.0 * u[0];
-                t[4] = [u[1], u[0]];
-                t[5][1] = 2.0 * u[1];
-            }
-        }
-        t
+    /// Values of the terms in use at `u`.
+    pub(crate) fn values(self, dimensions: usize, u: &Point) -> Vec<f64> {
+        let mut values = Vec::with_capacity(self.terms(dimensions));
+        self.each_term(dimensions, u, |value, _| values.push(value));
+        values
     }
 
     /// Name in reports.

@@ -1,7 +1,6 @@
-//! Which regime a reading belongs to: the onset pressure over the gap, and a label that does not chatter.
+//! Which regime a state belongs to: the onset pressure over the gap.
 //!
-//! Guard: contact when `P >= P_c(gap)`. A gap below the sag touches at once (`P_c = 0`), a gap beyond reach never.
-//! The *physics* always follows the guard, so fields and force stay continuous; only the *label* has hysteresis.
+//! Contact when `P >= P_c(gap)`. A gap below the sag is touched at any pressure (`P_c = 0`), a gap beyond reach at none.
 
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
@@ -43,7 +42,7 @@ impl Onset {
         }
     }
 
-    /// The regime the physics is in.
+    /// The regime at a pressure.
     pub fn regime(self, pressure_mpa: f64) -> RegimeKind {
         match self {
             Self::Always => RegimeKind::Contact,
@@ -136,24 +135,4 @@ fn monotone_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
             (None, None) => 0.0,
         })
         .collect()
-}
-
-/// Memory of the last label: sensor noise around the onset must not flip it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RegimeSwitch {
-    label: Option<RegimeKind>,
-}
-
-impl RegimeSwitch {
-    /// The label for a reading: contact as soon as the onset is reached, free only when it is undercut by
-    /// `hysteresis_mpa`. Without memory (a fresh switch) it is the physics' own regime.
-    pub fn label(&mut self, onset: Onset, pressure_mpa: f64, hysteresis_mpa: f64) -> RegimeKind {
-        let physics = onset.regime(pressure_mpa);
-        let held = self.label == Some(RegimeKind::Contact)
-            && physics == RegimeKind::Free
-            && matches!(onset, Onset::At(p) if pressure_mpa > p - hysteresis_mpa);
-        let label = if held { RegimeKind::Contact } else { physics };
-        self.label = Some(label);
-        label
-    }
 }

@@ -10,31 +10,15 @@
 //! share a kernel; each keeps its own number of modes.
 
 use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig};
-use crate::fit::{Fit, FitError, Samples, condition_of, fit_candidate};
+use crate::datasheet::Candidate;
+use crate::fit::{Fit, FitError, Samples, condition_of, fit};
 use crate::gp::maximum_likelihood;
+use crate::inputs::Point;
 use crate::interpolant::{Interpolant, Metric};
-use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Fewer scored cases than this say nothing about modes: all are kept, so that at least the samples are reproduced.
 const MIN_CASES: usize = 4;
-
-/// What was tried and how it fared.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Candidate {
-    /// Kernel and tail in words.
-    pub kernel: String,
-    /// How distances were taken.
-    pub metric: Metric,
-    /// Smoothing on the diagonal.
-    pub smoothing: f64,
-    /// Modes the group would keep.
-    pub modes: usize,
-    /// Leave-one-out score of the groups chosen together, in the data's own norm; none when the fit was refused.
-    pub error: Option<f64>,
-    /// Why the fit was refused.
-    pub refused: Option<String>,
-}
 
 /// The winner for one group, and the others, best first.
 #[derive(Clone, Debug)]
@@ -52,10 +36,10 @@ pub struct Choice {
 /// States that all groups of a regime share.
 #[derive(Clone, Copy, Debug)]
 pub struct States<'a> {
-    /// Inputs in use, 1 or 2.
+    /// Inputs in use.
     pub dimensions: usize,
     /// Scaled inputs.
-    pub inputs: &'a [[f64; 2]],
+    pub inputs: &'a [Point],
     /// Per state: weight of its error in the score; 0 leaves it out of the score (not out of the fit).
     pub score: &'a [f64],
 }
@@ -96,7 +80,8 @@ const REFINED: usize = 3;
 const STRETCHES: [f64; 3] = [0.7, 1.0, 1.4];
 
 /// Tries every candidate of `config` on groups that belong together and keeps the best: first every kernel with every
-/// anisotropy and smoothing, then sheared and stretched metrics around the best of the best few kernels. Cost
+/// anisotropy and smoothing, then sheared and stretched metrics around the best of the best few kernels, then, input after
+/// input, stretched ones along the third and further inputs. Cost
 /// `O(candidates x n^3)`.
 ///
 /// # Errors
@@ -115,6 +100,9 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
     }
     if states.dimensions > 1 {
         search.refine(&config.shear);
+    }
+    for input in 2..states.dimensions {
+        search.stretch(input, &config.anisotropy);
     }
     search.choices()
 }
@@ -151,7 +139,7 @@ impl Search<'_> {
         let kernel = format!("{}, {}", spec.kernel.name(), spec.tail.name());
         let mut row = Candidate { kernel, metric, smoothing, modes: 0, error: None, refused: None };
         let mut modes = vec![0; self.tasks.len()];
-        match fit_candidate(&self.samples, spec, metric, smoothing) {
+        match fit(&self.samples, spec, metric, smoothing) {
             Ok(fit) => {
                 let scored = score(self.states, self.tasks, &fit.residuals);
                 row.error = Some(scored.score);
@@ -183,22 +171,37 @@ impl Search<'_> {
         self.trials.sort_by(|a, b| score(a).total_cmp(&score(b)));
     }
 
+    /// Sheared and stretched metrics around the best few kernels.
     fn refine(&mut self, shears: &[f64]) {
-        self.sort();
-        let mut starts: Vec<(KernelSpec, Metric, f64)> = Vec::new();
-        for trial in self.trials.iter().filter(|t| t.row.error.is_some()) {
-            if starts.len() < REFINED && starts.iter().all(|s| s.0 != trial.spec) {
-                starts.push((trial.spec, trial.row.metric, trial.row.smoothing));
-            }
-        }
-        for (spec, metric, smoothing) in starts {
+        for (spec, metric, smoothing) in self.best_kernels() {
             for shear in shears.iter().copied().filter(|s| *s != metric.shear) {
                 for stretch in STRETCHES {
-                    let scale = [metric.scale[0], metric.scale[1] * stretch];
-                    self.attempt(spec, Metric { scale, shear }, smoothing);
+                    let stretched = metric.stretched(1, metric.scale[1] * stretch);
+                    self.attempt(spec, Metric { shear, ..stretched }, smoothing);
                 }
             }
         }
+    }
+
+    /// Metrics stretched along one input around the best few kernels.
+    fn stretch(&mut self, input: usize, factors: &[f64]) {
+        for (spec, metric, smoothing) in self.best_kernels() {
+            for factor in factors.iter().copied().filter(|f| *f != metric.scale[input]) {
+                self.attempt(spec, metric.stretched(input, factor), smoothing);
+            }
+        }
+    }
+
+    /// The best few kernels, each with its best metric and smoothing so far.
+    fn best_kernels(&mut self) -> Vec<(KernelSpec, Metric, f64)> {
+        self.sort();
+        let mut best: Vec<(KernelSpec, Metric, f64)> = Vec::new();
+        for trial in self.trials.iter().filter(|t| t.row.error.is_some()) {
+            if best.len() < REFINED && best.iter().all(|s| s.0 != trial.spec) {
+                best.push((trial.spec, trial.row.metric, trial.row.smoothing));
+            }
+        }
+        best
     }
 
     fn choices(mut self) -> Result<Vec<Choice>, FitError> {
@@ -229,13 +232,11 @@ fn side_by_side(tasks: &[Task], states: usize) -> Vec<f64> {
 /// Metric and smoothing variants of a kernel: fitted lengths for a process, the configured factors otherwise.
 fn variants(samples: &Samples, spec: KernelSpec, config: &RegimeConfig) -> Vec<(Metric, f64)> {
     if spec.kernel == KernelKind::Matern52 {
-        return maximum_likelihood(samples, spec.tail)
-            .map(|l| (l.metric.into(), l.nugget))
-            .into_iter()
-            .collect();
+        return maximum_likelihood(samples, spec.tail).map(|l| (l.metric, l.nugget)).into_iter().collect();
     }
     let factors = if samples.dimensions > 1 { config.anisotropy.as_slice() } else { &[1.0] };
-    factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| (Metric::from([1.0, *f]), *s))).collect()
+    let metric = |f: f64| Metric::IDENTITY.stretched(1, f);
+    factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| (metric(*f), *s))).collect()
 }
 
 /// Snapshots are f32: what they are off by, as a share.

@@ -3,6 +3,7 @@
 //! A [`Database`] is plain data. `formats` fills it from files, `fem` from simulations, tests from formulas; training
 //! reads it and nothing else. [`Database::validate`] (in `validate.rs`) says everything that is wrong with it at once.
 
+use crate::inputs::Inputs;
 use serde::{Deserialize, Serialize};
 
 /// What the numbers of a field mean: it decides what may be derived from it and what physics forbids.
@@ -88,6 +89,13 @@ pub struct Case {
     pub gap_mm: Option<f64>,
     /// Total contact force in N.
     pub contact_force_n: f64,
+}
+
+impl Case {
+    /// The state's inputs; a gap of infinity where there is no obstacle.
+    pub fn inputs(&self) -> Inputs {
+        Inputs::new(self.pressure_mpa, self.gap_mm.unwrap_or(f64::INFINITY))
+    }
 }
 
 /// A named set of nodes (`surface`, `bottom`).

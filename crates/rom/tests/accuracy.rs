@@ -1,19 +1,18 @@
-//! Accuracy on the finite-element database of the paper's own cases, against the bounds this project promises. Skipped
-//! with a notice where the database is not at hand. Test and check cases are evaluated only: training never sees them.
+//! Accuracy on the committed finite-element databases, against the bounds this project promises. Test and check cases are
+//! evaluated only: training never sees them.
 
-mod support;
-
+use formats::database::{ObstacleKind, read};
 use rom::config::TrainConfig;
 use rom::datasheet::DataSheet;
 use rom::evaluate::{CaseReport, DEFAULT_FLOOR, Report, evaluate, spread};
-use rom::evaluation::Input;
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::{Onset, RegimeSwitch};
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
+use rom::regime::Onset;
 use rom::snapshots::{Database, RegimeKind, Split};
 use rom::train::train;
+use std::path::Path;
 use std::sync::OnceLock;
-use support::{ObstacleKind, shared_database};
 
 struct Plate {
     database: Database,
@@ -22,17 +21,21 @@ struct Plate {
     report: Report,
 }
 
+/// A database of the repository.
+fn database(model: &str, obstacle: ObstacleKind) -> Database {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models").join(model).join("database");
+    read(&folder, obstacle).expect("the committed database")
+}
+
 /// The database and the model the defaults make of it; trained once for all tests.
-fn plate() -> Option<&'static Plate> {
-    static PLATE: OnceLock<Option<Plate>> = OnceLock::new();
-    PLATE
-        .get_or_init(|| {
-            let database = shared_database(ObstacleKind::Plate)?;
-            let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
-            let report = test_report(&model, &database);
-            Some(Plate { database, model, sheet, report })
-        })
-        .as_ref()
+fn plate() -> &'static Plate {
+    static PLATE: OnceLock<Plate> = OnceLock::new();
+    PLATE.get_or_init(|| {
+        let database = database("pneunet", ObstacleKind::Plate);
+        let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
+        let report = test_report(&model, &database);
+        Plate { database, model, sheet, report }
+    })
 }
 
 fn test_report(model: &Model, database: &Database) -> Report {
@@ -55,7 +58,7 @@ fn at_most(what: &str, found: f64, bound: f64) {
 
 #[test]
 fn the_papers_test_cases_are_within_the_promised_errors() {
-    let Some(plate) = plate() else { return };
+    let plate = plate();
     at_most("MSE (Eq. 15), free", mse(&plate.report, RegimeKind::Free), 8e-6);
     at_most("MSE (Eq. 15), contact", mse(&plate.report, RegimeKind::Contact), 3e-5);
     for case in &plate.report.cases {
@@ -73,9 +76,9 @@ fn the_papers_test_cases_are_within_the_promised_errors() {
 /// The paper reports 3.56e-4 and 4.18e-3 on its own database; its method on this one gives 4.0e-4 and 4.1e-3.
 #[test]
 fn the_papers_method_gives_the_papers_errors() {
-    let Some(database) = shared_database(ObstacleKind::Plate) else { return };
-    let (model, _) = train(&database, &TrainConfig::paper(), &mut |_| {}).expect("trains");
-    let report = test_report(&model, &database);
+    let database = &plate().database;
+    let (model, _) = train(database, &TrainConfig::paper(), &mut |_| {}).expect("trains");
+    let report = test_report(&model, database);
     for (kind, expected) in [(RegimeKind::Free, 4.03e-4), (RegimeKind::Contact, 4.11e-3)] {
         let found = mse(&report, kind);
         println!("the paper's method, {}: MSE {found:.3e}", kind.name());
@@ -85,11 +88,10 @@ fn the_papers_method_gives_the_papers_errors() {
 
 #[test]
 fn fields_and_force_are_continuous_across_the_switch() {
-    let Some(plate) = plate() else { return };
-    let mut predictor = Predictor::new(&plate.model, &Selection::default()).expect("fits");
+    let plate = plate();
+    let state = ModelState::new(&plate.model, &Selection::default()).expect("fits");
+    let mut sides = [(state.clone(), RegimeKind::Free), (state, RegimeKind::Contact)];
     let table = plate.model.header.onset.as_ref().expect("two regimes");
-    let mut evaluation = predictor.evaluation();
-    let mut sides = [vec![0.0; predictor.entries()], vec![0.0; predictor.entries()]];
     let (mut jump_mm, mut jump_n) = (0.0_f32, 0.0_f64);
     let (sag, reach) = (table.sag_mm(), table.reach_mm());
     for step in 0..=200 {
@@ -99,18 +101,17 @@ fn fields_and_force_are_continuous_across_the_switch() {
             Onset::Always if step == 0 => continue, // at the sag itself there is no other side
             other => panic!("gap {gap_mm} mm is within reach, found {other:?}"),
         };
-        let mut forces = [0.0; 2];
-        for (side, (out, kind)) in sides.iter_mut().zip([RegimeKind::Free, RegimeKind::Contact]).enumerate() {
+        for (side, (state, kind)) in sides.iter_mut().enumerate() {
             let pressure_mpa = onset * (1.0 + 1e-9 * (2.0 * side as f64 - 1.0));
-            predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut evaluation);
-            assert_eq!(evaluation.basis, kind);
-            predictor.reconstruct_into(&evaluation, out).expect("length");
-            forces[side] = evaluation.contact_force_n;
+            state.update(Inputs::new(pressure_mpa, gap_mm)).expect("trained");
+            assert_eq!(state.evaluation().regime, *kind);
         }
-        let lengths = 4 * predictor.rows(); // x, y, z and the displacement
-        let jumps = sides[0][..lengths].iter().zip(&sides[1]).map(|(a, b)| (a - b).abs());
+        let [(below, _), (above, _)] = &sides;
+        let lengths = 4 * below.reconstructor().rows(); // x, y, z and the displacement
+        let jumps = below.fields()[..lengths].iter().zip(above.fields()).map(|(a, b)| (a - b).abs());
         jump_mm = jumps.fold(jump_mm, f32::max);
-        jump_n = jump_n.max((forces[1] - forces[0]).abs());
+        let [below_n, above_n] = [below, above].map(|state| state.evaluation().contact_force_n);
+        jump_n = jump_n.max((above_n - below_n).abs());
     }
     at_most("jump at the switch, mm", f64::from(jump_mm), 0.05);
     at_most("jump at the switch, N", jump_n, 1e-3);
@@ -118,7 +119,7 @@ fn fields_and_force_are_continuous_across_the_switch() {
 
 #[test]
 fn training_cases_are_reproduced_to_the_truncation_error() {
-    let Some(plate) = plate() else { return };
+    let plate = plate();
     let cases: Vec<usize> = plate.database.of_split(Split::Train).collect();
     let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
     // What is not truncated is interpolated through the sample, up to the nugget a process keeps for its conditioning.
@@ -143,7 +144,7 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
 /// Leave-one-out over the contact cases inside the hull: what a state never trained on can expect, over-stated.
 #[test]
 fn left_out_contact_cases_are_predicted() {
-    let Some(plate) = plate() else { return };
+    let plate = plate();
     let contact = plate.sheet.regimes.iter().find(|r| r.kind == RegimeKind::Contact).expect("contact");
     let inside: Vec<_> = contact.leave_one_out.iter().filter(|c| !c.on_hull).collect();
     let largest = |name: &str, field: usize| {
@@ -172,7 +173,7 @@ fn left_out_contact_cases_are_predicted() {
 /// are covered to 85-99 % (binomial spread allowed for).
 #[test]
 fn bars_cover_what_they_promise_on_held_out_cases() {
-    let Some(plate) = plate() else { return };
+    let plate = plate();
     let touching = |i: &usize| plate.database.cases[*i].contact_force_n > 0.0;
     let train_cases: Vec<usize> = plate.database.of_split(Split::Train).filter(touching).collect();
     let config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
@@ -197,7 +198,7 @@ fn bars_cover_what_they_promise_on_held_out_cases() {
 
 #[test]
 fn outside_the_samples_answers_are_flagged() {
-    let Some(plate) = plate() else { return };
+    let plate = plate();
     let cases: Vec<usize> = plate.database.of_split(Split::Check).collect();
     let report = evaluate(&plate.model, &plate.database, &cases, DEFAULT_FLOOR).expect("evaluates");
     for case in &report.cases {
@@ -212,7 +213,7 @@ fn outside_the_samples_answers_are_flagged() {
 
 #[test]
 fn a_database_with_one_gap_trains_and_answers() {
-    let Some(database) = shared_database(ObstacleKind::Gripper) else { return };
+    let database = database("gripper", ObstacleKind::Gripper);
     let (model, _) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
     let contact = model.regime(RegimeKind::Contact).expect("contact");
     assert_eq!(contact.inputs.dimensions(), 1, "a constant gap is no input");

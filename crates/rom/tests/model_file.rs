@@ -2,10 +2,12 @@
 
 use proptest::prelude::*;
 use rom::config::TrainConfig;
-use rom::evaluation::Input;
-use rom::model::{BlockKind, MAGIC, Model, ModelFileError, ModelReader, VERSION};
-use rom::predict::{Nodes, PredictError, Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::inputs::{InputSpec, Inputs};
+use rom::model::{
+    BlockKind, MAGIC, Model, ModelError, ModelFileError, ModelReader, Nodes, Selection, VERSION,
+};
+use rom::model_state::ModelState;
+use rom::reconstructor::Reconstructor;
 use rom::synthetic;
 use rom::train::train;
 use std::io::Cursor;
@@ -27,10 +29,20 @@ fn a_model_survives_the_round_trip() {
 }
 
 #[test]
+fn a_model_of_other_inputs_survives_the_round_trip_in_a_newer_version() {
+    let mut model = model().0.clone();
+    let range = [f64::NEG_INFINITY, f64::INFINITY];
+    model.header.inputs.push(InputSpec { name: "temperature".into(), unit: "degC".into(), range });
+    let bytes = model.to_bytes().expect("encodes");
+    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(model, Model::from_bytes(&bytes).expect("loads"));
+}
+
+#[test]
 fn the_layout_is_what_the_documentation_says() {
     let (_, bytes) = model();
     assert_eq!(bytes[..8], MAGIC);
-    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(bytes[8..12], 2_u32.to_le_bytes(), "pressure and gap alone need no newer version");
     assert_eq!(bytes[12..16], [0; 4]);
     let header = u64::from_le_bytes(bytes[16..24].try_into().expect("8 bytes")) as usize;
     assert_eq!(bytes[24..56], *blake3::hash(&bytes[64..64 + header]).as_bytes());
@@ -52,16 +64,9 @@ fn loading_a_selection_reads_only_its_blocks_and_predicts_the_same() {
     let stress = |m: &Model| m.blocks.iter().any(|(k, _)| matches!(k, BlockKind::Modes { field: 4, .. }));
     assert!(stress(model) && !stress(&part), "stress modes were not asked for");
     let answer = |model: &Model, selection: &Selection| {
-        let mut predictor = Predictor::new(model, selection).expect("fits");
-        let mut evaluation = predictor.evaluation();
-        predictor.evaluate(
-            Input { pressure_mpa: 0.05, gap_mm: 20.0 },
-            &mut RegimeSwitch::default(),
-            &mut evaluation,
-        );
-        let mut out = vec![0.0; predictor.entries()];
-        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
-        (out, predictor.rows())
+        let mut state = ModelState::new(model, selection).expect("fits");
+        state.update(Inputs::new(0.05, 20.0)).expect("trained in contact");
+        (state.fields().to_vec(), state.reconstructor().rows())
     };
     let (all, rows) = answer(model, &Selection::default());
     let (some, _) = answer(&part, &selection);
@@ -74,15 +79,15 @@ fn loading_a_selection_reads_only_its_blocks_and_predicts_the_same() {
 fn what_is_not_in_the_model_is_refused_by_name() {
     let (model, bytes) = model();
     let named = |field: &str| Selection { fields: Some(vec![field.into()]), ..Selection::default() };
-    assert!(matches!(Predictor::new(model, &named("strain")), Err(PredictError::UnknownField { .. })));
+    assert!(matches!(Reconstructor::new(model, &named("strain")), Err(ModelError::UnknownField { .. })));
     let set = Selection { nodes: Nodes::Set("nowhere".into()), ..Selection::default() };
-    assert!(matches!(Predictor::new(model, &set), Err(PredictError::UnknownNodeSet { .. })));
+    assert!(matches!(Reconstructor::new(model, &set), Err(ModelError::UnknownNodeSet { .. })));
     let far = Selection { nodes: Nodes::List(vec![1_000_000]), ..Selection::default() };
-    assert!(matches!(Predictor::new(model, &far), Err(PredictError::NodeOutOfRange { .. })));
+    assert!(matches!(Reconstructor::new(model, &far), Err(ModelError::NodeOutOfRange { .. })));
     let part = ModelReader::open(Cursor::new(bytes.as_slice()))
         .and_then(|mut r| r.load(&named("x")))
         .expect("loads");
-    assert!(matches!(Predictor::new(&part, &Selection::default()), Err(PredictError::MissingBlock { .. })));
+    assert!(matches!(Reconstructor::new(&part, &Selection::default()), Err(ModelError::MissingBlock { .. })));
 }
 
 #[test]

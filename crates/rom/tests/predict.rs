@@ -1,12 +1,14 @@
-//! The predictor on the synthetic actuator: gradients against finite differences, regimes, hysteresis, bad input.
+//! Evaluator and reconstructor on the synthetic actuator: gradients against finite differences, regimes, hysteresis, bad input.
 
 use proptest::prelude::*;
 use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
-use rom::evaluation::{Evaluation, Input};
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::hysteresis::HysteresisEvaluator;
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
 use rom::snapshots::{RegimeKind, Split};
 use rom::synthetic;
 use rom::train::train;
@@ -28,13 +30,17 @@ fn model() -> &'static Model {
     })
 }
 
-fn predictor() -> Predictor {
-    Predictor::new(model(), &Selection::default()).expect("fits")
+fn evaluator() -> Evaluator {
+    Evaluator::new(&model().header).expect("consistent")
 }
 
-fn ask(predictor: &mut Predictor, pressure_mpa: f64, gap_mm: f64) -> Evaluation {
-    let mut evaluation = predictor.evaluation();
-    predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut evaluation);
+fn state() -> ModelState {
+    ModelState::new(model(), &Selection::default()).expect("fits")
+}
+
+fn ask(evaluator: &Evaluator, pressure_mpa: f64, gap_mm: f64) -> Evaluation {
+    let mut evaluation = evaluator.evaluation();
+    evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
     evaluation
 }
 
@@ -63,25 +69,35 @@ fn gradients_agree_with_finite_differences_for_every_kernel() {
     ];
     for (kernel, tail) in kernels {
         let (model, _) = train(&synthetic::plate(), &config(kernel, tail), &mut |_| {}).expect("trains");
-        let mut predictor = Predictor::new(&model, &Selection::default()).expect("fits");
+        let evaluator = Evaluator::new(&model.header).expect("consistent");
         for (p, gap) in [(0.0613, 17.27), (0.0471, 28.61), (0.0331, 12.13), (0.085, 57.31)] {
-            let here = ask(&mut predictor, p, gap);
-            assert_eq!(here.basis, RegimeKind::Contact);
-            let at = |p: f64, gap: f64| ask(&mut predictor.clone(), p, gap);
+            let here = ask(&evaluator, p, gap);
+            assert_eq!(here.regime, RegimeKind::Contact);
+            let at = |p: f64, gap: f64| ask(&evaluator, p, gap);
             let name = kernel.name();
             // Long smooth kernels have large weights that cancel: a difference needs a step above their rounding.
             let step = if matches!(kernel, KernelKind::Matern72 { .. }) { 30.0 } else { 1.0 };
             let (by_p, by_gap) = (1e-5 * step, 1e-3 * step);
-            close(name, here.dforce_dpressure, difference(|p| at(p, gap).contact_force_n, p, by_p), 1.0);
-            close(name, here.dforce_dgap, difference(|g| at(p, g).contact_force_n, gap, by_gap), 1e-2);
+            close(
+                name,
+                here.force_by_pressure_n_per_mpa(),
+                difference(|p| at(p, gap).contact_force_n, p, by_p),
+                1.0,
+            );
+            close(
+                name,
+                here.force_by_gap_n_per_mm(),
+                difference(|g| at(p, g).contact_force_n, gap, by_gap),
+                1e-2,
+            );
             let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             let (scale_p, scale_gap) =
-                (largest(&here.dcoefficients_dpressure), largest(&here.dcoefficients_dgap));
+                (largest(here.coefficient_gradient(PRESSURE)), largest(here.coefficient_gradient(GAP)));
             for k in 0..here.coefficients.len() {
                 let numeric = difference(|p| at(p, gap).coefficients[k], p, by_p);
-                close(name, here.dcoefficients_dpressure[k], numeric, scale_p);
+                close(name, here.coefficient_gradient(PRESSURE)[k], numeric, scale_p);
                 let numeric = difference(|g| at(p, g).coefficients[k], gap, by_gap);
-                close(name, here.dcoefficients_dgap[k], numeric, scale_gap);
+                close(name, here.coefficient_gradient(GAP)[k], numeric, scale_gap);
             }
         }
     }
@@ -99,27 +115,25 @@ fn the_model_knows_the_onset_it_was_never_told() {
 
 #[test]
 fn a_gap_below_the_sag_always_touches_and_one_beyond_reach_never() {
-    let mut predictor = predictor();
-    let touching = ask(&mut predictor, 0.0, 15.0);
-    assert_eq!((touching.basis, touching.onset_pressure_mpa), (RegimeKind::Contact, Some(0.0)));
+    let evaluator = evaluator();
+    let touching = ask(&evaluator, 0.0, 15.0);
+    assert_eq!((touching.regime, touching.onset_pressure_mpa), (RegimeKind::Contact, Some(0.0)));
     assert!(touching.contact_force_n > 0.0);
-    let free = ask(&mut predictor, 0.09, 80.0);
-    assert_eq!((free.basis, free.onset_pressure_mpa), (RegimeKind::Free, None));
-    assert_eq!((free.contact_force_n, free.dforce_dpressure, free.dforce_dgap), (0.0, 0.0, 0.0));
-    assert_eq!(ask(&mut predictor, 0.05, f64::INFINITY).basis, RegimeKind::Free);
+    let free = ask(&evaluator, 0.09, 80.0);
+    assert_eq!((free.regime, free.onset_pressure_mpa), (RegimeKind::Free, None));
+    assert_eq!((free.contact_force_n, free.force_gradient), (0.0, [0.0; 8]));
+    assert_eq!(ask(&evaluator, 0.05, f64::INFINITY).regime, RegimeKind::Free);
 }
 
 #[test]
 fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
-    let mut predictor = predictor();
+    let mut evaluator = HysteresisEvaluator::new(evaluator());
     let onset = model().header.onset.as_ref().expect("two").onset(30.0).pressure_mpa().expect("reach");
     let margin = model().header.hysteresis_mpa;
-    let mut switch = RegimeSwitch::default();
-    let mut evaluation = predictor.evaluation();
+    let mut evaluation = self::evaluator().evaluation();
     let mut say = |offset: f64| {
-        let input = Input { pressure_mpa: onset + offset * margin, gap_mm: 30.0 };
-        predictor.evaluate(input, &mut switch, &mut evaluation);
-        (evaluation.regime, evaluation.basis, evaluation.flags.held_by_hysteresis)
+        let label = evaluator.evaluate(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
+        (label.regime, evaluation.regime, label.held)
     };
     use RegimeKind::{Contact, Free};
     assert_eq!(say(-0.5), (Free, Free, false));
@@ -133,24 +147,23 @@ fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
 
 #[test]
 fn the_domain_is_the_hull_not_the_box() {
-    let mut predictor = predictor();
-    assert_eq!(ask(&mut predictor, 0.05, 20.0).domain, DomainStatus::Inside);
-    let corner = ask(&mut predictor, 0.09, 8.2); // inside the box of the samples, outside their sheared hull
+    let evaluator = evaluator();
+    assert_eq!(ask(&evaluator, 0.05, 20.0).domain, DomainStatus::Inside);
+    let corner = ask(&evaluator, 0.09, 8.2); // inside the box of the samples, outside their sheared hull
     assert_ne!(corner.domain, DomainStatus::Inside);
     assert!(corner.flags.extrapolated && corner.domain_distance > 0.0);
-    assert_eq!(ask(&mut predictor, 0.15, 20.0).domain, DomainStatus::Outside);
+    assert_eq!(ask(&evaluator, 0.15, 20.0).domain, DomainStatus::Outside);
 }
 
 #[test]
 fn readings_that_are_no_numbers_end_in_flags_not_in_panics() {
-    let mut predictor = predictor();
-    let mut out = vec![0.0; predictor.entries()];
+    let mut state = state();
     for (p, gap) in [(f64::NAN, 20.0), (0.05, f64::NAN), (f64::INFINITY, 20.0), (-1.0, 20.0), (0.05, -1e300)]
     {
-        let evaluation = ask(&mut predictor, p, gap);
+        state.update(Inputs::new(p, gap)).expect("length");
+        let evaluation = state.evaluation();
         assert_eq!(evaluation.domain, DomainStatus::Outside, "({p}, {gap})");
         assert!(evaluation.flags.extrapolated, "({p}, {gap})");
-        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
     }
 }
 
@@ -176,21 +189,17 @@ proptest! {
 
     #[test]
     fn stress_and_force_are_never_negative(p in 0.0..0.12_f64, gap in 0.0..90.0_f64) {
-        let mut predictor = predictor();
-        let evaluation = ask(&mut predictor, p, gap);
-        let mut out = vec![0.0; predictor.entries()];
-        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
-        prop_assert!(evaluation.contact_force_n >= 0.0);
-        prop_assert!(out[4 * predictor.rows()..].iter().all(|s| *s >= 0.0));
+        let mut state = state();
+        state.update(Inputs::new(p, gap)).expect("length");
+        prop_assert!(state.evaluation().contact_force_n >= 0.0);
+        prop_assert!(state.fields()[4 * state.reconstructor().rows()..].iter().all(|s| *s >= 0.0));
     }
 
     #[test]
     fn displacement_is_the_distance_from_the_undeformed_mesh(p in 0.0..0.09_f64, gap in 8.0..60.0_f64) {
-        let mut predictor = predictor();
-        let evaluation = ask(&mut predictor, p, gap);
-        let mut out = vec![0.0; predictor.entries()];
-        predictor.reconstruct_into(&evaluation, &mut out).expect("length");
-        let n = predictor.rows();
+        let mut state = state();
+        state.update(Inputs::new(p, gap)).expect("length");
+        let (n, out) = (state.reconstructor().rows(), state.fields());
         for (i, x0) in synthetic::mesh().iter().enumerate() {
             let square: f64 = (0..3).map(|axis| (f64::from(out[axis * n + i]) - x0[axis]).powi(2)).sum();
             prop_assert!((f64::from(out[3 * n + i]) - square.sqrt()).abs() < 1e-4, "node {}", i);

@@ -2,8 +2,7 @@
 
 use crate::latency;
 use crate::load::Loaded;
-use rom::evaluation::Input;
-use rom::regime::RegimeSwitch;
+use rom::inputs::Inputs;
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
 use std::time::Instant;
@@ -53,24 +52,22 @@ pub struct ExplainedOutput {
 const ROUNDS: usize = 200;
 
 /// Measures one actuator, in the regime that costs most of those that can occur.
-pub fn explain(loaded: &mut Loaded) -> Explained {
-    let input = Input { pressure_mpa: 0.03, gap_mm: costly_gap_mm(loaded) };
+pub fn explain(loaded: &Loaded) -> Explained {
+    let inputs = Inputs::new(0.03, costly_gap_mm(loaded));
     let mut evaluation = loaded.evaluator.evaluation();
-    let mut switch = RegimeSwitch::default();
-    let evaluator = &mut loaded.evaluator;
-    let state_us = median_us(|| evaluator.evaluate(input, &mut switch, &mut evaluation));
+    let state_us = median_us(|| loaded.evaluator.evaluate(inputs, &mut evaluation));
     let actuator = loaded.spec.name.clone();
     let outputs = loaded
         .outputs
         .iter()
         .map(|output| {
-            let mut values = vec![0.0; output.predictor.entries()];
-            let field_us = median_us(|| output.predictor.reconstruct_into(&evaluation, &mut values));
+            let mut values = vec![0.0; output.reconstructor.entries()];
+            let field_us = median_us(|| output.reconstructor.reconstruct_into(&evaluation, &mut values));
             let sample_bytes = 4 * values.len() as u64;
             let topic = Topic::field(&actuator, output.spec.topic_name());
             ExplainedOutput {
                 topic: topic.map(|topic| topic.to_string()).unwrap_or_default(),
-                nodes: output.predictor.rows(),
+                nodes: output.reconstructor.rows(),
                 fields: output.fields.clone(),
                 basis_bytes: output.basis_bytes,
                 sample_bytes,

@@ -1,9 +1,10 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Precision, Scene};
+use rom::evaluator::Evaluator;
 use rom::kernel::Precision as KernelPrecision;
-use rom::model::{BlockData, BlockKind, Model, ModelHeader, ModelReader};
-use rom::predict::{Nodes, Predictor, Selection};
+use rom::model::{BlockData, BlockKind, Model, ModelHeader, ModelReader, Nodes, Selection};
+use rom::reconstructor::Reconstructor;
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -20,8 +21,8 @@ pub struct Loaded {
     pub spec: ActuatorSpec,
     /// First 16 bytes of the model file's hash.
     pub model_hash: [u8; 16],
-    /// Answers readings: regime, coefficients, force. Carries no basis.
-    pub evaluator: Predictor,
+    /// From inputs to regime, coefficients and force.
+    pub evaluator: Evaluator,
     /// Coefficients of each group, by regime.
     pub group_sizes: GroupSizes,
     /// One for each field topic.
@@ -39,8 +40,8 @@ pub struct Loaded {
 pub struct LoadedOutput {
     /// What the scene says of it.
     pub spec: OutputSpec,
-    /// Reconstructs the fields.
-    pub predictor: Predictor,
+    /// From coefficients to the fields.
+    pub reconstructor: Reconstructor,
     /// Names of the fields in their order.
     pub fields: Vec<String>,
     /// Their numbers of [`field_id`]; the rest are 0.
@@ -95,8 +96,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
             model.blocks.push((entry.kind, block));
         }
     }
-    let nothing = Selection { fields: Some(Vec::new()), nodes: Nodes::All };
-    let evaluator = Predictor::new(&model, &nothing).map_err(|error| at(error.to_string()))?;
+    let evaluator = Evaluator::new(&model.header).map_err(|error| at(error.to_string()))?;
     let outputs = outputs(spec, &model, selections)?;
     let group_sizes = model
         .header
@@ -241,21 +241,26 @@ fn outputs(
             Precision::F32 => KernelPrecision::F32,
             Precision::I16 => KernelPrecision::I16,
         };
-        match Predictor::with_precision(model, &selection, precision) {
-            Ok(predictor) => outputs.push(describe(output, model, &selection, predictor)),
+        match Reconstructor::with_precision(model, &selection, precision) {
+            Ok(reconstructor) => outputs.push(describe(output, model, &selection, reconstructor)),
             Err(error) => problems.push(format!("output[{index}]: {error}")),
         }
     }
     if problems.is_empty() { Ok(outputs) } else { Err(problems) }
 }
 
-fn describe(spec: &OutputSpec, model: &Model, selection: &Selection, predictor: Predictor) -> LoadedOutput {
+fn describe(
+    spec: &OutputSpec,
+    model: &Model,
+    selection: &Selection,
+    reconstructor: Reconstructor,
+) -> LoadedOutput {
     let header = &model.header;
     let numbers = header.resolve_fields(selection.fields.as_deref()).unwrap_or_default();
     let specs = || numbers.iter().filter_map(|number| Some((*number, &header.fields.get(*number)?.spec)));
     let basis_bytes = [RegimeKind::Free, RegimeKind::Contact]
         .into_iter()
-        .filter_map(|kind| predictor.basis(kind))
+        .filter_map(|kind| reconstructor.basis(kind))
         .map(|basis| basis.bytes() as u64)
         .sum();
     LoadedOutput {
@@ -263,7 +268,7 @@ fn describe(spec: &OutputSpec, model: &Model, selection: &Selection, predictor: 
         fields: specs().map(|(_, spec)| spec.name.clone()).collect(),
         field_ids: first(&specs().map(|(number, spec)| id_of(number, spec.kind)).collect::<Vec<u8>>()),
         basis_bytes,
-        predictor,
+        reconstructor,
     }
 }
 

@@ -5,6 +5,7 @@ use crate::config::StateSpec;
 use crate::load::{GroupSizes, LoadedOutput};
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
+use rom::hysteresis::RegimeLabel;
 use rom::kernel::Peaks;
 use rom::snapshots::RegimeKind;
 use wire::layout::{COEFFICIENTS_MAX, flags, pack_name, regime};
@@ -15,16 +16,16 @@ macro_rules! write_evaluation {
     ($payload:ident, $evaluation:expr, $groups:expr) => {{
         let e: &Evaluation = $evaluation;
         $payload.flags = flags_of(e);
-        $payload.pressure_mpa = e.input.pressure_mpa;
-        $payload.gap_mm = e.input.gap_mm;
+        $payload.pressure_mpa = e.inputs.pressure_mpa();
+        $payload.gap_mm = e.inputs.gap_mm();
         $payload.regime = regime_number(e.regime);
         $payload.contact_force_n = e.contact_force_n;
-        $payload.force_by_pressure_n_per_mpa = e.dforce_dpressure;
-        $payload.force_by_gap_n_per_mm = e.dforce_dgap;
+        $payload.force_by_pressure_n_per_mpa = e.force_by_pressure_n_per_mpa();
+        $payload.force_by_gap_n_per_mm = e.force_by_gap_n_per_mm();
         $payload.onset_pressure_mpa = e.onset_pressure_mpa.unwrap_or(f64::INFINITY);
-        $payload.force_halfwidth_n = e.bars.force_n as f32;
-        $payload.displacement_halfwidth_mm = e.bars.displacement_mm as f32;
-        $payload.von_mises_halfwidth_mpa = e.bars.stress_mpa as f32;
+        $payload.force_halfwidth_n = e.halfwidths.force_n as f32;
+        $payload.displacement_halfwidth_mm = e.halfwidths.displacement_mm as f32;
+        $payload.von_mises_halfwidth_mpa = e.halfwidths.stress_mpa as f32;
         $payload.domain_distance = e.domain_distance as f32;
         $payload.domain_status = domain_number(e.domain);
         $payload.coefficient_count = e.coefficients.len().min(COEFFICIENTS_MAX) as u32;
@@ -32,7 +33,7 @@ macro_rules! write_evaluation {
         for (to, from) in $payload.coefficients.iter_mut().zip(&e.coefficients) {
             *to = *from as f32;
         }
-        let sizes = $groups.iter().find(|(kind, _)| *kind == e.basis);
+        let sizes = $groups.iter().find(|(kind, _)| *kind == e.regime);
         $payload.group_sizes = sizes.map(|(_, sizes)| *sizes).unwrap_or_default();
     }};
 }
@@ -41,8 +42,8 @@ macro_rules! write_evaluation {
 macro_rules! write_shape {
     ($payload:ident, $output:expr) => {{
         let output: &LoadedOutput = $output;
-        $payload.node_count = output.predictor.rows() as u32;
-        $payload.field_count = output.predictor.field_count() as u32;
+        $payload.node_count = output.reconstructor.rows() as u32;
+        $payload.field_count = output.reconstructor.field_count() as u32;
         $payload.field_ids = output.field_ids;
         $payload.node_set = pack_name(output.spec.topic_name().unwrap_or("all"));
     }};
@@ -69,6 +70,12 @@ pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &Gr
         state.displacement_halfwidth_mm = f32::NAN;
         state.von_mises_halfwidth_mpa = f32::NAN;
     }
+}
+
+/// Puts the label with hysteresis in place of the evaluation's own regime.
+pub(crate) fn fill_label(state: &mut State, label: RegimeLabel) {
+    state.regime = regime_number(label.regime);
+    state.flags |= if label.held { flags::REGIME_HELD } else { 0 };
 }
 
 /// Fills an answer from an evaluation.
@@ -113,7 +120,6 @@ fn flags_of(evaluation: &Evaluation) -> u32 {
         (flags::OUTSIDE_DOMAIN, evaluation.domain == DomainStatus::Outside),
         (flags::COEFFICIENTS_CUT, evaluation.coefficients.len() > COEFFICIENTS_MAX),
         (flags::FORCE_CLAMPED, evaluation.flags.force_clamped),
-        (flags::REGIME_HELD, evaluation.flags.held_by_hysteresis),
     ];
     bits.iter().filter(|(_, set)| *set).map(|(bit, _)| bit).sum()
 }

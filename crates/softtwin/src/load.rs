@@ -2,7 +2,7 @@
 
 use crate::files;
 use anyhow::Result;
-use rom::interpolant::{InputMap, Quantity};
+use rom::inputs::{GAP, PRESSURE};
 use rom::model::{BlockKind, Model};
 use std::path::{Path, PathBuf};
 
@@ -50,21 +50,15 @@ impl LoadedModel {
 
     /// Trained pressures over all regimes, MPa.
     pub fn pressure_range_mpa(&self) -> [f64; 2] {
-        self.range(Quantity::PressureMpa).unwrap_or([0.0, 0.1])
+        self.range(PRESSURE).unwrap_or([0.0, 0.1])
     }
 
     /// Trained gaps, mm; the one gap twice when all samples shared it; none when there is no obstacle at all.
     pub fn gap_range_mm(&self) -> Option<[f64; 2]> {
-        let constant = self.inputs().find_map(|inputs| inputs.constant_gap_mm);
-        self.range(Quantity::GapMm).or(constant.map(|gap| [gap, gap]))
+        self.range(GAP)
     }
 
-    fn inputs(&self) -> impl Iterator<Item = &InputMap> {
-        self.model.header.regimes.iter().map(|regime| &regime.inputs)
-    }
-
-    fn range(&self, quantity: Quantity) -> Option<[f64; 2]> {
-        let axes = self.inputs().flat_map(|inputs| &inputs.axes).filter(|axis| axis.quantity == quantity);
-        axes.map(|axis| [axis.min, axis.max]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    fn range(&self, input: usize) -> Option<[f64; 2]> {
+        Some(self.model.header.inputs[input].range).filter(|range| range[0].is_finite())
     }
 }

@@ -112,7 +112,7 @@ fn describe(loaded: &Loaded) {
         tracing::info!(
             "softtwin/{}/field{topic}: {} nodes x {} ({})",
             loaded.spec.name,
-            output.predictor.rows(),
+            output.reconstructor.rows(),
             output.fields.len(),
             output.fields.join(", ")
         );

@@ -2,10 +2,11 @@
 //!
 //! It runs on the machine of the twin: another processor may round a fused product otherwise.
 
-use rom::evaluation::{Evaluation, Input};
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::reconstructor::Reconstructor;
 use serde::Serialize;
 use wire::layout::{COEFFICIENTS_MAX, flags};
 use wire::{FieldSample, State};
@@ -13,7 +14,8 @@ use wire::{FieldSample, State};
 /// Evaluates samples again and counts those that differ.
 #[derive(Debug)]
 pub struct Verifier {
-    predictor: Predictor,
+    evaluator: Evaluator,
+    reconstructor: Reconstructor,
     evaluation: Evaluation,
     expected: Vec<f32>,
     /// Run and number of the newest state.
@@ -45,20 +47,21 @@ impl Verifier {
     /// # Errors
     /// The bytes are no model.
     pub fn new(model: &[u8]) -> anyhow::Result<Self> {
-        let predictor = Predictor::new(&Model::from_bytes(model)?, &Selection::default())?;
+        let model = Model::from_bytes(model)?;
+        let evaluator = Evaluator::new(&model.header)?;
+        let reconstructor = Reconstructor::new(&model, &Selection::default())?;
         Ok(Self {
-            evaluation: predictor.evaluation(),
-            expected: vec![0.0; predictor.entries()],
-            predictor,
+            evaluation: evaluator.evaluation(),
+            expected: vec![0.0; reconstructor.entries()],
+            evaluator,
+            reconstructor,
             newest: (0, 0),
             counts: Counts::default(),
         })
     }
 
     fn evaluate(&mut self, pressure_mpa: f64, gap_mm: f64) {
-        // Only the label depends on earlier states; values follow pressure and gap alone.
-        let mut switch = RegimeSwitch::default();
-        self.predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut switch, &mut self.evaluation);
+        self.evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut self.evaluation);
     }
 
     /// Verifies order and values of a state.
@@ -85,7 +88,7 @@ impl Verifier {
     pub fn field(&mut self, sample: &FieldSample) {
         let header = sample.header();
         self.evaluate(header.pressure_mpa, header.gap_mm);
-        let computed = self.predictor.reconstruct_into(&self.evaluation, &mut self.expected).is_ok();
+        let computed = self.reconstructor.reconstruct_into(&self.evaluation, &mut self.expected).is_ok();
         let pairs = || sample.values().iter().zip(&self.expected);
         let same = sample.values().len() == self.expected.len()
             && pairs().all(|(found, wanted)| found.to_bits() == wanted.to_bits());

@@ -1,76 +1,65 @@
-//! Weighted sums of radial kernel values: what a state costs. A block of outputs stays in registers while all centres go
-//! by, so each weight is read once and nothing else moves.
+//! Weighted sums of radial kernel values: most of the cost of an evaluation. A block of outputs stays in registers while
+//! the loop passes over all centres, so each weight is read once.
 //!
 //! Products and sums are rounded apart and taken in the order of the centres: every instruction set gives the same bits.
 
 use super::isa::Isa;
 
-/// Kernel values at a query and what they are weighed with.
-#[derive(Clone, Copy)]
-pub(crate) struct Kernels<'a> {
-    /// `centres x outputs`, all outputs of a centre together.
-    pub weights: &'a [f64],
-    /// By centre.
-    pub values: &'a [f64],
-    /// By centre: slopes along both inputs.
-    pub slopes: &'a [[f64; 2]],
-}
-
-/// By output: value and slopes along both inputs.
+/// Sums of three quantities, by output.
 pub(crate) type Sums<'a> = [&'a mut [f64]; 3];
 
-/// `sums[q][k] = sum_c weights[c, k] q_c` for the value and both slopes `q`. Cost `3 centres x outputs` products.
-pub(crate) fn weigh(kernels: Kernels<'_>, sums: Sums<'_>) {
+/// `sums[q][k] = sum_c weights[c, k] factors[c][q]`, `weights` being `centres x outputs`, all outputs of a centre together.
+/// Cost `3 centres x outputs` products.
+pub(crate) fn weigh(weights: &[f64], factors: &[[f64; 3]], sums: Sums<'_>) {
     match Isa::detect() {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: detected just now.
-        Isa::Avx512 => unsafe { avx512(kernels, sums) },
+        Isa::Avx512 => unsafe { avx512(weights, factors, sums) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: detected just now.
-        Isa::Avx2 => unsafe { avx2(kernels, sums) },
-        _ => blocks::<4>(kernels, sums),
+        Isa::Avx2 => unsafe { avx2(weights, factors, sums) },
+        _ => blocks::<4>(weights, factors, sums),
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f")]
-fn avx512(kernels: Kernels<'_>, sums: Sums<'_>) {
-    blocks::<16>(kernels, sums);
+fn avx512(weights: &[f64], factors: &[[f64; 3]], sums: Sums<'_>) {
+    blocks::<16>(weights, factors, sums);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn avx2(kernels: Kernels<'_>, sums: Sums<'_>) {
-    blocks::<8>(kernels, sums);
+fn avx2(weights: &[f64], factors: &[[f64; 3]], sums: Sums<'_>) {
+    blocks::<8>(weights, factors, sums);
 }
 
 /// Blocks of `N` outputs, then smaller ones for what is left.
 #[inline(always)]
-fn blocks<const N: usize>(kernels: Kernels<'_>, mut sums: Sums<'_>) {
+fn blocks<const N: usize>(weights: &[f64], factors: &[[f64; 3]], mut sums: Sums<'_>) {
     let outputs = sums[0].len();
     let mut at = 0;
     while at + N <= outputs {
-        block::<N>(kernels, &mut sums, at);
+        block::<N>(weights, factors, &mut sums, at);
         at += N;
     }
     while at + 4 <= outputs {
-        block::<4>(kernels, &mut sums, at);
+        block::<4>(weights, factors, &mut sums, at);
         at += 4;
     }
     while at < outputs {
-        block::<1>(kernels, &mut sums, at);
+        block::<1>(weights, factors, &mut sums, at);
         at += 1;
     }
 }
 
 /// Outputs `at .. at + N`.
 #[inline(always)]
-fn block<const N: usize>(kernels: Kernels<'_>, sums: &mut Sums<'_>, at: usize) {
+fn block<const N: usize>(weights: &[f64], factors: &[[f64; 3]], sums: &mut Sums<'_>, at: usize) {
     let mut totals = [[0.0; N]; 3];
-    let rows = kernels.weights.chunks_exact(sums[0].len());
-    for ((row, value), slope) in rows.zip(kernels.values).zip(kernels.slopes) {
+    for (row, factors) in weights.chunks_exact(sums[0].len()).zip(factors) {
         let Some(weights) = row[at..].first_chunk::<N>() else { return };
-        for (total, factor) in totals.iter_mut().zip([*value, slope[0], slope[1]]) {
+        for (total, factor) in totals.iter_mut().zip(factors) {
             for (total, weight) in total.iter_mut().zip(weights) {
                 *total += weight * factor;
             }
@@ -94,21 +83,17 @@ mod tests {
             centres in proptest::collection::vec((-9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64), 1..30),
         ) {
             let weights: Vec<f64> = (0..outputs * centres.len()).map(|i| ((i * 37) % 101) as f64 / 7.0 - 5.0).collect();
-            let values: Vec<f64> = centres.iter().map(|c| c.0).collect();
-            let slopes: Vec<[f64; 2]> = centres.iter().map(|c| [c.1, c.2]).collect();
-            let kernels = Kernels { weights: &weights, values: &values, slopes: &slopes };
-            let defined = |factor: &dyn Fn(usize) -> f64, k: usize| {
-                (0..centres.len()).fold(0.0, |sum, c| sum + weights[c * outputs + k] * factor(c))
+            let factors: Vec<[f64; 3]> = centres.iter().map(|c| [c.0, c.1, c.2]).collect();
+            let defined = |q: usize, k: usize| {
+                (0..centres.len()).fold(0.0, |sum, c| sum + weights[c * outputs + k] * factors[c][q])
             };
             for way in [weigh, blocks::<4>, blocks::<8>, blocks::<16>] {
-                let mut sums = vec![f64::NAN; 3 * outputs];
-                let (value, rest) = sums.split_at_mut(outputs);
-                let (dx0, dx1) = rest.split_at_mut(outputs);
-                way(kernels, [value, dx0, dx1]);
-                for k in 0..outputs {
-                    prop_assert_eq!(sums[k].to_bits(), defined(&|c| values[c], k).to_bits());
-                    prop_assert_eq!(sums[outputs + k].to_bits(), defined(&|c| slopes[c][0], k).to_bits());
-                    prop_assert_eq!(sums[2 * outputs + k].to_bits(), defined(&|c| slopes[c][1], k).to_bits());
+                let mut sums = [vec![f64::NAN; outputs], vec![f64::NAN; outputs], vec![f64::NAN; outputs]];
+                way(&weights, &factors, sums.each_mut().map(Vec::as_mut_slice));
+                for (q, sum) in sums.iter().enumerate() {
+                    for (k, sum) in sum.iter().enumerate() {
+                        prop_assert_eq!(sum.to_bits(), defined(q, k).to_bits());
+                    }
                 }
             }
         }

@@ -1,8 +1,9 @@
 //! What a header must satisfy before anything indexes by it, and how selections are resolved against it.
 
-use super::{ModelHeader, RegimeModel};
+use super::header::{ModelHeader, RegimeModel};
+use super::selection::{ModelError, Nodes};
+use crate::inputs::MAX_INPUTS;
 use crate::interpolant::Interpolant;
-use crate::predict::{Nodes, PredictError};
 
 impl RegimeModel {
     /// Length of the coefficient vector.
@@ -25,6 +26,10 @@ impl ModelHeader {
         let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(what.to_owned()) };
         require(self.node_count > 0 && !self.fields.is_empty(), "no nodes or no fields")?;
         require(!self.regimes.is_empty(), "no regime")?;
+        require(
+            (2..=MAX_INPUTS).contains(&self.inputs.len()),
+            "expected pressure, gap and at most six more inputs",
+        )?;
         for field in &self.fields {
             let axes = field.magnitude_of.unwrap_or_default();
             let plain = |axis: &usize| self.fields.get(*axis).is_some_and(|f| f.magnitude_of.is_none());
@@ -54,8 +59,13 @@ impl ModelHeader {
         require: &dyn Fn(bool, &str) -> Result<(), String>,
     ) -> Result<(), String> {
         let dimensions = regime.inputs.dimensions();
-        require((1..=2).contains(&dimensions), "a regime needs one or two inputs")?;
-        require(regime.inputs.axes.iter().all(|a| a.max > a.min), "an input has an empty range")?;
+        let (axes, constants) = (&regime.inputs.axes, &regime.inputs.constants);
+        require((1..=MAX_INPUTS).contains(&dimensions), "a regime needs one to eight inputs")?;
+        require(axes.iter().all(|a| a.max > a.min), "an input has an empty range")?;
+        let positions = axes.iter().map(|a| a.input).chain(constants.iter().map(|c| c.0));
+        require(positions.max() < Some(self.inputs.len()), "a regime names a missing input")?;
+        require(axes.windows(2).all(|a| a[0].input < a[1].input), "a regime's inputs are out of order")?;
+        require(regime.domain.dimensions() == dimensions, "the domain has other inputs than its regime")?;
         let mut next = 0;
         for group in &regime.groups {
             require(
@@ -87,8 +97,10 @@ impl ModelHeader {
             )?;
         }
         regime.interpolants().try_for_each(|fit| {
-            let (weights, tail) = (fit.centres.len() * fit.outputs, fit.tail.terms(dimensions) * fit.outputs);
             require(fit.dimensions == dimensions, "an interpolant has other inputs than its regime")?;
+            require(fit.centres.len() % dimensions == 0, "an interpolant's centres are cut")?;
+            let (weights, tail) =
+                (fit.centre_count() * fit.outputs, fit.tail.terms(dimensions) * fit.outputs);
             require(
                 fit.weights.len() == weights && fit.tail_weights.len() == tail,
                 "an interpolant's weights are cut",
@@ -99,13 +111,13 @@ impl ModelHeader {
     /// Indices of the named fields, or all; unknown names are refused.
     ///
     /// # Errors
-    /// [`PredictError::UnknownField`].
-    pub fn resolve_fields(&self, names: Option<&[String]>) -> Result<Vec<usize>, PredictError> {
+    /// [`ModelError::UnknownField`].
+    pub fn resolve_fields(&self, names: Option<&[String]>) -> Result<Vec<usize>, ModelError> {
         let Some(names) = names else { return Ok((0..self.fields.len()).collect()) };
         let known = || self.fields.iter().map(|f| f.spec.name.clone()).collect();
         let find = |name: &String| {
             let found = self.fields.iter().position(|f| f.spec.name == *name);
-            found.ok_or_else(|| PredictError::UnknownField { found: name.clone(), known: known() })
+            found.ok_or_else(|| ModelError::UnknownField { found: name.clone(), known: known() })
         };
         names.iter().map(find).collect()
     }
@@ -113,8 +125,8 @@ impl ModelHeader {
     /// Node indices of a selection, none for all; unknown sets and nodes beyond the mesh are refused.
     ///
     /// # Errors
-    /// [`PredictError::UnknownNodeSet`], [`PredictError::NodeOutOfRange`].
-    pub fn resolve_nodes(&self, nodes: &Nodes) -> Result<Option<Vec<u32>>, PredictError> {
+    /// [`ModelError::UnknownNodeSet`], [`ModelError::NodeOutOfRange`].
+    pub fn resolve_nodes(&self, nodes: &Nodes) -> Result<Option<Vec<u32>>, ModelError> {
         let list = match nodes {
             Nodes::All => return Ok(None),
             Nodes::List(list) => list.clone(),
@@ -122,12 +134,12 @@ impl ModelHeader {
                 Some(set) => set.nodes.clone(),
                 None => {
                     let known = self.node_sets.iter().map(|s| s.name.clone()).collect();
-                    return Err(PredictError::UnknownNodeSet { found: name.clone(), known });
+                    return Err(ModelError::UnknownNodeSet { found: name.clone(), known });
                 }
             },
         };
         match list.iter().find(|n| **n as usize >= self.node_count) {
-            Some(&node) => Err(PredictError::NodeOutOfRange { node, node_count: self.node_count }),
+            Some(&node) => Err(ModelError::NodeOutOfRange { node, node_count: self.node_count }),
             None => Ok(Some(list)),
         }
     }

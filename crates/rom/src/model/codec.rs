@@ -30,7 +30,7 @@ pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::OutputField;
+    use crate::model::header::OutputField;
     use crate::snapshots::{FieldKind, FieldSpec};
 
     /// Bytes of a known value, written out by hand: lengths and indices u64, variants u32, options one byte, all

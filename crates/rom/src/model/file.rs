@@ -15,17 +15,20 @@
 //! Offsets in the block table count from `d`. Header and blocks carry their own blake3, so that a reader who needs
 //! one block checks that block and no more.
 
-use super::codec;
-use super::{BlockData, BlockKind, Model, ModelHeader};
-use crate::predict::{PredictError, Selection};
+use super::header::{BlockData, BlockKind, Model, ModelHeader};
+use super::selection::{ModelError, Selection};
+use super::{codec, version2};
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Seek, SeekFrom};
 use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// Version this program writes and reads. Models are made again in seconds, so older layouts are refused, not converted.
-pub const VERSION: u32 = 2;
+/// Newest version that this program writes and reads: any inputs.
+pub const VERSION: u32 = 3;
+/// Version of a model whose inputs are pressure and gap. Models are made again in seconds, so older layouts are refused,
+/// not converted.
+const VERSION_OF_TWO_INPUTS: u32 = 2;
 const ALIGN: usize = 64;
 const TRAILER: u64 = 32;
 
@@ -48,7 +51,7 @@ pub enum ModelFileError {
     },
     /// Written by an older or a newer program.
     #[error(
-        "the model file has version {found}, expected {VERSION}; {}",
+        "the model file has version {found}, expected {VERSION_OF_TWO_INPUTS} to {VERSION}; {}",
         if *.found > VERSION { "update this program" } else { "train the model again: `softtwin train`" }
     )]
     Version {
@@ -80,7 +83,7 @@ pub enum ModelFileError {
     Header(String),
     /// The selection does not fit the model.
     #[error(transparent)]
-    Selection(#[from] PredictError),
+    Selection(#[from] ModelError),
     /// The bytes could not be read.
     #[error("reading the model: {0}")]
     Io(#[from] std::io::Error),
@@ -101,10 +104,10 @@ pub struct BlockEntry {
     pub hash: [u8; 32],
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct FileHeader {
+#[derive(Debug, Serialize, Deserialize)]
+struct FileHeader<H> {
     blocks: Vec<BlockEntry>,
-    model: ModelHeader,
+    model: H,
 }
 
 impl Model {
@@ -127,11 +130,14 @@ impl Model {
             });
             data.extend(bytes);
         }
-        let header = codec::encode(&FileHeader { blocks: table, model: self.header.clone() });
+        let (version, header) = match version2::header(&self.header) {
+            Some(model) => (VERSION_OF_TWO_INPUTS, codec::encode(&FileHeader { blocks: table, model })),
+            None => (VERSION, codec::encode(&FileHeader { blocks: table, model: &self.header })),
+        };
         let header = header.map_err(ModelFileError::Header)?;
         let mut out = Vec::with_capacity(2 * ALIGN + header.len() + data.len() + TRAILER as usize);
         out.extend(MAGIC);
-        out.extend(VERSION.to_le_bytes());
+        out.extend(version.to_le_bytes());
         out.extend([0; 4]);
         out.extend((header.len() as u64).to_le_bytes());
         out.extend(blake3::hash(&header).as_bytes());
@@ -182,7 +188,7 @@ impl BlockData {
 #[derive(Debug)]
 pub struct ModelReader<R> {
     reader: R,
-    header: FileHeader,
+    header: FileHeader<ModelHeader>,
     data_start: u64,
 }
 
@@ -202,7 +208,7 @@ impl<R: Read + Seek> ModelReader<R> {
         }
         fits("the preamble", ALIGN as u64 + TRAILER, length)?;
         let version = u32::from_le_bytes([preamble[8], preamble[9], preamble[10], preamble[11]]);
-        if version != VERSION {
+        if !(VERSION_OF_TWO_INPUTS..=VERSION).contains(&version) {
             return Err(ModelFileError::Version { found: version });
         }
         let mut word = [0; 8];
@@ -219,7 +225,7 @@ impl<R: Read + Seek> ModelReader<R> {
         let mut bytes = vec![0; header_bytes as usize];
         reader.read_exact(&mut bytes)?;
         verify("the header", &preamble[24..56], &bytes)?;
-        let header: FileHeader = codec::decode(&bytes).map_err(ModelFileError::Header)?;
+        let header = decode(version, &bytes).map_err(ModelFileError::Header)?;
         header.model.check().map_err(ModelFileError::Header)?;
         let data_start = (ALIGN as u64 + header_bytes).next_multiple_of(ALIGN as u64);
         for block in &header.blocks {
@@ -285,6 +291,14 @@ impl<R: Read + Seek> ModelReader<R> {
         }
         Ok(Model { header, blocks })
     }
+}
+
+fn decode(version: u32, bytes: &[u8]) -> Result<FileHeader<ModelHeader>, String> {
+    if version == VERSION {
+        return codec::decode(bytes);
+    }
+    let FileHeader { blocks, model } = codec::decode::<FileHeader<version2::Header>>(bytes)?;
+    Ok(FileHeader { blocks, model: model.into() })
 }
 
 fn fits(what: &str, expected: u64, found: u64) -> Result<(), ModelFileError> {

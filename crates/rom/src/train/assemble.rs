@@ -3,11 +3,11 @@
 use super::group::{GroupFit, Plan};
 use super::regime::Part;
 use crate::config::TrainConfig;
-use crate::datasheet::{DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
-use crate::interpolant::{Interpolant, Quantity};
+use crate::datasheet::{Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
+use crate::inputs::InputSpec;
+use crate::interpolant::Interpolant;
 use crate::model::{BlockData, BlockKind, GroupModel, Model, ModelHeader, OutputField, RegimeModel};
 use crate::regime::OnsetTable;
-use crate::select::Candidate;
 use crate::snapshots::Database;
 
 pub(super) fn assemble(
@@ -19,6 +19,8 @@ pub(super) fn assemble(
     remarks: Vec<String>,
 ) -> (Model, DataSheet) {
     let fields = database.fields.iter().zip(&plan.magnitude_of);
+    let maps = parts.iter().map(|part| &part.inputs);
+    let inputs = InputSpec::ranged(InputSpec::pressure_and_gap(), maps);
     let sheet = DataSheet {
         actuator: database.actuator.clone(),
         database_hash: database.hash.iter().map(|b| format!("{b:02x}")).collect(),
@@ -33,7 +35,7 @@ pub(super) fn assemble(
                 i16_error_bound: 0.0,
             })
             .collect(),
-        regimes: parts.iter().map(|part| regime_sheet(plan, part)).collect(),
+        regimes: parts.iter().map(|part| regime_sheet(plan, part, &inputs)).collect(),
         sag_mm: onset.as_ref().map(OnsetTable::sag_mm),
         reach_mm: onset.as_ref().map(OnsetTable::reach_mm),
         remarks,
@@ -41,6 +43,7 @@ pub(super) fn assemble(
     };
     let header = ModelHeader {
         actuator: database.actuator.clone(),
+        inputs,
         fields: fields.map(|(spec, axes)| OutputField { spec: spec.clone(), magnitude_of: *axes }).collect(),
         node_count: database.node_count,
         regimes: parts.iter().map(|part| regime_model(plan, part)).collect(),
@@ -82,7 +85,7 @@ fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
         groups: groups.collect(),
         force: part.force.as_ref().map(|f| f.0.clone()),
         domain: part.domain.clone(),
-        bars: part.bars,
+        halfwidths: part.halfwidths,
         far_onset: part.far_onset.clone(),
     }
 }
@@ -104,8 +107,7 @@ fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind
     blocks
 }
 
-fn regime_sheet(plan: &Plan, part: &Part) -> RegimeSheet {
-    let name = |q: Quantity| if q == Quantity::PressureMpa { "pressure_mpa" } else { "gap_mm" };
+fn regime_sheet(plan: &Plan, part: &Part, inputs: &[InputSpec]) -> RegimeSheet {
     RegimeSheet {
         kind: part.kind,
         cases: part.cases,
@@ -114,7 +116,7 @@ fn regime_sheet(plan: &Plan, part: &Part) -> RegimeSheet {
             .inputs
             .axes
             .iter()
-            .map(|a| InputSheet { name: name(a.quantity).into(), min: a.min, max: a.max })
+            .map(|a| InputSheet { name: inputs[a.input].key(), min: a.min, max: a.max })
             .collect(),
         groups: plan
             .groups
@@ -125,7 +127,7 @@ fn regime_sheet(plan: &Plan, part: &Part) -> RegimeSheet {
         force: part.force.as_ref().map(|(model, candidates, rms)| {
             fit_sheet("contact_force", 0, 0.0, &model.surrogate, *rms, candidates)
         }),
-        bars: part.bars,
+        halfwidths: part.halfwidths,
         leave_one_out: part.errors.clone(),
     }
 }

@@ -6,7 +6,7 @@
 //! basis the other cases span. Exact for kernels that reproduce constants (any tail but none).
 
 use crate::config::KernelSpec;
-use crate::fit::{Samples, fit_candidate};
+use crate::fit::{Samples, fit};
 use crate::interpolant::Interpolant;
 use crate::pod::{Compact, decompose};
 use crate::select::States;
@@ -26,7 +26,7 @@ pub(super) fn full_leave_one_out(
     let samples =
         Samples { dimensions: states.dimensions, inputs: states.inputs, values: &values, outputs: rank };
     let spec = KernelSpec { kernel: chosen.kernel, tail: chosen.tail };
-    let residuals = fit_candidate(&samples, spec, chosen.metric, chosen.smoothing).ok()?.residuals;
+    let residuals = fit(&samples, spec, chosen.metric, chosen.smoothing).ok()?.residuals;
     let scored: Vec<usize> = (0..m).filter(|&i| states.score[i] > 0.0).collect();
     let mut total = 0.0;
     for &i in &scored {

@@ -3,6 +3,7 @@
 use super::TrainError;
 use super::full::full_leave_one_out;
 use crate::config::{Grouping, ModeChoice, RegimeConfig, TrainConfig};
+use crate::inputs::Point;
 use crate::pod::{Compact, Pod, decompose};
 use crate::select::{Choice, States, Task, choose};
 use crate::snapshots::{Database, FieldKind};
@@ -154,7 +155,7 @@ pub(super) fn fit_groups(
 
 impl GroupFit {
     /// The group's stacked fields at a scaled input.
-    pub fn evaluate(&self, x: [f64; 2]) -> Vec<f64> {
+    pub fn evaluate(&self, x: &Point) -> Vec<f64> {
         let a = self.choice.fit.interpolant.values_at(x);
         let mut y = self.compact.mean.clone();
         for (k, a) in a.iter().enumerate() {

@@ -2,7 +2,7 @@
 //!
 //! Order: sort the training cases into regimes; free model (POD by group, interpolants by leave-one-out); onset pressure
 //! over gap from the free model; contact model on touching states plus states on the onset boundary taken from the free
-//! model, so that fields are continuous across the switch; coverage bars from leave-one-out residuals.
+//! model, so that fields are continuous across the switch; half-widths from leave-one-out residuals.
 
 mod assemble;
 mod full;
@@ -15,9 +15,8 @@ mod storage;
 use crate::config::TrainConfig;
 use crate::datasheet::DataSheet;
 use crate::fit::FitError;
-use crate::model::Model;
+use crate::model::{Model, ModelError};
 use crate::pod::PodError;
-use crate::predict::PredictError;
 use crate::snapshots::Database;
 use thiserror::Error;
 
@@ -57,7 +56,7 @@ pub enum TrainError {
     Onset(String),
     /// The trained model does not answer.
     #[error("the trained model cannot predict: {0}")]
-    Predict(#[from] PredictError),
+    Predict(#[from] ModelError),
 }
 
 /// Trains a model. `progress` is told what is being done. Reads the training split only.

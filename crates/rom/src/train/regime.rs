@@ -1,15 +1,15 @@
-//! Training one regime: inputs, groups, force, domain, coverage bars.
+//! Training one regime: inputs, groups, force, domain, half-widths.
 
 use super::TrainError;
 use super::group::{Decomposed, GroupFit, Plan, fit_groups};
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::conformal;
-use crate::datasheet::CaseError;
+use crate::datasheet::{Candidate, CaseError};
 use crate::hull::Domain;
-use crate::interpolant::{InputAxis, InputMap, Quantity};
+use crate::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
 use crate::model::{FarOnset, ForceModel, HalfWidths};
 use crate::regime::OnsetTable;
-use crate::select::{Candidate, States, Task, choose};
+use crate::select::{States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
 use faer::Mat;
 
@@ -23,7 +23,7 @@ pub(super) struct Part {
     pub groups: Vec<GroupFit>,
     pub force: Option<(ForceModel, Vec<Candidate>, f64)>,
     pub domain: Domain,
-    pub bars: HalfWidths,
+    pub halfwidths: HalfWidths,
     pub cases: usize,
     pub boundary_states: usize,
     pub far_onset: Option<FarOnset>,
@@ -34,7 +34,7 @@ impl Part {
     /// A field of the free model at a pressure, node by node.
     pub fn field(&self, plan: &Plan, field: usize, pressure_mpa: f64) -> Vec<f64> {
         let Some((g, at)) = plan.find(field) else { return Vec::new() };
-        let stacked = self.groups[g].evaluate(self.inputs.scale(pressure_mpa, 0.0));
+        let stacked = self.groups[g].evaluate(&self.inputs.scale(&Inputs::new(pressure_mpa, 0.0)));
         let nodes = stacked.len() / plan.groups[g].fields.len();
         stacked[at * nodes..(at + 1) * nodes].to_vec()
     }
@@ -44,15 +44,15 @@ impl Part {
 struct Training<'a> {
     database: &'a Database,
     cases: &'a [usize],
-    /// `(pressure, gap)` of cases and boundary states.
-    points: Vec<(f64, f64)>,
+    /// Inputs of cases and boundary states.
+    points: Vec<Inputs>,
     inputs: InputMap,
-    scaled: Vec<[f64; 2]>,
+    scaled: Vec<Point>,
     /// 1 for cases inside the hull of the cases, 0 for the others.
     score: Vec<f64>,
     domain: Domain,
-    /// `(pressure, gap)` on the onset beyond the states above: the modes know them, the kernels do not.
-    far: Vec<(f64, f64)>,
+    /// States on the onset beyond those above: the modes know them, the kernels do not.
+    far: Vec<Inputs>,
 }
 
 pub(super) fn free(
@@ -61,11 +61,11 @@ pub(super) fn free(
     plan: &Plan,
     cases: &[usize],
 ) -> Result<Part, TrainError> {
-    let points = cases.iter().map(|&i| (database.cases[i].pressure_mpa, 0.0)).collect();
-    let training = Training::new(database, cases, points, &[Quantity::PressureMpa], f64::INFINITY);
+    let points = cases.iter().map(|&i| Inputs::new(database.cases[i].pressure_mpa, 0.0)).collect();
+    let training = Training::new(database, cases, points, &[PRESSURE], f64::INFINITY);
     let groups = training.groups(RegimeKind::Free, config, &config.free, plan, None)?;
-    let (errors, bars) = training.errors(plan, &groups, None, config.coverage);
-    Ok(training.part(RegimeKind::Free, groups, None, errors, bars))
+    let (errors, halfwidths) = training.errors(plan, &groups, None, config.coverage);
+    Ok(training.part(RegimeKind::Free, groups, None, errors, halfwidths))
 }
 
 pub(super) fn contact(
@@ -75,48 +75,49 @@ pub(super) fn contact(
     cases: &[usize],
     boundary: Option<(&Part, &OnsetTable)>,
 ) -> Result<Part, TrainError> {
-    let case = |i: usize| (database.cases[i].pressure_mpa, database.cases[i].gap_mm.unwrap_or(0.0));
-    let mut points: Vec<(f64, f64)> = cases.iter().map(|&i| case(i)).collect();
-    let largest_gap = points.iter().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
+    let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
+    let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
     if let Some((_, table)) = boundary {
         points.extend(boundary_points(&points, table, config));
     }
     let far = boundary.map_or(Vec::new(), |(_, table)| far_points(&points[cases.len()..], table));
-    let mut training =
-        Training::new(database, cases, points, &[Quantity::PressureMpa, Quantity::GapMm], largest_gap);
+    let mut training = Training::new(database, cases, points, &[PRESSURE, GAP], largest_gap);
     training.far = far.iter().copied().skip(1).step_by(FAR_STRIDE).collect();
     let groups =
         training.groups(RegimeKind::Contact, config, &config.contact, plan, boundary.map(|b| b.0))?;
     let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
     let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
     let force = training.force(&config.contact, onset)?;
-    let (errors, bars) = training.errors(plan, &groups, Some(&force.1), config.coverage);
-    Ok(Part { far_onset, ..training.part(RegimeKind::Contact, groups, Some(force.0), errors, bars) })
+    let (errors, halfwidths) = training.errors(plan, &groups, Some(&force.1), config.coverage);
+    Ok(Part { far_onset, ..training.part(RegimeKind::Contact, groups, Some(force.0), errors, halfwidths) })
 }
 
 /// States on the onset, evenly spread over pressure; one only where all cases share a gap.
-fn boundary_points(cases: &[(f64, f64)], table: &OnsetTable, config: &TrainConfig) -> Vec<(f64, f64)> {
+fn boundary_points(cases: &[Inputs], table: &OnsetTable, config: &TrainConfig) -> Vec<Inputs> {
     let count = config.boundary_states;
-    let gap = cases[0].1;
-    if cases.iter().all(|c| c.1 == gap) {
+    let gap = cases[0].gap_mm();
+    let gaps = || cases.iter().map(Inputs::gap_mm);
+    if gaps().all(|g| g == gap) {
         let onset = table.onset(gap).pressure_mpa().filter(|p| count > 0 && *p > 0.0);
-        return onset.map(|p| (p, gap)).into_iter().collect();
+        return onset.map(|p| Inputs::new(p, gap)).into_iter().collect();
     }
-    let (low, high) = cases.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), c| (l.min(c.1), h.max(c.1)));
+    let (low, high) = gaps().fold((f64::INFINITY, 0.0_f64), |(l, h), g| (l.min(g), h.max(g)));
     let limit = high + config.boundary_overshoot * (high - low);
     let last = table.gap_mm.partition_point(|g| *g <= limit).saturating_sub(1);
     let pick = |i: usize| i * last / (count - 1).max(1);
-    (0..count).map(pick).map(|i| (table.pressure_mpa[i], table.gap_mm[i])).collect()
+    (0..count).map(pick).map(|i| Inputs::new(table.pressure_mpa[i], table.gap_mm[i])).collect()
 }
 
 /// Every so many entries of the onset table beyond the trained ones take part in the POD.
 const FAR_STRIDE: usize = 20;
 
 /// The last onset state among `boundary` and all entries of the table beyond it; none when it is the table's end.
-fn far_points(boundary: &[(f64, f64)], table: &OnsetTable) -> Vec<(f64, f64)> {
-    let Some(last) = boundary.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
-    let entries = table.pressure_mpa.iter().copied().zip(table.gap_mm.iter().copied());
-    let beyond: Vec<(f64, f64)> = entries.filter(|e| e.1 > last.1).collect();
+fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
+    let Some(last) = boundary.iter().copied().max_by(|a, b| a.gap_mm().total_cmp(&b.gap_mm())) else {
+        return Vec::new();
+    };
+    let entries = table.pressure_mpa.iter().zip(&table.gap_mm).map(|(p, gap)| Inputs::new(*p, *gap));
+    let beyond: Vec<Inputs> = entries.filter(|e| e.gap_mm() > last.gap_mm()).collect();
     if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
 }
 
@@ -126,24 +127,24 @@ impl<'a> Training<'a> {
     fn new(
         database: &'a Database,
         cases: &'a [usize],
-        points: Vec<(f64, f64)>,
-        quantities: &[Quantity],
+        points: Vec<Inputs>,
+        varying: &[usize],
         largest_gap: f64,
     ) -> Self {
-        let inputs = input_map(&points, quantities);
-        let scaled: Vec<[f64; 2]> = points.iter().map(|p| inputs.scale(p.0, p.1)).collect();
+        let inputs = InputMap::of_states(&points, varying);
+        let scaled: Vec<Point> = points.iter().map(|p| inputs.scale(p)).collect();
         // The domain is where cases were simulated, plus the onset up to the largest gap simulated.
-        let trusted: Vec<[f64; 2]> = scaled
+        let trusted: Vec<Point> = scaled
             .iter()
             .zip(&points)
             .enumerate()
-            .filter(|(i, (_, p))| *i < cases.len() || p.1 <= largest_gap)
+            .filter(|(i, (_, p))| *i < cases.len() || p.gap_mm() <= largest_gap)
             .map(|(_, (x, _))| *x)
             .collect();
-        let domain = domain_of(inputs.dimensions(), &trusted);
-        let edge = domain_of(inputs.dimensions(), &scaled[..cases.len()]);
+        let domain = Domain::of_points(inputs.dimensions(), &trusted);
+        let edge = Domain::of_points(inputs.dimensions(), &scaled[..cases.len()]);
         let mut score: Vec<f64> = (0..points.len())
-            .map(|i| f64::from(u8::from(i < cases.len() && !edge.has_vertex(scaled[i]))))
+            .map(|i| f64::from(u8::from(i < cases.len() && !edge.has_vertex(&scaled[i]))))
             .collect();
         if score.iter().sum::<f64>() < 3.0 {
             score[..cases.len()].fill(1.0); // too few inside to judge by: judge by all
@@ -175,7 +176,7 @@ impl<'a> Training<'a> {
             }
             for (j, point) in all.enumerate().skip(self.cases.len()) {
                 if let Some(free) = free {
-                    let state = free.groups[g].evaluate(free.inputs.scale(point.0, 0.0));
+                    let state = free.groups[g].evaluate(&free.inputs.scale(point));
                     y.col_as_slice_mut(j).copy_from_slice(&state);
                 }
             }
@@ -186,14 +187,14 @@ impl<'a> Training<'a> {
     }
 
     /// What makes the contact fields meet the free ones at the onset entries `far`, of which the first is trained on.
-    fn far_onset(&self, free: &Part, groups: &[GroupFit], far: &[(f64, f64)]) -> Option<FarOnset> {
+    fn far_onset(&self, free: &Part, groups: &[GroupFit], far: &[Inputs]) -> Option<FarOnset> {
         if far.len() < 2 || self.inputs.dimensions() < 2 {
             return None;
         }
-        let correction = |(at, point): (usize, &(f64, f64))| {
+        let correction = |(at, point): (usize, &Inputs)| {
             let one = |(fit, free_fit): (&GroupFit, &GroupFit)| {
-                let surrogate = fit.choice.fit.interpolant.values_at(self.inputs.scale(point.0, point.1));
-                let wanted = fit.project(&free_fit.evaluate(free.inputs.scale(point.0, 0.0)));
+                let surrogate = fit.choice.fit.interpolant.values_at(&self.inputs.scale(point));
+                let wanted = fit.project(&free_fit.evaluate(&free.inputs.scale(point)));
                 let difference =
                     wanted.iter().zip(&surrogate).map(|(w, s)| if at == 0 { 0.0 } else { w - s });
                 difference.collect::<Vec<_>>()
@@ -201,12 +202,12 @@ impl<'a> Training<'a> {
             groups.iter().zip(&free.groups).flat_map(one).collect::<Vec<_>>()
         };
         Some(FarOnset {
-            gap_mm: far.iter().map(|p| p.1).collect(),
+            gap_mm: far.iter().map(Inputs::gap_mm).collect(),
             corrections: far.iter().enumerate().flat_map(correction).collect(),
         })
     }
 
-    fn states<'b>(&self, inputs: &'b [[f64; 2]], score: &'b [f64]) -> States<'b> {
+    fn states<'b>(&self, inputs: &'b [Point], score: &'b [f64]) -> States<'b> {
         States { dimensions: self.inputs.dimensions(), inputs, score }
     }
 
@@ -219,13 +220,14 @@ impl<'a> Training<'a> {
         let forces: Vec<f64> = self.cases.iter().map(|&i| self.database.cases[i].contact_force_n).collect();
         let excess: Vec<f64> = match onset {
             Some(table) => {
-                self.points[..forces.len()].iter().map(|p| p.0 - table.pressure_and_slope(p.1).0).collect()
+                let excess = |p: &Inputs| p.pressure_mpa() - table.pressure_and_slope(p.gap_mm()).0;
+                self.points[..forces.len()].iter().map(excess).collect()
             }
             None => vec![1.0; forces.len()],
         };
         let least = MIN_EXCESS * excess.iter().copied().fold(0.0, f64::max);
         let used: Vec<usize> = (0..forces.len()).filter(|&i| excess[i] > least).collect();
-        let inputs: Vec<[f64; 2]> = used.iter().map(|&i| self.scaled[i]).collect();
+        let inputs: Vec<Point> = used.iter().map(|&i| self.scaled[i]).collect();
         let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess[i]).collect();
         let score: Vec<f64> = used.iter().map(|&i| self.score[i] * excess[i]).collect();
         let task = Task {
@@ -250,7 +252,7 @@ impl<'a> Training<'a> {
         Ok(((force, choice.candidates, rms), residuals))
     }
 
-    /// Leave-one-out errors at each case's worst node, and the bars calibrated on those inside the hull.
+    /// Leave-one-out errors at each case's worst node, and the half-widths calibrated on them.
     fn errors(
         &self,
         plan: &Plan,
@@ -291,8 +293,8 @@ impl<'a> Training<'a> {
                 force_n: force.map_or(0.0, |f| f[i].abs()),
             })
             .collect();
-        let bars = conformal::bars(&errors, coverage);
-        (errors, bars)
+        let halfwidths = conformal::halfwidths(&errors, coverage);
+        (errors, halfwidths)
     }
 
     fn part(
@@ -301,14 +303,14 @@ impl<'a> Training<'a> {
         groups: Vec<GroupFit>,
         force: Option<Force>,
         errors: Vec<CaseError>,
-        bars: HalfWidths,
+        halfwidths: HalfWidths,
     ) -> Part {
         Part {
             kind,
             groups,
             force,
             errors,
-            bars,
+            halfwidths,
             cases: self.cases.len(),
             far_onset: None,
             boundary_states: self.points.len() - self.cases.len(),
@@ -316,30 +318,4 @@ impl<'a> Training<'a> {
             domain: self.domain,
         }
     }
-}
-
-/// Axes for the quantities that vary; a regime in which nothing varies keeps its first one, a unit wide.
-fn input_map(points: &[(f64, f64)], quantities: &[Quantity]) -> InputMap {
-    let axis = |quantity: &Quantity| {
-        let values = points.iter().map(|p| if *quantity == Quantity::PressureMpa { p.0 } else { p.1 });
-        let (min, max) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        InputAxis { quantity: *quantity, min, max }
-    };
-    let all: Vec<InputAxis> = quantities.iter().map(axis).collect();
-    let mut axes: Vec<InputAxis> =
-        all.iter().copied().filter(|a| a.max - a.min > 1e-9 * a.max.abs().max(a.min.abs())).collect();
-    if axes.is_empty() {
-        axes.push(InputAxis { max: all[0].min + 1.0, ..all[0] });
-    }
-    let constant_gap = all.iter().find(|a| a.quantity == Quantity::GapMm && !axes.contains(a));
-    InputMap { axes, constant_gap_mm: constant_gap.map(|a| a.min) }
-}
-
-fn domain_of(dimensions: usize, points: &[[f64; 2]]) -> Domain {
-    if dimensions > 1 {
-        return Domain::hull_of(points);
-    }
-    let ends =
-        points.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |e, p| [e[0].min(p[0]), e[1].max(p[0])]);
-    Domain::Interval(ends)
 }

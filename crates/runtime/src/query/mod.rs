@@ -11,7 +11,7 @@ use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateS
 use crate::load::{GroupSizes, Loaded, LoadedOutput, load};
 use crate::payload;
 use crate::side_service::SideService;
-use rom::interpolant::Quantity;
+use rom::inputs::{GAP, PRESSURE};
 use rom::model::{ModelHeader, ModelReader};
 use rom::snapshots::RegimeKind;
 use std::fs::File;
@@ -60,7 +60,7 @@ impl Answerer {
         Self {
             name: loaded.spec.name,
             model_hash: loaded.model_hash,
-            solver: Solver::new(loaded.evaluator, loaded.regimes, pressure_mpa, gap_mm),
+            solver: Solver::new(loaded.evaluator, pressure_mpa, gap_mm),
             default_gap_mm: fixed_mm.or(constant_mm),
             group_sizes: loaded.group_sizes,
             outputs: loaded.outputs,
@@ -92,7 +92,7 @@ impl Answerer {
 
     /// Values of the field that a question asks for; 0: none, or there is none of that name.
     pub fn entries(&self, query: &Query) -> usize {
-        self.output(query).map_or(0, |output| output.predictor.entries())
+        self.output(query).map_or(0, |output| output.reconstructor.entries())
     }
 
     /// Answers; `values` has room for [`Self::entries`] values.
@@ -165,7 +165,7 @@ impl Answerer {
             answer.verdict = QueryStatus::NoSuchField.code();
             return;
         };
-        match output.predictor.reconstruct_into(self.solver.evaluation(), values) {
+        match output.reconstructor.reconstruct_into(self.solver.evaluation(), values) {
             Ok(peaks) => payload::fill_answer_field(answer, output, &peaks),
             Err(_) => answer.verdict = QueryStatus::Model.code(),
         }
@@ -192,12 +192,8 @@ fn header(path: &Path) -> Result<ModelHeader, Vec<String>> {
 fn ranges(header: &ModelHeader) -> [[f64; 2]; 2] {
     let contact = header.regimes.iter().find(|regime| regime.kind == RegimeKind::Contact);
     let Some(regime) = contact.or(header.regimes.first()) else { return [[0.0; 2]; 2] };
-    let range = |quantity: Quantity| {
-        let axis = regime.inputs.axes.iter().find(|axis| axis.quantity == quantity);
-        axis.map(|axis| [axis.min, axis.max])
-    };
-    let constant = regime.inputs.constant_gap_mm.unwrap_or(f64::INFINITY);
-    [range(Quantity::PressureMpa).unwrap_or([0.0; 2]), range(Quantity::GapMm).unwrap_or([constant; 2])]
+    let range = |input, absent| regime.inputs.range(input).unwrap_or([absent; 2]);
+    [range(PRESSURE, 0.0), range(GAP, f64::INFINITY)]
 }
 
 /// The answers of a whole scene.

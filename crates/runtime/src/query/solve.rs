@@ -4,11 +4,10 @@
 //! gap, but nothing here relies on it: the range is scanned on a grid, the first crossing is taken, and it is closed in by
 //! bisection and secant steps. Error bars follow to first order: `dP = dF / (dF/dP)`, `dgap = dF / |dF/dgap|`.
 
-use rom::evaluation::{Evaluation, Input};
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
-use rom::predict::Predictor;
-use rom::regime::RegimeSwitch;
-use rom::snapshots::RegimeKind;
+use rom::inputs::Inputs;
 use wire::QueryStatus;
 
 /// Points of the scan; the force is smooth, so a crossing pair between two of them would be a wiggle of the model.
@@ -43,9 +42,8 @@ pub struct Solution {
 /// A model as the solver sees it.
 #[derive(Debug)]
 pub struct Solver {
-    evaluator: Predictor,
+    evaluator: Evaluator,
     evaluation: Evaluation,
-    regimes: Vec<RegimeKind>,
     /// Sampled pressures, MPa.
     pub pressure_mpa: [f64; 2],
     /// Sampled gaps, mm; the same twice: the gap is no input.
@@ -60,29 +58,20 @@ struct Point {
 }
 
 impl Solver {
-    /// A solver over the sampled ranges; `regimes` are those of the evaluator.
-    pub fn new(
-        evaluator: Predictor,
-        regimes: Vec<RegimeKind>,
-        pressure_mpa: [f64; 2],
-        gap_mm: [f64; 2],
-    ) -> Self {
+    /// A solver over the sampled ranges.
+    pub fn new(evaluator: Evaluator, pressure_mpa: [f64; 2], gap_mm: [f64; 2]) -> Self {
         let evaluation = evaluator.evaluation();
-        Self { evaluator, evaluation, regimes, pressure_mpa, gap_mm }
+        Self { evaluator, evaluation, pressure_mpa, gap_mm }
     }
 
     /// Whether the model has the regime of the last state; without it that evaluation says nothing.
     pub fn is_known(&self) -> bool {
-        self.regimes.contains(&self.evaluation.basis)
+        self.evaluator.has_regime(self.evaluation.regime)
     }
 
     /// Evaluates one state. Without memory: a question has no history, so no hysteresis.
     pub fn evaluate(&mut self, pressure_mpa: f64, gap_mm: f64) -> &Evaluation {
-        self.evaluator.evaluate(
-            Input { pressure_mpa, gap_mm },
-            &mut RegimeSwitch::default(),
-            &mut self.evaluation,
-        );
+        self.evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut self.evaluation);
         &self.evaluation
     }
 
@@ -118,7 +107,7 @@ impl Solver {
         let value =
             self.close_in(&points, force_n, |solver, p| solver.force_inside(p, gap_mm)).unwrap_or(first.at);
         let found = self.evaluate(value, gap_mm);
-        let uncertainty = found.bars.force_n / found.dforce_dpressure.abs();
+        let uncertainty = found.halfwidths.force_n / found.force_by_pressure_n_per_mpa().abs();
         Ok(bounded(value, uncertainty, &points))
     }
 
@@ -161,8 +150,8 @@ impl Solver {
         let force = |solver: &mut Self, gap| solver.force_inside(pressure_mpa, gap);
         let value = self.close_in(&points, force_n, force).unwrap_or(far.at);
         let found = self.evaluate(pressure_mpa, value);
-        let bar_n = found.bars.force_n.hypot(force_halfwidth_n);
-        let uncertainty = bar_n / found.dforce_dgap.abs();
+        let bar_n = found.halfwidths.force_n.hypot(force_halfwidth_n);
+        let uncertainty = bar_n / found.force_by_gap_n_per_mm().abs();
         Ok(bounded(value, uncertainty, &points))
     }
 

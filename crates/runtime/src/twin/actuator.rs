@@ -6,13 +6,15 @@ use super::force_watch::ForceWatch;
 use super::ingest::Validator;
 use super::reconstruct::{FieldError, FieldOutput};
 use super::record::Record;
+use super::swap::Retired;
 use crate::config::{Limits, OutsideDomain, StateSpec, ms_to_ns};
 use crate::load::{GroupSizes, Loaded};
 use crate::payload;
-use rom::evaluation::{Evaluation, Input};
+use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
-use rom::predict::Predictor;
-use rom::regime::RegimeSwitch;
+use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
+use rom::inputs::Inputs;
+use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use wire::layout::{VERSION, flags, pack_name};
@@ -30,9 +32,9 @@ pub(super) struct ActuatorTwin {
     pub(super) reader: SensorReader,
     state_writer: StateWriter,
     pub(super) outputs: Vec<FieldOutput>,
-    evaluator: Predictor,
+    evaluator: HysteresisEvaluator,
     evaluation: Evaluation,
-    switch: RegimeSwitch,
+    label: RegimeLabel,
     validator: Validator,
     /// Good readings that are not answered yet, with the time of taking; never more than `backlog`.
     waiting: VecDeque<(SensorSample, u64)>,
@@ -78,8 +80,8 @@ impl ActuatorTwin {
             state_writer,
             outputs,
             evaluation: loaded.evaluator.evaluation(),
-            evaluator: loaded.evaluator,
-            switch: RegimeSwitch::default(),
+            evaluator: HysteresisEvaluator::new(loaded.evaluator),
+            label: RegimeLabel { regime: RegimeKind::Free, held: false },
             validator: Validator::new(limits, loaded.spec.gap_mm),
             waiting: VecDeque::with_capacity(loaded.spec.backlog),
             backlog: loaded.spec.backlog,
@@ -100,13 +102,13 @@ impl ActuatorTwin {
     }
 
     /// Continues with another model; the caller has checked that names and shapes are the same.
-    pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Vec<Predictor>) {
+    pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Retired) {
         self.evaluation = loaded.evaluator.evaluation();
-        retired.push(std::mem::replace(&mut self.evaluator, loaded.evaluator));
+        let new = HysteresisEvaluator::new(loaded.evaluator);
+        retired.evaluators.push(std::mem::replace(&mut self.evaluator, new));
         for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {
-            retired.push(output.swap(loaded.model_hash, new));
+            retired.reconstructors.push(output.swap(loaded.model_hash, new));
         }
-        self.switch = RegimeSwitch::default();
         self.validator.set_gap(loaded.spec.gap_mm);
         self.backlog = loaded.spec.backlog;
         self.waiting.reserve(self.backlog.saturating_sub(self.waiting.len()));
@@ -189,8 +191,8 @@ impl ActuatorTwin {
 
     /// Step 3: coefficients, force, gradients and half-widths of the reading.
     fn evaluate(&mut self, sample: &SensorSample) -> Result<(), Outcome> {
-        let input = Input { pressure_mpa: sample.pressure_mpa, gap_mm: self.validator.gap_mm(sample) };
-        self.evaluator.evaluate(input, &mut self.switch, &mut self.evaluation);
+        let inputs = Inputs::new(sample.pressure_mpa, self.validator.gap_mm(sample));
+        self.label = self.evaluator.evaluate(inputs, &mut self.evaluation);
         if !payload::is_finite(&self.evaluation) {
             return Err(Outcome::DroppedModel);
         }
@@ -235,6 +237,7 @@ impl ActuatorTwin {
         let (evaluation, state) = (&self.evaluation, &mut self.state);
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
         payload::fill_state(state, evaluation, &self.group_sizes, self.wanted);
+        payload::fill_label(state, self.label);
         state.outcome = Outcome::Published.code();
         state.sensor_boot_id = sample.boot_id;
         state.sensor_seq = sample.seq;
@@ -243,7 +246,7 @@ impl ActuatorTwin {
         let residual_n = sample.measured_force_n - evaluation.contact_force_n;
         let after_ns = ms_to_ns(self.limits.force_mismatch_ms);
         let mismatch =
-            self.force_watch.update(sample.t_sensor_ns, residual_n, evaluation.bars.force_n, after_ns);
+            self.force_watch.update(sample.t_sensor_ns, residual_n, evaluation.halfwidths.force_n, after_ns);
         let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
         for (bit, set) in [
             (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),

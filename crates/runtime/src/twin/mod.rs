@@ -108,11 +108,11 @@ impl Twin {
     /// [`SwapError`]; the twin is as before.
     pub fn swap(&mut self, loaded: Vec<Loaded>) -> Result<Retired, SwapError> {
         swap::check(&self.actuators, &loaded)?;
-        let mut retired = Vec::new();
+        let mut retired = Retired::default();
         for (actuator, loaded) in self.actuators.iter_mut().zip(loaded) {
             actuator.swap(loaded, &mut retired);
         }
-        Ok(Retired(retired))
+        Ok(retired)
     }
 
     /// Counters of every actuator.

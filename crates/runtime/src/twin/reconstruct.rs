@@ -4,14 +4,14 @@ use crate::load::LoadedOutput;
 use crate::payload;
 use rom::evaluation::Evaluation;
 use rom::kernel::Peaks;
-use rom::predict::Predictor;
+use rom::reconstructor::Reconstructor;
 use wire::{Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
 
 /// A field topic of a running twin.
 #[derive(Debug)]
 pub(super) struct FieldOutput {
     writer: FieldWriter,
-    predictor: Predictor,
+    reconstructor: Reconstructor,
     /// The values that are the same in every header, and the number of the last sample.
     header: FieldHeader,
     /// The sample that the next field is written into.
@@ -39,10 +39,10 @@ impl FieldOutput {
     ) -> Result<Self, WireError> {
         let topic = Topic::field(actuator, loaded.spec.topic_name())?;
         let mut output = Self {
-            writer: FieldWriter::create(bus, &topic, loaded.predictor.entries())?,
+            writer: FieldWriter::create(bus, &topic, loaded.reconstructor.entries())?,
             header: FieldHeader { model_hash, boot_id, ..payload::field_header(&loaded) },
             period_ns: period_ns(&loaded),
-            predictor: loaded.predictor,
+            reconstructor: loaded.reconstructor,
             next: None,
             next_due_ns: 0,
         };
@@ -57,12 +57,12 @@ impl FieldOutput {
 
     /// Continues with another model on the same topic; returns the old one, so that it is freed elsewhere. The caller has
     /// checked that a sample has as many values as before.
-    pub(super) fn swap(&mut self, model_hash: [u8; 16], loaded: LoadedOutput) -> Predictor {
+    pub(super) fn swap(&mut self, model_hash: [u8; 16], loaded: LoadedOutput) -> Reconstructor {
         let (boot_id, seq) = (self.header.boot_id, self.header.seq);
         self.header = FieldHeader { model_hash, boot_id, seq, ..payload::field_header(&loaded) };
         self.period_ns = period_ns(&loaded);
         self.next_due_ns = 0;
-        std::mem::replace(&mut self.predictor, loaded.predictor)
+        std::mem::replace(&mut self.reconstructor, loaded.reconstructor)
     }
 
     /// Whether a reading of this time is to be published here.
@@ -76,7 +76,7 @@ impl FieldOutput {
             Some(loan) => loan,
             None => self.writer.loan().map_err(|_| FieldError::Transport)?,
         };
-        let peaks = self.predictor.reconstruct_into(evaluation, loan.values_mut());
+        let peaks = self.reconstructor.reconstruct_into(evaluation, loan.values_mut());
         Ok((loan, peaks.map_err(|_| FieldError::Reconstruction)?))
     }
 

@@ -4,7 +4,8 @@
 use super::actuator::ActuatorTwin;
 use super::reconstruct::{FieldOutput, shape};
 use crate::load::Loaded;
-use rom::predict::Predictor;
+use rom::hysteresis::HysteresisEvaluator;
+use rom::reconstructor::Reconstructor;
 
 /// Why a running twin cannot continue with what was loaded. It continues with what it has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -34,9 +35,12 @@ pub enum SwapError {
 
 /// What a swap took out of the loop. Dropping it frees tens of megabytes: not a thing to do between two readings.
 #[derive(Debug, Default)]
-pub struct Retired(
-    #[expect(dead_code, reason = "held to be dropped by its owner")] pub(super) Vec<Predictor>,
-);
+pub struct Retired {
+    /// Evaluators.
+    pub(super) evaluators: Vec<HysteresisEvaluator>,
+    /// Reconstructors, with their bases.
+    pub(super) reconstructors: Vec<Reconstructor>,
+}
 
 /// Checks that a running twin can continue with what was loaded: the same actuators and topics, samples of the same size.
 ///
@@ -52,7 +56,7 @@ pub(super) fn check(running: &[ActuatorTwin], new: &[Loaded]) -> Result<(), Swap
         let running: Vec<String> = actuator.outputs.iter().map(FieldOutput::shape).collect();
         let wanted = loaded.outputs.iter();
         let new: Vec<String> =
-            wanted.map(|output| shape(output.spec.topic_name(), output.predictor.entries())).collect();
+            wanted.map(|output| shape(output.spec.topic_name(), output.reconstructor.entries())).collect();
         if running != new {
             let (running, new) = (running.join(", "), new.join(", "));
             return Err(SwapError::Outputs { actuator: loaded.spec.name.clone(), running, new });

@@ -3,8 +3,7 @@
 use crate::{files, output};
 use rom::datasheet::{DataSheet, FitSheet};
 use rom::hull::Domain;
-use rom::interpolant::Quantity;
-use rom::model::{Model, RegimeModel};
+use rom::model::{Model, ModelHeader, RegimeModel};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use wire::layout::hex;
@@ -50,22 +49,22 @@ fn as_json(model: &Model) -> Value {
         "hysteresis_mpa": header.hysteresis_mpa,
         "sag_mm": header.onset.as_ref().map(|t| t.sag_mm()),
         "reach_mm": header.onset.as_ref().map(|t| t.reach_mm()),
-        "regimes": header.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(r)))
+        "regimes": header.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(header, r)))
             .collect::<serde_json::Map<_, _>>(),
         "bytes": bytes(model),
     })
 }
 
-fn regime_json(regime: &RegimeModel) -> Value {
+fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
     json!({
         "inputs": regime.inputs.axes.iter().map(|a| json!({
-            "name": quantity(a.quantity), "min": a.min, "max": a.max })).collect::<Vec<_>>(),
+            "name": header.inputs[a.input].key(), "min": a.min, "max": a.max })).collect::<Vec<_>>(),
         "modes": regime.groups.iter().map(|g| (g.name.clone(), json!(g.coefficients.len())))
             .collect::<serde_json::Map<_, _>>(),
         "kernels": regime.groups.iter().map(|g| (g.name.clone(), json!(g.surrogate.kernel)))
             .collect::<serde_json::Map<_, _>>(),
         "force": regime.force.as_ref().map(|f| json!(f.surrogate.kernel)),
-        "bars": regime.bars,
+        "bars": regime.halfwidths,
     })
 }
 
@@ -87,11 +86,11 @@ fn text(model: &Model) -> anyhow::Result<()> {
     for regime in &header.regimes {
         output!("\nregime {}", regime.kind.name())?;
         for axis in &regime.inputs.axes {
-            output!("  {:<12} {} .. {}", quantity(axis.quantity), axis.min, axis.max)?;
+            output!("  {:<12} {} .. {}", header.inputs[axis.input].key(), axis.min, axis.max)?;
         }
         let domain = match &regime.domain {
             Domain::Interval(_) => "the interval of its samples".into(),
-            Domain::Hull(vertices) => format!("the convex hull of its samples, {} vertices", vertices.len()),
+            hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
         };
         output!("  domain       {domain}")?;
         for group in &regime.groups {
@@ -99,7 +98,7 @@ fn text(model: &Model) -> anyhow::Result<()> {
             output!(
                 "  {:<12} {modes:>2} modes, {} centres, {:?}, tail {:?}",
                 group.name,
-                kernel.centres.len(),
+                kernel.centre_count(),
                 kernel.kernel,
                 kernel.tail
             )?;
@@ -109,18 +108,18 @@ fn text(model: &Model) -> anyhow::Result<()> {
             output!(
                 "  {:<12} {} centres, {:?}, tail {:?}",
                 "force",
-                fit.centres.len(),
+                fit.centre_count(),
                 fit.kernel,
                 fit.tail
             )?;
         }
-        let bars = regime.bars;
+        let halfwidths = regime.halfwidths;
         output!(
             "  {:.0} % bars    displacement {:.2e} mm, stress {:.2e} MPa, force {:.2e} N",
-            bars.coverage * 100.0,
-            bars.displacement_mm,
-            bars.stress_mpa,
-            bars.force_n
+            halfwidths.coverage * 100.0,
+            halfwidths.displacement_mm,
+            halfwidths.stress_mpa,
+            halfwidths.force_n
         )?;
     }
     Ok(())
@@ -147,13 +146,13 @@ pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
         for fit in regime.groups.iter().chain(&regime.force) {
             output!("  {}", fit_line(fit))?;
         }
-        let bars = regime.bars;
+        let halfwidths = regime.halfwidths;
         output!(
             "  {:.0} % of untouched states err by less than {:.2e} mm, {:.2e} MPa, {:.2e} N at their worst node",
-            bars.coverage * 100.0,
-            bars.displacement_mm,
-            bars.stress_mpa,
-            bars.force_n
+            halfwidths.coverage * 100.0,
+            halfwidths.displacement_mm,
+            halfwidths.stress_mpa,
+            halfwidths.force_n
         )?;
     }
     for remark in &sheet.remarks {
@@ -168,13 +167,6 @@ fn fit_line(fit: &FitSheet) -> String {
         "{:<14}{:>5}  {kernel:<32}{:>10.1e}{:>15.2e}{:>14.1e}",
         fit.name, fit.modes, fit.condition, fit.leave_one_out, fit.truncation_error
     )
-}
-
-const fn quantity(quantity: Quantity) -> &'static str {
-    match quantity {
-        Quantity::PressureMpa => "pressure_mpa",
-        Quantity::GapMm => "gap_mm",
-    }
 }
 
 fn bytes(model: &Model) -> usize {

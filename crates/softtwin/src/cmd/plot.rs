@@ -7,11 +7,10 @@ use crate::files;
 use crate::output;
 use crate::picture::{Axis, Figure, Map, Mark, Panel, Series};
 use formats::database::ObstacleKind;
-use rom::evaluation::Input;
-use rom::interpolant::Quantity;
+use rom::evaluator::Evaluator;
+use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::Model;
-use rom::predict::{Nodes, Predictor, Selection};
-use rom::regime::{OnsetTable, RegimeSwitch};
+use rom::regime::OnsetTable;
 use rom::snapshots::{Database, RegimeKind, Split};
 use std::path::PathBuf;
 
@@ -101,35 +100,24 @@ impl Args {
     }
 }
 
-/// A predictor that reconstructs one node only: pictures of scalars need no fields.
-fn scalars(model: &Model) -> anyhow::Result<Predictor> {
-    Ok(Predictor::new(model, &Selection { fields: None, nodes: Nodes::List(vec![0]) })?)
-}
-
-/// Sampled range of a reading in a regime.
-fn range(model: &Model, regime: RegimeKind, quantity: Quantity) -> Option<[f64; 2]> {
-    let axis = model.regime(regime)?.inputs.axes.iter().find(|a| a.quantity == quantity)?;
-    Some([axis.min, axis.max])
-}
-
 fn force_map(model: &Model, database: Option<&Database>) -> anyhow::Result<Figure> {
-    let contact = |quantity| range(model, RegimeKind::Contact, quantity);
-    let (Some(pressures), Some(gaps)) = (contact(Quantity::PressureMpa), contact(Quantity::GapMm)) else {
+    let contact = model.regime(RegimeKind::Contact).filter(|regime| regime.inputs.dimensions() == 2);
+    let range = |input| contact.and_then(|regime| regime.inputs.range(input));
+    let (Some(pressures), Some(gaps)) = (range(PRESSURE), range(GAP)) else {
         return Err(usage(
             "force-map: expected a model with a contact regime over pressure and gap; `softtwin inspect` shows its regimes",
         ));
     };
     let (x, y) = ([0.0, pressures[1]], gaps);
-    let mut predictor = scalars(model)?;
-    let mut evaluation = predictor.evaluation();
+    let evaluator = Evaluator::new(&model.header)?;
+    let mut evaluation = evaluator.evaluation();
     let mut values = Vec::with_capacity(CELLS * CELLS);
     for row in 0..CELLS {
         for column in 0..CELLS {
             let centre = |range: [f64; 2], i: usize| {
                 range[0] + (i as f64 + 0.5) / CELLS as f64 * (range[1] - range[0])
             };
-            let input = Input { pressure_mpa: centre(x, column), gap_mm: centre(y, row) };
-            predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
+            evaluator.evaluate(Inputs::new(centre(x, column), centre(y, row)), &mut evaluation);
             values.push(evaluation.contact_force_n);
         }
     }
@@ -196,19 +184,18 @@ fn singular_values(model: &Model) -> Figure {
 }
 
 fn coefficients(model: &Model) -> anyhow::Result<Figure> {
-    let pressures = range(model, RegimeKind::Free, Quantity::PressureMpa);
-    let (Some(regime), Some([low, high])) = (model.regime(RegimeKind::Free), pressures) else {
+    let free = model.regime(RegimeKind::Free);
+    let (Some(regime), Some([low, high])) = (free, free.and_then(|free| free.inputs.range(PRESSURE))) else {
         return Err(usage(
             "coefficients: expected a model with a free regime; `softtwin inspect` shows its regimes",
         ));
     };
-    let mut predictor = scalars(model)?;
-    let mut evaluation = predictor.evaluation();
+    let evaluator = Evaluator::new(&model.header)?;
+    let mut evaluation = evaluator.evaluation();
     let states: Vec<(f64, Vec<f64>)> = (0..=CELLS)
         .map(|i| low + i as f64 / CELLS as f64 * (high - low))
         .map(|pressure_mpa| {
-            let input = Input { pressure_mpa, gap_mm: f64::INFINITY };
-            predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
+            evaluator.evaluate(Inputs::new(pressure_mpa, f64::INFINITY), &mut evaluation);
             (pressure_mpa, evaluation.coefficients.clone())
         })
         .collect();

@@ -6,12 +6,12 @@ use crate::{files, output};
 use anyhow::Context;
 use formats::export::Series;
 use formats::fields::{Format, State};
-use rom::evaluation::{Evaluation, Input};
+use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
+use rom::inputs::Inputs;
 use rom::kernel::Peaks;
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
 use rom::snapshots::FieldSpec;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -57,22 +57,21 @@ impl Args {
             Format::of(out).map_err(usage)?; // before the work, not after it
         }
         let model = files::model(&self.model)?;
-        let mut predictor = Predictor::new(&model, &Selection::default())?;
-        let mut evaluation = predictor.evaluation();
-        predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
-        if predictor.basis(evaluation.basis).is_none() {
-            let (found, wanted) = (regimes(&model), evaluation.basis.name());
+        let mut state = ModelState::new(&model, &Selection::default())?;
+        let peaks = state.update(input);
+        let regime = state.evaluation().regime;
+        if model.regime(regime).is_none() {
+            let (found, wanted) = (regimes(&model), regime.name());
             return Err(usage(format!("this state belongs to regime {wanted}; the model has only {found}")));
         }
-        let mut values = vec![0.0; predictor.entries()];
-        let peaks = predictor.reconstruct_into(&evaluation, &mut values)?;
+        let peaks = peaks?;
         if self.out.is_some() {
-            self.write(&model, &values)?;
+            self.write(&model, state.fields())?;
         }
-        output::json(&answer(&evaluation, &peaks))
+        output::json(&answer(state.evaluation(), &peaks))
     }
 
-    fn checked_input(&self) -> anyhow::Result<Input> {
+    fn checked_input(&self) -> anyhow::Result<Inputs> {
         if !(self.pressure_mpa.is_finite() && self.pressure_mpa >= 0.0) {
             let found = self.pressure_mpa;
             return Err(usage(format!(
@@ -84,7 +83,7 @@ impl Args {
                 "--gap-mm: expected a finite gap in mm (leave it out for no obstacle), found {gap}"
             )));
         }
-        Ok(Input { pressure_mpa: self.pressure_mpa, gap_mm: self.gap_mm.unwrap_or(f64::INFINITY) })
+        Ok(Inputs::new(self.pressure_mpa, self.gap_mm.unwrap_or(f64::INFINITY)))
     }
 
     fn write(&self, model: &Model, values: &[f32]) -> anyhow::Result<()> {
@@ -105,16 +104,16 @@ fn regimes(model: &Model) -> String {
 fn answer(evaluation: &Evaluation, peaks: &Peaks) -> Value {
     json!({
         "regime": evaluation.regime.name(),
-        "pressure_mpa": evaluation.input.pressure_mpa,
-        "gap_mm": Some(evaluation.input.gap_mm).filter(|gap| gap.is_finite()),
+        "pressure_mpa": evaluation.inputs.pressure_mpa(),
+        "gap_mm": Some(evaluation.inputs.gap_mm()).filter(|gap| gap.is_finite()),
         "contact_force_n": evaluation.contact_force_n,
-        "dforce_dpressure_n_per_mpa": evaluation.dforce_dpressure,
-        "dforce_dgap_n_per_mm": evaluation.dforce_dgap,
+        "dforce_dpressure_n_per_mpa": evaluation.force_by_pressure_n_per_mpa(),
+        "dforce_dgap_n_per_mm": evaluation.force_by_gap_n_per_mm(),
         "onset_pressure_mpa": evaluation.onset_pressure_mpa,
         "in_domain": evaluation.domain == DomainStatus::Inside,
         "domain": evaluation.domain,
         "domain_distance": evaluation.domain_distance,
-        "bars": evaluation.bars,
+        "bars": evaluation.halfwidths,
         "max_displacement_mm": peaks.displacement_mm.map(|p| p.value),
         "max_displacement_node": peaks.displacement_mm.map(|p| p.node),
         "max_von_mises_mpa": peaks.stress_mpa.map(|p| p.value),

@@ -39,8 +39,8 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let Action::Explain { scene: path, json } = self.action;
         let scene = Scene::load(&path).map_err(configuration)?;
-        let mut loaded = load_scene(&scene, &path).map_err(configuration)?;
-        let explained: Vec<Explained> = loaded.iter_mut().map(explain).collect();
+        let loaded = load_scene(&scene, &path).map_err(configuration)?;
+        let explained: Vec<Explained> = loaded.iter().map(explain).collect();
         if json {
             return output::json(&explained);
         }

@@ -4,10 +4,10 @@ use super::frame::{FrameHead, Word, bits, encode};
 use crate::load::LoadedModel;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::evaluation::{Evaluation, Input};
 use rom::hull::DomainStatus;
-use rom::predict::{Nodes, Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::inputs::Inputs;
+use rom::model::{Nodes, Selection};
+use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
 use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use serde::Serialize;
@@ -51,7 +51,7 @@ struct Known {
     /// The visible nodes, ascending.
     visible: Vec<u32>,
     mesh_message: Option<Vec<u8>>,
-    oracle: Mutex<Oracle>,
+    prediction: Mutex<Prediction>,
 }
 
 /// What the page is told about a model.
@@ -69,12 +69,9 @@ pub struct Card {
     obstacle: Footprint,
 }
 
-/// A predictor with its memory.
-struct Oracle {
-    predictor: Predictor,
-    switch: RegimeSwitch,
-    evaluation: Evaluation,
-    values: Vec<f32>,
+/// A model's visible nodes at one state, with the names of its fields.
+struct Prediction {
+    state: ModelState,
     fields: Vec<Word>,
 }
 
@@ -153,19 +150,19 @@ impl Catalogue {
                 "expected a pressure of 0 to {limit_mpa:.2} MPa and a gap of 0 to 10000 mm, found {pressure_mpa} MPa, {gap_mm:?} mm"
             ));
         }
-        let mut oracle = known.oracle.lock().unwrap_or_else(PoisonError::into_inner);
-        let input = Input { pressure_mpa, gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
-        oracle.answer(input, known).map_err(|error| error.to_string())
+        let mut prediction = known.prediction.lock().unwrap_or_else(PoisonError::into_inner);
+        let inputs = Inputs::new(pressure_mpa, gap_mm.unwrap_or(f64::INFINITY));
+        prediction.answer(inputs, known).map_err(|error| error.to_string())
     }
 
     /// Makes a frame of a recorded state: its numbers are in `head`, its shape is computed. `O(visible nodes x modes)`.
     ///
     /// # Errors
     /// When the model cannot reconstruct the state's regime.
-    pub fn replay(&self, model: usize, input: Input, mut head: FrameHead) -> Result<Vec<u8>> {
+    pub fn replay(&self, model: usize, inputs: Inputs, mut head: FrameHead) -> Result<Vec<u8>> {
         let known = self.models.get(model).context("no such model")?;
-        let mut oracle = known.oracle.lock().unwrap_or_else(PoisonError::into_inner);
-        let values = oracle.shape(input, known, &mut head)?;
+        let mut prediction = known.prediction.lock().unwrap_or_else(PoisonError::into_inner);
+        let values = prediction.shape(inputs, known, &mut head)?;
         Ok(encode(&head, &[&values]))
     }
 }
@@ -197,7 +194,7 @@ impl Known {
             node_count: header.node_count,
             visible,
             mesh_message,
-            oracle: Mutex::new(Oracle::new(loaded, nodes)?),
+            prediction: Mutex::new(Prediction::new(loaded, nodes)?),
         })
     }
 }
@@ -213,10 +210,10 @@ fn mesh_message(id: usize, nodes: &[[f32; 3]], visible: &[u32], facets: &[[u32; 
     encode(&head, &[&coordinates, &corners, visible])
 }
 
-impl Oracle {
+impl Prediction {
     fn new(loaded: &LoadedModel, nodes: Nodes) -> Result<Self> {
         let selection = Selection { fields: None, nodes };
-        let predictor = Predictor::new(&loaded.model, &selection)
+        let state = ModelState::new(&loaded.model, &selection)
             .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
         let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
         let known = |name| {
@@ -224,44 +221,37 @@ impl Oracle {
                 wire::layout::field_id::from_name(name).map_or("other", wire::layout::field_id::as_str),
             )
         };
-        Ok(Self {
-            evaluation: predictor.evaluation(),
-            values: vec![0.0; predictor.entries()],
-            fields: names.map(known).collect(),
-            switch: RegimeSwitch::default(),
-            predictor,
-        })
+        Ok(Self { state, fields: names.map(known).collect() })
     }
 
     /// The values to send, and what the header says of them.
-    fn shape(&mut self, input: Input, known: &Known, head: &mut FrameHead) -> Result<Vec<u32>> {
-        self.predictor.evaluate(input, &mut self.switch, &mut self.evaluation);
-        self.predictor.reconstruct_into(&self.evaluation, &mut self.values)?;
-        let rows = self.predictor.rows();
+    fn shape(&mut self, inputs: Inputs, known: &Known, head: &mut FrameHead) -> Result<Vec<u32>> {
+        self.state.update(inputs)?;
+        let (rows, values) = (self.state.reconstructor().rows(), self.state.fields());
         head.model = known.mesh_message.is_some().then_some(known.card.id);
         head.fields.clone_from(&self.fields);
         head.count = rows;
         if let Some(field) = self.fields.iter().position(|name| name == "von_mises") {
-            let stress = &self.values[field * rows..(field + 1) * rows];
+            let stress = &values[field * rows..(field + 1) * rows];
             let largest = stress.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
             head.max_von_mises_mpa = largest.map_or(f64::NAN, |(_, value)| f64::from(*value));
             head.max_von_mises_node = largest.and_then(|(k, _)| known.visible.get(k).copied());
         }
-        Ok(bits(self.values.iter().copied()))
+        Ok(bits(values.iter().copied()))
     }
 
-    fn answer(&mut self, input: Input, known: &Known) -> Result<Vec<u8>> {
+    fn answer(&mut self, inputs: Inputs, known: &Known) -> Result<Vec<u8>> {
         let mut head = FrameHead::empty(PREDICTION);
-        let values = self.shape(input, known, &mut head)?;
-        let evaluation = &self.evaluation;
+        let values = self.shape(inputs, known, &mut head)?;
+        let evaluation = self.state.evaluation();
         head.predicted = true;
-        head.pressure_mpa = input.pressure_mpa;
-        head.gap_mm = input.gap_mm;
+        head.pressure_mpa = inputs.pressure_mpa();
+        head.gap_mm = inputs.gap_mm();
         head.contact_force_n = evaluation.contact_force_n;
         head.onset_pressure_mpa = evaluation.onset_pressure_mpa.unwrap_or(f64::INFINITY);
-        head.force_halfwidth_n = evaluation.bars.force_n as f32;
-        head.displacement_halfwidth_mm = evaluation.bars.displacement_mm as f32;
-        head.von_mises_halfwidth_mpa = evaluation.bars.stress_mpa as f32;
+        head.force_halfwidth_n = evaluation.halfwidths.force_n as f32;
+        head.displacement_halfwidth_mm = evaluation.halfwidths.displacement_mm as f32;
+        head.von_mises_halfwidth_mpa = evaluation.halfwidths.stress_mpa as f32;
         head.regime = evaluation.regime.name().into();
         head.flags = verdict_flag(evaluation.domain).into_iter().map(Into::into).collect();
         Ok(encode(&head, &[&values]))

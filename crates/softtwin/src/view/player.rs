@@ -5,7 +5,7 @@ use super::frame::{FrameHead, Word, bits, encode};
 use super::hub::Hub;
 use crate::recording_data::{RecordedState, RecordingData, Track};
 use anyhow::{Context, Result};
-use rom::evaluation::Input;
+use rom::inputs::Inputs;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -186,8 +186,8 @@ impl Player {
             let model = state.and_then(|state| self.catalogue.find_text(&state.model_hash));
             let message = match (model, state.filter(|state| state.has_reading())) {
                 (Some(model), Some(state)) => {
-                    let input = Input { pressure_mpa: state.pressure_mpa, gap_mm: state.gap_mm };
-                    self.catalogue.replay(model, input, head)
+                    let inputs = Inputs::new(state.pressure_mpa, state.gap_mm);
+                    self.catalogue.replay(model, inputs, head)
                 }
                 _ => Ok(self.recorded_field(track, head)),
             };

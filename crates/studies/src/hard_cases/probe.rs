@@ -2,11 +2,12 @@
 
 use super::{HardCase, Probe, Query};
 use rom::config::TrainConfig;
-use rom::evaluation::{Evaluation, Input};
+use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::{Onset, RegimeSwitch};
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
+use rom::regime::Onset;
 use rom::snapshots::{Database, FieldKind};
 use rom::train::train;
 
@@ -35,11 +36,11 @@ pub(super) fn ask(model: &Model, case: &HardCase, config: &TrainConfig) -> Found
 }
 
 fn ask_queries(model: &Model, database: &Database, queries: &[Query], bound: f64) -> Found {
-    let Ok(mut predictor) = Predictor::new(model, &Selection::default()) else { return Found::NO_ANSWER };
+    let Ok(mut state) = ModelState::new(model, &Selection::default()) else { return Found::NO_ANSWER };
     let largest_force = queries.iter().map(|q| q.force_n).fold(0.0, f64::max);
     let mut found = Found { error: 0.0, flagged: true };
     for query in queries {
-        let (evaluation, out) = answer(&mut predictor, query.pressure, query.gap);
+        let (evaluation, out) = answer(&mut state, query.pressure, query.gap);
         let (mut error, mut covered) = (0.0_f64, true);
         for (f, spec) in database.fields.iter().enumerate() {
             let truth = query.truth.iter().skip(f).step_by(database.fields.len()).map(|v| f64::from(*v));
@@ -52,15 +53,15 @@ fn ask_queries(model: &Model, database: &Database, queries: &[Query], bound: f64
             }
             error = larger(error, if largest > 0.0 { worst / largest } else { worst });
             covered &= match spec.kind {
-                FieldKind::Stress => worst <= evaluation.bars.stress_mpa,
-                _ => worst <= evaluation.bars.displacement_mm,
+                FieldKind::Stress => worst <= evaluation.halfwidths.stress_mpa,
+                _ => worst <= evaluation.halfwidths.displacement_mm,
             };
         }
         let force_error = (evaluation.contact_force_n - query.force_n).abs();
         if largest_force > 0.0 {
             error = larger(error, force_error / largest_force);
         }
-        covered &= force_error <= evaluation.bars.force_n;
+        covered &= force_error <= evaluation.halfwidths.force_n;
         found.flagged &= error <= bound || covered || evaluation.domain != DomainStatus::Inside;
         found.error = larger(found.error, error);
     }
@@ -72,28 +73,21 @@ fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-fn answer(predictor: &mut Predictor, pressure: f64, gap: f64) -> (Evaluation, Vec<f32>) {
-    let mut evaluation = predictor.evaluation();
-    let mut out = vec![f32::NAN; predictor.entries()];
-    predictor.evaluate(
-        Input { pressure_mpa: pressure, gap_mm: gap },
-        &mut RegimeSwitch::default(),
-        &mut evaluation,
-    );
-    if predictor.reconstruct_into(&evaluation, &mut out).is_err() {
-        out.fill(f32::NAN); // no fields, no answer
-    }
-    (evaluation, out)
+fn answer(state: &mut ModelState, pressure: f64, gap: f64) -> (Evaluation, Vec<f32>) {
+    let found = state.update(Inputs::new(pressure, gap)).map(|_| state.fields().to_vec());
+    // No fields, no answer.
+    let fields = found.unwrap_or_else(|_| vec![f32::NAN; state.fields().len()]);
+    (state.evaluation().clone(), fields)
 }
 
 /// Largest jump of any field value over the field's size, and of the force over the largest force, across the onset from
 /// the sag to the reach.
 fn largest_jump(model: &Model) -> f64 {
     let Some(table) = model.header.onset.as_ref() else { return f64::INFINITY };
-    let Ok(mut predictor) = Predictor::new(model, &Selection::default()) else { return f64::INFINITY };
+    let Ok(mut state) = ModelState::new(model, &Selection::default()) else { return f64::INFINITY };
     let (sag, last) = (table.sag_mm(), table.reach_mm());
     let gaps = (0..=100).map(|i| sag + (last - sag) * f64::from(i) / 100.0);
-    let fields = predictor.field_count();
+    let fields = state.reconstructor().field_count();
     // By field: the largest jump, and the largest value at any gap (at P = 0 there is hardly a stress to compare with).
     let (mut jumps, mut sizes, mut force) = (vec![0.0; fields], vec![0.0_f32; fields], 0.0);
     for gap in gaps {
@@ -103,10 +97,10 @@ fn largest_jump(model: &Model) -> f64 {
             Onset::Never => continue,
         };
         // At the sag itself the weight already touches: a hair above it is the free side.
-        let (free, below) = answer(&mut predictor, onset - 1e-9, gap * (1.0 + 1e-12));
-        let (contact, above) = answer(&mut predictor, onset + 1e-9, gap);
+        let (free, below) = answer(&mut state, onset - 1e-9, gap * (1.0 + 1e-12));
+        let (contact, above) = answer(&mut state, onset + 1e-9, gap);
         force = larger(force, (contact.contact_force_n - free.contact_force_n).abs());
-        let rows = predictor.rows();
+        let rows = state.reconstructor().rows();
         for (f, (below, above)) in below.chunks(rows).zip(above.chunks(rows)).enumerate() {
             let jump = below.iter().zip(above).map(|(a, b)| f64::from((a - b).abs()));
             jumps[f] = larger(jumps[f], jump.fold(0.0, larger));
@@ -122,8 +116,8 @@ fn largest_jump(model: &Model) -> f64 {
 
 /// Largest difference of two models' answers over the database's own states and the points half way between them.
 fn largest_difference(a: &Model, b: &Model, database: &Database) -> f64 {
-    let predictors = (Predictor::new(a, &Selection::default()), Predictor::new(b, &Selection::default()));
-    let (Ok(mut a), Ok(mut b)) = predictors else { return f64::INFINITY };
+    let states = (ModelState::new(a, &Selection::default()), ModelState::new(b, &Selection::default()));
+    let (Ok(mut a), Ok(mut b)) = states else { return f64::INFINITY };
     let mut worst = 0.0;
     let point =
         |i: usize| (database.cases[i].pressure_mpa, database.cases[i].gap_mm.unwrap_or(f64::INFINITY));

@@ -159,7 +159,7 @@ fn untouched(study: &Study) -> anyhow::Result<String> {
         );
     }
     text += &worst_stress(study, &report.cases);
-    let promised = study.ours.header.regimes.first().map_or(0.0, |r| 100.0 * r.bars.coverage);
+    let promised = study.ours.header.regimes.first().map_or(0.0, |r| 100.0 * r.halfwidths.coverage);
     let _ = writeln!(
         text,
         "\nThe bars promise {promised:.0} %; they are calibrated by leave-one-out on the training cases alone."
@@ -235,7 +235,7 @@ fn nearest(study: &Study) -> anyhow::Result<String> {
 /// Nearest contact training case over inputs scaled to [0, 1].
 fn nearest_training(study: &Study, case: &Case) -> Option<usize> {
     let inputs = &study.ours.regime(RegimeKind::Contact)?.inputs;
-    let place = |c: &Case| inputs.scale(c.pressure_mpa, c.gap_mm.unwrap_or(f64::INFINITY));
+    let place = |c: &Case| inputs.scale(&c.inputs());
     let at = place(case);
     let distance = |i: &usize| {
         let p = place(&study.database.cases[*i]);

@@ -5,7 +5,6 @@ use super::study::{REGIMES, Study, ours_with, paper, test_mse, train};
 use fem::rng::Rng;
 use rom::config::{KernelKind, ModeChoice, Tail};
 use rom::model::Model;
-use rom::pod::truncation_error;
 use rom::snapshots::{Database, RegimeKind, Split};
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;
@@ -47,7 +46,7 @@ fn truncation(study: &Study, regime: RegimeKind) -> Panel {
         let curve = |g: &rom::model::GroupModel| {
             let count = g.singular_values.len().min(MODES[MODES.len() - 1]);
             let name = if joint { "joint (paper)".into() } else { g.name.clone() };
-            (name, (1..=count).map(|l| (l as f64, truncation_error(&g.singular_values, l))).collect())
+            (name, (1..=count).map(|l| (l as f64, g.truncation_error(l))).collect())
         };
         groups.iter().map(curve).collect()
     };

@@ -1,16 +1,17 @@
 //! Ways to turn an input into fields: the twin's own kernel in f32 and i16, and plain f64 sums beside it.
 
-use rom::evaluation::{Evaluation, Input};
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::inputs::Inputs;
 use rom::kernel::Precision;
-use rom::model::{BlockKind, Model, RegimeModel};
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::model::{BlockKind, Model, RegimeModel, Selection};
+use rom::model_state::ModelState;
 use rom::snapshots::{FieldKind, RegimeKind};
 
 /// Something that answers inputs with fields, and can be timed.
 pub trait Machine {
     /// Evaluates and reconstructs one state; returns the contact force in N.
-    fn answer(&mut self, input: Input) -> anyhow::Result<f64>;
+    fn answer(&mut self, input: Inputs) -> anyhow::Result<f64>;
     /// The last state, field-major.
     fn value(&self, index: usize) -> f64;
     /// Nodes a field.
@@ -20,38 +21,31 @@ pub trait Machine {
 }
 
 /// The twin's reconstruction kernel.
-pub struct Kernel {
-    predictor: Predictor,
-    evaluation: Evaluation,
-    out: Vec<f32>,
-}
+pub struct Kernel(ModelState);
 
 impl Kernel {
     pub fn new(model: &Model, selection: &Selection, precision: Precision) -> anyhow::Result<Self> {
-        let predictor = Predictor::with_precision(model, selection, precision)?;
-        let (evaluation, out) = (predictor.evaluation(), vec![0.0; predictor.entries()]);
-        Ok(Self { predictor, evaluation, out })
+        Ok(Self(ModelState::with_precision(model, selection, precision)?))
     }
 }
 
 impl Machine for Kernel {
-    fn answer(&mut self, input: Input) -> anyhow::Result<f64> {
-        self.predictor.evaluate(input, &mut RegimeSwitch::default(), &mut self.evaluation);
-        self.predictor.reconstruct_into(&self.evaluation, &mut self.out)?;
-        Ok(self.evaluation.contact_force_n)
+    fn answer(&mut self, input: Inputs) -> anyhow::Result<f64> {
+        self.0.update(input)?;
+        Ok(self.0.evaluation().contact_force_n)
     }
 
     fn value(&self, index: usize) -> f64 {
-        f64::from(self.out[index])
+        f64::from(self.0.fields()[index])
     }
 
     fn rows(&self) -> usize {
-        self.predictor.rows()
+        self.0.reconstructor().rows()
     }
 
     fn bytes(&self) -> usize {
         let regimes = [RegimeKind::Free, RegimeKind::Contact].into_iter();
-        regimes.filter_map(|r| self.predictor.basis(r)).map(|b| b.bytes()).sum()
+        regimes.filter_map(|r| self.0.reconstructor().basis(r)).map(|b| b.bytes()).sum()
     }
 }
 
@@ -65,7 +59,7 @@ enum Field {
 
 /// All in f64: mean plus mode after mode, in pieces that stay in the first cache. What f32 and i16 are measured against.
 pub struct Double {
-    predictor: Predictor,
+    evaluator: Evaluator,
     evaluation: Evaluation,
     regimes: Vec<(RegimeKind, Vec<Field>)>,
     out: Vec<f64>,
@@ -80,13 +74,12 @@ impl Double {
         let nodes = model.header.resolve_nodes(&selection.nodes)?;
         let all: Vec<u32> = (0..model.header.node_count as u32).collect();
         let nodes = nodes.unwrap_or(all);
-        let no_fields = Selection { fields: Some(Vec::new()), nodes: selection.nodes.clone() };
-        let predictor = Predictor::new(model, &no_fields)?;
+        let evaluator = Evaluator::new(&model.header)?;
         let regimes =
             model.header.regimes.iter().map(|regime| (regime.kind, fields(model, regime, &nodes))).collect();
-        let (evaluation, rows) = (predictor.evaluation(), nodes.len());
+        let (evaluation, rows) = (evaluator.evaluation(), nodes.len());
         let out = vec![0.0; rows * model.header.fields.len()];
-        Ok(Self { predictor, evaluation, regimes, out, rows })
+        Ok(Self { evaluator, evaluation, regimes, out, rows })
     }
 }
 
@@ -114,9 +107,9 @@ fn fields(model: &Model, regime: &RegimeModel, nodes: &[u32]) -> Vec<Field> {
 }
 
 impl Machine for Double {
-    fn answer(&mut self, input: Input) -> anyhow::Result<f64> {
-        self.predictor.evaluate(input, &mut RegimeSwitch::default(), &mut self.evaluation);
-        let regime = self.regimes.iter().find(|r| r.0 == self.evaluation.basis);
+    fn answer(&mut self, input: Inputs) -> anyhow::Result<f64> {
+        self.evaluator.evaluate(input, &mut self.evaluation);
+        let regime = self.regimes.iter().find(|r| r.0 == self.evaluation.regime);
         let fields = regime.map_or(&[][..], |r| r.1.as_slice());
         let rows = self.rows;
         for (f, field) in fields.iter().enumerate() {

@@ -5,10 +5,9 @@ use super::machine::{Double, Kernel, Machine};
 use super::study::{Study, ours_with, paper, percent, train};
 use rom::config::{KernelKind, ModeChoice, Tail, TrainConfig};
 use rom::evaluate::spread;
-use rom::evaluation::Input;
 use rom::kernel::Precision;
 use rom::model::Model;
-use rom::predict::{Nodes, Selection};
+use rom::model::{Nodes, Selection};
 use rom::snapshots::FieldKind;
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;
@@ -106,7 +105,7 @@ fn errors(
     let mut found = [(); 3].map(|()| Vec::with_capacity(cases.len()));
     for &i in cases {
         let case = &database.cases[i];
-        let force_n = machine.answer(input(case))?;
+        let force_n = machine.answer(case.inputs())?;
         for (slot, kind) in [FieldKind::Magnitude, FieldKind::Stress].into_iter().enumerate() {
             let Some(f) = database.fields.iter().position(|f| f.kind == kind) else { continue };
             let truth: Vec<f32> = database.field(i, f).collect();
@@ -121,16 +120,12 @@ fn errors(
     Ok(found.map(|mut errors| spread(&mut errors)[1]))
 }
 
-fn input(case: &rom::snapshots::Case) -> Input {
-    Input { pressure_mpa: case.pressure_mpa, gap_mm: case.gap_mm.unwrap_or(f64::INFINITY) }
-}
-
 /// Median time of evaluating and reconstructing one state, over the untouched states in turn.
 fn time(study: &Study, machine: &mut dyn Machine, cases: &[usize]) -> anyhow::Result<f64> {
     let mut micros = Vec::with_capacity(TIMED);
     for i in 0..TIMED {
         let Some(case) = cases.get(i % cases.len().max(1)) else { break };
-        let query = input(&study.database.cases[*case]);
+        let query = study.database.cases[*case].inputs();
         let started = Instant::now();
         machine.answer(query)?;
         micros.push(started.elapsed().as_secs_f64() * 1e6);

@@ -1,10 +1,10 @@
 //! Continuity across the switch between the regimes.
 
 use super::study::Study;
-use rom::evaluation::Input;
+use rom::inputs::Inputs;
 use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::model::Selection;
+use rom::model_state::ModelState;
 use rom::snapshots::FieldKind;
 
 /// Gaps at which both sides of the onset are compared.
@@ -34,31 +34,25 @@ pub fn section(study: &Study) -> anyhow::Result<String> {
 /// Largest jump of a coordinate in mm and of the force in N over a range of gaps; 0 for a model of one regime.
 pub fn jumps(model: &Model, range: [f64; 2]) -> anyhow::Result<(f64, f64)> {
     let Some(onset) = &model.header.onset else { return Ok((0.0, 0.0)) };
-    let mut predictor = Predictor::new(model, &Selection::default())?;
-    let (mut below, mut above) = (predictor.evaluation(), predictor.evaluation());
-    let mut fields = [vec![0.0; predictor.entries()], vec![0.0; predictor.entries()]];
+    let state = ModelState::new(model, &Selection::default())?;
+    let (mut below, mut above) = (state.clone(), state);
     let (mut length, mut force) = (0.0_f64, 0.0_f64);
     for i in 0..GAPS {
         let share = i as f64 / (GAPS - 1) as f64;
         let gap_mm = range[0] + share * (range[1] - range[0]);
         let Some(pressure_mpa) = onset.onset(gap_mm).pressure_mpa() else { continue };
         let just_below = pressure_mpa * (1.0 - 1e-9) - 1e-12;
-        predictor.evaluate(
-            Input { pressure_mpa: just_below, gap_mm },
-            &mut RegimeSwitch::default(),
-            &mut below,
-        );
-        predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut above);
-        predictor.reconstruct_into(&below, &mut fields[0])?;
-        predictor.reconstruct_into(&above, &mut fields[1])?;
+        below.update(Inputs::new(just_below, gap_mm))?;
+        above.update(Inputs::new(pressure_mpa, gap_mm))?;
         let nodes = model.header.node_count;
         for (f, field) in model.header.fields.iter().enumerate() {
             if matches!(field.spec.kind, FieldKind::Coordinate(_)) {
-                let pairs = fields[0].iter().zip(&fields[1]).skip(f * nodes).take(nodes);
+                let pairs = below.fields().iter().zip(above.fields()).skip(f * nodes).take(nodes);
                 length = pairs.fold(length, |m, (a, b)| m.max(f64::from((a - b).abs())));
             }
         }
-        force = force.max((above.contact_force_n - below.contact_force_n).abs());
+        let [above_n, below_n] = [&above, &below].map(|state| state.evaluation().contact_force_n);
+        force = force.max((above_n - below_n).abs());
     }
     Ok((length, force))
 }

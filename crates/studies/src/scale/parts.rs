@@ -2,9 +2,10 @@
 
 use super::{ActuatorsRow, SubscribersRow};
 use anyhow::Context;
+use rom::inputs::Inputs;
 use rom::kernel::{Affine, Basis, Field, Precision, Role, Source, Spec, Values};
-use rom::predict::{Nodes, Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::model::{Nodes, Selection};
+use rom::model_state::ModelState;
 use softtwin::measure::Series;
 use softtwin::{compute, full_size};
 use wire::{Bus, Domain, FieldHeader, FieldReader, FieldWriter, Topic};
@@ -69,11 +70,11 @@ pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
     let most = counts.iter().copied().max().unwrap_or(1);
     let tip = Selection { fields: None, nodes: Nodes::List(compute::tip_nodes(&model)) };
     let make = |selection: &Selection| {
-        (0..most).map(|_| Predictor::new(&model, selection)).collect::<Result<Vec<_>, _>>()
+        (0..most).map(|_| ModelState::new(&model, selection)).collect::<Result<Vec<_>, _>>()
     };
     let (mut full, mut tips) = (make(&Selection::default())?, make(&tip)?);
     let regime = model.header.regimes.last().context("the model has no regime")?.kind;
-    let bytes = full[0].basis(regime).map_or(0, Basis::bytes);
+    let bytes = full[0].reconstructor().basis(regime).map_or(0, Basis::bytes);
     let mut rows = Vec::new();
     for &actuators in counts {
         let full_us = round(&mut full[..actuators], input)?;
@@ -84,22 +85,18 @@ pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
 }
 
 /// Median over rounds of the time of one actuator, each writing its own output.
-fn round(predictors: &mut [Predictor], input: rom::evaluation::Input) -> anyhow::Result<f64> {
-    let mut evaluations: Vec<_> = predictors.iter().map(Predictor::evaluation).collect();
-    let mut outs: Vec<_> = predictors.iter().map(|predictor| vec![0.0; predictor.entries()]).collect();
-    let mut switch = RegimeSwitch::default();
+fn round(states: &mut [ModelState], inputs: Inputs) -> anyhow::Result<f64> {
     let mut series = Series::new("", ROUNDS);
     for _ in 0..ROUNDS {
         let mut failed = None;
         series.time(|| {
-            for ((predictor, evaluation), out) in predictors.iter_mut().zip(&mut evaluations).zip(&mut outs) {
-                predictor.evaluate(input, &mut switch, evaluation);
-                failed = predictor.reconstruct_into(evaluation, out).err().or(failed);
+            for state in states.iter_mut() {
+                failed = state.update(inputs).err().or(failed);
             }
         });
         failed.map_or(Ok(()), Err)?;
     }
-    Ok(series.p50() / predictors.len() as f64)
+    Ok(series.p50() / states.len() as f64)
 }
 
 /// Loan and send of a full field with so many readers in this process, which take each sample.

@@ -3,12 +3,12 @@
 use super::measure::{Evictor, Series, gbps};
 use crate::progress::Progress;
 use anyhow::Context;
-use rom::evaluation::Input;
-use rom::interpolant::Quantity;
+use rom::evaluator::Evaluator;
+use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::kernel::{Basis, Precision};
-use rom::model::{BlockKind, Model};
-use rom::predict::{Nodes, Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::model::{BlockKind, Model, Nodes, Selection};
+use rom::model_state::ModelState;
+use rom::reconstructor::Reconstructor;
 use serde::Serialize;
 
 /// Nodes of the small set.
@@ -118,33 +118,34 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let inputs = inputs(model)?;
     let all = Selection::default();
     let tip = Selection { fields: None, nodes: Nodes::List(tip_nodes(model)) };
-    let mut full = Predictor::new(model, &all)?;
-    let small = Predictor::with_precision(model, &all, Precision::I16)?;
-    let mut tip = Predictor::new(model, &tip)?;
-    let mut evaluation = full.evaluation();
-    full.evaluate(inputs[0], &mut RegimeSwitch::default(), &mut evaluation);
-    let basis =
-        |predictor: &Predictor| predictor.basis(evaluation.basis).cloned().context("the model has no regime");
-    let (wide, narrow) = (basis(&full)?, basis(&small)?);
+    let mut full = ModelState::new(model, &all)?;
+    let small = Reconstructor::with_precision(model, &all, Precision::I16)?;
+    let mut tip = ModelState::new(model, &tip)?;
+    full.update(inputs[0])?;
+    let regime = full.evaluation().regime;
+    let coefficients = full.evaluation().coefficients.clone();
+    let basis = |fields: &Reconstructor| fields.basis(regime).cloned().context("the model has no regime");
+    let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
 
     progress.step("kernel and prediction");
     let subjects = [Subject::new(&wide, samples), Subject::new(&narrow, samples)];
-    let subjects = kernels(subjects, &evaluation.coefficients, samples, progress)?;
+    let subjects = kernels(subjects, &coefficients, samples, progress)?;
     progress.step("prediction");
-    let predictions = predictions(&inputs, &mut full, &mut tip, samples)?;
+    let evaluator = Evaluator::new(&model.header)?;
+    let predictions = predictions(&inputs, &evaluator, &mut full, &mut tip, samples)?;
     let [f32, i16] = [subjects[0].result(), subjects[1].result()];
     let compute = Compute {
         isa: wide.isa().to_string(),
-        nodes: full.rows(),
-        fields: full.field_count(),
-        entries: full.entries(),
-        coefficients: evaluation.coefficients.len(),
+        nodes: wide.nodes(),
+        fields: wide.fields(),
+        entries: wide.output_len(),
+        coefficients: coefficients.len(),
         read_gbps: f32.read_gbps,
         kernel: Kernels { f32, i16 },
         predict_us_p50: predictions[0].p50(),
         state_only_us_p50: predictions[1].p50(),
         tip_us_p50: predictions[2].p50(),
-        tip_nodes: tip.rows(),
+        tip_nodes: tip.reconstructor().rows(),
     };
     let kernels = subjects.into_iter().flat_map(|s| [s.warm, s.evicted]);
     Ok((compute, kernels.chain(predictions).collect()))
@@ -183,52 +184,40 @@ fn kernels<'a, const N: usize>(
 
 /// Full field, state only, tip set: in turn, over inputs that vary.
 fn predictions(
-    inputs: &[Input],
-    full: &mut Predictor,
-    tip: &mut Predictor,
+    inputs: &[Inputs],
+    evaluator: &Evaluator,
+    full: &mut ModelState,
+    tip: &mut ModelState,
     samples: usize,
 ) -> anyhow::Result<[Series; 3]> {
-    let mut switch = RegimeSwitch::default();
     let mut series = ["predict", "state only", "tip"].map(|name| Series::new(name, samples));
     let [predict, state, tip_series] = &mut series;
-    let (mut evaluation, mut tip_evaluation) = (full.evaluation(), tip.evaluation());
-    let (mut out, mut tip_out) = (vec![0.0; full.entries()], vec![0.0; tip.entries()]);
+    let mut evaluation = evaluator.evaluation();
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
-        predict.time(|| {
-            full.evaluate(input, &mut switch, &mut evaluation);
-            full.reconstruct_into(&evaluation, &mut out)
-        });
-        full.reconstruct_into(&evaluation, &mut out)?;
+        predict.time(|| full.update(input));
+        full.update(input)?;
     }
     // In loops of their own: a twin of these small sets alone keeps them in the first caches.
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
-        state.time(|| tip.evaluate(input, &mut switch, &mut tip_evaluation));
+        state.time(|| evaluator.evaluate(input, &mut evaluation));
     }
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
-        tip_series.time(|| {
-            tip.evaluate(input, &mut switch, &mut tip_evaluation);
-            tip.reconstruct_into(&tip_evaluation, &mut tip_out)
-        });
-        tip.reconstruct_into(&tip_evaluation, &mut tip_out)?;
+        tip_series.time(|| tip.update(input));
+        tip.update(input)?;
     }
     Ok(series)
 }
 
 /// States of the last regime (contact, where there is one), inside its sampled ranges, the pressure rising.
-pub fn inputs(model: &Model) -> anyhow::Result<Vec<Input>> {
+pub fn inputs(model: &Model) -> anyhow::Result<Vec<Inputs>> {
     let regime = model.header.regimes.last().context("the model has no regime")?;
-    let range = |quantity| regime.inputs.axes.iter().find(|axis| axis.quantity == quantity);
-    let pressure = range(Quantity::PressureMpa).context("the model takes no pressure")?;
-    let gap_mm = match (range(Quantity::GapMm), regime.inputs.constant_gap_mm) {
-        (Some(gap), _) => gap.min + 0.2 * (gap.max - gap.min),
-        (None, Some(gap)) => gap,
-        (None, None) => f64::INFINITY,
-    };
-    let at = |share: f64| pressure.min + share * (pressure.max - pressure.min);
-    let input = |i| Input { pressure_mpa: at(0.6 + 0.3 * f64::from(i) / f64::from(INPUTS)), gap_mm };
+    let [low, high] = regime.inputs.range(PRESSURE).context("the model takes no pressure")?;
+    let gap_mm = regime.inputs.range(GAP).map_or(f64::INFINITY, |[near, far]| near + 0.2 * (far - near));
+    let at = |share: f64| low + share * (high - low);
+    let input = |i| Inputs::new(at(0.6 + 0.3 * f64::from(i) / f64::from(INPUTS)), gap_mm);
     Ok((0..INPUTS).map(input).collect())
 }
 

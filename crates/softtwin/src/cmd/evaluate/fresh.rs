@@ -6,12 +6,10 @@ use anyhow::Context;
 use fem::rng::Rng;
 use fem::run::Case;
 use formats::database::ObstacleKind;
-use rom::evaluation::Input;
+use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
-use rom::interpolant::{InputAxis, Quantity};
-use rom::model::{Model, RegimeModel};
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::model::Model;
 use rom::snapshots::RegimeKind;
 
 /// Draws within the box of a domain that may fall outside it: a domain of a hundredth of its box is still found.
@@ -43,20 +41,22 @@ impl Args {
 fn random_states(model: &Model, count: usize, seed: u64, scene: ObstacleKind) -> anyhow::Result<Vec<Case>> {
     let contact =
         model.regime(RegimeKind::Contact).context("the model has no contact regime to draw from")?;
-    let mut predictor =
-        Predictor::new(model, &Selection { fields: Some(Vec::new()), ..Selection::default() })?;
-    let mut evaluation = predictor.evaluation();
+    let evaluator = Evaluator::new(&model.header)?;
+    let mut evaluation = evaluator.evaluation();
     let mut random = Rng::new(seed);
     let mut cases = Vec::new();
     for _ in 0..TRIES {
-        let mut within =
-            |quantity| range(contact, quantity).map(|[low, high]| low + (high - low) * random.uniform());
-        let pressure = within(Quantity::PressureMpa).context("the contact regime takes no pressure")?;
-        let gap = within(Quantity::GapMm).or(contact.inputs.constant_gap_mm).context("no gap")?;
+        // An input that all samples shared takes no random number: the states of a seed stay the same.
+        let mut within = |input| match contact.inputs.range(input) {
+            Some([low, high]) if low < high => Some(low + (high - low) * random.uniform()),
+            constant => constant.map(|[value, _]| value),
+        };
+        let pressure = within(PRESSURE).context("the contact regime takes no pressure")?;
+        let gap = within(GAP).context("no gap")?;
         // What is simulated is what is written: rounded as a list of cases would round it.
         let [pressure_mpa, gap_mm] = [(pressure, 1e6), (gap, 1e4)].map(|(v, per)| (v * per).round() / per);
-        predictor.evaluate(Input { pressure_mpa, gap_mm }, &mut RegimeSwitch::default(), &mut evaluation);
-        if evaluation.basis == RegimeKind::Contact && evaluation.domain == DomainStatus::Inside {
+        evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+        if evaluation.regime == RegimeKind::Contact && evaluation.domain == DomainStatus::Inside {
             let name = format!("fresh{seed}-{:03}", cases.len());
             let regime = if scene == ObstacleKind::Gripper { "gripper" } else { "contact" }.into();
             let split = "check".into();
@@ -67,9 +67,4 @@ fn random_states(model: &Model, count: usize, seed: u64, scene: ObstacleKind) ->
         }
     }
     anyhow::bail!("only {} of {count} random states fell inside the contact domain", cases.len())
-}
-
-fn range(contact: &RegimeModel, quantity: Quantity) -> Option<[f64; 2]> {
-    let axis: Option<&InputAxis> = contact.inputs.axes.iter().find(|a| a.quantity == quantity);
-    axis.map(|a| [a.min, a.max])
 }

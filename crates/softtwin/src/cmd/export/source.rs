@@ -8,17 +8,16 @@ use crate::recording_data::{RecordingData, Track};
 use anyhow::Result;
 use formats::database::ObstacleKind;
 use formats::export::Moment;
-use rom::evaluation::Input;
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
 use std::path::Path;
 
 /// Opened, and every option checked.
 pub enum Source {
     /// Readings that a model answers: time, pressure and gap.
-    Readings { model: Box<Model>, fields: Vec<FieldSpec>, readings: Vec<(f64, Input)> },
+    Readings { model: Box<Model>, fields: Vec<FieldSpec>, readings: Vec<(f64, Inputs)> },
     /// Cases of a database.
     Cases { database: Database, chosen: Vec<usize> },
     /// Recorded fields.
@@ -70,11 +69,11 @@ impl Source {
             return Err(usage("expected finite pressures of at least 0 MPa and a finite gap in mm"));
         }
         let gap_mm = args.gap_mm.unwrap_or(f64::INFINITY);
-        let inputs = args.pressure_mpa.iter().map(|&pressure_mpa| Input { pressure_mpa, gap_mm });
+        let inputs = args.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));
         Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(args.every as usize).collect())
     }
 
-    fn readings(model: &Path, readings: Vec<(f64, Input)>) -> Result<Self> {
+    fn readings(model: &Path, readings: Vec<(f64, Inputs)>) -> Result<Self> {
         let model = files::model(model)?;
         let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
         Ok(Self::Readings { model: Box::new(model), fields, readings })
@@ -115,8 +114,8 @@ impl Source {
         let every = args.every as usize;
         if let Some(model) = &args.model {
             let states = track.states.iter().filter(|state| state.has_reading()).step_by(every);
-            let input = |pressure_mpa, gap_mm| Input { pressure_mpa, gap_mm };
-            return Self::readings(model, states.map(|s| (s.t_s, input(s.pressure_mpa, s.gap_mm))).collect());
+            let inputs = states.map(|s| (s.t_s, Inputs::new(s.pressure_mpa, s.gap_mm)));
+            return Self::readings(model, inputs.collect());
         }
         let Some(first) = track.fields.first() else {
             return Err(usage(
@@ -178,18 +177,16 @@ impl Source {
 
 fn predictions<'a>(
     model: &'a Model,
-    readings: &'a [(f64, Input)],
+    readings: &'a [(f64, Inputs)],
 ) -> Box<dyn Iterator<Item = Result<Moment>> + 'a> {
-    let mut predictor = match Predictor::new(model, &Selection::default()) {
-        Ok(predictor) => predictor,
+    let mut state = match ModelState::new(model, &Selection::default()) {
+        Ok(state) => state,
         Err(error) => return Box::new(std::iter::once(Err(error.into()))),
     };
-    let (mut evaluation, mut switch) = (predictor.evaluation(), RegimeSwitch::default());
-    Box::new(readings.iter().map(move |(time, input)| {
-        predictor.evaluate(*input, &mut switch, &mut evaluation);
-        let mut values = vec![0.0; predictor.entries()];
-        predictor.reconstruct_into(&evaluation, &mut values)?;
-        Ok(Moment { time: *time, title: title(input.pressure_mpa, input.gap_mm), values })
+    Box::new(readings.iter().map(move |(time, inputs)| {
+        state.update(*inputs)?;
+        let title = title(inputs.pressure_mpa(), inputs.gap_mm());
+        Ok(Moment { time: *time, title, values: state.fields().to_vec() })
     }))
 }
 

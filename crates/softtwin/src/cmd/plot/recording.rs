@@ -3,10 +3,9 @@
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::recording_data::{RecordedState, RecordingData};
 use anyhow::Result;
-use rom::evaluation::Input;
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
 use std::path::Path;
 
 /// Points of a line; a picture shows no more.
@@ -90,14 +89,10 @@ fn largest<'a>(
     model: &Model,
     states: impl Iterator<Item = &'a RecordedState>,
 ) -> Result<Vec<(f64, [f64; 2])>> {
-    let mut predictor = Predictor::new(model, &Selection::default())?;
-    let (mut evaluation, mut switch) = (predictor.evaluation(), RegimeSwitch::default());
-    let mut values = vec![0.0; predictor.entries()];
+    let mut body = ModelState::new(model, &Selection::default())?;
     let mut found = Vec::new();
     for state in states {
-        let input = Input { pressure_mpa: state.pressure_mpa, gap_mm: state.gap_mm };
-        predictor.evaluate(input, &mut switch, &mut evaluation);
-        let peaks = predictor.reconstruct_into(&evaluation, &mut values)?;
+        let peaks = body.update(Inputs::new(state.pressure_mpa, state.gap_mm))?;
         let value = |peak: Option<rom::kernel::Peak>| peak.map_or(f64::NAN, |peak| peak.value.into());
         found.push((state.t_s, [value(peaks.displacement_mm), value(peaks.stress_mpa)]));
     }

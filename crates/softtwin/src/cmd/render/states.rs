@@ -12,9 +12,9 @@ use crate::picture::sheet::{Panel, Row, Sheet};
 use crate::picture::skin::Body;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::evaluation::{Evaluation, Input};
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::inputs::Inputs;
+use rom::model::Selection;
+use rom::model_state::ModelState;
 use rom::snapshots::{Database, Footprint, RegimeKind};
 
 /// The paper's three scenes and five pressures.
@@ -65,10 +65,7 @@ impl Group {
 
 /// A model of which states are drawn.
 pub(super) struct StateDrawer {
-    predictor: Predictor,
-    switch: RegimeSwitch,
-    evaluation: Evaluation,
-    values: Vec<f32>,
+    state: ModelState,
     facets: Vec<[u32; 3]>,
     /// Positions of x, y, z and the shown field.
     columns: [usize; 4],
@@ -93,23 +90,14 @@ impl StateDrawer {
                 "the model knows no surface; train it on a database with a mesh (mesh.vtu) to draw it",
             ));
         }
-        let predictor = Predictor::new(&loaded.model, &Selection::default())?;
-        Ok(Self {
-            evaluation: predictor.evaluation(),
-            values: vec![0.0; predictor.entries()],
-            switch: RegimeSwitch::default(),
-            columns: [x, y, z, shown],
-            facets,
-            predictor,
-        })
+        let state = ModelState::new(&loaded.model, &Selection::default())?;
+        Ok(Self { columns: [x, y, z, shown], facets, state })
     }
 
     pub(super) fn draw_state(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<DrawnState> {
-        let input = Input { pressure_mpa, gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
-        self.predictor.evaluate(input, &mut self.switch, &mut self.evaluation);
-        self.predictor.reconstruct_into(&self.evaluation, &mut self.values)?;
-        let rows = self.predictor.rows();
-        let column = |k: usize| &self.values[self.columns[k] * rows..(self.columns[k] + 1) * rows];
+        self.state.update(Inputs::new(pressure_mpa, gap_mm.unwrap_or(f64::INFINITY)))?;
+        let (rows, evaluation) = (self.state.reconstructor().rows(), self.state.evaluation());
+        let column = |k: usize| &self.state.fields()[self.columns[k] * rows..(self.columns[k] + 1) * rows];
         let (x, y, z) = (column(0), column(1), column(2));
         Ok(DrawnState {
             body: Body {
@@ -119,8 +107,8 @@ impl StateDrawer {
             },
             plate: gap_mm.map(plate),
             blocks: Vec::new(),
-            force_n: self.evaluation.contact_force_n,
-            outside: self.evaluation.flags.extrapolated,
+            force_n: evaluation.contact_force_n,
+            outside: evaluation.flags.extrapolated,
             title: String::new(),
         })
     }

@@ -15,11 +15,10 @@ use fem::sample::{Doubt, doubtful};
 use formats::database::ObstacleKind;
 use rom::config::TrainConfig;
 use rom::datasheet::{DataSheet, RegimeSheet};
-use rom::evaluation::Input;
+use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
-use rom::model::Model;
-use rom::predict::{Predictor, Selection};
-use rom::regime::RegimeSwitch;
+use rom::inputs::{GAP, Inputs};
+use rom::model::{Model, RegimeModel};
 use rom::snapshots::{Database, RegimeKind};
 use std::path::Path;
 use std::sync::Arc;
@@ -118,27 +117,25 @@ impl Order<'_> {
         let (regime, sheet) = regime.with_context(|| {
             format!("{} has no training cases of regime {}", self.database.display(), kind.name())
         })?;
-        let samples: Vec<Doubt> = doubts(database, sheet, |p, gap| regime.inputs.scale(p, gap));
+        let samples: Vec<Doubt> = doubts(database, sheet, |inputs| scale(regime, inputs));
         let ranges: Vec<[f64; 2]> = sheet.inputs.iter().map(|input| [input.min, input.max]).collect();
-        let constant_gap_mm = regime.inputs.constant_gap_mm;
-        let mut predictor =
-            Predictor::new(model, &Selection { fields: Some(Vec::new()), ..Selection::default() })?;
-        let mut evaluation = predictor.evaluation();
+        let constant_gap_mm = regime.inputs.range(GAP).map(|[gap, _]| gap);
+        let evaluator = Evaluator::new(&model.header)?;
+        let mut evaluation = evaluator.evaluation();
         let mut places = Vec::new();
         let mut rng = Rng::new(self.seed);
         for _ in 0..CANDIDATES {
             let point: Vec<f64> =
                 ranges.iter().map(|[low, high]| low + (high - low) * rng.uniform()).collect();
             let gap_mm = point.get(1).copied().or(constant_gap_mm);
-            let input = Input { pressure_mpa: point[0], gap_mm: gap_mm.unwrap_or(f64::INFINITY) };
-            predictor.evaluate(input, &mut RegimeSwitch::default(), &mut evaluation);
+            evaluator.evaluate(Inputs::new(point[0], gap_mm.unwrap_or(f64::INFINITY)), &mut evaluation);
             // A state of the other regime, or beyond the samples, would not refine this one.
-            if evaluation.basis == kind && evaluation.domain == DomainStatus::Inside {
+            if evaluation.regime == kind && evaluation.domain == DomainStatus::Inside {
                 places.push((point[0], gap_mm));
             }
         }
-        let scaled: Vec<[f64; 2]> =
-            places.iter().map(|(p, gap)| regime.inputs.scale(*p, gap.unwrap_or(f64::INFINITY))).collect();
+        let inputs = |(p, gap): &(f64, Option<f64>)| Inputs::new(*p, gap.unwrap_or(f64::INFINITY));
+        let scaled: Vec<_> = places.iter().map(|place| scale(regime, &inputs(place))).collect();
         let chosen = doubtful(self.count, &samples, &scaled);
         anyhow::ensure!(!chosen.is_empty(), "no state of regime {} lies between its samples", kind.name());
         let first = database.cases.len();
@@ -183,23 +180,28 @@ fn train(database: &Database) -> anyhow::Result<Trained> {
     rom::train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)
 }
 
+/// A state's scaled inputs; the second is 0 where the regime has one.
+fn scale(regime: &RegimeModel, inputs: &Inputs) -> [f64; 2] {
+    let scaled = regime.inputs.scale(inputs);
+    [scaled[0], scaled[1]]
+}
+
 /// Places and leave-one-out errors of the training cases, in error bars of the model. Leaving out a corner measures
 /// extrapolation, which refinement inside cannot cure: corners take the median of the others.
-fn doubts(database: &Database, sheet: &RegimeSheet, scale: impl Fn(f64, f64) -> [f64; 2]) -> Vec<Doubt> {
-    let bars = &sheet.bars;
+fn doubts(database: &Database, sheet: &RegimeSheet, scale: impl Fn(&Inputs) -> [f64; 2]) -> Vec<Doubt> {
+    let halfwidths = &sheet.halfwidths;
     let share = |error: f64, bar: f64| if bar > 0.0 { error / bar } else { 0.0 };
     let error = |e: &rom::datasheet::CaseError| {
-        share(e.displacement_mm, bars.displacement_mm)
-            .max(share(e.stress_mpa, bars.stress_mpa))
-            .max(share(e.force_n, bars.force_n))
+        share(e.displacement_mm, halfwidths.displacement_mm)
+            .max(share(e.stress_mpa, halfwidths.stress_mpa))
+            .max(share(e.force_n, halfwidths.force_n))
     };
     let mut inner: Vec<f64> = sheet.leave_one_out.iter().filter(|e| !e.on_hull).map(error).collect();
     inner.sort_by(f64::total_cmp);
     let median = inner.get(inner.len() / 2).copied().unwrap_or(1.0);
     let place = |e: &rom::datasheet::CaseError| {
         let case = database.cases.iter().find(|c| c.name == e.case)?;
-        let at = scale(case.pressure_mpa, case.gap_mm.unwrap_or(f64::INFINITY));
-        Some(Doubt { at, error: if e.on_hull { median } else { error(e) } })
+        Some(Doubt { at: scale(&case.inputs()), error: if e.on_hull { median } else { error(e) } })
     };
     sheet.leave_one_out.iter().filter_map(place).collect()
 }

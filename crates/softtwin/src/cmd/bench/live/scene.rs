@@ -3,6 +3,7 @@
 use super::super::compute;
 use super::{Payload, WakeUp};
 use crate::testbed::{Sine, Testbed};
+use rom::inputs::Inputs;
 use rom::model::Model;
 use std::path::PathBuf;
 
@@ -37,9 +38,9 @@ impl<'a> Scenes<'a> {
     /// Saves the model.
     pub fn new(testbed: &'a Testbed, model: &Model) -> anyhow::Result<Self> {
         let inputs = compute::inputs(model)?;
-        let pressures = inputs.iter().map(|input| input.pressure_mpa);
+        let pressures = inputs.iter().map(Inputs::pressure_mpa);
         let (low, high) = pressures.fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p), high.max(p)));
-        let gap_mm = inputs.first().map_or(f64::INFINITY, |input| input.gap_mm);
+        let gap_mm = inputs.first().map_or(f64::INFINITY, Inputs::gap_mm);
         testbed.write("bench.twin", model.to_bytes()?)?;
         let has_surface = model.header.node_sets.iter().any(|set| set.name == SURFACE);
         Ok(Self {

@@ -1,0 +1,200 @@
+//! Inputs -> regime, coefficients, force, gradients, half-widths, domain. Nothing is allocated after construction.
+
+use crate::evaluation::{Evaluation, Flags};
+use crate::hull::{Domain, DomainStatus};
+use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PRESSURE, Point};
+use crate::interpolant::{Interpolant, KernelScratch, gradient_rows};
+use crate::model::{HalfWidths, ModelError, ModelHeader, RegimeModel};
+use crate::regime::{Onset, OnsetTable};
+use crate::snapshots::RegimeKind;
+
+/// One regime, ready to run.
+#[derive(Clone, Debug)]
+struct RegimePart {
+    model: RegimeModel,
+    coefficient_count: usize,
+    /// By group: the kernel values of the group before serve it too.
+    shares_kernel: Vec<bool>,
+}
+
+impl RegimePart {
+    fn new(model: RegimeModel) -> Self {
+        let before = |g: usize| g.checked_sub(1).map(|b| &model.groups[b].surrogate);
+        let shares = |g| before(g).is_some_and(|b| model.groups[g].surrogate.shares_kernel_with(b));
+        let shares_kernel = (0..model.groups.len()).map(shares).collect();
+        Self { coefficient_count: model.coefficient_count(), shares_kernel, model }
+    }
+}
+
+/// The small part of a model, made ready to answer. It has no memory: the same inputs always give the same evaluation.
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    inputs: Vec<InputSpec>,
+    parts: Vec<RegimePart>,
+    onset: Option<OnsetTable>,
+    hysteresis_mpa: f64,
+    /// Most inputs and most centres of an interpolant, and most coefficients of a regime.
+    largest: (usize, usize, usize),
+}
+
+impl Evaluator {
+    /// Takes what it needs from a model's header.
+    ///
+    /// # Errors
+    /// [`ModelError::Inconsistent`] when the header contradicts itself.
+    pub fn new(header: &ModelHeader) -> Result<Self, ModelError> {
+        header.check().map_err(ModelError::Inconsistent)?;
+        let fits = || header.regimes.iter().flat_map(RegimeModel::interpolants);
+        let largest = (
+            fits().map(|fit| fit.dimensions).max().unwrap_or(0),
+            fits().map(Interpolant::centre_count).max().unwrap_or(0),
+            header.regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0),
+        );
+        Ok(Self {
+            inputs: header.inputs.clone(),
+            parts: header.regimes.iter().cloned().map(RegimePart::new).collect(),
+            onset: header.onset.clone(),
+            hysteresis_mpa: header.hysteresis_mpa,
+            largest,
+        })
+    }
+
+    /// The model's inputs in order: pressure, gap, then any others.
+    pub fn inputs(&self) -> &[InputSpec] {
+        &self.inputs
+    }
+
+    /// Onset pressure over gap; none for a model of one regime.
+    pub fn onset(&self) -> Option<&OnsetTable> {
+        self.onset.as_ref()
+    }
+
+    /// Whether the model was trained in a regime.
+    pub fn has_regime(&self, kind: RegimeKind) -> bool {
+        self.parts.iter().any(|part| part.model.kind == kind)
+    }
+
+    /// Pressure by which the onset must be undercut before the contact label is dropped, in MPa.
+    pub(crate) fn hysteresis_mpa(&self) -> f64 {
+        self.hysteresis_mpa
+    }
+
+    /// An evaluation with room for any answer.
+    pub fn evaluation(&self) -> Evaluation {
+        let mut evaluation = Evaluation {
+            inputs: Inputs::new(f64::NAN, f64::NAN),
+            regime: RegimeKind::Free,
+            coefficients: Vec::with_capacity(self.largest.2),
+            contact_force_n: 0.0,
+            force_gradient: [0.0; MAX_INPUTS],
+            onset_pressure_mpa: None,
+            domain: DomainStatus::Inside,
+            domain_distance: 0.0,
+            halfwidths: HalfWidths::default(),
+            flags: Flags::default(),
+            gradients: Vec::new(),
+            scratch: KernelScratch::default(),
+        };
+        self.make_room(&mut evaluation);
+        evaluation
+    }
+
+    /// Allocates only when the evaluation was made by the evaluator of another model.
+    fn make_room(&self, out: &mut Evaluation) {
+        let (dimensions, centres, coefficients) = self.largest;
+        out.scratch.reserve(dimensions, centres);
+        let rows = gradient_rows(self.inputs.len()).max(out.gradients.len());
+        out.gradients.resize_with(rows, || Vec::with_capacity(coefficients));
+    }
+
+    /// Evaluates the model at a state. Allocates nothing when [`Self::evaluation`] made `out`. Any state is answered without
+    /// panic; one that is not a number, or lies outside the samples, is flagged as extrapolated.
+    ///
+    /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
+    /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the state is on.
+    pub fn evaluate(&self, inputs: Inputs, out: &mut Evaluation) {
+        let onset = match (&self.onset, self.parts.first()) {
+            (Some(table), _) => table.onset(inputs.gap_mm()),
+            (None, Some(part)) if part.model.kind == RegimeKind::Contact => Onset::Always,
+            (None, _) => Onset::Never,
+        };
+        self.make_room(out);
+        out.inputs = inputs;
+        out.regime = onset.regime(inputs.pressure_mpa());
+        out.onset_pressure_mpa = onset.pressure_mpa();
+        out.flags = Flags::default();
+        (out.contact_force_n, out.force_gradient) = (0.0, [0.0; MAX_INPUTS]);
+        let part = self.parts.iter().find(|p| p.model.kind == out.regime);
+        let missing = inputs.values()[..self.inputs.len()].iter().any(|value| value.is_nan());
+        out.domain_distance = match part {
+            Some(part) if !missing => {
+                let map = &part.model.inputs;
+                part.model.domain.distance(&map.scale(&inputs)).max(map.off_constants(&inputs))
+            }
+            _ => f64::INFINITY,
+        };
+        out.domain = Domain::status(out.domain_distance);
+        out.flags.extrapolated = out.domain != DomainStatus::Inside;
+        let Some(part) = part else {
+            out.coefficients.clear();
+            return;
+        };
+        let x = part.model.inputs.scale(&inputs);
+        out.halfwidths = part.model.halfwidths;
+        coefficients(part, &x, out);
+        force(part, self.onset.as_ref(), &x, out);
+    }
+}
+
+fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation) {
+    let map = &part.model.inputs;
+    for values in out.gradients.iter_mut().chain([&mut out.coefficients]) {
+        values.resize(part.coefficient_count, 0.0); // within the capacity that `evaluation` reserved
+    }
+    for (group, shares_kernel) in part.model.groups.iter().zip(&part.shares_kernel) {
+        if !shares_kernel {
+            group.surrogate.kernel_values(x, &mut out.scratch);
+        }
+        let range = group.coefficients.clone();
+        let mut rows = out.gradients.iter_mut().map(|row| &mut row[range.clone()]);
+        let gradient = std::array::from_fn(|_| rows.next().unwrap_or_default());
+        group.surrogate.combine(x, &out.scratch, &mut out.coefficients[range.clone()], gradient);
+    }
+    // From scaled axes to the model's inputs: positions only grow, so the last axis moves first.
+    for (at, row) in out.gradients.iter_mut().enumerate() {
+        match map.axes.get(at) {
+            Some(axis) => row.iter_mut().for_each(|d| *d /= axis.max - axis.min),
+            None => row.fill(0.0),
+        }
+    }
+    for (at, axis) in map.axes.iter().enumerate().rev() {
+        out.gradients.swap(at, axis.input);
+    }
+    if let Some(far) = &part.model.far_onset {
+        far.correct(out.inputs.gap_mm(), &mut out.coefficients, &mut out.gradients[GAP]);
+    }
+}
+
+/// `F = (P - P_c(gap)) h` or `F = h`, lifted to 0 where negative, with its gradient.
+fn force(part: &RegimePart, onset: Option<&OnsetTable>, x: &Point, out: &mut Evaluation) {
+    let Some(model) = &part.model.force else { return };
+    let (mut h, mut rows) = ([0.0], [[0.0]; MAX_INPUTS]);
+    model.surrogate.evaluate(x, &mut out.scratch, &mut h, rows.each_mut().map(|row| row.as_mut_slice()));
+    let (h, mut force, mut gradient) = (h[0], h[0], [0.0; MAX_INPUTS]);
+    for (axis, row) in part.model.inputs.axes.iter().zip(rows) {
+        gradient[axis.input] = row[0] / (axis.max - axis.min);
+    }
+    if let Some(table) = onset.filter(|_| model.times_excess_pressure) {
+        let (onset, slope) = table.pressure_and_slope(out.inputs.gap_mm());
+        let excess = out.inputs.pressure_mpa() - onset;
+        force = excess * h;
+        gradient = gradient.map(|by_input| excess * by_input);
+        gradient[PRESSURE] += h;
+        gradient[GAP] -= slope * h;
+    }
+    if force < 0.0 {
+        out.flags.force_clamped = true;
+        return;
+    }
+    (out.contact_force_n, out.force_gradient) = (force, gradient);
+}

@@ -1,0 +1,167 @@
+//! Inputs of a model: a vector of named values, of which pressure and gap are the two that every model has.
+//!
+//! A model declares its inputs once ([`InputSpec`]); a state is one value for each ([`Inputs`]); a regime is interpolated
+//! over those that vary in it ([`InputMap`]), each scaled to [0, 1] over its training range.
+
+use serde::{Deserialize, Serialize};
+
+/// Largest number of inputs of a model.
+pub const MAX_INPUTS: usize = 8;
+/// Position of the cavity pressure (MPa) in the inputs of every model.
+pub const PRESSURE: usize = 0;
+/// Position of the gap (mm) in the inputs of every model.
+pub const GAP: usize = 1;
+
+/// Scaled inputs of a regime; entries beyond its dimensions are 0.
+pub(crate) type Point = [f64; MAX_INPUTS];
+
+/// Squared distance of two points, summed in the order of the inputs.
+pub(crate) fn square_distance(a: &Point, b: &Point) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+/// An input as the model declares it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InputSpec {
+    /// Name (`pressure`).
+    pub name: String,
+    /// Unit (`MPa`).
+    pub unit: String,
+    /// Smallest and largest training value over all regimes; the same twice when all samples shared it, infinite when no
+    /// regime was trained over it.
+    pub range: [f64; 2],
+}
+
+impl InputSpec {
+    /// Name and unit as a key of files and messages (`pressure_mpa`).
+    pub fn key(&self) -> String {
+        format!("{}_{}", self.name, self.unit.to_lowercase())
+    }
+
+    /// Pressure and gap without a range.
+    pub(crate) fn pressure_and_gap() -> Vec<Self> {
+        let spec = |name: &str, unit: &str| Self {
+            name: name.into(),
+            unit: unit.into(),
+            range: [f64::NEG_INFINITY, f64::INFINITY],
+        };
+        vec![spec("pressure", "MPa"), spec("gap", "mm")]
+    }
+
+    /// The same inputs with the ranges that the regimes were trained over.
+    pub(crate) fn ranged<'a>(
+        mut inputs: Vec<Self>,
+        regimes: impl Iterator<Item = &'a InputMap> + Clone,
+    ) -> Vec<Self> {
+        for (at, input) in inputs.iter_mut().enumerate() {
+            let ranges = regimes.clone().filter_map(|regime| regime.range(at));
+            if let Some(range) = ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) {
+                input.range = range;
+            }
+        }
+        inputs
+    }
+}
+
+/// One value for each input of a model, in the order in which the model declares them. Inputs that were not set are NaN.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs([f64; MAX_INPUTS]);
+
+impl Inputs {
+    /// Pressure in MPa and gap in mm; `f64::INFINITY` when there is no obstacle.
+    pub fn new(pressure_mpa: f64, gap_mm: f64) -> Self {
+        Self([f64::NAN; MAX_INPUTS]).with(PRESSURE, pressure_mpa).with(GAP, gap_mm)
+    }
+
+    /// The same with another value, in the unit that the model declares, at a position.
+    ///
+    /// # Panics
+    /// When `input` is not below [`MAX_INPUTS`].
+    pub fn with(mut self, input: usize, value: f64) -> Self {
+        self.0[input] = value;
+        self
+    }
+
+    /// Cavity pressure in MPa.
+    pub fn pressure_mpa(&self) -> f64 {
+        self.0[PRESSURE]
+    }
+
+    /// Gap in mm.
+    pub fn gap_mm(&self) -> f64 {
+        self.0[GAP]
+    }
+
+    /// The values by position.
+    pub fn values(&self) -> &[f64; MAX_INPUTS] {
+        &self.0
+    }
+}
+
+/// The inputs that a regime is interpolated over, and those that all of its samples shared.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct InputMap {
+    /// Interpolated over, by increasing position.
+    pub axes: Vec<InputAxis>,
+    /// Position and value of the inputs that did not vary.
+    pub constants: Vec<(usize, f64)>,
+}
+
+/// One input of a regime and the range it was sampled over.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InputAxis {
+    /// Position in the model's inputs.
+    pub input: usize,
+    /// Smallest training value.
+    pub min: f64,
+    /// Largest training value.
+    pub max: f64,
+}
+
+impl InputMap {
+    /// Axes for those of `inputs` that vary over the states; when none does the first one, a unit wide.
+    pub(crate) fn of_states(states: &[Inputs], inputs: &[usize]) -> Self {
+        let axis = |&input: &usize| {
+            let values = states.iter().map(|state| state.0[input]);
+            let (min, max) =
+                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            InputAxis { input, min, max }
+        };
+        let varies = |a: &InputAxis| a.max - a.min > 1e-9 * a.max.abs().max(a.min.abs());
+        let (mut axes, mut constant): (Vec<InputAxis>, Vec<InputAxis>) =
+            inputs.iter().map(axis).partition(varies);
+        if axes.is_empty() && !constant.is_empty() {
+            let first = constant.remove(0);
+            axes.push(InputAxis { max: first.min + 1.0, ..first });
+        }
+        // A pressure that all samples shared is not kept: version 2 of the model file has no place for it.
+        let kept = constant.iter().filter(|a| a.input != PRESSURE);
+        Self { axes, constants: kept.map(|a| (a.input, a.min)).collect() }
+    }
+
+    /// Number of axes, at least 1 and at most [`MAX_INPUTS`].
+    pub fn dimensions(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// The sampled range of an input; the same value twice when all samples shared it; none when it is no input here.
+    pub fn range(&self, input: usize) -> Option<[f64; 2]> {
+        let axis = self.axes.iter().find(|axis| axis.input == input).map(|axis| [axis.min, axis.max]);
+        axis.or_else(|| self.constants.iter().find(|c| c.0 == input).map(|c| [c.1; 2]))
+    }
+
+    /// Scales a state to [0, 1] over the training range, by axis; entries beyond the axes are 0.
+    pub fn scale(&self, inputs: &Inputs) -> [f64; MAX_INPUTS] {
+        let mut x = Point::default();
+        for (x, axis) in x.iter_mut().zip(&self.axes) {
+            *x = (inputs.0[axis.input] - axis.min) / (axis.max - axis.min);
+        }
+        x
+    }
+
+    /// How far a state lies from the values that all samples shared, as a share of them; 0 when every input varied.
+    pub(crate) fn off_constants(&self, inputs: &Inputs) -> f64 {
+        let off = |(input, value): &(usize, f64)| (inputs.0[*input] - value).abs() / value.abs().max(1.0);
+        self.constants.iter().map(off).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,70 @@
+//! Which part of a model is wanted, and why a model cannot give it.
+
+use crate::kernel::BasisError;
+use thiserror::Error;
+
+/// Which fields and nodes to reconstruct. The default is everything.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// Fields by name, in the order wanted; none for all in the model's order.
+    pub fields: Option<Vec<String>>,
+    /// Nodes.
+    pub nodes: Nodes,
+}
+
+/// Which nodes to reconstruct.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Nodes {
+    /// All of them.
+    #[default]
+    All,
+    /// A node set of the model, by name.
+    Set(String),
+    /// These, in this order.
+    List(Vec<u32>),
+}
+
+/// Why a model cannot be evaluated or reconstructed as asked.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ModelError {
+    /// No such field.
+    #[error("the model has no field {found:?}; it has {}", .known.join(", "))]
+    UnknownField {
+        /// Name asked for.
+        found: String,
+        /// Names there are.
+        known: Vec<String>,
+    },
+    /// No such node set.
+    #[error("the model has no node set {found:?}; it has {}", if .known.is_empty() { "none".into() } else { .known.join(", ") })]
+    UnknownNodeSet {
+        /// Name asked for.
+        found: String,
+        /// Names there are.
+        known: Vec<String>,
+    },
+    /// A node index beyond the mesh.
+    #[error("node {node} does not exist; the model has {node_count} nodes, numbered from 0")]
+    NodeOutOfRange {
+        /// Index asked for.
+        node: u32,
+        /// Nodes there are.
+        node_count: usize,
+    },
+    /// A block the selection needs was not loaded, or has the wrong length.
+    #[error("block {block}: expected {expected} values, found {found}; load the model with this selection")]
+    MissingBlock {
+        /// Which block.
+        block: String,
+        /// Length needed.
+        expected: usize,
+        /// Length found, 0 when absent.
+        found: usize,
+    },
+    /// The kernel cannot lay the basis out.
+    #[error("the basis cannot be laid out: {0}")]
+    Basis(#[from] BasisError),
+    /// The header contradicts itself.
+    #[error("the model is inconsistent: {0}")]
+    Inconsistent(String),
+}
