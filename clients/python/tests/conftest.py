@@ -70,7 +70,7 @@ class Stage:
         """Starts a program and waits until it says that it is ready."""
         program = PROGRAMS / arguments[0]
         if not program.exists():
-            pytest.fail(f"{program} is not built; run scripts/test_clients.sh")
+            pytest.fail(f"{program} is not built; run scripts/check.sh clients")
         log = open(self.folder / f"{len(self.programs)}.log", "w+")
         child = subprocess.Popen(
             [str(program), *arguments[1:]], stdout=log, stderr=subprocess.STDOUT, env=self.environment()

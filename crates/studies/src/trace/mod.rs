@@ -17,7 +17,7 @@ const EXAMPLES: &str = "\
 Examples:
   Simulate the volumes, then make the trace:
     softtwin-studies trace --gap-mm 40 --out gap40.csv
-  The three traces of the paper's scenes, from one run of the simulator (scripts/make_traces.sh):
+  The three traces of the paper's scenes, from one run of the simulator (scripts/make_model.sh traces):
     softtwin simulate --cases models/pneunet/trace_cases.csv --out target/traces
     softtwin-studies trace --volumes target/traces/volumes.csv --gap-mm 40 --seed 2 --out config/traces/gap40.csv
   Half the flow through a long tube:
