@@ -1,4 +1,4 @@
-// One actuator on the page: its mesh, its minute, the frame that is shown.
+// One actuator on the page: its mesh, its last minute, the frame that is shown.
 
 import { History } from "./history.js";
 import { Points } from "./mesh.js";
@@ -16,7 +16,7 @@ export class Actuator {
   // Takes a frame that has just come in.
   receive(frame) {
     this.latest = frame;
-    if (frame.t_s === null) this.history.add(frame); // of a recording all is known already
+    if (frame.t_s === null) this.history.add(frame); // of a recording all states are known
   }
 
   // Makes a frame the shown one; `mesh` is the model's, if known.
@@ -35,10 +35,10 @@ export class Actuator {
     this.largest = largest(values);
   }
 
-  // Old data: nothing has come for a while, or what comes says so itself.
-  isStale(now, asked_ms) {
+  // Old data: nothing has come for a while, or its flags say so.
+  isStale(now, requested_ms) {
     return Boolean(this.latest) && !this.latest.predicted && this.latest.t_s === null &&
-      (now - Math.max(this.latest.received_ms, asked_ms) > STALE_MS || this.latest.flags.includes("stale") || this.latest.flags.includes("no-data"));
+      (now - Math.max(this.latest.received_ms, requested_ms) > STALE_MS || this.latest.flags.includes("stale") || this.latest.flags.includes("no-data"));
   }
 
   // Box around the shown shape.

@@ -7,7 +7,7 @@ const RETRY_MS = [250, 500, 1000, 2000];
 
 export class Link {
   constructor({ onMessage, onFrame, onUp, onDown }) {
-    Object.assign(this, { onMessage, onFrame, onUp, onDown, attempts: 0, asked_ms: 0, answered: true });
+    Object.assign(this, { onMessage, onFrame, onUp, onDown, attempts: 0, requested_ms: 0, answered: true });
     this.open();
   }
 
@@ -30,9 +30,9 @@ export class Link {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
-  // Asks for what is new. Data are old when they do not come although they were asked for, not when drawing is slow.
+  // Requests what is new. Data are old when none come after a request, not when drawing is slow.
   ready() {
-    if (this.answered) Object.assign(this, { asked_ms: performance.now(), answered: false });
+    if (this.answered) Object.assign(this, { requested_ms: performance.now(), answered: false });
     this.send({ type: "ready" });
   }
 }

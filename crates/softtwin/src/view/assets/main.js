@@ -29,7 +29,7 @@ let painter;
 try { painter = new Painter(at("scene"), table); } catch (error) { alarm(error.message); throw error; }
 
 const link = new Link({
-  onUp: () => { Object.assign(state, { up: true, everUp: true, reason: "" }); whatIf.reset(); if (whatIf.active) whatIf.ask(); touch(); },
+  onUp: () => { Object.assign(state, { up: true, everUp: true, reason: "" }); whatIf.reset(); if (whatIf.active) whatIf.request(); touch(); },
   onDown: (reason) => { Object.assign(state, { up: false, reason }); whatIf.reset(); touch(); },
   onMessage: (message) => {
     if (message.type === "hello") hello(message);
@@ -57,9 +57,9 @@ function addMesh({ model, nodes, facets }, buffer, start) {
   state.meshes.set(model, new Mesh(undeformed, corners, ids));
 }
 
-// Another recording: its actuators, and their whole way for the charts.
+// Another recording: its actuators, and all their states for the charts.
 function openRecording(message) {
-  recording.take(message);
+  recording.open(message);
   state.actuators.clear();
   for (const track of message.tracks) {
     addActuator(track.actuator);
@@ -81,7 +81,7 @@ function addFrame(header, buffer, start) {
   state.frames++;
   if (frame.predicted) whatIf.answered();
   if (frame.t_s !== null) recording.follow(frame);
-  if (!looksBack()) show(actuator, frame);
+  if (!showsPast()) show(actuator, frame);
   touch();
 }
 
@@ -97,7 +97,7 @@ function show(actuator, frame) {
   if (!state.fitted && actuator.box()) { state.fitted = true; fit(); }
 }
 
-const looksBack = () => !recording.on && (state.paused || state.age_ms > 0);
+const showsPast = () => !recording.on && (state.paused || state.age_ms > 0);
 const visible = () => [...state.actuators.values()].filter((a) => (a.name === PREDICTION) === whatIf.active);
 const chosen = () => visible().find((a) => a.name === state.chosen) ?? visible()[0];
 const clock = () => (state.paused ? state.frozen_ms : performance.now());
@@ -105,7 +105,7 @@ const clock = () => (state.paused ? state.frozen_ms : performance.now());
 // Shows all actuators at the chosen moment again (after scrubbing, pausing, or another quantity).
 function reshow() {
   for (const actuator of state.actuators.values()) {
-    const frame = looksBack() ? actuator.history.shape(clock(), state.age_ms) : actuator.latest;
+    const frame = showsPast() ? actuator.history.shape(clock(), state.age_ms) : actuator.latest;
     if (frame) show(actuator, frame);
   }
 }
@@ -177,18 +177,18 @@ function notice(text) {
   at("notice").textContent = text;
 }
 
-// What a person must know at once: no connection, nothing published, old data.
+// The states that the user must notice: no connection, nothing published, old data.
 function status() {
   const now = performance.now();
-  const stale = visible().filter((actuator) => actuator.isStale(now, link.asked_ms));
+  const stale = visible().filter((actuator) => actuator.isStale(now, link.requested_ms));
   const oldest = Math.max(0, ...stale.map((actuator) => now - actuator.latest.received_ms));
   let [badge, mood, text] = ["live", "live", ""];
   if (!state.up) [badge, mood, text] = ["disconnected", "bad", state.reason || (state.everUp ? "Connection to softtwin view lost; trying again" : "")];
   else if (whatIf.active) [badge, mood] = ["what if", "warn"];
   else if (!visible().length) [badge, mood, text] = ["waiting", "warn", "Nothing is published yet: start a twin, or press What if"];
   else if (stale.length) [badge, mood, text] = ["stale", "bad", `Stale: ${stale.map((a) => a.name).join(", ")} (last data ${(oldest / 1000).toFixed(0)} s ago)`];
-  else if (recording.on) [badge, mood] = [`recording ${recording.told.name}`, "warn"];
-  else if (looksBack()) [badge, mood] = [state.paused ? "paused" : "looking back", "warn"];
+  else if (recording.on) [badge, mood] = [`recording ${recording.opened.name}`, "warn"];
+  else if (showsPast()) [badge, mood] = [state.paused ? "paused" : "looking back", "warn"];
   at("link").textContent = badge;
   at("link").className = `badge ${mood}`;
   document.body.classList.toggle("stale", mood === "bad");
@@ -199,7 +199,7 @@ function panels() {
   const actuator = chosen();
   const now = clock();
   const recent = state.drawn.filter((time) => performance.now() - time < 1000).length;
-  if (actuator?.shown) showNumbers(at("numbers"), looksBack() ? actuator.shown : actuator.latest, recent);
+  if (actuator?.shown) showNumbers(at("numbers"), showsPast() ? actuator.shown : actuator.latest, recent);
   const series = visible().map(({ history, colour }) => ({ states: history.states, colour }));
   const window = recording.on && !whatIf.active
     ? { now: recording.span_ms, age_ms: recording.span_ms - recording.at_ms, span_ms: recording.span_ms }

@@ -1,8 +1,8 @@
-// A recording instead of live data: the bar at the bottom spans all of it, and all pages share one place in it.
+// A recording instead of live data: the time bar spans all of it, and all pages show the same time.
 
 export class Recording {
   constructor(send) {
-    Object.assign(this, { send, told: null, at_s: 0, playing: false, dragging: false });
+    Object.assign(this, { send, opened: null, at_s: 0, playing: false, dragging: false });
     const at = (id) => document.getElementById(id);
     this.element = { scrub: at("scrub"), pause: at("pause"), when: at("when"), list: at("recordings") };
     this.element.list.onchange = () => send({ type: "open", name: this.element.list.value });
@@ -10,18 +10,18 @@ export class Recording {
     addEventListener("pointerup", () => { this.dragging = false; });
   }
 
-  get on() { return this.told !== null; }
-  get span_ms() { return Math.max(1, 1000 * this.told.duration_s); }
+  get on() { return this.opened !== null; }
+  get span_ms() { return Math.max(1, 1000 * this.opened.duration_s); }
   get at_ms() { return 1000 * this.at_s; }
 
   // A recording was opened.
-  take(told) {
-    this.told = told;
+  open(opened) {
+    this.opened = opened;
     const { scrub, list } = this.element;
-    Object.assign(scrub, { min: 0, max: told.duration_s, step: 0.01, value: 0 });
+    Object.assign(scrub, { min: 0, max: opened.duration_s, step: 0.01, value: 0 });
     scrub.setAttribute("aria-label", "Seconds of the recording");
-    list.hidden = told.names.length < 2;
-    list.replaceChildren(...told.names.map((name) => new Option(name, name, false, name === told.name)));
+    list.hidden = opened.names.length < 2;
+    list.replaceChildren(...opened.names.map((name) => new Option(name, name, false, name === opened.name)));
   }
 
   // The states of one actuator as the charts draw them.
@@ -29,14 +29,14 @@ export class Recording {
     return t_s.map((t, k) => ({ received_ms: 1000 * t, ...Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[k]])) }));
   }
 
-  // A frame says where the recording is.
+  // A frame has the time of the recording.
   follow({ t_s, playing }) {
     Object.assign(this, { at_s: t_s, playing });
     const { scrub, pause, when } = this.element;
     if (!this.dragging) scrub.value = t_s;
     pause.textContent = playing ? "Pause" : "Play";
     pause.setAttribute("aria-pressed", !playing);
-    when.textContent = `${t_s.toFixed(1)} / ${this.told.duration_s.toFixed(1)} s`;
+    when.textContent = `${t_s.toFixed(1)} / ${this.opened.duration_s.toFixed(1)} s`;
   }
 
   toggle() { this.send({ type: "play", playing: !this.playing }); }

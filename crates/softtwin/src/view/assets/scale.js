@@ -3,13 +3,13 @@
 export const QUANTITIES = {
   von_mises: { unit: "MPa", values: (frame) => frame.fields.von_mises },
   displacement: { unit: "mm", values: (frame) => frame.fields.displacement },
-  stress_bar: { unit: "%", values: (frame) => share(frame.von_mises_halfwidth_mpa, frame.fields.von_mises) },
-  displacement_bar: { unit: "%", values: (frame) => share(frame.displacement_halfwidth_mm, frame.fields.displacement) },
+  stress_halfwidth: { unit: "%", values: (frame) => share(frame.von_mises_halfwidth_mpa, frame.fields.von_mises) },
+  displacement_halfwidth: { unit: "%", values: (frame) => share(frame.displacement_halfwidth_mm, frame.fields.displacement) },
 };
 
-// Half width of the error bar in percent of each node's value; not a number where either is unknown.
-function share(bar, values) {
-  return values && bar !== null && bar !== undefined ? values.map((v) => (100 * bar) / v) : undefined;
+// The half-width of the confidence interval in percent of each node's value; not a number where either is unknown.
+function share(halfwidth, values) {
+  return values && Number.isFinite(halfwidth) ? values.map((v) => (100 * halfwidth) / v) : undefined;
 }
 
 // About `count` round numbers within a range, with the digits that tell them apart.
@@ -58,7 +58,7 @@ export class Scale {
     const tops = bodies.map(({ values, largest }) => (this.mode === "peak" || !values ? largest : quantile(values, 0.99)));
     const largest = Math.max(...tops.filter(Number.isFinite));
     if (!Number.isFinite(largest) || largest <= 0) return;
-    const limited = this.quantity.endsWith("_bar") ? Math.min(largest, 100) : largest;
+    const limited = this.quantity.endsWith("_halfwidth") ? Math.min(largest, 100) : largest;
     const target = roundUp(limited);
     if (target > this.range[1] || target < 0.6 * this.range[1]) {
       this.range = [0, target];

@@ -6,10 +6,10 @@ export class WhatIf {
     const at = (id) => document.getElementById(id);
     this.element = { toggle: at("whatif-toggle"), box: at("sliders"), pressure: at("pressure"), gap: at("gap"), pressureOut: at("pressure-out"), gapOut: at("gap-out") };
     this.element.toggle.onclick = () => { this.set(!this.active); changed(); };
-    this.element.pressure.oninput = this.element.gap.oninput = () => this.ask();
+    this.element.pressure.oninput = this.element.gap.oninput = () => this.request();
   }
 
-  // The ranges are a quarter wider than what the model was trained on: leaving it is shown, not forbidden.
+  // The ranges are a quarter wider than what the model was trained on: leaving it is allowed and shown.
   useModel(model) {
     this.model = model;
     this.element.toggle.disabled = !model;
@@ -30,11 +30,11 @@ export class WhatIf {
     this.active = active && Boolean(this.model);
     this.element.toggle.setAttribute("aria-pressed", this.active);
     this.element.box.hidden = !this.active;
-    if (this.active) this.ask();
+    if (this.active) this.request();
   }
 
-  // One question at a time; while it is out only the newest slider position is kept.
-  ask() {
+  // One request at a time. Until its answer comes, only the newest slider position is kept.
+  request() {
     const { pressure, gap, pressureOut, gapOut } = this.element;
     const [pressure_mpa, gap_mm] = [parseFloat(pressure.value), this.model.gap_mm ? parseFloat(gap.value) : null];
     pressureOut.textContent = `${pressure_mpa.toFixed(4)} MPa`;
@@ -46,7 +46,7 @@ export class WhatIf {
 
   answered() {
     this.waiting = false;
-    if (this.again) { this.again = false; this.ask(); }
+    if (this.again) { this.again = false; this.request(); }
   }
 
   reset() { this.waiting = this.again = false; }
