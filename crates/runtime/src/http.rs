@@ -17,6 +17,8 @@ use tokio::task::{LocalSet, spawn_local};
 pub const HEADER_TIMEOUT: Duration = Duration::from_secs(2);
 /// Connections at a time; more wait until one ends.
 pub const MAX_CONNECTIONS: usize = 64;
+/// Largest head of a request, bytes; a longer one is refused with status 431.
+const MAX_HEAD: usize = 16 * 1024;
 
 /// Serves until `stop` is done. Everything runs in the calling thread, so that `service` may hold what belongs to it.
 pub async fn serve<S>(listener: TcpListener, service: S, stop: impl Future<Output = ()>)
@@ -33,6 +35,7 @@ where
                     let connection = Builder::new()
                         .timer(TokioTimer::new())
                         .header_read_timeout(HEADER_TIMEOUT)
+                        .max_buf_size(MAX_HEAD)
                         .serve_connection(TokioIo::new(stream), service.clone())
                         .with_upgrades();
                     spawn_local(async move {

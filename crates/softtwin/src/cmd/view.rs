@@ -107,12 +107,9 @@ impl Args {
         let (thread, player) = self.feed(key, &catalogue, &hub, &stop)?;
         let server = Server { listener, guard, shared: Shared { catalogue, hub, player } };
         output!("{}\nOpen it in a browser; Ctrl-C ends the viewer.", server.url()?)?;
-        let served = server.run(is_set(&stop)).await;
+        server.run(is_set(&stop)).await;
         stop.store(true, Ordering::Relaxed);
-        match thread.join() {
-            Ok(read) => served.and(read),
-            Err(_) => anyhow::bail!("the reader thread panicked; please report this"),
-        }
+        thread.join().unwrap_or_else(|_| anyhow::bail!("the reader thread panicked; please report this"))
     }
 
     /// Starts the thread that fills the hub. It ends when `stop` is set.
@@ -142,7 +139,7 @@ impl Args {
     }
 }
 
-/// Done when the flag is set.
+/// Ends when the flag is set.
 async fn is_set(flag: &AtomicBool) {
     while !flag.load(Ordering::Relaxed) {
         tokio::time::sleep(STOP_INTERVAL).await;

@@ -10,7 +10,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
-use std::future::Future;
+use hyper_util::service::TowerToHyperService;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use tokio::net::TcpListener;
@@ -67,11 +67,8 @@ impl Server {
         Ok(format!("http://{address}/{token}"))
     }
 
-    /// Serves until `stop` is done.
-    ///
-    /// # Errors
-    /// When the port breaks.
-    pub async fn run(self, stop: impl Future<Output = ()>) -> Result<()> {
+    /// Serves until `stop` is done. Pages never close their websockets, so the end does not wait for them.
+    pub async fn run(self, stop: impl Future<Output = ()>) {
         let mut router = Router::new().route("/ws", any(websocket)).route("/colours", get(colours));
         for (path, kind, content) in PARTS {
             router =
@@ -79,12 +76,7 @@ impl Server {
         }
         let router =
             router.with_state(self.shared).layer(from_fn_with_state(Arc::new(self.guard), check_request));
-        let serve = axum::serve(self.listener, router).into_future();
-        tokio::select! {
-            // Pages never close their websockets, so the end does not wait for them.
-            () = stop => Ok(()),
-            served = serve => served.context("the web server stopped"),
-        }
+        runtime::http::serve(self.listener, TowerToHyperService::new(router), stop).await;
     }
 }
 
