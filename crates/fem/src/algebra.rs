@@ -1,31 +1,31 @@
 //! Three-component vectors and 3 x 3 matrices as plain arrays: all the small algebra the elements need.
 
 /// A vector of three components.
-pub type Vec3 = [f64; 3];
+pub(crate) type Vec3 = [f64; 3];
 /// A 3 x 3 matrix, row by row.
-pub type Mat3 = [[f64; 3]; 3];
+pub(crate) type Mat3 = [[f64; 3]; 3];
 
 /// `a - b`.
 #[inline]
-pub fn sub(a: Vec3, b: Vec3) -> Vec3 {
+pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// `a + b`.
 #[inline]
-pub fn add(a: Vec3, b: Vec3) -> Vec3 {
+pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// `s a`.
 #[inline]
-pub fn scale(s: f64, a: Vec3) -> Vec3 {
+pub(crate) fn scale(s: f64, a: Vec3) -> Vec3 {
     [s * a[0], s * a[1], s * a[2]]
 }
 
 /// `y += s x`.
 #[inline]
-pub fn axpy(s: f64, x: Vec3, y: &mut Vec3) {
+pub(crate) fn axpy(s: f64, x: Vec3, y: &mut Vec3) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += s * x;
     }
@@ -33,43 +33,43 @@ pub fn axpy(s: f64, x: Vec3, y: &mut Vec3) {
 
 /// Scalar product.
 #[inline]
-pub fn dot(a: Vec3, b: Vec3) -> f64 {
+pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Vector product.
 #[inline]
-pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
+pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Euclidean length.
 #[inline]
-pub fn norm(a: Vec3) -> f64 {
+pub(crate) fn norm(a: Vec3) -> f64 {
     dot(a, a).sqrt()
 }
 
 /// `m v`.
 #[inline]
-pub fn mat_vec(m: &Mat3, v: Vec3) -> Vec3 {
+pub(crate) fn mat_vec(m: &Mat3, v: Vec3) -> Vec3 {
     [dot(m[0], v), dot(m[1], v), dot(m[2], v)]
 }
 
 /// Matrix `s a b^T`.
 #[inline]
-pub fn outer(s: f64, a: Vec3, b: Vec3) -> Mat3 {
+pub(crate) fn outer(s: f64, a: Vec3, b: Vec3) -> Mat3 {
     [scale(s * a[0], b), scale(s * a[1], b), scale(s * a[2], b)]
 }
 
 /// Skew matrix `[a]x` with `[a]x b = a x b`.
 #[inline]
-pub fn skew(a: Vec3) -> Mat3 {
+pub(crate) fn skew(a: Vec3) -> Mat3 {
     [[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]]
 }
 
 /// Determinant and the transposed inverse `m^-T`; the inverse is meaningless when the determinant is zero.
 #[inline]
-pub fn det_inv_transpose(m: &Mat3) -> (f64, Mat3) {
+pub(crate) fn det_inv_transpose(m: &Mat3) -> (f64, Mat3) {
     let rows = [cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])];
     let det = dot(m[0], rows[0]);
     let inv = 1.0 / det;

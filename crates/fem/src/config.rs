@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::obstacle::{Footprint, Obstacle};
+use crate::contact::obstacle::Obstacle;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Hyperelastic, SheetMaterial};
+use rom::snapshots::Footprint;
 
 /// Gravity along -y (mm/s2), the actuator's usual attitude.
 pub const GRAVITY_DOWN_MM_S2: [f64; 3] = [0.0, -9810.0, 0.0];
@@ -105,8 +106,8 @@ impl Default for ProblemConfig {
             }),
             cavity_load: CavityLoad::FlatFacets,
             contact: ContactSettings::default(),
-            plate: Footprint { x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] },
-            block: Footprint { x_mm: [85.0, 115.0], z_mm: [1.0, 31.0] },
+            plate: Footprint::PLATE,
+            block: Footprint::BLOCK,
             newton: NewtonSettings::default(),
         }
     }

@@ -1,36 +1,39 @@
-//! The actuator's own finite elements: from a mesh to deformed, stressed, touching states.
-//!
-//! Lengths are millimetres, forces newtons, stresses megapascals, masses tonnes (so that mm/s2 x t = N).
-//!
-//! [`problem::Problem`] checks mesh and materials once; a [`solver::Solver`] per thread walks from state to state;
-//! [`output::Output`] is what a state looks like. The formulation is written up in `docs/fem.md`.
-
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
 pub mod actuator;
-pub mod algebra;
-pub mod assemble;
-pub mod config;
-pub mod contact;
-pub mod element;
-pub mod energy;
-pub mod linear;
+mod algebra;
+pub mod cases;
+mod config;
+mod contact;
+mod element;
+mod linear;
 pub mod material;
-pub mod mesh;
-pub mod newton;
-pub mod ordering;
-pub mod output;
-pub mod problem;
-pub mod rng;
+mod mesh;
+mod newton;
+mod ordering;
+mod output;
+mod problem;
 pub mod run;
 pub mod sample;
-pub mod solver;
-pub mod sparse;
-pub mod state;
+mod solver;
+mod sparse;
+mod state;
+mod system;
 
-pub use config::{Load, ProblemConfig};
+pub use config::{
+    ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
+};
 pub use contact::obstacle::Obstacle;
+pub use element::cavity::CavityLoad;
+pub use linear::LinearError;
+pub use mesh::{Mesh, Slot};
+pub use newton::NewtonError;
 pub use output::Output;
 pub use problem::{Problem, ProblemError};
-pub use solver::{Report, SolveError, Solver};
+pub use solver::{FORMULATION, NotConverged, Report, SolveError, Solver};
 pub use state::State;
+
+#[cfg(test)]
+#[path = "../tests/unit/mod.rs"]
+mod unit_tests;

@@ -33,7 +33,7 @@ pub enum LinearError {
 
 /// Ordering and structure of the factor: shared by all solvers of a problem.
 #[derive(Debug)]
-pub struct Analysis {
+pub(crate) struct Analysis {
     symbolic: SymbolicCholesky<usize>,
     unknowns: usize,
 }
@@ -48,7 +48,7 @@ impl Analysis {
     ///
     /// # Errors
     /// [`LinearError::Memory`].
-    pub fn new(pattern: &SymmetricBlocks, order: &[u32]) -> Result<Self, LinearError> {
+    pub(crate) fn new(pattern: &SymmetricBlocks, order: &[u32]) -> Result<Self, LinearError> {
         let unknowns = pattern.unknowns();
         let forward: Vec<usize> =
             order.iter().flat_map(|n| (0..3).map(move |c| 3 * *n as usize + c)).collect();
@@ -64,8 +64,7 @@ impl Analysis {
     }
 
     /// Entries of the factor.
-    #[must_use]
-    pub fn factor_entries(&self) -> usize {
+    pub(crate) fn factor_entries(&self) -> usize {
         self.symbolic.len_val()
     }
 }
@@ -78,7 +77,7 @@ enum Kind {
 }
 
 /// One thread's factor and work space.
-pub struct Factor {
+pub(crate) struct Factor {
     analysis: Arc<Analysis>,
     values: Vec<f64>,
     memory: MemBuffer,
@@ -90,7 +89,7 @@ impl Factor {
     ///
     /// # Errors
     /// [`LinearError::Memory`].
-    pub fn new(analysis: Arc<Analysis>) -> Result<Self, LinearError> {
+    pub(crate) fn new(analysis: Arc<Analysis>) -> Result<Self, LinearError> {
         let symbolic = &analysis.symbolic;
         let request = StackReq::any_of(&[
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
@@ -108,7 +107,7 @@ impl Factor {
     ///
     /// # Errors
     /// [`LinearError::Singular`].
-    pub fn factorise(&mut self, pattern: &SymmetricBlocks, matrix: &[f64]) -> Result<(), LinearError> {
+    pub(crate) fn factorise(&mut self, pattern: &SymmetricBlocks, matrix: &[f64]) -> Result<(), LinearError> {
         let matrix = SparseColMatRef::new(structure(pattern), matrix);
         let symbolic = &self.analysis.symbolic;
         let definite = symbolic.factorize_numeric_llt(
@@ -138,13 +137,12 @@ impl Factor {
     }
 
     /// Whether the last matrix was positive definite.
-    #[must_use]
-    pub fn positive_definite(&self) -> bool {
+    pub(crate) fn positive_definite(&self) -> bool {
         self.kind == Kind::Definite
     }
 
     /// Solves in place with the last factor.
-    pub fn solve(&mut self, rhs: &mut [f64]) {
+    pub(crate) fn solve(&mut self, rhs: &mut [f64]) {
         let symbolic = &self.analysis.symbolic;
         let rhs = MatMut::from_column_major_slice_mut(rhs, self.analysis.unknowns, 1);
         let stack = MemStack::new(&mut self.memory);

@@ -49,32 +49,31 @@ pub enum Hyperelastic {
 
 /// Energy (MPa) and its first two derivatives with respect to the invariant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Energy {
+pub(crate) struct Energy {
     /// `W`.
-    pub w: f64,
+    pub(crate) w: f64,
     /// `dW/dI`.
-    pub d1: f64,
+    pub(crate) d1: f64,
     /// `d2W/dI2`.
-    pub d2: f64,
+    pub(crate) d2: f64,
 }
 
-/// Share of the Gent limit beyond which a trial state is refused: the last 5 % of stretch carry unbounded stress.
+/// Share of the Gent limit beyond which a trial state is invalid: in the last 5 % the stress has no bound.
 const GENT_SHARE: f64 = 0.95;
 
 impl Hyperelastic {
     /// Energy and derivatives at the invariant `i1`; `None` beyond the law's limit (Gent locking).
     #[inline]
-    #[must_use]
-    pub fn energy(&self, i1: f64) -> Option<Energy> {
+    pub(crate) fn energy(&self, i1: f64) -> Option<Energy> {
         let e = i1 - 3.0;
         match *self {
             Self::Gent { mu_mpa, jm } => {
-                let rest = 1.0 - e / jm;
-                if rest < 1.0 - GENT_SHARE {
+                let left = 1.0 - e / jm;
+                if left < 1.0 - GENT_SHARE {
                     return None;
                 }
-                let d1 = 0.5 * mu_mpa / rest;
-                Some(Energy { w: -0.5 * mu_mpa * jm * rest.ln(), d1, d2: d1 / (jm * rest) })
+                let d1 = 0.5 * mu_mpa / left;
+                Some(Energy { w: -0.5 * mu_mpa * jm * left.ln(), d1, d2: d1 / (jm * left) })
             }
             Self::NeoHookean { mu_mpa } => Some(Energy { w: 0.5 * mu_mpa * e, d1: 0.5 * mu_mpa, d2: 0.0 }),
             Self::Yeoh { c10_mpa, c20_mpa, c30_mpa } => Some(Energy {
@@ -86,8 +85,7 @@ impl Hyperelastic {
     }
 
     /// Initial shear modulus (MPa).
-    #[must_use]
-    pub fn shear_modulus_mpa(&self) -> f64 {
+    pub(crate) fn shear_modulus_mpa(&self) -> f64 {
         match *self {
             Self::Gent { mu_mpa, .. } | Self::NeoHookean { mu_mpa } => mu_mpa,
             Self::Yeoh { c10_mpa, .. } => 2.0 * c10_mpa,
@@ -133,11 +131,11 @@ pub struct Elastomer {
 }
 
 impl Elastomer {
-    /// Refuses constants the formulation cannot bear.
+    /// Checks that the formulation is valid for the constants.
     ///
     /// # Errors
     /// [`MaterialError`] names the first constant out of range.
-    pub fn check(&self) -> Result<(), MaterialError> {
+    pub(crate) fn check(&self) -> Result<(), MaterialError> {
         self.law.check()?;
         // Below ten shear moduli the split into W(I) and pressure no longer describes a rubber.
         if !(self.bulk_mpa.is_finite() && self.bulk_mpa >= 10.0 * self.law.shear_modulus_mpa()) {
@@ -164,23 +162,21 @@ pub struct SheetMaterial {
 
 impl SheetMaterial {
     /// Bending stiffness `D = E t^3 / (12 (1 - nu^2))` (N mm).
-    #[must_use]
-    pub fn bending_stiffness_n_mm(&self) -> f64 {
+    pub(crate) fn bending_stiffness_n_mm(&self) -> f64 {
         self.youngs_mpa * self.thickness_mm.powi(3) / (12.0 * (1.0 - self.poisson * self.poisson))
     }
 
     /// Plane-stress membrane stiffness: the entries 11, 12 and 33 of the resultant-strain relation (N/mm).
-    #[must_use]
-    pub fn membrane_stiffness_n_per_mm(&self) -> [f64; 3] {
+    pub(crate) fn membrane_stiffness_n_per_mm(&self) -> [f64; 3] {
         let c11 = self.youngs_mpa * self.thickness_mm / (1.0 - self.poisson * self.poisson);
         [c11, c11 * self.poisson, 0.5 * c11 * (1.0 - self.poisson)]
     }
 
-    /// Refuses constants out of range.
+    /// Checks that the constants are in range.
     ///
     /// # Errors
     /// [`MaterialError`] names the first constant out of range.
-    pub fn check(&self) -> Result<(), MaterialError> {
+    pub(crate) fn check(&self) -> Result<(), MaterialError> {
         positive("sheet", "youngs_mpa", self.youngs_mpa)?;
         positive("sheet", "thickness_mm", self.thickness_mm)?;
         positive("sheet", "bending_penalty", self.bending_penalty)?;

@@ -10,7 +10,6 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::algebra::{Vec3, add, axpy, dot, norm, sub};
-use crate::assemble::{InvalidState, System, face};
 use crate::config::Load;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
@@ -18,8 +17,9 @@ use crate::linear::{Factor, LinearError};
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
+use crate::system::{InvalidState, System, face};
 
-/// Why the iteration at one load gave up.
+/// Why the iteration at one load stopped.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NewtonError {
     /// The corrections did not become small.
@@ -30,7 +30,7 @@ pub enum NewtonError {
         /// Largest nodal correction of the last iteration (mm).
         correction_mm: f64,
     },
-    /// The elastomer cannot bear the state.
+    /// The state is outside the limits of the elastomer.
     #[error("element {element}: {what}")]
     MaterialLimit {
         /// The element.
@@ -57,12 +57,12 @@ impl From<InvalidState> for NewtonError {
 
 /// Work spent on one load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Effort {
+pub(crate) struct Effort {
     /// Factorisations of the tangent, one an iteration.
-    pub factorisations: usize,
+    pub(crate) factorisations: usize,
 }
 
-/// Halvings of a correction that leads to an impossible state.
+/// Halvings of a correction that leads to an invalid state.
 const MAX_HALVINGS: usize = 5;
 
 /// A correction of all unknowns.
@@ -100,7 +100,7 @@ impl Increment {
 }
 
 /// Work space of the iteration: one a thread.
-pub struct Newton {
+pub(crate) struct Newton {
     problem: Arc<Problem>,
     pub(crate) system: System,
     factor: Factor,
@@ -115,7 +115,7 @@ impl Newton {
     ///
     /// # Errors
     /// [`LinearError::Memory`].
-    pub fn new(problem: Arc<Problem>) -> Result<Self, LinearError> {
+    pub(crate) fn new(problem: Arc<Problem>) -> Result<Self, LinearError> {
         let factor = Factor::new(Arc::clone(&problem.analysis))?;
         let system = System::new(&problem);
         let rhs = vec![0.0; problem.pattern.unknowns()];
@@ -128,7 +128,12 @@ impl Newton {
     ///
     /// # Errors
     /// [`NewtonError`].
-    pub fn start(&mut self, state: &mut State, load: &Load, effort: &mut Effort) -> Result<f64, NewtonError> {
+    pub(crate) fn start(
+        &mut self,
+        state: &mut State,
+        load: &Load,
+        effort: &mut Effort,
+    ) -> Result<f64, NewtonError> {
         self.predict(state, load)?;
         self.solve(effort)?;
         let share = (self.problem.config.newton.step_length_mm / self.increment.largest_mm()).min(1.0);
@@ -137,13 +142,13 @@ impl Newton {
         Ok(share)
     }
 
-    /// Brings `state`, started towards `load`, into equilibrium with it; `state` is spoilt when that fails.
+    /// Brings `state`, started towards `load`, into equilibrium with it; `state` is of no use when that fails.
     ///
     /// `effort` counts the work also when the iteration fails.
     ///
     /// # Errors
     /// [`NewtonError`].
-    pub fn iterate(
+    pub(crate) fn iterate(
         &mut self,
         state: &mut State,
         load: &Load,
@@ -159,21 +164,22 @@ impl Newton {
             let next = correction * (correction / self.last_mm).min(1.0);
             self.last_mm = correction;
             let settled = next < settings.correction_tolerance_mm;
-            if settled && self.force_missed_n(state, load) < settings.force_tolerance_n {
+            if settled && self.force_error_n(state, load) < settings.force_tolerance_n {
                 return Ok(());
             }
         }
         Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })
     }
 
-    /// How far the obstacle's nodal forces at the new iterate are from what the last tangent promised, summed (N).
+    /// Sum over the nodes of the difference between the obstacle's force at the new iterate and the one that the last
+    /// tangent predicted (N).
     ///
     /// Small corrections alone do not make an equilibrium: a node that the last one brought back into a stiff contact
-    /// carries a force that the solve knew nothing of, so nothing balances it yet.
-    fn force_missed_n(&self, state: &State, load: &Load) -> f64 {
+    /// carries a force that was not part of the last solve, so nothing balances it yet.
+    fn force_error_n(&self, state: &State, load: &Load) -> f64 {
         let problem = &self.problem;
         let Some(face) = face(problem, load.obstacle) else { return 0.0 };
-        let missed = |n: &u32| {
+        let error = |n: &u32| {
             let n = *n as usize;
             let now = add(problem.mesh.nodes_mm[n], state.displacement_mm[n]);
             let correction = self.increment.displacement[n];
@@ -181,13 +187,13 @@ impl Newton {
             let (force, stiffness) = touch(sub(now, correction));
             (touch(now).0 - (force - stiffness * correction[1])).abs()
         };
-        let sum: f64 = problem.contact_nodes.iter().map(missed).sum();
+        let sum: f64 = problem.contact_nodes.iter().map(error).sum();
         problem.config.contact.obstacle_penalty_n_per_mm * sum
     }
 
     /// First system of a step: the tangent of the obstacle where it *was*, the loads of the new state, and the
     /// obstacle's advance acting on the nodes it touches now. Were the obstacle moved first, a retreat would lose all
-    /// contact in the first iteration and the finger would swing away.
+    /// contact in the first iteration and the actuator would swing away.
     fn predict(&mut self, state: &State, load: &Load) -> Result<(), NewtonError> {
         let mut linearised = *load;
         let mut advance_mm = 0.0;
@@ -202,7 +208,7 @@ impl Newton {
         Ok(())
     }
 
-    /// Assembles at the current iterate, taking back half of the last correction while the iterate is impossible.
+    /// Assembles at the current iterate, taking back half of the last correction while the iterate is invalid.
     fn assemble(&mut self, state: &mut State, load: &Load) -> Result<(), NewtonError> {
         let problem = Arc::clone(&self.problem);
         let mut share = 1.0;

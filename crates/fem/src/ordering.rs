@@ -10,7 +10,7 @@ use crate::algebra::Vec3;
 const LEAF: usize = 8;
 
 /// Neighbour lists of a symmetric graph (both directions).
-pub type Graph = Vec<Vec<u32>>;
+pub(crate) type Graph = Vec<Vec<u32>>;
 
 struct Dissection<'a> {
     graph: &'a Graph,
@@ -22,8 +22,7 @@ struct Dissection<'a> {
 /// Elimination order of the nodes: `order[k]` is the node eliminated k-th.
 ///
 /// Cost: edges x log(nodes) x 3 axes.
-#[must_use]
-pub fn nested_dissection(graph: &Graph, points: &[Vec3]) -> Vec<u32> {
+pub(crate) fn nested_dissection(graph: &Graph, points: &[Vec3]) -> Vec<u32> {
     let mut dissection = Dissection { graph, points, place: vec![usize::MAX; graph.len()] };
     let mut order = Vec::with_capacity(graph.len());
     let all = (0..graph.len()).filter_map(|n| u32::try_from(n).ok()).collect();

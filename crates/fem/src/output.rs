@@ -1,11 +1,11 @@
-//! What a solved state looks like: fields, forces, contact sets.
+//! Fields, forces and contact sets of a solved state.
 
 use crate::algebra::{Vec3, norm};
-use crate::assemble::{System, face};
 use crate::element::tet10;
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
+use crate::system::{System, face};
 
 /// Fields and figures of one state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,14 +31,13 @@ pub struct Output {
 }
 
 /// Distance below the undeformed base at which an obstacle just clears the state (mm).
-#[must_use]
-pub fn clearance_mm(problem: &Problem, state: &State) -> f64 {
+pub(crate) fn clearance_mm(problem: &Problem, state: &State) -> f64 {
     let lowest = |n: &u32| -(problem.mesh.nodes_mm[*n as usize][1] + state.displacement_mm[*n as usize][1]);
     problem.contact_nodes.iter().map(lowest).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Largest force out of balance at a free node (N), with the carried stresses.
-pub fn residual_n(problem: &Problem, state: &State, system: &mut System) -> f64 {
+pub(crate) fn residual_n(problem: &Problem, state: &State, system: &mut System) -> f64 {
     if system.assemble(problem, state, &state.load, 0.0, false).is_err() {
         return f64::INFINITY;
     }
@@ -47,7 +46,7 @@ pub fn residual_n(problem: &Problem, state: &State, system: &mut System) -> f64 
 }
 
 /// Output of a state; `system` is work space.
-pub fn output(problem: &Problem, state: &State, system: &mut System) -> Output {
+pub(crate) fn output(problem: &Problem, state: &State, system: &mut System) -> Output {
     let residual_n = residual_n(problem, state, system);
     let coordinates_mm = problem.positions(&state.displacement_mm);
     let (von_mises_mpa, von_mises_owner_mpa) = von_mises(problem, state);

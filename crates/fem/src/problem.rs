@@ -4,18 +4,18 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::algebra::{Vec3, axpy, cross, dot, norm, scale, sub};
+use crate::algebra::{Vec3, add, axpy, cross, dot, norm, scale, sub};
 use crate::config::ProblemConfig;
 use crate::contact::slot::SlotWalls;
 use crate::element::bending::{self, BendingEntry};
 use crate::element::membrane::{self, MembraneGeometry};
 use crate::element::tet10::{self, TetGeometry};
 use crate::linear::{Analysis, LinearError};
-use crate::material::{MaterialError, at_least_zero, positive};
-use crate::mesh::orient::{Boundary, closed};
-use crate::mesh::{Mesh, Tri6};
+use crate::material::{Elastomer, MaterialError, at_least_zero, positive};
+use crate::mesh::{Boundary, Mesh, closed, flipped};
 use crate::ordering::nested_dissection;
 use crate::sparse::{CONSTRAINED, Rank, SymmetricBlocks};
+use formats::mesh_file::{Tet10, Tri6};
 
 /// Why mesh and materials do not make a problem.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -182,33 +182,17 @@ impl Problem {
         (self.pattern.unknowns(), self.pattern.stored(), self.analysis.factor_entries())
     }
 
-    /// Pattern of the tangent.
-    #[must_use]
-    pub fn pattern(&self) -> &SymmetricBlocks {
-        &self.pattern
-    }
-
-    /// First scalar unknown of a node; `None` where it is held.
-    #[must_use]
-    pub fn unknown(&self, node: usize) -> Option<usize> {
-        (self.free[node] != CONSTRAINED).then(|| 3 * self.free[node] as usize)
-    }
-
     /// The elastomer of element `e`.
     #[must_use]
-    pub fn elastomer(&self, e: usize) -> &crate::material::Elastomer {
-        &self.config.elastomers[self.mesh.tet_material.get(e).map_or(0, |m| usize::from(*m))]
+    pub(crate) fn elastomer(&self, e: usize) -> &Elastomer {
+        elastomer(&self.mesh, &self.config, e)
     }
 
     /// Deformed positions (mm) of displacements `u`.
     #[must_use]
-    pub fn positions(&self, u: &[Vec3]) -> Vec<Vec3> {
-        self.mesh.nodes_mm.iter().zip(u).map(|(x, u)| crate::algebra::add(*x, *u)).collect()
+    pub(crate) fn positions(&self, u: &[Vec3]) -> Vec<Vec3> {
+        self.mesh.nodes_mm.iter().zip(u).map(|(x, u)| add(*x, *u)).collect()
     }
-}
-
-fn flipped(t: &Tri6) -> Tri6 {
-    [t[0], t[2], t[1], t[5], t[4], t[3]]
 }
 
 fn check_config(mesh: &Mesh, config: &ProblemConfig) -> Result<(), ProblemError> {
@@ -275,7 +259,7 @@ fn check_indices(mesh: &Mesh, config: &ProblemConfig) -> Result<(), ProblemError
 }
 
 fn tet_geometry(mesh: &Mesh) -> Result<Vec<TetGeometry>, ProblemError> {
-    let geometry = |(element, tet): (usize, &crate::mesh::Tet10)| {
+    let geometry = |(element, tet): (usize, &Tet10)| {
         let x = tet.map(|n| mesh.nodes_mm[n as usize]);
         TetGeometry::new(&x).map_err(|jacobian_mm3| ProblemError::Inverted {
             element,
@@ -378,11 +362,14 @@ fn ranks<const N: usize, const PAIRS: usize>(
     out
 }
 
+fn elastomer<'a>(mesh: &Mesh, config: &'a ProblemConfig, e: usize) -> &'a Elastomer {
+    &config.elastomers[mesh.tet_material.get(e).map_or(0, |material| usize::from(*material))]
+}
+
 fn masses(mesh: &Mesh, config: &ProblemConfig, tets: &[TetGeometry]) -> Vec<f64> {
     let mut mass = vec![0.0; mesh.nodes_mm.len()];
     for (e, (tet, geometry)) in mesh.tets.iter().zip(tets).enumerate() {
-        let material = mesh.tet_material.get(e).map_or(0, |m| usize::from(*m));
-        let density = config.elastomers[material].density_t_per_mm3;
+        let density = elastomer(mesh, config, e).density_t_per_mm3;
         for q in 0..4 {
             let n = tet10::shape(tet10::gauss_point(q));
             for (node, n) in tet.iter().zip(n) {

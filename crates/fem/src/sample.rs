@@ -1,6 +1,6 @@
-//! Where to compute states: Latin hypercubes, grids, points along the onset of contact, and where a model is unsure.
+//! Where to compute states: Latin hypercubes, grids, points along the onset of contact, and where a model has its largest errors.
 
-use crate::rng::Rng;
+use rom::rng::Rng;
 
 /// A box to sample, one `[lower, upper]` a dimension.
 pub type Bounds = [[f64; 2]];
@@ -92,36 +92,36 @@ pub fn onset(n: usize, clearances: &[(f64, f64)], gaps: [f64; 2]) -> Vec<Vec<f64
     gaps.iter().filter_map(|gap| Some(vec![crossing(&table, gap[0])?, gap[0]])).collect()
 }
 
-/// A sample and how much a model trained without it errs there, in any unit.
+/// A sample and the error there of a model trained without it, in any unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Doubt {
-    /// Place over scaled inputs.
+pub struct InfillError {
+    /// Scaled inputs.
     pub at: [f64; 2],
     /// Leave-one-out error, 0 or more.
     pub error: f64,
 }
 
-/// Indices of the `n` candidates (fewer when there are fewer) that promise most, best first.
+/// Indices of the `n` candidates (fewer when there are fewer) with the largest expected error, largest first.
 ///
 /// One after another: the candidate with the largest `(error of the nearest sample) x (distance to it)`, as in
 /// cross-validation Voronoi sampling. A chosen one is then a sample with its neighbour's error, so that the next goes
 /// elsewhere. `O(n x candidates x samples)`.
 #[must_use]
-pub fn doubtful(n: usize, samples: &[Doubt], candidates: &[[f64; 2]]) -> Vec<usize> {
+pub fn infill(n: usize, samples: &[InfillError], candidates: &[[f64; 2]]) -> Vec<usize> {
     let mut samples = samples.to_vec();
     let mut chosen = Vec::new();
     for _ in 0..n.min(candidates.len()) {
-        let promise = |at: &[f64; 2]| -> Option<(f64, f64)> {
-            let distance = |s: &Doubt| (s.at[0] - at[0]).hypot(s.at[1] - at[1]);
+        let expected = |at: &[f64; 2]| -> Option<(f64, f64)> {
+            let distance = |s: &InfillError| (s.at[0] - at[0]).hypot(s.at[1] - at[1]);
             let nearest = samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
             Some((nearest.error * distance(nearest), nearest.error))
         };
         let open = (0..candidates.len()).filter(|i| !chosen.contains(i));
         let best = open
-            .filter_map(|i| promise(&candidates[i]).map(|(promise, error)| (i, promise, error)))
+            .filter_map(|i| expected(&candidates[i]).map(|(expected, error)| (i, expected, error)))
             .max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((index, _, error)) = best else { break };
-        samples.push(Doubt { at: candidates[index], error });
+        samples.push(InfillError { at: candidates[index], error });
         chosen.push(index);
     }
     chosen
@@ -137,8 +137,8 @@ fn crossing(table: &[(f64, f64)], gap: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::Rng;
     use proptest::prelude::*;
+    use rom::rng::Rng;
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(12))]
@@ -185,16 +185,16 @@ mod tests {
     }
 
     #[test]
-    fn doubt_draws_samples_to_large_errors_and_then_elsewhere() {
-        let doubt = |x: f64, error| Doubt { at: [x, 0.0], error };
-        let samples = [doubt(0.0, 1.0), doubt(0.5, 4.0), doubt(1.0, 1.0)];
+    fn infill_adds_samples_at_large_errors_and_then_elsewhere() {
+        let sample = |x: f64, error| InfillError { at: [x, 0.0], error };
+        let samples = [sample(0.0, 1.0), sample(0.5, 4.0), sample(1.0, 1.0)];
         let candidates: Vec<[f64; 2]> = (0..=100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
-        let chosen = doubtful(3, &samples, &candidates);
+        let chosen = infill(3, &samples, &candidates);
         let places: Vec<f64> = chosen.iter().map(|i| candidates[*i][0]).collect();
         assert!(places[..2].iter().all(|x| (x - 0.5).abs() > 0.2 && (x - 0.5).abs() < 0.26), "{places:?}");
         assert!((places[0] - 0.5) * (places[1] - 0.5) < 0.0, "both sides of the bad sample: {places:?}");
-        assert_eq!(doubtful(5, &samples, &candidates[..2]).len(), 2);
-        assert!(doubtful(5, &[], &candidates).is_empty());
+        assert_eq!(infill(5, &samples, &candidates[..2]).len(), 2);
+        assert!(infill(5, &[], &candidates).is_empty());
     }
 
     #[test]

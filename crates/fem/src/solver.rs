@@ -13,7 +13,7 @@ use crate::output::{self, Output};
 use crate::problem::Problem;
 use crate::state::State;
 
-/// What it took to reach a state.
+/// The work that a solution took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// Factorisations of the tangent, one a Newton iteration.
@@ -28,7 +28,7 @@ pub struct Report {
     pub seconds: f64,
 }
 
-/// A state that could not be reached.
+/// A continuation that stopped before its loads.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
     "stopped at {:.1} % of the way to P = {} MPa{}: {reason}. Last equilibrium: P = {:.6} MPa{}. {}",
@@ -63,10 +63,10 @@ fn advice(reason: &NewtonError) -> &'static str {
     }
 }
 
-/// Why the solver did not answer.
+/// Why there is no solution.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SolveError {
-    /// The path to the state broke off.
+    /// The continuation stopped before the loads were reached.
     #[error(transparent)]
     NotConverged(Box<NotConverged>),
     /// A load is not a number the formulation takes.
@@ -134,13 +134,13 @@ impl Solver {
         }
     }
 
-    /// Equilibrium under gravity alone, applied in steps: where every path begins.
+    /// Equilibrium under gravity alone, applied in steps: the first state of every path.
     ///
     /// # Errors
     /// [`SolveError`].
-    pub fn rest(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, Report), SolveError> {
+    pub fn gravity_equilibrium(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, Report), SolveError> {
         let load = Load { gravity_mm_s2, ..Load::default() };
-        self.walk(&self.undeformed(), &load, 1.0 / f64::from(GRAVITY_STEPS))
+        self.continuation(&self.undeformed(), &load, 1.0 / f64::from(GRAVITY_STEPS))
     }
 
     /// Follows the path from a solved state to `load`: pressure, gravity and obstacle move together.
@@ -150,7 +150,7 @@ impl Solver {
     ///
     /// # Errors
     /// [`SolveError`]; the start is untouched.
-    pub fn reach(&mut self, from: &State, load: &Load) -> Result<(State, Report), SolveError> {
+    pub fn solve_to(&mut self, from: &State, load: &Load) -> Result<(State, Report), SolveError> {
         self.check(from, load)?;
         let mut start = from.clone();
         let mut before = Report::default();
@@ -162,11 +162,17 @@ impl Solver {
             let gap = load.obstacle.gap_mm().map_or(clear, |gap| gap.max(clear));
             start.load.obstacle = load.obstacle.at(gap);
         }
-        let (state, report) = self.walk(&start, load, 1.0)?;
+        let (state, report) = self.continuation(&start, load, 1.0)?;
         Ok((state, before.and(&report)))
     }
 
-    /// What a state looks like from outside.
+    /// Distance below the undeformed base at which an obstacle just clears the state (mm).
+    #[must_use]
+    pub fn clearance_mm(&self, state: &State) -> f64 {
+        output::clearance_mm(&self.problem, state)
+    }
+
+    /// Fields, forces and contact sets of a state.
     #[must_use]
     pub fn output(&mut self, state: &State) -> Output {
         output::output(&self.problem, state, &mut self.newton.system)
@@ -175,7 +181,7 @@ impl Solver {
     fn withdraw(&mut self, from: &State) -> Result<(State, Report), SolveError> {
         let gap = from.load.obstacle.gap_mm().unwrap_or(0.0) + WITHDRAWAL_MM;
         let away = Load { obstacle: from.load.obstacle.at(gap), ..from.load };
-        let (mut state, report) = self.walk(from, &away, 1.0)?;
+        let (mut state, report) = self.continuation(from, &away, 1.0)?;
         state.load.obstacle = Obstacle::None;
         Ok((state, report))
     }
@@ -185,16 +191,16 @@ impl Solver {
         if found != expected || from.element_pressure_mpa.len() != self.problem.mesh.tets.len() {
             return Err(SolveError::ForeignState { found, expected });
         }
-        let refuse = |name, found, expected| Err(SolveError::Load { name, found, expected });
+        let invalid = |name, found, expected| Err(SolveError::Load { name, found, expected });
         if !(load.pressure_mpa.is_finite() && load.pressure_mpa >= 0.0) {
-            return refuse("pressure_mpa", load.pressure_mpa, "a finite number, 0 or more");
+            return invalid("pressure_mpa", load.pressure_mpa, "a finite number, 0 or more");
         }
         if let Some(bad) = load.gravity_mm_s2.iter().find(|g| !g.is_finite()) {
-            return refuse("gravity_mm_s2", *bad, "finite components");
+            return invalid("gravity_mm_s2", *bad, "finite components");
         }
         match load.obstacle.gap_mm() {
             // At a gap of zero or less the obstacle would stand inside the undeformed base.
-            Some(gap) if !(gap.is_finite() && gap > 0.0) => refuse(
+            Some(gap) if !(gap.is_finite() && gap > 0.0) => invalid(
                 "gap_mm",
                 gap,
                 "a finite distance above 0: the obstacle must stand outside the undeformed base",
@@ -221,7 +227,12 @@ impl Solver {
     }
 
     /// Steps along the straight line of loads, halving where the iteration fails and growing where it is easy.
-    fn walk(&mut self, from: &State, to: &Load, first_step: f64) -> Result<(State, Report), SolveError> {
+    fn continuation(
+        &mut self,
+        from: &State,
+        to: &Load,
+        first_step: f64,
+    ) -> Result<(State, Report), SolveError> {
         let began = Instant::now();
         let mut state = from.clone();
         let mut report = Report::default();

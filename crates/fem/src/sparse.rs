@@ -3,17 +3,17 @@
 use crate::algebra::Mat3;
 
 /// Index of a node without unknowns (held).
-pub const CONSTRAINED: u32 = u32::MAX;
+pub(crate) const CONSTRAINED: u32 = u32::MAX;
 
 /// Where a node pair's block lies: the rank of the row node among the column node's off-diagonal neighbours.
-pub type Rank = u32;
+pub(crate) type Rank = u32;
 
 /// A pair outside the pattern (its coupling is dropped by [`SymmetricBlocks::add`]).
-pub const OUTSIDE: Rank = u32::MAX;
+pub(crate) const OUTSIDE: Rank = u32::MAX;
 
 /// Lower triangle of a symmetric matrix of 3 x 3 blocks, compressed by scalar columns.
 #[derive(Clone, Debug)]
-pub struct SymmetricBlocks {
+pub(crate) struct SymmetricBlocks {
     neighbours: Vec<Vec<u32>>,
     col_ptr: Vec<usize>,
     row_idx: Vec<usize>,
@@ -21,7 +21,7 @@ pub struct SymmetricBlocks {
 
 impl SymmetricBlocks {
     /// Pattern over `free` nodes that couples all members of each group; groups list free-node indices or [`CONSTRAINED`].
-    pub fn new<'a>(free: usize, groups: impl Iterator<Item = &'a [u32]>) -> Self {
+    pub(crate) fn new<'a>(free: usize, groups: impl Iterator<Item = &'a [u32]>) -> Self {
         let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); free];
         for group in groups {
             for (k, &a) in group.iter().enumerate() {
@@ -50,8 +50,7 @@ impl SymmetricBlocks {
     }
 
     /// The node graph, each edge in both directions.
-    #[must_use]
-    pub fn graph(&self) -> Vec<Vec<u32>> {
+    pub(crate) fn graph(&self) -> Vec<Vec<u32>> {
         let mut graph = self.neighbours.clone();
         for (j, column) in self.neighbours.iter().enumerate() {
             for i in column {
@@ -62,26 +61,22 @@ impl SymmetricBlocks {
     }
 
     /// Number of scalar unknowns.
-    #[must_use]
-    pub fn unknowns(&self) -> usize {
+    pub(crate) fn unknowns(&self) -> usize {
         3 * self.neighbours.len()
     }
 
     /// Stored entries of the lower triangle.
-    #[must_use]
-    pub fn stored(&self) -> usize {
+    pub(crate) fn stored(&self) -> usize {
         self.row_idx.len()
     }
 
     /// Column pointers and row indices of the lower triangle.
-    #[must_use]
-    pub fn columns(&self) -> (&[usize], &[usize]) {
+    pub(crate) fn columns(&self) -> (&[usize], &[usize]) {
         (&self.col_ptr, &self.row_idx)
     }
 
     /// Rank of the pair's block, or [`OUTSIDE`].
-    #[must_use]
-    pub fn rank(&self, a: u32, b: u32) -> Rank {
+    pub(crate) fn rank(&self, a: u32, b: u32) -> Rank {
         if a == CONSTRAINED || b == CONSTRAINED {
             return OUTSIDE;
         }
@@ -96,7 +91,7 @@ impl SymmetricBlocks {
     ///
     /// For `a == b` the block must be symmetric; a pair is added once, in either order.
     #[inline]
-    pub fn add(&self, values: &mut [f64], a: u32, b: u32, rank: Rank, block: &Mat3) {
+    pub(crate) fn add(&self, values: &mut [f64], a: u32, b: u32, rank: Rank, block: &Mat3) {
         if rank == OUTSIDE || a == CONSTRAINED || b == CONSTRAINED {
             return;
         }
@@ -117,8 +112,8 @@ impl SymmetricBlocks {
     }
 
     /// Matrix times vector, both over scalar unknowns.
-    #[must_use]
-    pub fn multiply(&self, values: &[f64], v: &[f64]) -> Vec<f64> {
+    #[cfg(test)]
+    pub(crate) fn multiply(&self, values: &[f64], v: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; v.len()];
         for (c, range) in self.col_ptr.windows(2).enumerate() {
             let column = range[0]..range[1];

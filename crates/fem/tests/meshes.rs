@@ -5,20 +5,14 @@ mod actuators;
 
 use actuators::{chambers, tiny, with};
 use fem::actuator::Actuator;
-use fem::mesh::{check, grid, load, surfaces};
 use fem::run::fingerprint;
-use fem::solver::FORMULATION;
-use fem::{Output, Problem, Solver};
+use fem::{FORMULATION, Output, Problem, Solver};
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::Arc;
 
 fn problem(text: &str, size_mm: f64) -> (Actuator, Arc<Problem>) {
     let actuator = Actuator::parse(text).unwrap();
-    let file = grid::mesh(&actuator, size_mm).unwrap();
-    let (mesh, mut problems) = load::named(file, actuator.chambers.count - 1);
-    problems.extend(check::problems(&mesh));
-    assert!(problems.is_empty(), "{problems:?}");
+    let mesh = actuator.grid_mesh(size_mm, 1).unwrap();
     let problem = Problem::new(mesh, actuator.problem_config()).unwrap();
     (actuator, Arc::new(problem))
 }
@@ -46,50 +40,29 @@ fn grids_of_one_three_and_five_chambers_have_their_surfaces_and_a_closed_cavity(
 #[test]
 fn smaller_elements_mean_more_of_them_and_nonsense_is_refused() {
     let actuator = Actuator::parse(&tiny()).unwrap();
-    let tets = |size| grid::mesh(&actuator, size).unwrap().tets.len();
+    let tets = |size| actuator.grid_mesh(size, 1).unwrap().tets.len();
     assert!(tets(3.0) > tets(9.0) && tets(1.5) > 4 * tets(3.0));
     for size in [0.0, -1.0, f64::NAN, 0.01] {
-        let problem = grid::mesh(&actuator, size).unwrap_err();
-        assert!(problem.to_string().contains("element size"), "{problem}");
+        let list = actuator.grid_mesh(size, 1).unwrap_err();
+        assert!(list[0].to_string().contains("element size"), "{list:?}");
     }
 }
 
 #[test]
 fn a_family_of_grids_divides_every_box_alike() {
     let actuator = Actuator::parse(&tiny()).unwrap();
-    let family = |times| grid::refined(&actuator, 9.0, times).unwrap();
+    let family = |times| actuator.grid_mesh(9.0, times).unwrap();
     let coarse = family(1);
     for times in [2, 3] {
         let fine = family(times);
         assert_eq!(fine.tets.len(), coarse.tets.len() * times.pow(3));
         let place_nm = |p: &[f64; 3]| p.map(|c| (c * 1.0e6).round() as i64);
-        let nodes: BTreeSet<_> = fine.points_mm.iter().map(place_nm).collect();
+        let nodes: BTreeSet<_> = fine.nodes_mm.iter().map(place_nm).collect();
         // Corners of the coarse mesh are nodes of all others; its mid-side nodes need not be.
-        let mut corners =
-            coarse.tets.iter().flat_map(|tet| &tet[..4]).map(|n| &coarse.points_mm[*n as usize]);
+        let mut corners = coarse.tets.iter().flat_map(|tet| &tet[..4]).map(|n| &coarse.nodes_mm[*n as usize]);
         assert!(corners.all(|p| nodes.contains(&place_nm(p))));
     }
-    assert!(grid::refined(&actuator, 9.0, 0).is_err());
-}
-
-#[test]
-fn surfaces_are_found_where_the_mesher_named_them() {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/actuator.toml"));
-    let actuator = Actuator::read(path).unwrap();
-    let file = formats::msh::read(&path.with_file_name("mesh.msh")).unwrap();
-    let found = surfaces::locate(&actuator, &file.points_mm, &file.tets);
-    assert_eq!(found.keys().collect::<Vec<_>>(), file.surfaces.keys().collect::<Vec<_>>());
-    let keys = |tris: &[[u32; 6]]| -> BTreeSet<[u32; 3]> {
-        let corners = |t: &[u32; 6]| {
-            let mut key = [t[0], t[1], t[2]];
-            key.sort_unstable();
-            key
-        };
-        tris.iter().map(corners).collect()
-    };
-    for (name, named) in &file.surfaces {
-        assert_eq!(keys(named), keys(&found[name]), "{name}");
-    }
+    assert!(actuator.grid_mesh(9.0, 0).is_err());
 }
 
 #[test]
@@ -116,8 +89,8 @@ fn a_vtu_makes_the_same_problem_as_the_mesh_it_was_written_from() {
 
 fn solved(actuator: &Actuator, problem: &Arc<Problem>, pressure_mpa: f64, gap_mm: f64) -> Output {
     let mut solver = Solver::new(Arc::clone(problem)).unwrap();
-    let (rest, _) = solver.rest(actuator.loads.gravity_mm_s2).unwrap();
-    let (state, report) = solver.reach(&rest, &actuator.load(pressure_mpa, Some(gap_mm))).unwrap();
+    let (start, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2).unwrap();
+    let (state, report) = solver.solve_to(&start, &actuator.load(pressure_mpa, Some(gap_mm))).unwrap();
     assert!(report.residual_n < 1.0e-3, "{report:?}");
     solver.output(&state)
 }

@@ -1,10 +1,10 @@
-//! One error for all files: what could not be read or written, or the list of everything that is wrong with it.
+//! One error type for all files: a refusal of the operating system, or the list of everything that is wrong.
 
 use std::fmt::{self, Display};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// How many problems are spelt out before the rest is only counted.
+/// How many diagnostics a message lists before it only counts the others.
 const SHOWN: usize = 12;
 
 /// One thing that is wrong with a file.
@@ -19,7 +19,7 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// A problem at `place`.
+    /// A diagnostic at `place`.
     pub fn new(place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }
     }
@@ -44,13 +44,13 @@ pub enum FormatError {
         /// Its reason.
         source: io::Error,
     },
-    /// The content is wrong; every problem that could be found in one pass.
-    #[error("{path}: {}", list(.problems))]
+    /// The content is wrong: everything that could be found in one pass.
+    #[error("{path}: {}", list(.diagnostics))]
     Content {
         /// The file.
         path: PathBuf,
         /// What is wrong, in file order; never empty.
-        problems: Vec<Diagnostic>,
+        diagnostics: Vec<Diagnostic>,
     },
 }
 
@@ -65,21 +65,29 @@ impl FormatError {
         Self::Io { action: "write", path: path.into(), source }
     }
 
-    /// A single problem.
-    pub fn one(path: &Path, problem: Diagnostic) -> Self {
-        Self::Content { path: path.into(), problems: vec![problem] }
+    /// A single diagnostic.
+    pub fn one(path: &Path, diagnostic: Diagnostic) -> Self {
+        Self::Content { path: path.into(), diagnostics: vec![diagnostic] }
     }
 
-    /// `Ok(value)` when there is no problem.
-    pub fn unless<T>(value: T, path: &Path, problems: Vec<Diagnostic>) -> Result<T, Self> {
-        if problems.is_empty() { Ok(value) } else { Err(Self::Content { path: path.into(), problems }) }
+    /// `Ok(value)` where there are no diagnostics.
+    ///
+    /// # Errors
+    /// [`FormatError::Content`] with all of them.
+    pub fn check<T>(value: T, path: &Path, diagnostics: Vec<Diagnostic>) -> Result<T, Self> {
+        if diagnostics.is_empty() { Ok(value) } else { Err(Self::Content { path: path.into(), diagnostics }) }
     }
 }
 
-fn list(problems: &[Diagnostic]) -> String {
-    let mut text: Vec<String> = problems.iter().take(SHOWN).map(Diagnostic::to_string).collect();
-    if problems.len() > SHOWN {
-        text.push(format!("and {} more problems", problems.len() - SHOWN));
+/// The value, or `None` with its diagnostic added to the list.
+pub fn collect<T>(result: Result<T, Diagnostic>, diagnostics: &mut Vec<Diagnostic>) -> Option<T> {
+    result.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()
+}
+
+fn list(diagnostics: &[Diagnostic]) -> String {
+    let mut text: Vec<String> = diagnostics.iter().take(SHOWN).map(Diagnostic::to_string).collect();
+    if diagnostics.len() > SHOWN {
+        text.push(format!("and {} more problems", diagnostics.len() - SHOWN));
     }
     text.join("\n  ")
 }

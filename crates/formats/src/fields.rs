@@ -2,10 +2,9 @@
 //! a series of one state as Tecplot ASCII (`.dat`) or XDMF.
 
 use crate::error::{Diagnostic, FormatError};
-use crate::export::{Moment, Series, SeriesFormat};
-use crate::{npy, vtu};
-use rom::snapshots::{FieldKind, FieldSpec};
-use std::fmt::Write as _;
+use crate::export::{self, Moment, Series, SeriesFormat};
+use crate::{file, npy, table, vtu};
+use rom::snapshots::FieldSpec;
 use std::path::Path;
 
 /// Formats a state can be written in.
@@ -64,82 +63,31 @@ impl State<'_> {
     /// # Errors
     /// An unknown ending, a state that does not fit together, or the operating system's refusal.
     pub fn write(&self, path: &Path) -> Result<(), FormatError> {
-        let expected = self.nodes * self.fields.len();
-        if self.values.len() != expected {
-            return Err(FormatError::one(
-                path,
-                Diagnostic::new("state", format!("{expected} values"), self.values.len()),
-            ));
-        }
-        match Format::of(path)? {
-            Format::Npy => npy::write_f32(path, &[self.nodes, self.fields.len()], &self.interleaved()),
-            Format::Csv => std::fs::write(path, self.csv()).map_err(|e| FormatError::write(path, e)),
-            Format::Vtu => self.write_vtu(path),
-            Format::OneOfSeries => self.write_series(path),
-        }
-    }
-
-    /// One field, node by node.
-    fn field(&self, index: usize) -> &[f32] {
-        &self.values[index * self.nodes..(index + 1) * self.nodes]
-    }
-
-    fn coordinate(&self, axis: u8) -> Option<&[f32]> {
-        let at = self.fields.iter().position(|f| f.kind == FieldKind::Coordinate(axis))?;
-        Some(self.field(at))
-    }
-
-    /// `nodes x fields`.
-    fn interleaved(&self) -> Vec<f32> {
-        (0..self.nodes).flat_map(|node| (0..self.fields.len()).map(move |f| self.field(f)[node])).collect()
-    }
-
-    fn csv(&self) -> String {
-        let mut text = String::from("node");
-        for field in self.fields {
-            let _ = write!(text, ",{}_{}", field.name, field.unit.to_lowercase());
-        }
-        text.push('\n');
-        for node in 0..self.nodes {
-            let _ = write!(text, "{node}");
-            for field in 0..self.fields.len() {
-                let _ = write!(text, ",{}", self.field(field)[node]);
-            }
-            text.push('\n');
-        }
-        text
-    }
-
-    fn write_series(&self, path: &Path) -> Result<(), FormatError> {
         let Self { fields, nodes, values, undeformed, cells } = *self;
-        let title = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let moment = Moment { time: 0.0, title, values: values.to_vec() };
-        Series { fields, nodes, cells, undeformed, count: 1 }
-            .write(path, std::iter::once(Ok::<_, FormatError>(moment)))?;
-        Ok(())
-    }
-
-    fn write_vtu(&self, path: &Path) -> Result<(), FormatError> {
-        let (Some(x), Some(y), Some(z)) = (self.coordinate(0), self.coordinate(1), self.coordinate(2)) else {
-            let problem = Diagnostic::new("fields", "the coordinates x, y and z", "a state without them");
-            return Err(FormatError::one(path, problem));
-        };
-        let deformed = [x, y, z];
-        let points: Vec<[f64; 3]> = (0..self.nodes).map(|i| deformed.map(|c| f64::from(c[i]))).collect();
-        let vector: Option<Vec<f32>> = self.undeformed.map(|rest| {
-            (0..self.nodes).flat_map(|i| (0..3).map(move |k| deformed[k][i] - rest[k][i])).collect()
-        });
-        let scalars =
-            self.fields.iter().enumerate().filter(|(_, f)| !matches!(f.kind, FieldKind::Coordinate(_)));
-        let named: Vec<(String, usize)> =
-            scalars.map(|(i, f)| (format!("{} [{}]", f.name, f.unit), i)).collect();
-        let mut data: Vec<vtu::PointData<'_>> = named
-            .iter()
-            .map(|(name, i)| vtu::PointData { name, components: 1, values: self.field(*i) })
-            .collect();
-        if let Some(values) = &vector {
-            data.push(vtu::PointData { name: "displacement vector [mm]", components: 3, values });
+        let series = Series { fields, nodes, cells, undeformed, count: 1 };
+        series.check_length("state", values).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
+        match Format::of(path)? {
+            Format::Npy => {
+                let by_node: Vec<f32> = (0..nodes).flat_map(|node| series.at_node(values, node)).collect();
+                npy::write_f32(path, &[nodes, fields.len()], &by_node)
+            }
+            Format::Csv => file::replace(path, csv(&series, values).as_bytes()),
+            Format::Vtu => export::write_vtu(path, &series, values),
+            Format::OneOfSeries => {
+                let title = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                let moment = Moment { time: 0.0, title, values: values.to_vec() };
+                series.write(path, std::iter::once(Ok::<_, FormatError>(moment))).map(drop)
+            }
         }
-        vtu::write(path, &vtu::Grid { points_mm: &points, cells: self.cells, point_data: &data })
     }
+}
+
+/// A row a node.
+fn csv(series: &Series<'_>, values: &[f32]) -> String {
+    let header: Vec<String> = std::iter::once("node".to_owned()).chain(series.columns()).collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let row = |node: usize| {
+        std::iter::once(node.to_string()).chain(series.at_node(values, node).map(|value| value.to_string()))
+    };
+    table::to_text(&header, (0..series.nodes).map(row))
 }

@@ -1,19 +1,19 @@
-//! Files: what people and other programs read and write. One file a format; nothing here is linked into the daemon.
-//!
-//! Every reader treats its input as hostile: sizes are checked against the bytes that are there before anything is
-//! allocated, and a refusal lists everything that is wrong as *where / expected / found*.
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-pub mod authors;
+pub mod abaqus;
 pub mod database;
-pub mod error;
+mod error;
 pub mod export;
 pub mod fields;
-pub mod import;
+pub mod file;
 pub mod mesh_file;
+mod mesh_reader;
 pub mod msh;
 pub mod npy;
 pub mod packed;
+pub mod table;
 pub mod vtu;
 
-pub use error::{Diagnostic, FormatError};
+pub use error::{Diagnostic, FormatError, collect};
+pub use mesh_reader::read_mesh;

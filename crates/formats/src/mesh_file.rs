@@ -1,37 +1,33 @@
-//! What a mesh file holds, whatever its format: nodes, 10-node tetrahedra, named surfaces.
+//! What a mesh file holds, whatever its format: nodes, 10-node tetrahedra, named surfaces; and the order of the nodes.
 
-use crate::error::{Diagnostic, FormatError};
-use crate::import::abaqus;
-use crate::{msh, vtu};
 use std::collections::BTreeMap;
-use std::path::Path;
+
+/// A 10-node tetrahedron: four corners, then the mid-sides of 01, 12, 02, 03, 13 and 23.
+pub type Tet10 = [u32; 10];
+
+/// A 6-node triangle: three corners, then the mid-sides of 01, 12 and 20.
+pub type Tri6 = [u32; 6];
+
+/// Corners of the edge of each mid-side node 4 to 9 of a [`Tet10`].
+pub const TET_EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
+
+/// Corners of the edge of each mid-side node 3 to 5 of a [`Tri6`].
+pub const TRI_EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
+
+/// The four faces of a [`Tet10`] as [`Tri6`], with the normal out of the tetrahedron.
+pub const TET_FACES: [[usize; 6]; 4] =
+    [[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6]];
+
+/// The four flat triangles between the nodes of a [`Tri6`], oriented as it is.
+pub const TRI_FACETS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
 
 /// A second-order tetrahedral mesh as read. Indices are 0-based and below the number of nodes; nothing else is checked.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshFile {
     /// Node positions, mm.
     pub points_mm: Vec<[f64; 3]>,
-    /// Tetrahedra: four corners, then the mid-sides of 01, 12, 02, 03, 13, 23.
-    pub tets: Vec<[u32; 10]>,
-    /// Triangles of each named surface: three corners, then the mid-sides of 01, 12, 20.
-    pub surfaces: BTreeMap<String, Vec<[u32; 6]>>,
-}
-
-/// Reads a mesh of 10-node tetrahedra: `.vtu`, gmsh's `.msh` or Abaqus' `.inp`, by the name's end.
-///
-/// # Errors
-/// Another ending, or what the format's own reader refuses.
-pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
-    match path.extension().and_then(|ending| ending.to_str()) {
-        Some("vtu") => vtu::read(path),
-        Some("msh") => msh::read(path),
-        Some("inp") => abaqus::read(path)?.tetrahedra().map_err(|problem| FormatError::one(path, problem)),
-        other => {
-            let found = other.unwrap_or("no ending");
-            Err(FormatError::one(
-                path,
-                Diagnostic::new("file name", "an ending of .vtu, .msh or .inp", found),
-            ))
-        }
-    }
+    /// Tetrahedra.
+    pub tets: Vec<Tet10>,
+    /// Triangles of each named surface.
+    pub surfaces: BTreeMap<String, Vec<Tri6>>,
 }

@@ -74,7 +74,7 @@ fn wrong_cells_are_named() {
         (
             "contact_p.csv",
             "pressure_mpa,gap_mm\n0.05,3\n",
-            "line 2, column contact_force_n: expected a finite number, found ``",
+            "header: expected a column `contact_force_n`, found none of that name",
         ),
         ("Y.csv", "1\n2\n", "nodes as in X.csv, found 2"),
         ("authors.toml", "actuator = \"bar\"\nspeed = 1\n", "unknown field `speed`"),

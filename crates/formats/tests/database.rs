@@ -4,7 +4,7 @@ mod common;
 
 use common::{case, database};
 use formats::FormatError;
-use formats::database::{ObstacleKind, read, scenes, write};
+use formats::database::{ObstacleKind, obstacle_kinds, read, write};
 use proptest::prelude::*;
 use rom::snapshots::Split;
 use std::path::Path;
@@ -41,7 +41,7 @@ fn round_trip() {
     assert_eq!(back.undeformed_mm, written.undeformed_mm);
     assert_eq!(back.obstacle, written.obstacle);
     assert_eq!(back.hash, written.hash);
-    assert_eq!(scenes(dir.path()).unwrap(), [ObstacleKind::Plate]);
+    assert_eq!(obstacle_kinds(dir.path()).unwrap(), [ObstacleKind::Plate]);
 }
 
 #[test]
@@ -138,10 +138,10 @@ fn scenes_are_kept_apart() {
     small(dir.path());
     replace(&dir.path().join("cases.csv"), "c,contact", "c,gripper");
     assert_eq!(read(dir.path(), ObstacleKind::Plate).unwrap().cases.len(), 2);
-    assert_eq!(read(dir.path(), ObstacleKind::Gripper).unwrap().cases.len(), 1);
+    assert_eq!(read(dir.path(), ObstacleKind::Block).unwrap().cases.len(), 1);
     replace(&dir.path().join("cases.csv"), "c,gripper", "c,contact");
     assert!(
-        read(dir.path(), ObstacleKind::Gripper)
+        read(dir.path(), ObstacleKind::Block)
             .unwrap_err()
             .to_string()
             .contains("cases of scene gripper, found none")

@@ -1,6 +1,6 @@
 //! Abaqus input files: what is read, what is refused and by which name.
 
-use formats::import::abaqus::{self, AbaqusMesh};
+use formats::abaqus::{self, AbaqusMesh};
 use proptest::prelude::*;
 
 /// A 10-node tetrahedron whose node numbers begin at 11, with whatever stands in a real file around it.

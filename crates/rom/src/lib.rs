@@ -53,6 +53,7 @@ mod pod;
 mod radial;
 pub mod reconstructor;
 pub mod regime;
+pub mod rng;
 mod select;
 mod simplex;
 pub mod snapshots;

@@ -2,11 +2,14 @@
 
 use crate::failure::configuration;
 use anyhow::Context;
-use formats::FormatError;
 use formats::database::{self, ObstacleKind};
+use formats::{FormatError, file};
 use rom::model::Model;
 use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
+
+/// Largest model file that is read: 4 GiB.
+const MAX_MODEL_BYTES: u64 = 4 << 30;
 
 /// Loads a whole model.
 pub fn model(path: &Path) -> anyhow::Result<Model> {
@@ -15,7 +18,8 @@ pub fn model(path: &Path) -> anyhow::Result<Model> {
 
 /// Loads a whole model with the hash at the file's end, whose first half stands in the headers of its fields.
 pub fn model_and_hash(path: &Path) -> anyhow::Result<(Model, [u8; 32])> {
-    let bytes = std::fs::read(path)
+    let bytes = file::read_bytes(path, MAX_MODEL_BYTES)
+        .map_err(refusal)
         .with_context(|| format!("cannot read the model {}; `softtwin train` makes one", path.display()))?;
     let model =
         Model::from_bytes(&bytes).with_context(|| path.display().to_string()).map_err(configuration)?;
@@ -38,12 +42,7 @@ pub fn refusal(error: FormatError) -> anyhow::Error {
 
 /// Replaces a file as a whole: a reader sees the old one or the new one, never a part.
 pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".part");
-    let partial = PathBuf::from(partial);
-    std::fs::write(&partial, bytes)
-        .and_then(|()| std::fs::rename(&partial, path))
-        .with_context(|| format!("cannot write {}", path.display()))
+    Ok(file::replace(path, bytes)?)
 }
 
 /// The data sheet's place: beside the model, `.json` instead of `.twin`.

@@ -13,6 +13,7 @@ mod load;
 pub mod output;
 pub mod picture;
 pub mod progress;
+pub mod range;
 mod recording_data;
 pub mod resources;
 pub mod testbed;

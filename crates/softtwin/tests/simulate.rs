@@ -238,7 +238,7 @@ fn lists_are_sampled_reproducibly_and_can_be_simulated() {
     place.run(&format!("{line} --seed 2"));
     assert_ne!(place.read("h.csv"), first);
     place.run("sample --kind grid --n 3 --n-gaps 2 --out g.csv");
-    assert_eq!(fem::run::cases::read(&place.at("g.csv")).unwrap().len(), 6);
+    assert_eq!(fem::cases::read(&place.at("g.csv")).unwrap().len(), 6);
     for (wrong, part) in [
         ("sample --out x.csv", "--kind"),
         ("sample --kind grid --n 0 --out x.csv", "--n"),

@@ -1,14 +1,18 @@
-//! What must hold between the parts: none vanishes, none overlaps another that it must not, materials are possible.
+//! What must be true of an actuator: no part vanishes or overlaps another, materials are possible.
 
-use super::Actuator;
+use super::file::Actuator;
 use formats::Diagnostic;
 
 /// Walls thinner than this cannot be meshed with elements of useful shape.
 const THINNEST_MM: f64 = 0.1;
 
+/// Everything that is wrong with the values, at once.
+pub(crate) fn diagnostics(actuator: &Actuator) -> Vec<Diagnostic> {
+    actuator.diagnostics()
+}
+
 impl Actuator {
-    /// Everything that is wrong with the values, at once.
-    pub(super) fn problems(&self) -> Vec<Diagnostic> {
+    fn diagnostics(&self) -> Vec<Diagnostic> {
         let mut found = Found(Vec::new());
         if self.layout != 1 {
             found.add("layout", "1", self.layout);
@@ -151,13 +155,13 @@ impl Found {
 
     /// `high` lies at least `least` above `low`, or the parts overlap.
     fn wall(&mut self, place: &str, low: f64, high: f64, least: f64) {
-        let room = high - low;
+        let wall = high - low;
         // Sums of decimal lengths carry rounding errors far below any tolerance of manufacture.
-        if room < least - 1e-9 {
+        if wall < least - 1e-9 {
             self.add(
                 place,
                 &format!("at least {least} mm between {low} and {high} mm"),
-                format!("{room} mm"),
+                format!("{wall} mm"),
             );
         }
     }

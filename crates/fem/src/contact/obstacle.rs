@@ -1,28 +1,10 @@
 //! Rigid plate and block below the base: a penalty at the base's surface nodes against the plane `y = -gap`.
 
+use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 
-use super::{Penalty, penalty};
+use super::penalty::{Penalty, penalty};
 use crate::algebra::Vec3;
-
-/// Extent of a rigid body's near face in the plane `y = -gap` (mm, actuator frame).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Footprint {
-    /// Lower and upper x.
-    pub x_mm: [f64; 2],
-    /// Lower and upper z.
-    pub z_mm: [f64; 2],
-}
-
-impl Footprint {
-    /// Whether a deformed point lies above or below the face.
-    #[must_use]
-    pub fn covers(&self, p: Vec3) -> bool {
-        let inside = |v: f64, [low, high]: [f64; 2]| v >= low && v <= high;
-        inside(p[0], self.x_mm) && inside(p[2], self.z_mm)
-    }
-}
 
 /// What the base may touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -54,8 +36,7 @@ impl Obstacle {
     }
 
     /// The same obstacle at another distance.
-    #[must_use]
-    pub fn at(self, gap_mm: f64) -> Self {
+    pub(crate) fn at(self, gap_mm: f64) -> Self {
         match self {
             Self::None => Self::None,
             Self::Plate { .. } => Self::Plate { gap_mm },
@@ -63,33 +44,37 @@ impl Obstacle {
         }
     }
 
-    /// Whether two loads meet the same body, wherever it stands.
-    #[must_use]
-    pub fn same_body(self, other: Self) -> bool {
+    /// Whether both are the same body, at any distance.
+    pub(crate) fn same_body(self, other: Self) -> bool {
         std::mem::discriminant(&self) == std::mem::discriminant(&other)
     }
 }
 
 /// A rigid face at a position, as the nodes see it.
 #[derive(Clone, Copy, Debug)]
-pub struct Face {
+pub(crate) struct Face {
     /// Extent of the face.
-    pub footprint: Footprint,
+    pub(crate) footprint: Footprint,
     /// Distance from the undeformed base (mm).
-    pub gap_mm: f64,
+    pub(crate) gap_mm: f64,
     /// Width over which the penalty is rounded (mm).
-    pub smoothing_mm: f64,
+    pub(crate) smoothing_mm: f64,
 }
 
 impl Face {
     /// Penalty terms of a node at deformed position `p`; `None` where it does not touch.
     #[inline]
-    #[must_use]
-    pub fn touch(&self, p: Vec3) -> Option<Penalty> {
+    pub(crate) fn touch(&self, p: Vec3) -> Option<Penalty> {
         let overlap = -self.gap_mm - p[1];
-        if overlap <= -self.smoothing_mm || !self.footprint.covers(p) {
+        if overlap <= -self.smoothing_mm || !self.covers(p) {
             return None;
         }
         Some(penalty(overlap, self.smoothing_mm))
+    }
+
+    /// Whether a deformed point lies above or below the face.
+    fn covers(&self, p: Vec3) -> bool {
+        let inside = |v: f64, [low, high]: [f64; 2]| v >= low && v <= high;
+        inside(p[0], self.footprint.x_mm) && inside(p[2], self.footprint.z_mm)
     }
 }

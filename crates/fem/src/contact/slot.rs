@@ -5,29 +5,28 @@
 //! overlap is measured along the mean normal of both walls as they are now. Force and tangent hold that normal while
 //! they are formed: the pair forces are equal and opposite, and the tangent is symmetric with a fixed pattern.
 
-use super::{Penalty, penalty};
+use super::penalty::{Penalty, penalty};
 use crate::algebra::{Vec3, axpy, cross, dot, norm, scale, sub};
-use crate::element::cavity::FACETS;
 use crate::element::tri6;
-use crate::mesh::Tri6;
+use formats::mesh_file::{TRI_FACETS, Tri6};
 
 /// Barycentric slack that accepts a point on an edge shared by two triangles.
 const EDGE_SLACK: f64 = 1.0e-6;
 
 /// Two opposite points of a slot.
 #[derive(Clone, Copy, Debug)]
-pub struct Pair {
+pub(crate) struct Pair {
     /// Nodes of the lower triangle, then of the upper one.
-    pub nodes: [u32; 12],
+    pub(crate) nodes: [u32; 12],
     /// Weights of those nodes in the overlap: `d = n . sum(coefficient x)`.
-    pub coefficients: [f64; 12],
+    pub(crate) coefficients: [f64; 12],
     /// Undeformed area the pair stands for (mm2).
-    pub area_mm2: f64,
+    pub(crate) area_mm2: f64,
 }
 
 /// The two oriented walls of one slot and their pairs of points.
 #[derive(Clone, Debug)]
-pub struct SlotWalls {
+pub(crate) struct SlotWalls {
     lower: Vec<Tri6>,
     upper: Vec<Tri6>,
     pairs: Vec<Pair>,
@@ -35,13 +34,13 @@ pub struct SlotWalls {
 
 /// One touching pair.
 #[derive(Clone, Copy, Debug)]
-pub struct SlotContact<'a> {
+pub(crate) struct SlotContact<'a> {
     /// The pair.
-    pub pair: &'a Pair,
+    pub(crate) pair: &'a Pair,
     /// Unit normal, from the lower wall to the upper one.
-    pub normal: Vec3,
+    pub(crate) normal: Vec3,
     /// Penalty terms at the overlap.
-    pub penalty: Penalty,
+    pub(crate) penalty: Penalty,
 }
 
 /// Two in-plane coordinates and the height of points seen along a normal.
@@ -63,7 +62,7 @@ impl View {
 fn area_vector(triangles: &[Tri6], x: &[Vec3]) -> Vec3 {
     let mut sum = [0.0; 3];
     for t in triangles {
-        for facet in FACETS {
+        for facet in TRI_FACETS {
             let [a, b, c] = facet.map(|k| x[t[k] as usize]);
             axpy(0.5, cross(sub(b, a), sub(c, a)), &mut sum);
         }
@@ -100,8 +99,7 @@ impl SlotWalls {
     ///
     /// Points that face nothing have no pair: the walls need not have the same outline. Walls are plane when
     /// undeformed, so their triangles are straight.
-    #[must_use]
-    pub fn new(lower: Vec<Tri6>, upper: Vec<Tri6>, x: &[Vec3]) -> Self {
+    pub(crate) fn new(lower: Vec<Tri6>, upper: Vec<Tri6>, x: &[Vec3]) -> Self {
         let view = View::new(mean_normal(&lower, &upper, x));
         let seen: Vec<[Vec3; 6]> = upper.iter().map(|t| view.of(t, x)).collect();
         let mut pairs = Vec::new();
@@ -126,13 +124,16 @@ impl SlotWalls {
     }
 
     /// All pairs: the node groups that may couple.
-    #[must_use]
-    pub fn pairs(&self) -> &[Pair] {
+    pub(crate) fn pairs(&self) -> &[Pair] {
         &self.pairs
     }
 
     /// Touching pairs at deformed positions `x`. Cost: twelve products a pair.
-    pub fn contacts<'a>(&'a self, x: &'a [Vec3], smoothing_mm: f64) -> impl Iterator<Item = SlotContact<'a>> {
+    pub(crate) fn contacts<'a>(
+        &'a self,
+        x: &'a [Vec3],
+        smoothing_mm: f64,
+    ) -> impl Iterator<Item = SlotContact<'a>> {
         let normal = mean_normal(&self.lower, &self.upper, x);
         self.pairs.iter().filter_map(move |pair| {
             let along =

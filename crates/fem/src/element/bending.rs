@@ -11,17 +11,17 @@ use std::collections::BTreeMap;
 
 use crate::algebra::Vec3;
 use crate::element::tri6;
-use crate::mesh::{TRI_EDGES, Tri6};
+use formats::mesh_file::{TRI_EDGES, Tri6};
 
 /// One entry of the constant bending stiffness: `value` times the identity couples nodes `row >= col`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BendingEntry {
+pub(crate) struct BendingEntry {
     /// Node with the larger index.
-    pub row: u32,
+    pub(crate) row: u32,
     /// Node with the smaller index.
-    pub col: u32,
+    pub(crate) col: u32,
     /// Stiffness (N/mm).
-    pub value: f64,
+    pub(crate) value: f64,
 }
 
 /// Affine geometry of one triangle in the sheet's plane.
@@ -80,7 +80,7 @@ impl Flat {
 ///
 /// # Errors
 /// The corners of an edge shared by more than two triangles.
-pub fn assemble(
+pub(crate) fn assemble(
     triangles: &[Tri6],
     plane: &[[[f64; 2]; 6]],
     stiffness: f64,
@@ -169,7 +169,7 @@ fn add_edge(
 }
 
 /// Nodal forces `H x` (N) of the positions `x`.
-pub fn add_force(entries: &[BendingEntry], x: &[Vec3], force: &mut [Vec3]) {
+pub(crate) fn add_force(entries: &[BendingEntry], x: &[Vec3], force: &mut [Vec3]) {
     for e in entries {
         let (row, col) = (e.row as usize, e.col as usize);
         for i in 0..3 {

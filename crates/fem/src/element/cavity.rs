@@ -5,6 +5,7 @@
 
 use crate::algebra::{Vec3, axpy, cross, dot, scale};
 use crate::element::tri6;
+use formats::mesh_file::TRI_FACETS;
 use serde::{Deserialize, Serialize};
 
 /// How the pressure on a 6-node face is passed to its nodes.
@@ -18,23 +19,19 @@ pub enum CavityLoad {
     Consistent,
 }
 
-/// Corner triples of the four flat facets of a 6-node face.
-pub const FACETS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
-
 /// Enclosed volume of one oriented face, its gradient and Hessian: `d2V/dx_a dx_b = -[hessian_ab]x` (skew matrix).
 #[derive(Clone, Debug, Default)]
-pub struct FaceTerms {
+pub(crate) struct FaceTerms {
     /// Volume of the cone from the origin to the face (mm3): only the sum over a closed surface has a meaning.
-    pub volume_mm3: f64,
+    pub(crate) volume_mm3: f64,
     /// Gradient with respect to the six nodes (mm2).
-    pub gradient: [Vec3; 6],
+    pub(crate) gradient: [Vec3; 6],
     /// Axial vectors of the Hessian's blocks (mm), antisymmetric in (a, b).
-    pub hessian: [[Vec3; 6]; 6],
+    pub(crate) hessian: [[Vec3; 6]; 6],
 }
 
 /// Evaluates one face at deformed node positions `x`, oriented so that its normal points out of the cavity.
-#[must_use]
-pub fn face_terms(x: &[Vec3; 6], load: CavityLoad) -> FaceTerms {
+pub(crate) fn face_terms(x: &[Vec3; 6], load: CavityLoad) -> FaceTerms {
     match load {
         CavityLoad::FlatFacets => flat(x),
         CavityLoad::Consistent => consistent(x),
@@ -43,7 +40,7 @@ pub fn face_terms(x: &[Vec3; 6], load: CavityLoad) -> FaceTerms {
 
 fn flat(x: &[Vec3; 6]) -> FaceTerms {
     let mut out = FaceTerms::default();
-    for [a, b, c] in FACETS {
+    for [a, b, c] in TRI_FACETS {
         out.volume_mm3 += dot(x[a], cross(x[b], x[c])) / 6.0;
         for (i, j, k) in [(a, b, c), (b, c, a), (c, a, b)] {
             axpy(1.0 / 6.0, cross(x[j], x[k]), &mut out.gradient[i]);

@@ -7,25 +7,24 @@ use crate::algebra::{Mat3, Vec3, axpy, cross, dot, norm, scale, sub};
 use crate::element::tri6;
 
 /// Number of node pairs (a, b) with b <= a.
-pub const PAIRS: usize = 21;
+pub(crate) const PAIRS: usize = 21;
 
 /// In-plane symmetric tensor (11, 22, 12).
-pub type Plane = [f64; 3];
+pub(crate) type Plane = [f64; 3];
 
 /// Undeformed geometry of one sheet triangle.
 #[derive(Clone, Debug)]
-pub struct MembraneGeometry {
+pub(crate) struct MembraneGeometry {
     /// In-plane shape gradients at each Gauss point (1/mm).
-    pub gradients: [[[f64; 2]; 6]; 3],
+    pub(crate) gradients: [[[f64; 2]; 6]; 3],
     /// Area represented by each Gauss point (mm2).
-    pub weights: [f64; 3],
+    pub(crate) weights: [f64; 3],
     /// In-plane position of the six nodes (mm).
-    pub plane: [[f64; 2]; 6],
+    pub(crate) plane: [[f64; 2]; 6],
 }
 
 /// Orthonormal in-plane axes of a triangle's corners.
-#[must_use]
-pub fn plane_axes(x: &[Vec3; 6]) -> [Vec3; 2] {
+pub(crate) fn plane_axes(x: &[Vec3; 6]) -> [Vec3; 2] {
     let e1 = sub(x[1], x[0]);
     let e1 = scale(1.0 / norm(e1), e1);
     let normal = cross(e1, sub(x[2], x[0]));
@@ -38,7 +37,7 @@ impl MembraneGeometry {
     ///
     /// # Errors
     /// The Jacobian determinant (mm2), when it is zero at some Gauss point.
-    pub fn new(x: &[Vec3; 6], axes: [Vec3; 2]) -> Result<Self, f64> {
+    pub(crate) fn new(x: &[Vec3; 6], axes: [Vec3; 2]) -> Result<Self, f64> {
         let plane = x.map(|p| [dot(p, axes[0]), dot(p, axes[1])]);
         let mut this = Self { gradients: [[[0.0; 2]; 6]; 3], weights: [0.0; 3], plane };
         for (q, [r, s, w]) in tri6::THREE_POINTS.into_iter().enumerate() {
@@ -54,8 +53,7 @@ impl MembraneGeometry {
 }
 
 /// In-plane shape gradients at (r, s) and the Jacobian determinant.
-#[must_use]
-pub fn plane_gradients(plane: &[[f64; 2]; 6], r: f64, s: f64) -> ([[f64; 2]; 6], f64) {
+pub(crate) fn plane_gradients(plane: &[[f64; 2]; 6], r: f64, s: f64) -> ([[f64; 2]; 6], f64) {
     let d = tri6::derivatives(r, s);
     let mut j = [[0.0; 2]; 2];
     for a in 0..6 {
@@ -72,8 +70,7 @@ pub fn plane_gradients(plane: &[[f64; 2]; 6], r: f64, s: f64) -> ([[f64; 2]; 6],
 }
 
 /// `N = C E` for plane-stress stiffness (c11, c12, c33); the strain's third entry is the tensor component.
-#[must_use]
-pub fn resultant(c: [f64; 3], e: Plane) -> Plane {
+pub(crate) fn resultant(c: [f64; 3], e: Plane) -> Plane {
     [c[0] * e[0] + c[1] * e[1], c[1] * e[0] + c[0] * e[1], 2.0 * c[2] * e[2]]
 }
 
@@ -87,15 +84,18 @@ fn tangents(gradients: &[[f64; 2]; 6], x: &[Vec3; 6]) -> [Vec3; 2] {
 }
 
 /// Green strain at Gauss point `q` for deformed nodes `x`.
-#[must_use]
-pub fn strain(geometry: &MembraneGeometry, q: usize, x: &[Vec3; 6]) -> Plane {
+pub(crate) fn strain(geometry: &MembraneGeometry, q: usize, x: &[Vec3; 6]) -> Plane {
     let t = tangents(&geometry.gradients[q], x);
     [0.5 * (dot(t[0], t[0]) - 1.0), 0.5 * (dot(t[1], t[1]) - 1.0), 0.5 * dot(t[0], t[1])]
 }
 
 /// Change of the strain at Gauss point `q`, linear in the displacement increment `du` at deformed nodes `x`.
-#[must_use]
-pub fn strain_increment(geometry: &MembraneGeometry, q: usize, x: &[Vec3; 6], du: &[Vec3; 6]) -> Plane {
+pub(crate) fn strain_increment(
+    geometry: &MembraneGeometry,
+    q: usize,
+    x: &[Vec3; 6],
+    du: &[Vec3; 6],
+) -> Plane {
     let t = tangents(&geometry.gradients[q], x);
     let d = tangents(&geometry.gradients[q], du);
     [dot(t[0], d[0]), dot(t[1], d[1]), 0.5 * (dot(t[0], d[1]) + dot(t[1], d[0]))]
@@ -109,8 +109,7 @@ fn strain_rows(t: &[Vec3; 2], g: [f64; 2]) -> [Vec3; 3] {
 }
 
 /// Nodal forces (N) of the resultants `n` (one a Gauss point) at deformed nodes `x`.
-#[must_use]
-pub fn force(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3]) -> [Vec3; 6] {
+pub(crate) fn force(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3]) -> [Vec3; 6] {
     let mut out = [[0.0; 3]; 6];
     for ((gradients, weight), n) in geometry.gradients.iter().zip(geometry.weights).zip(n) {
         let t = tangents(gradients, x);
@@ -124,8 +123,12 @@ pub fn force(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3]) -> [Vec
 }
 
 /// Tangent blocks of node pairs (a, b <= a): material part with stiffness `c`, geometric part with the carried `n`.
-#[must_use]
-pub fn tangent(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3], c: [f64; 3]) -> [Mat3; PAIRS] {
+pub(crate) fn tangent(
+    geometry: &MembraneGeometry,
+    x: &[Vec3; 6],
+    n: &[Plane; 3],
+    c: [f64; 3],
+) -> [Mat3; PAIRS] {
     let mut out = [[[0.0; 3]; 3]; PAIRS];
     for ((gradients, w), n) in geometry.gradients.iter().zip(geometry.weights).zip(n) {
         let t = tangents(gradients, x);

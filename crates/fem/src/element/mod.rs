@@ -1,7 +1,7 @@
 //! Elements: solid tetrahedra, the sheet's membrane and bending, and the cavity's facets.
 
-pub mod bending;
-pub mod cavity;
-pub mod membrane;
-pub mod tet10;
-pub mod tri6;
+pub(crate) mod bending;
+pub(crate) mod cavity;
+pub(crate) mod membrane;
+pub(crate) mod tet10;
+pub(crate) mod tri6;

@@ -6,20 +6,21 @@
 
 use crate::algebra::{Mat3, Vec3, axpy, det_inv_transpose, dot, mat_vec, scale};
 use crate::material::Hyperelastic;
+use formats::mesh_file::TET_EDGES;
 
 /// Barycentric coordinates of the Gauss points: `OWN` of their own corner, `OTHER` of the three others.
 const OWN: f64 = 0.585_410_196_624_968_5;
 const OTHER: f64 = 0.138_196_601_125_010_5;
 
 /// Smallest volume ratio a trial state may have before it counts as collapsed.
-pub const MIN_VOLUME_RATIO: f64 = 0.05;
+pub(crate) const MIN_VOLUME_RATIO: f64 = 0.05;
 
 /// Number of node pairs (a, b) with b <= a.
-pub const PAIRS: usize = 55;
+pub(crate) const PAIRS: usize = 55;
 
-/// A deformation the material cannot bear.
+/// A deformation outside the limits of the material law.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Invalid {
+pub(crate) enum Invalid {
     /// The volume ratio `J` fell to the given value.
     Collapsed(f64),
     /// The invariant `I` passed the material's limit.
@@ -28,21 +29,20 @@ pub enum Invalid {
 
 /// Undeformed geometry of one element.
 #[derive(Clone, Debug)]
-pub struct TetGeometry {
+pub(crate) struct TetGeometry {
     /// Shape function gradients at each Gauss point (1/mm).
-    pub gradients: [[Vec3; 10]; 4],
+    pub(crate) gradients: [[Vec3; 10]; 4],
     /// Volume represented by each Gauss point (mm3).
-    pub weights: [f64; 4],
+    pub(crate) weights: [f64; 4],
 }
 
 /// Values of the ten shape functions at barycentric coordinates `l`.
-#[must_use]
-pub fn shape(l: [f64; 4]) -> [f64; 10] {
+pub(crate) fn shape(l: [f64; 4]) -> [f64; 10] {
     let mut n = [0.0; 10];
     for i in 0..4 {
         n[i] = l[i] * (2.0 * l[i] - 1.0);
     }
-    for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
+    for (m, [a, b]) in TET_EDGES.into_iter().enumerate() {
         n[4 + m] = 4.0 * l[a] * l[b];
     }
     n
@@ -55,7 +55,7 @@ fn shape_derivatives(l: [f64; 4]) -> [Vec3; 10] {
     for i in 0..4 {
         d[i] = scale(4.0 * l[i] - 1.0, DL[i]);
     }
-    for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
+    for (m, [a, b]) in TET_EDGES.into_iter().enumerate() {
         axpy(4.0 * l[b], DL[a], &mut d[4 + m]);
         axpy(4.0 * l[a], DL[b], &mut d[4 + m]);
     }
@@ -63,8 +63,7 @@ fn shape_derivatives(l: [f64; 4]) -> [Vec3; 10] {
 }
 
 /// Barycentric coordinates of Gauss point `q`.
-#[must_use]
-pub fn gauss_point(q: usize) -> [f64; 4] {
+pub(crate) fn gauss_point(q: usize) -> [f64; 4] {
     let mut l = [OTHER; 4];
     l[q] = OWN;
     l
@@ -75,7 +74,7 @@ impl TetGeometry {
     ///
     /// # Errors
     /// The Jacobian determinant (mm3), when it is not positive at some Gauss point: an inverted element.
-    pub fn new(x: &[Vec3; 10]) -> Result<Self, f64> {
+    pub(crate) fn new(x: &[Vec3; 10]) -> Result<Self, f64> {
         let mut this = Self { gradients: [[[0.0; 3]; 10]; 4], weights: [0.0; 4] };
         for q in 0..4 {
             let d = shape_derivatives(gauss_point(q));
@@ -96,15 +95,13 @@ impl TetGeometry {
     }
 
     /// Undeformed volume (mm3).
-    #[must_use]
-    pub fn volume_mm3(&self) -> f64 {
+    pub(crate) fn volume_mm3(&self) -> f64 {
         self.weights.iter().sum()
     }
 
     /// Deformation gradient at Gauss point `q` for nodal displacements `u`.
     #[inline]
-    #[must_use]
-    pub fn deformation_gradient(&self, q: usize, u: &[Vec3; 10]) -> Mat3 {
+    pub(crate) fn deformation_gradient(&self, q: usize, u: &[Vec3; 10]) -> Mat3 {
         let mut f = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for (ua, ga) in u.iter().zip(&self.gradients[q]) {
             for i in 0..3 {
@@ -116,18 +113,24 @@ impl TetGeometry {
 }
 
 /// Kinematics and energy at one Gauss point.
-struct Point {
+pub(crate) struct Point {
     f: Mat3,
     inv_t: Mat3,
-    det: f64,
+    pub(crate) det: f64,
     trace: f64,
     iso: f64,
     d1: f64,
     d2: f64,
-    w: f64,
+    #[cfg(test)]
+    pub(crate) w: f64,
 }
 
-fn point(geometry: &TetGeometry, q: usize, u: &[Vec3; 10], law: &Hyperelastic) -> Result<Point, Invalid> {
+pub(crate) fn point(
+    geometry: &TetGeometry,
+    q: usize,
+    u: &[Vec3; 10],
+    law: &Hyperelastic,
+) -> Result<Point, Invalid> {
     let f = geometry.deformation_gradient(q, u);
     let (det, inv_t) = det_inv_transpose(&f);
     if det.is_nan() || det <= MIN_VOLUME_RATIO {
@@ -137,20 +140,30 @@ fn point(geometry: &TetGeometry, q: usize, u: &[Vec3; 10], law: &Hyperelastic) -
     let cbrt = det.cbrt();
     let iso = 1.0 / (cbrt * cbrt);
     let energy = law.energy(iso * trace).ok_or(Invalid::BeyondLimit(iso * trace))?;
-    Ok(Point { f, inv_t, det, trace, iso, d1: energy.d1, d2: energy.d2, w: energy.w })
+    Ok(Point {
+        f,
+        inv_t,
+        det,
+        trace,
+        iso,
+        d1: energy.d1,
+        d2: energy.d2,
+        #[cfg(test)]
+        w: energy.w,
+    })
 }
 
 /// What one element contributes.
 #[derive(Clone, Debug)]
-pub struct TetTerms {
+pub(crate) struct TetTerms {
     /// Nodal forces of the isochoric stress (N).
-    pub force: [Vec3; 10],
+    pub(crate) force: [Vec3; 10],
     /// `dV/du`: nodal forces of a unit pressure (mm2).
-    pub volume_gradient: [Vec3; 10],
+    pub(crate) volume_gradient: [Vec3; 10],
     /// Volume change `integral (J - 1)` (mm3).
-    pub volume_change: f64,
+    pub(crate) volume_change: f64,
     /// Tangent blocks of node pairs (a, b <= a), row by row of the lower triangle, without the condensed pressure.
-    pub tangent: [Mat3; PAIRS],
+    pub(crate) tangent: [Mat3; PAIRS],
 }
 
 impl Default for TetTerms {
@@ -171,7 +184,7 @@ impl TetTerms {
     ///
     /// # Errors
     /// [`Invalid`] when the element collapsed or its material passed its limit.
-    pub fn evaluate(
+    pub(crate) fn evaluate(
         &mut self,
         geometry: &TetGeometry,
         u: &[Vec3; 10],
@@ -251,25 +264,11 @@ impl TetTerms {
     }
 }
 
-/// Isochoric strain energy (N mm) and volume change `integral (J - 1)` (mm3).
-///
-/// # Errors
-/// [`Invalid`] as in [`TetTerms::evaluate`].
-pub fn energy(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<(f64, f64), Invalid> {
-    let mut sum = (0.0, 0.0);
-    for q in 0..4 {
-        let p = point(geometry, q, u, law)?;
-        sum.0 += geometry.weights[q] * p.w;
-        sum.1 += geometry.weights[q] * (p.det - 1.0);
-    }
-    Ok(sum)
-}
-
 /// Deviatoric Cauchy stress (xx, yy, zz, xy, xz, yz; MPa) at the four Gauss points: `2 W' J^(-2/3) dev(F F^T) / J`.
 ///
 /// # Errors
 /// [`Invalid`] as in [`TetTerms::evaluate`].
-pub fn deviatoric_stress(
+pub(crate) fn deviatoric_stress(
     geometry: &TetGeometry,
     u: &[Vec3; 10],
     law: &Hyperelastic,
@@ -287,8 +286,7 @@ pub fn deviatoric_stress(
 }
 
 /// Von Mises stress `sqrt(3/2 s : s)` of a deviatoric stress (MPa).
-#[must_use]
-pub fn von_mises(s: [f64; 6]) -> f64 {
+pub(crate) fn von_mises(s: [f64; 6]) -> f64 {
     let squares = s.map(|v| v * v);
     (1.5 * (squares[0] + squares[1] + squares[2] + 2.0 * (squares[3] + squares[4] + squares[5]))).sqrt()
 }
@@ -297,15 +295,14 @@ pub fn von_mises(s: [f64; 6]) -> f64 {
 ///
 /// Components are extrapolated, not invariants: near a free surface the invariant of the extrapolated tensor stays
 /// positive and meaningful where an extrapolated invariant would turn negative.
-#[must_use]
-pub fn extrapolate(values: [[f64; 6]; 4]) -> [[f64; 6]; 10] {
+pub(crate) fn extrapolate(values: [[f64; 6]; 4]) -> [[f64; 6]; 10] {
     let mut out = [[0.0; 6]; 10];
     for k in 0..6 {
         let sum: f64 = values.iter().map(|v| v[k]).sum();
         for i in 0..4 {
             out[i][k] = (values[i][k] - OTHER * sum) / (OWN - OTHER);
         }
-        for (m, [a, b]) in crate::mesh::TET_EDGES.into_iter().enumerate() {
+        for (m, [a, b]) in TET_EDGES.into_iter().enumerate() {
             out[4 + m][k] = 0.5 * (out[a][k] + out[b][k]);
         }
     }

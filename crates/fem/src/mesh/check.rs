@@ -1,7 +1,9 @@
-//! What a mesh must be before anything is computed on it: all problems at once, with what, where and what to do.
+//! What must be true of a mesh before anything is computed on it; everything wrong at once, with where and what to do.
 
-use super::{Mesh, TET_EDGES, TRI_EDGES};
+use super::types::Mesh;
+use crate::algebra::{add, cross, dot, norm, scale, sub};
 use formats::Diagnostic;
+use formats::mesh_file::{TET_EDGES, TET_FACES, TRI_EDGES};
 use std::collections::HashMap;
 
 /// How many of each kind are listed.
@@ -10,8 +12,7 @@ const LISTED: usize = 5;
 const MIDSIDE_SHARE: f64 = 0.05;
 
 /// Everything that is wrong with nodes, elements and surfaces; empty for a sound mesh. `O(elements)`.
-#[must_use]
-pub fn problems(mesh: &Mesh) -> Vec<Diagnostic> {
+pub(crate) fn diagnostics(mesh: &Mesh) -> Vec<Diagnostic> {
     let nodes = mesh.nodes_mm.len();
     let surfaces = surfaces(mesh);
     let outside = |n: &u32| *n as usize >= nodes;
@@ -67,13 +68,8 @@ fn at(mesh: &Mesh, node: u32) -> String {
 
 fn inverted(mesh: &Mesh) -> Vec<(String, String)> {
     let volume = |tet: &[u32; 10]| {
-        let p = |i: usize| mesh.nodes_mm[tet[i] as usize];
-        let d = |i: usize| -> [f64; 3] { std::array::from_fn(|k| p(i)[k] - p(0)[k]) };
-        let (a, b, c) = (d(1), d(2), d(3));
-        (a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0]))
-            / 6.0
+        let [p, a, b, c] = [0, 1, 2, 3].map(|i| mesh.nodes_mm[tet[i] as usize]);
+        dot(sub(a, p), cross(sub(b, p), sub(c, p))) / 6.0
     };
     let bad = mesh.tets.iter().enumerate().map(|(e, tet)| (e, tet, volume(tet))).filter(|(.., v)| *v <= 0.0);
     bad.map(|(e, tet, v)| (format!("element {e} at {}", at(mesh, tet[0])), format!("{v:.3e} mm3"))).collect()
@@ -106,8 +102,7 @@ fn bent(mesh: &Mesh) -> Vec<(String, String)> {
     for (e, tet) in mesh.tets.iter().enumerate() {
         for (k, [i, j]) in TET_EDGES.into_iter().enumerate() {
             let (a, b, m) = (p(tet[i]), p(tet[j]), tet[4 + k]);
-            let norm = |f: &dyn Fn(usize) -> f64| (0..3).map(|k| f(k).powi(2)).sum::<f64>().sqrt();
-            let (off, length) = (norm(&|k| p(m)[k] - 0.5 * (a[k] + b[k])), norm(&|k| b[k] - a[k]));
+            let (off, length) = (norm(sub(p(m), scale(0.5, add(a, b)))), norm(sub(b, a)));
             if off > MIDSIDE_SHARE * length && !std::mem::replace(&mut seen[m as usize], true) {
                 let place = format!("node {m} at {}, element {e}", at(mesh, m));
                 bad.push((place, format!("{off:.3} mm off the middle of an edge of {length:.3} mm")));
@@ -167,8 +162,8 @@ fn strays(mesh: &Mesh, surfaces: &[(String, &[[u32; 6]])]) -> Vec<(String, Strin
         for (k, [i, j]) in TET_EDGES.into_iter().enumerate() {
             middle.insert(sorted([tet[i], tet[j]]), tet[4 + k]);
         }
-        for face in [[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]] {
-            faces.insert(sorted(face.map(|i: usize| tet[i])));
+        for [a, b, c, ..] in TET_FACES {
+            faces.insert(sorted([tet[a], tet[b], tet[c]]));
         }
     }
     let mut bad = Vec::new();

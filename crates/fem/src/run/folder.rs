@@ -1,40 +1,28 @@
 //! The database folder: what `softtwin train --database` reads, plus the cavity volumes.
 
-use super::cases::VOLUME_COLUMNS;
-use super::{Case, Solved};
+use super::store::Solved;
+use crate::algebra::norm;
+use crate::cases::{COLUMNS, Case, VOLUME_COLUMNS};
 use crate::mesh::Mesh;
 use crate::solver::FORMULATION;
 use formats::database::{self, Manifest};
-use formats::{Diagnostic, FormatError, npy, vtu};
-use std::fs;
+use formats::table::to_text;
+use formats::{Diagnostic, FormatError, file, npy, vtu};
+use rom::snapshots::FieldSpec;
 use std::path::Path;
 use std::sync::Arc;
 
-const CASE_COLUMNS: &str = "case,regime,split,pressure_mpa,gap_mm,contact_force_n";
+const DESCRIPTION: &str = "database.toml";
 const SNAPSHOTS: &str = "snapshots.npy";
+const VOLUMES: &str = "volumes.csv";
+/// Fields of a snapshot: deformed coordinates, displacement magnitude, von Mises stress.
+const FIELDS: usize = 5;
 
-/// Fields of a snapshot: name, unit, kind.
-pub const FIELDS: [(&str, &str, &str); 5] = [
-    ("x", "mm", "coordinate"),
-    ("y", "mm", "coordinate"),
-    ("z", "mm", "coordinate"),
-    ("displacement", "mm", "magnitude"),
-    ("von_mises", "MPa", "stress"),
-];
+/// States with their index in the list of cases.
+type Indexed = [(usize, Arc<Solved>)];
 
-/// `nodes x 5`: deformed coordinates, displacement magnitude (mm), von Mises stress (MPa).
-#[must_use]
-pub fn snapshot(mesh: &Mesh, solved: &Solved) -> Vec<f32> {
-    let mut values = Vec::with_capacity(mesh.nodes_mm.len() * FIELDS.len());
-    for ((x, u), s) in mesh.nodes_mm.iter().zip(&solved.state.displacement_mm).zip(&solved.von_mises_mpa) {
-        values.extend((0..3).map(|k| (x[k] + u[k]) as f32));
-        values.push(u.iter().map(|v| v * v).sum::<f64>().sqrt() as f32);
-        values.push(*s);
-    }
-    values
-}
-
-/// Writes the folder: `cases.csv`, `volumes.csv`, `snapshots.npy`, `mesh.vtu` and, last, `database.toml`.
+/// Writes the folder: `cases.csv`, `volumes.csv`, `snapshots.npy`, `mesh.vtu` and, last, `database.toml`. `solved` holds
+/// the index of each state in `cases`.
 ///
 /// # Errors
 /// The operating system's.
@@ -43,19 +31,22 @@ pub fn write(
     actuator: &str,
     mesh: &Mesh,
     cases: &[Case],
-    solved: &[(usize, Arc<Solved>)],
+    solved: &Indexed,
 ) -> Result<(), FormatError> {
-    fs::create_dir_all(dir).map_err(|e| FormatError::write(dir, e))?;
-    let mut rows = Rows::new(mesh, cases);
-    solved.iter().for_each(|(index, state)| rows.add(*index, state));
-    put(dir, "cases.csv", &(CASE_COLUMNS.to_owned() + "\n" + &rows.table))?;
-    put(dir, "volumes.csv", &(VOLUME_COLUMNS.to_owned() + "\n" + &rows.volumes))?;
-    let shape = [solved.len(), mesh.nodes_mm.len(), FIELDS.len()];
-    npy::write_f32(&dir.join(SNAPSHOTS), &shape, &rows.snapshots)?;
+    file::create_folder(dir)?;
+    let text = |name: &str, text: String| file::replace(&dir.join(name), text.as_bytes());
+    text("cases.csv", to_text(&case_columns(), case_rows(cases, solved)))?;
+    text(VOLUMES, to_text(&VOLUME_COLUMNS, volume_rows(cases, solved)))?;
+    write_snapshots(dir, mesh, Vec::new(), solved)?;
     let cells = vtu::Cells::QuadraticTets(&mesh.tets);
     let grid = vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] };
     vtu::write(&dir.join("mesh.vtu"), &grid)?;
-    put(dir, "database.toml", &manifest(actuator, mesh.nodes_mm.len()))
+    let version = env!("CARGO_PKG_VERSION");
+    let solver = format!(
+        "softtwin simulate, version {version}, formulation {FORMULATION}; von Mises stress is the mean over the elements at a node"
+    );
+    let manifest = Manifest::new(actuator, mesh.nodes_mm.len(), &FieldSpec::of_the_paper());
+    Manifest { mesh: Some("mesh.vtu".into()), solver: Some(solver), ..manifest }.write(&dir.join(DESCRIPTION))
 }
 
 /// Writes to `dir` the database at `from`, made by [`write`] (packed or not), with more states behind it.
@@ -67,35 +58,32 @@ pub fn extend(
     dir: &Path,
     mesh: &Mesh,
     cases: &[Case],
-    solved: &[(usize, Arc<Solved>)],
+    solved: &Indexed,
 ) -> Result<(), FormatError> {
-    fs::create_dir_all(dir).map_err(|e| FormatError::write(dir, e))?;
-    let manifest = Manifest::read(&from.join("database.toml"))?;
+    file::create_folder(dir)?;
+    let manifest = Manifest::read(&from.join(DESCRIPTION))?;
     let mesh_file = manifest.mesh.clone().unwrap_or_default();
-    let before = database::read_snapshots(&from.join(&manifest.snapshots), Some(&from.join(&mesh_file)))?;
-    let expected = [before.shape[0], mesh.nodes_mm.len(), FIELDS.len()];
+    let path = from.join(&manifest.snapshots);
+    let before = database::read_snapshots(&path, Some(&from.join(&mesh_file)))?;
+    let expected = [before.shape[0], mesh.nodes_mm.len(), FIELDS];
     if before.shape != expected {
-        let problem =
-            Diagnostic::new("shape", format!("{expected:?} of this mesh"), format!("{:?}", before.shape));
-        return Err(FormatError::one(&from.join(&manifest.snapshots), problem));
+        let (expected, found) = (format!("{expected:?} of this mesh"), format!("{:?}", before.shape));
+        return Err(FormatError::one(&path, Diagnostic::new("shape", expected, found)));
     }
-    let mut rows = Rows::new(mesh, cases);
-    rows.snapshots = before.values;
-    solved.iter().for_each(|(index, state)| rows.add(*index, state));
-    put(dir, "cases.csv", &(table(&from.join(&manifest.cases), CASE_COLUMNS)? + &rows.table))?;
-    put(dir, "volumes.csv", &(table(&from.join("volumes.csv"), VOLUME_COLUMNS)? + &rows.volumes))?;
-    let shape = [before.shape[0] + solved.len(), expected[1], expected[2]];
-    npy::write_f32(&dir.join(SNAPSHOTS), &shape, &rows.snapshots)?;
-    fs::copy(from.join(&mesh_file), dir.join(&mesh_file)).map_err(|e| FormatError::write(dir, e))?;
-    let path = from.join("database.toml");
-    let text = fs::read_to_string(&path).map_err(|e| FormatError::read(&path, e))?;
-    let name = format!("\"{}\"", manifest.snapshots);
-    put(dir, "database.toml", &text.replace(&name, &format!("\"{SNAPSHOTS}\"")))
+    let append = |name: &str, source: &str, heading: &[&str], rows: String| {
+        let text = existing(&from.join(source), &heading.join(","))? + &rows;
+        file::replace(&dir.join(name), text.as_bytes())
+    };
+    append("cases.csv", &manifest.cases, &case_columns(), to_text(&[], case_rows(cases, solved)))?;
+    append(VOLUMES, VOLUMES, &VOLUME_COLUMNS, to_text(&[], volume_rows(cases, solved)))?;
+    write_snapshots(dir, mesh, before.values, solved)?;
+    file::copy(&from.join(&mesh_file), &dir.join(&mesh_file))?;
+    manifest.copy_with_snapshots(&from.join(DESCRIPTION), &dir.join(DESCRIPTION), SNAPSHOTS)
 }
 
 /// A table with that heading, ending with a line's end.
-fn table(path: &Path, heading: &str) -> Result<String, FormatError> {
-    let text = fs::read_to_string(path).map_err(|e| FormatError::read(path, e))?;
+fn existing(path: &Path, heading: &str) -> Result<String, FormatError> {
+    let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
     let found = text.lines().next().unwrap_or("");
     if found != heading {
         return Err(FormatError::one(path, Diagnostic::new("heading", heading, format!("`{found}`"))));
@@ -103,53 +91,36 @@ fn table(path: &Path, heading: &str) -> Result<String, FormatError> {
     Ok(text.trim_end().to_owned() + "\n")
 }
 
-fn put(dir: &Path, name: &str, text: &str) -> Result<(), FormatError> {
-    let path = dir.join(name);
-    fs::write(&path, text).map_err(|e| FormatError::write(&path, e))
+fn case_columns() -> Vec<&'static str> {
+    COLUMNS.into_iter().chain(["contact_force_n"]).collect()
 }
 
-/// Rows of the tables and of the snapshot array.
-struct Rows<'a> {
-    mesh: &'a Mesh,
-    cases: &'a [Case],
-    table: String,
-    volumes: String,
-    snapshots: Vec<f32>,
+fn case_rows(cases: &[Case], solved: &Indexed) -> impl Iterator<Item = Vec<String>> {
+    let force = |state: &Solved| format!("{:.6}", state.contact_force_n);
+    solved.iter().map(move |(index, state)| cases[*index].cells().into_iter().chain([force(state)]).collect())
 }
 
-impl<'a> Rows<'a> {
-    fn new(mesh: &'a Mesh, cases: &'a [Case]) -> Self {
-        Self { mesh, cases, table: String::new(), volumes: String::new(), snapshots: Vec::new() }
-    }
-
-    fn add(&mut self, index: usize, state: &Solved) {
-        let c = &self.cases[index];
-        let gap = c.gap_mm.map_or(String::new(), |gap| gap.to_string());
-        let (name, p, force) = (&c.name, c.pressure_mpa, state.contact_force_n);
-        self.table += &format!("{name},{},{},{p},{gap},{force:.6}\n", c.regime, c.split);
-        self.volumes += &format!("{name},{p},{gap},{:.3}\n", state.cavity_volume_mm3);
-        self.snapshots.extend(snapshot(self.mesh, state));
-    }
+fn volume_rows(cases: &[Case], solved: &Indexed) -> impl Iterator<Item = [String; 4]> {
+    solved.iter().map(|(index, state)| {
+        let [name, _, _, pressure, gap] = cases[*index].cells();
+        [name, pressure, gap, format!("{:.3}", state.cavity_volume_mm3)]
+    })
 }
 
-fn manifest(actuator: &str, nodes: usize) -> String {
-    let mut text = format!(
-        "# Finite-element database, layout 1: snapshots are f32, cases x nodes x fields
-layout = 1
-actuator = \"{actuator}\"
-nodes = {nodes}
-cases = \"cases.csv\"
-snapshots = \"{SNAPSHOTS}\"
-mesh = \"mesh.vtu\"
-solver = \"softtwin simulate, version {}, formulation {FORMULATION}; von Mises stress is the mean over the elements at a node\"
-",
-        env!("CARGO_PKG_VERSION")
-    );
-    for (name, unit, kind) in FIELDS {
-        text += &format!("\n[[field]]\nname = \"{name}\"\nunit = \"{unit}\"\nkind = \"{kind}\"\n");
+/// Writes the states behind the values that are there.
+fn write_snapshots(
+    dir: &Path,
+    mesh: &Mesh,
+    mut values: Vec<f32>,
+    solved: &Indexed,
+) -> Result<(), FormatError> {
+    let nodes = mesh.nodes_mm.len();
+    for (_, state) in solved {
+        for (n, x) in mesh.nodes_mm.iter().enumerate() {
+            let u = state.state.displacement_mm[n];
+            values.extend((0..3).map(|k| (x[k] + u[k]) as f32));
+            values.extend([norm(u) as f32, state.von_mises_mpa[n]]);
+        }
     }
-    for (name, unit) in [("pressure_mpa", "MPa"), ("gap_mm", "mm")] {
-        text += &format!("\n[[input]]\nname = \"{name}\"\nunit = \"{unit}\"\n");
-    }
-    text
+    npy::write_f32(&dir.join(SNAPSHOTS), &[values.len() / (nodes * FIELDS), nodes, FIELDS], &values)
 }

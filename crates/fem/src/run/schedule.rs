@@ -1,10 +1,10 @@
 //! Which case comes next and where it starts from: the nearest solved state in scaled (pressure, gap).
 //!
 //! The problem is conservative and frictionless, so the path does not matter and the shortest is the cheapest. Cases and
-//! solved states grow into a minimum spanning tree (Prim 1957): whoever is free takes the shortest branch.
+//! solved states grow into a minimum spanning tree (Prim 1957): a free thread takes the shortest branch.
 
-use super::cases::Case;
 use super::store::Solved;
+use crate::cases::Case;
 use std::sync::Arc;
 
 /// One unit of distance in pressure and in gap: about the extent of the paper's domain.

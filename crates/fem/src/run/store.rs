@@ -1,21 +1,19 @@
-//! Checkpoints: one file a solved state, written whole or not at all, so that a killed run loses nothing.
+//! Checkpoints: one file a solved state, written whole or not at all, so that a killed run keeps what it has solved.
 
 use crate::config::Load;
 use crate::solver::Report;
 use crate::state::State;
-use formats::{Diagnostic, FormatError};
-use std::fs;
-use std::io::Write;
+use formats::{Diagnostic, FormatError, file};
 use std::path::{Path, PathBuf};
 
 /// First bytes of a checkpoint.
 const MAGIC: [u8; 8] = *b"STWNFEM1";
 const HASH: usize = 32;
 
-/// A solved state with what the database needs of it.
+/// A solved state with the values that the database needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solved {
-    /// Where others start from.
+    /// The state, from which others are solved.
     pub state: State,
     /// Mean von Mises stress at the nodes (MPa).
     pub von_mises_mpa: Vec<f32>,
@@ -25,7 +23,7 @@ pub struct Solved {
     pub cavity_volume_mm3: f64,
     /// Distance at which an obstacle just clears the state (mm).
     pub clearance_mm: f64,
-    /// What it took.
+    /// The work it took.
     pub report: Report,
 }
 
@@ -33,7 +31,7 @@ pub struct Solved {
 #[derive(Clone, Debug)]
 pub struct Store {
     folder: PathBuf,
-    /// blake3 of mesh and configuration: a checkpoint of another problem is not ours.
+    /// blake3 of mesh and configuration: a checkpoint of another problem is ignored.
     problem: [u8; HASH],
 }
 
@@ -54,7 +52,7 @@ impl Store {
     /// # Errors
     /// The operating system's.
     pub fn new(folder: &Path, problem: [u8; HASH]) -> Result<Self, FormatError> {
-        fs::create_dir_all(folder).map_err(|e| FormatError::write(folder, e))?;
+        file::create_folder(folder)?;
         Ok(Self { folder: folder.into(), problem })
     }
 
@@ -68,27 +66,18 @@ impl Store {
         self.folder.join(format!("{}.state", &hasher.finalize().to_hex()[..24]))
     }
 
-    /// Writes a state: whole to a temporary file, then renamed into place.
+    /// Writes a state, whole or not at all.
     ///
     /// # Errors
     /// The operating system's.
     pub fn save(&self, solved: &Solved) -> Result<(), FormatError> {
-        let path = self.path(&solved.state.load);
-        // One process a folder, one thread a case: the process id keeps a stray second process apart.
-        let temporary = path.with_extension(format!("tmp{}", std::process::id()));
-        let write = || -> std::io::Result<()> {
-            let mut file = fs::File::create(&temporary)?;
-            file.write_all(&self.encode(solved))?;
-            file.sync_all()?;
-            fs::rename(&temporary, &path)
-        };
-        write().map_err(|e| FormatError::write(&path, e))
+        file::replace(&self.path(&solved.state.load), &self.encode(solved))
     }
 
     /// The state with these loads, where it was solved before. A damaged file counts as absent: it is solved again.
     #[must_use]
     pub fn load(&self, load: &Load, sizes: Sizes) -> Option<Solved> {
-        let bytes = fs::read(self.path(load)).ok()?;
+        let bytes = file::read_bytes(&self.path(load), file::MAX_DATA_BYTES).ok()?;
         self.decode(&bytes, load, sizes).ok()
     }
 

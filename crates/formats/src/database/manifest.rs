@@ -1,9 +1,10 @@
 //! `database.toml`: what the folder holds.
 
 use crate::error::{Diagnostic, FormatError};
-use rom::snapshots::{Database, FieldKind, FieldSpec, Footprint};
+use crate::file;
+use rom::snapshots::{FieldKind, FieldSpec, Footprint};
 use serde::{Deserialize, Serialize};
-use std::path::{Component, Path};
+use std::path::Path;
 
 /// Name of the file in its folder.
 pub const FILE: &str = "database.toml";
@@ -87,43 +88,57 @@ impl Manifest {
     /// # Errors
     /// Not readable, not TOML of this shape, or values that do not fit; all of them at once.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
-        let text = std::fs::read_to_string(path).map_err(|e| FormatError::read(path, e))?;
+        let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
         let manifest: Self = toml::from_str(&text).map_err(|e| {
             FormatError::one(
                 path,
                 Diagnostic::new("content", "the keys of layout 1", e.to_string().trim_end()),
             )
         })?;
-        let problems = manifest.problems();
-        FormatError::unless(manifest, path, problems)
+        let diagnostics = manifest.diagnostics();
+        FormatError::check(manifest, path, diagnostics)
     }
 
-    /// Writes the file with a heading that says what it is.
-    pub(super) fn write(&self, path: &Path) -> Result<(), FormatError> {
+    /// Writes the file, with a comment that says what it is.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn write(&self, path: &Path) -> Result<(), FormatError> {
         let body = toml::to_string(self).map_err(|e| FormatError::write(path, std::io::Error::other(e)))?;
         let text = format!(
             "# Finite-element database, layout {LAYOUT}: snapshots are f32, cases x nodes x fields\n{body}"
         );
-        std::fs::write(path, text).map_err(|e| FormatError::write(path, e))
+        file::replace(path, text.as_bytes())
     }
 
-    /// The manifest of a database in memory, without a mesh.
-    pub fn of(database: &Database) -> Self {
+    /// The description of a database with the usual file names, without a mesh.
+    #[must_use]
+    pub fn new(actuator: &str, nodes: usize, fields: &[FieldSpec]) -> Self {
         let column = |name: &str, unit: &str| Extra { name: name.into(), unit: unit.into() };
         Self {
             layout: LAYOUT,
-            actuator: database.actuator.clone(),
-            nodes: database.node_count,
+            actuator: actuator.into(),
+            nodes,
             cases: "cases.csv".into(),
             snapshots: "snapshots.npy".into(),
             mesh: None,
             mesh_origin: None,
             solver: None,
-            obstacle: Some(database.obstacle),
-            field: database.fields.iter().map(Field::of).collect(),
+            obstacle: None,
+            field: fields.iter().map(Field::of).collect(),
             input: vec![column("pressure_mpa", "MPa"), column("gap_mm", "mm")],
             extra: vec![],
         }
+    }
+
+    /// Copies this description from its file to another, with another file of snapshots; comments are kept.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn copy_with_snapshots(&self, from: &Path, to: &Path, snapshots: &str) -> Result<(), FormatError> {
+        let text = file::read_text(from, file::MAX_TEXT_BYTES)?;
+        let text = text.replace(&format!("\"{}\"", self.snapshots), &format!("\"{snapshots}\""));
+        file::replace(to, text.as_bytes())
     }
 
     /// Fields as the model knows them.
@@ -131,21 +146,26 @@ impl Manifest {
         self.field.iter().map(Field::spec).collect()
     }
 
-    fn problems(&self) -> Vec<Diagnostic> {
-        let mut problems = Vec::new();
+    fn diagnostics(&self) -> Vec<Diagnostic> {
+        let mut diagnostics = Vec::new();
         let mut check = |ok: bool, place: String, expected: &str, found: String| {
             if !ok {
-                problems.push(Diagnostic::new(place, expected, found));
+                diagnostics.push(Diagnostic::new(place, expected, found));
             }
         };
         check(self.layout == LAYOUT, "layout".into(), "1", self.layout.to_string());
         check(self.nodes > 0, "nodes".into(), "at least 1", "0".into());
         check(!self.field.is_empty(), "[[field]]".into(), "at least one field", "none".into());
-        for (key, file) in
+        for (key, name) in
             [("cases", Some(&self.cases)), ("snapshots", Some(&self.snapshots)), ("mesh", self.mesh.as_ref())]
         {
-            if let Some(file) = file {
-                check(is_plain(file), key.into(), "the name of a file in the same folder", file.clone());
+            if let Some(name) = name {
+                check(
+                    file::is_plain_name(name),
+                    key.into(),
+                    "the name of a file in the same folder",
+                    name.clone(),
+                );
             }
         }
         for (i, field) in self.field.iter().enumerate() {
@@ -163,14 +183,8 @@ impl Manifest {
                 format!("{} in {}", input.name, input.unit),
             );
         }
-        problems
+        diagnostics
     }
-}
-
-/// A file name without any way out of its folder.
-fn is_plain(file: &str) -> bool {
-    let mut parts = Path::new(file).components();
-    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
 }
 
 fn axis_of(name: &str) -> Option<u8> {
@@ -190,7 +204,7 @@ impl Field {
 
     fn spec(&self) -> FieldSpec {
         let kind = match self.kind {
-            // A coordinate without an axis in its name was refused by `problems`.
+            // A coordinate without an axis in its name was refused by `diagnostics`.
             Kind::Coordinate => axis_of(&self.name).map_or(FieldKind::Other, FieldKind::Coordinate),
             Kind::Magnitude => FieldKind::Magnitude,
             Kind::Stress => FieldKind::Stress,

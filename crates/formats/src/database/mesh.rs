@@ -1,16 +1,11 @@
 //! What the undeformed mesh adds to a database: node positions, the skin for viewers, node sets.
 
 use crate::error::{Diagnostic, FormatError};
-use crate::mesh_file;
+use crate::mesh_file::{TET_FACES, TRI_FACETS, Tet10};
+use crate::mesh_reader::read_mesh;
 use rom::snapshots::NodeSet;
 use std::collections::HashMap;
 use std::path::Path;
-
-/// Faces of a 10-node tetrahedron (VTK order): three corners, then the nodes between them; they point outwards.
-const FACES: [[usize; 6]; 4] =
-    [[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6]];
-/// How a 6-node face is split into flat triangles.
-const SPLIT: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
 
 /// The parts of a mesh a database remembers.
 #[derive(Default)]
@@ -22,10 +17,11 @@ pub struct Body {
 
 /// Reads a mesh and checks it against the node count.
 pub fn read(path: &Path, nodes: usize) -> Result<Body, FormatError> {
-    let mesh = mesh_file::read(path)?;
+    let mesh = read_mesh(path)?;
     if mesh.points_mm.len() != nodes {
-        let problem = Diagnostic::new("points", format!("{nodes} as in the snapshots"), mesh.points_mm.len());
-        return Err(FormatError::one(path, problem));
+        let diagnostic =
+            Diagnostic::new("points", format!("{nodes} as in the snapshots"), mesh.points_mm.len());
+        return Err(FormatError::one(path, diagnostic));
     }
     let triangles = surface_of_tets(&mesh.tets);
     let node_sets = node_sets(&mesh.points_mm, &triangles);
@@ -45,22 +41,22 @@ fn node_sets(points_mm: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<NodeSet> {
 
 /// The skin of a body of 10-node tetrahedra: the faces that only one of them has, each as four flat triangles over its
 /// corners and mid-edge nodes, pointing outwards, in the order of the tetrahedra. `O(tets)`.
-pub fn surface_of_tets(tets: &[[u32; 10]]) -> Vec<[u32; 3]> {
-    let corners = |tet: &[u32; 10], face: &[usize; 6]| {
+pub fn surface_of_tets(tets: &[Tet10]) -> Vec<[u32; 3]> {
+    let corners = |tet: &Tet10, face: &[usize; 6]| {
         let mut key = [tet[face[0]], tet[face[1]], tet[face[2]]];
         key.sort_unstable();
         key
     };
     let mut owners: HashMap<[u32; 3], u32> = HashMap::with_capacity(tets.len() * 2);
     for tet in tets {
-        for face in &FACES {
+        for face in &TET_FACES {
             *owners.entry(corners(tet, face)).or_default() += 1;
         }
     }
     let mut skin = Vec::new();
     for tet in tets {
-        for face in FACES.iter().filter(|face| owners[&corners(tet, face)] == 1) {
-            skin.extend(SPLIT.map(|part| part.map(|i| tet[face[i]])));
+        for face in TET_FACES.iter().filter(|face| owners[&corners(tet, face)] == 1) {
+            skin.extend(TRI_FACETS.map(|part| part.map(|i| tet[face[i]])));
         }
     }
     skin

@@ -1,45 +1,73 @@
 //! ParaView's collection: a `.pvd` that lists one `.vtu` a state, with its time.
 
-use super::{Moment, Series, Sink};
-use crate::error::FormatError;
-use crate::fields::State;
-use std::fmt::Write as _;
+use super::layout::Layout;
+use super::series::{Moment, Series};
+use crate::error::{Diagnostic, FormatError};
+use crate::vtu;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes `NAME_0000.vtu`, `NAME_0001.vtu`, ... and at the end `NAME.pvd` beside them.
+/// Writes `NAME_0000.vtu`, `NAME_0001.vtu`, ... beside `NAME.pvd`.
 pub struct Pvd<'a> {
     path: PathBuf,
     series: Series<'a>,
-    sets: String,
-    written: Vec<PathBuf>,
 }
 
 impl<'a> Pvd<'a> {
     pub fn new(path: &Path, series: Series<'a>) -> Self {
-        Self { path: path.into(), series, sets: String::new(), written: vec![path.into()] }
+        Self { path: path.into(), series }
     }
 }
 
-impl Sink for Pvd<'_> {
-    fn add(&mut self, index: usize, moment: &Moment) -> Result<(), FormatError> {
-        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
-        let name = format!("{stem}_{index:04}.vtu");
-        let file = self.path.with_file_name(&name);
-        let Series { fields, nodes, cells, undeformed, .. } = self.series;
-        State { fields, nodes, values: &moment.values, undeformed, cells }.write(&file)?;
-        let name = quick_xml::escape::escape(name.as_str());
-        let _ = writeln!(self.sets, "<DataSet timestep=\"{}\" part=\"0\" file=\"{name}\"/>", moment.time);
-        self.written.push(file);
-        Ok(())
+/// The file of a state.
+pub fn state_file(path: &Path, index: usize) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}_{index:04}.vtu"))
+}
+
+impl Layout for Pvd<'_> {
+    fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, "<?xml version=\"1.0\"?>")?;
+        writeln!(
+            out,
+            "<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n<Collection>"
+        )
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, FormatError> {
-        let index = format!(
-            "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n\
-             <Collection>\n{}</Collection>\n</VTKFile>\n",
-            self.sets
-        );
-        std::fs::write(&self.path, index).map_err(|error| FormatError::write(&self.path, error))?;
-        Ok(self.written)
+    fn state(&mut self, out: &mut dyn Write, index: usize, moment: &Moment) -> io::Result<()> {
+        let file = state_file(&self.path, index);
+        write_vtu(&file, &self.series, &moment.values).map_err(io::Error::other)?;
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let name = quick_xml::escape::escape(name.as_ref());
+        writeln!(out, "<DataSet timestep=\"{}\" part=\"0\" file=\"{name}\"/>", moment.time)
     }
+
+    fn end(&mut self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, "</Collection>\n</VTKFile>")
+    }
+}
+
+/// One state as a VTK unstructured grid of the deformed body.
+///
+/// # Errors
+/// A state without coordinates, or as [`vtu::write`].
+pub fn write_vtu(path: &Path, series: &Series<'_>, values: &[f32]) -> Result<(), FormatError> {
+    let deformed = series.coordinates(values);
+    if deformed.iter().any(|axis| axis.len() != series.nodes) {
+        let diagnostic = Diagnostic::new("fields", "the coordinates x, y and z", "a state without them");
+        return Err(FormatError::one(path, diagnostic));
+    }
+    let points: Vec<[f64; 3]> = (0..series.nodes).map(|i| deformed.map(|c| f64::from(c[i]))).collect();
+    let vector: Option<Vec<f32>> = series.undeformed.map(|undeformed| {
+        let offset = |i: usize| (0..3).map(move |k| deformed[k][i] - undeformed[k][i]);
+        (0..series.nodes).flat_map(offset).collect()
+    });
+    let named: Vec<(usize, String)> = series.quantities().collect();
+    let scalars = named.iter().map(|(k, name)| (name, series.field(values, *k)));
+    let mut data: Vec<vtu::PointData<'_>> =
+        scalars.map(|(name, values)| vtu::PointData { name, components: 1, values }).collect();
+    if let Some(values) = &vector {
+        data.push(vtu::PointData { name: "displacement vector [mm]", components: 3, values });
+    }
+    vtu::write(path, &vtu::Grid { points_mm: &points, cells: series.cells, point_data: &data })
 }

@@ -1,14 +1,12 @@
 //! Tecplot ASCII: one finite-element zone a state, nodes and connectivity as the authors' post-processing reads them.
 //!
 //! Tecplot has no quadratic tetrahedra, so each is split into eight linear ones over all its ten nodes; every node keeps
-//! its number and its value. Every zone carries its connectivity: readers other than Tecplot know no shared ones.
+//! its number and its value. Every zone has its own connectivity, because only Tecplot itself reads shared ones.
 
-use super::{Moment, Series, Sink};
-use crate::error::FormatError;
+use super::layout::{Layout, lines};
+use super::series::{Moment, Series};
 use crate::vtu::Cells;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, Write};
 
 /// The eight linear tetrahedra of a quadratic one: four at its corners, four around the diagonal from the mid-side of
 /// 02 to that of 13.
@@ -27,8 +25,6 @@ const EIGHT: [[usize; 4]; 8] = [
 const A_LINE: usize = 10;
 
 pub struct Tecplot<'a> {
-    path: PathBuf,
-    out: BufWriter<File>,
     series: Series<'a>,
     kind: &'static str,
     corners: usize,
@@ -36,52 +32,34 @@ pub struct Tecplot<'a> {
 }
 
 impl<'a> Tecplot<'a> {
-    pub fn new(path: &Path, series: Series<'a>) -> Result<Self, FormatError> {
-        let file = File::create(path).map_err(|error| FormatError::write(path, error))?;
+    pub fn new(series: Series<'a>) -> Self {
         let (kind, corners, cells) = linear(series.cells);
-        let mut file = Self { path: path.into(), out: BufWriter::new(file), series, kind, corners, cells };
-        file.head().map_err(|error| FormatError::write(path, error))?;
-        Ok(file)
+        Self { series, kind, corners, cells }
     }
+}
 
+impl Layout for Tecplot<'_> {
     /// Upper-case names for the coordinates, and name with unit for the rest.
-    fn head(&mut self) -> io::Result<()> {
+    fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {
         let quantities = self.series.quantities().map(|(_, name)| name);
         let names: Vec<String> = ["X", "Y", "Z"].map(String::from).into_iter().chain(quantities).collect();
-        writeln!(self.out, "TITLE = \"softtwin\"\nVARIABLES = \"{}\"", names.join("\", \""))
+        writeln!(out, "TITLE = \"softtwin\"\nVARIABLES = \"{}\"", names.join("\", \""))
     }
 
-    fn zone(&mut self, moment: &Moment) -> io::Result<()> {
+    fn state(&mut self, out: &mut dyn Write, _: usize, moment: &Moment) -> io::Result<()> {
         let title = moment.title.replace(['"', '\n'], "'");
         let (nodes, elements) = (self.series.nodes, self.cells.len() / self.corners);
         let (kind, time) = (self.kind, moment.time);
         writeln!(
-            self.out,
+            out,
             "ZONE T=\"{title}\", STRANDID=1, SOLUTIONTIME={time}, NODES={nodes}, ELEMENTS={elements}, DATAPACKING=BLOCK, ZONETYPE={kind}"
         )?;
-        let quantities = self.series.quantities().map(|(k, _)| self.series.field(moment, k));
-        for values in self.series.coordinates(moment).into_iter().chain(quantities) {
-            for line in values.chunks(A_LINE) {
-                line.iter().try_for_each(|value| write!(self.out, "{value} "))?;
-                writeln!(self.out)?;
-            }
+        let quantities = self.series.quantities().map(|(k, _)| self.series.field(&moment.values, k));
+        for values in self.series.coordinates(&moment.values).into_iter().chain(quantities) {
+            lines(out, values, A_LINE)?;
         }
-        for cell in self.cells.chunks_exact(self.corners) {
-            cell.iter().try_for_each(|node| write!(self.out, "{} ", node + 1))?;
-            writeln!(self.out)?;
-        }
-        Ok(())
-    }
-}
-
-impl Sink for Tecplot<'_> {
-    fn add(&mut self, _: usize, moment: &Moment) -> Result<(), FormatError> {
-        self.zone(moment).map_err(|error| FormatError::write(&self.path, error))
-    }
-
-    fn finish(mut self: Box<Self>) -> Result<Vec<PathBuf>, FormatError> {
-        self.out.flush().map_err(|error| FormatError::write(&self.path, error))?;
-        Ok(vec![self.path])
+        let numbers: Vec<u32> = self.cells.iter().map(|node| node + 1).collect();
+        lines(out, &numbers, self.corners)
     }
 }
 
@@ -92,20 +70,20 @@ fn linear(cells: Cells<'_>) -> (&'static str, usize, Vec<u32>) {
             ("FETETRAHEDRON", 4, parts.flatten().collect())
         }
         Cells::Triangles(facets) => ("FETRIANGLE", 3, facets.as_flattened().to_vec()),
-        Cells::Mixed(_) => ("FETRIANGLE", 3, Vec::new()), // refused before any file is opened
+        Cells::Mixed(_) => ("FETRIANGLE", 3, Vec::new()), // refused by the series before
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh_file::TET_EDGES;
 
     #[test]
     fn the_eight_parts_fill_the_tetrahedron_and_none_is_turned_over() {
         let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let edges = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];
         let middle = |[a, b]: [usize; 2]| [0, 1, 2].map(|k| 0.5 * (corners[a][k] + corners[b][k]));
-        let nodes: Vec<[f64; 3]> = corners.into_iter().chain(edges.map(middle)).collect();
+        let nodes: Vec<[f64; 3]> = corners.into_iter().chain(TET_EDGES.map(middle)).collect();
         let volume = |part: [usize; 4]| {
             let [a, b, c] = [1, 2, 3].map(|i| [0, 1, 2].map(|k| nodes[part[i]][k] - nodes[part[0]][k]));
             (a[0] * (b[1] * c[2] - b[2] * c[1])

@@ -1,93 +1,72 @@
 //! XDMF 3: a temporal collection of grids; numbers stand in the file itself.
 
-use super::{Moment, Series, Sink};
-use crate::error::FormatError;
+use super::layout::{Layout, lines};
+use super::series::{Moment, Series};
 use crate::vtu::Cells;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use quick_xml::escape::escape;
+use std::io::{self, Write};
 
-pub struct Xdmf<'a> {
-    path: PathBuf,
-    out: BufWriter<File>,
-    series: Series<'a>,
-}
+pub struct Xdmf<'a>(pub Series<'a>);
 
-impl<'a> Xdmf<'a> {
-    pub fn new(path: &Path, series: Series<'a>) -> Result<Self, FormatError> {
-        let io = |error| FormatError::write(path, error);
-        let mut out = BufWriter::new(File::create(path).map_err(io)?);
-        let head = "<?xml version=\"1.0\"?>\n<Xdmf Version=\"3.0\">\n<Domain>\n\
-                    <Grid Name=\"softtwin\" GridType=\"Collection\" CollectionType=\"Temporal\">";
-        writeln!(out, "{head}").map_err(io)?;
-        Ok(Self { path: path.into(), out, series })
+impl Layout for Xdmf<'_> {
+    fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, "<?xml version=\"1.0\"?>\n<Xdmf Version=\"3.0\">\n<Domain>")?;
+        writeln!(out, "<Grid Name=\"softtwin\" GridType=\"Collection\" CollectionType=\"Temporal\">")
     }
 
-    fn grid(&mut self, moment: &Moment) -> io::Result<()> {
-        let title = quick_xml::escape::escape(moment.title.as_str()).into_owned();
-        writeln!(
-            self.out,
-            "<Grid Name=\"{title}\" GridType=\"Uniform\">\n<Time Value=\"{}\"/>",
-            moment.time
-        )?;
-        self.topology()?;
-        let [x, y, z] = self.series.coordinates(moment);
+    fn state(&mut self, out: &mut dyn Write, _: usize, moment: &Moment) -> io::Result<()> {
+        let Self(series) = self;
+        let (title, time) = (escape(moment.title.as_str()), moment.time);
+        writeln!(out, "<Grid Name=\"{title}\" GridType=\"Uniform\">\n<Time Value=\"{time}\"/>")?;
+        topology(out, series.cells)?;
+        let [x, y, z] = series.coordinates(&moment.values);
         let points: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect();
-        writeln!(self.out, "<Geometry GeometryType=\"XYZ\">")?;
-        self.floats(&format!("{} 3", self.series.nodes), points.as_flattened(), 3)?;
-        writeln!(self.out, "</Geometry>")?;
-        for (k, name) in self.series.quantities() {
-            let name = quick_xml::escape::escape(name.as_str());
-            writeln!(self.out, "<Attribute Name=\"{name}\" AttributeType=\"Scalar\" Center=\"Node\">")?;
-            self.floats(&self.series.nodes.to_string(), self.series.field(moment, k), 10)?;
-            writeln!(self.out, "</Attribute>")?;
+        writeln!(out, "<Geometry GeometryType=\"XYZ\">")?;
+        floats(out, &format!("{} 3", series.nodes), points.as_flattened(), 3)?;
+        writeln!(out, "</Geometry>")?;
+        for (k, name) in series.quantities() {
+            let name = escape(name.as_str());
+            writeln!(out, "<Attribute Name=\"{name}\" AttributeType=\"Scalar\" Center=\"Node\">")?;
+            floats(out, &series.nodes.to_string(), series.field(&moment.values, k), 10)?;
+            writeln!(out, "</Attribute>")?;
         }
-        writeln!(self.out, "</Grid>")
+        writeln!(out, "</Grid>")
     }
 
-    /// XDMF's node order of the quadratic tetrahedron is VTK's, which is ours.
-    fn topology(&mut self) -> io::Result<()> {
-        let (kind, corners, nodes) = match self.series.cells {
-            Cells::QuadraticTets(tets) => ("Tetrahedron_10", 10, tets.as_flattened()),
-            Cells::Triangles(facets) => ("Triangle", 3, facets.as_flattened()),
-            Cells::Mixed(_) => return Ok(()), // refused before any file is opened
-        };
-        let count = nodes.len() / corners;
-        writeln!(self.out, "<Topology TopologyType=\"{kind}\" NumberOfElements=\"{count}\">")?;
-        writeln!(
-            self.out,
-            "<DataItem DataType=\"Int\" Dimensions=\"{count} {corners}\" Format=\"XML\" Precision=\"8\">"
-        )?;
-        lines(&mut self.out, nodes, corners)?;
-        writeln!(self.out, "</DataItem>\n</Topology>")
-    }
-
-    fn floats(&mut self, dimensions: &str, values: &[f32], a_line: usize) -> io::Result<()> {
-        writeln!(
-            self.out,
-            "<DataItem DataType=\"Float\" Dimensions=\"{dimensions}\" Format=\"XML\" Precision=\"4\">"
-        )?;
-        lines(&mut self.out, values, a_line)?;
-        writeln!(self.out, "</DataItem>")
+    fn end(&mut self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, "</Grid>\n</Domain>\n</Xdmf>")
     }
 }
 
-impl Sink for Xdmf<'_> {
-    fn add(&mut self, _: usize, moment: &Moment) -> Result<(), FormatError> {
-        self.grid(moment).map_err(|error| FormatError::write(&self.path, error))
-    }
-
-    fn finish(mut self: Box<Self>) -> Result<Vec<PathBuf>, FormatError> {
-        let closed = writeln!(self.out, "</Grid>\n</Domain>\n</Xdmf>").and_then(|()| self.out.flush());
-        closed.map_err(|error| FormatError::write(&self.path, error))?;
-        Ok(vec![self.path])
-    }
+/// XDMF's node order of the quadratic tetrahedron is that of VTK.
+fn topology(out: &mut dyn Write, cells: Cells<'_>) -> io::Result<()> {
+    let (kind, corners, nodes) = match cells {
+        Cells::QuadraticTets(tets) => ("Tetrahedron_10", 10, tets.as_flattened()),
+        Cells::Triangles(facets) => ("Triangle", 3, facets.as_flattened()),
+        Cells::Mixed(_) => return Ok(()), // refused by the series before
+    };
+    let count = nodes.len() / corners;
+    writeln!(out, "<Topology TopologyType=\"{kind}\" NumberOfElements=\"{count}\">")?;
+    item(out, "Int", 8, &format!("{count} {corners}"), nodes, corners)?;
+    writeln!(out, "</Topology>")
 }
 
-fn lines(out: &mut impl Write, values: &[impl std::fmt::Display], a_line: usize) -> io::Result<()> {
-    for line in values.chunks(a_line) {
-        line.iter().try_for_each(|value| write!(out, "{value} "))?;
-        writeln!(out)?;
-    }
-    Ok(())
+fn floats(out: &mut dyn Write, dimensions: &str, values: &[f32], a_line: usize) -> io::Result<()> {
+    item(out, "Float", 4, dimensions, values, a_line)
+}
+
+fn item(
+    out: &mut dyn Write,
+    kind: &str,
+    bytes: u8,
+    dimensions: &str,
+    values: &[impl std::fmt::Display],
+    a_line: usize,
+) -> io::Result<()> {
+    writeln!(
+        out,
+        "<DataItem DataType=\"{kind}\" Dimensions=\"{dimensions}\" Format=\"XML\" Precision=\"{bytes}\">"
+    )?;
+    lines(out, values, a_line)?;
+    writeln!(out, "</DataItem>")
 }

@@ -20,12 +20,12 @@ impl<'a> Cursor<'a> {
         Self { bytes, at: 0, binary: false, big_endian: false, section: String::new() }
     }
 
-    /// Where we are, for messages.
+    /// The position, for messages.
     pub fn place(&self) -> String {
         format!("{}, byte {}", self.section, self.at)
     }
 
-    fn problem(&self, expected: &str, found: impl std::fmt::Display) -> Diagnostic {
+    fn diagnostic(&self, expected: &str, found: impl std::fmt::Display) -> Diagnostic {
         Diagnostic::new(self.place(), expected, found)
     }
 
@@ -36,8 +36,9 @@ impl<'a> Cursor<'a> {
             return Ok(None);
         }
         let word = self.word()?;
-        let name =
-            word.strip_prefix('$').ok_or_else(|| self.problem("a section ($Name)", format!("`{word}`")))?;
+        let name = word
+            .strip_prefix('$')
+            .ok_or_else(|| self.diagnostic("a section ($Name)", format!("`{word}`")))?;
         self.section = name.to_owned();
         self.skip_line_end();
         Ok(Some(name.to_owned()))
@@ -50,7 +51,7 @@ impl<'a> Cursor<'a> {
         // `$` is rare in binary data, so looking only there keeps the scan linear.
         let found =
             rest.iter().enumerate().find(|(i, b)| **b == b'$' && rest[*i..].starts_with(end.as_bytes()));
-        let (offset, _) = found.ok_or_else(|| self.problem(&end, "the end of the file"))?;
+        let (offset, _) = found.ok_or_else(|| self.diagnostic(&end, "the end of the file"))?;
         self.at += offset + end.len();
         Ok(())
     }
@@ -61,7 +62,7 @@ impl<'a> Cursor<'a> {
         let one: [u8; 4] = self.take("the integer 1")?;
         self.big_endian = one == 1_i32.to_be_bytes();
         if !self.big_endian && one != 1_i32.to_le_bytes() {
-            return Err(self.problem("the integer 1 in either byte order", format!("{one:?}")));
+            return Err(self.diagnostic("the integer 1 in either byte order", format!("{one:?}")));
         }
         self.binary = true;
         Ok(())
@@ -69,38 +70,39 @@ impl<'a> Cursor<'a> {
 
     /// A signed tag, dimension or type.
     pub fn int(&mut self) -> Result<i64, Diagnostic> {
-        if !self.binary {
-            return self.text_number();
-        }
-        let big = self.big_endian;
-        let bytes = self.take("an integer")?;
-        Ok(i64::from(if big { i32::from_be_bytes(bytes) } else { i32::from_le_bytes(bytes) }))
+        self.number("an integer", |bytes| i32::from_le_bytes(bytes).into())
     }
 
     /// A count or a node's tag.
     pub fn size(&mut self) -> Result<u64, Diagnostic> {
-        if !self.binary {
-            return self.text_number();
-        }
-        let big = self.big_endian;
-        let bytes = self.take("a size")?;
-        Ok(if big { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
+        self.number("a size", u64::from_le_bytes)
     }
 
     /// A coordinate.
     pub fn double(&mut self) -> Result<f64, Diagnostic> {
+        self.number("a number", f64::from_le_bytes)
+    }
+
+    /// A number in text, or in binary from little-endian bytes.
+    fn number<T: FromStr, const N: usize>(
+        &mut self,
+        expected: &str,
+        value: impl Fn([u8; N]) -> T,
+    ) -> Result<T, Diagnostic> {
         if !self.binary {
             return self.text_number();
         }
-        let big = self.big_endian;
-        let bytes = self.take("a number")?;
-        Ok(if big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
+        let mut bytes = self.take(expected)?;
+        if self.big_endian {
+            bytes.reverse();
+        }
+        Ok(value(bytes))
     }
 
     /// A number in text, also where the rest of the file is binary.
     pub fn text_number<T: FromStr>(&mut self) -> Result<T, Diagnostic> {
         let word = self.word()?;
-        word.parse().map_err(|_| self.problem("a number", format!("`{word}`")))
+        word.parse().map_err(|_| self.diagnostic("a number", format!("`{word}`")))
     }
 
     /// The next word of text.
@@ -110,7 +112,7 @@ impl<'a> Cursor<'a> {
         let length = rest.iter().take(LONGEST_WORD).take_while(|b| b.is_ascii_graphic()).count();
         if length == 0 {
             let found = if rest.is_empty() { "the end of the file" } else { "bytes that are no text" };
-            return Err(self.problem("a word", found));
+            return Err(self.diagnostic("a word", found));
         }
         self.at += length;
         Ok(String::from_utf8_lossy(&rest[..length]).into_owned())
@@ -121,9 +123,9 @@ impl<'a> Cursor<'a> {
         self.skip_blanks();
         let rest = &self.bytes[self.at..];
         let inner =
-            rest.strip_prefix(b"\"").ok_or_else(|| self.problem("a name in double quotes", "none"))?;
+            rest.strip_prefix(b"\"").ok_or_else(|| self.diagnostic("a name in double quotes", "none"))?;
         let length = inner.iter().position(|b| *b == b'"' || *b == b'\n').filter(|end| inner[*end] == b'"');
-        let length = length.ok_or_else(|| self.problem("a closing quote", "the end of the line"))?;
+        let length = length.ok_or_else(|| self.diagnostic("a closing quote", "the end of the line"))?;
         self.at += length + 2;
         Ok(String::from_utf8_lossy(&inner[..length]).into_owned())
     }
@@ -131,7 +133,7 @@ impl<'a> Cursor<'a> {
     fn take<const N: usize>(&mut self, expected: &str) -> Result<[u8; N], Diagnostic> {
         let bytes = self.bytes[self.at..]
             .first_chunk()
-            .ok_or_else(|| self.problem(expected, "the end of the file"))?;
+            .ok_or_else(|| self.diagnostic(expected, "the end of the file"))?;
         self.at += N;
         Ok(*bytes)
     }

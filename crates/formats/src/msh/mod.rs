@@ -3,6 +3,7 @@
 mod cursor;
 
 use crate::error::{Diagnostic, FormatError};
+use crate::file;
 use crate::mesh_file::MeshFile;
 use cursor::Cursor;
 use std::collections::HashMap;
@@ -20,8 +21,8 @@ const TET_ORDER: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 /// # Errors
 /// The operating system's refusal, or what is wrong with the content and where.
 pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
-    let bytes = std::fs::read(path).map_err(|e| FormatError::read(path, e))?;
-    parse(&bytes).map_err(|problem| FormatError::one(path, problem))
+    let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
+    parse(&bytes).map_err(|diagnostic| FormatError::one(path, diagnostic))
 }
 
 /// [`read`] from memory. Cost and memory are linear in the bytes given, whatever counts they announce.

@@ -42,7 +42,7 @@ pub struct Header {
     pub elements: usize,
 }
 
-/// A refusal that does not know its file yet.
+/// An error without the path of its file.
 pub enum Refusal {
     Io(io::Error),
     Content(Diagnostic),
@@ -52,7 +52,7 @@ impl Refusal {
     pub fn at(self, path: &Path) -> FormatError {
         match self {
             Self::Io(e) => FormatError::read(path, e),
-            Self::Content(problem) => FormatError::one(path, problem),
+            Self::Content(diagnostic) => FormatError::one(path, diagnostic),
         }
     }
 
@@ -86,7 +86,6 @@ impl Header {
                 promised.map_or("a size below 2^64".into(), |n| format!("{n} bytes for shape {shape:?}"));
             return Err(Refusal::new("file length", expected, format!("{file_bytes} bytes")));
         }
-        // The promise equals what is on disk, so it fits into memory's address range too.
         Ok(Self { element, elements: shape.iter().product(), shape })
     }
 }

@@ -1,12 +1,13 @@
 //! NumPy's `.npy`: little-endian f32 and f64 arrays (i32 to read) in C order, format versions 1 to 3.
 //!
 //! The header is a Python literal, but of one shape only, so it is read by a parser of that shape ([`header`]) and not
-//! by a general one, which a hostile file could drive into deep recursion. The array is allocated only after the file
-//! has shown that it holds the bytes the header promises.
+//! by a general one, which a hostile file could drive into deep recursion. The array is allocated only when the file's
+//! length is what the header says.
 
 mod header;
 
 use crate::error::{Diagnostic, FormatError};
+use crate::file;
 use header::{Element, Header};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
@@ -27,8 +28,8 @@ pub struct Array<T> {
 /// Reads an f32, f64 or i32 array as f32. `O(elements)`; at most one array and one chunk in memory.
 ///
 /// # Errors
-/// The operating system's, or the first lie of the header: not `.npy`, a type that is none of these, Fortran order, a shape
-/// that does not match the file's length.
+/// The operating system's; a file that is not `.npy`, another type, Fortran order, a shape that does not match the file's
+/// length.
 pub fn read_f32(path: &Path) -> Result<Array<f32>, FormatError> {
     read(path, |v| v as f32, |v| v)
 }
@@ -42,8 +43,7 @@ pub fn read_f64(path: &Path) -> Result<Array<f64>, FormatError> {
 }
 
 fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Array<T>, FormatError> {
-    let mut file = File::open(path).map_err(|e| FormatError::read(path, e))?;
-    let bytes = file.metadata().map_err(|e| FormatError::read(path, e))?.len();
+    let (mut file, bytes) = file::open(path, file::MAX_DATA_BYTES)?;
     let header = Header::read(&mut file, bytes).map_err(|e| e.at(path))?;
     let mut data = Vec::with_capacity(header.elements);
     let mut buffer = vec![0_u8; CHUNK * header.element.bytes()];
@@ -81,7 +81,7 @@ pub fn write_f32(path: &Path, shape: &[usize], data: &[f32]) -> Result<(), Forma
 ///
 /// # Errors
 /// The writer's.
-pub fn write_f32_to(out: &mut impl Write, shape: &[usize], data: &[f32]) -> io::Result<()> {
+pub fn write_f32_to(out: &mut (impl Write + ?Sized), shape: &[usize], data: &[f32]) -> io::Result<()> {
     out.write_all(&header::compose(Element::F32, shape))?;
     let mut bytes = Vec::with_capacity(CHUNK * 4);
     for chunk in data.chunks(CHUNK) {

@@ -118,7 +118,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// FNV-1a (Fowler, Noll, Vo), 64 bits: finds damage, not malice; malice is met by the checks behind it.
+/// FNV-1a (Fowler, Noll, Vo), 64 bits: detects accidental damage. Deliberate changes are caught by the checks behind it.
 fn checksum(bytes: &[u8]) -> u64 {
     bytes
         .iter()

@@ -9,6 +9,7 @@ mod bits;
 mod fit;
 
 use crate::error::{Diagnostic, FormatError};
+use crate::file;
 use bits::{Reader, Writer};
 use std::path::Path;
 
@@ -17,7 +18,7 @@ const MAGIC: [u8; 8] = *b"STWNPACK";
 const VERSION: u32 = 1;
 /// Earlier cases a case is predicted from.
 const BASIS: usize = 16;
-/// No file of a plausible database holds more values than this (8 GB as f32).
+/// Largest number of values in a file (8 GB as f32).
 const MAX_VALUES: usize = 1 << 31;
 
 /// One field of a packed file.
@@ -41,7 +42,7 @@ pub struct Snapshots {
 /// Packs snapshots; `fields` says how each is stored. Cost `O(cases x basis^2 x nodes)`.
 ///
 /// # Errors
-/// The problem: shapes that do not fit, values that are not finite or too large for their step.
+/// Shapes that do not fit, values that are not finite or too large for their step.
 pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Diagnostic> {
     let [cases, nodes, count] = snapshots.shape;
     let values = cases.checked_mul(nodes).and_then(|n| n.checked_mul(count));
@@ -101,7 +102,7 @@ pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapsh
     let mut input = Reader::new(bytes, &MAGIC, VERSION)?;
     let shape = [input.count("cases")?, input.count("nodes")?, input.count("fields")?];
     let [cases, nodes, count] = shape;
-    // Deflate shrinks at most a thousandfold; more is no database but an attack on memory.
+    // Deflate shrinks at most a thousandfold, so larger counts are damage or an attack on memory.
     let most = bytes.len().saturating_mul(2000).min(MAX_VALUES);
     let total =
         cases.checked_mul(nodes).and_then(|n| n.checked_mul(count)).filter(|n| (1..=most).contains(n));
@@ -170,7 +171,7 @@ fn distances(snapshots: &mut Snapshots, field: usize, mesh: Option<&[[f64; 3]]>)
 /// As [`pack`], or the operating system's.
 pub fn write(path: &Path, snapshots: &Snapshots, fields: &[Stored]) -> Result<(), FormatError> {
     let bytes = pack(snapshots, fields).map_err(|p| FormatError::one(path, p))?;
-    std::fs::write(path, bytes).map_err(|e| FormatError::write(path, e))
+    file::replace(path, &bytes)
 }
 
 /// Reads a packed file.
@@ -178,6 +179,6 @@ pub fn write(path: &Path, snapshots: &Snapshots, fields: &[Stored]) -> Result<()
 /// # Errors
 /// As [`unpack`], or the operating system's.
 pub fn read(path: &Path, undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, FormatError> {
-    let bytes = std::fs::read(path).map_err(|e| FormatError::read(path, e))?;
+    let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
     unpack(&bytes, undeformed_mm).map_err(|p| FormatError::one(path, p))
 }

@@ -1,7 +1,17 @@
 //! Bytes of a `DataArray`: base64, length headers and zlib blocks, each bounded by what the file can hold.
 
+use base64::Engine;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use flate2::bufread::ZlibDecoder;
 use std::io::Read;
+
+/// The last part of truncated text has no padding.
+const PADDED_OR_NOT: GeneralPurpose = GeneralPurpose::new(
+    &base64::alphabet::STANDARD,
+    GeneralPurposeConfig::new()
+        .with_decode_allow_trailing_bits(true)
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
 
 /// How a file writes its arrays (attributes of `VTKFile`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,11 +60,7 @@ impl Element {
 
     /// The value of one element; integers above 2^53 lose digits, which no index in memory reaches.
     fn value(self, bytes: &[u8], big_endian: bool) -> f64 {
-        let mut wide = [0_u8; 8];
-        for (i, byte) in bytes.iter().enumerate() {
-            wide[if big_endian { bytes.len() - 1 - i } else { i }] = *byte;
-        }
-        let word = u64::from_le_bytes(wide);
+        let word = word(bytes, big_endian);
         match self {
             Self::Float(4) => f64::from(f32::from_bits(word as u32)),
             Self::Float(_) => f64::from_bits(word),
@@ -121,40 +127,32 @@ fn inflate(block: &[u8], coding: Coding, wanted: usize) -> Result<Vec<u8>, Strin
 }
 
 fn length(bytes: &[u8], coding: Coding) -> Result<(usize, &[u8]), String> {
-    let element = Element::UInt(if coding.long_header { 8 } else { 4 });
-    let (head, rest) = bytes.split_at_checked(element.size()).ok_or("no room for a length header")?;
-    let mut wide = [0_u8; 8];
-    for (i, byte) in head.iter().enumerate() {
-        wide[if coding.big_endian { head.len() - 1 - i } else { i }] = *byte;
-    }
-    let value = usize::try_from(u64::from_le_bytes(wide)).map_err(|_| "a size beyond any memory")?;
+    let width = if coding.long_header { 8 } else { 4 };
+    let (head, rest) = bytes.split_at_checked(width).ok_or("too few bytes for a length header")?;
+    let value = usize::try_from(word(head, coding.big_endian)).map_err(|_| "a size beyond any memory")?;
     Ok((value, rest))
 }
 
-/// Base64 (RFC 4648), blanks skipped. A padded group may stand in the middle, because VTK encodes the header of
-/// compressed data apart from the data. Stops at the first byte that is neither; the caller checks lengths.
+/// At most 8 bytes as an integer.
+fn word(bytes: &[u8], big_endian: bool) -> u64 {
+    let mut wide = [0_u8; 8];
+    for (i, byte) in bytes.iter().enumerate() {
+        wide[if big_endian { bytes.len() - 1 - i } else { i }] = *byte;
+    }
+    u64::from_le_bytes(wide)
+}
+
+/// Base64 without its white space. VTK encodes the length header of compressed data apart from the data, so padding may
+/// stand in the middle: each padded part is decoded by itself. Ends at the first byte that is not base64; the caller
+/// checks lengths.
 pub(super) fn base64(text: &[u8]) -> Vec<u8> {
+    let digits = |byte: &u8| byte.is_ascii_alphanumeric() || b"+/=".contains(byte);
+    let text: Vec<u8> =
+        text.iter().filter(|byte| !byte.is_ascii_whitespace()).copied().take_while(digits).collect();
     let mut out = Vec::with_capacity(text.len() / 4 * 3);
-    let (mut word, mut digits, mut padding) = (0_u32, 0, 0);
-    for byte in text.iter().filter(|b| !b.is_ascii_whitespace()) {
-        let digit = match byte {
-            b'A'..=b'Z' => byte - b'A',
-            b'a'..=b'z' => byte - b'a' + 26,
-            b'0'..=b'9' => byte - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            b'=' => {
-                padding += 1;
-                0
-            }
-            _ => break,
-        };
-        word = word << 6 | u32::from(digit);
-        digits += 1;
-        if digits == 4 {
-            let bytes = word.to_be_bytes();
-            out.extend_from_slice(&bytes[1..4 - padding.min(2)]);
-            (word, digits, padding) = (0, 0, 0);
+    for part in text.chunk_by(|before, after| *before != b'=' || *after == b'=') {
+        if PADDED_OR_NOT.decode_vec(part, &mut out).is_err() {
+            break;
         }
     }
     out

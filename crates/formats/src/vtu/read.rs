@@ -2,6 +2,7 @@
 
 use super::codec::{self, Coding, Element};
 use crate::error::{Diagnostic, FormatError};
+use crate::file;
 use crate::mesh_file::MeshFile;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -10,7 +11,7 @@ use std::path::Path;
 
 const QUADRATIC_TETRA: usize = 24;
 const TETRA: usize = 10;
-/// Cells that have no volume (points, lines, faces): a viewer's decoration, passed over.
+/// Cells without a volume (points, lines, faces) are passed over.
 const FLAT: [usize; 9] = [1, 2, 3, 4, 5, 9, 21, 22, 23];
 /// No VTK cell has more nodes than the 27 of a triquadratic hexahedron.
 const MAX_NODES: usize = 27;
@@ -20,8 +21,8 @@ const MAX_NODES: usize = 27;
 /// # Errors
 /// The operating system's refusal, or everything that is wrong with the content.
 pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
-    let bytes = std::fs::read(path).map_err(|e| FormatError::read(path, e))?;
-    parse(&bytes).map_err(|problems| FormatError::Content { path: path.into(), problems })
+    let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
+    parse(&bytes).map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
 }
 
 /// [`read`] from memory. Cost and memory are linear in the bytes given (zlib expands them at most a thousandfold).
@@ -29,12 +30,12 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
 /// # Errors
 /// Everything that is wrong with the content; never empty.
 pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Diagnostic>> {
-    let file = File::scan(bytes).map_err(|problem| vec![problem])?;
-    let mut problems = Vec::new();
+    let file = File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?;
+    let mut diagnostics = Vec::new();
     let mut array = |name: &str, expected: usize| match file.array(name, expected) {
         Ok(values) => values,
-        Err(problem) => {
-            problems.push(problem);
+        Err(diagnostic) => {
+            diagnostics.push(diagnostic);
             Vec::new()
         }
     };
@@ -46,11 +47,11 @@ pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Diagnostic>> {
         array("connectivity", entries)
     } else {
         let expected = format!("at most {MAX_NODES} nodes for each of {} cells", file.cells);
-        problems.push(Diagnostic::new("offsets", expected, entries));
+        diagnostics.push(Diagnostic::new("offsets", expected, entries));
         Vec::new()
     };
-    if !problems.is_empty() {
-        return Err(problems);
+    if !diagnostics.is_empty() {
+        return Err(diagnostics);
     }
     let points_mm: Vec<[f64; 3]> = points.as_chunks::<3>().0.to_vec();
     if let Some(bad) = points_mm.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
@@ -71,12 +72,12 @@ fn tets(
     points: usize,
 ) -> Result<Vec<[u32; TETRA]>, Vec<Diagnostic>> {
     let mut tets = Vec::new();
-    let mut problems = Vec::new();
+    let mut diagnostics = Vec::new();
     let mut start = 0;
     for (cell, (kind, end)) in types.iter().zip(offsets).enumerate() {
         let end = *end as usize;
         let Some(members) = nodes.get(start..end) else {
-            problems.push(Diagnostic::new(format!("offsets, cell {cell}"), "rising offsets", end));
+            diagnostics.push(Diagnostic::new(format!("offsets, cell {cell}"), "rising offsets", end));
             break;
         };
         start = end;
@@ -86,19 +87,23 @@ fn tets(
         }
         if kind != QUADRATIC_TETRA || members.len() != TETRA {
             let found = format!("type {kind} with {} nodes", members.len());
-            problems.push(Diagnostic::new(format!("cell {cell}"), "a 10-node tetrahedron (type 24)", found));
+            diagnostics.push(Diagnostic::new(
+                format!("cell {cell}"),
+                "a 10-node tetrahedron (type 24)",
+                found,
+            ));
         } else if let Some(bad) = members.iter().find(|n| !(**n >= 0.0 && (**n as usize) < points)) {
-            problems.push(Diagnostic::new(format!("cell {cell}"), format!("nodes 0 .. {points}"), bad));
+            diagnostics.push(Diagnostic::new(format!("cell {cell}"), format!("nodes 0 .. {points}"), bad));
         } else {
             let mut tet = [0; TETRA];
             tet.iter_mut().zip(members).for_each(|(to, from)| *to = *from as u32);
             tets.push(tet);
         }
     }
-    if problems.is_empty() && tets.is_empty() {
-        problems.push(Diagnostic::new("Cells", "10-node tetrahedra (type 24)", "none"));
+    if diagnostics.is_empty() && tets.is_empty() {
+        diagnostics.push(Diagnostic::new("Cells", "10-node tetrahedra (type 24)", "none"));
     }
-    if problems.is_empty() { Ok(tets) } else { Err(problems) }
+    if diagnostics.is_empty() { Ok(tets) } else { Err(diagnostics) }
 }
 
 /// Where an array's data are.
@@ -213,10 +218,10 @@ impl<'a> File<'a> {
 
     /// Decodes the array of that name, which must have `expected` entries.
     fn array(&self, name: &str, expected: usize) -> Result<Vec<f64>, Diagnostic> {
-        let problem = |found: String| {
+        let diagnostic = |found: String| {
             Diagnostic::new(format!("DataArray {name}"), format!("{expected} numbers"), found)
         };
-        let array = self.arrays.get(name).ok_or_else(|| problem("no such array".into()))?;
+        let array = self.arrays.get(name).ok_or_else(|| diagnostic("no such array".into()))?;
         let decode = |block: &[u8]| codec::elements(block, array.element, self.coding, expected);
         let values = match &array.place {
             Place::Ascii(text) => numbers(text, expected),
@@ -230,7 +235,7 @@ impl<'a> File<'a> {
                 },
             },
         };
-        values.map_err(problem)
+        values.map_err(diagnostic)
     }
 }
 

@@ -1,6 +1,9 @@
 //! The writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands.
 
 use crate::error::{Diagnostic, FormatError};
+use crate::file;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -69,22 +72,22 @@ pub struct Grid<'a> {
 /// # Errors
 /// A cell that names a node that does not exist, point data of the wrong length, or the operating system's refusal.
 pub fn write(path: &Path, grid: &Grid<'_>) -> Result<(), FormatError> {
-    FormatError::unless((), path, problems(grid))?;
-    std::fs::write(path, compose(grid)).map_err(|e| FormatError::write(path, e))
+    FormatError::check((), path, diagnostics(grid))?;
+    file::replace(path, compose(grid).as_bytes())
 }
 
-fn problems(grid: &Grid<'_>) -> Vec<Diagnostic> {
+fn diagnostics(grid: &Grid<'_>) -> Vec<Diagnostic> {
     let nodes = grid.points_mm.len();
-    let mut problems = Vec::new();
+    let mut diagnostics = Vec::new();
     let parts = grid.cells.parts();
     if let Some(bad) = parts.iter().flat_map(|part| part.2).find(|i| **i as usize >= nodes) {
-        problems.push(Diagnostic::new("cells", format!("node indices below {nodes}"), bad));
+        diagnostics.push(Diagnostic::new("cells", format!("node indices below {nodes}"), bad));
     }
     for data in grid.point_data.iter().filter(|d| d.values.len() != nodes * d.components) {
         let expected = format!("{} values", nodes * data.components);
-        problems.push(Diagnostic::new(format!("point data `{}`", data.name), expected, data.values.len()));
+        diagnostics.push(Diagnostic::new(format!("point data `{}`", data.name), expected, data.values.len()));
     }
-    problems
+    diagnostics
 }
 
 fn compose(grid: &Grid<'_>) -> String {
@@ -137,19 +140,6 @@ fn array(xml: &mut String, kind: &str, name: &str, components: usize, bytes: imp
         xml,
         "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">"
     );
-    base64(xml, &block);
+    STANDARD.encode_string(&block, xml);
     xml.push_str("\n</DataArray>\n");
-}
-
-/// Base64 with padding (RFC 4648).
-fn base64(text: &mut String, bytes: &[u8]) {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    text.reserve(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = (0..3).fold(0_u32, |word, i| word << 8 | u32::from(*chunk.get(i).unwrap_or(&0)));
-        for i in 0..4 {
-            let digit = ALPHABET[(word >> (18 - 6 * i) & 63) as usize];
-            text.push(if i <= chunk.len() { char::from(digit) } else { '=' });
-        }
-    }
 }

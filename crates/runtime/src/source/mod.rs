@@ -3,7 +3,6 @@
 mod reading;
 mod recorded;
 mod replay;
-mod rng;
 mod sensor;
 mod simulate;
 mod trace;

@@ -1,7 +1,7 @@
 //! Readings by formula: for tests, demonstrations and controllers without hardware.
 
 use super::reading::{Reading, Scheduled, Source};
-use super::rng::Rng;
+use rom::rng::Rng;
 use serde::{Deserialize, Serialize};
 
 /// Pressure of the surrounding air, MPa.

@@ -33,10 +33,10 @@ pub struct Args {
     #[arg(long, conflicts_with = "count")]
     once: bool,
     /// End after so many samples.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// End after so many seconds; an error when nothing came.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = crate::range::seconds)]
     seconds: Option<f64>,
     /// All values of this field (x, y, z, displacement, von_mises) of field topics.
     #[arg(long, value_name = "NAME")]
@@ -55,7 +55,7 @@ impl Args {
     /// Shows samples until the end that the arguments name.
     pub fn run(self) -> anyhow::Result<()> {
         let field = self.field.as_deref().map(field_number).transpose()?;
-        let limit = self.seconds.map(live::seconds).transpose()?;
+        let limit = self.seconds.map(Duration::from_secs_f64);
         let mut readers = Readers::open(&self.domain.join()?, &live::key(&self.key)?, limit)?;
         let topics: Vec<String> = readers.topics().map(|topic| topic.name().to_owned()).collect();
         let wanted = if self.once { 1 } else { self.count.unwrap_or(u64::MAX) };

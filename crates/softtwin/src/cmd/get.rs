@@ -40,8 +40,8 @@ pub struct Args {
     /// File for the field (.npy), with `field=...` in the selector.
     #[arg(long, value_name = "FILE.npy")]
     out: Option<PathBuf>,
-    /// Longest wait for an answer, in ms.
-    #[arg(long, value_name = "MS", default_value_t = 1000)]
+    /// Longest wait for an answer, in ms (1 to 3600000).
+    #[arg(long, value_name = "MS", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
     timeout_ms: u64,
     /// One JSON object a line for each answer.
     #[arg(long)]

@@ -28,19 +28,19 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
     /// Pressure of all fingers in MPa.
-    #[arg(long, value_name = "MPA")]
+    #[arg(long, value_name = "MPA", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: f64,
     /// Gap of all fingers in mm, where neither scene nor model fixes it.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// Mass of the object in g instead of the scene's.
-    #[arg(long, value_name = "G")]
+    #[arg(long, value_name = "G", value_parser = crate::range::number(0.0, 1e9))]
     mass_g: Option<f64>,
     /// Friction coefficient instead of the scene's.
-    #[arg(long, value_name = "MU")]
+    #[arg(long, value_name = "MU", value_parser = crate::range::number(0.0, 100.0))]
     friction: Option<f64>,
     /// Safety factor instead of the scene's.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = crate::range::number(0.0, 1e6))]
     safety: Option<f64>,
     /// Compare with the figures of the paper (0.58 N per finger at 0.079 MPa, 17 g, friction above 0.2).
     #[arg(long)]
@@ -53,12 +53,6 @@ pub struct Args {
 impl Args {
     /// Evaluates the grasp and prints it.
     pub fn run(self) -> anyhow::Result<()> {
-        if !self.pressure_mpa.is_finite() {
-            return Err(usage(format!(
-                "--pressure-mpa: expected a finite pressure, found {}",
-                self.pressure_mpa
-            )));
-        }
         let mut scene = Scene::load(&self.scene).map_err(configuration)?;
         let Some(spec) = &mut scene.grasp else {
             return Err(usage(format!("--scene: {} has no [grasp]", self.scene.display())));

@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(value_name = "KEY")]
     key: String,
     /// End after so many seconds.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = crate::range::seconds)]
     seconds: Option<f64>,
     /// One JSON object a line.
     #[arg(long)]
@@ -66,7 +66,7 @@ fn reading_time_ns(sample: &AnySample) -> Option<u64> {
 impl Args {
     /// Measures until the end that the arguments name.
     pub fn run(self) -> anyhow::Result<()> {
-        let limit = self.seconds.map(live::seconds).transpose()?;
+        let limit = self.seconds.map(Duration::from_secs_f64);
         let mut readers = Readers::open(&self.domain.join()?, &live::key(&self.key)?, limit)?;
         let names = readers.topics().map(|topic| Ok((topic.name().to_owned(), Meter::new()?)));
         let mut meters = names.collect::<anyhow::Result<Vec<(String, Meter)>>>()?;

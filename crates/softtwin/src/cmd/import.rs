@@ -4,8 +4,7 @@ use crate::failure::usage;
 use crate::files::refusal;
 use crate::output;
 use anyhow::Result;
-use formats::import::abaqus;
-use formats::mesh_file;
+use formats::abaqus;
 use formats::vtu::{self, Block, Cells, Grid};
 use serde_json::json;
 use std::path::PathBuf;
@@ -53,7 +52,7 @@ impl Args {
             let blocks = mesh.blocks();
             (mesh.points, blocks)
         } else {
-            let mesh = mesh_file::read(&self.mesh).map_err(refusal)?;
+            let mesh = formats::read_mesh(&self.mesh).map_err(refusal)?;
             let nodes = mesh.tets.as_flattened().to_vec();
             (mesh.points_mm, vec![Block { kind: 24, nodes_per_cell: 10, nodes }])
         };

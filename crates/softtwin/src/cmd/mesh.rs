@@ -5,7 +5,6 @@ use crate::files::refusal;
 use crate::output;
 use anyhow::Context;
 use fem::actuator::Actuator;
-use fem::mesh::{check, grid, load};
 use formats::vtu;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -31,7 +30,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
     actuator: PathBuf,
     /// Longest edge of a box in mm.
-    #[arg(long, value_name = "MM", default_value_t = 9.0)]
+    #[arg(long, value_name = "MM", default_value_t = 9.0, value_parser = crate::range::number(1e-3, 1e6))]
     size_mm: f64,
     /// The .vtu to write; default: the mesh.file of the actuator.
     #[arg(long, value_name = "FILE.vtu")]
@@ -53,10 +52,10 @@ impl Args {
                 out.display()
             )));
         }
-        let file = grid::mesh(&actuator, self.size_mm).map_err(|e| usage(format!("--size-mm: {e}")))?;
-        let (mesh, mut problems) = load::named(file, actuator.chambers.count - 1);
-        problems.extend(check::problems(&mesh));
-        formats::FormatError::unless((), &self.actuator, problems).map_err(refusal)?;
+        let mesh = actuator.grid_mesh(self.size_mm, 1).map_err(|list| {
+            let list: Vec<String> = list.iter().map(ToString::to_string).collect();
+            usage(format!("--size-mm: {}", list.join("\n  ")))
+        })?;
         let cells = vtu::Cells::QuadraticTets(&mesh.tets);
         vtu::write(&out, &vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] })
             .context("the mesh was not written")?;

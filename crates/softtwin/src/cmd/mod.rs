@@ -46,7 +46,7 @@ impl From<SceneArg> for ObstacleKind {
     fn from(arg: SceneArg) -> Self {
         match arg {
             SceneArg::Plate => Self::Plate,
-            SceneArg::Gripper => Self::Gripper,
+            SceneArg::Gripper => Self::Block,
         }
     }
 }

@@ -3,12 +3,10 @@
 use crate::failure::usage;
 use crate::files::refusal;
 use crate::output;
-use anyhow::Context;
-use formats::database::{Kind, Manifest, PACKED};
-use formats::npy;
+use formats::database::{Kind, Manifest, PACKED, read_snapshots};
 use formats::packed::{self, Snapshots, Stored};
+use formats::{file, npy};
 use serde_json::json;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -32,10 +30,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Largest error of a coordinate in mm.
-    #[arg(long, value_name = "MM", default_value_t = 1e-3)]
+    #[arg(long, value_name = "MM", default_value_t = 1e-3, value_parser = crate::range::number(1e-9, 1e6))]
     length_error_mm: f64,
     /// Largest error of a stress, and of any other field in its unit, in MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 1e-5)]
+    #[arg(long, value_name = "MPA", default_value_t = 1e-5, value_parser = crate::range::number(1e-12, 1e6))]
     stress_error_mpa: f64,
     /// The other way: packed snapshots to snapshots.npy.
     #[arg(long)]
@@ -51,13 +49,6 @@ const PLAIN: &str = "snapshots.npy";
 impl Args {
     /// Packs, reads back, measures, writes.
     pub fn run(self) -> anyhow::Result<()> {
-        for (name, value) in
-            [("--length-error-mm", self.length_error_mm), ("--stress-error-mpa", self.stress_error_mpa)]
-        {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(usage(format!("{name}: expected a finite error above 0, found {value}")));
-            }
-        }
         let manifest = Manifest::read(&self.database.join("database.toml")).map_err(refusal)?;
         let mesh = match &manifest.mesh {
             Some(file) => Some(formats::vtu::read(&self.database.join(file)).map_err(refusal)?.points_mm),
@@ -71,9 +62,9 @@ impl Args {
         let bytes = packed::pack(&snapshots, &fields).map_err(anyhow::Error::msg)?;
         let back = packed::unpack(&bytes, mesh.as_deref()).map_err(anyhow::Error::msg)?;
         let errors = errors(&snapshots, &back);
-        fs::create_dir_all(&self.out).with_context(|| format!("cannot make {}", self.out.display()))?;
+        file::create_folder(&self.out)?;
         let packed = Path::new("snapshots").with_extension(PACKED).display().to_string();
-        fs::write(self.out.join(&packed), &bytes).with_context(|| format!("cannot write {packed}"))?;
+        file::replace(&self.out.join(&packed), &bytes)?;
         self.copy_rest(&manifest, &packed)?;
         let (before, after) = (snapshots.values.len() * 4, bytes.len());
         if self.json {
@@ -94,11 +85,7 @@ impl Args {
 
     fn snapshots(&self, manifest: &Manifest) -> anyhow::Result<Snapshots> {
         let path = self.database.join(&manifest.snapshots);
-        let array = npy::read_f32(&path).map_err(refusal)?;
-        let shape = <[usize; 3]>::try_from(array.shape).map_err(|found| {
-            usage(format!("{}: expected cases x nodes x fields, found {found:?}", path.display()))
-        })?;
-        Ok(Snapshots { shape, values: array.data })
+        read_snapshots(&path, None).map_err(refusal)
     }
 
     /// The distance can be left out only behind the three coordinates it follows from.
@@ -118,7 +105,7 @@ impl Args {
             return Err(usage(format!("--unpack: expected packed snapshots, found {}", manifest.snapshots)));
         }
         let snapshots = packed::read(&self.database.join(&manifest.snapshots), mesh).map_err(refusal)?;
-        fs::create_dir_all(&self.out).with_context(|| format!("cannot make {}", self.out.display()))?;
+        file::create_folder(&self.out)?;
         let path = self.out.join(PLAIN);
         npy::write_f32(&path, &snapshots.shape, &snapshots.values).map_err(refusal)?;
         self.copy_rest(manifest, PLAIN)?;
@@ -134,19 +121,12 @@ impl Args {
 
     /// Everything but the snapshots, whose new name the description gets.
     fn copy_rest(&self, manifest: &Manifest, snapshots: &str) -> anyhow::Result<()> {
-        let put = |name: &str, bytes: &[u8]| {
-            let path = self.out.join(name);
-            fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
-        };
         let others = [Some(manifest.cases.as_str()), manifest.mesh.as_deref(), Some("volumes.csv")];
-        for file in others.into_iter().flatten() {
-            if let Ok(content) = fs::read(self.database.join(file)) {
-                put(file, &content)?;
-            }
+        for name in others.into_iter().flatten().filter(|name| self.database.join(name).is_file()) {
+            file::copy(&self.database.join(name), &self.out.join(name))?;
         }
-        let text = fs::read_to_string(self.database.join("database.toml"))?;
-        let (old, new) = (format!("\"{}\"", manifest.snapshots), format!("\"{snapshots}\""));
-        put("database.toml", text.replace(&old, &new).as_bytes())
+        let [from, to] = [&self.database, &self.out].map(|folder| folder.join("database.toml"));
+        Ok(manifest.copy_with_snapshots(&from, &to, snapshots)?)
     }
 }
 

@@ -36,10 +36,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
     /// Cavity pressure in MPa, at least 0.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, value_parser = crate::range::pressure_mpa)]
     pressure_mpa: f64,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// File for the fields: .npy, .csv, .vtu, .dat (Tecplot ASCII) or .xdmf.
     #[arg(long, value_name = "FILE")]
@@ -52,7 +52,8 @@ pub struct Args {
 impl Args {
     /// Predicts and prints one JSON object.
     pub fn run(self) -> anyhow::Result<()> {
-        let input = self.checked_input()?;
+        let gap_mm = self.gap_mm.unwrap_or(f64::INFINITY);
+        let input = Inputs::new(self.pressure_mpa, gap_mm);
         if let Some(out) = &self.out {
             Format::of(out).map_err(usage)?; // before the work, not after it
         }
@@ -69,21 +70,6 @@ impl Args {
             self.write(&model, state.fields())?;
         }
         output::json(&answer(state.evaluation(), &peaks))
-    }
-
-    fn checked_input(&self) -> anyhow::Result<Inputs> {
-        if !(self.pressure_mpa.is_finite() && self.pressure_mpa >= 0.0) {
-            let found = self.pressure_mpa;
-            return Err(usage(format!(
-                "--pressure-mpa: expected a finite pressure of at least 0 MPa, found {found}"
-            )));
-        }
-        if let Some(gap) = self.gap_mm.filter(|gap| !gap.is_finite()) {
-            return Err(usage(format!(
-                "--gap-mm: expected a finite gap in mm (leave it out for no obstacle), found {gap}"
-            )));
-        }
-        Ok(Inputs::new(self.pressure_mpa, self.gap_mm.unwrap_or(f64::INFINITY)))
     }
 
     fn write(&self, model: &Model, values: &[f32]) -> anyhow::Result<()> {

@@ -40,19 +40,19 @@ pub struct Args {
     #[arg(long)]
     fields: bool,
     /// Stop after so many seconds
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = crate::range::seconds)]
     seconds: Option<f64>,
     /// Begin a new file at this size, MB
-    #[arg(long, value_name = "MB")]
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rotate_mb: Option<u64>,
     /// Begin a new file after this time, minutes
-    #[arg(long, value_name = "MINUTES")]
+    #[arg(long, value_name = "MINUTES", value_parser = crate::range::number(0.001, 1_000_000.0))]
     rotate_minutes: Option<f64>,
     /// Keep only so many files of this run
-    #[arg(long, value_name = "FILES")]
+    #[arg(long, value_name = "FILES", value_parser = crate::range::count(1, 1_000_000))]
     keep: Option<usize>,
     /// Memory for what waits for the disk, MB; beyond, messages are dropped and counted
-    #[arg(long, value_name = "MB", default_value_t = 64)]
+    #[arg(long, value_name = "MB", default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     queue_mb: u64,
     /// End with one JSON object
     #[arg(long)]
@@ -96,14 +96,6 @@ impl Args {
     fn options(&self) -> Result<RecorderOptions> {
         let keys =
             self.keys.iter().map(|key| KeyExpr::new(key).map_err(usage)).collect::<Result<Vec<_>>>()?;
-        for (name, value) in [("--seconds", self.seconds), ("--rotate-minutes", self.rotate_minutes)] {
-            if let Some(value) = value.filter(|value| !(*value > 0.0 && *value < 1e9)) {
-                return Err(usage(format!("{name}: expected a number above 0, found {value}")));
-            }
-        }
-        if self.keep == Some(0) {
-            return Err(usage("--keep: expected at least 1 file, found 0"));
-        }
         if self.keep.is_some() && self.rotate_mb.is_none() && self.rotate_minutes.is_none() {
             return Err(usage(
                 "--keep needs --rotate-mb or --rotate-minutes: without them there is one file",

@@ -39,13 +39,13 @@ pub struct Args {
     #[arg(long, value_name = "TOPIC")]
     topic: Option<String>,
     /// Factor on the speed
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = crate::range::number(1e-6, 1e9))]
     speed: f64,
     /// Begin at this time of the recording
-    #[arg(long, value_name = "SECONDS", default_value_t = f64::NEG_INFINITY, hide_default_value = true)]
+    #[arg(long, value_name = "SECONDS", default_value_t = -1e12, hide_default_value = true, value_parser = crate::range::number(-1e12, 1e12))]
     from_s: f64,
     /// End at this time of the recording
-    #[arg(long, value_name = "SECONDS", default_value_t = f64::INFINITY, hide_default_value = true)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 1e12, hide_default_value = true, value_parser = crate::range::number(-1e12, 1e12))]
     to_s: f64,
     /// Begin again at the end, for ever
     #[arg(long = "loop")]

@@ -41,7 +41,7 @@ pub struct Args {
     /// Train by the paper's method instead of the defaults.
     #[arg(long)]
     paper: bool,
-    /// ObstacleKind whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
+    /// Scene whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
     #[arg(long, value_enum)]
     scene: Option<super::SceneArg>,
     /// Print one JSON object instead of text.
@@ -51,7 +51,7 @@ pub struct Args {
 
 /// The plate, unless all that the database holds is another scene.
 fn only_scene(database: &Path) -> ObstacleKind {
-    match formats::database::scenes(database).as_deref() {
+    match formats::database::obstacle_kinds(database).as_deref() {
         Ok([scene]) => *scene,
         _ => ObstacleKind::Plate,
     }

@@ -12,7 +12,6 @@ pub use sequence::SequenceTracker;
 
 use crate::failure::usage;
 use std::path::PathBuf;
-use std::time::Duration;
 use wire::{Bus, Domain, KeyExpr, TopicInfo, WireError};
 
 /// Which programs see one another.
@@ -44,14 +43,6 @@ impl DomainArgs {
 /// Parses a key expression; the error says what is wrong with it.
 pub fn key(text: &str) -> anyhow::Result<KeyExpr> {
     KeyExpr::new(text).map_err(usage)
-}
-
-/// A positive number of seconds, as given with `--seconds`.
-pub fn seconds(seconds: f64) -> anyhow::Result<Duration> {
-    Duration::try_from_secs_f64(seconds)
-        .ok()
-        .filter(|time| !time.is_zero())
-        .ok_or_else(|| usage(format!("--seconds {seconds}: expected a number above 0")))
 }
 
 /// All topics that `key` matches; none is an error that says what to do.

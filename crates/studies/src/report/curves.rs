@@ -2,9 +2,9 @@
 
 use super::Folder;
 use super::study::{REGIMES, Study, ours_with, paper, test_mse, train};
-use fem::rng::Rng;
 use rom::config::{KernelKind, ModeChoice, Tail};
 use rom::model::Model;
+use rom::rng::Rng;
 use rom::snapshots::{Database, RegimeKind, Split};
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;

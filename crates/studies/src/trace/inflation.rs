@@ -9,7 +9,7 @@
 //!
 //! so the time at which a pressure is reached is explicit, and P(t) follows by inverting it (it must rise).
 
-use fem::rng::Rng;
+use rom::rng::Rng;
 
 /// Atmospheric pressure, MPa.
 pub const ATMOSPHERE_MPA: f64 = 0.101_325;
@@ -93,7 +93,7 @@ pub enum TraceError {
 }
 
 impl Inflation {
-    /// Gauge readings from rest to `end_pressure_mpa` for the cavity volumes `(pressure_mpa, volume_mm3)`, sorted by
+    /// Gauge readings from no pressure to `end_pressure_mpa` for the cavity volumes `(pressure_mpa, volume_mm3)`, sorted by
     /// pressure, linear between them. Cost: the number of readings.
     ///
     /// # Errors
@@ -112,7 +112,7 @@ impl Inflation {
             .collect())
     }
 
-    /// Refuses what is no pump or gauge.
+    /// Checks that the parameters are those of a pump and a gauge.
     ///
     /// # Errors
     /// [`TraceError::Parameter`] for the first unusable parameter.
@@ -155,7 +155,7 @@ impl Inflation {
         }
         let flow_mm3_per_s = self.flow_ml_per_min * 1000.0 / 60.0;
         let gas = |&(p, v): &(f64, f64)| (ATMOSPHERE_MPA + p) * (v + self.dead_volume_mm3) / ATMOSPHERE_MPA;
-        let rest = gas(first);
+        let initial = gas(first);
         for pair in volumes.windows(2) {
             if pair[1].0 <= pair[0].0 {
                 return Err(table_error(format!("{} MPa after {} MPa", pair[1].0, pair[0].0)));
@@ -164,7 +164,7 @@ impl Inflation {
                 return Err(TraceError::Snap { from_mpa: pair[0].0, to_mpa: pair[1].0 });
             }
         }
-        Ok(volumes.iter().map(|v| ((gas(v) - rest) / flow_mm3_per_s, v.0)).collect())
+        Ok(volumes.iter().map(|v| ((gas(v) - initial) / flow_mm3_per_s, v.0)).collect())
     }
 
     /// What the gauge shows. It cannot read below zero (no vacuum range), as the common digital gauges cannot.

@@ -3,7 +3,7 @@
 mod inflation;
 
 use fem::actuator::Actuator;
-use fem::run::cases;
+use fem::cases;
 use fem::{Problem, Solver};
 use indicatif::{ProgressBar, ProgressStyle};
 use inflation::{Inflation, to_csv};
@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
     actuator: PathBuf,
     /// Gap from the underside of the undeformed base to the obstacle in mm.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = softtwin::range::gap_mm)]
     gap_mm: f64,
     /// The trace: t_s,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv")]
@@ -42,25 +42,25 @@ pub struct Args {
     #[arg(long, value_name = "FILE.csv", conflicts_with = "states")]
     volumes: Option<PathBuf>,
     /// States simulated above rest; the volume is interpolated between them.
-    #[arg(long, value_name = "N", default_value_t = 14)]
+    #[arg(long, value_name = "N", default_value_t = 14, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     states: u32,
     /// Flow of air at atmospheric pressure in mL/min.
-    #[arg(long, value_name = "FLOW", default_value_t = 125.0)]
+    #[arg(long, value_name = "FLOW", default_value_t = 125.0, value_parser = softtwin::range::number(1e-6, 1e9))]
     flow_ml_per_min: f64,
     /// Gauge pressure at which the pump stops in MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 0.07)]
+    #[arg(long, value_name = "MPA", default_value_t = 0.07, value_parser = softtwin::range::number(1e-9, softtwin::range::MAX_PRESSURE_MPA))]
     end_pressure_mpa: f64,
     /// Volume of tube and fittings in mm3.
-    #[arg(long, value_name = "MM3", default_value_t = 0.0)]
+    #[arg(long, value_name = "MM3", default_value_t = 0.0, value_parser = softtwin::range::number(0.0, 1e12))]
     dead_volume_mm3: f64,
     /// Readings a second.
-    #[arg(long, value_name = "HZ", default_value_t = 200.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 200.0, value_parser = softtwin::range::number(1e-3, 1e6))]
     rate_hz: f64,
     /// Step of the gauge's display in MPa; 0 for none.
-    #[arg(long, value_name = "MPA", default_value_t = 1.0e-4)]
+    #[arg(long, value_name = "MPA", default_value_t = 1.0e-4, value_parser = softtwin::range::number(0.0, 1.0))]
     resolution_mpa: f64,
     /// Standard deviation of the gauge's noise in MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 5.0e-5)]
+    #[arg(long, value_name = "MPA", default_value_t = 5.0e-5, value_parser = softtwin::range::number(0.0, 1.0))]
     noise_mpa: f64,
     /// Seed of the noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -72,9 +72,6 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let pump = self.inflation();
         pump.check().map_err(usage)?; // before the work, not after it
-        if self.states == 0 {
-            return Err(usage("--states: expected at least 1, found 0"));
-        }
         let volumes = match &self.volumes {
             Some(table) => self.tabulated(table)?,
             None => self.simulated()?,
@@ -116,13 +113,13 @@ impl Args {
         let mesh = actuator.read_mesh(&self.actuator).map_err(refusal)?;
         let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
         let mut solver = Solver::new(problem)?;
-        let (mut state, _) = solver.rest(actuator.loads.gravity_mm_s2)?;
+        let (mut state, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
         let bar = ProgressBar::new(u64::from(self.states) + 1);
         bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} states, about {eta} left")?);
         let mut volumes = Vec::new();
         for k in 0..=self.states {
             let pressure_mpa = self.end_pressure_mpa * f64::from(k) / f64::from(self.states);
-            (state, _) = solver.reach(&state, &actuator.load(pressure_mpa, Some(self.gap_mm)))?;
+            (state, _) = solver.solve_to(&state, &actuator.load(pressure_mpa, Some(self.gap_mm)))?;
             volumes.push((pressure_mpa, solver.output(&state).cavity_volume_mm3));
             bar.inc(1);
         }

@@ -2,10 +2,10 @@
 //! implementation of the same formulation computed there.
 
 use super::Book;
+use super::abaqus_arrays;
 use super::agreement::{REFERENCE_FIELDS, compare};
 use anyhow::Context;
-use fem::config::{GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2};
-use fem::mesh::abaqus_arrays;
+use fem::{GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2};
 use fem::{Load, Obstacle, Problem, ProblemConfig, Solver, State};
 use formats::npy;
 use softtwin::failure::{configuration, usage};
@@ -42,7 +42,7 @@ pub fn run(shared: &Path, cases: &[usize], book: &mut Book) -> anyhow::Result<()
     book.heading(&format!("commercial solver, node by node on its {} nodes", mesh.nodes_mm.len()))?;
     let problem = Arc::new(Problem::new(mesh, ProblemConfig::default()).map_err(configuration)?);
     let mut solver = Solver::new(problem)?;
-    let (rest, _) = solver.rest(GRAVITY_DOWN_MM_S2)?;
+    let (rest, _) = solver.gravity_equilibrium(GRAVITY_DOWN_MM_S2)?;
     let state = published(&mut solver, &rest, &reference.join("abaqus_free_p0.014352.npy"), book)?;
     if !database.is_dir() {
         return book.skip(format!("no {}: states recomputed on that mesh", database.display()));
@@ -53,7 +53,7 @@ pub fn run(shared: &Path, cases: &[usize], book: &mut Book) -> anyhow::Result<()
 /// The commercial solver's own result.
 fn published(solver: &mut Solver, rest: &State, file: &Path, book: &mut Book) -> anyhow::Result<State> {
     let load = Load { pressure_mpa: PUBLISHED_MPA, gravity_mm_s2: GRAVITY_DOWN_MM_S2, ..Load::default() };
-    let (state, _) = solver.reach(rest, &load)?;
+    let (state, _) = solver.solve_to(rest, &load)?;
     let result = npy::read_f32(file).map_err(refusal)?;
     let agreement = compare(&solver.output(&state), &result.data, STEP_FRAME_MM)
         .with_context(|| format!("{} belongs to another mesh", file.display()))?;
@@ -86,7 +86,7 @@ fn recomputed(
         let near = |s: &&State| distance(&s.load, &case.load);
         let start =
             solved.iter().min_by(|a, b| near(a).total_cmp(&near(b))).context("no state to start from")?;
-        let (state, _) = solver.reach(start, &case.load)?;
+        let (state, _) = solver.solve_to(start, &case.load)?;
         let output = solver.output(&state);
         let agreement = compare(&output, snapshot, [0.0; 3]).context("the database has another mesh")?;
         let gap = case.load.obstacle.gap_mm().map_or_else(|| "free".into(), |g| format!("gap {g:.3}"));

@@ -1,5 +1,6 @@
 //! `softtwin-studies validate`: the finite elements against everything that is known about the reference actuator.
 
+mod abaqus_arrays;
 mod agreement;
 mod commercial;
 mod published;
@@ -49,10 +50,10 @@ pub struct Args {
     #[arg(long, value_name = "N", num_args = 1.., default_values_t = [10, 22, 34, 70, 124])]
     cases: Vec<usize>,
     /// Meshes of the refinement study: into how many parts each box of the coarsest grid is divided along each axis.
-    #[arg(long, value_name = "N", num_args = 2.., default_values_t = [1, 2, 3])]
+    #[arg(long, value_name = "N", num_args = 2.., default_values_t = [1, 2, 3], value_parser = softtwin::range::count(1, 20))]
     times: Vec<usize>,
     /// Chambers of the refinement study.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = softtwin::range::count(1, 1000))]
     chambers: usize,
     /// Print one JSON object instead of text.
     #[arg(long)]

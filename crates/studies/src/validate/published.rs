@@ -2,8 +2,7 @@
 
 use super::{Book, largest, open};
 use fem::actuator::Actuator;
-use fem::output::clearance_mm;
-use fem::{Problem, Solver, State};
+use fem::{Solver, State};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -35,11 +34,11 @@ pub fn run(actuator: &Path, gripper: &Path, book: &mut Book) -> anyhow::Result<(
     let (actuator, problem) = open(actuator)?;
     book.heading(&format!("published figures, {} nodes of its own mesh", problem.mesh().nodes_mm.len()))?;
     let mut solver = Solver::new(Arc::clone(&problem))?;
-    let (rest, _) = solver.rest(actuator.loads.gravity_mm_s2)?;
-    let sag = clearance_mm(&problem, &rest);
+    let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
+    let sag = solver.clearance_mm(&rest);
     book.relative(PART, "sag at rest (mm)".into(), (sag, SAG.0), SAG.1)?;
     let (pressure, expected, bound) = FREE;
-    let (free, _) = solver.reach(&rest, &actuator.load(pressure, None))?;
+    let (free, _) = solver.solve_to(&rest, &actuator.load(pressure, None))?;
     let displacement = largest(&solver.output(&free).displacement_mm);
     let quantity = format!("largest displacement at {pressure} MPa (mm)");
     book.relative(PART, quantity, (displacement, expected), bound)?;
@@ -57,19 +56,18 @@ fn onset(
     [low, high]: [&State; 2],
     gap_mm: f64,
 ) -> anyhow::Result<f64> {
-    let clear = |problem: &Problem, state: &State| clearance_mm(problem, state) - gap_mm;
-    let problem = Arc::clone(solver.problem());
-    let mut before = (low.load.pressure_mpa, clear(&problem, low));
-    let mut now = (high.load.pressure_mpa, clear(&problem, high));
+    let clear = |solver: &Solver, state: &State| solver.clearance_mm(state) - gap_mm;
+    let mut before = (low.load.pressure_mpa, clear(solver, low));
+    let mut now = (high.load.pressure_mpa, clear(solver, high));
     let mut state = high.clone();
     for _ in 0..ONSET_STEPS {
         let next = now.0 - now.1 * (now.0 - before.0) / (now.1 - before.1);
         if (next - now.0).abs() < 1.0e-7 {
             break;
         }
-        (state, _) = solver.reach(&state, &actuator.load(next, None))?;
+        (state, _) = solver.solve_to(&state, &actuator.load(next, None))?;
         before = now;
-        now = (next, clear(&problem, &state));
+        now = (next, clear(solver, &state));
     }
     Ok(now.0)
 }
@@ -77,7 +75,7 @@ fn onset(
 fn forces(solver: &mut Solver, actuator: &Actuator, from: State, book: &mut Book) -> anyhow::Result<()> {
     let mut state = from;
     for (pressure, gap, expected) in FORCES {
-        (state, _) = solver.reach(&state, &actuator.load(pressure, Some(gap)))?;
+        (state, _) = solver.solve_to(&state, &actuator.load(pressure, Some(gap)))?;
         let force = solver.output(&state).contact_force_n;
         let quantity = format!("contact force at {pressure} MPa, gap {gap} mm (N)");
         book.relative(PART, quantity, (force, expected), FORCE_BOUND)?;
@@ -88,9 +86,9 @@ fn forces(solver: &mut Solver, actuator: &Actuator, from: State, book: &mut Book
 fn grip(gripper: &Path, book: &mut Book) -> anyhow::Result<()> {
     let (actuator, problem) = open(gripper)?;
     let mut solver = Solver::new(problem)?;
-    let (rest, _) = solver.rest(actuator.loads.gravity_mm_s2)?;
+    let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     let (pressure, gap, expected) = GRIP;
-    let (state, _) = solver.reach(&rest, &actuator.load(pressure, Some(gap)))?;
+    let (state, _) = solver.solve_to(&rest, &actuator.load(pressure, Some(gap)))?;
     let force = solver.output(&state).contact_force_n;
     book.relative(PART, format!("gripper's force at {pressure} MPa (N)"), (force, expected), FORCE_BOUND)
 }

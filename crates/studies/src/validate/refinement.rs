@@ -2,8 +2,6 @@
 
 use super::Book;
 use fem::actuator::Actuator;
-use fem::mesh::{grid, load};
-use fem::output::clearance_mm;
 use fem::{Problem, Solver};
 use softtwin::failure::{configuration, usage};
 use softtwin::files::refusal;
@@ -74,15 +72,14 @@ fn shortened(mut actuator: Actuator, chambers: usize) -> anyhow::Result<Actuator
 }
 
 fn level(actuator: &Actuator, times: usize, gap_mm: &mut Option<f64>, book: &Book) -> anyhow::Result<Level> {
-    let file = grid::refined(actuator, SIZE_MM, times).map_err(|e| usage(format!("--times: {e}")))?;
-    let (mesh, _) = load::named(file, actuator.chambers.count - 1);
+    let mesh = actuator.grid_mesh(SIZE_MM, times).map_err(|list| usage(format!("--times: {list:?}")))?;
     let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
     let mut solver = Solver::new(Arc::clone(&problem))?;
-    let (rest, _) = solver.rest(actuator.loads.gravity_mm_s2)?;
-    let (free, report) = solver.reach(&rest, &actuator.load(PRESSURE_MPA, None))?;
-    let (low, high) = (clearance_mm(&problem, &rest), clearance_mm(&problem, &free));
+    let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
+    let (free, report) = solver.solve_to(&rest, &actuator.load(PRESSURE_MPA, None))?;
+    let (low, high) = (solver.clearance_mm(&rest), solver.clearance_mm(&free));
     let gap = *gap_mm.get_or_insert(low + PLATE_SHARE * (high - low));
-    let (touching, _) = solver.reach(&free, &actuator.load(PRESSURE_MPA, Some(gap)))?;
+    let (touching, _) = solver.solve_to(&free, &actuator.load(PRESSURE_MPA, Some(gap)))?;
     let output = solver.output(&free);
     let figures = [high, output.cavity_volume_mm3, solver.output(&touching).contact_force_n];
     book.remark(&format!(

@@ -7,7 +7,6 @@ pub mod measure;
 mod picture;
 mod report;
 
-use crate::failure::usage;
 use crate::progress::Progress;
 use crate::{files, output};
 use std::path::PathBuf;
@@ -34,11 +33,11 @@ pub struct Args {
     /// Model to measure; a synthetic one of full size when left out.
     #[arg(long, value_name = "FILE.twin")]
     model: Option<PathBuf>,
-    /// Samples of each computation.
-    #[arg(long, value_name = "N", default_value_t = 2000)]
+    /// Samples of each computation (10 to 1000000).
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = crate::range::count(10, 1_000_000))]
     samples: usize,
-    /// Seconds of each end-to-end row.
-    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    /// Seconds of each end-to-end row (0.5 to 3600).
+    #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = crate::range::number(0.5, 3600.0))]
     seconds: f64,
     /// Leave the end-to-end rows out.
     #[arg(long)]
@@ -54,7 +53,6 @@ pub struct Args {
 impl Args {
     /// Measures and prints.
     pub fn run(self) -> anyhow::Result<()> {
-        self.check()?;
         let mut progress = Progress::new(false);
         progress.step("preparing the model");
         let model = match &self.model {
@@ -71,15 +69,5 @@ impl Args {
         let (end_to_end, notes) = live::split(&rows);
         let report = report::Report::new(compute, end_to_end, notes);
         if self.json { output::json(&report) } else { report.print() }
-    }
-
-    fn check(&self) -> anyhow::Result<()> {
-        if self.samples < 10 {
-            return Err(usage(format!("--samples: expected at least 10, found {}", self.samples)));
-        }
-        if !(self.seconds.is_finite() && self.seconds >= 0.5) {
-            return Err(usage(format!("--seconds: expected at least 0.5, found {}", self.seconds)));
-        }
-        Ok(())
     }
 }

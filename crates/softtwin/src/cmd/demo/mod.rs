@@ -4,7 +4,6 @@ mod watch;
 
 use crate::daemon::Daemon;
 use crate::failure::{configuration, usage};
-use crate::live;
 use crate::output;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -37,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "TWIN")]
     model: Option<PathBuf>,
     /// Run for so many seconds, the trace again and again [default: once through the trace].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::range::seconds)]
     seconds: Option<f64>,
     /// End with one JSON object instead of text.
     #[arg(long)]
@@ -47,7 +46,7 @@ pub struct Args {
 impl Args {
     /// Runs the demonstration.
     pub fn run(self) -> anyhow::Result<()> {
-        let limit = self.seconds.map(live::seconds).transpose()?;
+        let limit = self.seconds.map(Duration::from_secs_f64);
         let actuator = self.actuator()?;
         let stop = runtime::service::stop_flag()?;
         let name = format!("demo_{}", std::process::id());

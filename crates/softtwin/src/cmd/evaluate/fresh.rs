@@ -3,13 +3,13 @@
 use super::Args;
 use crate::cmd::simulate::{batch, open};
 use anyhow::Context;
-use fem::rng::Rng;
-use fem::run::Case;
+use fem::cases::Case;
 use formats::database::ObstacleKind;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::Model;
+use rom::rng::Rng;
 use rom::snapshots::RegimeKind;
 
 /// Draws within the box of a domain that may fall outside it: a domain of a hundredth of its box is still found.
@@ -18,7 +18,6 @@ const TRIES: usize = 100_000;
 impl Args {
     /// Simulates `count` random contact states into the database folder. States already there are not solved again.
     pub(super) fn simulate(&self, model: &Model, count: usize) -> anyhow::Result<()> {
-        anyhow::ensure!(self.threads > 0, crate::failure::usage("--threads: expected at least 1, found 0"));
         let (actuator, problem) = open(&self.actuator)?;
         let nodes = problem.mesh().nodes_mm.len();
         if nodes != model.header.node_count {
@@ -58,7 +57,7 @@ fn random_states(model: &Model, count: usize, seed: u64, scene: ObstacleKind) ->
         evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
         if evaluation.regime == RegimeKind::Contact && evaluation.domain == DomainStatus::Inside {
             let name = format!("fresh{seed}-{:03}", cases.len());
-            let regime = if scene == ObstacleKind::Gripper { "gripper" } else { "contact" }.into();
+            let regime = if scene == ObstacleKind::Block { "gripper" } else { "contact" }.into();
             let split = "check".into();
             cases.push(Case { name, regime, split, pressure_mpa, gap_mm: Some(gap_mm) });
         }

@@ -49,17 +49,17 @@ pub struct Args {
         requires = "simulate"
     )]
     actuator: PathBuf,
-    /// States simulated at the same time; about 1 GB each.
-    #[arg(long, value_name = "N", default_value_t = 2, requires = "simulate")]
+    /// States simulated at the same time; about 1 GB each (1 to 256).
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "simulate", value_parser = crate::range::threads)]
     threads: usize,
     /// Cases to evaluate on.
     #[arg(long, value_enum, default_value_t, conflicts_with = "simulate")]
     split: SplitArg,
-    /// ObstacleKind whose cases are used.
+    /// Scene whose cases are used.
     #[arg(long, value_enum, default_value_t)]
     scene: super::SceneArg,
-    /// Floor of the relative error as a share of the field's largest value.
-    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR)]
+    /// Floor of the relative error as a share of the field's largest value (0 to 1).
+    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR, value_parser = crate::range::number(0.0, 1.0))]
     floor: f64,
     /// Picture of the errors by case: .svg or .png.
     #[arg(long, value_name = "FILE")]

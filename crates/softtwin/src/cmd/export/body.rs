@@ -4,7 +4,6 @@ use crate::failure::configuration;
 use crate::files::refusal;
 use anyhow::Result;
 use formats::export::Series;
-use formats::mesh_file;
 use formats::vtu::Cells;
 use rom::model::{BlockKind, Model};
 use rom::snapshots::{Database, FieldSpec};
@@ -54,7 +53,7 @@ impl Body {
     /// A file that cannot be read, or has another number of nodes.
     pub fn with_mesh(mut self, path: Option<&Path>) -> Result<Self> {
         let Some(path) = path else { return Ok(self) };
-        let mesh = mesh_file::read(path).map_err(refusal)?;
+        let mesh = formats::read_mesh(path).map_err(refusal)?;
         let (expected, found) = (self.nodes, mesh.points_mm.len());
         if found != expected {
             return Err(configuration(anyhow::anyhow!(

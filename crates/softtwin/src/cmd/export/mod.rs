@@ -43,10 +43,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Of a model: pressures to predict, in MPa.
-    #[arg(long, value_name = "MPA,...", value_delimiter = ',')]
+    #[arg(long, value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Vec<f64>,
     /// Of a model: the gap in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
     /// Of a database: the names of cases; all when left out.
     #[arg(long, value_name = "NAME")]

@@ -64,10 +64,6 @@ impl Source {
         if args.pressure_mpa.is_empty() {
             return Err(usage("of a model: which states? give --pressure-mpa P1,P2,... (and --gap-mm)"));
         }
-        let fine = |value: &f64| value.is_finite() && *value >= 0.0;
-        if !args.pressure_mpa.iter().all(fine) || !args.gap_mm.iter().all(|gap| gap.is_finite()) {
-            return Err(usage("expected finite pressures of at least 0 MPa and a finite gap in mm"));
-        }
         let gap_mm = args.gap_mm.unwrap_or(f64::INFINITY);
         let inputs = args.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));
         Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(args.every as usize).collect())
@@ -80,7 +76,7 @@ impl Source {
     }
 
     fn cases(args: &Args, path: &Path) -> Result<Self> {
-        let scene = match formats::database::scenes(path).as_deref() {
+        let scene = match formats::database::obstacle_kinds(path).as_deref() {
             Ok([only]) => *only,
             _ => ObstacleKind::Plate,
         };

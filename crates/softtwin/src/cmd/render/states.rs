@@ -152,7 +152,7 @@ pub fn case(args: &Args) -> Result<Canvas> {
     let (Some(dir), Some(wanted)) = (&args.database, &args.case) else {
         return Err(usage("give --model FILE, or --database DIR with --case NAME"));
     };
-    for scene in formats::database::scenes(dir).map_err(refusal)? {
+    for scene in formats::database::obstacle_kinds(dir).map_err(refusal)? {
         let database = files::database(dir, scene)?;
         if let Some(index) = database.cases.iter().position(|case| case.name == *wanted) {
             let state = drawn_case(&database, index, args.field)?;

@@ -7,7 +7,7 @@ use crate::failure::usage;
 use crate::files::{self, save};
 use crate::output;
 use anyhow::Context;
-use fem::run::cases::{Case, to_csv};
+use fem::cases::{Case, to_csv};
 use fem::sample;
 use formats::database::{ObstacleKind, bottom_nodes};
 use rom::snapshots::{Database, RegimeKind};
@@ -81,14 +81,14 @@ pub struct Args {
     /// How states are chosen.
     #[arg(long, value_enum, required_unless_present = "refine")]
     kind: Option<Kind>,
-    /// Number of states; of a grid: number of pressures.
-    #[arg(long, value_name = "N", required_unless_present = "refine")]
+    /// Number of states; of a grid: number of pressures (1 to 100000).
+    #[arg(long, value_name = "N", required_unless_present = "refine", value_parser = crate::range::count(1, MAX_STATES))]
     n: Option<usize>,
-    /// Instead: simulate this many more states where the model of --database is least sure, and retrain.
-    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires = "database")]
+    /// Instead: simulate this many more states where the model of --database is least sure, and retrain (1 to 150).
+    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires = "database", value_parser = crate::range::count(1, refine::MAX_STATES))]
     refine: Option<usize>,
     /// Number of gaps of a grid.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, MAX_STATES))]
     n_gaps: usize,
     /// Regime of the states.
     #[arg(long, value_enum, default_value = "contact")]
@@ -97,10 +97,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "train")]
     split: Split,
     /// Lower and upper pressure in MPa.
-    #[arg(long, value_name = "MPA", num_args = 2, default_values_t = [0.0, 0.09])]
+    #[arg(long, value_name = "MPA", num_args = 2, default_values_t = [0.0, 0.09], value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Vec<f64>,
     /// Lower and upper gap in mm.
-    #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0])]
+    #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm)]
     gap_mm: Vec<f64>,
     /// Seed of the hypercube.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -114,8 +114,8 @@ pub struct Args {
     /// Geometry, materials, loads, supports and mesh of a database that is refined.
     #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
     actuator: PathBuf,
-    /// Cases a refinement solves at the same time.
-    #[arg(long, value_name = "N", default_value_t = 2)]
+    /// Cases a refinement solves at the same time (1 to 256).
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = crate::range::threads)]
     threads: usize,
     /// The list: case,regime,split,pressure_mpa,gap_mm. Of a refinement: the new database's folder.
     #[arg(long, value_name = "FILE.csv|DIR")]
@@ -161,7 +161,7 @@ impl Args {
 
     /// One range a dimension: pressure, and gap unless free.
     fn bounds(&self, n: usize) -> anyhow::Result<Vec<[f64; 2]>> {
-        if n == 0 || self.n_gaps == 0 || n.saturating_mul(self.n_gaps) > MAX_STATES {
+        if n.saturating_mul(self.n_gaps) > MAX_STATES {
             let found = format!("{n} x {}", self.n_gaps);
             return Err(usage(format!("--n, --n-gaps: expected 1 to {MAX_STATES} states, found {found}")));
         }

@@ -9,9 +9,9 @@ use crate::progress::Progress;
 use anyhow::Context;
 use fem::Problem;
 use fem::actuator::Actuator;
-use fem::rng::Rng;
-use fem::run::{self, Case, Event, Run, Solved, Store, cases, fingerprint};
-use fem::sample::{Doubt, doubtful};
+use fem::cases::{self, Case};
+use fem::run::{self, Event, Run, Solved, Store, fingerprint};
+use fem::sample::{InfillError, infill};
 use formats::database::ObstacleKind;
 use rom::config::TrainConfig;
 use rom::datasheet::{DataSheet, RegimeSheet};
@@ -19,12 +19,16 @@ use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs};
 use rom::model::{Model, RegimeModel};
+use rom::rng::Rng;
 use rom::snapshots::{Database, RegimeKind};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Places among which the next states are chosen.
 const CANDIDATES: usize = 1500;
+
+/// Largest number of states that one refinement adds.
+pub const MAX_STATES: usize = CANDIDATES / 10;
 
 /// What is asked for.
 pub struct Order<'a> {
@@ -49,12 +53,6 @@ pub struct Order<'a> {
 impl Order<'_> {
     /// Does everything and says what it gained.
     pub fn run(&self) -> anyhow::Result<()> {
-        if !(1..=CANDIDATES / 10).contains(&self.count) || self.threads == 0 {
-            let most = CANDIDATES / 10;
-            return Err(usage(format!(
-                "--refine, --threads: expected 1 to {most} states and at least 1 thread"
-            )));
-        }
         if self.out == self.database {
             return Err(usage(
                 "--out: expected another folder than --database; the database is kept as it is",
@@ -67,7 +65,7 @@ impl Order<'_> {
         let (scene, kind) = match self.regime {
             Regime::Free => (ObstacleKind::Plate, RegimeKind::Free),
             Regime::Contact => (ObstacleKind::Plate, RegimeKind::Contact),
-            Regime::Gripper => (ObstacleKind::Gripper, RegimeKind::Contact),
+            Regime::Gripper => (ObstacleKind::Block, RegimeKind::Contact),
         };
         progress.step("training on the database as it is");
         let database = files::database(self.database, scene)?;
@@ -117,7 +115,7 @@ impl Order<'_> {
         let (regime, sheet) = regime.with_context(|| {
             format!("{} has no training cases of regime {}", self.database.display(), kind.name())
         })?;
-        let samples: Vec<Doubt> = doubts(database, sheet, |inputs| scale(regime, inputs));
+        let samples: Vec<InfillError> = infill_errors(database, sheet, |inputs| scale(regime, inputs));
         let ranges: Vec<[f64; 2]> = sheet.inputs.iter().map(|input| [input.min, input.max]).collect();
         let constant_gap_mm = regime.inputs.range(GAP).map(|[gap, _]| gap);
         let evaluator = Evaluator::new(&model.header)?;
@@ -136,7 +134,7 @@ impl Order<'_> {
         }
         let inputs = |(p, gap): &(f64, Option<f64>)| Inputs::new(*p, gap.unwrap_or(f64::INFINITY));
         let scaled: Vec<_> = places.iter().map(|place| scale(regime, &inputs(place))).collect();
-        let chosen = doubtful(self.count, &samples, &scaled);
+        let chosen = infill(self.count, &samples, &scaled);
         anyhow::ensure!(!chosen.is_empty(), "no state of regime {} lies between its samples", kind.name());
         let first = database.cases.len();
         let case = |(k, i): (usize, usize)| {
@@ -188,7 +186,11 @@ fn scale(regime: &RegimeModel, inputs: &Inputs) -> [f64; 2] {
 
 /// Places and leave-one-out errors of the training cases, in error bars of the model. Leaving out a corner measures
 /// extrapolation, which refinement inside cannot cure: corners take the median of the others.
-fn doubts(database: &Database, sheet: &RegimeSheet, scale: impl Fn(&Inputs) -> [f64; 2]) -> Vec<Doubt> {
+fn infill_errors(
+    database: &Database,
+    sheet: &RegimeSheet,
+    scale: impl Fn(&Inputs) -> [f64; 2],
+) -> Vec<InfillError> {
     let halfwidths = &sheet.halfwidths;
     let share = |error: f64, bar: f64| if bar > 0.0 { error / bar } else { 0.0 };
     let error = |e: &rom::datasheet::CaseError| {
@@ -201,7 +203,7 @@ fn doubts(database: &Database, sheet: &RegimeSheet, scale: impl Fn(&Inputs) -> [
     let median = inner.get(inner.len() / 2).copied().unwrap_or(1.0);
     let place = |e: &rom::datasheet::CaseError| {
         let case = database.cases.iter().find(|c| c.name == e.case)?;
-        Some(Doubt { at: scale(&case.inputs()), error: if e.on_hull { median } else { error(e) } })
+        Some(InfillError { at: scale(&case.inputs()), error: if e.on_hull { median } else { error(e) } })
     };
     sheet.leave_one_out.iter().filter_map(place).collect()
 }

@@ -32,13 +32,13 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
     actuator: PathBuf,
     /// Cavity pressure in MPa, at least 0.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present = "cases")]
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present = "cases", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases", value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
-    /// Steps of the path from rest to the pressure; each is printed.
-    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "cases")]
+    /// Steps of the path from rest to the pressure; each is printed (1 to 100000).
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "cases", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     steps: u32,
     /// List of cases: case,regime,split,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "pressure_mpa", requires = "out")]
@@ -46,8 +46,8 @@ pub struct Args {
     /// One state: .npy, .csv or .vtu. A list of cases: the database's folder.
     #[arg(long, value_name = "FILE|DIR")]
     out: Option<PathBuf>,
-    /// Cases solved at the same time.
-    #[arg(long, value_name = "N", default_value_t = 2, requires = "cases")]
+    /// Cases solved at the same time (1 to 256).
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "cases", value_parser = crate::range::threads)]
     threads: usize,
     /// The report of a database run as one JSON object. One state or a path is JSON anyway: adds the nodes that touch.
     #[arg(long)]
@@ -65,9 +65,6 @@ pub fn open(path: &Path) -> anyhow::Result<(Actuator, Arc<Problem>)> {
 impl Args {
     /// Reads actuator and mesh, then computes.
     pub fn run(self) -> anyhow::Result<()> {
-        if self.steps == 0 || self.threads == 0 {
-            return Err(usage("--steps and --threads: expected at least 1, found 0"));
-        }
         let (actuator, problem) = open(&self.actuator)?;
         match (&self.cases, self.pressure_mpa, &self.out) {
             (Some(cases), _, Some(out)) => {

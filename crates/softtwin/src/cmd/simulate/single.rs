@@ -4,12 +4,10 @@ use crate::failure::usage;
 use crate::output;
 use anyhow::Context;
 use fem::actuator::Actuator;
-use fem::output::clearance_mm;
-use fem::run::FIELDS;
 use fem::{Output, Problem, Report, SolveError, Solver};
 use formats::fields::{Format, State};
 use formats::vtu::Cells;
-use rom::snapshots::{FieldKind, FieldSpec};
+use rom::snapshots::FieldSpec;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -37,15 +35,15 @@ pub fn run(
         Format::of(out).map_err(usage)?; // before the work, not after it
     }
     let mut solver = Solver::new(Arc::clone(&problem))?;
-    let (mut state, mut work) = solver.rest(actuator.loads.gravity_mm_s2)?;
+    let (mut state, mut work) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     for step in 1..=target.steps {
         let pressure_mpa = target.pressure_mpa * f64::from(step) / f64::from(target.steps);
         let (next, report) =
-            solver.reach(&state, &actuator.load(pressure_mpa, target.gap_mm)).map_err(sorted)?;
+            solver.solve_to(&state, &actuator.load(pressure_mpa, target.gap_mm)).map_err(sorted)?;
         state = next;
         work = work.and(&report);
         let output = solver.output(&state);
-        let mut described = line(&output, clearance_mm(&problem, &state), pressure_mpa, target.gap_mm, &work);
+        let mut described = line(&output, solver.clearance_mm(&state), pressure_mpa, target.gap_mm, &work);
         if target.node_sets {
             described["contact_node_set"] = json!(output.contact_nodes);
             described["slot_contact_node_set"] = json!(output.slot_contact_nodes);
@@ -91,19 +89,12 @@ fn write(problem: &Problem, output: &Output, out: &Path) -> anyhow::Result<()> {
     let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect::<Vec<f32>>();
     let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&output.coordinates_mm, k)).collect();
     values.extend(output.displacement_mm.iter().chain(&output.von_mises_mpa).map(|v| *v as f32));
-    let kinds =
-        [0, 1, 2].map(FieldKind::Coordinate).into_iter().chain([FieldKind::Magnitude, FieldKind::Stress]);
-    let fields: Vec<FieldSpec> = FIELDS
-        .iter()
-        .zip(kinds)
-        .map(|((name, unit, _), kind)| FieldSpec { name: (*name).into(), unit: (*unit).into(), kind })
-        .collect();
-    let rest = [0, 1, 2].map(|k| axis(&mesh.nodes_mm, k));
+    let undeformed = [0, 1, 2].map(|k| axis(&mesh.nodes_mm, k));
     let state = State {
-        fields: &fields,
+        fields: &FieldSpec::of_the_paper(),
         nodes: mesh.nodes_mm.len(),
         values: &values,
-        undeformed: Some(rest.each_ref().map(Vec::as_slice)),
+        undeformed: Some(undeformed.each_ref().map(Vec::as_slice)),
         cells: Cells::QuadraticTets(&mesh.tets),
     };
     Ok(state.write(out)?)

@@ -2,7 +2,6 @@
 
 mod table;
 
-use crate::failure::usage;
 use crate::live::{self, DomainArgs};
 use crate::output;
 use anyhow::Result;
@@ -31,8 +30,8 @@ pub struct Args {
     /// Which twins, as a key expression
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
-    /// Time between two updates
-    #[arg(long, value_name = "SECONDS", default_value_t = 1.0)]
+    /// Time between two updates (0.05 to 3600)
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = crate::range::number(0.05, 3600.0))]
     interval_s: f64,
     /// Show the table once and end; also done when the output is no terminal
     #[arg(long)]
@@ -72,9 +71,6 @@ impl Args {
     /// A wrong key expression, a domain that cannot be joined.
     pub fn run(self) -> Result<()> {
         let key = live::key(&self.key)?;
-        if !(self.interval_s > 0.0 && self.interval_s < 1e6) {
-            return Err(usage(format!("--interval-s: expected a number above 0, found {}", self.interval_s)));
-        }
         let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
         let mut scan = TopicScan::default();

@@ -1,0 +1,214 @@
+//! The content of `actuator.toml`, typed.
+
+use crate::config::{ContactSettings, Load, NewtonSettings, ProblemConfig};
+use crate::contact::obstacle::Obstacle;
+use crate::element::cavity::CavityLoad;
+use crate::material::{Elastomer, SheetMaterial};
+use formats::database::ObstacleKind;
+use rom::snapshots::Footprint;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// The whole file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Actuator {
+    /// Layout version, 1.
+    pub layout: u32,
+    /// Name of files and topics.
+    pub name: String,
+    /// Elastomer slab.
+    pub base: Base,
+    /// Block of chambers.
+    pub body: Body,
+    /// Cavities.
+    pub chambers: Chambers,
+    /// Cuts between chambers.
+    pub slots: Slots,
+    /// Tunnels between cavities.
+    pub channels: Channels,
+    /// The elastomer of base and body.
+    pub elastomer: Elastomer,
+    /// The strain-limiting sheet.
+    pub sheet: SheetMaterial,
+    /// Gravity and how pressure acts.
+    pub loads: Loads,
+    /// What is held.
+    pub support: Support,
+    /// What can be touched.
+    pub obstacle: ObstacleBody,
+    /// Penalties.
+    pub contact: ContactSettings,
+    /// Newton iteration.
+    pub newton: NewtonSettings,
+    /// The mesh.
+    pub mesh: MeshSettings,
+}
+
+/// Elastomer slab with the sheet inside (mm).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Base {
+    /// Along x, from 0.
+    pub length_mm: f64,
+    /// Along z, from 0.
+    pub width_mm: f64,
+    /// Thickness below the sheet.
+    pub lower_mm: f64,
+    /// Thickness above the sheet.
+    pub upper_mm: f64,
+}
+
+/// Block of chambers, sunk into a pocket of the base (mm).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// x of its left end.
+    pub start_mm: f64,
+    /// Along x.
+    pub length_mm: f64,
+    /// Along z.
+    pub width_mm: f64,
+    /// y of its top.
+    pub top_mm: f64,
+    /// Depth of the pocket; its floor is the cavity's floor.
+    pub pocket_mm: f64,
+}
+
+/// Cavities, repeated along x (mm).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chambers {
+    /// How many.
+    pub count: usize,
+    /// x at which the first begins.
+    pub first_mm: f64,
+    /// Along x.
+    pub length_mm: f64,
+    /// From one to the next.
+    pub pitch_mm: f64,
+    /// Along z.
+    pub width_mm: f64,
+    /// y of their top.
+    pub top_mm: f64,
+}
+
+/// Cuts from the top, midway between neighbouring cavities (mm).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Slots {
+    /// Along x.
+    pub width_mm: f64,
+    /// y of their floor.
+    pub floor_mm: f64,
+}
+
+/// Tunnels along the floor that join neighbouring cavities (mm).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Channels {
+    /// Along z.
+    pub width_mm: f64,
+    /// y of their top.
+    pub top_mm: f64,
+}
+
+/// Gravity and how pressure acts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Loads {
+    /// Acceleration in the actuator frame (mm/s2).
+    pub gravity_mm_s2: [f64; 3],
+    /// How cavity pressure reaches the nodes.
+    pub cavity_load: CavityLoad,
+}
+
+/// The face that is held; the mesh script names it `fixed`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Support {
+    /// Which face.
+    pub fixed: Fixed,
+}
+
+/// Faces that can be held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fixed {
+    /// Left end of the body above the base.
+    BodyStart,
+    /// Left end of the base.
+    BaseStart,
+}
+
+/// A rigid, frictionless body below the base, its near face in the plane `y = -gap`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObstacleBody {
+    /// Plate or block.
+    pub kind: ObstacleKind,
+    /// Lower and upper x (mm).
+    pub x_mm: [f64; 2],
+    /// Lower and upper z (mm).
+    pub z_mm: [f64; 2],
+}
+
+/// The mesh file and the figures the mesh script needs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshSettings {
+    /// `.msh` or `.vtu`, relative to `actuator.toml`.
+    pub file: PathBuf,
+    /// Nodes it must have; 0 for any.
+    pub nodes: usize,
+    /// Every edge is divided into `round(length / seed)` parts (mm).
+    pub seed_mm: f64,
+    /// Largest element (mm).
+    pub size_mm: f64,
+    /// gmsh's own optimiser works on elements of a lower quality.
+    pub optimise_below: f64,
+    /// Passes of the Netgen optimiser.
+    pub netgen_passes: u32,
+    /// gmsh's seed.
+    pub random_seed: u32,
+}
+
+impl Actuator {
+    /// Everything the solver needs besides the mesh.
+    #[must_use]
+    pub fn problem_config(&self) -> ProblemConfig {
+        let footprint = Footprint { x_mm: self.obstacle.x_mm, z_mm: self.obstacle.z_mm };
+        ProblemConfig {
+            elastomers: vec![self.elastomer],
+            sheet: Some(self.sheet),
+            cavity_load: self.loads.cavity_load,
+            contact: self.contact,
+            plate: footprint,
+            block: footprint,
+            newton: self.newton,
+        }
+    }
+
+    /// The loads of a state; without a gap nothing can be touched.
+    #[must_use]
+    pub fn load(&self, pressure_mpa: f64, gap_mm: Option<f64>) -> Load {
+        let obstacle = match (gap_mm, self.obstacle.kind) {
+            (None, _) => Obstacle::None,
+            (Some(gap_mm), ObstacleKind::Plate) => Obstacle::Plate { gap_mm },
+            (Some(gap_mm), ObstacleKind::Block) => Obstacle::Block { gap_mm },
+        };
+        Load { pressure_mpa, obstacle, gravity_mm_s2: self.loads.gravity_mm_s2 }
+    }
+
+    /// y of the base's top (mm).
+    #[must_use]
+    pub fn base_top_mm(&self) -> f64 {
+        self.base.lower_mm + self.base.upper_mm
+    }
+
+    /// y of the cavities' floor (mm).
+    #[must_use]
+    pub fn cavity_floor_mm(&self) -> f64 {
+        self.base_top_mm() - self.body.pocket_mm
+    }
+}

@@ -1,0 +1,84 @@
+//! Names an actuator's surfaces by where they lie, for meshes that carry no names (a `.vtu`, or one made by `grid`).
+//!
+//! The mesh must be in the actuator frame and its faces must lie on the planes of `actuator.toml`.
+
+use super::boxes::Boxes;
+use super::file::{Actuator, Fixed};
+use crate::mesh::Boundary;
+use formats::mesh_file::{TET_FACES, Tet10, Tri6};
+use std::collections::{BTreeMap, HashSet};
+
+/// Meshers round coordinates; this is far below any feature of an actuator (mm).
+const TOLERANCE_MM: f64 = 1.0e-3;
+
+/// `bottom`, `sheet`, `fixed`, `cavity`, `slot_lower_0`, `slot_upper_0`, ... with their triangles; a surface that no
+/// triangle belongs to is absent. Cost `O(elements x chambers)`.
+pub(crate) fn locate(
+    actuator: &Actuator,
+    points_mm: &[[f64; 3]],
+    tets: &[Tet10],
+) -> BTreeMap<String, Vec<Tri6>> {
+    let places = Places { boxes: Boxes::of(actuator), actuator };
+    let boundary = Boundary::new(tets);
+    let mut surfaces: BTreeMap<String, Vec<Tri6>> = BTreeMap::new();
+    let mut sheet_seen = HashSet::new();
+    for tet in tets {
+        for face in TET_FACES {
+            let tri = face.map(|k| tet[k]);
+            let Some(corners) = corners(points_mm, &tri) else { continue };
+            let outer = boundary.has([tri[0], tri[1], tri[2]]);
+            if let Some(name) = places.name(&corners, outer) {
+                let mut key = [tri[0], tri[1], tri[2]];
+                key.sort_unstable();
+                // A face of the sheet has an element on either side.
+                if outer || sheet_seen.insert(key) {
+                    surfaces.entry(name).or_default().push(tri);
+                }
+            }
+        }
+    }
+    surfaces
+}
+
+/// Positions of a triangle's corners; none where a node does not exist (the mesh's check says so).
+fn corners(points_mm: &[[f64; 3]], tri: &Tri6) -> Option<[[f64; 3]; 3]> {
+    let at = |n: u32| points_mm.get(n as usize).copied();
+    Some([at(tri[0])?, at(tri[1])?, at(tri[2])?])
+}
+
+struct Places<'a> {
+    boxes: Boxes,
+    actuator: &'a Actuator,
+}
+
+impl Places<'_> {
+    fn name(&self, corners: &[[f64; 3]; 3], outer: bool) -> Option<String> {
+        let a = self.actuator;
+        let on = |axis: usize, v: f64| corners.iter().all(|p| (p[axis] - v).abs() < TOLERANCE_MM);
+        let centroid: [f64; 3] = std::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 3.0);
+        if on(1, a.base.lower_mm) {
+            return (!outer).then(|| "sheet".into());
+        }
+        if !outer {
+            return None;
+        }
+        if on(1, 0.0) {
+            return Some("bottom".into());
+        }
+        let held = match a.support.fixed {
+            Fixed::BodyStart => on(0, a.body.start_mm) && centroid[1] > a.base_top_mm(),
+            Fixed::BaseStart => on(0, 0.0),
+        };
+        if held {
+            return Some("fixed".into());
+        }
+        for (i, [[low, high], [floor, _], _]) in self.boxes.slots.iter().enumerate() {
+            for (side, x) in [("lower", *low), ("upper", *high)] {
+                if on(0, x) && centroid[1] > *floor {
+                    return Some(format!("slot_{side}_{i}"));
+                }
+            }
+        }
+        self.boxes.in_cavity(centroid, TOLERANCE_MM).then(|| "cavity".into())
+    }
+}

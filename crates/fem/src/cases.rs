@@ -1,0 +1,166 @@
+//! Lists of cases: `case,regime,split,pressure_mpa,gap_mm`, one row a state to compute; and tables of cavity volumes.
+
+use formats::database::{REGIMES, SPLITS};
+use formats::table::{Row, Table, to_text};
+use formats::{Diagnostic, FormatError, collect};
+use rom::snapshots::RegimeKind;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Columns of a list; a table of results has more, which are passed over.
+pub(crate) const COLUMNS: [&str; 5] = ["case", "regime", "split", "pressure_mpa", "gap_mm"];
+/// Above this no elastomer actuator of this kind survives; a larger figure is another unit.
+const MAX_MPA: f64 = 10.0;
+const MAX_MM: f64 = 10_000.0;
+
+/// A state to compute.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// Name, unique in its list.
+    pub name: String,
+    /// `free`, `contact` or `gripper`.
+    pub regime: String,
+    /// `train`, `test` or `check`.
+    pub split: String,
+    /// Cavity pressure (MPa).
+    pub pressure_mpa: f64,
+    /// Distance of the obstacle from the undeformed base (mm); none when free.
+    pub gap_mm: Option<f64>,
+}
+
+impl Case {
+    /// The order in which cases are computed: training first, checks last.
+    pub(crate) fn urgency(&self) -> usize {
+        SPLITS.iter().position(|(name, _)| *name == self.split).unwrap_or(SPLITS.len())
+    }
+
+    /// The gap as a cell of a table: empty when free.
+    pub(crate) fn gap_cell(&self) -> String {
+        self.gap_mm.map_or(String::new(), |gap| gap.to_string())
+    }
+
+    /// The cells of [`COLUMNS`].
+    pub(crate) fn cells(&self) -> [String; 5] {
+        let Self { name, regime, split, pressure_mpa, .. } = self.clone();
+        [name, regime, split, pressure_mpa.to_string(), self.gap_cell()]
+    }
+}
+
+/// Reads a list; everything that is wrong with it at once.
+///
+/// # Errors
+/// Not readable, a missing column, a value out of range, two cases of one name or with the same loads.
+pub fn read(path: &Path) -> Result<Vec<Case>, FormatError> {
+    checked(&Table::read(path, true)?)
+        .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
+}
+
+/// [`read`] from memory. Lines that begin with `#` are comments.
+///
+/// # Errors
+/// Everything that is wrong; never empty.
+pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Diagnostic>> {
+    checked(&Table::parse(text, true).map_err(|diagnostic| vec![diagnostic])?)
+}
+
+fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
+    let columns = table.columns(COLUMNS)?;
+    let mut diagnostics = Vec::new();
+    let cases: Vec<Case> = table.rows().filter_map(|row| case(&row, &columns, &mut diagnostics)).collect();
+    diagnostics.extend(repeated(&cases));
+    if cases.is_empty() && diagnostics.is_empty() {
+        diagnostics.push(Diagnostic::new("rows", "at least one case", "none"));
+    }
+    if diagnostics.is_empty() { Ok(cases) } else { Err(diagnostics) }
+}
+
+fn case(row: &Row<'_>, at: &[usize; 5], diagnostics: &mut Vec<Diagnostic>) -> Option<Case> {
+    let before = diagnostics.len();
+    let mut expect = |fits: bool, column: usize, expected: &str| {
+        if !fits {
+            diagnostics.push(row.diagnostic(at[column], expected));
+        }
+    };
+    let name = row.text(at[0]);
+    let letters = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    let named = !name.is_empty() && !name.starts_with('.') && name.chars().all(letters);
+    expect(named, 0, "a name of letters, digits, - and _");
+    let regime = row.choice(at[1], &REGIMES);
+    expect(regime.is_ok(), 1, "free, contact or gripper");
+    expect(row.choice(at[2], &SPLITS).is_ok(), 2, "train, test or check");
+    let pressure_mpa = row.number(at[3]).ok().filter(|p| (0.0..=MAX_MPA).contains(p));
+    expect(pressure_mpa.is_some(), 3, "a pressure of 0 to 10 MPa");
+    let gap_mm = row.number(at[4]).ok().filter(|g| *g > 0.0 && *g <= MAX_MM);
+    match regime {
+        Ok((_, RegimeKind::Contact)) => {
+            expect(gap_mm.is_some(), 4, "a gap above 0 mm (the obstacle stands outside the body)");
+        }
+        Ok((_, RegimeKind::Free)) => {
+            expect(row.text(at[4]).is_empty(), 4, "nothing, as a free case has no gap");
+        }
+        Err(_) => {}
+    }
+    (diagnostics.len() == before).then(|| Case {
+        name: name.into(),
+        regime: row.text(at[1]).into(),
+        split: row.text(at[2]).into(),
+        pressure_mpa: pressure_mpa.unwrap_or_default(),
+        gap_mm,
+    })
+}
+
+fn repeated(cases: &[Case]) -> Vec<Diagnostic> {
+    let (mut names, mut loads) = (HashMap::new(), HashMap::new());
+    let mut diagnostics = Vec::new();
+    for case in cases {
+        let place = format!("case {}", case.name);
+        if names.insert(&case.name, ()).is_some() {
+            diagnostics.push(Diagnostic::new(&place, "every name once", "it twice"));
+        }
+        let load = (case.pressure_mpa.to_bits(), case.gap_mm.map(f64::to_bits));
+        if let Some(other) = loads.insert(load, &case.name) {
+            diagnostics.push(Diagnostic::new(place, "every state once", format!("that of case {other}")));
+        }
+    }
+    diagnostics
+}
+
+/// The list as text that [`parse`] reads.
+#[must_use]
+pub fn to_csv(cases: &[Case]) -> String {
+    to_text(&COLUMNS, cases.iter().map(Case::cells))
+}
+
+/// Columns of a table of cavity volumes.
+pub(crate) const VOLUME_COLUMNS: [&str; 4] = ["case", "pressure_mpa", "gap_mm", "cavity_volume_mm3"];
+
+/// A row of `volumes.csv`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Volume {
+    /// Cavity pressure (MPa).
+    pub pressure_mpa: f64,
+    /// Distance of the obstacle (mm); none when free.
+    pub gap_mm: Option<f64>,
+    /// Volume of the cavity (mm3).
+    pub cavity_volume_mm3: f64,
+}
+
+/// Reads the `volumes.csv` of a run.
+///
+/// # Errors
+/// Not readable, another heading, or rows that are no finite numbers; all of them at once.
+pub fn read_volumes(path: &Path) -> Result<Vec<Volume>, FormatError> {
+    let table = Table::read(path, false)?;
+    let wrong = |diagnostics| FormatError::Content { path: path.into(), diagnostics };
+    let [_, pressure, gap, volume] = table.columns(VOLUME_COLUMNS).map_err(wrong)?;
+    let mut diagnostics = Vec::new();
+    let rows = table.rows().filter_map(|row| {
+        Some(Volume {
+            pressure_mpa: collect(row.number(pressure), &mut diagnostics)?,
+            gap_mm: collect(row.optional_number(gap), &mut diagnostics)?,
+            cavity_volume_mm3: collect(row.number(volume), &mut diagnostics)?,
+        })
+    });
+    let rows = rows.collect();
+    FormatError::check(rows, path, diagnostics)
+}

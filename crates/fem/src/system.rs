@@ -1,0 +1,287 @@
+//! Assembly: residual forces and tangent of a state under a load.
+//!
+//! Two residuals are formed in one pass. `condensed` takes the element pressures and sheet resultants that follow
+//! from the displacements, and is the right-hand side of the Newton equation after those unknowns are eliminated;
+//! `mixed` takes the carried ones, and measures equilibrium.
+
+use crate::algebra::{Mat3, Vec3, axpy, outer, scale, skew};
+use crate::config::Load;
+use crate::contact::obstacle::{Face, Obstacle};
+use crate::element::bending;
+use crate::element::cavity::face_terms;
+use crate::element::membrane::{self, Plane};
+use crate::element::tet10::{Invalid, TetTerms};
+use crate::problem::{Problem, add_gravity};
+use crate::sparse::CONSTRAINED;
+use crate::state::State;
+
+/// A state outside the limits of the elastomer, and where.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct InvalidState {
+    /// What happened.
+    pub(crate) reason: Invalid,
+    /// The element.
+    pub(crate) element: usize,
+}
+
+/// Residuals, tangent and what the update of the stress unknowns needs.
+#[derive(Clone, Debug)]
+pub(crate) struct System {
+    /// Lower triangle of the tangent, in the pattern's order.
+    pub(crate) tangent: Vec<f64>,
+    /// Residual force (N) at each node with stresses from the displacements.
+    pub(crate) condensed: Vec<Vec3>,
+    /// Residual force (N) at each node with the carried stresses.
+    pub(crate) mixed: Vec<Vec3>,
+    /// `dV/du` of each element (mm2).
+    pub(crate) volume_gradient: Vec<[Vec3; 10]>,
+    /// Volume change of each element (mm3).
+    pub(crate) volume_change: Vec<f64>,
+    /// Enclosed volume of the cavity (mm3).
+    pub(crate) cavity_volume_mm3: f64,
+    /// Total force of the base on the obstacle (N).
+    pub(crate) contact_force_n: f64,
+    terms: TetTerms,
+}
+
+impl System {
+    /// Work space for a problem.
+    pub(crate) fn new(problem: &Problem) -> Self {
+        let (nodes, tets) = (problem.mesh.nodes_mm.len(), problem.mesh.tets.len());
+        Self {
+            tangent: vec![0.0; problem.pattern.stored()],
+            condensed: vec![[0.0; 3]; nodes],
+            mixed: vec![[0.0; 3]; nodes],
+            volume_gradient: vec![[[0.0; 3]; 10]; tets],
+            volume_change: vec![0.0; tets],
+            cavity_volume_mm3: 0.0,
+            contact_force_n: 0.0,
+            terms: TetTerms::default(),
+        }
+    }
+
+    /// Assembles at `state` under `load` (the state's own load is not used).
+    ///
+    /// `advance_mm` linearises the contact for an obstacle that moves from where `load` has it towards the base:
+    /// the touching nodes feel its stiffness times the advance.
+    ///
+    /// # Errors
+    /// [`InvalidState`] names the element that collapsed or passed its material's limit.
+    pub(crate) fn assemble(
+        &mut self,
+        problem: &Problem,
+        state: &State,
+        load: &Load,
+        advance_mm: f64,
+        with_tangent: bool,
+    ) -> Result<(), InvalidState> {
+        self.condensed.fill([0.0; 3]);
+        if with_tangent {
+            self.tangent.fill(0.0);
+        }
+        add_gravity(problem, load.gravity_mm_s2, &mut self.condensed);
+        self.mixed.copy_from_slice(&self.condensed);
+        self.add_tets(problem, state, with_tangent)?;
+        let x = problem.positions(&state.displacement_mm);
+        self.add_membrane(problem, state, &x, with_tangent);
+        // The remaining forces follow from the displacements alone and are the same in both residuals.
+        let mut shared = vec![[0.0; 3]; x.len()];
+        self.add_bending(problem, &x, &mut shared, with_tangent);
+        self.add_cavity(problem, load.pressure_mpa, &x, &mut shared, with_tangent);
+        self.add_slots(problem, &x, &mut shared, with_tangent);
+        self.add_obstacle(problem, load.obstacle, advance_mm, &x, &mut shared, with_tangent);
+        for ((c, m), s) in self.condensed.iter_mut().zip(&mut self.mixed).zip(&shared) {
+            axpy(1.0, *s, c);
+            axpy(1.0, *s, m);
+        }
+        Ok(())
+    }
+
+    fn add_tets(&mut self, problem: &Problem, state: &State, with_tangent: bool) -> Result<(), InvalidState> {
+        for (e, tet) in problem.mesh.tets.iter().enumerate() {
+            let u = tet.map(|n| state.displacement_mm[n as usize]);
+            let material = problem.elastomer(e);
+            let geometry = &problem.tets[e];
+            let carried = state.element_pressure_mpa[e];
+            self.terms
+                .evaluate(geometry, &u, carried, &material.law, with_tangent)
+                .map_err(|reason| InvalidState { reason, element: e })?;
+            let bulk = material.bulk_mpa / geometry.volume_mm3();
+            let follows = bulk * self.terms.volume_change;
+            self.volume_change[e] = self.terms.volume_change;
+            self.volume_gradient[e] = self.terms.volume_gradient;
+            for (a, n) in tet.iter().enumerate() {
+                let (force, gradient) = (self.terms.force[a], self.terms.volume_gradient[a]);
+                let (c, m) = (&mut self.condensed[*n as usize], &mut self.mixed[*n as usize]);
+                axpy(-1.0, force, c);
+                axpy(-follows, gradient, c);
+                axpy(-1.0, force, m);
+                axpy(-carried, gradient, m);
+            }
+            if with_tangent {
+                self.scatter_tet(problem, e, bulk);
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the element's tangent with the condensed pressure `bulk b b^T`.
+    fn scatter_tet(&mut self, problem: &Problem, e: usize, bulk: f64) {
+        let tet = &problem.mesh.tets[e];
+        let free = tet.map(|n| problem.free[n as usize]);
+        let b = &self.terms.volume_gradient;
+        let mut pair = 0;
+        for i in 0..10 {
+            for j in 0..=i {
+                let block = &mut self.terms.tangent[pair];
+                for (r, row) in block.iter_mut().enumerate() {
+                    axpy(bulk * b[i][r], b[j], row);
+                }
+                let rank = problem.tet_ranks[e][pair];
+                problem.pattern.add(&mut self.tangent, free[i], free[j], rank, block);
+                pair += 1;
+            }
+        }
+    }
+
+    fn add_membrane(&mut self, problem: &Problem, state: &State, x: &[Vec3], with_tangent: bool) {
+        let sheet = &problem.sheet;
+        for (t, nodes) in problem.mesh.sheet.iter().enumerate() {
+            let geometry = &sheet.membrane[t];
+            let at = nodes.map(|n| x[n as usize]);
+            let carried = &state.sheet_resultants_n_per_mm[t];
+            let follows: [Plane; 3] = std::array::from_fn(|q| {
+                membrane::resultant(sheet.stiffness, membrane::strain(geometry, q, &at))
+            });
+            let (condensed, mixed) =
+                (membrane::force(geometry, &at, &follows), membrane::force(geometry, &at, carried));
+            for (a, n) in nodes.iter().enumerate() {
+                axpy(-1.0, condensed[a], &mut self.condensed[*n as usize]);
+                axpy(-1.0, mixed[a], &mut self.mixed[*n as usize]);
+            }
+            if with_tangent {
+                let blocks = membrane::tangent(geometry, &at, carried, sheet.stiffness);
+                self.scatter_face(problem, nodes, &sheet.ranks[t], &blocks);
+            }
+        }
+    }
+
+    fn scatter_face(&mut self, problem: &Problem, nodes: &[u32; 6], ranks: &[u32; 21], blocks: &[Mat3; 21]) {
+        let free = nodes.map(|n| problem.free[n as usize]);
+        let mut pair = 0;
+        for a in 0..6 {
+            for b in 0..=a {
+                problem.pattern.add(&mut self.tangent, free[a], free[b], ranks[pair], &blocks[pair]);
+                pair += 1;
+            }
+        }
+    }
+
+    fn add_bending(&mut self, problem: &Problem, x: &[Vec3], residual: &mut [Vec3], with_tangent: bool) {
+        let sheet = &problem.sheet;
+        let mut force = vec![[0.0; 3]; x.len()];
+        bending::add_force(&sheet.bending, x, &mut force);
+        for (r, f) in residual.iter_mut().zip(&force) {
+            axpy(-1.0, *f, r);
+        }
+        if with_tangent {
+            for (entry, rank) in sheet.bending.iter().zip(&sheet.bending_ranks) {
+                let v = entry.value;
+                let block = [[v, 0.0, 0.0], [0.0, v, 0.0], [0.0, 0.0, v]];
+                let (a, b) = (problem.free[entry.row as usize], problem.free[entry.col as usize]);
+                problem.pattern.add(&mut self.tangent, a, b, *rank, &block);
+            }
+        }
+    }
+
+    fn add_cavity(
+        &mut self,
+        problem: &Problem,
+        pressure_mpa: f64,
+        x: &[Vec3],
+        residual: &mut [Vec3],
+        with_tangent: bool,
+    ) {
+        self.cavity_volume_mm3 = 0.0;
+        for (nodes, ranks) in problem.cavity.iter().zip(&problem.cavity_ranks) {
+            let terms = face_terms(&nodes.map(|n| x[n as usize]), problem.config.cavity_load);
+            self.cavity_volume_mm3 += terms.volume_mm3;
+            for (n, gradient) in nodes.iter().zip(&terms.gradient) {
+                axpy(pressure_mpa, *gradient, &mut residual[*n as usize]);
+            }
+            if with_tangent && pressure_mpa != 0.0 {
+                let mut blocks = [[[0.0; 3]; 3]; 21];
+                let mut pair = 0;
+                for a in 0..6 {
+                    for b in 0..=a {
+                        blocks[pair] = skew(scale(pressure_mpa, terms.hessian[a][b]));
+                        pair += 1;
+                    }
+                }
+                self.scatter_face(problem, nodes, ranks, &blocks);
+            }
+        }
+    }
+
+    fn add_slots(&mut self, problem: &Problem, x: &[Vec3], residual: &mut [Vec3], with_tangent: bool) {
+        let settings = &problem.config.contact;
+        for walls in &problem.slots {
+            for contact in walls.contacts(x, settings.slot_smoothing_mm) {
+                let stiffness = settings.slot_penalty_mpa_per_mm * contact.pair.area_mm2;
+                let force = stiffness * contact.penalty.force;
+                for (n, c) in contact.pair.nodes.iter().zip(contact.pair.coefficients) {
+                    axpy(-force * c, contact.normal, &mut residual[*n as usize]);
+                }
+                if with_tangent {
+                    let free = contact.pair.nodes.map(|n| problem.free[n as usize]);
+                    let normal = outer(stiffness * contact.penalty.stiffness, contact.normal, contact.normal);
+                    for a in 0..12 {
+                        for b in 0..=a {
+                            let both = contact.pair.coefficients[a] * contact.pair.coefficients[b];
+                            let block = normal.map(|row| scale(both, row));
+                            let rank = problem.pattern.rank(free[a], free[b]);
+                            problem.pattern.add(&mut self.tangent, free[a], free[b], rank, &block);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn add_obstacle(
+        &mut self,
+        problem: &Problem,
+        obstacle: Obstacle,
+        advance_mm: f64,
+        x: &[Vec3],
+        residual: &mut [Vec3],
+        with_tangent: bool,
+    ) {
+        self.contact_force_n = 0.0;
+        let Some(face) = face(problem, obstacle) else { return };
+        let stiffness = problem.config.contact.obstacle_penalty_n_per_mm;
+        for n in &problem.contact_nodes {
+            let Some(touch) = face.touch(x[*n as usize]) else { continue };
+            let force = stiffness * (touch.force + touch.stiffness * advance_mm);
+            residual[*n as usize][1] += force;
+            self.contact_force_n += stiffness * touch.force;
+            let free = problem.free[*n as usize];
+            if with_tangent && free != CONSTRAINED {
+                let mut block = [[0.0; 3]; 3];
+                block[1][1] = stiffness * touch.stiffness;
+                problem.pattern.add(&mut self.tangent, free, free, 0, &block);
+            }
+        }
+    }
+}
+
+/// The rigid face that a load places below the base.
+pub(crate) fn face(problem: &Problem, obstacle: Obstacle) -> Option<Face> {
+    let smoothing_mm = problem.config.contact.obstacle_smoothing_mm;
+    let footprint = match obstacle {
+        Obstacle::None => return None,
+        Obstacle::Plate { .. } => problem.config.plate,
+        Obstacle::Block { .. } => problem.config.block,
+    };
+    obstacle.gap_mm().map(|gap_mm| Face { footprint, gap_mm, smoothing_mm })
+}

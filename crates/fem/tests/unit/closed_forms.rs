@@ -1,0 +1,97 @@
+//! Whole problems against closed forms: an inflated block, a cantilever. `--nocapture` prints the figures.
+
+use std::sync::Arc;
+
+use super::builder::{Builder, close};
+use crate::algebra::{norm, scale};
+use crate::element::cavity::CavityLoad;
+use crate::material::{Elastomer, Hyperelastic};
+use crate::{Load, Problem, ProblemConfig, Solver};
+
+/// A cube of side 4 with a hole of side 2, its nodes moved so that both become spheres of radius 2 and 1; held at one
+/// small triangle of its skin.
+fn hollow_sphere(cells: usize, mu: f64) -> Problem {
+    let mut b = Builder::default();
+    let hole = cells / 2 - cells / 4..cells / 2 + cells / 4;
+    let inside = |c: [usize; 3]| c.iter().all(|i| hole.contains(i));
+    b.cells([-2.0; 3], [2.0; 3], [cells; 3], |c| !inside(c));
+    b.mesh.cavity = b.faces(|p| p.iter().all(|v| v.abs() < 1.0 + 1.0e-9));
+    let skin = b.faces(|p| p[0] > 2.0 - 1.0e-9);
+    b.mesh.fixed_nodes = skin[skin.len() / 2][..3].to_vec();
+    for p in &mut b.mesh.nodes_mm {
+        let reach = p.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        *p = scale(reach / norm(*p), *p);
+    }
+    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
+    let elastomers = vec![Elastomer { law, bulk_mpa: 2000.0 * mu, density_t_per_mm3: 0.0 }];
+    let config =
+        ProblemConfig { elastomers, cavity_load: CavityLoad::Consistent, ..ProblemConfig::default() };
+    Problem::new(b.mesh, config).unwrap()
+}
+
+/// Pressure of a neo-Hookean incompressible sphere whose inner radius has grown by `stretch`.
+fn sphere_pressure(mu: f64, inner: f64, outer: f64, stretch: f64) -> f64 {
+    let grown = (inner * stretch).powi(3) - inner.powi(3);
+    let out = (outer.powi(3) + grown).cbrt() / outer;
+    let term = |l: f64| 1.0 / l + 0.25 / l.powi(4);
+    2.0 * mu * (term(out) - term(stretch))
+}
+
+/// Growth of the cavity's volume when the block is inflated.
+fn growth(cells: usize, mu: f64, pressure_mpa: f64) -> f64 {
+    let mut solver = Solver::new(Arc::new(hollow_sphere(cells, mu))).unwrap();
+    let start = solver.undeformed();
+    let before = solver.output(&start).cavity_volume_mm3;
+    let (state, report) = solver.solve_to(&start, &Load { pressure_mpa, ..Load::default() }).unwrap();
+    assert!(report.residual_n < 1.0e-6, "{report:?}");
+    solver.output(&state).cavity_volume_mm3 / before
+}
+
+#[test]
+fn an_inflated_block_grows_as_the_closed_form_says_and_better_on_a_finer_mesh() {
+    let (mu, stretch) = (0.8, 1.3_f64);
+    let pressure_mpa = sphere_pressure(mu, 1.0, 2.0, stretch);
+    let exact = stretch.powi(3) - 1.0;
+    let error = |cells| (growth(cells, mu, pressure_mpa) - 1.0) / exact - 1.0;
+    let (coarse, fine) = (error(4), error(8));
+    println!(
+        "inflated sphere, {pressure_mpa:.4} MPa: growth of the cavity off by {:+.2} % and {:+.2} % on twice as many cells",
+        100.0 * coarse,
+        100.0 * fine
+    );
+    assert!(fine.abs() < 0.02 && fine.abs() < 0.5 * coarse.abs(), "errors {coarse:.4} and {fine:.4}");
+}
+
+/// Tip of a square beam under its own weight, and what beam theory with shear says.
+fn cantilever(cells: [usize; 3]) -> (f64, f64) {
+    let (length, side, mu) = (24.0, 2.0, 1.0);
+    let mut b = Builder::default();
+    b.solid([0.0; 3], [length, side, side], cells);
+    b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
+    let (bulk, density) = (2000.0, 1.0e-9);
+    let law = Hyperelastic::NeoHookean { mu_mpa: mu };
+    let elastomers = vec![Elastomer { law, bulk_mpa: bulk, density_t_per_mm3: density }];
+    let problem = Problem::new(b.mesh, ProblemConfig { elastomers, ..ProblemConfig::default() }).unwrap();
+    let mut solver = Solver::new(Arc::new(problem)).unwrap();
+    let gravity = 500.0;
+    let (state, report) = solver.gravity_equilibrium([0.0, -gravity, 0.0]).unwrap();
+    assert!(report.residual_n < 1.0e-9 && report.steps == 3, "{report:?}");
+    let youngs = 9.0 * bulk * mu / (3.0 * bulk + mu);
+    let load = density * gravity * side * side;
+    let bending = load * length.powi(4) / (8.0 * youngs * side.powi(4) / 12.0);
+    let shear = load * length * length / (2.0 * (5.0 / 6.0) * mu * side * side);
+    let tip = state.displacement_mm.iter().map(|u| -u[1]).fold(0.0, f64::max);
+    (tip, bending + shear)
+}
+
+#[test]
+fn cantilever_sags_as_beam_theory_says_and_converges_with_the_mesh() {
+    let (coarse, theory) = cantilever([8, 1, 1]);
+    let (middle, _) = cantilever([16, 2, 2]);
+    let (fine, _) = cantilever([24, 3, 3]);
+    println!(
+        "cantilever: sag {coarse:.5}, {middle:.5}, {fine:.5} mm on finer and finer meshes, beam theory {theory:.5} mm"
+    );
+    assert!(close(fine, theory, 0.03), "{fine} against {theory}");
+    assert!((fine - middle).abs() < 0.5 * (middle - coarse).abs(), "{coarse} {middle} {fine}");
+}

@@ -1,0 +1,64 @@
+//! Total potential energy: the scalar whose derivative the residual is.
+//!
+//! `E = W_solid + K/(2V) (integral (J - 1))^2 + W_sheet + x.Hx/2 + k psi(overlap) - p V_cavity - m g . u`. Contact of
+//! slot walls is left out: its normal is held while force and tangent are formed, so it has no exact potential.
+
+use crate::algebra::{Vec3, dot};
+use crate::config::Load;
+use crate::element::cavity::face_terms;
+use crate::element::tet10::{Invalid, TetGeometry, point};
+use crate::element::{bending, membrane};
+use crate::material::Hyperelastic;
+use crate::problem::Problem;
+use crate::state::State;
+use crate::system::{InvalidState, face};
+
+/// Potential energy (N mm) of a state under a load, with stresses that follow from the displacements.
+///
+/// # Errors
+/// [`InvalidState`] names the element that collapsed or passed its material's limit.
+pub fn potential_n_mm(problem: &Problem, state: &State, load: &Load) -> Result<f64, InvalidState> {
+    let u = &state.displacement_mm;
+    let mut sum = 0.0;
+    for (e, (tet, geometry)) in problem.mesh.tets.iter().zip(&problem.tets).enumerate() {
+        let material = problem.elastomer(e);
+        let (w, change) = isochoric(geometry, &tet.map(|n| u[n as usize]), &material.law)
+            .map_err(|reason| InvalidState { reason, element: e })?;
+        sum += w + 0.5 * material.bulk_mpa / geometry.volume_mm3() * change * change;
+    }
+    let x = problem.positions(u);
+    for (tri, geometry) in problem.mesh.sheet.iter().zip(&problem.sheet.membrane) {
+        let at = tri.map(|n| x[n as usize]);
+        for (q, weight) in geometry.weights.iter().enumerate() {
+            let e = membrane::strain(geometry, q, &at);
+            let n = membrane::resultant(problem.sheet.stiffness, e);
+            sum += 0.5 * weight * (n[0] * e[0] + n[1] * e[1] + 2.0 * n[2] * e[2]);
+        }
+    }
+    let mut bent = vec![[0.0; 3]; x.len()];
+    bending::add_force(&problem.sheet.bending, &x, &mut bent);
+    sum += 0.5 * x.iter().zip(&bent).map(|(x, f)| dot(*x, *f)).sum::<f64>();
+    for nodes in &problem.cavity {
+        let terms = face_terms(&nodes.map(|n| x[n as usize]), problem.config.cavity_load);
+        sum -= load.pressure_mpa * terms.volume_mm3;
+    }
+    for (u, mass) in u.iter().zip(&problem.node_mass_t) {
+        sum -= mass * dot(load.gravity_mm_s2, *u);
+    }
+    if let Some(face) = face(problem, load.obstacle) {
+        let touching = problem.contact_nodes.iter().filter_map(|n| face.touch(x[*n as usize]));
+        sum += problem.config.contact.obstacle_penalty_n_per_mm * touching.map(|t| t.energy).sum::<f64>();
+    }
+    Ok(sum)
+}
+
+/// Isochoric strain energy (N mm) and volume change `integral (J - 1)` (mm3) of an element.
+pub fn isochoric(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<(f64, f64), Invalid> {
+    let mut sum = (0.0, 0.0);
+    for q in 0..4 {
+        let p = point(geometry, q, u, law)?;
+        sum.0 += geometry.weights[q] * p.w;
+        sum.1 += geometry.weights[q] * (p.det - 1.0);
+    }
+    Ok(sum)
+}

@@ -1,0 +1,284 @@
+//! Every tangent is the derivative of its force, and every force the derivative of its energy.
+
+use super::builder::noise;
+use crate::algebra::{Vec3, add, axpy, dot, scale, skew};
+use crate::contact::penalty::penalty;
+use crate::element::cavity::{CavityLoad, face_terms};
+use crate::element::membrane::{self, MembraneGeometry};
+use crate::element::tet10::{self, TetGeometry, TetTerms};
+use crate::element::{bending, tri6};
+use crate::material::Hyperelastic;
+use formats::mesh_file::{TET_EDGES, TRI_EDGES};
+
+const STEP: f64 = 1.0e-6;
+
+const LAWS: [Hyperelastic; 3] = [
+    Hyperelastic::Gent { mu_mpa: 0.8, jm: 6.0 },
+    Hyperelastic::NeoHookean { mu_mpa: 0.5 },
+    Hyperelastic::Yeoh { c10_mpa: 0.3, c20_mpa: -0.02, c30_mpa: 0.005 },
+];
+
+fn tet() -> [Vec3; 10] {
+    let mut x = [[0.0; 3]; 10];
+    x[..4].copy_from_slice(&[[0.1, 0.0, 0.2], [2.1, 0.1, 0.0], [0.3, 1.8, 0.1], [0.2, 0.3, 1.6]]);
+    for (m, [a, b]) in TET_EDGES.into_iter().enumerate() {
+        x[4 + m] = scale(0.5, add(x[a], x[b]));
+    }
+    x
+}
+
+fn triangle() -> [Vec3; 6] {
+    let mut x = [[0.0; 3]; 6];
+    x[..3].copy_from_slice(&[[0.1, 2.0, 0.2], [2.1, 2.0, 0.0], [0.3, 2.0, 1.9]]);
+    for (m, [a, b]) in TRI_EDGES.into_iter().enumerate() {
+        x[3 + m] = scale(0.5, add(x[a], x[b]));
+    }
+    x
+}
+
+fn shaken<const N: usize>(size: f64, seed: usize) -> [Vec3; N] {
+    std::array::from_fn(|a| std::array::from_fn(|i| size * noise(seed + 3 * a + i)))
+}
+
+#[test]
+fn energies_have_the_derivatives_they_state() {
+    for law in LAWS {
+        for i1 in [3.0, 3.4, 5.0, 7.5] {
+            let at = |i1| law.energy(i1).unwrap();
+            let (up, down, here) = (at(i1 + STEP), at(i1 - STEP), at(i1));
+            assert!(((up.w - down.w) / (2.0 * STEP) - here.d1).abs() < 1.0e-8, "{law:?} at {i1}");
+            assert!(((up.d1 - down.d1) / (2.0 * STEP) - here.d2).abs() < 1.0e-8, "{law:?} at {i1}");
+        }
+    }
+    assert!(LAWS[0].energy(3.0 + 5.8).is_none(), "beyond 95 % of the Gent limit no energy is given");
+}
+
+#[test]
+fn solid_force_is_the_derivative_of_its_energy() {
+    let geometry = TetGeometry::new(&tet()).unwrap();
+    for law in LAWS {
+        let u = shaken::<10>(0.12, 7);
+        let mut terms = TetTerms::default();
+        terms.evaluate(&geometry, &u, 0.0, &law, false).unwrap();
+        for a in 0..10 {
+            for i in 0..3 {
+                let at = |step: f64| {
+                    let mut moved = u;
+                    moved[a][i] += step;
+                    super::energy::isochoric(&geometry, &moved, &law).unwrap()
+                };
+                let (up, down) = (at(STEP), at(-STEP));
+                assert!(((up.0 - down.0) / (2.0 * STEP) - terms.force[a][i]).abs() < 1.0e-7);
+                assert!(((up.1 - down.1) / (2.0 * STEP) - terms.volume_gradient[a][i]).abs() < 1.0e-7);
+            }
+        }
+    }
+}
+
+#[test]
+fn solid_tangent_is_the_derivative_of_its_force_at_constant_pressure() {
+    let geometry = TetGeometry::new(&tet()).unwrap();
+    let pressure = -0.37;
+    for law in LAWS {
+        let u = shaken::<10>(0.12, 3);
+        let force = |u: &[Vec3; 10]| {
+            let mut terms = TetTerms::default();
+            terms.evaluate(&geometry, u, pressure, &law, true).unwrap();
+            let total: [Vec3; 10] =
+                std::array::from_fn(|a| add(terms.force[a], scale(pressure, terms.volume_gradient[a])));
+            (total, terms)
+        };
+        let (_, here) = force(&u);
+        for b in 0..10 {
+            for j in 0..3 {
+                let at = |step: f64| {
+                    let mut moved = u;
+                    moved[b][j] += step;
+                    force(&moved).0
+                };
+                let (up, down) = (at(STEP), at(-STEP));
+                for a in b..10 {
+                    for i in 0..3 {
+                        let block = &here.tangent[a * (a + 1) / 2 + b];
+                        let measured = (up[a][i] - down[a][i]) / (2.0 * STEP);
+                        assert!((block[i][j] - measured).abs() < 1.0e-6, "{law:?} {a}{i} {b}{j}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn membrane_force_and_tangent_are_derivatives_of_its_energy() {
+    let x = triangle();
+    let geometry = MembraneGeometry::new(&x, membrane::plane_axes(&x)).unwrap();
+    let c = [677.0, 135.0, 270.0];
+    let deformed: [Vec3; 6] = std::array::from_fn(|a| add(x[a], shaken::<6>(0.1, 11)[a]));
+    let resultants =
+        |x: &[Vec3; 6]| std::array::from_fn(|q| membrane::resultant(c, membrane::strain(&geometry, q, x)));
+    let energy = |x: &[Vec3; 6]| -> f64 {
+        let half = |q: usize| {
+            let e = membrane::strain(&geometry, q, x);
+            let n = membrane::resultant(c, e);
+            0.5 * geometry.weights[q] * (n[0] * e[0] + n[1] * e[1] + 2.0 * n[2] * e[2])
+        };
+        (0..3).map(half).sum()
+    };
+    let force = |x: &[Vec3; 6]| membrane::force(&geometry, x, &resultants(x));
+    let here = force(&deformed);
+    let tangent = membrane::tangent(&geometry, &deformed, &resultants(&deformed), c);
+    for b in 0..6 {
+        for j in 0..3 {
+            let at = |step: f64| {
+                let mut moved = deformed;
+                moved[b][j] += step;
+                moved
+            };
+            let (up, down) = (at(STEP), at(-STEP));
+            let slope = (energy(&up) - energy(&down)) / (2.0 * STEP);
+            assert!((slope - here[b][j]).abs() < 1.0e-5 * (1.0 + slope.abs()));
+            let (up, down) = (force(&up), force(&down));
+            for a in b..6 {
+                for i in 0..3 {
+                    let measured = (up[a][i] - down[a][i]) / (2.0 * STEP);
+                    let stated = tangent[a * (a + 1) / 2 + b][i][j];
+                    assert!((measured - stated).abs() < 1.0e-5 * (1.0 + stated.abs()), "{a}{i} {b}{j}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn membrane_strain_increment_is_linear_in_the_displacement() {
+    let x = triangle();
+    let geometry = MembraneGeometry::new(&x, membrane::plane_axes(&x)).unwrap();
+    let du = shaken::<6>(1.0e-6, 5);
+    let moved: [Vec3; 6] = std::array::from_fn(|a| add(x[a], du[a]));
+    for q in 0..3 {
+        let (before, after) = (membrane::strain(&geometry, q, &x), membrane::strain(&geometry, q, &moved));
+        let linear = membrane::strain_increment(&geometry, q, &x, &du);
+        for k in 0..3 {
+            assert!((after[k] - before[k] - linear[k]).abs() < 1.0e-11);
+        }
+    }
+}
+
+#[test]
+fn cavity_load_and_tangent_are_derivatives_of_the_volume() {
+    for load in [CavityLoad::FlatFacets, CavityLoad::Consistent] {
+        let x: [Vec3; 6] = std::array::from_fn(|a| add(triangle()[a], shaken::<6>(0.3, 23)[a]));
+        let here = face_terms(&x, load);
+        for b in 0..6 {
+            for j in 0..3 {
+                let at = |step: f64| {
+                    let mut moved = x;
+                    moved[b][j] += step;
+                    face_terms(&moved, load)
+                };
+                let (up, down) = (at(STEP), at(-STEP));
+                let slope = (up.volume_mm3 - down.volume_mm3) / (2.0 * STEP);
+                assert!((slope - here.gradient[b][j]).abs() < 1.0e-7);
+                for a in 0..6 {
+                    let block = skew(here.hessian[a][b]);
+                    for (i, row) in block.iter().enumerate() {
+                        let measured = (up.gradient[a][i] - down.gradient[a][i]) / (2.0 * STEP);
+                        assert!((measured + row[j]).abs() < 1.0e-7, "{load:?} {a}{i} {b}{j}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn penalty_is_smooth_and_linear_beyond_its_rounding() {
+    let w = 0.015;
+    for d in [-0.02, -0.0149, -0.003, 0.0, 0.004, 0.0149, 0.2] {
+        let at = |d| penalty(d, w);
+        let (up, down, here) = (at(d + 1.0e-7), at(d - 1.0e-7), at(d));
+        assert!(((up.energy - down.energy) / 2.0e-7 - here.force).abs() < 1.0e-8);
+        assert!(((up.force - down.force) / 2.0e-7 - here.stiffness).abs() < 1.0e-5);
+    }
+    assert_eq!(penalty(0.2, w).force, 0.2);
+    assert_eq!(penalty(-0.02, w).force, 0.0);
+}
+
+/// Bent to a cylinder of radius R, a plate stores `D / (2 R^2)` per area whatever its mesh.
+#[test]
+fn bending_energy_of_a_cylinder_is_the_plate_theory_value() {
+    let (cells, side) = (4, 10.0);
+    let at =
+        |i: usize, j: usize| [side * i as f64 / (2 * cells) as f64, side * j as f64 / (2 * cells) as f64];
+    let node = |i: usize, j: usize| u32::try_from(i * (2 * cells + 1) + j).unwrap();
+    let mut triangles = Vec::new();
+    for i in (0..2 * cells).step_by(2) {
+        for j in (0..2 * cells).step_by(2) {
+            for c in [[(0, 0), (2, 0), (2, 2)], [(0, 0), (2, 2), (0, 2)]] {
+                let c = c.map(|(a, b)| (i + a, j + b));
+                let mid = |a: usize, b: usize| ((c[a].0 + c[b].0) / 2, (c[a].1 + c[b].1) / 2);
+                triangles.push([c[0], c[1], c[2], mid(0, 1), mid(1, 2), mid(2, 0)]);
+            }
+        }
+    }
+    let plane: Vec<[[f64; 2]; 6]> = triangles.iter().map(|t| t.map(|(i, j)| at(i, j))).collect();
+    let nodes: Vec<[u32; 6]> = triangles.iter().map(|t| t.map(|(i, j)| node(i, j))).collect();
+    let (stiffness, poisson, radius) = (0.56, 0.2, 400.0);
+    let entries = bending::assemble(&nodes, &plane, stiffness, poisson, 5.0).unwrap();
+    let total = (2 * cells + 1) * (2 * cells + 1);
+    let mut x = vec![[0.0; 3]; total];
+    for (t, p) in nodes.iter().zip(&plane) {
+        for (n, p) in t.iter().zip(p) {
+            let angle = p[0] / radius;
+            x[*n as usize] = [radius * angle.sin(), radius * (1.0 - angle.cos()), p[1]];
+        }
+    }
+    let mut force = vec![[0.0; 3]; total];
+    bending::add_force(&entries, &x, &mut force);
+    let energy: f64 = 0.5 * x.iter().zip(&force).map(|(x, f)| dot(*x, *f)).sum::<f64>();
+    let expected = 0.5 * stiffness / (radius * radius) * side * side;
+    assert!(super::builder::close(energy, expected, 1.0e-3), "{energy} against {expected}");
+    // Flat but rotated, sheared and stretched: no bending force at all.
+    for (t, p) in nodes.iter().zip(&plane) {
+        for (n, p) in t.iter().zip(p) {
+            x[*n as usize] = [0.66 * p[0] + 3.0, 0.8 * p[0], p[1] - 0.2 * p[0]];
+        }
+    }
+    let mut flat = vec![[0.0; 3]; total];
+    bending::add_force(&entries, &x, &mut flat);
+    assert!(flat.iter().flatten().all(|f| f.abs() < 1.0e-11));
+}
+
+#[test]
+fn shape_functions_sum_to_one_and_quadrature_is_exact() {
+    for [r, s, _] in tri6::SIX_POINTS {
+        assert!((tri6::shape(r, s).iter().sum::<f64>() - 1.0).abs() < 1.0e-14);
+        let d = tri6::derivatives(r, s);
+        assert!(d.iter().map(|d| d[0]).sum::<f64>().abs() < 1.0e-13);
+        assert!(d.iter().map(|d| d[1]).sum::<f64>().abs() < 1.0e-13);
+    }
+    // integral of r^2 s^2 over the reference triangle is 1/180; the weights sum to 1 over an area of 1/2.
+    let sum: f64 = tri6::SIX_POINTS.iter().map(|[r, s, w]| w * r * r * s * s).sum();
+    assert!((0.5 * sum - 1.0 / 180.0).abs() < 1.0e-14);
+    for q in 0..4 {
+        assert!((tet10::shape(tet10::gauss_point(q)).iter().sum::<f64>() - 1.0).abs() < 1.0e-14);
+    }
+}
+
+/// Extrapolation reproduces a linear field exactly.
+#[test]
+fn stress_extrapolation_is_exact_for_linear_fields() {
+    let x = tet();
+    let field = |p: Vec3| 1.0 + 2.0 * p[0] - 0.5 * p[1] + 3.0 * p[2];
+    let at_gauss = std::array::from_fn(|q| {
+        let mut p = [0.0; 3];
+        for (n, x) in tet10::shape(tet10::gauss_point(q)).iter().zip(&x) {
+            axpy(*n, *x, &mut p);
+        }
+        [field(p); 6]
+    });
+    for (value, x) in tet10::extrapolate(at_gauss).into_iter().zip(x) {
+        assert!((value[4] - field(x)).abs() < 1.0e-12);
+    }
+}

@@ -1,0 +1,49 @@
+//! Arrays of one's own as a database that a model can be trained on, read back, and one state as a file for ParaView.
+
+use formats::database::{self, ObstacleKind};
+use formats::fields::State;
+use formats::vtu::Cells;
+use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = std::env::temp_dir().join("softtwin-example-database");
+    let case = |name: &str, pressure_mpa| Case {
+        name: name.into(),
+        regime: RegimeKind::Free,
+        split: Split::Train,
+        pressure_mpa,
+        gap_mm: None,
+        contact_force_n: 0.0,
+    };
+    let mut mine = Database {
+        actuator: "mine".into(),
+        fields: FieldSpec::of_the_paper(), // x, y, z, displacement in mm, von Mises stress in MPa
+        node_count: 2,
+        cases: vec![case("rest", 0.0), case("inflated", 0.05)],
+        // cases x nodes x fields
+        snapshots: vec![
+            0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 0.0, //
+            0.0, 0.0, 0.0, 0.0, 0.1, 8.0, 3.0, 0.0, 3.2, 0.2,
+        ],
+        undeformed_mm: None,
+        surface_triangles: vec![],
+        node_sets: vec![],
+        obstacle: Footprint::PLATE,
+        hash: [0; 32],
+    };
+    mine.hash = mine.content_hash();
+    database::write(&folder, &mine, &[])?;
+    let read = database::read(&folder, ObstacleKind::Plate)?;
+    assert_eq!((read.hash, read.snapshots), (mine.hash, mine.snapshots.clone()));
+    let by_field: Vec<f32> = (0..5).flat_map(|field| mine.field(1, field)).collect();
+    let state = State {
+        fields: &mine.fields,
+        nodes: 2,
+        values: &by_field,
+        undeformed: None,
+        cells: Cells::Triangles(&[]),
+    };
+    state.write(&folder.join("inflated.vtu"))?;
+    println!("{}", folder.display());
+    Ok(())
+}

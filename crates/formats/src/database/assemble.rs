@@ -1,0 +1,43 @@
+//! Puts the parts of a database together.
+
+use super::mesh;
+use super::words::ObstacleKind;
+use crate::error::FormatError;
+use rom::snapshots::{Case, Database, FieldSpec};
+use std::path::Path;
+
+/// What the reader of a layout found.
+pub struct Parts {
+    pub actuator: String,
+    pub fields: Vec<FieldSpec>,
+    pub node_count: usize,
+    pub cases: Vec<Case>,
+    /// `cases x nodes x fields`.
+    pub snapshots: Vec<f32>,
+}
+
+impl Parts {
+    /// The database with its mesh, where there is one, and its hash.
+    ///
+    /// # Errors
+    /// A mesh that cannot be read or has another number of nodes.
+    pub fn assemble(self, mesh: Option<&Path>, obstacle: ObstacleKind) -> Result<Database, FormatError> {
+        let body = mesh.map(|path| mesh::read(path, self.node_count)).transpose()?;
+        let has_mesh = body.is_some();
+        let body = body.unwrap_or_default();
+        let mut database = Database {
+            actuator: self.actuator,
+            fields: self.fields,
+            node_count: self.node_count,
+            cases: self.cases,
+            snapshots: self.snapshots,
+            undeformed_mm: has_mesh.then_some(body.points_mm),
+            surface_triangles: body.triangles,
+            node_sets: body.node_sets,
+            obstacle: obstacle.footprint(),
+            hash: [0; 32],
+        };
+        database.hash = database.content_hash();
+        Ok(database)
+    }
+}

@@ -1,0 +1,106 @@
+//! The project's own layout: `database.toml`, `cases.csv`, `snapshots.npy` or packed, `mesh.vtu`.
+
+use super::assemble::Parts;
+use super::cases;
+use super::manifest::{FILE, Manifest};
+use super::words::ObstacleKind;
+use crate::error::{Diagnostic, FormatError};
+use crate::mesh_file::Tet10;
+use crate::packed::{self, Snapshots};
+use crate::{file, npy, vtu};
+use rom::snapshots::{Case, Database};
+use std::path::Path;
+
+/// Ending of packed snapshots, see [`packed`].
+pub const PACKED: &str = "pack";
+
+/// Reads the cases of one kind of obstacle.
+pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
+    let manifest = Manifest::read(&dir.join(FILE))?;
+    let cases_path = dir.join(&manifest.cases);
+    let cases = cases::read(&cases_path, &manifest)?;
+    let fields = manifest.field_specs();
+    let snapshots_path = dir.join(&manifest.snapshots);
+    let mesh = manifest.mesh.as_ref().map(|file| dir.join(file));
+    let array = read_snapshots(&snapshots_path, mesh.as_deref())?;
+    let expected = [cases.len(), manifest.nodes, fields.len()];
+    if array.shape != expected {
+        let expected = format!("{expected:?} (cases in {}, nodes and fields in {FILE})", manifest.cases);
+        let diagnostic = Diagnostic::new("shape", expected, format!("{:?}", array.shape));
+        return Err(FormatError::one(&snapshots_path, diagnostic));
+    }
+    let (cases, snapshots) = select(cases, obstacle, array.values, manifest.nodes * fields.len());
+    if cases.is_empty() {
+        let expected = format!("cases of scene {}", obstacle.name());
+        return Err(FormatError::one(&cases_path, Diagnostic::new("column regime", expected, "none")));
+    }
+    let node_count = manifest.nodes;
+    let parts = Parts { actuator: manifest.actuator, fields, node_count, cases, snapshots };
+    let mut database = parts.assemble(mesh.as_deref(), obstacle)?;
+    database.obstacle = manifest.obstacle.unwrap_or(database.obstacle);
+    Ok(database)
+}
+
+/// The cases of one kind of obstacle and their snapshots, in file order.
+fn select(
+    all: Vec<(ObstacleKind, Case)>,
+    wanted: ObstacleKind,
+    values: Vec<f32>,
+    entries: usize,
+) -> (Vec<Case>, Vec<f32>) {
+    let mut snapshots = Vec::with_capacity(values.len());
+    let mut cases = Vec::with_capacity(all.len());
+    for ((obstacle, case), snapshot) in all.into_iter().zip(values.chunks_exact(entries.max(1))) {
+        if obstacle == wanted {
+            cases.push(case);
+            snapshots.extend_from_slice(snapshot);
+        }
+    }
+    (cases, snapshots)
+}
+
+/// Snapshots as an array or, by the ending [`PACKED`], packed; then the mesh gives the fields that follow from it.
+///
+/// # Errors
+/// Not readable, or not of three dimensions.
+pub fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, FormatError> {
+    if path.extension().is_some_and(|e| e == PACKED) {
+        let mesh = mesh.map(vtu::read).transpose()?;
+        return packed::read(path, mesh.as_ref().map(|m| m.points_mm.as_slice()));
+    }
+    let array = npy::read_f32(path)?;
+    let shape = <[usize; 3]>::try_from(array.shape).map_err(|found| {
+        FormatError::one(path, Diagnostic::new("shape", "cases x nodes x fields", format!("{found:?}")))
+    })?;
+    Ok(Snapshots { shape, values: array.data })
+}
+
+/// Kinds of obstacle for which a folder has cases: what `--scene` can choose.
+///
+/// # Errors
+/// As [`super::read`], for the manifest and the table of cases.
+pub fn obstacle_kinds(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
+    let manifest = Manifest::read(&dir.join(FILE))?;
+    let cases = cases::read(&dir.join(&manifest.cases), &manifest)?;
+    let present = |kind: &ObstacleKind| cases.iter().any(|(found, _)| found == kind);
+    Ok(ObstacleKind::ALL.into_iter().filter(present).collect())
+}
+
+/// Writes a database folder; `tets` makes the mesh file. Existing files are replaced.
+///
+/// # Errors
+/// The operating system's.
+pub fn write(dir: &Path, database: &Database, tets: &[Tet10]) -> Result<(), FormatError> {
+    file::create_folder(dir)?;
+    let mut manifest = Manifest::new(&database.actuator, database.node_count, &database.fields);
+    manifest.obstacle = Some(database.obstacle);
+    if let (Some(points), false) = (&database.undeformed_mm, tets.is_empty()) {
+        manifest.mesh = Some("mesh.vtu".into());
+        let grid = vtu::Grid { points_mm: points, cells: vtu::Cells::QuadraticTets(tets), point_data: &[] };
+        vtu::write(&dir.join("mesh.vtu"), &grid)?;
+    }
+    cases::write(&dir.join(&manifest.cases), &database.cases)?;
+    let shape = [database.cases.len(), database.node_count, database.fields.len()];
+    npy::write_f32(&dir.join(&manifest.snapshots), &shape, &database.snapshots)?;
+    manifest.write(&dir.join(FILE))
+}

@@ -1,0 +1,103 @@
+//! Access to files: reading within a stated size, and replacing a file whole.
+
+use crate::error::{Diagnostic, FormatError};
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::path::{Component, Path, PathBuf};
+
+/// Largest description or table (TOML, JSON, lists of cases) that is read: 64 MiB.
+pub const MAX_TEXT_BYTES: u64 = 64 << 20;
+
+/// Largest array, mesh or matrix that is read: 8 GiB.
+pub const MAX_DATA_BYTES: u64 = 8 << 30;
+
+/// Opens a regular file of at most `limit` bytes and returns it with its length in bytes.
+///
+/// # Errors
+/// The operating system's refusal; a folder, device or pipe; a longer file.
+pub fn open(path: &Path, limit: u64) -> Result<(File, u64), FormatError> {
+    let unreadable = |error| FormatError::read(path, error);
+    // Asked before the file is opened: opening a pipe waits for its writer.
+    let metadata = fs::metadata(path).map_err(unreadable)?;
+    if !metadata.is_file() {
+        let found = if metadata.is_dir() { "a folder" } else { "a device or pipe" };
+        return Err(FormatError::one(path, Diagnostic::new("file", "a regular file", found)));
+    }
+    if metadata.len() > limit {
+        let (expected, found) = (format!("at most {limit} bytes"), format!("{} bytes", metadata.len()));
+        return Err(FormatError::one(path, Diagnostic::new("file", expected, found)));
+    }
+    Ok((File::open(path).map_err(unreadable)?, metadata.len()))
+}
+
+/// The content of a regular file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`open`]; a file that does not fit into memory.
+pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
+    let (file, length) = open(path, limit)?;
+    let mut bytes = Vec::new();
+    let memory = |_| FormatError::read(path, io::ErrorKind::OutOfMemory.into());
+    bytes.try_reserve_exact(length as usize).map_err(memory)?;
+    // Files that grow while they are read, and those of /proc, whose length is 0, end at the limit too.
+    file.take(limit).read_to_end(&mut bytes).map_err(|error| FormatError::read(path, error))?;
+    Ok(bytes)
+}
+
+/// The text of a regular file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`read_bytes`]; bytes that are not UTF-8.
+pub fn read_text(path: &Path, limit: u64) -> Result<String, FormatError> {
+    let bytes = read_bytes(path, limit)?;
+    String::from_utf8(bytes)
+        .map_err(|_| FormatError::one(path, Diagnostic::new("content", "UTF-8 text", "other bytes")))
+}
+
+/// Replaces a file as a whole: a reader sees the old content or the new one, never a part, also after a crash.
+///
+/// Through a symbolic link its target is replaced. Devices and pipes (`/dev/stdout`) are written to directly.
+///
+/// # Errors
+/// The operating system's refusal; the old file is untouched then.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
+    let write = || -> io::Result<()> {
+        let target = fs::canonicalize(path).unwrap_or_else(|_| path.into());
+        if fs::metadata(&target).is_ok_and(|metadata| !metadata.is_file()) {
+            return fs::write(&target, bytes);
+        }
+        // The process id keeps two programs that write the same file apart.
+        let mut partial = target.clone().into_os_string();
+        partial.push(format!(".part{}", std::process::id()));
+        let partial = PathBuf::from(partial);
+        let written = File::create(&partial).and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        });
+        written.and_then(|()| fs::rename(&partial, &target)).inspect_err(|_| drop(fs::remove_file(&partial)))
+    };
+    write().map_err(|error| FormatError::write(path, error))
+}
+
+/// Copies a file.
+///
+/// # Errors
+/// The operating system's refusal.
+pub fn copy(from: &Path, to: &Path) -> Result<(), FormatError> {
+    fs::copy(from, to).map(drop).map_err(|error| FormatError::write(to, error))
+}
+
+/// Creates a folder with its parents.
+///
+/// # Errors
+/// The operating system's refusal.
+pub fn create_folder(path: &Path) -> Result<(), FormatError> {
+    fs::create_dir_all(path).map_err(|error| FormatError::write(path, error))
+}
+
+/// Whether a name is that of a file in the same folder, without any way out of it.
+#[must_use]
+pub fn is_plain_name(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
+}
