@@ -3,6 +3,7 @@
 
 use recording::message::{Recorded, SensorMessage};
 use recording::{Reader, Writer};
+use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
 use runtime::source::{Encoding, LineBuffer, Quantity, RegisterSpec, Table, Trace, WordOrder};
 use std::io::Cursor;
@@ -38,6 +39,40 @@ pub const ENTRANCES: [Entrance; 8] = [
     },
     Entrance { name: "key", body: key, seed: || b"softtwin/*/state\0softtwin/**/field/$*top".to_vec() },
 ];
+
+/// Largest damaged input, in bytes.
+pub const MAX_INPUT: usize = 1 << 20;
+
+/// One to four damages: bits, bytes, cuts, repetitions, numbers at their limits, or noise from the start.
+pub fn damage(seed: &[u8], random: &mut Rng) -> Vec<u8> {
+    let mut bytes = seed.to_vec();
+    for _ in 0..1 + random.below(4) {
+        let at = random.below(bytes.len().max(1));
+        match random.below(8) {
+            0 if !bytes.is_empty() => bytes[at] ^= 1 << random.below(8),
+            1 if !bytes.is_empty() => bytes[at] = random.next_u64() as u8,
+            2 => bytes.truncate(at),
+            3 => drop(bytes.drain(at..(at + random.below(16)).min(bytes.len()))),
+            4 => {
+                let piece: Vec<u8> = bytes[at..(at + random.below(32)).min(bytes.len())].to_vec();
+                let to = random.below(bytes.len() + 1);
+                bytes.splice(to..to, piece);
+            }
+            5 => {
+                let value = [u64::MAX, 1 << 63, 1 << 40, 1 << 31, u64::from(u32::MAX), 0][random.below(6)];
+                for (offset, byte) in value.to_le_bytes().into_iter().enumerate() {
+                    if let Some(place) = bytes.get_mut(at + offset) {
+                        *place = byte;
+                    }
+                }
+            }
+            6 => bytes.insert(at, random.next_u64() as u8),
+            _ => bytes = (0..random.below(300)).map(|_| random.next_u64() as u8).collect(),
+        }
+    }
+    bytes.truncate(MAX_INPUT);
+    bytes
+}
 
 /// A model file, read whole and read block by block.
 pub fn model(bytes: &[u8]) {

@@ -3,15 +3,15 @@
 //! `SOFTTWIN_INPUTS=10000000 cargo test --workspace --test inputs -- --nocapture` tries so many inputs over all entrances
 //! and says how many it tried, the largest allocation and the slowest input of each entrance.
 
+use rom::rng::Rng;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
-use tests::inputs::{ENTRANCES, Entrance};
+use tests::inputs::{ENTRANCES, Entrance, MAX_INPUT, damage};
 
 /// No input of at most [`MAX_INPUT`] bytes may make a reader ask for more than this at once.
 const LARGEST_ALLOCATION: usize = 64 << 20;
-const MAX_INPUT: usize = 1 << 20;
 
 /// The system's allocator, with the largest request noted.
 struct Watching;
@@ -46,53 +46,6 @@ unsafe impl GlobalAlloc for Watching {
 
 #[global_allocator]
 static ALLOCATOR: Watching = Watching;
-
-/// A small generator, so that every run tries the same inputs.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit.max(1) as u64) as usize
-    }
-}
-
-/// One to four damages: bits, bytes, cuts, repetitions, numbers at their limits, or noise from the start.
-fn damage(seed: &[u8], random: &mut Random) -> Vec<u8> {
-    let mut bytes = seed.to_vec();
-    for _ in 0..1 + random.below(4) {
-        let at = random.below(bytes.len());
-        match random.below(8) {
-            0 if !bytes.is_empty() => bytes[at] ^= 1 << random.below(8),
-            1 if !bytes.is_empty() => bytes[at] = random.next() as u8,
-            2 => bytes.truncate(at),
-            3 => drop(bytes.drain(at..(at + random.below(16)).min(bytes.len()))),
-            4 => {
-                let piece: Vec<u8> = bytes[at..(at + random.below(32)).min(bytes.len())].to_vec();
-                let to = random.below(bytes.len() + 1);
-                bytes.splice(to..to, piece);
-            }
-            5 => {
-                let value = [u64::MAX, 1 << 63, 1 << 40, 1 << 31, u64::from(u32::MAX), 0][random.below(6)];
-                for (offset, byte) in value.to_le_bytes().into_iter().enumerate() {
-                    if let Some(place) = bytes.get_mut(at + offset) {
-                        *place = byte;
-                    }
-                }
-            }
-            6 => bytes.insert(at, random.next() as u8),
-            _ => bytes = (0..random.below(300)).map(|_| random.next() as u8).collect(),
-        }
-    }
-    bytes.truncate(MAX_INPUT);
-    bytes
-}
 
 /// Share of an entrance in thousandths: a model file takes longer than a key expression.
 fn share(entrance: &Entrance) -> usize {
@@ -134,7 +87,7 @@ fn try_all(entrance: &Entrance, count: usize) -> (usize, Duration) {
     let seed = (entrance.seed)();
     assert!(seed.len() <= MAX_INPUT, "{}", entrance.name);
     (entrance.body)(&seed);
-    let mut random = Random(0x9e37_79b9_7f4a_7c15 ^ seed.len() as u64);
+    let mut random = Rng::new(seed.len() as u64);
     let mut slowest = Duration::ZERO;
     LARGEST.store(0, Ordering::Relaxed);
     for _ in 0..count {

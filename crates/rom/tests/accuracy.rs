@@ -213,7 +213,7 @@ fn outside_the_samples_answers_are_flagged() {
 
 #[test]
 fn a_database_with_one_gap_trains_and_answers() {
-    let database = database("gripper", ObstacleKind::Gripper);
+    let database = database("gripper", ObstacleKind::Block);
     let (model, _) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
     let contact = model.regime(RegimeKind::Contact).expect("contact");
     assert_eq!(contact.inputs.dimensions(), 1, "a constant gap is no input");
