@@ -5,7 +5,9 @@
 
 pub mod inputs;
 pub mod manager;
+pub mod modules;
 pub mod process;
+pub mod skip;
 pub mod stage;
 pub mod wait;
 

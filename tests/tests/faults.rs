@@ -4,6 +4,7 @@
 use std::process::Command;
 use std::time::Instant;
 use tests::Verifier;
+use tests::skip::{Missing, skipped};
 use tests::stage::{model_bytes, other_model_bytes};
 use tests::wait::{fresh, states, wait_for, wait_state};
 use tests::{PATIENCE, Program, Stage};
@@ -202,8 +203,7 @@ fn memory_exhausted_later_stops_newcomers_and_nobody_else() {
     let mount = "mount -t tmpfs -o size=64m tmpfs /dev/shm";
     if !Command::new("unshare").args(["-m", "sh", "-c", mount]).output().is_ok_and(|out| out.status.success())
     {
-        println!("SKIPPED: mounting a small /dev/shm is not allowed here");
-        return;
+        return skipped(Missing::SmallSharedMemory);
     }
     let stage = Stage::new("exhausted");
     stage.finger(&source(200.0));

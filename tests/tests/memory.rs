@@ -1,6 +1,7 @@
 //! A full /dev/shm is an error text at start, not a SIGBUS in the middle of the night.
 
 use std::process::Command;
+use tests::skip::{Missing, skipped};
 use tests::{Program, Stage};
 
 /// A private /dev/shm needs a mount namespace, which needs rights.
@@ -15,8 +16,7 @@ fn may_mount() -> bool {
 #[test]
 fn a_full_shared_memory_is_refused_with_bytes_and_remedy() {
     if !may_mount() {
-        println!("SKIPPED: mounting a small /dev/shm is not allowed here");
-        return;
+        return skipped(Missing::SmallSharedMemory);
     }
     let stage = Stage::new("full");
     stage.finger("kind = \"simulate\"");

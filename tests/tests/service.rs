@@ -5,6 +5,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
+use tests::skip::{Missing, skipped};
 use tests::wait::wait_state;
 use tests::{Manager, PATIENCE, Program, Stage};
 use wire::layout::flags;
@@ -229,8 +230,7 @@ fn metrics_are_served_on_loopback_when_asked_for() {
 fn systemd_accepts_the_units() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/systemd");
     if Command::new("systemd-analyze").arg("--version").output().is_err() {
-        println!("SKIPPED: systemd-analyze is not installed on this machine");
-        return;
+        return skipped(Missing::SystemdAnalyze);
     }
     let copies = tempfile::tempdir().unwrap();
     let mut units = Vec::new();

@@ -1,0 +1,18 @@
+//! What a machine may lack. These are the only reasons for which a test may end without its checks; `house.rs` asserts that no
+//! other file has one.
+
+/// Something that a test needs and that not every machine has.
+#[derive(Debug, Clone, Copy)]
+pub enum Missing {
+    /// The right to mount a small `/dev/shm` in a namespace of its own.
+    SmallSharedMemory,
+    /// `systemd-analyze`.
+    SystemdAnalyze,
+    /// A C++ compiler.
+    CppCompiler,
+}
+
+/// Prints that a test ends without its checks, and why.
+pub fn skipped(missing: Missing) {
+    println!("SKIPPED: this machine has no {missing:?}");
+}
