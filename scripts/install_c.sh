@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs the C and C++ client: libsofttwin (shared and static), softtwin.h, softtwin.hpp, softtwin.pc.
+# Installs the C and C++ client: libsofttwin (shared and static), softtwin.h, softtwin_layout.h, softtwin.hpp,
+# softtwin.pc.
 #   scripts/install_c.sh PREFIX [--profile dev|release]        default: release
 #   PKG_CONFIG_PATH=PREFIX/lib/pkgconfig pkg-config --cflags --libs softtwin
 set -euo pipefail
@@ -14,7 +15,9 @@ if [ "$profile" = dev ]; then cargo build --locked --quiet --workspace; else car
 folder=${CARGO_TARGET_DIR:-target}/$([ "$profile" = dev ] && echo debug || echo "$profile")
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 mkdir -p "$prefix/lib/pkgconfig" "$prefix/include"
-cp "$folder/libsofttwin.so" "$folder/libsofttwin.a" "$prefix/lib/"
-cp crates/capi/include/softtwin.h crates/capi/include/softtwin.hpp "$prefix/include/"
+cp "$folder/libcapi.so" "$prefix/lib/libsofttwin.so.0"
+ln -sf libsofttwin.so.0 "$prefix/lib/libsofttwin.so"
+cp "$folder/libcapi.a" "$prefix/lib/libsofttwin.a"
+cp crates/capi/include/softtwin{,_layout}.h crates/capi/include/softtwin.hpp "$prefix/include/"
 sed "s|@PREFIX@|$prefix|; s|@VERSION@|$version|" clients/c/softtwin.pc.in > "$prefix/lib/pkgconfig/softtwin.pc"
 echo "installed libsofttwin $version to $prefix"

@@ -1,13 +1,13 @@
 //! Everything that reads bytes from outside, each as one function from bytes to nothing: no panic, no hang, no large
 //! allocation, whatever the bytes. The fuzz targets of `fuzz/` and the property test `inputs` run the same bodies.
 
-use recording::message::{Recorded, SensorMessage};
+use recording::message::{Recorded, channel, decode_reading};
 use recording::{Reader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
 use runtime::source::{Encoding, LineBuffer, Quantity, RegisterSpec, Table, Trace, WordOrder};
 use std::io::Cursor;
-use wire::{KeyExpr, SensorSample, Topic};
+use wire::{KeyExpr, Payload, SensorSample, Topic};
 
 /// One entrance for bytes from outside.
 #[derive(Debug, Clone, Copy)]
@@ -122,20 +122,20 @@ pub fn recording(bytes: &[u8]) {
     let Ok(mut reader) = Reader::new(bytes) else { return };
     while let Ok(Some(item)) = reader.next_item() {
         if let recording::Item::Message(message) = item
-            && let Ok(reading) = SensorMessage::decode(&message.data)
+            && let Ok(reading) = decode_reading(&message.data)
         {
-            std::hint::black_box(reading.sample());
+            std::hint::black_box(reading);
         }
     }
 }
 
 fn recording_seed() -> Vec<u8> {
     let mut writer = Writer::new(Vec::new()).expect("memory");
-    let channel = writer.channel(&SensorMessage::channel("softtwin/finger/sensor")).expect("a channel");
+    let channel =
+        writer.channel(&channel(SensorSample::LAYOUT, "softtwin/finger/sensor")).expect("a channel");
     let mut bytes = Vec::new();
     for seq in 0..4 {
-        SensorMessage::from(&SensorSample { seq, pressure_mpa: 0.01, ..SensorSample::default() })
-            .encode(&mut bytes);
+        SensorSample { seq, pressure_mpa: 0.01, ..SensorSample::default() }.view().encode(&mut bytes);
         writer.message(channel, seq as u32, seq, seq, &bytes).expect("memory");
     }
     writer.finish().expect("memory")

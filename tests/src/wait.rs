@@ -17,7 +17,7 @@ pub fn wait_for<R: Wakeable, T>(reader: &R, what: &str, mut wanted: impl FnMut(&
             return found;
         }
         assert!(Instant::now() < end, "{what} did not come");
-        wake.wait([reader as &dyn Wakeable], Duration::from_millis(200)).expect("samples can be waited for");
+        wake.wait(Duration::from_millis(200)).expect("samples can be waited for");
     }
 }
 

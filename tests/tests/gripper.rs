@@ -28,7 +28,7 @@ fn the_papers_case_is_met() {
         assert!((force - 0.58).abs() < 0.02 * 0.58, "{force} N");
         assert!((force - 0.58626).abs() < 0.005 * 0.58626, "{force} N");
     }
-    assert_eq!((grasp.verdict, grasp.flags), (grasp_status::HELD, 0));
+    assert_eq!((grasp.grasp_status, grasp.flags), (grasp_status::HELD, 0));
     assert!(
         grasp.needed_friction < 0.2,
         "17 g must be held at the paper's friction: {}",
@@ -37,8 +37,8 @@ fn the_papers_case_is_met() {
     // At the stop point the force is the needed one: just below it is not held, just above it is.
     let stop = grasp.stop_pressure_mpa;
     assert!((0.03..0.079).contains(&stop), "{stop} MPa");
-    assert_eq!(gripper.at(stop - 1e-5, f64::NAN).verdict, grasp_status::NOT_HELD);
-    assert_ne!(gripper.at(stop + 1e-5, f64::NAN).verdict, grasp_status::NOT_HELD);
+    assert_eq!(gripper.at(stop - 1e-5, f64::NAN).grasp_status, grasp_status::NOT_HELD);
+    assert_ne!(gripper.at(stop + 1e-5, f64::NAN).grasp_status, grasp_status::NOT_HELD);
     assert!((gripper.at(stop, f64::NAN).least_force_n - gripper.needed_force_n()).abs() < 1e-6);
 }
 
@@ -63,7 +63,7 @@ fn an_object_too_heavy_has_no_stop_point() {
     let mut scene = Scene::load(&path).unwrap();
     scene.grasp.as_mut().unwrap().mass_g = 500.0;
     let grasp = GraspModel::load(&scene, &path).unwrap().unwrap().at(0.09, f64::NAN);
-    assert_eq!(grasp.verdict, grasp_status::NOT_HELD);
+    assert_eq!(grasp.grasp_status, grasp_status::NOT_HELD);
     assert!(grasp.stop_pressure_mpa.is_nan() && grasp.margin < 0.0);
 }
 

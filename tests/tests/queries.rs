@@ -84,7 +84,7 @@ fn a_what_if_is_answered_with_state_and_field() {
         let tip = Query { want_field: 1, node_set: pack_name("tip"), ..whatif(0.05, 25.0) };
         assert_eq!(client.ask(&tip, PATIENCE).unwrap().values().len(), 10);
         let unknown = Query { want_field: 1, node_set: pack_name("heel"), ..whatif(0.05, 25.0) };
-        assert_eq!(client.ask(&unknown, PATIENCE).unwrap().answer().verdict, QueryStatus::NoSuchField.code());
+        assert_eq!(client.ask(&unknown, PATIENCE).unwrap().answer().status, QueryStatus::NoSuchField.code());
     });
 }
 
@@ -105,7 +105,7 @@ fn fields_are_refused_where_the_scene_did_not_ask_for_them() {
     with_service("", |bus| {
         let mut client = QueryClient::open(bus, "finger").unwrap();
         let all = Query { want_field: 1, ..whatif(0.05, 25.0) };
-        assert_eq!(client.ask(&all, PATIENCE).unwrap().answer().verdict, QueryStatus::NoSuchField.code());
+        assert_eq!(client.ask(&all, PATIENCE).unwrap().answer().status, QueryStatus::NoSuchField.code());
     });
 }
 
@@ -161,7 +161,7 @@ fn the_reason_is_given_where_there_is_no_answer() {
     for (query, expected) in cases {
         let answer = ask(&mut beam, &query);
         assert_eq!(
-            QueryStatus::from_code(answer.verdict),
+            QueryStatus::from_code(answer.status),
             Some(expected),
             "{query:?}: {:?}",
             answer.refusal()
@@ -225,7 +225,7 @@ fn the_committed_model_is_inverted_over_its_whole_domain() {
             } else {
                 // More force than 0.09 MPa gives there, or less than the weight alone does.
                 let known = [QueryStatus::ForceTooHigh.code(), QueryStatus::ForceTooLow.code()];
-                assert!(known.contains(&answer.verdict), "{gap_mm} mm, {force_n} N: {:?}", answer.refusal());
+                assert!(known.contains(&answer.status), "{gap_mm} mm, {force_n} N: {:?}", answer.refusal());
             }
         }
     }

@@ -1,13 +1,13 @@
 //! Recorder and player as real processes: what was recorded plays back to the bit, and a kill costs a second at most.
 
-use recording::message::{Recorded, SensorMessage, StateMessage};
+use recording::message::decode_reading;
 use recording::{Ending, Item, Reader};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tests::wait::{wait_for, wait_state};
 use tests::{PATIENCE, Program, Stage};
-use wire::{Bus, KeyExpr, SensorReader, StateReader, Topic};
+use wire::{Bus, KeyExpr, Payload, SensorReader, SensorSample, State, StateReader, Topic};
 
 const STEADY: &str = r#"kind = "simulate"
 rate_hz = 200.0
@@ -29,16 +29,16 @@ fn essence(data: &[u8]) -> (u64, String) {
 }
 
 /// Readings and fresh states of a recording, by the reading's number.
-fn contents(path: &Path) -> (Vec<SensorMessage>, BTreeMap<u64, String>, Ending) {
+fn contents(path: &Path) -> (Vec<SensorSample>, BTreeMap<u64, String>, Ending) {
     let bytes = std::fs::read(path).unwrap();
     let mut reader = Reader::new(bytes.as_slice()).unwrap();
     let (mut readings, mut states) = (Vec::new(), BTreeMap::new());
     while let Some(item) = reader.next_item().unwrap() {
         let Item::Message(message) = item else { continue };
-        if message.channel.schema_name == SensorMessage::SCHEMA_NAME {
-            readings.push(SensorMessage::decode(&message.data).unwrap());
+        if message.channel.schema_name == SensorSample::LAYOUT.schema {
+            readings.push(decode_reading(&message.data).unwrap());
         }
-        if message.channel.schema_name == StateMessage::SCHEMA_NAME {
+        if message.channel.schema_name == State::LAYOUT.schema {
             let text = String::from_utf8_lossy(&message.data);
             let (seq, essence) = essence(&message.data);
             if seq > 0 && !text.contains("stale") {

@@ -58,47 +58,57 @@ private:
     detail::Handle<softtwin_bus, softtwin_bus_close> handle_;
 };
 
-/// A reader of a topic of fixed size; see the names below.
-template <typename Payload, typename Reader, softtwin_status (*Open)(softtwin_bus *, const char *, Reader **),
-          softtwin_status (*Next)(Reader *, int64_t, Payload *), softtwin_status (*Newest)(Reader *, int64_t, Payload *),
-          void (*Close)(Reader *)>
-class SizedReader {
+namespace detail {
+/// The kind of topic that carries a payload.
+template <typename Payload> struct Kind;
+template <> struct Kind<softtwin_sensor_sample> { static constexpr const char *name = "sensor"; };
+template <> struct Kind<softtwin_state> { static constexpr const char *name = "state"; };
+template <> struct Kind<softtwin_health> { static constexpr const char *name = "health"; };
+template <> struct Kind<softtwin_grasp> { static constexpr const char *name = "grasp"; };
+template <> struct Kind<softtwin_command> { static constexpr const char *name = "command"; };
+
+using Reader = Handle<softtwin_reader, softtwin_reader_close>;
+
+inline Reader open_reader(const Bus &bus, const std::string &name, const char *kind, const char *node_set) {
+    softtwin_reader *reader = nullptr;
+    check(softtwin_reader_open(bus.get(), name.c_str(), kind, node_set, &reader));
+    return Reader(reader);
+}
+
+using Writer = Handle<softtwin_writer, softtwin_writer_close>;
+
+inline Writer open_writer(const Bus &bus, const std::string &name, const char *kind) {
+    softtwin_writer *writer = nullptr;
+    check(softtwin_writer_open(bus.get(), name.c_str(), kind, &writer));
+    return Writer(writer);
+}
+} // namespace detail
+
+/// A reader of a topic whose payload is copied.
+template <typename Payload> class PayloadReader {
 public:
-    SizedReader(const Bus &bus, const std::string &name) {
-        Reader *reader = nullptr;
-        check(Open(bus.get(), name.c_str(), &reader));
-        handle_.reset(reader);
-    }
+    PayloadReader(const Bus &bus, const std::string &name)
+        : reader_(detail::open_reader(bus, name, detail::Kind<Payload>::name, nullptr)) {}
     /// The oldest waiting sample; waits for one at most `timeout`. Nothing: the time is over.
-    std::optional<Payload> next(std::chrono::milliseconds timeout) {
-        Payload payload{};
-        if (!detail::came(Next(handle_.get(), detail::ms(timeout), &payload))) return std::nullopt;
-        return payload;
-    }
+    std::optional<Payload> next(std::chrono::milliseconds timeout) { return read(0, timeout); }
     /// As next, with the newest waiting sample.
-    std::optional<Payload> newest(std::chrono::milliseconds timeout) {
-        Payload payload{};
-        if (!detail::came(Newest(handle_.get(), detail::ms(timeout), &payload))) return std::nullopt;
-        return payload;
-    }
+    std::optional<Payload> newest(std::chrono::milliseconds timeout) { return read(1, timeout); }
 
 private:
-    detail::Handle<Reader, Close> handle_;
+    std::optional<Payload> read(int newest, std::chrono::milliseconds timeout) {
+        Payload payload{};
+        if (!detail::came(softtwin_reader_read(reader_.get(), newest, detail::ms(timeout), &payload, sizeof payload)))
+            return std::nullopt;
+        return payload;
+    }
+    detail::Reader reader_;
 };
 
-using StateReader = SizedReader<softtwin_state, softtwin_state_reader, softtwin_state_reader_open,
-                                softtwin_state_reader_next, softtwin_state_reader_newest, softtwin_state_reader_close>;
-using HealthReader =
-    SizedReader<softtwin_health, softtwin_health_reader, softtwin_health_reader_open, softtwin_health_reader_next,
-                softtwin_health_reader_newest, softtwin_health_reader_close>;
-using GraspReader = SizedReader<softtwin_grasp, softtwin_grasp_reader, softtwin_grasp_reader_open,
-                                softtwin_grasp_reader_next, softtwin_grasp_reader_newest, softtwin_grasp_reader_close>;
-using SensorReader =
-    SizedReader<softtwin_sensor_sample, softtwin_sensor_reader, softtwin_sensor_reader_open, softtwin_sensor_reader_next,
-                softtwin_sensor_reader_newest, softtwin_sensor_reader_close>;
-using CommandReader =
-    SizedReader<softtwin_command, softtwin_command_reader, softtwin_command_reader_open, softtwin_command_reader_next,
-                softtwin_command_reader_newest, softtwin_command_reader_close>;
+using SensorReader = PayloadReader<softtwin_sensor_sample>;
+using StateReader = PayloadReader<softtwin_state>;
+using HealthReader = PayloadReader<softtwin_health>;
+using GraspReader = PayloadReader<softtwin_grasp>;
+using CommandReader = PayloadReader<softtwin_command>;
 
 /// Values of one field in shared memory, one a node; valid as long as their Field.
 class Values {
@@ -135,59 +145,44 @@ private:
 /// A reader of fields; an empty node set: all nodes.
 class FieldReader {
 public:
-    FieldReader(const Bus &bus, const std::string &actuator, const std::string &node_set = "") {
-        softtwin_field_reader *reader = nullptr;
-        const char *set = node_set.empty() ? nullptr : node_set.c_str();
-        check(softtwin_field_reader_open(bus.get(), actuator.c_str(), set, &reader));
-        handle_.reset(reader);
-    }
-    std::optional<Field> next(std::chrono::milliseconds timeout) {
-        softtwin_field *field = nullptr;
-        if (!detail::came(softtwin_field_reader_next(handle_.get(), detail::ms(timeout), &field))) return std::nullopt;
-        return Field(field);
-    }
-    std::optional<Field> newest(std::chrono::milliseconds timeout) {
-        softtwin_field *field = nullptr;
-        if (!detail::came(softtwin_field_reader_newest(handle_.get(), detail::ms(timeout), &field))) return std::nullopt;
-        return Field(field);
-    }
+    FieldReader(const Bus &bus, const std::string &actuator, const std::string &node_set = "")
+        : reader_(detail::open_reader(bus, actuator, "field", node_set.empty() ? nullptr : node_set.c_str())) {}
+    std::optional<Field> next(std::chrono::milliseconds timeout) { return read(0, timeout); }
+    std::optional<Field> newest(std::chrono::milliseconds timeout) { return read(1, timeout); }
 
 private:
-    detail::Handle<softtwin_field_reader, softtwin_field_reader_close> handle_;
+    std::optional<Field> read(int newest, std::chrono::milliseconds timeout) {
+        softtwin_field *field = nullptr;
+        if (!detail::came(softtwin_reader_read_field(reader_.get(), newest, detail::ms(timeout), &field))) return std::nullopt;
+        return Field(field);
+    }
+    detail::Reader reader_;
 };
 
 /// The one writer of an actuator's readings, in place of a bridge.
 class SensorWriter {
 public:
-    SensorWriter(const Bus &bus, const std::string &actuator) {
-        softtwin_sensor_writer *writer = nullptr;
-        check(softtwin_sensor_writer_open(bus.get(), actuator.c_str(), &writer));
-        handle_.reset(writer);
-    }
+    SensorWriter(const Bus &bus, const std::string &actuator) : writer_(detail::open_writer(bus, actuator, "sensor")) {}
     /// Pressure in MPa, gap in mm, measured force in N; NaN: not measured.
     void send(double pressure_mpa, double gap_mm, double measured_force_n) {
-        check(softtwin_sensor_writer_send(handle_.get(), pressure_mpa, gap_mm, measured_force_n));
+        check(softtwin_writer_send_reading(writer_.get(), pressure_mpa, gap_mm, measured_force_n));
     }
 
 private:
-    detail::Handle<softtwin_sensor_writer, softtwin_sensor_writer_close> handle_;
+    detail::Writer writer_;
 };
 
 /// The one writer of an actuator's pressure commands.
 class CommandWriter {
 public:
-    CommandWriter(const Bus &bus, const std::string &actuator) {
-        softtwin_command_writer *writer = nullptr;
-        check(softtwin_command_writer_open(bus.get(), actuator.c_str(), &writer));
-        handle_.reset(writer);
-    }
+    CommandWriter(const Bus &bus, const std::string &actuator) : writer_(detail::open_writer(bus, actuator, "command")) {}
     /// Pressure wanted, MPa, and the stamp of the reading that it answers (0: none).
     void send(double pressure_mpa, uint64_t t_sensor_ns = 0) {
-        check(softtwin_command_writer_send(handle_.get(), pressure_mpa, t_sensor_ns));
+        check(softtwin_writer_send_command(writer_.get(), pressure_mpa, t_sensor_ns));
     }
 
 private:
-    detail::Handle<softtwin_command_writer, softtwin_command_writer_close> handle_;
+    detail::Writer writer_;
 };
 
 /// Questions to the twin of one actuator; a refusal is an Error with SOFTTWIN_REFUSED.

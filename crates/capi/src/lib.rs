@@ -1,4 +1,5 @@
-//! The C face of the wire: `libsofttwin`, header `include/softtwin.h` (generated, see `tests/header.rs`).
+//! The C interface of the wire: installed as `libsofttwin` with the header `include/softtwin.h`. Payloads and numbers are
+//! in `include/softtwin_layout.h`, which is generated from the wire's definitions.
 //!
 //! Rules: every call that can fail returns a status and leaves its text with `softtwin_last_error`; handles are made by
 //! `..._open` and ended by `..._close`, belong to the thread that made them, and outlive their bus; nothing is copied but
@@ -12,13 +13,22 @@
 
 mod border;
 mod bus;
-mod field;
 mod query;
-mod sized;
+mod reader;
 mod status;
+mod writer;
 
-pub use bus::*;
-pub use field::*;
-pub use query::*;
-pub use sized::*;
-pub use status::*;
+pub use bus::{softtwin_bus, softtwin_bus_close, softtwin_bus_open};
+pub use query::{
+    softtwin_client, softtwin_client_ask, softtwin_client_close, softtwin_client_open, softtwin_query_new,
+};
+pub use reader::{
+    softtwin_field, softtwin_field_get_header, softtwin_field_release, softtwin_field_values,
+    softtwin_reader, softtwin_reader_close, softtwin_reader_open, softtwin_reader_read,
+    softtwin_reader_read_field,
+};
+pub use status::{softtwin_last_error, softtwin_layout_version, softtwin_now_ns, softtwin_status};
+pub use writer::{
+    softtwin_writer, softtwin_writer_close, softtwin_writer_open, softtwin_writer_send_command,
+    softtwin_writer_send_reading,
+};

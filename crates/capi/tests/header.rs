@@ -1,165 +1,106 @@
-//! The committed header is what cbindgen makes of the code. `BLESS=1 cargo test -p capi --test header` writes it anew.
+//! `softtwin.h` declares the functions of the code: the same names, parameters and types.
 
-use cbindgen::{Builder, Config, Language, Style};
-use std::fmt::Write;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use wire::layout::{self, Described, field_id, flags, query_kind};
-use wire::{Answer, Command, FieldHeader, Grasp, Health, Query, QueryStatus, SensorSample, State};
-
-/// Payloads: name in Rust, name in C.
-const PAYLOADS: [(&str, &str); 8] = [
-    ("SensorSample", "softtwin_sensor_sample"),
-    ("FieldHeader", "softtwin_field_header"),
-    ("State", "softtwin_state"),
-    ("Health", "softtwin_health"),
-    ("Grasp", "softtwin_grasp"),
-    ("Command", "softtwin_command"),
-    ("Query", "softtwin_query"),
-    ("Answer", "softtwin_answer"),
-];
-
-/// Lengths of arrays: name in Rust, value.
-const LENGTHS: [(&str, usize); 5] = [
-    ("FIELD_SLOTS", layout::FIELD_SLOTS),
-    ("COEFFICIENTS_MAX", layout::COEFFICIENTS_MAX),
-    ("GROUPS_MAX", layout::GROUPS_MAX),
-    ("OUTCOME_SLOTS", layout::OUTCOME_SLOTS),
-    ("FINGERS_MAX", layout::FINGERS_MAX),
-];
 
 fn here() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-fn upper(name: &str) -> String {
-    name.to_uppercase().replace('-', "_")
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Numbers that C programs need, taken from the code.
-fn constants() -> String {
-    let mut out = String::new();
-    let mut define = |name: &str, value: String| {
-        writeln!(out, "#define SOFTTWIN_{name} {value}").expect("memory");
-    };
-    define("LAYOUT_VERSION", format!("{}u", layout::VERSION));
-    for (name, value) in LENGTHS {
-        define(name, value.to_string());
+/// A type of the code as C writes it.
+fn c_type(rust: &str) -> String {
+    if let Some(target) = rust.strip_prefix("*mut ") {
+        return format!("{}*", c_type(target));
     }
-    for (bit, (_, name)) in flags::NAMES.iter().enumerate() {
-        define(&format!("FLAG_{}", upper(name)), format!("(1u << {bit})"));
+    if let Some(target) = rust.strip_prefix("*const ") {
+        return format!("const {}*", c_type(target)).replace("const const", "const");
     }
-    for id in field_id::X..=field_id::VON_MISES {
-        define(&format!("FIELD_{}", upper(field_id::as_str(id))), id.to_string());
-    }
-    for number in [layout::regime::UNKNOWN, layout::regime::FREE, layout::regime::CONTACT] {
-        define(&format!("REGIME_{}", upper(layout::regime::as_str(number))), format!("{number}u"));
-    }
-    for (number, name) in query_kind::NAMES {
-        define(&format!("QUERY_{}", upper(name)), format!("{number}u"));
-    }
-    for (name, number) in [("UNKNOWN", 0), ("NOT_HELD", 1), ("MARGINAL", 2), ("HELD", 3)] {
-        define(&format!("GRASP_{name}"), format!("{number}u"));
-    }
-    for verdict in QueryStatus::ALL {
-        let name = format!("{verdict:?}");
-        let snake = name.char_indices().fold(String::new(), |text, (i, c)| {
-            let gap = if i > 0 && c.is_uppercase() { "_" } else { "" };
-            format!("{text}{gap}{}", c.to_ascii_uppercase())
-        });
-        define(&format!("VERDICT_{snake}"), format!("{}u", verdict.code()));
-    }
-    out
-}
-
-fn asserts<T: Described>(out: &mut String, c_name: &str) {
-    writeln!(out, "SOFTTWIN_CHECK(sizeof({c_name}) == {});", T::SIZE).expect("memory");
-    for (field, offset) in T::FIELDS {
-        writeln!(out, "SOFTTWIN_CHECK(offsetof({c_name}, {field}) == {offset});").expect("memory");
-    }
-}
-
-/// Checks that every compiler makes of the layouts what the wire says.
-fn checks() -> String {
-    let mut out = String::from(
-        "\n/* The layouts, checked by every compiler that reads this. */\n#ifdef __cplusplus\n\
-         #define SOFTTWIN_CHECK(condition) static_assert(condition, #condition)\n#else\n\
-         #define SOFTTWIN_CHECK(condition) _Static_assert(condition, #condition)\n#endif\n",
-    );
-    let c_name =
-        |name: &str| PAYLOADS.iter().find(|(rust, _)| *rust == name).map(|(_, c)| *c).expect("a payload");
-    asserts::<SensorSample>(&mut out, c_name("SensorSample"));
-    asserts::<FieldHeader>(&mut out, c_name("FieldHeader"));
-    asserts::<State>(&mut out, c_name("State"));
-    asserts::<Health>(&mut out, c_name("Health"));
-    asserts::<Grasp>(&mut out, c_name("Grasp"));
-    asserts::<Command>(&mut out, c_name("Command"));
-    asserts::<Query>(&mut out, c_name("Query"));
-    asserts::<Answer>(&mut out, c_name("Answer"));
-    out + "#undef SOFTTWIN_CHECK\n"
-}
-
-fn generated() -> String {
-    let mut config = Config {
-        language: Language::C,
-        style: Style::Type,
-        cpp_compat: true,
-        include_guard: Some("SOFTTWIN_H".into()),
-        header: Some(
-            "/* The C face of softtwin's wire. Generated by crates/capi/tests/header.rs; do not edit.\n * \
-             Payloads, units and numbers: docs/wire.md. How to use it: docs/clients/c.md. */"
-                .into(),
-        ),
-        after_includes: Some(format!("\n{}", constants())),
-        trailer: Some(checks()),
-        no_includes: true,
-        sys_includes: ["stddef.h", "stdint.h"].map(String::from).to_vec(),
-        usize_is_size_t: true,
-        documentation: true,
-        ..Config::default()
-    };
-    config.export.rename = PAYLOADS.map(|(rust, c)| (rust.to_owned(), c.to_owned())).into();
-    config.export.exclude = ["VERSION", "Described"].map(String::from).to_vec();
-    config.export.item_types = vec![
-        cbindgen::ItemType::Structs,
-        cbindgen::ItemType::OpaqueItems,
-        cbindgen::ItemType::Functions,
-        cbindgen::ItemType::Enums,
-        cbindgen::ItemType::Typedefs,
+    let known = [
+        ("c_char", "char"),
+        ("c_int", "int"),
+        ("c_void", "void"),
+        ("f32", "float"),
+        ("f64", "double"),
+        ("i64", "int64_t"),
+        ("u8", "uint8_t"),
+        ("u32", "uint32_t"),
+        ("u64", "uint64_t"),
+        ("usize", "size_t"),
+        ("Answer", "softtwin_answer"),
+        ("FieldHeader", "softtwin_field_header"),
+        ("Query", "softtwin_query"),
     ];
-    let mut builder = Builder::new().with_config(config);
-    let wire = here().join("../wire/src/layout");
-    for file in ["sensor", "field", "state", "health", "grasp", "command", "query"] {
-        builder = builder.with_src(wire.join(format!("{file}.rs")));
+    known.iter().find(|(name, _)| *name == rust).map_or(rust, |(_, c)| c).to_owned()
+}
+
+/// Functions by name: parameter types and the type of the result.
+type Functions = BTreeMap<String, (Vec<String>, String)>;
+
+fn functions_of_the_code() -> Functions {
+    let mut found = Functions::new();
+    for file in std::fs::read_dir(here().join("src")).expect("sources") {
+        let text = read(&file.expect("a file").path());
+        for part in text.split("extern \"C\" fn ").skip(1) {
+            let (name, rest) = part.split_once('(').expect("parameters");
+            let (parameters, rest) = rest.split_once(')').expect("an end");
+            let result = rest.split_once('{').expect("a body").0.trim().trim_start_matches("->").trim();
+            let types = parameters.split(',').filter_map(|one| one.split_once(": "));
+            let types = types.map(|(_, kind)| c_type(kind.trim())).collect();
+            let result = if result.is_empty() { "void".to_owned() } else { c_type(result) };
+            found.insert(name.to_owned(), (types, result));
+        }
     }
-    for file in ["status", "bus", "sized", "field", "query"] {
-        builder = builder.with_src(here().join(format!("src/{file}.rs")));
+    found
+}
+
+/// A declaration's type without the parameter's name and without spaces around the stars.
+fn normal(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ").replace(" *", "*").replace("* ", "*")
+}
+
+fn functions_of_the_header() -> Functions {
+    let text = read(&here().join("include/softtwin.h"));
+    let mut found = Functions::new();
+    for declaration in text.split(';') {
+        let declaration = declaration.rsplit("*/").next().unwrap_or(declaration);
+        let Some((head, parameters)) = declaration.split_once('(') else { continue };
+        if declaration.contains(['{', '#', '}']) || !parameters.ends_with(')') {
+            continue;
+        }
+        let at = head.rfind("softtwin_").expect("a name");
+        let (result, name) = head.split_at(at);
+        let parameters = parameters.trim_end_matches(')').split(',').filter(|one| *one != "void");
+        let types = parameters.map(|one| {
+            let at = one.rfind(|c: char| !c.is_alphanumeric() && c != '_').expect("a type") + 1;
+            normal(&one[..at]).trim().to_owned()
+        });
+        found.insert(name.to_owned(), (types.collect(), normal(result).trim().to_owned()));
     }
-    let mut bytes = Vec::new();
-    builder.generate().expect("the header").write(&mut bytes);
-    let mut text = String::from_utf8(bytes).expect("UTF-8");
-    for (name, _) in LENGTHS {
-        text = text.replace(&format!("[{name}]"), &format!("[SOFTTWIN_{name}]"));
-    }
-    // Links of the code's own pages say nothing in C.
-    for (rust, c) in [("[`", "`"), ("`]", "`"), ("`super::", "`"), ("`crate::", "`"), ("`Self::", "`")] {
-        text = text.replace(rust, c);
-    }
-    text
+    found
 }
 
 #[test]
-fn the_committed_header_is_the_generated_one() {
-    let path: &Path = &here().join("include/softtwin.h");
-    let generated = generated();
-    if std::env::var_os("BLESS").is_some() {
-        std::fs::write(path, &generated).expect("writable");
-    }
-    let committed = std::fs::read_to_string(path).unwrap_or_default();
-    assert!(
-        committed == generated,
-        "include/softtwin.h is not what the code says; run BLESS=1 cargo test -p capi --test header"
-    );
-    for (_, c) in PAYLOADS {
-        assert!(generated.contains(&format!("}} {c};")), "{c} is missing");
+fn the_header_declares_the_functions_of_the_code() {
+    let (code, header) = (functions_of_the_code(), functions_of_the_header());
+    assert!(code.len() >= 20, "the sources were not understood: {code:?}");
+    assert_eq!(code, header);
+}
+
+#[test]
+fn the_statuses_of_the_header_are_those_of_the_code() {
+    let header = read(&here().join("include/softtwin.h"));
+    let code = read(&here().join("src/status.rs"));
+    let statuses: Vec<&str> = code
+        .lines()
+        .map(str::trim)
+        .filter(|line| line.starts_with("SOFTTWIN_") && line.contains(" = "))
+        .collect();
+    assert_eq!(statuses.len(), 8);
+    for status in statuses {
+        assert!(header.contains(status.trim_end_matches(',')), "{status} is missing");
     }
 }

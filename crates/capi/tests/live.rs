@@ -9,9 +9,19 @@ fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-/// `target/<profile>/deps`, where cargo puts the library of the test that runs.
-fn libraries() -> PathBuf {
-    std::env::current_exe().unwrap().parent().unwrap().to_path_buf()
+/// A folder with the library under its installed names, as `scripts/install_c.sh` makes it.
+fn libraries(stage: &Stage) -> PathBuf {
+    // `target/<profile>/deps` is where cargo puts the library of the test that runs.
+    let library = std::env::current_exe().unwrap().with_file_name("libcapi.so");
+    let folder = stage.path("lib");
+    std::fs::create_dir_all(&folder).unwrap();
+    for name in ["libsofttwin.so", "libsofttwin.so.0"] {
+        let link = folder.join(name);
+        if !link.exists() {
+            std::os::unix::fs::symlink(&library, link).unwrap();
+        }
+    }
+    folder
 }
 
 /// Compiles an example; `None` without a C++ compiler.
@@ -21,7 +31,7 @@ fn compile(stage: &Stage, compiler: &str, standard: &str, example: &str) -> Opti
         return None;
     }
     let out = stage.path(&example.replace('.', "_"));
-    let libraries = libraries();
+    let libraries = libraries(stage);
     let done = Command::new(compiler)
         .args([standard, "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1"])
         .arg(repository().join("clients/c/examples").join(example))
@@ -49,7 +59,7 @@ fn scene(stage: &Stage) -> PathBuf {
 #[test]
 fn the_examples_run_in_c_and_in_cpp() {
     // The rlib of this test and the shared library are of the same build.
-    assert_eq!(softtwin::softtwin_layout_version(), 2);
+    assert_eq!(capi::softtwin_layout_version(), 2);
     let stage = Stage::new("capi");
     let scene = scene(&stage);
     let programs: Vec<String> = [("cc", "-std=c11", "twin.c"), ("c++", "-std=c++17", "twin.cpp")]

@@ -2,14 +2,14 @@
 
 use crate::link::Link;
 use crate::topic_bridge::{EncodedSample, ReadBridge, TopicBridge};
-use recording::message::FieldMessage;
+use recording::message::Json;
 use recording::{Gap, GapCounter};
 use serde::Serialize;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
-use wire::{Bus, FieldHeader, FieldReader, FieldSample, Stamp, Waking, WireError};
+use wire::{Bus, FieldHeader, FieldReader, FieldSample, Payload, Stamp, Waking, WireError};
 use zenoh::bytes::ZBytes;
 
 /// Longest sleep: how late it is noticed that somebody wants a field.
@@ -111,16 +111,16 @@ fn stamp(sample: &FieldSample) -> Stamp {
 
 /// What stands beside the values of a field.
 #[derive(Serialize)]
-struct About {
+struct About<'a> {
     #[serde(flatten)]
-    message: FieldMessage,
+    header: Json<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     gateway_seq: Option<u64>,
 }
 
 /// The values as they lie in memory, the header as JSON beside them.
 fn encode(sample: &FieldSample, gateway_seq: Option<u64>) -> EncodedSample {
-    let about = About { message: FieldMessage::new(sample.header(), &[]), gateway_seq };
+    let about = About { header: Json(sample.header().view()), gateway_seq };
     // Texts and numbers only, none of which JSON could refuse.
     let about = serde_json::to_vec(&about).unwrap_or_default();
     EncodedSample { payload: values(sample.values()), attachment: Some(ZBytes::from(about)) }

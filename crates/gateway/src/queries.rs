@@ -3,7 +3,7 @@
 use crate::fields::values;
 use crate::link::Link;
 use crate::topic_bridge::{EncodedSample, Request, accept_requests, refuse, reply};
-use recording::message::AnswerMessage;
+use recording::message;
 use serde_json::json;
 use std::collections::HashMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -85,7 +85,7 @@ fn ask(
 /// JSON; for a field its values, and the JSON beside them.
 fn encode(sample: &AnswerSample) -> EncodedSample {
     let answer = sample.answer();
-    let mut message = json!(AnswerMessage::from(answer));
+    let mut message = message::answer(answer);
     if answer.entries() == 0 {
         return EncodedSample { payload: ZBytes::from(message.to_string()), attachment: None };
     }

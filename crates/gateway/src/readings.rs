@@ -2,7 +2,7 @@
 
 use crate::clock::SenderClock;
 use crate::link::{Link, count, network};
-use recording::message::SensorMessage;
+use recording::message::decode_reading;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use wire::{Bus, SensorSample, SensorWriter, Topic, now_ns};
@@ -110,14 +110,13 @@ impl Inlet {
 
     /// Passes a reading on; the twin checks its values. False when it is none, or cannot be passed on.
     fn pass_on(&mut self, bus: &Bus, arrived: &Arrived) -> bool {
-        let message = match SensorMessage::decode(&arrived.bytes) {
-            Ok(message) => message,
+        let sample = match decode_reading(&arrived.bytes) {
+            Ok(sample) => sample,
             Err(error) => {
                 self.log_once(format!("{}: a message from the network is no reading: {error}", self.topic));
                 return false;
             }
         };
-        let sample = message.sample();
         let t_sensor_ns = self.clock.local_ns(sample.boot_id, sample.t_sensor_ns, arrived.t_arrival_ns);
         if self.writer.is_none() && Instant::now() >= self.retry_at {
             self.open(bus);

@@ -1,23 +1,23 @@
 //! Recordings as tables.
 
-use recording::message::{Recorded, SensorMessage, StateMessage};
+use recording::message::{self, Recorded};
 use recording::{Channel, Ending, Reader, Writer, export_csv};
-use wire::{KeyExpr, SensorSample, State};
+use wire::{KeyExpr, Payload, SensorSample, State};
 
 fn recording() -> Vec<u8> {
     let mut writer = Writer::new(Vec::new()).expect("memory");
     let mut bytes = Vec::new();
-    let sensor = writer.channel(&SensorMessage::channel("softtwin/finger/sensor")).expect("a channel");
-    let state = writer.channel(&StateMessage::channel("softtwin/finger/state")).expect("a channel");
+    let sensor =
+        writer.channel(&message::channel(SensorSample::LAYOUT, "softtwin/finger/sensor")).expect("a channel");
+    let state = writer.channel(&message::channel(State::LAYOUT, "softtwin/finger/state")).expect("a channel");
     for seq in 0..3u64 {
         let pressure_mpa = [0.1 + 0.2, f64::NAN, 0.05][seq as usize];
-        SensorMessage::from(&SensorSample { seq, pressure_mpa, gap_mm: 40.0, ..SensorSample::default() })
-            .encode(&mut bytes);
+        SensorSample { seq, pressure_mpa, gap_mm: 40.0, ..SensorSample::default() }.view().encode(&mut bytes);
         writer.message(sensor, seq as u32, 100 + seq, 90 + seq, &bytes).expect("memory");
         let mut coefficients = [0.0f32; wire::layout::COEFFICIENTS_MAX];
         coefficients[0] = 0.5;
         let known = State { seq, coefficient_count: 2, coefficients, flags: 0b11, ..State::default() };
-        StateMessage::from(&known).encode(&mut bytes);
+        known.view().encode(&mut bytes);
         writer.message(state, seq as u32, 100 + seq, 95 + seq, &bytes).expect("memory");
     }
     writer.finish().expect("memory")
@@ -51,7 +51,7 @@ fn a_topic_cannot_lead_out_of_the_folder_and_texts_are_quoted() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut writer = Writer::new(Vec::new()).expect("memory");
     let odd = writer
-        .channel(&Channel { topic: "../../x/a b".into(), ..SensorMessage::channel("") })
+        .channel(&Channel { topic: "../../x/a b".into(), ..message::channel(SensorSample::LAYOUT, "") })
         .expect("a channel");
     writer.message(odd, 0, 0, 0, br#"{"note":"a \"b\", c","list":[],"none":null}"#).expect("memory");
     writer.message(odd, 0, 0, 0, b"no object").expect("memory");

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use recording::message::SensorMessage;
+use recording::message::decode_reading;
 use recording::{Ending, Item, Reader, Recorder, RecorderOptions, RotateOptions};
 use wire::{Bus, Domain, KeyExpr, SensorSample, SensorWriter, State, StateWriter, Topic};
 
@@ -82,7 +82,7 @@ fn what_is_published_is_in_the_file() {
         match item {
             Item::Message(message) => match message.channel.topic.as_str() {
                 "softtwin/finger/sensor" => {
-                    readings.push(SensorMessage::decode(&message.data).expect("a reading").sample());
+                    readings.push(decode_reading(&message.data).expect("a reading"));
                 }
                 "softtwin/recorder/gap" => {
                     gaps += 1;

@@ -7,7 +7,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use common::{metadata, read_all, text, write_some};
-use recording::message::SensorMessage;
+use recording::message::decode_reading;
 use recording::{Ending, Item, ReadError, Reader};
 
 #[test]
@@ -171,7 +171,7 @@ fn a_kept_recording_of_an_earlier_release_is_read() {
         match item {
             Item::Message(message) => {
                 assert_eq!(message.channel.schema_name, "softtwin.Sensor");
-                let reading = SensorMessage::decode(&message.data).expect("a reading");
+                let reading = decode_reading(&message.data).expect("a reading");
                 readings.push((reading.seq, reading.pressure_mpa));
             }
             Item::Metadata { name, .. } => tables.push(name),

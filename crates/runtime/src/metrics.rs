@@ -20,7 +20,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::layout::{flags, unpack_name};
+use wire::layout::{Code, flags, unpack_name};
 use wire::{Health, Outcome};
 
 /// How often the end of the process is checked for.
@@ -150,7 +150,7 @@ impl Collector for Twins {
             latencies,
         )?;
         let set = self.all().flat_map(|(actuator, health)| {
-            flags::NAMES.iter().map(move |(bit, flag)| {
+            flags::ALL.iter().map(move |Code { number: bit, name: flag, .. }| {
                 let is_set = f64::from(u8::from(health.flags & bit != 0));
                 ([("actuator", actuator.clone()), ("flag", (*flag).to_owned())], is_set)
             })

@@ -1,10 +1,10 @@
 //! Recordings as traces: what was published comes back to the bit.
 
-use recording::message::{Recorded, SensorMessage};
+use recording::message::{Recorded, channel};
 use recording::{RotateOptions, RotatingWriter};
 use runtime::source::{Poll, SourceSpec, Trace, TraceError};
 use std::path::{Path, PathBuf};
-use wire::SensorSample;
+use wire::{Payload, SensorSample};
 
 /// Values a gauge can say, the awkward ones included.
 const PRESSURES_MPA: [f64; 6] = [0.0, 0.1 + 0.2, f64::NAN, f64::INFINITY, -0.0, 5e-324];
@@ -25,8 +25,8 @@ fn record(path: &Path, topics: &[&str], count: u64) {
     let mut bytes = Vec::new();
     for seq in 0..count {
         for topic in topics {
-            SensorMessage::from(&sample(seq)).encode(&mut bytes);
-            writer.message(&SensorMessage::channel(topic), seq as u32, seq, seq, &bytes).unwrap();
+            sample(seq).view().encode(&mut bytes);
+            writer.message(&channel(SensorSample::LAYOUT, topic), seq as u32, seq, seq, &bytes).unwrap();
         }
     }
     writer.finish().unwrap();

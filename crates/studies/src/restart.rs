@@ -100,7 +100,7 @@ fn wait_for<T>(
         if let Some(found) = next()? {
             return Ok(found);
         }
-        wake.wait([reader], Duration::from_millis(200))?;
+        wake.wait(Duration::from_millis(200))?;
     }
     anyhow::bail!("the expected sample did not come within {PATIENCE:?}")
 }

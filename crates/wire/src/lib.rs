@@ -37,11 +37,9 @@ mod error;
 pub mod keyexpr;
 pub mod layout;
 mod leftover;
-pub mod outcome;
 mod own_files;
 mod port;
 pub mod qos;
-mod query_status;
 mod selector;
 mod topic;
 mod wake;
@@ -51,16 +49,16 @@ pub use clock::{boot_id, now_ns};
 pub use domain::Domain;
 pub use error::WireError;
 pub use keyexpr::KeyExpr;
-pub use layout::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State};
+pub use layout::{
+    Answer, Command, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus, SensorSample, State,
+};
 pub use leftover::Removed;
-pub use outcome::Outcome;
 pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, FieldLoan, FieldReader, FieldSample,
     FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question,
     SensorReader, SensorWriter, Stamp, StateReader, StateWriter,
 };
-pub use query_status::QueryStatus;
 pub use selector::{Selector, SelectorError};
 pub use topic::{Topic, TopicKind};
-pub use wake::{Wake, WakeSet, Wakeable, Waking};
+pub use wake::{Wake, WakeSet, Wakeable, Waker, Waking};

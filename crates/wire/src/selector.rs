@@ -3,10 +3,9 @@
 //! `softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30`: the key names actuator and kind of question, the parameters are
 //! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way).
 
-use crate::keyexpr::KeyExprError;
+use crate::keyexpr::{KeyExpr, KeyExprError};
 use crate::layout::{Query, pack_name, query_kind};
-use crate::topic::{MAX_NAME_LEN, ROOT};
-use crate::{KeyExpr, Topic};
+use crate::topic::{MAX_NAME_LEN, ROOT, Topic};
 
 /// A question with the actuators it goes to.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,11 +93,10 @@ impl Selector {
 
     /// The questions this selector asks of one actuator.
     pub fn questions(&self, actuator: &str) -> Vec<Query> {
-        let asked = |kind: &&(u32, &str)| self.key.matches(&format!("{ROOT}/{actuator}/{}", kind.1));
-        query_kind::NAMES
+        query_kind::ALL
             .iter()
-            .filter(asked)
-            .map(|(kind, _)| Query { kind: *kind, ..self.parameters })
+            .filter(|kind| self.key.matches(&format!("{ROOT}/{actuator}/{}", kind.name)))
+            .map(|kind| Query { kind: kind.number, ..self.parameters })
             .collect()
     }
 

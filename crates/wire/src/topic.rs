@@ -1,6 +1,7 @@
 //! Topic names: `softtwin/<actuator>/<kind>`.
 
-use crate::{KeyExpr, WireError};
+use crate::error::WireError;
+use crate::keyexpr::KeyExpr;
 use std::fmt;
 
 /// First chunk of every name.

@@ -1,16 +1,26 @@
-//! Sleeping until one of several readers has something.
+//! Waiting until one of several readers has something.
 
-use crate::WireError;
 use crate::bus::Ipc;
+use crate::error::WireError;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::FileDescriptorBased;
+use std::rc::Rc;
 use std::time::Duration;
 
 /// A reader that can be waited for.
 pub trait Wakeable {
-    /// `None`: this reader is never woken.
-    #[doc(hidden)]
-    fn listener(&self) -> Option<&Listener<Ipc>>;
+    /// What a [`WakeSet`] waits on.
+    fn waker(&self) -> Waker;
+}
+
+/// What wakes a reader; nothing for a reader that is never woken. It keeps working when its reader is gone.
+#[derive(Debug, Clone)]
+pub struct Waker(Option<Rc<Listener<Ipc>>>);
+
+impl Waker {
+    pub(crate) fn new(listener: Option<Listener<Ipc>>) -> Self {
+        Self(listener.map(Rc::new))
+    }
 }
 
 /// Whether a reader is woken when something comes.
@@ -18,55 +28,58 @@ pub trait Wakeable {
 pub enum Waking {
     /// With every sample: it costs the writer 5-8 us a sample.
     ByEvent,
-    /// Never: for a reader that looks at a pace of its own, and costs the writer next to nothing. It may be in a [`WakeSet`],
-    /// and ends no wait there.
+    /// Never: for a reader that looks at intervals of its own, and costs the writer next to nothing. It may be in a
+    /// [`WakeSet`], and ends no wait there.
     Never,
 }
 
 /// Why a wait ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wake {
-    /// At least one reader was notified (its samples may have been taken already: look, do not assume).
+    /// At least one reader was notified. Its samples may have been taken already: the reader is to be read, not assumed full.
     Event,
     /// The time is over.
     Timeout,
-    /// A signal came: look at your shutdown flag.
+    /// A signal came: a shutdown flag may be set now.
     Signal,
 }
 
 /// Waits for any of a fixed set of readers with one system call and without allocating.
+///
+/// The set shares the listeners with their readers, so none of them can end while it is waited for.
 #[derive(Debug)]
 pub struct WakeSet {
+    listeners: Vec<Rc<Listener<Ipc>>>,
+    /// One for each listener, in the same order.
     poll: Vec<libc::pollfd>,
 }
 
 impl WakeSet {
-    /// A set over `readers`; [`Self::wait`] must be given the same readers in the same order.
+    /// A set over `readers`.
     pub fn new<'a>(readers: impl IntoIterator<Item = &'a dyn Wakeable>) -> Self {
-        let poll = readers
-            .into_iter()
-            .map(|reader| {
-                // SAFETY: the descriptor is only polled, never closed or read here, and only while `wait` borrows the
-                // readers that own it. The system passes over -1.
-                let fd = reader
-                    .listener()
-                    .map_or(-1, |listener| unsafe { listener.file_descriptor().native_handle() });
+        Self::of(readers.into_iter().map(|reader| reader.waker()))
+    }
+
+    pub(crate) fn of(wakers: impl IntoIterator<Item = Waker>) -> Self {
+        let listeners: Vec<_> = wakers.into_iter().filter_map(|waker| waker.0).collect();
+        let poll = listeners
+            .iter()
+            .map(|listener| {
+                // SAFETY: the descriptor is only polled, never closed or read, and its owner is kept in `listeners` for
+                // as long as this set lives.
+                let fd = unsafe { listener.file_descriptor().native_handle() };
                 libc::pollfd { fd, events: libc::POLLIN, revents: 0 }
             })
             .collect();
-        Self { poll }
+        Self { listeners, poll }
     }
 
-    /// Sleeps until a reader is notified, `timeout` is over, or a signal comes. Pending notifications are taken away, so
-    /// that the next wait sleeps again; samples stay for the caller to take.
+    /// Sleeps until a reader is notified, `timeout` is over, or a signal comes. Pending notifications are consumed, so
+    /// that the next wait sleeps again; samples stay in their readers.
     ///
     /// # Errors
     /// [`WireError::Wait`] when the system refuses to wait.
-    pub fn wait<'a>(
-        &mut self,
-        readers: impl IntoIterator<Item = &'a dyn Wakeable>,
-        timeout: Duration,
-    ) -> Result<Wake, WireError> {
+    pub fn wait(&mut self, timeout: Duration) -> Result<Wake, WireError> {
         let time = libc::timespec {
             tv_sec: timeout.as_secs().min(1 << 30) as libc::time_t,
             tv_nsec: timeout.subsec_nanos().into(),
@@ -84,10 +97,8 @@ impl WakeSet {
         if ready == 0 {
             return Ok(Wake::Timeout);
         }
-        for (reader, poll) in readers.into_iter().zip(&self.poll) {
-            if let (true, Some(listener)) = (poll.revents != 0, reader.listener()) {
-                listener.try_wait(|_| {}).map_err(|error| WireError::Wait { cause: format!("{error:?}") })?;
-            }
+        for (listener, _) in self.listeners.iter().zip(&self.poll).filter(|(_, poll)| poll.revents != 0) {
+            listener.try_wait(|_| {}).map_err(|error| WireError::Wait { cause: format!("{error:?}") })?;
         }
         Ok(Wake::Event)
     }

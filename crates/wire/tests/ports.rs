@@ -43,11 +43,11 @@ fn header(nodes: u32, fields: &[u8]) -> FieldHeader {
 fn a_field_arrives_where_it_was_written() {
     let bus = bus();
     let topic = Topic::field("finger", None).unwrap();
-    let mut writer = FieldWriter::create(&bus, &topic, 6).unwrap();
+    let writer = FieldWriter::create(&bus, &topic, 6).unwrap();
     let reader = FieldReader::open(&bus, &topic).unwrap();
     let mut loan = writer.loan().unwrap();
     loan.values_mut().copy_from_slice(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-    let sent_ns = writer.send(loan, header(3, &[field_id::X, field_id::VON_MISES])).unwrap();
+    let sent_ns = loan.send(header(3, &[field_id::X, field_id::VON_MISES])).unwrap();
     let sample = reader.next().unwrap().unwrap();
     assert_eq!(sample.header().t_publish_ns, sent_ns);
     assert_eq!(sample.field(field_id::X).unwrap(), &[1.0, 2.0, 3.0]);
@@ -60,9 +60,9 @@ fn a_field_arrives_where_it_was_written() {
 fn a_header_that_does_not_describe_the_payload_is_not_sent() {
     let bus = bus();
     let topic = Topic::field("finger", Some("tip")).unwrap();
-    let mut writer = FieldWriter::create(&bus, &topic, 6).unwrap();
+    let writer = FieldWriter::create(&bus, &topic, 6).unwrap();
     let loan = writer.loan().unwrap();
-    let refused = writer.send(loan, header(4, &[field_id::X, field_id::Y]));
+    let refused = loan.send(header(4, &[field_id::X, field_id::Y]));
     assert!(
         matches!(refused, Err(WireError::FieldShape { found: 6, nodes: 4, fields: 2, .. })),
         "{refused:?}"
@@ -104,13 +104,13 @@ fn a_missing_topic_is_said_and_a_late_reader_gets_the_last_state() {
 fn a_slow_reader_loses_the_oldest_and_the_writer_never_waits() {
     let bus = bus();
     let topic = Topic::field("finger", None).unwrap();
-    let mut writer = FieldWriter::create(&bus, &topic, 4).unwrap();
+    let writer = FieldWriter::create(&bus, &topic, 4).unwrap();
     let slow = FieldReader::open(&bus, &topic).unwrap();
     let mut held = Vec::new();
     for seq in 1..=200 {
         let mut loan = writer.loan().unwrap();
         loan.values_mut().fill(seq as f32);
-        writer.send(loan, FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
+        loan.send(FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
         if held.len() < 4 {
             held.push(slow.next().unwrap().unwrap()); // a reader that keeps what it has
         }
@@ -128,13 +128,13 @@ fn a_slow_reader_loses_the_oldest_and_the_writer_never_waits() {
 fn many_readers_that_hold_all_they_may_leave_a_sample_for_the_writer() {
     let bus = bus();
     let topic = Topic::field("finger", None).unwrap();
-    let mut writer = FieldWriter::create(&bus, &topic, 4).unwrap();
+    let writer = FieldWriter::create(&bus, &topic, 4).unwrap();
     let readers: Vec<FieldReader> = (0..24).map(|_| FieldReader::open(&bus, &topic).unwrap()).collect();
     assert!(matches!(FieldReader::open(&bus, &topic), Err(WireError::TooManyReaders { limit: 24, .. })));
     let mut held = Vec::new();
     for seq in 1..=400_u64 {
         let loan = writer.loan().unwrap_or_else(|error| panic!("sample {seq}: {error}"));
-        writer.send(loan, FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
+        loan.send(FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
         // Every reader takes its four samples at another time, so that all 96 are different ones.
         let reader = &readers[(seq % 24) as usize];
         if seq <= 96 {
@@ -151,12 +151,12 @@ fn waits_end_by_event_or_timeout() {
     let mut writer = SensorWriter::create(&bus, &topic).unwrap();
     let reader = SensorReader::open(&bus, &topic).unwrap();
     let mut wake = WakeSet::new([&reader as &dyn Wakeable]);
-    assert_eq!(wake.wait([&reader as &dyn Wakeable], Duration::from_millis(1)).unwrap(), Wake::Timeout);
+    assert_eq!(wake.wait(Duration::from_millis(1)).unwrap(), Wake::Timeout);
     writer.publish(SensorSample { seq: 1, ..SensorSample::default() }).unwrap();
-    assert_eq!(wake.wait([&reader as &dyn Wakeable], Duration::from_secs(10)).unwrap(), Wake::Event);
+    assert_eq!(wake.wait(Duration::from_secs(10)).unwrap(), Wake::Event);
     assert_eq!(reader.newest().unwrap().map(|sample| sample.seq), Some(1));
     assert_eq!(
-        wake.wait([&reader as &dyn Wakeable], Duration::from_millis(1)).unwrap(),
+        wake.wait(Duration::from_millis(1)).unwrap(),
         Wake::Timeout,
         "a notification that was taken must not wake again"
     );
@@ -167,27 +167,25 @@ fn a_reader_that_is_never_woken_gets_every_sample_and_holds_no_wait_up() {
     let bus = bus();
     let (sensor, field) = (Topic::sensor("finger").unwrap(), Topic::field("finger", None).unwrap());
     let mut writer = SensorWriter::create(&bus, &sensor).unwrap();
-    let mut fields = FieldWriter::create(&bus, &field, 4).unwrap();
+    let fields = FieldWriter::create(&bus, &field, 4).unwrap();
     let quiet = SensorReader::attach_as(&bus, &sensor, Waking::Never).unwrap();
     let quiet_field = FieldReader::attach_as(&bus, &field, Waking::Never).unwrap();
-    let ports = [&quiet as &dyn Wakeable, &quiet_field];
-    let mut wake = WakeSet::new(ports);
+    let mut wake = WakeSet::new([&quiet as &dyn Wakeable, &quiet_field]);
     for seq in 1..=3 {
         writer.publish(SensorSample { seq, ..SensorSample::default() }).unwrap();
         let loan = fields.loan().unwrap();
-        fields.send(loan, FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
+        loan.send(FieldHeader { seq, ..header(4, &[field_id::X]) }).unwrap();
     }
-    assert_eq!(wake.wait(ports, Duration::from_millis(1)).unwrap(), Wake::Timeout);
+    assert_eq!(wake.wait(Duration::from_millis(1)).unwrap(), Wake::Timeout);
     let seen: Vec<u64> = std::iter::from_fn(|| quiet.next().unwrap()).map(|sample| sample.seq).collect();
     assert_eq!(seen, [1, 2, 3]);
     assert_eq!(quiet_field.newest().unwrap().map(|sample| sample.header().seq), Some(3));
     // Beside one that is woken it stays silent, and the other wakes as ever.
     let woken = SensorReader::open(&bus, &sensor).unwrap();
-    let ports = [&quiet as &dyn Wakeable, &woken];
-    let mut wake = WakeSet::new(ports);
+    let mut wake = WakeSet::new([&quiet as &dyn Wakeable, &woken]);
     writer.publish(SensorSample { seq: 4, ..SensorSample::default() }).unwrap();
-    assert_eq!(wake.wait(ports, Duration::from_secs(10)).unwrap(), Wake::Event);
-    assert_eq!(wake.wait(ports, Duration::from_millis(1)).unwrap(), Wake::Timeout);
+    assert_eq!(wake.wait(Duration::from_secs(10)).unwrap(), Wake::Event);
+    assert_eq!(wake.wait(Duration::from_millis(1)).unwrap(), Wake::Timeout);
 }
 
 #[test]
@@ -257,11 +255,11 @@ fn dropping_everything_leaves_no_shared_memory() {
     let domain = Domain::isolated("leak");
     let bus = Bus::open(&domain).unwrap();
     let topic = Topic::field("finger", None).unwrap();
-    let mut writer = FieldWriter::create(&bus, &topic, 1000).unwrap();
+    let writer = FieldWriter::create(&bus, &topic, 1000).unwrap();
     let reader = FieldReader::open(&bus, &topic).unwrap();
     let mut loan = writer.loan().unwrap();
     loan.values_mut().fill(1.0);
-    writer.send(loan, header(1000, &[field_id::X])).unwrap();
+    loan.send(header(1000, &[field_id::X])).unwrap();
     assert!(writer.prefault().unwrap() >= 4000);
     assert!(!files(&domain).is_empty(), "the test looks in the wrong place");
     drop((reader, writer, bus));

@@ -64,7 +64,7 @@ fn main() -> anyhow::Result<()> {
     };
     while begin.elapsed().as_secs_f64() < args.seconds {
         let Some(state) = states.newest()? else {
-            if wake.wait([&states as &dyn Wakeable], SILENCE)? == Wake::Timeout {
+            if wake.wait(SILENCE)? == Wake::Timeout {
                 break;
             }
             continue;

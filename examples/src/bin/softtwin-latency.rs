@@ -79,7 +79,7 @@ fn listen(
     while next()?.is_some() {} // what was sent before we listened says nothing
     let begin = Instant::now();
     while begin.elapsed().as_secs_f64() < args.seconds {
-        wake.wait([reader], Duration::from_millis(100))?;
+        wake.wait(Duration::from_millis(100))?;
         while let Some((boot_id, seq, t_publish_ns)) = next()? {
             latencies_ns.push(now_ns().saturating_sub(t_publish_ns));
             if let Some((last_boot, last_seq)) = last

@@ -95,7 +95,7 @@ fn main() -> anyhow::Result<()> {
             if left.is_zero() {
                 break;
             }
-            wake.wait([&commands as &dyn Wakeable], left)?;
+            wake.wait(left)?;
         }
         due = (due + period).max(Instant::now());
         let now = Instant::now();

@@ -16,7 +16,7 @@ fn main() -> anyhow::Result<()> {
     let mut wake = WakeSet::new([&states as &dyn Wakeable, &fields]);
     let (mut state, mut field) = (None, None);
     while state.is_none() || field.is_none() {
-        wake.wait([&states as &dyn Wakeable, &fields], Duration::from_secs(5))?;
+        wake.wait(Duration::from_secs(5))?;
         state = states.newest()?.or(state);
         field = fields.newest()?.or(field); // shared memory, held until it is dropped
     }

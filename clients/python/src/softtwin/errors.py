@@ -31,7 +31,7 @@ class Refused(SofttwinError):
 
     def __init__(self, message: str, answer: object) -> None:
         super().__init__(message)
-        #: The answer's header, with `verdict` and `limit`.
+        #: The answer's header, with `status` and `limit`.
         self.answer = answer
 
 

@@ -12,21 +12,6 @@ from .errors import Refused, SofttwinError, TwinAbsent, TwinSilent
 from .field import Field, copy_of
 from .qos import MAX_CLIENTS, MAX_QUERY_NODES
 
-VERDICTS = {
-    1: "a quantity that this question needs is missing or not finite",
-    2: "the plate is out of reach at this gap; the largest gap that can be reached is {limit} mm",
-    3: "more force than the sampled states give here: at most {limit} N",
-    4: "less force than the sampled states give here: at least {limit} N",
-    5: "without a force there is no contact: every gap from {limit} mm on explains it",
-    6: "no sampled state is there; the nearest sampled value is {limit}",
-    7: "the gap is no input of this model: all samples have {limit} mm",
-    8: "the twin offers no field of these nodes; see `queries` and the outputs of its scene",
-    9: "not enough shared memory for the field: {limit} bytes are needed in /dev/shm",
-    10: "this twin does not know that kind of question",
-    11: "the model gave no finite value",
-}
-"""Why there is no answer, by the answer's verdict; 0 is answered."""
-
 
 class Client:
     """Asks the twin of one actuator. Answers come as `Answer`; with a field, as `Field` whose header is the answer."""
@@ -73,8 +58,8 @@ class Client:
             query.want_field, query.node_set = 1, layout.pack(field)
         response = self._exchange(query)
         answer = copy_of(layout.Answer, response.user_header_ptr)
-        if answer.verdict != 0:
-            reason = VERDICTS.get(answer.verdict, f"a reason of another version ({answer.verdict})")
+        if answer.status != 0:
+            reason = layout.QUERY_STATUSES.get(answer.status, f"a reason of another version ({answer.status})")
             raise Refused(f"{self._name}: no answer: {reason.format(limit=answer.limit)}", answer)
         return answer if field is None else Field(response, answer, response.payload_ptr)
 
@@ -94,5 +79,5 @@ class Client:
             left = end - time.monotonic()
             if left <= 0:
                 raise TwinSilent(f"{self._name}: no answer within {self.timeout_s} s")
-            # Every answer to anybody wakes all who wait: look, do not assume.
+            # Every answer to any client wakes all clients: check for our own.
             self._listener.timed_wait(iox2.Duration.from_secs_f64(min(left, 0.2)))

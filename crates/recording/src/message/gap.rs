@@ -1,9 +1,11 @@
-//! What is missing in a recording, said in the recording.
+//! What is missing in a recording, noted in the recording.
 
 use serde::Serialize;
+use serde_json::json;
 
-use super::{Recorded, schema};
+use super::{Recorded, schema, write};
 use crate::gaps::Gap;
+use crate::writer::Channel;
 
 /// A jump in the sequence numbers of a topic.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -22,6 +24,24 @@ impl GapMessage {
     /// Where gaps are recorded.
     pub const TOPIC: &'static str = "softtwin/recorder/gap";
 
+    /// The channel of these messages.
+    pub fn channel() -> Channel {
+        let name = "softtwin.Gap";
+        let properties = [
+            ("topic", "string", "The topic in which samples are missing."),
+            ("expected_seq", "integer", "The number that was expected."),
+            ("found_seq", "integer", "The number that came."),
+            ("missing", "integer", "How many are missing."),
+        ];
+        let properties =
+            properties.map(|(name, kind, meaning)| (name, json!({"type": kind, "description": meaning})));
+        Channel {
+            topic: Self::TOPIC.to_owned(),
+            schema_name: name.to_owned(),
+            schema_json: schema::object(name, properties),
+        }
+    }
+
     /// The message of one gap.
     pub fn new(topic: &str, gap: Gap) -> Self {
         Self {
@@ -34,17 +54,7 @@ impl GapMessage {
 }
 
 impl Recorded for GapMessage {
-    const SCHEMA_NAME: &'static str = "softtwin.Gap";
-
-    fn schema_json() -> String {
-        schema::object(
-            Self::SCHEMA_NAME,
-            &[
-                ("topic", "string", "the topic in which samples are missing"),
-                ("expected_seq", "integer", "the number that was expected"),
-                ("found_seq", "integer", "the number that came"),
-                ("missing", "integer", "how many are missing"),
-            ],
-        )
+    fn encode(&self, out: &mut Vec<u8>) {
+        write(self, out);
     }
 }

@@ -1,54 +1,48 @@
-//! What a recording says: one JSON object for each payload of the wire, with a JSON schema.
+//! The JSON form of payloads: one object each, with a JSON schema, both made from the payload's own description.
 //!
 //! Numbers survive unchanged: finite ones are written with as many digits as they need to be read back to the same bits,
 //! the others as the texts `"NaN"`, `"Infinity"`, `"-Infinity"`. Run numbers and hashes are hexadecimal texts, because
 //! many viewers keep only 53 bits of an integer.
 
-mod answer;
-mod command;
+mod decode;
 mod field;
 mod gap;
-mod grasp;
-mod health;
-mod number;
+mod json;
 mod schema;
-mod sensor;
-mod state;
 
-pub use answer::AnswerMessage;
-pub use command::CommandMessage;
+pub use decode::{decode, decode_reading};
 pub use field::{FieldMessage, field_values};
 pub use gap::GapMessage;
-pub use grasp::GraspMessage;
-pub use health::HealthMessage;
-pub use sensor::SensorMessage;
-pub use state::StateMessage;
+pub use json::{Json, answer};
 
 use serde::Serialize;
+use wire::layout::{Layout, View};
 
 use crate::writer::Channel;
 
-/// A payload's JSON form and where it belongs.
-pub trait Recorded: Serialize {
-    /// Name of the schema, such as `softtwin.State`.
-    const SCHEMA_NAME: &'static str;
-
-    /// JSON schema of the message: flat, with one description a property.
-    fn schema_json() -> String;
-
-    /// The channel of this kind of message on `topic`.
-    fn channel(topic: &str) -> Channel {
-        Channel {
-            topic: topic.to_owned(),
-            schema_name: Self::SCHEMA_NAME.to_owned(),
-            schema_json: Self::schema_json(),
-        }
-    }
-
+/// A message of a recording.
+pub trait Recorded {
     /// The message as JSON, into a reused buffer.
-    fn encode(&self, out: &mut Vec<u8>) {
-        out.clear();
-        // Writing plain numbers and texts into memory cannot fail; a message cut short would fail to parse, not lie.
-        let _ = serde_json::to_writer(out, self);
+    fn encode(&self, out: &mut Vec<u8>);
+}
+
+/// The channel of a payload on `topic`.
+pub fn channel(layout: &Layout, topic: &str) -> Channel {
+    Channel {
+        topic: topic.to_owned(),
+        schema_name: layout.schema.to_owned(),
+        schema_json: schema::of(layout),
     }
+}
+
+impl Recorded for View<'_> {
+    fn encode(&self, out: &mut Vec<u8>) {
+        write(&Json(*self), out);
+    }
+}
+
+/// Writing plain numbers and texts into memory cannot fail; a message cut short would fail to parse, not lie.
+fn write(message: &impl Serialize, out: &mut Vec<u8>) {
+    out.clear();
+    let _ = serde_json::to_writer(out, message);
 }

@@ -1,22 +1,61 @@
-//! Builds the JSON schemas from tables of (property, type, description).
+//! JSON schemas (draft 7), made from the payloads' descriptions.
 
 use serde_json::{Map, Value, json};
+use wire::FieldHeader;
+use wire::layout::{Field, Layout, Payload, Scalar, Show};
 
-/// A flat object. `kind` is a JSON type, `number[]` for an array of numbers, `string[]` for one of texts, or `base64`.
-pub fn object(title: &str, properties: &[(&str, &str, &str)]) -> String {
-    let properties: Map<String, Value> = properties
-        .iter()
-        .map(|(name, kind, description)| ((*name).to_owned(), property(kind, description)))
-        .collect();
-    json!({"title": title, "type": "object", "properties": properties}).to_string()
+/// The schema of a payload's JSON form.
+pub fn of(layout: &Layout) -> String {
+    let mut properties: Vec<(&str, Value)> =
+        layout.json.iter().map(|(key, field)| (*key, property(field))).collect();
+    if layout == FieldHeader::LAYOUT {
+        let description = "little-endian f32, all nodes of the first field, then of the second, ...";
+        let values = json!({"type": "string", "contentEncoding": "base64", "description": description});
+        properties.push(("values", values));
+    }
+    object(layout.schema, properties)
 }
 
-fn property(kind: &str, description: &str) -> Value {
-    if let Some(items) = kind.strip_suffix("[]") {
-        return json!({"type": "array", "items": {"type": items}, "description": description});
+/// The schema of an object with these properties.
+pub fn object<'a>(title: &str, properties: impl IntoIterator<Item = (&'a str, Value)>) -> String {
+    let properties: Map<String, Value> =
+        properties.into_iter().map(|(name, schema)| (name.to_owned(), schema)).collect();
+    json!({
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": title,
+        "type": "object",
+        "properties": properties,
+        "definitions": {
+            "number": {"anyOf": [{"type": "number"}, {"enum": ["NaN", "Infinity", "-Infinity"]}]},
+        },
+    })
+    .to_string()
+}
+
+/// A number that may be "not known". In draft 7 a validator follows `$ref` and passes over what stands beside it; viewers
+/// that draw numbers (Foxglove, Lichtblick) read `type` and refuse a list of types.
+fn number(scalar: Scalar) -> Value {
+    match scalar {
+        Scalar::F32 | Scalar::F64 => json!({"type": "number", "$ref": "#/definitions/number"}),
+        Scalar::U8 | Scalar::U32 | Scalar::U64 => json!({"type": "integer"}),
     }
-    match kind {
-        "base64" => json!({"type": "string", "contentEncoding": "base64", "description": description}),
-        kind => json!({"type": kind, "description": description}),
-    }
+}
+
+fn property(field: &Field) -> Value {
+    let texts = json!({"type": "array", "items": {"type": "string"}});
+    let numbers = json!({"type": "array", "items": number(field.scalar)});
+    let mut schema = match field.show {
+        Show::Number if field.count == 1 => number(field.scalar),
+        Show::Number | Show::Counted(_) | Show::UntilZero => numbers,
+        Show::Hex | Show::Name | Show::Code(_) => json!({"type": "string"}),
+        Show::Flags(_) | Show::FieldNames => texts,
+        Show::PerCode(codes) => {
+            let counts: Map<String, Value> =
+                codes.iter().map(|code| (code.name.to_owned(), number(field.scalar))).collect();
+            json!({"type": "object", "properties": counts})
+        }
+    };
+    let unit = if field.unit.is_empty() { String::new() } else { format!(" Unit: {}.", field.unit) };
+    schema["description"] = format!("{}{unit}", field.meaning.trim()).into();
+    schema
 }

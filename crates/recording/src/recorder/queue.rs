@@ -76,7 +76,7 @@ impl Queue {
         QueueSink {
             queue: self.clone(),
             channel: Arc::new(sample::channel(&topic)),
-            gap_channel: Arc::new(GapMessage::channel(GapMessage::TOPIC)),
+            gap_channel: Arc::new(GapMessage::channel()),
             topic,
             gaps: GapCounter::default(),
             model: None,

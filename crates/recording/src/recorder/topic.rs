@@ -39,7 +39,7 @@ fn open_and_move(
     report(opened, Ok(()));
     let mut wakes = WakeSet::new([&reader as &dyn Wakeable]);
     while !stop.is_set() {
-        wakes.wait([&reader as &dyn Wakeable], WAIT)?;
+        wakes.wait(WAIT)?;
         drain(&reader, sink)?;
     }
     drain(&reader, sink)

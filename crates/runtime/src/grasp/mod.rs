@@ -77,7 +77,7 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         grasp.force_halfwidth_n = bar_n;
     }
     let unusable = flags::NO_DATA | flags::STALE | flags::HELD;
-    grasp.verdict = match grasp.flags & unusable {
+    grasp.grasp_status = match grasp.flags & unusable {
         0 if least_n - bar_n >= needed_n => grasp_status::HELD,
         0 if least_n >= needed_n => grasp_status::MARGINAL,
         0 => grasp_status::NOT_HELD,
@@ -132,7 +132,7 @@ impl GraspModel {
         let stop = self.stop_point(&gaps_mm);
         Grasp {
             stop_pressure_mpa: stop.pressure_mpa,
-            stop_pressure_bar_mpa: stop.bar_mpa,
+            stop_pressure_halfwidth_mpa: stop.bar_mpa,
             scene: pack_name(&self.scene),
             ..evaluate(&self.spec, &states)
         }
@@ -206,7 +206,7 @@ impl SideService for GraspService {
 
     /// Waits for states and publishes one grasp when there is a new one.
     fn turn(&mut self, max_wait: Duration) -> Result<(), WireError> {
-        self.wake.wait(self.readers.iter().map(|reader| reader as &dyn Wakeable), max_wait)?;
+        self.wake.wait(max_wait)?;
         let mut is_new = false;
         for (reader, state) in self.readers.iter().zip(&mut self.states) {
             if let Some(newest) = reader.newest()? {
@@ -223,7 +223,7 @@ impl SideService for GraspService {
             seq: self.seq,
             t_publish_ns: now_ns(),
             stop_pressure_mpa: self.stop.pressure_mpa,
-            stop_pressure_bar_mpa: self.stop.bar_mpa,
+            stop_pressure_halfwidth_mpa: self.stop.bar_mpa,
             scene: pack_name(&self.model.scene),
             ..evaluate(&self.model.spec, &self.states)
         })
@@ -279,7 +279,7 @@ mod tests {
     #[test]
     fn the_papers_gripper_holds_its_object() {
         let grasp = evaluate(&paper(), &[state(0.58, 0.001), state(0.58, 0.001)]);
-        assert_eq!(grasp.verdict, grasp_status::HELD);
+        assert_eq!(grasp.grasp_status, grasp_status::HELD);
         assert!((grasp.needed_force_n - 0.017 * 9.81 / 0.4).abs() < 1e-12);
         assert!((grasp.margin - (0.58 / 0.416925 - 1.0)).abs() < 1e-9);
         // 17 g on 2 x 0.58 N need a friction coefficient of 0.144; the paper asks for 0.2.
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn the_weakest_finger_counts_and_the_error_bar_decides_what_is_certain() {
         let needed_n = needed_force_n(&paper(), 2);
-        let verdict = |a: f64, b: f64, bar| evaluate(&paper(), &[state(a, bar), state(b, bar)]).verdict;
+        let verdict = |a: f64, b: f64, bar| evaluate(&paper(), &[state(a, bar), state(b, bar)]).grasp_status;
         assert_eq!(verdict(needed_n * 0.99, 10.0, 0.0), grasp_status::NOT_HELD);
         assert_eq!(verdict(needed_n * 1.01, 10.0, 0.1), grasp_status::MARGINAL);
         assert_eq!(verdict(needed_n * 1.01, 10.0, 0.001), grasp_status::HELD);
@@ -298,9 +298,9 @@ mod tests {
 
     #[test]
     fn a_finger_without_fresh_data_makes_the_grasp_unknown() {
-        assert_eq!(evaluate(&paper(), &[state(1.0, 0.0), None]).verdict, grasp_status::UNKNOWN);
+        assert_eq!(evaluate(&paper(), &[state(1.0, 0.0), None]).grasp_status, grasp_status::UNKNOWN);
         let stale = State { flags: flags::STALE, contact_force_n: 1.0, ..State::default() };
         let grasp = evaluate(&paper(), &[state(1.0, 0.0), Some(stale)]);
-        assert_eq!((grasp.verdict, grasp.flags), (grasp_status::UNKNOWN, flags::STALE));
+        assert_eq!((grasp.grasp_status, grasp.flags), (grasp_status::UNKNOWN, flags::STALE));
     }
 }

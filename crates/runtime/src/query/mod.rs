@@ -109,7 +109,7 @@ impl Answerer {
                 self.describe(&mut answer);
                 self.reconstruct(query, &mut answer, values);
             }
-            Err(NoSolution { verdict, limit }) => (answer.verdict, answer.limit) = (verdict.code(), limit),
+            Err(NoSolution { status, limit }) => (answer.status, answer.limit) = (status.code(), limit),
         }
         answer.compute_ns = begin.elapsed().as_nanos() as u64;
         answer
@@ -117,7 +117,7 @@ impl Answerer {
 
     /// Pressure and gap that the question means or asks for.
     fn find(&mut self, query: &Query) -> Result<(f64, f64, Option<Solution>), NoSolution> {
-        let refuse = |verdict| Err(NoSolution { verdict, limit: f64::NAN });
+        let refuse = |status| Err(NoSolution { status, limit: f64::NAN });
         let gap_mm = if query.gap_mm.is_nan() { self.default_gap_mm } else { Some(query.gap_mm) };
         // No obstacle is a gap without end.
         let gap_mm = gap_mm.or((query.kind == query_kind::WHATIF).then_some(f64::INFINITY));
@@ -145,7 +145,7 @@ impl Answerer {
 
     fn describe(&self, answer: &mut Answer) {
         if !self.solver.is_known() {
-            answer.verdict = QueryStatus::OutsideDomain.code();
+            answer.status = QueryStatus::OutsideDomain.code();
             answer.limit = self.solver.gap_mm[1];
             return;
         }
@@ -153,21 +153,21 @@ impl Answerer {
         if payload::is_finite(evaluation) {
             payload::fill_answer(answer, evaluation, &self.group_sizes);
         } else {
-            answer.verdict = QueryStatus::Model.code();
+            answer.status = QueryStatus::Model.code();
         }
     }
 
     fn reconstruct(&self, query: &Query, answer: &mut Answer, values: &mut [f32]) {
-        if query.want_field == 0 || answer.verdict != QueryStatus::Answered.code() {
+        if query.want_field == 0 || answer.status != QueryStatus::Answered.code() {
             return;
         }
         let Some(output) = self.output(query) else {
-            answer.verdict = QueryStatus::NoSuchField.code();
+            answer.status = QueryStatus::NoSuchField.code();
             return;
         };
         match output.reconstructor.reconstruct_into(self.solver.evaluation(), values) {
             Ok(peaks) => payload::fill_answer_field(answer, output, &peaks),
-            Err(_) => answer.verdict = QueryStatus::Model.code(),
+            Err(_) => answer.status = QueryStatus::Model.code(),
         }
     }
 
@@ -241,10 +241,9 @@ impl SideService for QueryService {
 
     /// Waits for questions and answers them. What cannot be sent is logged; its client runs into the time-out.
     fn turn(&mut self, max_wait: Duration) -> Result<(), WireError> {
-        let servers = self.served.iter().map(|(server, _)| server as &dyn Wakeable);
         // Questions beyond the batch of the last turn have woken nobody again.
         let max_wait = if std::mem::take(&mut self.has_more) { Duration::ZERO } else { max_wait };
-        self.wake.wait(servers, max_wait)?;
+        self.wake.wait(max_wait)?;
         for (server, answerer) in &mut self.served {
             match answer_batch(server, answerer) {
                 Ok(has_more) => self.has_more |= has_more,
@@ -267,7 +266,7 @@ fn answer_batch(server: &QueryServer, answerer: &mut Answerer) -> Result<bool, W
             let plain = Query { want_field: 0, ..query };
             server.answer(&question, 0, |values, answer| {
                 *answer = answerer.answer(&plain, values);
-                (answer.verdict, answer.limit) = (QueryStatus::NoMemory.code(), needed_bytes as f64);
+                (answer.status, answer.limit) = (QueryStatus::NoMemory.code(), needed_bytes as f64);
             })?;
         } else {
             sent?;

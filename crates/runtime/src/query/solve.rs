@@ -21,7 +21,7 @@ const TOLERANCE_N: f64 = 1e-9;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoSolution {
     /// The reason.
-    pub verdict: QueryStatus,
+    pub status: QueryStatus,
     /// See [`wire::QueryStatus`].
     pub limit: f64,
 }
@@ -87,22 +87,22 @@ impl Solver {
     pub fn pressure_for_force(&mut self, gap_mm: f64, force_n: f64) -> Result<Solution, NoSolution> {
         let reach_mm = self.evaluator_reach_mm();
         if gap_mm > reach_mm {
-            return Err(NoSolution { verdict: QueryStatus::OutOfReach, limit: reach_mm });
+            return Err(NoSolution { status: QueryStatus::OutOfReach, limit: reach_mm });
         }
         let [lowest, highest] = self.pressure_mpa;
         let onset = self.evaluate(highest, gap_mm).onset_pressure_mpa.unwrap_or(lowest).max(lowest);
         let points = self.scan(onset, highest, |solver, p| solver.force_inside(p, gap_mm));
         let (Some(first), Some(top)) = (points.first(), max(&points)) else {
             return Err(NoSolution {
-                verdict: QueryStatus::OutsideDomain,
+                status: QueryStatus::OutsideDomain,
                 limit: self.nearest_gap_mm(gap_mm),
             });
         };
         if force_n < first.force_n || force_n <= 0.0 {
-            return Err(NoSolution { verdict: QueryStatus::ForceTooLow, limit: first.force_n });
+            return Err(NoSolution { status: QueryStatus::ForceTooLow, limit: first.force_n });
         }
         if force_n > top.force_n {
-            return Err(NoSolution { verdict: QueryStatus::ForceTooHigh, limit: top.force_n });
+            return Err(NoSolution { status: QueryStatus::ForceTooHigh, limit: top.force_n });
         }
         let value =
             self.close_in(&points, force_n, |solver, p| solver.force_inside(p, gap_mm)).unwrap_or(first.at);
@@ -125,7 +125,7 @@ impl Solver {
     ) -> Result<Solution, NoSolution> {
         let [nearest, farthest] = self.gap_mm;
         if nearest == farthest {
-            return Err(NoSolution { verdict: QueryStatus::GapIsFixed, limit: nearest });
+            return Err(NoSolution { status: QueryStatus::GapIsFixed, limit: nearest });
         }
         let mut points = self.scan(nearest, farthest, |solver, gap| solver.force_inside(pressure_mpa, gap));
         // From the far end: the force begins at 0 there and grows towards the plate.
@@ -133,19 +133,19 @@ impl Solver {
         let (Some(far), Some(top)) = (points.first(), max(&points)) else {
             let [low, high] = self.pressure_mpa;
             return Err(NoSolution {
-                verdict: QueryStatus::OutsideDomain,
+                status: QueryStatus::OutsideDomain,
                 limit: pressure_mpa.clamp(low, high),
             });
         };
         if force_n <= 0.0 {
             let limit = self.touching_mm(pressure_mpa);
-            return Err(NoSolution { verdict: QueryStatus::NoContact, limit });
+            return Err(NoSolution { status: QueryStatus::NoContact, limit });
         }
         if force_n < far.force_n {
-            return Err(NoSolution { verdict: QueryStatus::ForceTooLow, limit: far.force_n });
+            return Err(NoSolution { status: QueryStatus::ForceTooLow, limit: far.force_n });
         }
         if force_n > top.force_n {
-            return Err(NoSolution { verdict: QueryStatus::ForceTooHigh, limit: top.force_n });
+            return Err(NoSolution { status: QueryStatus::ForceTooHigh, limit: top.force_n });
         }
         let force = |solver: &mut Self, gap| solver.force_inside(pressure_mpa, gap);
         let value = self.close_in(&points, force_n, force).unwrap_or(far.at);

@@ -2,12 +2,13 @@
 
 use super::reading::Reading;
 use super::trace_error::TraceError;
-use recording::message::{Recorded, SensorMessage};
+use recording::message::decode_reading;
 use recording::{Item, Reader};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
+use wire::{Payload, SensorSample};
 
 /// Most readings taken from one recording: 11 hours at 1 kHz, 2 GB of memory.
 pub const MAX_ROWS: usize = 40_000_000;
@@ -29,7 +30,7 @@ pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<Reading>, Vec
     let (mut rows, mut topics, mut begin_ns) = (Vec::<Reading>::new(), BTreeSet::new(), None);
     while let Some(item) = reader.next_item().map_err(|error| unreadable(error.to_string()))? {
         let Item::Message(message) = item else { continue };
-        if message.channel.schema_name != SensorMessage::SCHEMA_NAME {
+        if message.channel.schema_name != SensorSample::LAYOUT.schema {
             continue;
         }
         if topics.len() < 64 && !topics.contains(&message.channel.topic) {
@@ -38,7 +39,7 @@ pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<Reading>, Vec
         if topic.is_some_and(|topic| topic != message.channel.topic) {
             continue;
         }
-        let reading = SensorMessage::decode(&message.data).map_err(|error| {
+        let reading = decode_reading(&message.data).map_err(|error| {
             vec![TraceError::NotAReading { number: rows.len() + 1, cause: error.to_string() }]
         })?;
         if rows.len() >= MAX_ROWS {

@@ -91,8 +91,7 @@ impl Twin {
         if !self.busy_poll {
             let due_ns = self.actuators.iter().map(ActuatorTwin::next_due_ns).min().unwrap_or(u64::MAX);
             let timeout = Duration::from_nanos(due_ns.saturating_sub(now_ns())).min(max_wait);
-            let readers = self.actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable);
-            if self.wake.wait(readers, timeout).is_err() {
+            if self.wake.wait(timeout).is_err() {
                 self.actuators.iter_mut().for_each(ActuatorTwin::wait_failed);
                 std::thread::sleep(max_wait); // a failing wait must not become a busy loop
             }

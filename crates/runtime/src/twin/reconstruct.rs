@@ -88,7 +88,7 @@ impl FieldOutput {
     ) -> Result<(), FieldError> {
         self.header.seq += 1;
         payload::fill_field_header(&mut self.header, state, &peaks);
-        self.writer.send(loan, self.header).map_err(|_| FieldError::Transport)?;
+        loan.send(self.header).map_err(|_| FieldError::Transport)?;
         if self.period_ns > 0 {
             // Keeps the rate on average; after a pause it begins anew instead of catching up.
             let next = self.next_due_ns + self.period_ns;

@@ -5,7 +5,7 @@ use crate::live::{self, DomainArgs};
 use crate::output;
 use anyhow::Context;
 use formats::npy;
-use recording::message::AnswerMessage;
+use recording::message;
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -88,7 +88,7 @@ impl Args {
             return Ok(output!("{}", live::text::answer(answer))?);
         }
         let fields: Vec<&str> = answer.fields().map(field_id::as_str).collect();
-        let mut value = serde_json::to_value(AnswerMessage::from(answer))?;
+        let mut value = message::answer(answer);
         if answer.entries() > 0 {
             value["field"] = json!({
                 "node_set": unpack_name(&answer.node_set),

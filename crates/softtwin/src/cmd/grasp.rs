@@ -3,10 +3,11 @@
 use crate::failure::{configuration, usage};
 use crate::live;
 use crate::output;
-use recording::message::GraspMessage;
+use recording::message::Json;
 use runtime::config::Scene;
 use runtime::grasp::GraspModel;
 use std::path::PathBuf;
+use wire::Payload;
 
 /// What the paper reports of its gripper: force per finger in N, at a pressure in MPa, object in g, smallest friction.
 const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
@@ -68,7 +69,7 @@ impl Args {
         };
         let grasp = model.at(self.pressure_mpa, self.gap_mm.unwrap_or(f64::NAN));
         if self.json {
-            return output::json(&GraspMessage::from(&grasp));
+            return output::json(&Json(grasp.view()));
         }
         output!("scene {} at {:.4} MPa: {}", scene.name, self.pressure_mpa, live::text::grasp(&grasp))?;
         for (number, (force, _)) in grasp.fingers().enumerate() {

@@ -55,7 +55,7 @@ fn newest(bus: &Bus, info: &TopicInfo) -> anyhow::Result<Option<AnySample>> {
         return Ok(Some(sample));
     }
     // The writer delivers the last sample to a new reader together with its next one.
-    WakeSet::new([&reader as &dyn Wakeable]).wait([&reader as &dyn Wakeable], NEWEST_TIMEOUT)?;
+    WakeSet::new([&reader as &dyn Wakeable]).wait(NEWEST_TIMEOUT)?;
     Ok(reader.next()?)
 }
 

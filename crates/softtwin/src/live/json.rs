@@ -1,21 +1,17 @@
 //! Samples as JSON.
 
 use super::text::range;
-use recording::message::{CommandMessage, GraspMessage, HealthMessage, SensorMessage, StateMessage};
+use recording::message::Json;
 use serde_json::{Map, Value, json};
 use wire::layout::{field_id, flags, regime, unpack_name};
 use wire::{AnySample, FieldSample};
 
 /// The sample as JSON; a field as its header and the range of each of its fields.
 pub fn sample(sample: &AnySample) -> anyhow::Result<Value> {
-    Ok(match sample {
-        AnySample::Sensor(sample) => serde_json::to_value(SensorMessage::from(sample))?,
-        AnySample::State(sample) => serde_json::to_value(StateMessage::from(&**sample))?,
-        AnySample::Health(sample) => serde_json::to_value(HealthMessage::from(sample))?,
-        AnySample::Field(sample) => field(sample),
-        AnySample::Grasp(sample) => serde_json::to_value(GraspMessage::from(sample))?,
-        AnySample::Command(sample) => serde_json::to_value(CommandMessage::from(sample))?,
-    })
+    match sample {
+        AnySample::Field(sample) => Ok(field(sample)),
+        _ => Ok(serde_json::to_value(Json(sample.view()))?),
+    }
 }
 
 fn field(sample: &FieldSample) -> Value {

@@ -62,7 +62,7 @@ impl Readers {
         if self.stop.load(Ordering::Relaxed) || self.end.is_some_and(|end| now >= end) {
             return Ok(false);
         }
-        let woken = self.wake.wait(self.readers.iter().map(|reader| reader as &dyn Wakeable), left)?;
+        let woken = self.wake.wait(left)?;
         Ok(woken != Wake::Signal || !self.stop.load(Ordering::Relaxed))
     }
 }

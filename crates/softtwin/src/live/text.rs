@@ -115,11 +115,11 @@ fn numbered_grasp(sample: &Grasp) -> String {
 pub fn grasp(grasp: &Grasp) -> String {
     let stop = match grasp.stop_pressure_mpa {
         stop if stop.is_nan() => "no sampled pressure holds it".to_owned(),
-        stop => format!("first held at {stop:.5} +- {:.5} MPa", grasp.stop_pressure_bar_mpa),
+        stop => format!("first held at {stop:.5} +- {:.5} MPa", grasp.stop_pressure_halfwidth_mpa),
     };
     format!(
         "{}, {:.3} of {:.3} N a finger, {stop}",
-        grasp_status::as_str(grasp.verdict),
+        grasp_status::as_str(grasp.grasp_status),
         grasp.least_force_n,
         grasp.needed_force_n
     )
@@ -206,11 +206,11 @@ mod tests {
     #[test]
     fn a_grasp_is_one_sentence() {
         let held = Grasp {
-            verdict: grasp_status::HELD,
+            grasp_status: grasp_status::HELD,
             least_force_n: 0.5862,
             needed_force_n: 0.4169,
             stop_pressure_mpa: 0.0651,
-            stop_pressure_bar_mpa: 0.0012,
+            stop_pressure_halfwidth_mpa: 0.0012,
             ..Grasp::default()
         };
         assert_eq!(grasp(&held), "held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa");

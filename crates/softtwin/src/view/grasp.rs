@@ -1,11 +1,12 @@
 //! Grasps, as texts for the page.
 
 use super::hub::Hub;
-use recording::message::GraspMessage;
+use recording::message::Json;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
-use wire::{Bus, GraspReader, Topic, WireError};
+use wire::layout::unpack_name;
+use wire::{Bus, GraspReader, Payload, Topic, WireError};
 
 /// A person reads no faster.
 const INTERVAL: Duration = Duration::from_millis(100);
@@ -19,9 +20,9 @@ pub struct Grasps {
 
 #[derive(Serialize)]
 #[serde(tag = "type", rename = "grasp")]
-struct GraspNotification {
+struct GraspNotification<'a> {
     #[serde(flatten)]
-    grasp: GraspMessage,
+    grasp: Json<'a>,
 }
 
 impl Grasps {
@@ -41,9 +42,9 @@ impl Grasps {
         self.notified = Some(Instant::now());
         self.readers.retain(|topic, reader| match reader.newest() {
             Ok(Some(grasp)) => {
-                let notification = GraspNotification { grasp: GraspMessage::from(&grasp) };
+                let notification = GraspNotification { grasp: Json(grasp.view()) };
                 hub.notify_grasp(
-                    &notification.grasp.scene,
+                    &unpack_name(&grasp.scene),
                     serde_json::to_string(&notification).unwrap_or_default(),
                 ); // plain numbers and texts
                 true

@@ -106,7 +106,7 @@ pub fn subscribers(counts: &[usize]) -> anyhow::Result<Vec<SubscribersRow>> {
         let bus = Bus::open(&Domain::isolated("bench"))?;
         let topic = Topic::field("bench", None)?;
         let entries = 5 * full_size::NODES;
-        let mut writer = FieldWriter::create(&bus, &topic, entries)?;
+        let writer = FieldWriter::create(&bus, &topic, entries)?;
         let readers =
             (0..subscribers).map(|_| FieldReader::open(&bus, &topic)).collect::<Result<Vec<_>, _>>()?;
         let mut header =
@@ -118,7 +118,7 @@ pub fn subscribers(counts: &[usize]) -> anyhow::Result<Vec<SubscribersRow>> {
             loans.time(|| loan = Some(writer.loan()));
             let loan = loan.context("no loan was tried")??;
             let mut sent = None;
-            sends.time(|| sent = Some(writer.send(loan, header)));
+            sends.time(|| sent = Some(loan.send(header)));
             sent.context("no send was tried")??;
             for reader in &readers {
                 reader.newest()?;

@@ -16,7 +16,7 @@ pub fn verify(model: &[u8], domain: &Domain, actuator: &str, end: Instant) -> an
     let mut next = Instant::now();
     let mut wake = WakeSet::new([&states as &dyn Wakeable]);
     while Instant::now() < end {
-        wake.wait([&states as &dyn Wakeable], EVERY)?;
+        wake.wait(EVERY)?;
         while let Some(state) = states.next()? {
             verifier.state(&state);
         }

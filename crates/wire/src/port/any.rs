@@ -1,37 +1,108 @@
-//! Readers and samples of any kind of topic, for programs that take topics as they find them.
+//! A reader of any kind of topic, for programs that treat all topics alike.
 
-use crate::bus::{Bus, Ipc};
-use crate::port::{
-    CommandReader, FieldReader, FieldSample, GraspReader, HealthReader, SensorReader, StateReader,
-};
-use crate::wake::{Wakeable, Waking};
-use crate::{Command, Grasp, Health, SensorSample, State, Topic, TopicKind, WireError};
-use iceoryx2::port::listener::Listener;
+use super::field::{FieldReader, FieldSample};
+use super::sized::Reader;
+use crate::bus::Bus;
+use crate::error::WireError;
+use crate::layout::{Command, Grasp, Health, Payload, SensorSample, State, View};
+use crate::topic::{Topic, TopicKind};
+use crate::wake::{Wakeable, Waker, Waking};
 
-/// A reader of one topic of any kind.
-#[derive(Debug)]
-#[allow(missing_docs)] // each is named like its reader
-pub enum AnyReader {
-    Sensor(SensorReader),
-    State(StateReader),
-    Health(HealthReader),
-    Field(FieldReader),
-    Grasp(GraspReader),
-    Command(CommandReader),
+macro_rules! kinds {
+    ($($kind:ident: $payload:ident),+) => {
+        /// A reader of any kind of topic.
+        #[derive(Debug)]
+        #[allow(missing_docs)] // the kinds are those of `TopicKind`
+        pub enum AnyReader {
+            $($kind(Reader<$payload>),)+
+            Field(FieldReader),
+        }
+
+        /// A sample of any kind of topic.
+        #[derive(Debug)]
+        #[allow(missing_docs)] // the kinds are those of `TopicKind`
+        #[allow(clippy::large_enum_variant)] // 752 bytes are moved once; a box would allocate for every state
+        pub enum AnySample {
+            $($kind($payload),)+
+            /// A field, still in shared memory.
+            Field(FieldSample),
+        }
+
+        impl AnyReader {
+            /// Reads a topic that must exist.
+            ///
+            /// # Errors
+            /// As [`Reader::open`].
+            pub fn open(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
+                Ok(match topic.kind() {
+                    $(TopicKind::$kind => Self::$kind(Reader::open(bus, topic)?),)+
+                    TopicKind::Field => Self::Field(FieldReader::open(bus, topic)?),
+                })
+            }
+
+            /// Reads a topic that may come into being later, woken or not.
+            ///
+            /// # Errors
+            /// As [`Reader::attach`].
+            pub fn attach_as(bus: &Bus, topic: &Topic, waking: Waking) -> Result<Self, WireError> {
+                Ok(match topic.kind() {
+                    $(TopicKind::$kind => Self::$kind(Reader::attach_as(bus, topic, waking)?),)+
+                    TopicKind::Field => Self::Field(FieldReader::attach_as(bus, topic, waking)?),
+                })
+            }
+
+            /// The topic.
+            pub fn topic(&self) -> &Topic {
+                match self {
+                    $(Self::$kind(reader) => reader.topic(),)+
+                    Self::Field(reader) => reader.topic(),
+                }
+            }
+
+            /// The oldest waiting sample, if there is one. Never blocks.
+            ///
+            /// # Errors
+            /// [`WireError::Receive`] when a connection broke.
+            pub fn next(&self) -> Result<Option<AnySample>, WireError> {
+                Ok(match self {
+                    $(Self::$kind(reader) => reader.next()?.map(AnySample::$kind),)+
+                    Self::Field(reader) => reader.next()?.map(AnySample::Field),
+                })
+            }
+
+            /// The newest waiting sample; the older ones are discarded. Never blocks.
+            ///
+            /// # Errors
+            /// As [`Self::next`].
+            pub fn newest(&self) -> Result<Option<AnySample>, WireError> {
+                Ok(match self {
+                    $(Self::$kind(reader) => reader.newest()?.map(AnySample::$kind),)+
+                    Self::Field(reader) => reader.newest()?.map(AnySample::Field),
+                })
+            }
+        }
+
+        impl Wakeable for AnyReader {
+            fn waker(&self) -> Waker {
+                match self {
+                    $(Self::$kind(reader) => reader.waker(),)+
+                    Self::Field(reader) => reader.waker(),
+                }
+            }
+        }
+
+        impl AnySample {
+            /// The payload's bytes with what they mean; of a field those of its header.
+            pub fn view(&self) -> View<'_> {
+                match self {
+                    $(Self::$kind(sample) => sample.view(),)+
+                    Self::Field(sample) => sample.header().view(),
+                }
+            }
+        }
+    };
 }
-
-/// A received sample of any kind.
-#[derive(Debug)]
-#[allow(missing_docs)] // each is named like its payload
-pub enum AnySample {
-    Sensor(SensorSample),
-    State(Box<State>),
-    Health(Health),
-    /// Still in shared memory, and not copied.
-    Field(FieldSample),
-    Grasp(Grasp),
-    Command(Command),
-}
+kinds!(Sensor: SensorSample, State: State, Health: Health, Grasp: Grasp, Command: Command);
 
 /// Identity and times of a sample, as its sender wrote them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,104 +117,13 @@ pub struct Stamp {
     pub t_publish_ns: u64,
 }
 
-/// Does the same with the reader or the sample of every kind.
-macro_rules! for_each_kind {
-    ($Any:ident, $any:expr, $inner:ident => $result:expr) => {
-        match $any {
-            $Any::Sensor($inner) => $result,
-            $Any::State($inner) => $result,
-            $Any::Health($inner) => $result,
-            $Any::Field($inner) => $result,
-            $Any::Grasp($inner) => $result,
-            $Any::Command($inner) => $result,
-        }
-    };
-}
-
-impl AnyReader {
-    /// Reads a topic that must exist.
-    ///
-    /// # Errors
-    /// As [`SensorReader::open`].
-    pub fn open(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
-        Ok(match topic.kind() {
-            TopicKind::Sensor => Self::Sensor(SensorReader::open(bus, topic)?),
-            TopicKind::State => Self::State(StateReader::open(bus, topic)?),
-            TopicKind::Health => Self::Health(HealthReader::open(bus, topic)?),
-            TopicKind::Field => Self::Field(FieldReader::open(bus, topic)?),
-            TopicKind::Grasp => Self::Grasp(GraspReader::open(bus, topic)?),
-            TopicKind::Command => Self::Command(CommandReader::open(bus, topic)?),
-        })
-    }
-
-    /// Reads a topic that may come into being later, woken or not.
-    ///
-    /// # Errors
-    /// As [`SensorReader::attach`].
-    pub fn attach_as(bus: &Bus, topic: &Topic, waking: Waking) -> Result<Self, WireError> {
-        Ok(match topic.kind() {
-            TopicKind::Sensor => Self::Sensor(SensorReader::attach_as(bus, topic, waking)?),
-            TopicKind::State => Self::State(StateReader::attach_as(bus, topic, waking)?),
-            TopicKind::Health => Self::Health(HealthReader::attach_as(bus, topic, waking)?),
-            TopicKind::Field => Self::Field(FieldReader::attach_as(bus, topic, waking)?),
-            TopicKind::Grasp => Self::Grasp(GraspReader::attach_as(bus, topic, waking)?),
-            TopicKind::Command => Self::Command(CommandReader::attach_as(bus, topic, waking)?),
-        })
-    }
-
-    /// The oldest waiting sample, if there is one. Never blocks.
-    ///
-    /// # Errors
-    /// [`WireError::Receive`] when a connection broke.
-    pub fn next(&self) -> Result<Option<AnySample>, WireError> {
-        for_each_kind!(Self, self, reader => Ok(reader.next()?.map(AnySample::from)))
-    }
-
-    /// The topic.
-    pub fn topic(&self) -> &Topic {
-        for_each_kind!(Self, self, reader => reader.topic())
-    }
-}
-
-impl Wakeable for AnyReader {
-    fn listener(&self) -> Option<&Listener<Ipc>> {
-        for_each_kind!(Self, self, reader => reader.listener())
-    }
-}
-
-macro_rules! any_sample_from {
-    ($($payload:ty => $kind:ident $(in $wrapper:ident)?),* $(,)?) => {$(
-        impl From<$payload> for AnySample {
-            fn from(sample: $payload) -> Self {
-                Self::$kind($($wrapper::new)?(sample))
-            }
-        }
-    )*};
-}
-
-any_sample_from! {
-    SensorSample => Sensor,
-    State => State in Box,
-    Health => Health,
-    FieldSample => Field,
-    Grasp => Grasp,
-    Command => Command,
-}
-
 impl AnySample {
     /// Identity and times.
     pub fn stamp(&self) -> Stamp {
-        let of = |boot_id, seq, t_sensor_ns, t_publish_ns| Stamp { boot_id, seq, t_sensor_ns, t_publish_ns };
-        match self {
-            Self::Sensor(s) => of(s.boot_id, s.seq, s.t_sensor_ns, s.t_sensor_ns),
-            Self::State(s) => of(s.boot_id, s.seq, s.t_sensor_ns, s.t_publish_ns),
-            Self::Health(s) => of(s.boot_id, s.seq, 0, s.t_publish_ns),
-            Self::Field(s) => {
-                let header = s.header();
-                of(header.boot_id, header.seq, header.t_sensor_ns, header.t_publish_ns)
-            }
-            Self::Grasp(s) => of(s.boot_id, s.seq, s.t_sensor_ns, s.t_publish_ns),
-            Self::Command(s) => of(s.boot_id, s.seq, s.t_sensor_ns, s.t_publish_ns),
-        }
+        let view = self.view();
+        let whole = |name| view.whole(name).unwrap_or(0);
+        let t_sensor_ns = whole("t_sensor_ns");
+        let t_publish_ns = view.whole("t_publish_ns").unwrap_or(t_sensor_ns);
+        Stamp { boot_id: whole("boot_id"), seq: whole("seq"), t_sensor_ns, t_publish_ns }
     }
 }

@@ -4,19 +4,30 @@ use super::segment;
 use super::service::{self, Missing};
 use super::writer_lock::WriterLock;
 use crate::bus::{Bus, Ipc};
-use crate::wake::{Wakeable, Waking};
-use crate::{FieldHeader, Topic, WireError, layout, now_ns, qos};
-use iceoryx2::port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
-use iceoryx2::prelude::*;
+use crate::clock::now_ns;
+use crate::error::WireError;
+use crate::layout::{self, FieldHeader};
+use crate::qos;
+use crate::topic::Topic;
+use crate::wake::{Wakeable, Waker, Waking};
+use iceoryx2::port::{notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
+use std::rc::Rc;
 
 /// The one writer of a field topic.
 #[derive(Debug)]
 pub struct FieldWriter {
+    bus: Bus,
+    port: Rc<Port>,
+}
+
+/// What a writer shares with its loans, so that a loan is sent where it came from.
+#[derive(Debug)]
+struct Port {
     topic: Topic,
     entries: usize,
-    prefix_bus: Bus,
     publisher: Publisher<Ipc, [f32], FieldHeader>,
     notifier: Notifier<Ipc>,
     // Last: given back after the ports are.
@@ -27,6 +38,7 @@ pub struct FieldWriter {
 #[derive(Debug)]
 pub struct FieldLoan {
     sample: SampleMut<Ipc, [f32], FieldHeader>,
+    port: Rc<Port>,
 }
 
 /// One of many readers of a field topic.
@@ -34,7 +46,7 @@ pub struct FieldLoan {
 pub struct FieldReader {
     topic: Topic,
     subscriber: Subscriber<Ipc, [f32], FieldHeader>,
-    listener: Option<Listener<Ipc>>,
+    waker: Waker,
 }
 
 /// A received field. Nothing was copied; the memory stays as it is until this is dropped. A reader may hold at most
@@ -68,14 +80,8 @@ impl FieldWriter {
         })?;
         segment::reserve(bus, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
-        Ok(Self {
-            topic: topic.clone(),
-            entries,
-            prefix_bus: bus.clone(),
-            publisher,
-            notifier,
-            _right: right,
-        })
+        let port = Port { topic: topic.clone(), entries, publisher, notifier, _right: right };
+        Ok(Self { bus: bus.clone(), port: Rc::new(port) })
     }
 
     /// Takes a free sample of the full length. Its values are whatever an earlier field left there: write all of them.
@@ -83,28 +89,15 @@ impl FieldWriter {
     /// # Errors
     /// [`WireError::Loan`] when no sample is free.
     pub fn loan(&self) -> Result<FieldLoan, WireError> {
-        let sample = self.publisher.loan_slice_uninit(self.entries).map_err(|error| WireError::Loan {
-            topic: self.topic.name().into(),
+        let port = &self.port;
+        let sample = port.publisher.loan_slice_uninit(port.entries).map_err(|error| WireError::Loan {
+            topic: port.topic.name().into(),
             cause: format!("{error:?}"),
         })?;
         // SAFETY: the memory is a shared mapping that the kernel handed out zeroed and that only `f32` are written to;
         // every bit pattern is a valid `f32`, so the values are initialised whatever was there before.
         let sample = unsafe { sample.assume_init() };
-        Ok(FieldLoan { sample })
-    }
-
-    /// Stamps and sends a loan, then wakes the readers. Returns the publish stamp.
-    ///
-    /// # Errors
-    /// [`WireError::FieldShape`] when the header does not describe the payload, [`WireError::Send`] when the port broke.
-    pub fn send(&mut self, mut loan: FieldLoan, header: FieldHeader) -> Result<u64, WireError> {
-        check_shape(&self.topic, &header, self.entries)?;
-        let t_publish_ns = now_ns();
-        *loan.sample.user_header_mut() = FieldHeader { t_publish_ns, ..header };
-        let failed = |cause: String| WireError::Send { topic: self.topic.name().to_owned(), cause };
-        loan.sample.send().map_err(|error| failed(format!("{error:?}")))?;
-        self.notifier.notify().map_err(|error| failed(format!("{error:?}")))?;
-        Ok(t_publish_ns)
+        Ok(FieldLoan { sample, port: port.clone() })
     }
 
     /// Maps all pages into this process ahead of use; returns the bytes.
@@ -112,17 +105,17 @@ impl FieldWriter {
     /// # Errors
     /// The system's refusal to show the mapping.
     pub fn prefault(&self) -> std::io::Result<u64> {
-        segment::prefault(&self.prefix_bus, self.publisher.id().value())
+        segment::prefault(&self.bus, self.port.publisher.id().value())
     }
 
     /// The topic.
     pub fn topic(&self) -> &Topic {
-        &self.topic
+        &self.port.topic
     }
 
     /// Values of a sample.
     pub fn entries(&self) -> usize {
-        self.entries
+        self.port.entries
     }
 }
 
@@ -130,6 +123,21 @@ impl FieldLoan {
     /// The values to write.
     pub fn values_mut(&mut self) -> &mut [f32] {
         self.sample.payload_mut()
+    }
+
+    /// Stamps and sends the field, then wakes the readers. Returns the publish stamp.
+    ///
+    /// # Errors
+    /// [`WireError::FieldShape`] when the header does not describe the payload, [`WireError::Send`] when the port broke.
+    pub fn send(mut self, header: FieldHeader) -> Result<u64, WireError> {
+        let Port { topic, entries, notifier, .. } = &*self.port;
+        check_shape(topic, &header, *entries)?;
+        let t_publish_ns = now_ns();
+        *self.sample.user_header_mut() = FieldHeader { t_publish_ns, ..header };
+        let failed = |cause: String| WireError::Send { topic: topic.name().to_owned(), cause };
+        self.sample.send().map_err(|error| failed(format!("{error:?}")))?;
+        notifier.notify().map_err(|error| failed(format!("{error:?}")))?;
+        Ok(t_publish_ns)
     }
 }
 
@@ -161,8 +169,8 @@ impl FieldReader {
 
     fn build(bus: &Bus, topic: &Topic, missing: Missing, waking: Waking) -> Result<Self, WireError> {
         let service = service::slices(bus, topic, missing)?;
-        let (subscriber, listener) = service::reader(bus, topic, &service, waking)?;
-        Ok(Self { topic: topic.clone(), subscriber, listener })
+        let (subscriber, waker) = service::reader(bus, topic, &service, waking)?;
+        Ok(Self { topic: topic.clone(), subscriber, waker })
     }
 
     /// The oldest waiting field, if there is one. Never blocks, copies nothing.
@@ -227,8 +235,8 @@ impl FieldSample {
 }
 
 impl Wakeable for FieldReader {
-    fn listener(&self) -> Option<&Listener<Ipc>> {
-        self.listener.as_ref()
+    fn waker(&self) -> Waker {
+        self.waker.clone()
     }
 }
 

@@ -3,13 +3,15 @@
 use super::segment;
 use super::service::{self, EventShape, Missing, Refusal};
 use crate::bus::{Bus, Ipc};
+use crate::error::WireError;
+use crate::layout::{Answer, Query};
+use crate::qos;
 use crate::topic::{ROOT, check_name};
-use crate::wake::{Wake, WakeSet, Wakeable};
-use crate::{Answer, Query, WireError, qos};
+use crate::wake::{Wake, WakeSet, Wakeable, Waker};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
-use iceoryx2::port::listener::{Listener, ListenerCreateError};
+use iceoryx2::port::listener::ListenerCreateError;
 use iceoryx2::port::notifier::{Notifier, NotifierCreateError};
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::*;
@@ -32,7 +34,7 @@ type Pending = PendingResponse<Ipc, Query, (), [f32], Answer>;
 pub struct QueryServer {
     name: String,
     server: Server<Ipc, Query, (), [f32], Answer>,
-    asked: Listener<Ipc>,
+    waker: Waker,
     answered: Notifier<Ipc>,
 }
 
@@ -42,8 +44,7 @@ pub struct QueryClient {
     name: String,
     client: Client<Ipc, Query, (), [f32], Answer>,
     asking: Notifier<Ipc>,
-    answered: Listener<Ipc>,
-    wake: WakeSet,
+    answered: WakeSet,
 }
 
 /// A question that waits for its answer.
@@ -86,7 +87,7 @@ impl QueryServer {
         let names = Names::of(actuator)?;
         let name = names.query.as_str();
         let service = open(bus, name, Missing::Create)?;
-        let asked = listener(bus, &service::named_events(bus, name, ASKED)?, name)?;
+        let waker = waker(bus, &service::named_events(bus, name, ASKED)?, name)?;
         let answered = notifier(bus, &service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
         let server = service::retry(bus, name, || {
             service
@@ -101,7 +102,7 @@ impl QueryServer {
                     Refusal::Full(WireError::AlreadyPublished { topic: name.to_owned(), holder })
                 })
         })?;
-        Ok(Self { name: names.query, server, asked, answered })
+        Ok(Self { name: names.query, server, waker, answered })
     }
 
     /// The oldest waiting question. Never blocks; one whose asker has gone is passed over.
@@ -147,8 +148,8 @@ impl QueryServer {
 }
 
 impl Wakeable for QueryServer {
-    fn listener(&self) -> Option<&Listener<Ipc>> {
-        Some(&self.asked)
+    fn waker(&self) -> Waker {
+        self.waker.clone()
     }
 }
 
@@ -170,7 +171,7 @@ impl QueryClient {
         let service = open(bus, name, Missing::Refuse)?;
         // A server that died leaves its service behind until somebody cleans up.
         let asking = notifier(bus, &service::named_events(bus, name, ASKED)?, name)?;
-        let answered = listener(bus, &service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
+        let answered = waker(bus, &service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
         let client = service::retry(bus, name, || {
             service
                 .client_builder()
@@ -184,8 +185,7 @@ impl QueryClient {
                     }),
                 })
         })?;
-        let wake = WakeSet::new([&Ear(&answered) as &dyn Wakeable]);
-        Ok(Self { name: names.query, client, asking, answered, wake })
+        Ok(Self { name: names.query, client, asking, answered: WakeSet::of([answered]) })
     }
 
     /// Asks and waits for the answer.
@@ -212,7 +212,7 @@ impl QueryClient {
                 return Err(WireError::NoAnswer { name: self.name.clone(), timeout_ms });
             }
             // Every answer to anybody wakes all who wait: look, do not assume.
-            let woken = self.wake.wait([&Ear(&self.answered) as &dyn Wakeable], left)?;
+            let woken = self.answered.wait(left)?;
             if woken == Wake::Timeout && !pending.is_connected() {
                 return Err(WireError::NobodyAnswers { name: self.name.clone() });
             }
@@ -229,15 +229,6 @@ impl AnswerSample {
     /// The field, field-major; empty when none was wanted.
     pub fn values(&self) -> &[f32] {
         self.response.payload().get(..self.answer().entries() as usize).unwrap_or(&[])
-    }
-}
-
-/// A listener as something to wait for.
-struct Ear<'a>(&'a Listener<Ipc>);
-
-impl Wakeable for Ear<'_> {
-    fn listener(&self) -> Option<&Listener<Ipc>> {
-        Some(self.0)
     }
 }
 
@@ -299,13 +290,14 @@ fn open_failed(name: &str, error: OpenError) -> Refusal {
     }
 }
 
-fn listener(bus: &Bus, events: &service::Events, name: &str) -> Result<Listener<Ipc>, WireError> {
-    service::retry(bus, name, || {
+fn waker(bus: &Bus, events: &service::Events, name: &str) -> Result<Waker, WireError> {
+    let listener = service::retry(bus, name, || {
         events.listener_builder().create().map_err(|error| match error {
             ListenerCreateError::ExceedsMaxSupportedListeners => Refusal::Full(too_many_clients(name)),
             other => Refusal::Passing(format!("{other:?}")),
         })
-    })
+    })?;
+    Ok(Waker::new(Some(listener)))
 }
 
 fn notifier(bus: &Bus, events: &service::Events, name: &str) -> Result<Notifier<Ipc>, WireError> {

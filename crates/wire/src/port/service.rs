@@ -3,7 +3,7 @@
 use super::exhausted;
 use crate::bus::{Bus, Ipc};
 use crate::leftover::Places;
-use crate::wake::Waking;
+use crate::wake::{Waker, Waking};
 use crate::{Topic, TopicKind, WireError, layout, qos};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::PublisherCreateError;
@@ -34,7 +34,7 @@ pub(crate) enum Missing {
 pub(crate) type PubSub<P, H> = publish_subscribe::PortFactory<Ipc, P, H>;
 pub(crate) type Events = event::PortFactory<Ipc>;
 /// What a reader takes samples from, and what wakes it.
-pub(crate) type Ends<P, H> = (Subscriber<Ipc, P, H>, Option<Listener<Ipc>>);
+pub(crate) type Ends<P, H> = (Subscriber<Ipc, P, H>, Waker);
 
 /// The publish-subscribe service of a topic with a fixed-size payload.
 pub(crate) fn sized<P: Debug + ZeroCopySend>(
@@ -137,7 +137,7 @@ pub(crate) fn reader<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
         let builder = service.subscriber_builder().buffer_size(qos.buffer).history_request(qos.history);
         builder.create().map_err(|error| reader_failed(topic, error))
     })?;
-    Ok((subscriber, listener))
+    Ok((subscriber, Waker::new(listener)))
 }
 
 pub(crate) fn service_name(name: &str) -> Result<ServiceName, WireError> {

@@ -4,15 +4,17 @@ use super::segment;
 use super::service::{self, Missing};
 use super::writer_lock::WriterLock;
 use crate::bus::{Bus, Ipc};
-use crate::wake::{Wakeable, Waking};
-use crate::{Command, Grasp, Health, SensorSample, State, Topic, WireError, qos};
-use iceoryx2::port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
-use iceoryx2::prelude::*;
-use std::fmt::Debug;
+use crate::error::WireError;
+use crate::layout::{Command, Grasp, Health, Payload, SensorSample, State};
+use crate::qos;
+use crate::topic::Topic;
+use crate::wake::{Wakeable, Waker, Waking};
+use iceoryx2::port::{notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
+use iceoryx2::prelude::BackpressureStrategy;
 
 /// The one writer of a topic.
 #[derive(Debug)]
-pub struct Writer<P: Debug + Copy + ZeroCopySend + 'static> {
+pub struct Writer<P: Payload> {
     topic: Topic,
     publisher: Publisher<Ipc, P, ()>,
     notifier: Notifier<Ipc>,
@@ -22,10 +24,10 @@ pub struct Writer<P: Debug + Copy + ZeroCopySend + 'static> {
 
 /// One of many readers of a topic. Dropping it gives its slot back.
 #[derive(Debug)]
-pub struct Reader<P: Debug + Copy + ZeroCopySend + 'static> {
+pub struct Reader<P: Payload> {
     topic: Topic,
     subscriber: Subscriber<Ipc, P, ()>,
-    listener: Option<Listener<Ipc>>,
+    waker: Waker,
 }
 
 /// Sends readings.
@@ -49,7 +51,7 @@ pub type CommandWriter = Writer<Command>;
 /// Receives pressure commands.
 pub type CommandReader = Reader<Command>;
 
-impl<P: Debug + Copy + ZeroCopySend + 'static> Writer<P> {
+impl<P: Payload> Writer<P> {
     /// Becomes the writer of `topic` and reserves all its memory.
     ///
     /// # Errors
@@ -94,7 +96,7 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Writer<P> {
     }
 }
 
-impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
+impl<P: Payload> Reader<P> {
     /// Reads a topic that must exist.
     ///
     /// # Errors
@@ -122,8 +124,8 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
 
     fn build(bus: &Bus, topic: &Topic, missing: Missing, waking: Waking) -> Result<Self, WireError> {
         let service = service::sized::<P>(bus, topic, missing)?;
-        let (subscriber, listener) = service::reader(bus, topic, &service, waking)?;
-        Ok(Self { topic: topic.clone(), subscriber, listener })
+        let (subscriber, waker) = service::reader(bus, topic, &service, waking)?;
+        Ok(Self { topic: topic.clone(), subscriber, waker })
     }
 
     /// The oldest waiting sample, if there is one. Never blocks.
@@ -156,8 +158,8 @@ impl<P: Debug + Copy + ZeroCopySend + 'static> Reader<P> {
     }
 }
 
-impl<P: Debug + Copy + ZeroCopySend + 'static> Wakeable for Reader<P> {
-    fn listener(&self) -> Option<&Listener<Ipc>> {
-        self.listener.as_ref()
+impl<P: Payload> Wakeable for Reader<P> {
+    fn waker(&self) -> Waker {
+        self.waker.clone()
     }
 }

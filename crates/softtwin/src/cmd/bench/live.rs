@@ -198,7 +198,7 @@ impl Listener {
         let mut begin: Option<Instant> = None;
         loop {
             if row.wake != WakeUp::BusyPoll {
-                let wake = wakes.wait([self.port.wakeable()], Duration::from_millis(100))?;
+                let wake = wakes.wait(Duration::from_millis(100))?;
                 anyhow::ensure!(wake != Wake::Signal, "interrupted");
             }
             while let Some((seq, t_sensor_ns)) = self.port.next()? {

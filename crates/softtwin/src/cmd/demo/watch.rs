@@ -62,7 +62,7 @@ impl Watch {
 
     /// Waits at most `at_most` for a field and receives all that are there. Returns how many.
     pub(super) fn receive(&mut self, at_most: Duration) -> anyhow::Result<u64> {
-        self.wake.wait([&self.fields as &dyn Wakeable], at_most)?;
+        self.wake.wait(at_most)?;
         let before = self.summary.fields_received;
         while let Some(sample) = self.fields.next()? {
             let latency_ns = now_ns().saturating_sub(sample.header().t_sensor_ns);

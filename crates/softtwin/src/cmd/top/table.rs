@@ -143,11 +143,11 @@ mod tests {
     #[test]
     fn a_grasp_has_a_row_of_its_own() {
         let grasp = Grasp {
-            verdict: grasp_status::HELD,
+            grasp_status: grasp_status::HELD,
             least_force_n: 0.5862,
             needed_force_n: 0.4169,
             stop_pressure_mpa: 0.0651,
-            stop_pressure_bar_mpa: 0.0012,
+            stop_pressure_halfwidth_mpa: 0.0012,
             ..Grasp::default()
         };
         let row = grasp_row("gripper", &grasp);

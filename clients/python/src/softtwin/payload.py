@@ -1,0 +1,71 @@
+"""What all payloads share; the payloads themselves are in `layout`, which is generated."""
+
+import ctypes
+from typing import Dict, List, Set
+
+from ctypes import c_uint8 as u8
+
+
+def text(packed: "ctypes.Array[u8]") -> str:
+    """A zero-padded name."""
+    return bytes(packed).split(b"\0", 1)[0].decode("utf-8", "replace")
+
+
+def pack(name: str) -> "ctypes.Array[u8]":
+    """A name as it travels: at most 31 bytes, zero-padded."""
+    raw = name.encode()
+    if len(raw) > 31:
+        raise ValueError(f"`{name}` has {len(raw)} bytes; expected at most 31")
+    return (u8 * 32)(*raw)
+
+
+class Payload(ctypes.Structure):
+    """A payload: its type name, and names instead of numbers."""
+
+    _type: str = ""
+    _texts: Set[str] = set()
+    _hashes: Set[str] = set()
+    _names: Dict[str, Dict[int, str]] = {}
+
+    @classmethod
+    def type_name(cls) -> str:
+        """Name on the wire; programs of different layouts refuse each other by it."""
+        return cls._type
+
+    def name_of(self, field: str) -> str:
+        """The name of the number in a field, such as `contact` for `regime`; `unknown` when it has none."""
+        return self._names.get(field, {}).get(getattr(self, field, -1), "unknown")
+
+    @property
+    def flag_names(self) -> List[str]:
+        """The names of the set flags."""
+        bits = getattr(self, "flags", 0)
+        return [name for bit, name in self._names.get("flags", {}).items() if bits & bit]
+
+    @property
+    def regime_name(self) -> str:
+        """`free`, `contact` or `unknown`."""
+        return self.name_of("regime")
+
+    @property
+    def grasp_status_name(self) -> str:
+        """`held`, `held, within the error bar`, `not held` or `unknown`."""
+        return self.name_of("grasp_status")
+
+    def to_dict(self) -> Dict[str, object]:
+        """All fields as plain Python values."""
+        plain: Dict[str, object] = {}
+        for name, *_ in self._fields_:
+            value = getattr(self, name)
+            if name in self._texts:
+                value = text(value)
+            elif name in self._hashes:
+                value = bytes(value).hex()
+            elif isinstance(value, ctypes.Array):
+                value = list(value)
+            plain[name] = value
+        return plain
+
+    def __repr__(self) -> str:
+        body = ", ".join(f"{name}={value!r}" for name, value in self.to_dict().items())
+        return f"{type(self).__name__}({body})"

@@ -1,0 +1,151 @@
+//! Payloads read back from their JSON form.
+
+use serde::de::Error as _;
+use serde_json::{Error, Map, Value};
+use wire::SensorSample;
+use wire::layout::{Codes, Field, Payload, Scalar, Show, field_id, pack_name};
+
+/// Keys that older recordings have for what is called otherwise now: new, old.
+const FORMER_KEYS: [(&str, &str); 6] = [
+    ("force_halfwidth_n", "force_bar_n"),
+    ("displacement_halfwidth_mm", "displacement_bar_mm"),
+    ("von_mises_halfwidth_mpa", "von_mises_bar_mpa"),
+    ("stop_pressure_halfwidth_mpa", "stop_pressure_bar_mpa"),
+    ("domain_status", "domain_verdict"),
+    ("grasp_status", "verdict"),
+];
+
+/// Reads a payload from its JSON form, also that of older recordings. What is not there stays "not known".
+///
+/// # Errors
+/// No JSON object, or a property of the wrong kind.
+pub fn decode<P: Payload>(data: &[u8]) -> Result<P, Error> {
+    read(data, &[])
+}
+
+/// Reads a reading, to the bit as it was written. A run that is no hexadecimal number becomes 0.
+///
+/// # Errors
+/// As [`decode`]; also when number, stamp, pressure or gap is missing.
+pub fn decode_reading(data: &[u8]) -> Result<SensorSample, Error> {
+    read(data, &["seq", "t_sensor_ns", "pressure_mpa", "gap_mm"])
+}
+
+fn read<P: Payload>(data: &[u8], required: &[&str]) -> Result<P, Error> {
+    let properties: Map<String, Value> = serde_json::from_slice(data)?;
+    let mut payload = P::default();
+    for (key, field) in P::LAYOUT.json {
+        let former = FORMER_KEYS.iter().find(|(new, _)| new == key).and_then(|(_, old)| properties.get(*old));
+        match properties.get(*key).or(former) {
+            Some(value) => set(&mut payload, field, value)
+                .ok_or_else(|| Error::custom(format!("`{key}` is {value}, expected {}", expected(field))))?,
+            None if required.contains(key) => return Err(Error::custom(format!("`{key}` is missing"))),
+            None => {}
+        }
+    }
+    Ok(payload)
+}
+
+fn expected(field: &Field) -> &'static str {
+    match field.show {
+        Show::Number if matches!(field.scalar, Scalar::F32 | Scalar::F64) => {
+            "a number, null, \"NaN\", \"Infinity\" or \"-Infinity\""
+        }
+        Show::Number => "a whole number that fits",
+        Show::Hex | Show::Name | Show::Code(_) => "a text",
+        Show::PerCode(_) => "an object",
+        _ => "a list",
+    }
+}
+
+/// Sets a field from its JSON form; `None`: of the wrong kind.
+fn set<P: Payload>(payload: &mut P, field: &Field, value: &Value) -> Option<()> {
+    let texts = || value.as_array()?.iter().map(Value::as_str).collect::<Option<Vec<_>>>();
+    match field.show {
+        Show::Number if field.count == 1 => put(payload, field, 0, value)?,
+        Show::Number | Show::UntilZero => list(payload, field, value.as_array()?)?,
+        Show::Counted(count) => {
+            list(payload, field, value.as_array()?)?;
+            set_count(payload, count, value.as_array()?.len())?;
+        }
+        Show::Hex if field.count == 1 => {
+            let run = u64::from_str_radix(value.as_str()?, 16).unwrap_or(0);
+            put(payload, field, 0, &run.into())?;
+        }
+        Show::Hex => {
+            let digits = value.as_str()?;
+            let bytes =
+                (0..digits.len() / 2).map(|at| u8::from_str_radix(digits.get(2 * at..2 * at + 2)?, 16).ok());
+            list(payload, field, &bytes.map(|byte| byte.map(Value::from)).collect::<Option<Vec<_>>>()?)?;
+        }
+        Show::Name => {
+            let name = pack_name(value.as_str()?);
+            list(payload, field, &name.map(Value::from))?;
+        }
+        Show::Flags(codes) => {
+            let bits = texts()?.iter().filter_map(|name| number(codes, name)).fold(0, |bits, bit| bits | bit);
+            put(payload, field, 0, &bits.into())?;
+        }
+        Show::Code(codes) => {
+            if let Some(number) = number(codes, value.as_str()?) {
+                put(payload, field, 0, &number.into())?;
+            }
+        }
+        Show::FieldNames => {
+            let names = texts()?;
+            let ids = names.iter().map(|name| field_id::from_name(name).unwrap_or(field_id::OTHER).into());
+            list(payload, field, &ids.collect::<Vec<Value>>())?;
+            set_count(payload, "field_count", names.len())?;
+        }
+        Show::PerCode(codes) => {
+            for (name, value) in value.as_object()? {
+                if let Some(index) = codes.iter().position(|code| code.name == name) {
+                    put(payload, field, index, value)?;
+                }
+            }
+        }
+    }
+    Some(())
+}
+
+fn number(codes: Codes, name: &str) -> Option<u32> {
+    codes.iter().find(|code| code.name == name).map(|code| code.number)
+}
+
+fn list<P: Payload>(payload: &mut P, field: &Field, values: &[Value]) -> Option<()> {
+    values.iter().enumerate().try_for_each(|(index, value)| put(payload, field, index, value))
+}
+
+fn set_count<P: Payload>(payload: &mut P, name: &str, count: usize) -> Option<()> {
+    let field = P::LAYOUT.fields.iter().find(|field| field.name == name)?;
+    put(payload, field, 0, &count.into())
+}
+
+/// Writes the number at `index` of a field.
+fn put<P: Payload>(payload: &mut P, field: &Field, index: usize, value: &Value) -> Option<()> {
+    let size = field.scalar.size();
+    let slot = payload.bytes_mut().get_mut(field.range())?.chunks_exact_mut(size).nth(index)?;
+    let whole = || value.as_u64();
+    match field.scalar {
+        Scalar::U8 => slot.copy_from_slice(&u8::try_from(whole()?).ok()?.to_le_bytes()),
+        Scalar::U32 => slot.copy_from_slice(&u32::try_from(whole()?).ok()?.to_le_bytes()),
+        Scalar::U64 => slot.copy_from_slice(&whole()?.to_le_bytes()),
+        Scalar::F32 => slot.copy_from_slice(&(quantity(value)? as f32).to_le_bytes()),
+        Scalar::F64 => slot.copy_from_slice(&quantity(value)?.to_le_bytes()),
+    }
+    Some(())
+}
+
+fn quantity(value: &Value) -> Option<f64> {
+    match value {
+        Value::Null => Some(f64::NAN),
+        Value::Number(number) => number.as_f64(),
+        Value::String(text) => match text.as_str() {
+            "NaN" => Some(f64::NAN),
+            "Infinity" => Some(f64::INFINITY),
+            "-Infinity" => Some(f64::NEG_INFINITY),
+            _ => None,
+        },
+        _ => None,
+    }
+}

@@ -1,0 +1,102 @@
+//! Payloads as JSON objects.
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+use wire::layout::{Codes, Field, Number, Show, View, field_id, hex, unpack_name};
+use wire::{Answer, Payload};
+
+/// A payload as a JSON object.
+#[derive(Debug, Clone, Copy)]
+pub struct Json<'a>(pub View<'a>);
+
+impl Serialize for Json<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut map = to.serialize_map(None)?;
+        properties(self.0, &mut map)?;
+        map.end()
+    }
+}
+
+/// An answer as JSON; `refusal` is the reason why there is none, or null.
+pub fn answer(answer: &Answer) -> Value {
+    // Numbers and texts only, none of which JSON could refuse.
+    let mut value = serde_json::to_value(Json(answer.view())).unwrap_or_default();
+    value["refusal"] = answer.refusal().into();
+    value
+}
+
+/// Writes the properties of a payload.
+pub(super) fn properties<M: SerializeMap>(view: View<'_>, to: &mut M) -> Result<(), M::Error> {
+    for (key, field) in view.layout.json {
+        to.serialize_entry(key, &Property { view, field })?;
+    }
+    Ok(())
+}
+
+struct Property<'a> {
+    view: View<'a>,
+    field: &'a Field,
+}
+
+impl Serialize for Property<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let Self { view, field } = self;
+        let numbers = view.numbers(field).map(Digits);
+        let whole = || view.wholes(field).next().unwrap_or(0) as u32;
+        let used = |count: &str| view.whole(count).unwrap_or(0) as usize;
+        match field.show {
+            Show::Number if field.count == 1 => {
+                Digits(view.numbers(field).next().unwrap_or(Number::Whole(0))).serialize(to)
+            }
+            Show::Number => to.collect_seq(numbers),
+            Show::Counted(count) => to.collect_seq(numbers.take(used(count))),
+            Show::UntilZero => to.collect_seq(view.wholes(field).take_while(|number| *number > 0)),
+            Show::Hex if field.count == 1 => {
+                to.collect_str(&format_args!("{:016x}", view.wholes(field).next().unwrap_or(0)))
+            }
+            Show::Hex => to.serialize_str(&hex(view.bytes(field))),
+            Show::Name => to.serialize_str(&unpack_name(view.bytes(field))),
+            Show::Flags(codes) => {
+                let bits = whole();
+                to.collect_seq(codes.iter().filter(|code| bits & code.number != 0).map(|code| code.name))
+            }
+            Show::Code(codes) => to.serialize_str(name(codes, whole())),
+            Show::FieldNames => {
+                let names = view.bytes(field).iter().map(|id| field_id::as_str(*id));
+                to.collect_seq(names.take(used("field_count")))
+            }
+            Show::PerCode(codes) => to.collect_map(
+                view.numbers(field).map(Digits).zip(codes).map(|(number, code)| (code.name, number)),
+            ),
+        }
+    }
+}
+
+fn name(codes: Codes, number: u32) -> &'static str {
+    codes.iter().find(|code| code.number == number).map_or("unknown", |code| code.name)
+}
+
+/// A number; the shortest digits that are read back to the same bits, or a text where JSON has no notation.
+struct Digits(Number);
+
+impl Serialize for Digits {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Number::Whole(whole) => to.serialize_u64(whole),
+            Number::Single(number) if number.is_finite() => to.serialize_f32(number),
+            Number::Double(number) if number.is_finite() => to.serialize_f64(number),
+            Number::Single(number) => to.serialize_str(not_finite(number.into())),
+            Number::Double(number) => to.serialize_str(not_finite(number)),
+        }
+    }
+}
+
+/// In the spelling that protocol buffers' JSON uses.
+fn not_finite(number: f64) -> &'static str {
+    match number {
+        f64::INFINITY => "Infinity",
+        f64::NEG_INFINITY => "-Infinity",
+        _ => "NaN",
+    }
+}

@@ -1,0 +1,114 @@
+//! What the numbers in payloads stand for.
+
+use super::codes::codes;
+
+codes! {
+    /// Bits of `flags`.
+    flags: u32 {
+        /// No usable reading within the deadline: the values are the last good ones, see `age_ns`.
+        STALE = 1 << 0, "stale";
+        /// The last reading was rejected (see `outcome`): the values are the last good ones.
+        HELD = 1 << 1, "held";
+        /// Near the edge of the sampled states.
+        NEAR_EDGE = 1 << 2, "near-edge";
+        /// Outside the sampled states: an extrapolation.
+        OUTSIDE_DOMAIN = 1 << 3, "outside-domain";
+        /// A measured contact force came with the reading.
+        FORCE_MEASURED = 1 << 4, "force-measured";
+        /// The measured force has differed from the predicted one by more than its half-width for longer than configured.
+        FORCE_MISMATCH = 1 << 5, "force-mismatch";
+        /// The reading waited longer than the configured limit before its field was sent.
+        LATE = 1 << 6, "late";
+        /// No reading has come yet since the twin started.
+        NO_DATA = 1 << 7, "no-data";
+        /// The model has more coefficients than a state can carry: only the first are in it.
+        COEFFICIENTS_CUT = 1 << 8, "coefficients-cut";
+        /// The interpolated force was negative and was set to 0.
+        FORCE_CLAMPED = 1 << 9, "force-clamped";
+        /// The regime is still contact although the pressure is just below the onset (hysteresis).
+        REGIME_HELD = 1 << 10, "regime-held";
+    }
+    /// The names of the set bits.
+    pub fn names(flags: u32) -> impl Iterator<Item = &'static str> {
+        ALL.iter().filter(move |code| flags & code.number != 0).map(|code| code.name)
+    }
+}
+
+codes! {
+    /// Numbers of `regime`.
+    regime: u32 {
+        /// No reading yet.
+        UNKNOWN = 0, "unknown";
+        /// The actuator does not touch the plate: the model's input is the pressure.
+        FREE = 1, "free";
+        /// The actuator touches the plate: the model's inputs are pressure and gap.
+        CONTACT = 2, "contact";
+    }
+}
+
+codes! {
+    /// Numbers of `domain_status`: where the inputs lie among the sampled states.
+    domain_status: u32 {
+        /// Among them.
+        INSIDE = 0, "inside";
+        /// Outside, by less than the distance that the model's validation covers.
+        NEAR_EDGE = 1, "near-edge";
+        /// Outside: an extrapolation.
+        OUTSIDE = 2, "outside-domain";
+    }
+}
+
+codes! {
+    /// Numbers of the entries of `field_ids`.
+    field_id: u8 {
+        /// No field in this slot.
+        NONE = 0, "none";
+        /// Deformed x coordinate, mm.
+        X = 1, "x";
+        /// Deformed y coordinate, mm.
+        Y = 2, "y";
+        /// Deformed z coordinate, mm.
+        Z = 3, "z";
+        /// Magnitude of the displacement, mm.
+        DISPLACEMENT = 4, "displacement";
+        /// Von Mises stress, MPa.
+        VON_MISES = 5, "von_mises";
+        /// From here on: 128 + position in the model, for fields without a number of their own.
+        OTHER = 128, "other";
+    }
+    /// The name, as in the model and in scene files.
+    pub fn as_str(id: u8) -> &'static str {
+        super::super::codes::name(ALL, id.min(OTHER).into())
+    }
+
+    /// The number of a field of that name, when it has one of its own.
+    pub fn from_name(name: &str) -> Option<u8> {
+        (X..=VON_MISES).find(|id| as_str(*id) == name)
+    }
+}
+
+codes! {
+    /// Numbers of `kind`: what a question asks for.
+    query_kind: u32 {
+        /// Pressure and gap are given, state and force are asked for.
+        WHATIF = 1, "whatif";
+        /// Gap and force are given, the lowest pressure with this force is asked for.
+        PRESSURE = 2, "pressure";
+        /// Pressure and a (measured) force are given, the gap that belongs to them is asked for.
+        GAP = 3, "gap";
+    }
+}
+
+codes! {
+    /// Numbers of `grasp_status`.
+    grasp_status: u32 {
+        /// Not every finger has a fresh state.
+        UNKNOWN = 0, "unknown";
+        /// Friction does not carry the object.
+        NOT_HELD = 1, "not held";
+        /// Friction carries the object, but would not with the forces less their half-widths.
+        MARGINAL = 2, "held, within the error bar";
+        /// Friction carries the object with the forces less their half-widths, too.
+        HELD = 3, "held";
+    }
+}
