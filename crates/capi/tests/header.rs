@@ -64,9 +64,11 @@ fn normal(text: &str) -> String {
 
 fn functions_of_the_header() -> Functions {
     let text = read(&here().join("include/softtwin.h"));
+    // Without comments: what follows the end of each.
+    let text: String = text.split("/*").map(|part| part.rsplit("*/").next().unwrap_or(part)).collect();
+    let (functions, _) = text.split_once("#define SOFTTWIN_READER_").expect("typed readers");
     let mut found = Functions::new();
-    for declaration in text.split(';') {
-        let declaration = declaration.rsplit("*/").next().unwrap_or(declaration);
+    for declaration in functions.split(';') {
         let Some((head, parameters)) = declaration.split_once('(') else { continue };
         if declaration.contains(['{', '#', '}']) || !parameters.ends_with(')') {
             continue;
