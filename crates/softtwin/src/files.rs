@@ -2,11 +2,15 @@
 
 use crate::failure::configuration;
 use anyhow::Context;
+use fem::Problem;
+use fem::actuator::Actuator;
 use formats::database::{self, ObstacleKind};
 use formats::{FormatError, file};
+use rom::datasheet::DataSheet;
 use rom::model::Model;
 use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Largest model file that is read: 4 GiB.
 const MAX_MODEL_BYTES: u64 = 4 << 30;
@@ -32,6 +36,14 @@ pub fn database(dir: &Path, scene: ObstacleKind) -> anyhow::Result<Database> {
     database::read(dir, scene).map_err(refusal)
 }
 
+/// Loads an actuator and the problem on its own mesh, ready to be solved.
+pub fn actuator(path: &Path) -> anyhow::Result<(Actuator, Arc<Problem>)> {
+    let actuator = Actuator::read(path).map_err(refusal)?;
+    let mesh = actuator.read_mesh(path).map_err(refusal)?;
+    let problem = Problem::new(mesh, actuator.problem_config()).map_err(configuration)?;
+    Ok((actuator, Arc::new(problem)))
+}
+
 /// Content the user can mend is a configuration error; the operating system's refusal is not.
 pub fn refusal(error: FormatError) -> anyhow::Error {
     match error {
@@ -48,4 +60,11 @@ pub fn save(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 /// The data sheet's place: beside the model, `.json` instead of `.twin`.
 pub fn data_sheet(model: &Path) -> PathBuf {
     model.with_extension("json")
+}
+
+/// Writes the data sheet of a model to its place.
+pub fn save_data_sheet(model: &Path, sheet: &DataSheet) -> anyhow::Result<PathBuf> {
+    let path = data_sheet(model);
+    save(&path, format!("{:#}\n", serde_json::to_value(sheet)?).as_bytes())?;
+    Ok(path)
 }

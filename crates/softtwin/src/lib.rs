@@ -6,10 +6,12 @@
 
 mod cmd;
 pub mod daemon;
+pub mod draws;
 pub mod failure;
 pub mod files;
 mod live;
 mod load;
+pub mod options;
 pub mod output;
 pub mod picture;
 pub mod progress;

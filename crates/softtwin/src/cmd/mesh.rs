@@ -2,6 +2,7 @@
 
 use crate::failure::usage;
 use crate::files::refusal;
+use crate::options::ActuatorFile;
 use crate::output;
 use anyhow::Context;
 use fem::actuator::Actuator;
@@ -26,9 +27,8 @@ fewer elements for the same accuracy.";
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Geometry.
-    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
-    actuator: PathBuf,
+    #[command(flatten)]
+    geometry: ActuatorFile,
     /// Longest edge of a box in mm.
     #[arg(long, value_name = "MM", default_value_t = 9.0, value_parser = crate::range::number(1e-3, 1e6))]
     size_mm: f64,
@@ -43,8 +43,8 @@ pub struct Args {
 impl Args {
     /// Meshes, checks, writes.
     pub fn run(self) -> anyhow::Result<()> {
-        let actuator = Actuator::read(&self.actuator).map_err(refusal)?;
-        let beside = || self.actuator.parent().unwrap_or(Path::new(".")).join(&actuator.mesh.file);
+        let actuator = Actuator::read(&self.geometry.actuator).map_err(refusal)?;
+        let beside = || self.geometry.actuator.parent().unwrap_or(Path::new(".")).join(&actuator.mesh.file);
         let out = self.out.clone().unwrap_or_else(beside);
         if out.extension().is_none_or(|e| e != "vtu") {
             return Err(usage(format!(
@@ -65,7 +65,11 @@ impl Args {
         }
         output!("{}: {nodes} nodes, {tets} tetrahedra", out.display())?;
         if actuator.mesh.nodes != 0 && actuator.mesh.nodes != nodes {
-            output!("{} wants {} nodes: set mesh.nodes = 0", self.actuator.display(), actuator.mesh.nodes)?;
+            output!(
+                "{} wants {} nodes: set mesh.nodes = 0",
+                self.geometry.actuator.display(),
+                actuator.mesh.nodes
+            )?;
         }
         Ok(())
     }

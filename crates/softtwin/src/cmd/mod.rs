@@ -3,8 +3,6 @@
 //! A command's file has a `pub struct Args` (clap derive: names, units, examples) and `impl Args { pub fn run(self) ->
 //! anyhow::Result<()> }`. What the user got wrong is marked with [`crate::failure`]; results are printed with `output!`.
 
-use formats::database::ObstacleKind;
-
 pub mod bench;
 mod demo;
 mod doctor;
@@ -31,25 +29,6 @@ mod simulate;
 mod top;
 mod train;
 mod view;
-
-/// The obstacle, as `--scene` names it.
-#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
-enum SceneArg {
-    /// The actuator over a plate.
-    #[default]
-    Plate,
-    /// The finger of a gripper before a block.
-    Gripper,
-}
-
-impl From<SceneArg> for ObstacleKind {
-    fn from(arg: SceneArg) -> Self {
-        match arg {
-            SceneArg::Plate => Self::Plate,
-            SceneArg::Gripper => Self::Block,
-        }
-    }
-}
 
 /// Declares the enum clap parses into and its dispatch.
 macro_rules! commands {

@@ -1,6 +1,7 @@
 //! `softtwin train`.
 
 use crate::failure::{configuration, usage};
+use crate::options::SceneArg;
 use crate::progress::Progress;
 use crate::{files, output};
 use anyhow::Context;
@@ -41,9 +42,9 @@ pub struct Args {
     /// Train by the paper's method instead of the defaults.
     #[arg(long)]
     paper: bool,
-    /// Scene whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
+    /// Whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
     #[arg(long, value_enum)]
-    scene: Option<super::SceneArg>,
+    scene: Option<SceneArg>,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -81,8 +82,7 @@ impl Args {
         progress.step("writing the model");
         let bytes = model.to_bytes()?;
         files::save(&self.out, &bytes)?;
-        let sheet_path = files::data_sheet(&self.out);
-        files::save(&sheet_path, format!("{:#}\n", serde_json::to_value(&sheet)?).as_bytes())?;
+        let sheet_path = files::save_data_sheet(&self.out, &sheet)?;
         drop(progress);
         let done = Done { model: &self.out, data_sheet: &sheet_path, training_s, bytes: bytes.len() };
         if self.json { done.json(&sheet, &database) } else { done.text(&sheet, &database) }

@@ -1,6 +1,7 @@
 //! The named hard cases.
 
-use super::{Ending, HardCase, Probe, Query};
+use super::case::{HardCase, Probe, Query};
+use super::ending::Ending;
 use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use rom::snapshots::{Database, FieldKind, Split};
 use rom::synthetic::{State, database, force_n, snapshot, training_states};

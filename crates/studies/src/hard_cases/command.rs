@@ -1,6 +1,7 @@
 //! `softtwin-studies hard-cases`.
 
-use super::{Ending, Outcome, Row, hard_cases, run};
+use super::ending::{Ending, Outcome, Row};
+use super::{hard_cases, run};
 use softtwin::output;
 use softtwin::progress::Progress;
 

@@ -1,6 +1,6 @@
 //! Asking a trained model, and measuring how wrong it is.
 
-use super::{HardCase, Probe, Query};
+use super::case::{HardCase, Probe, Query};
 use rom::config::TrainConfig;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;

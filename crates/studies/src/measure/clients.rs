@@ -1,6 +1,6 @@
 //! Latency from publish to readers in Rust, C and Python at 1 kHz, and of questions beside the running twin.
 
-use super::{Duration, Twin, model, print};
+use super::twin::{Duration, Twin, model, print};
 use anyhow::Context;
 use serde_json::Value;
 use softtwin::daemon::program;

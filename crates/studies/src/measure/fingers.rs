@@ -1,6 +1,6 @@
 //! One twin with many fingers.
 
-use super::{Twin, model};
+use super::twin::{Twin, model};
 use anyhow::Context;
 use runtime::config::Scene;
 use runtime::source::SourceSpec;
@@ -17,7 +17,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=100))]
     fingers: u16,
     /// Seconds of the measurement.
-    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = super::seconds)]
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = softtwin::range::seconds)]
     seconds: f64,
 }
 

@@ -1,6 +1,6 @@
 //! What the network gateway carries and costs, on loopback.
 
-use super::{Duration, Twin, model, print};
+use super::twin::{Duration, Twin, model, print};
 use crate::python;
 use crate::stats::median;
 use anyhow::Context;

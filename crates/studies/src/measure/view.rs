@@ -1,6 +1,6 @@
 //! Frames a second of `softtwin view`, and the twin's latency with and without viewers.
 
-use super::{Twin, model, print};
+use super::twin::{Twin, model, print};
 use serde_json::{Value, json};
 use softtwin::daemon::{Daemon, program};
 use softtwin::testbed::Testbed;
@@ -18,7 +18,7 @@ use tungstenite::Message;
 #[derive(clap::Args)]
 pub struct Args {
     /// Seconds of each measurement.
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = super::seconds)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = softtwin::range::seconds)]
     seconds: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Figs. 7 and 8 (cases A-D), appendix A (E-H), appendix B (nearest sample), and states nobody picked.
 
-use super::Folder;
+use super::folder::Folder;
 use super::published::{self, Case as Published};
 use super::study::{REGIMES, Study, percent};
 use rom::evaluate::{CaseReport, spread};

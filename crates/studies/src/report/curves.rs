@@ -1,6 +1,6 @@
 //! Fig. 5: truncation error and MSE against modes, MSE against the number of training cases.
 
-use super::Folder;
+use super::folder::Folder;
 use super::study::{REGIMES, Study, ours_with, paper, test_mse, train};
 use rom::config::{KernelKind, ModeChoice, Tail};
 use rom::model::Model;

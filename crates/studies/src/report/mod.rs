@@ -2,6 +2,7 @@
 
 mod cases;
 mod curves;
+mod folder;
 mod hard;
 mod machine;
 mod pareto;
@@ -12,8 +13,8 @@ mod summary;
 mod switch;
 
 use anyhow::Context;
+use folder::Folder;
 use formats::database::ObstacleKind;
-use softtwin::picture::Figure;
 use softtwin::progress::Progress;
 use softtwin::{files, output};
 use std::path::PathBuf;
@@ -45,21 +46,6 @@ pub struct Args {
     /// Draw PNG instead of SVG.
     #[arg(long)]
     png: bool,
-}
-
-/// The folder the report is written into.
-struct Folder {
-    dir: PathBuf,
-    ending: &'static str,
-}
-
-impl Folder {
-    /// Saves a picture and gives the line that shows it on the page.
-    fn picture(&self, name: &str, caption: &str, figure: &Figure) -> anyhow::Result<String> {
-        let file = format!("{name}.{}", self.ending);
-        figure.save(&self.dir.join(&file))?;
-        Ok(format!("\n![{caption}]({file})\n"))
-    }
 }
 
 impl Args {

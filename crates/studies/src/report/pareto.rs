@@ -1,6 +1,6 @@
 //! Speed against error: what another ten microseconds or another megabyte buy.
 
-use super::Folder;
+use super::folder::Folder;
 use super::machine::{Double, Kernel, Machine};
 use super::study::{Study, ours_with, paper, percent, train};
 use rom::config::{KernelKind, ModeChoice, Tail, TrainConfig};

@@ -1,21 +1,52 @@
 //! The measurements of the scale study.
 
-use super::{ActuatorsRow, SubscribersRow};
 use anyhow::Context;
 use rom::inputs::Inputs;
 use rom::kernel::{Affine, Basis, Field, Precision, Role, Source, Spec, Values};
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
-use softtwin::measure::Series;
+use serde::Serialize;
+use softtwin::measure::{Series, gbps};
 use softtwin::{compute, full_size};
 use wire::{Bus, Domain, FieldHeader, FieldReader, FieldWriter, Topic};
 
 /// Medians of one basis.
+#[derive(Debug, Serialize)]
 pub struct Cost {
+    /// Bytes of the f32 basis.
     pub bytes: usize,
+    /// Reconstruction, us.
     pub f32_us: f64,
+    /// The same with an i16 basis, us.
     pub i16_us: f64,
+    /// Reading the f32 basis alone, us.
     pub read_us: f64,
+    /// Basis bytes over `f32_us`.
+    pub gbps: f64,
+}
+
+/// So many actuators in turn.
+#[derive(Debug, Serialize)]
+pub struct ActuatorsRow {
+    /// Actuators.
+    pub actuators: usize,
+    /// Bytes of their full bases.
+    pub bytes: usize,
+    /// Input to full field, us an actuator.
+    pub full_us: f64,
+    /// Input to force and the fields of 500 nodes, us an actuator.
+    pub tip_us: f64,
+}
+
+/// So many readers.
+#[derive(Debug, Serialize)]
+pub struct SubscribersRow {
+    /// Readers of the topic.
+    pub subscribers: usize,
+    /// Taking a free sample, us, median.
+    pub loan_us: f64,
+    /// Sending it and waking all readers, us, median.
+    pub send_us: f64,
 }
 
 /// Values touched per size of basis, so that small ones are measured often and large ones end.
@@ -48,7 +79,7 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
     let coefficients: Vec<f64> = (0..4 * modes).map(|j| (j as f64).cos()).collect();
     let mut out = vec![0.0; wide.output_len()];
     let samples = (WORK / (nodes * modes * 4)).clamp(7, 2000);
-    let mut series = [(); 3].map(|()| Series::new("", samples));
+    let mut series = [(); 3].map(|()| Series::new(""));
     let [f32, i16, read] = &mut series;
     for _ in 0..samples {
         wide.reconstruct(&coefficients, &mut out)?;
@@ -57,7 +88,8 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
         narrow.reconstruct(&coefficients, &mut out)?;
         i16.time(|| narrow.reconstruct(&coefficients, &mut out));
     }
-    Ok(Cost { bytes: wide.bytes(), f32_us: f32.p50(), i16_us: i16.p50(), read_us: read.p50() })
+    let (bytes, f32_us) = (wide.bytes(), f32.p50());
+    Ok(Cost { bytes, f32_us, i16_us: i16.p50(), read_us: read.p50(), gbps: gbps(bytes, f32_us) })
 }
 
 /// Rounds over all actuators.
@@ -86,7 +118,7 @@ pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
 
 /// Median over rounds of the time of one actuator, each writing its own output.
 fn round(states: &mut [ModelState], inputs: Inputs) -> anyhow::Result<f64> {
-    let mut series = Series::new("", ROUNDS);
+    let mut series = Series::new("");
     for _ in 0..ROUNDS {
         let mut failed = None;
         series.time(|| {
@@ -112,7 +144,7 @@ pub fn subscribers(counts: &[usize]) -> anyhow::Result<Vec<SubscribersRow>> {
         let mut header =
             FieldHeader { node_count: full_size::NODES as u32, field_count: 5, ..FieldHeader::default() };
         header.field_ids[..5].copy_from_slice(&[0, 1, 2, 3, 4]);
-        let [mut loans, mut sends] = [(); 2].map(|()| Series::new("", ROUNDS));
+        let [mut loans, mut sends] = [(); 2].map(|()| Series::new(""));
         for _ in 0..ROUNDS {
             let mut loan = None;
             loans.time(|| loan = Some(writer.loan()));

@@ -1,6 +1,6 @@
 //! The twin that is disturbed, and the faults, one after the other.
 
-use super::echo;
+use super::observe::echo;
 use softtwin::daemon::Daemon;
 use softtwin::testbed::Testbed;
 use std::collections::BTreeMap;

@@ -2,21 +2,22 @@
 //! starved, a recorder of both, readers that verify every sample, and readers that come and go.
 
 mod faults;
+mod observe;
 mod reader;
 mod summary;
 
-use crate::soak::faults::Disturbed;
 use crate::verify::Counts;
 use anyhow::Context;
+use faults::Disturbed;
+use observe::{DISTURBED, Row, STEADY, echo};
 use serde_json::Value;
 use softtwin::daemon::{Daemon, program};
 use softtwin::failure::configuration;
 use softtwin::testbed::{Sine, Testbed};
-use softtwin::{files, output, resources};
+use softtwin::{files, output};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -50,36 +51,12 @@ pub struct Args {
     report: Option<PathBuf>,
 }
 
-/// Name of the actuator whose programs nothing disturbs.
-const STEADY: &str = "steady";
-/// Name of the actuator whose programs are killed and starved.
-const DISTURBED: &str = "disturbed";
 /// The recorder looks for topics once in a while; what is sent before it has found them is not lost.
 const FOUND_BY_THE_RECORDER: Duration = Duration::from_secs(1);
 /// Between two faults the programs run undisturbed for this long.
 const PAUSE: Duration = Duration::from_secs(5);
 /// How long a reader that comes and goes stays.
 const STAY: Duration = Duration::from_millis(500);
-
-/// What a program uses at one moment.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Usage {
-    resident_kb: u64,
-    private_kb: u64,
-    open_files: u64,
-    threads: u64,
-}
-
-/// One observation of everything.
-#[derive(Debug)]
-pub struct Row {
-    /// Steady twin, its bridge, the recorder.
-    programs: [Usage; 3],
-    shared_memory_files: u64,
-    management_files: u64,
-    /// `softtwin top --once --json`.
-    top: Vec<Value>,
-}
 
 impl Args {
     /// Runs, verifies, reports.
@@ -93,7 +70,7 @@ impl Args {
         let readers: Vec<_> = [STEADY, DISTURBED].map(|name| verifying(&testbed, &model, name, end)).into();
         let mut turn = 0;
         while Instant::now() < end {
-            soak.observe()?;
+            soak.rows.push(Row::observe(&testbed, [&soak.twin, &soak.bridge, &soak.recorder])?);
             soak.reader_comes_and_goes(turn)?;
             if !self.no_faults {
                 soak.disturbed.disturb(&testbed, &model, turn)?;
@@ -101,7 +78,7 @@ impl Args {
             turn += 1;
             std::thread::sleep(PAUSE);
         }
-        soak.observe()?;
+        soak.rows.push(Row::observe(&testbed, [&soak.twin, &soak.bridge, &soak.recorder])?);
         let mut verified = BTreeMap::new();
         for (name, reader) in [STEADY, DISTURBED].iter().zip(readers) {
             let counts = reader.join().map_err(|_| anyhow::anyhow!("the reader of {name} panicked"))?;
@@ -157,31 +134,6 @@ impl<'a> Soak<'a> {
         Ok(Self { testbed, twin, bridge, recorder, disturbed, rows: Vec::new() })
     }
 
-    fn observe(&mut self) -> anyhow::Result<()> {
-        let usage = |daemon: &Daemon| {
-            let process = daemon.id().to_string();
-            let status = |key| resources::status(&process, key).unwrap_or(0);
-            Usage {
-                resident_kb: status("VmRSS"),
-                private_kb: status("RssAnon"),
-                open_files: resources::open_files(&process).unwrap_or(0),
-                threads: status("Threads"),
-            }
-        };
-        let top = self.testbed.run("softtwin", &["top", "--once", "--json"])?;
-        let prefix = self.testbed.domain().prefix;
-        let shared = std::fs::read_dir("/dev/shm")?
-            .flatten()
-            .filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix));
-        self.rows.push(Row {
-            programs: [&self.twin, &self.bridge, &self.recorder].map(usage),
-            shared_memory_files: shared.count() as u64,
-            management_files: count_files(&self.testbed.path("iox")),
-            top: serde_json::from_str(&top)?,
-        });
-        Ok(())
-    }
-
     /// A reader that takes a few states and ends; every third one is killed.
     fn reader_comes_and_goes(&self, turn: usize) -> anyhow::Result<()> {
         let mut reader = echo(self.testbed, "softtwin/*/state")?;
@@ -206,15 +158,4 @@ fn record(testbed: &Testbed) -> anyhow::Result<Daemon> {
     command.args(["record", "--rotate-mb", "256", "--keep", "4", "--json", "--out"]);
     command.arg(testbed.path("run.mcap")).stdout(File::create(testbed.path("record.json"))?);
     Daemon::start("recorder", &mut command)
-}
-
-/// A reader of a topic that prints to nowhere.
-fn echo(testbed: &Testbed, key: &str) -> anyhow::Result<Daemon> {
-    let mut command = testbed.command(&program("softtwin")?);
-    Daemon::start("reader", command.args(["echo", key]).stdout(Stdio::null()))
-}
-
-fn count_files(folder: &Path) -> u64 {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.map(|entry| if entry.path().is_dir() { count_files(&entry.path()) } else { 1 }).sum()
 }

@@ -1,6 +1,6 @@
 //! What a soak test found, and what of it is wrong.
 
-use super::{DISTURBED, Row, STEADY, Usage};
+use super::observe::{DISTURBED, Row, STEADY, Usage};
 use crate::stats::median;
 use crate::verify::Counts;
 use anyhow::Context;

@@ -9,43 +9,37 @@
 //!
 //! so the time at which a pressure is reached is explicit, and P(t) follows by inverting it (it must rise).
 
+use anyhow::{anyhow, ensure};
 use rom::rng::Rng;
+use softtwin::range::{self, MAX_PRESSURE_MPA};
 
 /// Atmospheric pressure, MPa.
 pub const ATMOSPHERE_MPA: f64 = 0.101_325;
 
-/// A pump, a gauge and how they are sampled.
-#[derive(Debug, Clone, PartialEq)]
+/// A pump, a gauge and how they are sampled. The defaults are the paper's flow and a digital gauge.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct Inflation {
-    /// Flow of air at atmospheric pressure, mL/min.
+    /// Flow of air at atmospheric pressure in mL/min.
+    #[arg(long, value_name = "FLOW", default_value_t = 125.0, value_parser = range::number(1e-6, 1e9))]
     pub flow_ml_per_min: f64,
-    /// Volume of tube and fittings at atmospheric pressure, mm^3.
+    /// Volume of tube and fittings in mm3.
+    #[arg(long, value_name = "MM3", default_value_t = 0.0, value_parser = range::number(0.0, 1e12))]
     pub dead_volume_mm3: f64,
-    /// The pump stops at this gauge pressure, MPa.
+    /// Gauge pressure at which the pump stops in MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 0.07, value_parser = range::number(1e-9, MAX_PRESSURE_MPA))]
     pub end_pressure_mpa: f64,
-    /// Readings a second, Hz.
+    /// Readings a second.
+    #[arg(long, value_name = "HZ", default_value_t = 200.0, value_parser = range::number(1e-3, 1e6))]
     pub rate_hz: f64,
-    /// Step between the values the gauge can show, MPa; 0 for a continuous gauge.
+    /// Step of the gauge's display in MPa; 0 for none.
+    #[arg(long, value_name = "MPA", default_value_t = 1.0e-4, value_parser = range::number(0.0, 1.0))]
     pub resolution_mpa: f64,
-    /// Standard deviation of the gauge's noise before rounding, MPa.
+    /// Standard deviation of the gauge's noise before rounding in MPa.
+    #[arg(long, value_name = "MPA", default_value_t = 5.0e-5, value_parser = range::number(0.0, 1.0))]
     pub noise_mpa: f64,
     /// Seed of the noise.
+    #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-}
-
-impl Default for Inflation {
-    /// The paper's flow (125 mL/min to 0.07 MPa), a digital gauge of 0.1 kPa resolution and 0.05 kPa noise at 200 Hz.
-    fn default() -> Self {
-        Self {
-            flow_ml_per_min: 125.0,
-            dead_volume_mm3: 0.0,
-            end_pressure_mpa: 0.07,
-            rate_hz: 200.0,
-            resolution_mpa: 1.0e-4,
-            noise_mpa: 5.0e-5,
-            seed: 1,
-        }
-    }
 }
 
 /// One reading of the gauge.
@@ -57,48 +51,13 @@ pub struct Reading {
     pub pressure_mpa: f64,
 }
 
-/// Why no trace can be made.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum TraceError {
-    /// A parameter is not usable.
-    #[error("{name}: expected {expected}, found {found}")]
-    Parameter {
-        /// The parameter.
-        name: &'static str,
-        /// What it may be.
-        expected: &'static str,
-        /// What it is.
-        found: f64,
-    },
-    /// The table of volumes does not cover the pressures asked for.
-    #[error(
-        "volume table: expected rising pressures from 0 to at least {end_pressure_mpa} MPa, found {found}; simulate the missing states"
-    )]
-    Table {
-        /// The pressure the trace ends at, MPa.
-        end_pressure_mpa: f64,
-        /// What the table holds instead.
-        found: String,
-    },
-    /// The pressure would have to fall while air is pumped in.
-    #[error(
-        "volume table: the gas the cavity holds falls between {from_mpa} and {to_mpa} MPa, so constant flow has no single P(t); check those two states"
-    )]
-    Snap {
-        /// Lower pressure of the offending pair, MPa.
-        from_mpa: f64,
-        /// Upper pressure of the offending pair, MPa.
-        to_mpa: f64,
-    },
-}
-
 impl Inflation {
     /// Gauge readings from no pressure to `end_pressure_mpa` for the cavity volumes `(pressure_mpa, volume_mm3)`, sorted by
     /// pressure, linear between them. Cost: the number of readings.
     ///
     /// # Errors
-    /// [`TraceError`] for an unusable parameter or table.
-    pub fn readings(&self, volumes: &[(f64, f64)]) -> Result<Vec<Reading>, TraceError> {
+    /// An unusable parameter or table.
+    pub fn readings(&self, volumes: &[(f64, f64)]) -> anyhow::Result<Vec<Reading>> {
         self.check()?;
         let table = self.times(volumes)?;
         let end_s = time_of(&table, self.end_pressure_mpa);
@@ -115,17 +74,18 @@ impl Inflation {
     /// Checks that the parameters are those of a pump and a gauge.
     ///
     /// # Errors
-    /// [`TraceError::Parameter`] for the first unusable parameter.
-    pub fn check(&self) -> Result<(), TraceError> {
+    /// The first unusable parameter.
+    pub fn check(&self) -> anyhow::Result<()> {
         let positive = [
             ("flow_ml_per_min", self.flow_ml_per_min),
             ("end_pressure_mpa", self.end_pressure_mpa),
             ("rate_hz", self.rate_hz),
         ];
         for (name, found) in positive {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(TraceError::Parameter { name, expected: "a finite number above 0", found });
-            }
+            ensure!(
+                found.is_finite() && found > 0.0,
+                "{name}: expected a finite number above 0, found {found}"
+            );
         }
         let not_negative = [
             ("dead_volume_mm3", self.dead_volume_mm3),
@@ -133,36 +93,44 @@ impl Inflation {
             ("noise_mpa", self.noise_mpa),
         ];
         for (name, found) in not_negative {
-            if !(found.is_finite() && found >= 0.0) {
-                return Err(TraceError::Parameter { name, expected: "a finite number, 0 or more", found });
-            }
+            ensure!(
+                found.is_finite() && found >= 0.0,
+                "{name}: expected a finite number, 0 or more, found {found}"
+            );
         }
         Ok(())
     }
 
     /// `(time, pressure)` at the table's pressures: the gas law solved for t.
-    fn times(&self, volumes: &[(f64, f64)]) -> Result<Vec<(f64, f64)>, TraceError> {
-        let table_error =
-            |found: String| TraceError::Table { end_pressure_mpa: self.end_pressure_mpa, found };
+    fn times(&self, volumes: &[(f64, f64)]) -> anyhow::Result<Vec<(f64, f64)>> {
+        let refuse = |found: String| {
+            anyhow!(
+                "volume table: expected rising pressures from 0 to at least {} MPa, found {found}; simulate the missing states",
+                self.end_pressure_mpa
+            )
+        };
         let (Some(first), Some(last)) = (volumes.first(), volumes.last()) else {
-            return Err(table_error("no states".into()));
+            return Err(refuse("no states".into()));
         };
         if first.0 != 0.0 || last.0 < self.end_pressure_mpa {
-            return Err(table_error(format!("{} to {} MPa", first.0, last.0)));
+            return Err(refuse(format!("{} to {} MPa", first.0, last.0)));
         }
         if let Some(bad) = volumes.iter().find(|v| !(v.0.is_finite() && v.1.is_finite() && v.1 > 0.0)) {
-            return Err(table_error(format!("volume {} mm^3 at {} MPa", bad.1, bad.0)));
+            return Err(refuse(format!("volume {} mm^3 at {} MPa", bad.1, bad.0)));
         }
         let flow_mm3_per_s = self.flow_ml_per_min * 1000.0 / 60.0;
         let gas = |&(p, v): &(f64, f64)| (ATMOSPHERE_MPA + p) * (v + self.dead_volume_mm3) / ATMOSPHERE_MPA;
         let initial = gas(first);
         for pair in volumes.windows(2) {
-            if pair[1].0 <= pair[0].0 {
-                return Err(table_error(format!("{} MPa after {} MPa", pair[1].0, pair[0].0)));
+            let [low, high] = [pair[0].0, pair[1].0];
+            if high <= low {
+                return Err(refuse(format!("{high} MPa after {low} MPa")));
             }
-            if gas(&pair[1]) <= gas(&pair[0]) {
-                return Err(TraceError::Snap { from_mpa: pair[0].0, to_mpa: pair[1].0 });
-            }
+            ensure!(
+                gas(&pair[1]) > gas(&pair[0]),
+                "volume table: the gas the cavity holds falls between {low} and {high} MPa, so constant flow has no single \
+                 P(t); check those two states"
+            );
         }
         Ok(volumes.iter().map(|v| ((gas(v) - initial) / flow_mm3_per_s, v.0)).collect())
     }
@@ -211,8 +179,21 @@ fn time_of(table: &[(f64, f64)], pressure_mpa: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// The default gauge.
+    fn digital() -> Inflation {
+        Inflation {
+            flow_ml_per_min: 125.0,
+            dead_volume_mm3: 0.0,
+            end_pressure_mpa: 0.07,
+            rate_hz: 200.0,
+            resolution_mpa: 1.0e-4,
+            noise_mpa: 5.0e-5,
+            seed: 1,
+        }
+    }
+
     fn silent() -> Inflation {
-        Inflation { resolution_mpa: 0.0, noise_mpa: 0.0, ..Inflation::default() }
+        Inflation { resolution_mpa: 0.0, noise_mpa: 0.0, ..digital() }
     }
 
     #[test]
@@ -243,7 +224,7 @@ mod tests {
     #[test]
     fn the_gauge_rounds_never_reads_vacuum_and_is_seeded() {
         let table = [(0.0, 6000.0), (0.07, 9000.0)];
-        let make = |seed| Inflation { seed, ..Inflation::default() }.readings(&table).unwrap();
+        let make = |seed| Inflation { seed, ..digital() }.readings(&table).unwrap();
         let readings = make(1);
         for r in &readings {
             let steps = r.pressure_mpa / 1e-4;
@@ -255,15 +236,15 @@ mod tests {
 
     #[test]
     fn what_cannot_be_pumped_is_refused() {
-        let short = silent().readings(&[(0.0, 6000.0), (0.05, 7000.0)]).unwrap_err();
-        assert!(matches!(short, TraceError::Table { .. }), "{short}");
-        let snap = silent().readings(&[(0.0, 6000.0), (0.05, 900.0), (0.07, 9000.0)]).unwrap_err();
-        assert_eq!(snap, TraceError::Snap { from_mpa: 0.0, to_mpa: 0.05 });
-        let broken = silent().readings(&[(0.0, 6000.0), (0.07, f64::NAN)]).unwrap_err();
-        assert!(matches!(broken, TraceError::Table { .. }), "{broken}");
-        let still =
-            Inflation { flow_ml_per_min: 0.0, ..silent() }.readings(&[(0.0, 1.0), (1.0, 1.0)]).unwrap_err();
-        assert!(matches!(still, TraceError::Parameter { name: "flow_ml_per_min", .. }), "{still}");
+        let refused = |volumes: &[(f64, f64)], part: &str| {
+            let error = silent().readings(volumes).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        };
+        refused(&[(0.0, 6000.0), (0.05, 7000.0)], "found 0 to 0.05 MPa");
+        refused(&[(0.0, 6000.0), (0.05, 900.0), (0.07, 9000.0)], "falls between 0 and 0.05 MPa");
+        refused(&[(0.0, 6000.0), (0.07, f64::NAN)], "volume NaN mm^3");
+        let still = Inflation { flow_ml_per_min: 0.0, ..silent() }.readings(&[(0.0, 1.0), (1.0, 1.0)]);
+        assert!(still.unwrap_err().to_string().contains("flow_ml_per_min"));
         assert!(silent().readings(&[]).is_err());
     }
 }

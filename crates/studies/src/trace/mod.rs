@@ -2,16 +2,15 @@
 
 mod inflation;
 
-use fem::actuator::Actuator;
+use fem::Solver;
 use fem::cases;
-use fem::{Problem, Solver};
 use indicatif::{ProgressBar, ProgressStyle};
 use inflation::{Inflation, to_csv};
-use softtwin::failure::{configuration, usage};
-use softtwin::files::{refusal, save};
+use softtwin::failure::usage;
+use softtwin::files::{self, refusal, save};
+use softtwin::options::ActuatorFile;
 use softtwin::output;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -29,9 +28,8 @@ The cavity's volume is simulated at --states pressures; the ideal gas law at con
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Geometry, materials, loads, supports and mesh.
-    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
-    actuator: PathBuf,
+    #[command(flatten)]
+    geometry: ActuatorFile,
     /// Gap from the underside of the undeformed base to the obstacle in mm.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = softtwin::range::gap_mm)]
     gap_mm: f64,
@@ -44,55 +42,23 @@ pub struct Args {
     /// States simulated above rest; the volume is interpolated between them.
     #[arg(long, value_name = "N", default_value_t = 14, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     states: u32,
-    /// Flow of air at atmospheric pressure in mL/min.
-    #[arg(long, value_name = "FLOW", default_value_t = 125.0, value_parser = softtwin::range::number(1e-6, 1e9))]
-    flow_ml_per_min: f64,
-    /// Gauge pressure at which the pump stops in MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 0.07, value_parser = softtwin::range::number(1e-9, softtwin::range::MAX_PRESSURE_MPA))]
-    end_pressure_mpa: f64,
-    /// Volume of tube and fittings in mm3.
-    #[arg(long, value_name = "MM3", default_value_t = 0.0, value_parser = softtwin::range::number(0.0, 1e12))]
-    dead_volume_mm3: f64,
-    /// Readings a second.
-    #[arg(long, value_name = "HZ", default_value_t = 200.0, value_parser = softtwin::range::number(1e-3, 1e6))]
-    rate_hz: f64,
-    /// Step of the gauge's display in MPa; 0 for none.
-    #[arg(long, value_name = "MPA", default_value_t = 1.0e-4, value_parser = softtwin::range::number(0.0, 1.0))]
-    resolution_mpa: f64,
-    /// Standard deviation of the gauge's noise in MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 5.0e-5, value_parser = softtwin::range::number(0.0, 1.0))]
-    noise_mpa: f64,
-    /// Seed of the noise.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    #[command(flatten)]
+    pump: Inflation,
 }
 
 impl Args {
     /// Simulates the volumes and writes the trace.
     pub fn run(self) -> anyhow::Result<()> {
-        let pump = self.inflation();
-        pump.check().map_err(usage)?; // before the work, not after it
+        self.pump.check().map_err(usage)?; // before the work, not after it
         let volumes = match &self.volumes {
             Some(table) => self.tabulated(table)?,
             None => self.simulated()?,
         };
-        let readings = pump.readings(&volumes)?;
+        let readings = self.pump.readings(&volumes)?;
         save(&self.out, to_csv(&readings, self.gap_mm, &self.made_by(&volumes)).as_bytes())?;
         let seconds = readings.last().map_or(0.0, |r| r.t_s);
         output!("{}: {} readings, {seconds:.2} s", self.out.display(), readings.len())?;
         Ok(())
-    }
-
-    fn inflation(&self) -> Inflation {
-        Inflation {
-            flow_ml_per_min: self.flow_ml_per_min,
-            dead_volume_mm3: self.dead_volume_mm3,
-            end_pressure_mpa: self.end_pressure_mpa,
-            rate_hz: self.rate_hz,
-            resolution_mpa: self.resolution_mpa,
-            noise_mpa: self.noise_mpa,
-            seed: self.seed,
-        }
     }
 
     /// Cavity volumes (MPa, mm3) at this gap from a table, by rising pressure.
@@ -109,16 +75,14 @@ impl Args {
 
     /// Cavity volumes (MPa, mm3) along the path from rest at the gap.
     fn simulated(&self) -> anyhow::Result<Vec<(f64, f64)>> {
-        let actuator = Actuator::read(&self.actuator).map_err(refusal)?;
-        let mesh = actuator.read_mesh(&self.actuator).map_err(refusal)?;
-        let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
+        let (actuator, problem) = files::actuator(&self.geometry.actuator)?;
         let mut solver = Solver::new(problem)?;
         let (mut state, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
         let bar = ProgressBar::new(u64::from(self.states) + 1);
         bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len} states, about {eta} left")?);
         let mut volumes = Vec::new();
         for k in 0..=self.states {
-            let pressure_mpa = self.end_pressure_mpa * f64::from(k) / f64::from(self.states);
+            let pressure_mpa = self.pump.end_pressure_mpa * f64::from(k) / f64::from(self.states);
             (state, _) = solver.solve_to(&state, &actuator.load(pressure_mpa, Some(self.gap_mm)))?;
             volumes.push((pressure_mpa, solver.output(&state).cavity_volume_mm3));
             bar.inc(1);
@@ -129,21 +93,21 @@ impl Args {
 
     fn made_by(&self, volumes: &[(f64, f64)]) -> String {
         let (first, last) = (volumes.first().map_or(0.0, |v| v.1), volumes.last().map_or(0.0, |v| v.1));
+        let (actuator, gap_mm, states) = (self.geometry.actuator.display(), self.gap_mm, volumes.len());
+        let Inflation {
+            flow_ml_per_min,
+            dead_volume_mm3,
+            end_pressure_mpa,
+            rate_hz,
+            resolution_mpa,
+            noise_mpa,
+            seed,
+        } = self.pump;
         format!(
-            "Simulated gauge trace, made by `softtwin-studies trace`: actuator {}, gap {} mm, 0 to {} MPa\n\
-             at {} mL/min of air at atmospheric pressure (isothermal ideal gas, dead volume {} mm3).\n\
-             Cavity volume simulated at {} pressures: {first:.1} mm3 at rest, {last:.1} mm3 at the end.\n\
-             Gauge: {} Hz, resolution {} MPa, noise {} MPa (seed {}).",
-            self.actuator.display(),
-            self.gap_mm,
-            self.end_pressure_mpa,
-            self.flow_ml_per_min,
-            self.dead_volume_mm3,
-            volumes.len(),
-            self.rate_hz,
-            self.resolution_mpa,
-            self.noise_mpa,
-            self.seed
+            "Simulated gauge trace, made by `softtwin-studies trace`: actuator {actuator}, gap {gap_mm} mm, 0 to {end_pressure_mpa} MPa\n\
+             at {flow_ml_per_min} mL/min of air at atmospheric pressure (isothermal ideal gas, dead volume {dead_volume_mm3} mm3).\n\
+             Cavity volume simulated at {states} pressures: {first:.1} mm3 at rest, {last:.1} mm3 at the end.\n\
+             Gauge: {rate_hz} Hz, resolution {resolution_mpa} MPa, noise {noise_mpa} MPa (seed {seed})."
         )
     }
 }

@@ -1,9 +1,9 @@
 //! Node-by-node agreement on the commercial solver's mesh: its own published state, and states that an independent
 //! implementation of the same formulation computed there.
 
-use super::Book;
 use super::abaqus_arrays;
 use super::agreement::{REFERENCE_FIELDS, compare};
+use super::book::Book;
 use anyhow::Context;
 use fem::{GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2};
 use fem::{Load, Obstacle, Problem, ProblemConfig, Solver, State};

@@ -2,19 +2,13 @@
 
 mod abaqus_arrays;
 mod agreement;
+mod book;
 mod commercial;
 mod published;
 mod refinement;
 
-use fem::Problem;
-use fem::actuator::Actuator;
-use serde::Serialize;
-use serde_json::json;
-use softtwin::failure::configuration;
-use softtwin::files::refusal;
-use softtwin::output;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use book::Book;
+use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -74,7 +68,7 @@ enum Part {
 impl Args {
     /// Runs the parts and says whether every figure holds.
     pub fn run(self) -> anyhow::Result<()> {
-        let mut book = Book { rows: Vec::new(), quiet: self.json, skipped: Vec::new() };
+        let mut book = Book::new(self.json);
         let wanted = |part| self.only.is_empty() || self.only.contains(&part);
         if wanted(Part::Published) {
             published::run(&self.actuator, &self.gripper, &mut book)?;
@@ -87,127 +81,4 @@ impl Args {
         }
         book.close()
     }
-}
-
-/// One comparison.
-#[derive(Debug, Serialize)]
-struct Row {
-    part: &'static str,
-    quantity: String,
-    computed: f64,
-    reference: f64,
-    /// Error in the bound's unit.
-    error: f64,
-    bound: f64,
-    unit: &'static str,
-    holds: bool,
-}
-
-/// All comparisons, printed as they come.
-struct Book {
-    rows: Vec<Row>,
-    skipped: Vec<String>,
-    quiet: bool,
-}
-
-impl Book {
-    fn heading(&self, text: &str) -> anyhow::Result<()> {
-        if !self.quiet {
-            output!("\n{text}")?;
-            output!(
-                "{:<50} {:>11} {:>11} {:>10} {:>9}",
-                "quantity",
-                "computed",
-                "reference",
-                "error",
-                "at most"
-            )?;
-        }
-        Ok(())
-    }
-
-    fn remark(&self, text: &str) -> anyhow::Result<()> {
-        if !self.quiet {
-            output!("{text}")?;
-        }
-        Ok(())
-    }
-
-    fn skip(&mut self, text: String) -> anyhow::Result<()> {
-        self.remark(&format!("\nskipped: {text}"))?;
-        self.skipped.push(text);
-        Ok(())
-    }
-
-    /// A figure whose relative error, in per cent, has a bound.
-    fn relative(
-        &mut self,
-        part: &'static str,
-        quantity: String,
-        (computed, reference): (f64, f64),
-        bound: f64,
-    ) -> anyhow::Result<()> {
-        let error = 100.0 * (computed / reference - 1.0);
-        self.add(Row { part, quantity, computed, reference, error, bound, unit: "%", holds: false })
-    }
-
-    /// An error that stands for itself.
-    fn absolute(
-        &mut self,
-        part: &'static str,
-        quantity: String,
-        error: f64,
-        (bound, unit): (f64, &'static str),
-    ) -> anyhow::Result<()> {
-        self.add(Row { part, quantity, computed: error, reference: 0.0, error, bound, unit, holds: false })
-    }
-
-    fn add(&mut self, mut row: Row) -> anyhow::Result<()> {
-        row.holds = row.error.abs() <= row.bound;
-        if !self.quiet {
-            output!(
-                "{:<50} {:>11.5} {:>11.5} {:>+8.4} {:<2} {:>6} {}{}",
-                row.quantity,
-                row.computed,
-                row.reference,
-                row.error,
-                row.unit,
-                (row.bound * 1.0e4).round() / 1.0e4, // a bound in N as a share of a force has no end
-                row.unit,
-                if row.holds { "" } else { "  MISSED" }
-            )?;
-        }
-        self.rows.push(row);
-        Ok(())
-    }
-
-    fn close(self) -> anyhow::Result<()> {
-        let missed: Vec<&str> = self.rows.iter().filter(|r| !r.holds).map(|r| r.quantity.as_str()).collect();
-        if self.quiet {
-            output::json(&json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped}))?;
-        } else {
-            output!("\n{} figures compared, {} missed", self.rows.len(), missed.len())?;
-        }
-        if missed.is_empty() {
-            return Ok(());
-        }
-        anyhow::bail!(
-            "{} of {} figures miss their bound: {}",
-            missed.len(),
-            self.rows.len(),
-            missed.join(", ")
-        )
-    }
-}
-
-/// An actuator and its problem on its own mesh.
-fn open(path: &Path) -> anyhow::Result<(Actuator, Arc<Problem>)> {
-    let actuator = Actuator::read(path).map_err(refusal)?;
-    let mesh = actuator.read_mesh(path).map_err(refusal)?;
-    let problem = Problem::new(mesh, actuator.problem_config()).map_err(configuration)?;
-    Ok((actuator, Arc::new(problem)))
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().copied().fold(0.0, f64::max)
 }

@@ -1,8 +1,9 @@
 //! Figures of the paper and of its published result, recomputed on the actuator's own mesh.
 
-use super::{Book, largest, open};
+use super::book::Book;
 use fem::actuator::Actuator;
 use fem::{Solver, State};
+use softtwin::files;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -31,7 +32,7 @@ const FORCE_BOUND: f64 = 2.0;
 const ONSET_STEPS: usize = 4;
 
 pub fn run(actuator: &Path, gripper: &Path, book: &mut Book) -> anyhow::Result<()> {
-    let (actuator, problem) = open(actuator)?;
+    let (actuator, problem) = files::actuator(actuator)?;
     book.heading(&format!("published figures, {} nodes of its own mesh", problem.mesh().nodes_mm.len()))?;
     let mut solver = Solver::new(Arc::clone(&problem))?;
     let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
@@ -39,7 +40,7 @@ pub fn run(actuator: &Path, gripper: &Path, book: &mut Book) -> anyhow::Result<(
     book.relative(PART, "sag at rest (mm)".into(), (sag, SAG.0), SAG.1)?;
     let (pressure, expected, bound) = FREE;
     let (free, _) = solver.solve_to(&rest, &actuator.load(pressure, None))?;
-    let displacement = largest(&solver.output(&free).displacement_mm);
+    let displacement = solver.output(&free).displacement_mm.into_iter().fold(0.0, f64::max);
     let quantity = format!("largest displacement at {pressure} MPa (mm)");
     book.relative(PART, quantity, (displacement, expected), bound)?;
     let (gap, expected, bound) = ONSET;
@@ -84,7 +85,7 @@ fn forces(solver: &mut Solver, actuator: &Actuator, from: State, book: &mut Book
 }
 
 fn grip(gripper: &Path, book: &mut Book) -> anyhow::Result<()> {
-    let (actuator, problem) = open(gripper)?;
+    let (actuator, problem) = files::actuator(gripper)?;
     let mut solver = Solver::new(problem)?;
     let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     let (pressure, gap, expected) = GRIP;

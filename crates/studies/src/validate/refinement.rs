@@ -1,6 +1,6 @@
 //! The same states of a shorter actuator on one family of finer and finer grids: what the element size costs.
 
-use super::Book;
+use super::book::Book;
 use fem::actuator::Actuator;
 use fem::{Problem, Solver};
 use softtwin::failure::{configuration, usage};

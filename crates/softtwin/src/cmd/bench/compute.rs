@@ -85,9 +85,9 @@ struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    fn new(basis: &'a Basis, samples: usize) -> Self {
+    fn new(basis: &'a Basis) -> Self {
         let name = format!("kernel {:?}", basis.precision()).to_lowercase();
-        let series = |what: &str| Series::new(format!("{name}, {what}"), samples);
+        let series = |what: &str| Series::new(format!("{name}, {what}"));
         Self {
             basis,
             warm: series("warm"),
@@ -128,7 +128,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
 
     progress.step("kernel and prediction");
-    let subjects = [Subject::new(&wide, samples), Subject::new(&narrow, samples)];
+    let subjects = [Subject::new(&wide), Subject::new(&narrow)];
     let subjects = kernels(subjects, &coefficients, samples, progress)?;
     progress.step("prediction");
     let evaluator = Evaluator::new(&model.header)?;
@@ -190,7 +190,7 @@ fn predictions(
     tip: &mut ModelState,
     samples: usize,
 ) -> anyhow::Result<[Series; 3]> {
-    let mut series = ["predict", "state only", "tip"].map(|name| Series::new(name, samples));
+    let mut series = ["predict", "state only", "tip"].map(Series::new);
     let [predict, state, tip_series] = &mut series;
     let mut evaluation = evaluator.evaluation();
     for sample in 0..samples {

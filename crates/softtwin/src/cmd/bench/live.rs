@@ -7,36 +7,10 @@ use crate::daemon::{self, Daemon};
 use crate::progress::Progress;
 use crate::testbed::Testbed;
 use rom::model::Model;
-use scene::Scenes;
+use scene::{Payload, Scenes, WakeUp};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 use wire::{Bus, FieldReader, StateReader, Topic, Wake, WakeSet, Wakeable, now_ns};
-
-/// What the reader gets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Payload {
-    /// Coefficients, force, gradients, bars.
-    StateOnly,
-    /// Fields of the tip.
-    Tip,
-    /// Fields of the surface.
-    Surface,
-    /// Fields of all nodes.
-    All,
-}
-
-/// How twin and reader wait.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum WakeUp {
-    /// Asleep until notified.
-    Event,
-    /// The same, with the cores kept from sleeping (`realtime.stay_awake`).
-    EventAwake,
-    /// Spinning, one core each.
-    BusyPoll,
-}
 
 /// One row of the table: quantiles in microseconds, from the reading's stamp to the reader's hands.
 #[derive(Debug, Clone, Serialize)]
@@ -51,41 +25,13 @@ pub struct EndToEnd {
     #[serde(flatten)]
     pub latency_us: Quantiles,
     /// Samples received.
-    pub received: usize,
+    pub received: u64,
     /// Readings between the first and the last sample that no sample answered.
     pub lost: u64,
 }
 
-/// A row with its distribution, or why there is none.
-pub enum Row {
-    /// Measured.
-    Done(EndToEnd, Series),
-    /// Could not be measured.
-    Failed(String),
-}
-
-impl Row {
-    /// The distribution.
-    pub fn series(&self) -> Option<Series> {
-        match self {
-            Self::Done(_, series) => Some(series.clone()),
-            Self::Failed(_) => None,
-        }
-    }
-}
-
-/// Rows that were measured, and remarks on those that were not.
-pub fn split(rows: &[Row]) -> (Vec<EndToEnd>, Vec<String>) {
-    let done = rows.iter().filter_map(|row| match row {
-        Row::Done(row, _) => Some(row.clone()),
-        Row::Failed(_) => None,
-    });
-    let failed = rows.iter().filter_map(|row| match row {
-        Row::Done(..) => None,
-        Row::Failed(text) => Some(text.clone()),
-    });
-    (done.collect(), failed.collect())
-}
+/// A row with its distribution, or why it could not be measured.
+pub type Measured = Result<(EndToEnd, Series), String>;
 
 const RATES_HZ: [f64; 3] = [100.0, 1000.0, 4000.0];
 const PAYLOADS: [Payload; 4] = [Payload::StateOnly, Payload::Tip, Payload::Surface, Payload::All];
@@ -96,9 +42,9 @@ const WARM_UP: Duration = Duration::from_millis(300);
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Measures all rows, `seconds` each.
-pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Result<Vec<Row>> {
+pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Result<Vec<Measured>> {
     if let Err(error) = daemon::program("softtwind") {
-        return Ok(vec![Row::Failed(format!("end to end: {error:#}"))]);
+        return Ok(vec![Err(format!("end to end: {error:#}"))]);
     }
     let testbed = Testbed::new("bench")?;
     let scenes = Scenes::new(&testbed, model)?;
@@ -109,10 +55,8 @@ pub fn run(model: &Model, seconds: f64, progress: &mut Progress) -> anyhow::Resu
                 let name = format!("{rate_hz} Hz, {payload:?}, {wake:?}");
                 progress.step(&format!("end to end: {name}"));
                 let settings = scene::Row { rate_hz, payload, wake };
-                rows.push(match row(&testbed, &scenes, settings, seconds) {
-                    Ok((row, series)) => Row::Done(row, series),
-                    Err(error) => Row::Failed(format!("end to end, {name}: {error:#}")),
-                });
+                let row = row(&testbed, &scenes, settings, seconds);
+                rows.push(row.map_err(|error| format!("end to end, {name}: {error:#}")));
             }
         }
     }
@@ -130,8 +74,7 @@ fn row(
     let port = Port::attach(&bus, settings.payload)?;
     let twin = testbed.daemon("twin", &scene, &["--config".as_ref(), twin_settings.as_ref()])?;
     let bridge = testbed.daemon("bridge", &scene, &[])?;
-    let series =
-        Series::new(format!("{} Hz {:?} {:?}", settings.rate_hz, settings.payload, settings.wake), 0);
+    let series = Series::new(format!("{} Hz {:?} {:?}", settings.rate_hz, settings.payload, settings.wake));
     let mut daemons = [bridge, twin];
     let listener = Listener { port, series, first: None, last: 0 }.listen(settings, seconds, &mut daemons)?;
     daemons.iter_mut().try_for_each(Daemon::stop)?;
@@ -142,7 +85,7 @@ fn row(
         wake: settings.wake,
         latency_us: listener.series.quantiles(),
         received: listener.series.len(),
-        lost: (last - first + 1).saturating_sub(listener.series.len() as u64),
+        lost: (last - first + 1).saturating_sub(listener.series.len()),
     };
     Ok((row, listener.series))
 }

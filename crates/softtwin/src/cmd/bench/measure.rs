@@ -1,16 +1,22 @@
 //! Timing and quantiles.
 
+use hdrhistogram::Histogram;
 use serde::Serialize;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Durations of one thing, ns.
-#[derive(Debug, Clone, Default)]
+/// Durations of one thing, to a thousandth of their value.
+#[derive(Debug)]
 pub struct Series {
     /// What was timed.
     pub name: String,
-    ns: Vec<u64>,
+    ns: Histogram<u64>,
 }
+
+/// Longest duration that is told apart from longer ones: a minute.
+const MAX_NS: u64 = 60_000_000_000;
+/// Steps of a curve between a share of samples and half of it.
+const STEPS: u32 = 20;
 
 /// Quantiles in microseconds.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -26,9 +32,13 @@ pub struct Quantiles {
 }
 
 impl Series {
-    /// An empty series with room for `samples`.
-    pub fn new(name: impl Into<String>, samples: usize) -> Self {
-        Self { name: name.into(), ns: Vec::with_capacity(samples) }
+    /// An empty series.
+    ///
+    /// # Panics
+    /// Never: the bounds are fixed and valid.
+    pub fn new(name: impl Into<String>) -> Self {
+        let ns = Histogram::new_with_bounds(1, MAX_NS, 3).expect("fixed bounds");
+        Self { name: name.into(), ns }
     }
 
     /// Runs `work` once on the clock.
@@ -40,27 +50,33 @@ impl Series {
 
     /// Adds a duration measured elsewhere.
     pub fn push(&mut self, ns: u64) {
-        self.ns.push(ns);
+        self.ns.saturating_record(ns);
     }
 
     /// Samples so far.
-    pub fn len(&self) -> usize {
+    pub fn len(&self) -> u64 {
         self.ns.len()
     }
 
-    /// All samples in microseconds, the fastest first.
-    pub fn sorted_us(&self) -> Vec<f64> {
-        let mut ns = self.ns.clone();
-        ns.sort_unstable();
-        ns.into_iter().map(|ns| ns as f64 / 1e3).collect()
+    /// Whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.ns.is_empty()
     }
 
-    /// Quantiles by the nearest rank; NaN when nothing was measured.
+    /// Times in microseconds and the share of samples that are slower; the slowest sample's share is that of one sample.
+    pub fn tail(&self) -> Vec<(f64, f64)> {
+        let one = 1.0 / self.len() as f64;
+        let quantiles = self.ns.iter_quantiles(STEPS);
+        quantiles
+            .map(|q| (q.value_iterated_to() as f64 / 1e3, (1.0 - q.quantile_iterated_to()).max(one)))
+            .collect()
+    }
+
+    /// Quantiles; NaN when nothing was measured.
     pub fn quantiles(&self) -> Quantiles {
-        let sorted = self.sorted_us();
-        let at = |share: f64| {
-            let rank = (share * sorted.len() as f64).ceil() as usize;
-            sorted.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+        let at = |quantile: f64| match self.is_empty() {
+            true => f64::NAN,
+            false => self.ns.value_at_quantile(quantile) as f64 / 1e3,
         };
         Quantiles { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: at(1.0) }
     }
@@ -105,15 +121,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_are_nearest_ranks() {
-        let mut series = Series::new("x", 1000);
+    fn quantiles_are_microseconds_and_tails_fall_to_one_sample() {
+        let mut series = Series::new("x");
         (1..=1000u64).rev().for_each(|us| series.push(us * 1000));
         let q = series.quantiles();
-        assert_eq!((q.p50, q.p99, q.p999, q.max), (500.0, 990.0, 999.0, 1000.0));
-        let mut one = Series::new("x", 1);
-        one.push(7_000);
-        assert_eq!((one.p50(), one.quantiles().max), (7.0, 7.0));
-        assert!(Series::new("x", 0).p50().is_nan());
+        for (found, expected) in [(q.p50, 500.0), (q.p99, 990.0), (q.p999, 999.0), (q.max, 1000.0)] {
+            assert!((found / expected - 1.0).abs() < 1e-3, "{found} is not {expected}");
+        }
+        let tail = series.tail();
+        assert!(tail.windows(2).all(|w| w[0].0 <= w[1].0 && w[0].1 >= w[1].1) && tail.len() < 500);
+        assert_eq!(tail.last().map(|last| last.1), Some(0.001));
+        assert!(Series::new("x").p50().is_nan());
     }
 
     #[test]

@@ -62,12 +62,20 @@ impl Args {
         let (compute, mut series) = compute::run(&model, self.samples, &mut progress)?;
         let rows = if self.no_live { Vec::new() } else { live::run(&model, self.seconds, &mut progress)? };
         drop(progress);
+        let (mut end_to_end, mut notes) = (Vec::new(), Vec::new());
+        for row in rows {
+            match row {
+                Ok((row, distribution)) => {
+                    end_to_end.push(row);
+                    series.push(distribution);
+                }
+                Err(note) => notes.push(note),
+            }
+        }
         if let Some(path) = &self.picture {
-            series.extend(rows.iter().filter_map(live::Row::series));
             picture::draw(path, &series)?;
         }
-        let (end_to_end, notes) = live::split(&rows);
-        let report = report::Report::new(compute, end_to_end, notes);
+        let report = report::Report { compute, end_to_end, notes };
         if self.json { output::json(&report) } else { report.print() }
     }
 }

@@ -8,19 +8,16 @@ use serde::Serialize;
 /// The whole result.
 #[derive(Debug, Serialize)]
 pub struct Report {
+    /// In this process.
     #[serde(flatten)]
-    compute: Compute,
-    end_to_end: Vec<EndToEnd>,
+    pub compute: Compute,
+    /// Through the daemons.
+    pub end_to_end: Vec<EndToEnd>,
     /// What could not be measured.
-    notes: Vec<String>,
+    pub notes: Vec<String>,
 }
 
 impl Report {
-    /// Puts the parts together.
-    pub fn new(compute: Compute, end_to_end: Vec<EndToEnd>, notes: Vec<String>) -> Self {
-        Self { compute, end_to_end, notes }
-    }
-
     /// Tables for people.
     pub fn print(&self) -> anyhow::Result<()> {
         let c = &self.compute;

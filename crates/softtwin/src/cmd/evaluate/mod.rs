@@ -2,6 +2,7 @@
 
 mod fresh;
 
+use crate::options::SceneArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::{files, output};
 use formats::database::ObstacleKind;
@@ -55,9 +56,9 @@ pub struct Args {
     /// Cases to evaluate on.
     #[arg(long, value_enum, default_value_t, conflicts_with = "simulate")]
     split: SplitArg,
-    /// Scene whose cases are used.
+    /// Whose cases are used.
     #[arg(long, value_enum, default_value_t)]
-    scene: super::SceneArg,
+    scene: SceneArg,
     /// Floor of the relative error as a share of the field's largest value (0 to 1).
     #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR, value_parser = crate::range::number(0.0, 1.0))]
     floor: f64,

@@ -11,7 +11,7 @@ use anyhow::Result;
 pub use body::Body;
 use formats::export::SeriesFormat;
 use serde_json::json;
-use source::Source;
+use source::{Options, Source};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -42,27 +42,11 @@ pub struct Args {
     /// File to write; its ending says the format. Of a recording also a folder, for tables.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Of a model: pressures to predict, in MPa.
-    #[arg(long, value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa)]
-    pressure_mpa: Vec<f64>,
-    /// Of a model: the gap in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
-    gap_mm: Option<f64>,
-    /// Of a database: the names of cases; all when left out.
-    #[arg(long, value_name = "NAME")]
-    case: Vec<String>,
-    /// Of a recording: the model that makes its fields; left out, recorded fields are exported.
-    #[arg(long, value_name = "FILE.twin")]
-    model: Option<PathBuf>,
-    /// Of a recording: the actuator, when there are several.
-    #[arg(long, value_name = "NAME")]
-    actuator: Option<String>,
+    #[command(flatten)]
+    states: Options,
     /// Of a recording, for tables: topics, as a key expression.
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
-    /// Take every n-th state only.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
-    every: u64,
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the states shall have; the surface when left out.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
@@ -82,7 +66,7 @@ impl Args {
             return tables::write(&self.source, &self.out, &self.key, self.json);
         }
         SeriesFormat::of(&self.out).map_err(usage)?; // before the work, not after it
-        let source = Source::open(&self)?;
+        let source = Source::open(&self.source, &self.states)?;
         let body = source.body(self.mesh.as_deref())?;
         let series = body.series(source.fields(), source.count());
         let written = series.write(&self.out, source.moments()).map_err(|error: anyhow::Error| {

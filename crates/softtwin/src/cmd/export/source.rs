@@ -1,6 +1,5 @@
 //! Where exported states come from: a model asked for readings, a database, the fields of a recording.
 
-use super::Args;
 use super::body::Body;
 use crate::failure::{configuration, usage};
 use crate::files;
@@ -12,7 +11,30 @@ use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Which states of a source.
+#[derive(clap::Args)]
+pub struct Options {
+    /// Of a model: pressures to predict, in MPa.
+    #[arg(long, value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa)]
+    pressure_mpa: Vec<f64>,
+    /// Of a model: the gap in mm; no obstacle when left out.
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
+    gap_mm: Option<f64>,
+    /// Of a database: the names of cases; all when left out.
+    #[arg(long, value_name = "NAME")]
+    case: Vec<String>,
+    /// Of a recording: the model that makes its fields; left out, recorded fields are exported.
+    #[arg(long, value_name = "FILE.twin")]
+    model: Option<PathBuf>,
+    /// Of a recording: the actuator, when there are several.
+    #[arg(long, value_name = "NAME")]
+    actuator: Option<String>,
+    /// Take every n-th state only.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    every: u64,
+}
 
 /// Opened, and every option checked.
 pub enum Source {
@@ -29,8 +51,7 @@ impl Source {
     ///
     /// # Errors
     /// A path that is none of the three, or options that belong to another kind.
-    pub fn open(args: &Args) -> Result<Self> {
-        let path = args.source.as_path();
+    pub fn open(path: &Path, options: &Options) -> Result<Self> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         let kind = match ending {
             _ if path.is_dir() => "database",
@@ -43,30 +64,30 @@ impl Source {
                 )));
             }
         };
-        let options = [
-            ("--pressure-mpa", "model", !args.pressure_mpa.is_empty()),
-            ("--gap-mm", "model", args.gap_mm.is_some()),
-            ("--case", "database", !args.case.is_empty()),
-            ("--model", "recording", args.model.is_some()),
-            ("--actuator", "recording", args.actuator.is_some()),
+        let given = [
+            ("--pressure-mpa", "model", !options.pressure_mpa.is_empty()),
+            ("--gap-mm", "model", options.gap_mm.is_some()),
+            ("--case", "database", !options.case.is_empty()),
+            ("--model", "recording", options.model.is_some()),
+            ("--actuator", "recording", options.actuator.is_some()),
         ];
-        if let Some((option, of, _)) = options.iter().find(|(_, of, given)| *given && *of != kind) {
+        if let Some((option, of, _)) = given.iter().find(|(_, of, given)| *given && *of != kind) {
             return Err(usage(format!("{option} belongs to a {of}; {} is a {kind}", path.display())));
         }
         match kind {
-            "model" => Self::sweep(args, path),
-            "database" => Self::cases(args, path),
-            _ => Self::recording(args, path),
+            "model" => Self::sweep(options, path),
+            "database" => Self::cases(options, path),
+            _ => Self::recording(options, path),
         }
     }
 
-    fn sweep(args: &Args, path: &Path) -> Result<Self> {
-        if args.pressure_mpa.is_empty() {
+    fn sweep(options: &Options, path: &Path) -> Result<Self> {
+        if options.pressure_mpa.is_empty() {
             return Err(usage("of a model: which states? give --pressure-mpa P1,P2,... (and --gap-mm)"));
         }
-        let gap_mm = args.gap_mm.unwrap_or(f64::INFINITY);
-        let inputs = args.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));
-        Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(args.every as usize).collect())
+        let gap_mm = options.gap_mm.unwrap_or(f64::INFINITY);
+        let inputs = options.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));
+        Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(options.every as usize).collect())
     }
 
     fn readings(model: &Path, readings: Vec<(f64, Inputs)>) -> Result<Self> {
@@ -75,7 +96,7 @@ impl Source {
         Ok(Self::Readings { model: Box::new(model), fields, readings })
     }
 
-    fn cases(args: &Args, path: &Path) -> Result<Self> {
+    fn cases(options: &Options, path: &Path) -> Result<Self> {
         let scene = match formats::database::obstacle_kinds(path).as_deref() {
             Ok([only]) => *only,
             _ => ObstacleKind::Plate,
@@ -88,17 +109,17 @@ impl Source {
                 usage(format!("--case {name}: the database has {} ...", names.join(", ")))
             })
         };
-        let chosen: Vec<usize> = match args.case.as_slice() {
+        let chosen: Vec<usize> = match options.case.as_slice() {
             [] => (0..database.cases.len()).collect(),
             names => names.iter().map(place).collect::<Result<_>>()?,
         };
-        Ok(Self::Cases { database, chosen: chosen.into_iter().step_by(args.every as usize).collect() })
+        Ok(Self::Cases { database, chosen: chosen.into_iter().step_by(options.every as usize).collect() })
     }
 
-    fn recording(args: &Args, path: &Path) -> Result<Self> {
-        let mut tape = RecordingData::read(path, args.model.is_none())?;
+    fn recording(options: &Options, path: &Path) -> Result<Self> {
+        let mut tape = RecordingData::read(path, options.model.is_none())?;
         let names: Vec<String> = tape.tracks.keys().cloned().collect();
-        let name = match (&args.actuator, names.as_slice()) {
+        let name = match (&options.actuator, names.as_slice()) {
             (Some(name), _) => name.clone(),
             (None, [only]) => only.clone(),
             _ => return Err(usage(format!("--actuator: which of {}?", names.join(", ")))),
@@ -107,8 +128,8 @@ impl Source {
             .tracks
             .remove(&name)
             .ok_or_else(|| usage(format!("--actuator {name}: the recording has {}", names.join(", "))))?;
-        let every = args.every as usize;
-        if let Some(model) = &args.model {
+        let every = options.every as usize;
+        if let Some(model) = &options.model {
             let states = track.states.iter().filter(|state| state.has_reading()).step_by(every);
             let inputs = states.map(|s| (s.t_s, Inputs::new(s.pressure_mpa, s.gap_mm)));
             return Self::readings(model, inputs.collect());

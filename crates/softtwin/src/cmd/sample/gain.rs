@@ -1,13 +1,17 @@
 //! What a refinement gained: errors before and after, on states the model has not been trained on.
 
-use super::refine::Trained;
 use crate::output;
+use rom::datasheet::DataSheet;
 use rom::evaluate::{CaseReport, DEFAULT_FLOOR, evaluate};
 use rom::hull::DomainStatus;
+use rom::model::Model;
 use rom::snapshots::{Database, FieldKind, RegimeKind, Split};
 use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
+
+/// A model and its data sheet.
+pub type Trained = (Model, DataSheet);
 
 /// Mean over cases of the worst node's displacement error (mm) and stress error (MPa), and of the force error (N).
 type Errors = [f64; 3];
@@ -25,7 +29,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Judges a model on the refined database.
+    /// Measures a model on the refined database.
     pub fn of(
         (model, sheet): &Trained,
         database: &Database,
@@ -84,7 +88,7 @@ pub struct Gain<'a> {
 
 impl Gain<'_> {
     /// Prints both.
-    pub fn tell(&self, as_json: bool) -> anyhow::Result<()> {
+    pub fn print(&self, as_json: bool) -> anyhow::Result<()> {
         if as_json {
             return output::json(&json!({
                 "added": self.added, "model": self.model, "before": self.before, "after": self.after,

@@ -2,6 +2,7 @@
 
 mod gain;
 mod refine;
+mod regime;
 
 use crate::failure::usage;
 use crate::files::{self, save};
@@ -10,6 +11,8 @@ use anyhow::Context;
 use fem::cases::{Case, to_csv};
 use fem::sample;
 use formats::database::{ObstacleKind, bottom_nodes};
+use refine::{Refinement, Target};
+use regime::Regime;
 use rom::snapshots::{Database, RegimeKind};
 use std::path::{Path, PathBuf};
 
@@ -43,28 +46,6 @@ enum Kind {
     Onset,
 }
 
-/// Regimes a list can be for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Regime {
-    /// Pressure alone.
-    Free,
-    /// Pressure and gap, over a plate.
-    Contact,
-    /// Pressure and gap, before a block.
-    Gripper,
-}
-
-impl Regime {
-    /// Its name in lists and databases.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Free => "free",
-            Self::Contact => "contact",
-            Self::Gripper => "gripper",
-        }
-    }
-}
-
 /// Splits a list can be for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Split {
@@ -84,9 +65,6 @@ pub struct Args {
     /// Number of states; of a grid: number of pressures (1 to 100000).
     #[arg(long, value_name = "N", required_unless_present = "refine", value_parser = crate::range::count(1, MAX_STATES))]
     n: Option<usize>,
-    /// Instead: simulate this many more states where the model of --database is least sure, and retrain (1 to 150).
-    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires = "database", value_parser = crate::range::count(1, refine::MAX_STATES))]
-    refine: Option<usize>,
     /// Number of gaps of a grid.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, MAX_STATES))]
     n_gaps: usize,
@@ -111,18 +89,11 @@ pub struct Args {
     /// First part of the cases' names.
     #[arg(long, value_name = "NAME", default_value = "s")]
     prefix: String,
-    /// Geometry, materials, loads, supports and mesh of a database that is refined.
-    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
-    actuator: PathBuf,
-    /// Cases a refinement solves at the same time (1 to 256).
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = crate::range::threads)]
-    threads: usize,
     /// The list: case,regime,split,pressure_mpa,gap_mm. Of a refinement: the new database's folder.
     #[arg(long, value_name = "FILE.csv|DIR")]
     out: PathBuf,
-    /// What a refinement gained as one JSON object.
-    #[arg(long, requires = "refine")]
-    json: bool,
+    #[command(flatten)]
+    refinement: Refinement,
 }
 
 /// More states than this are a slip of the keyboard: they would take months.
@@ -131,18 +102,9 @@ const MAX_STATES: usize = 100_000;
 impl Args {
     /// Chooses and writes the list.
     pub fn run(self) -> anyhow::Result<()> {
-        if let (Some(count), Some(database)) = (self.refine, &self.database) {
-            let order = refine::Order {
-                count,
-                database,
-                actuator: &self.actuator,
-                out: &self.out,
-                regime: self.regime,
-                threads: self.threads,
-                seed: self.seed,
-                json: self.json,
-            };
-            return order.run();
+        if let (true, Some(database)) = (self.refinement.is_wanted(), &self.database) {
+            let (out, regime, seed) = (self.out.as_path(), self.regime, self.seed);
+            return self.refinement.run(&Target { database, out, regime, seed });
         }
         let (Some(kind), Some(n)) = (self.kind, self.n) else {
             return Err(usage("expected --kind and --n, or --refine with --database"));
@@ -205,23 +167,8 @@ impl Args {
     fn case(&self, index: usize, point: &[f64]) -> Case {
         let split = if self.split == Split::Train { "train" } else { "check" };
         let name = format!("{}{:03}", self.prefix, index + 1);
-        case_at(name, self.regime, split, (point[0], point.get(1).copied()))
+        self.regime.case(name, split, (point[0], point.get(1).copied()))
     }
-}
-
-/// A case at a point (MPa, mm); a nanomegapascal and a nanometre make shorter lists, no more.
-fn case_at(name: String, regime: Regime, split: &str, (pressure_mpa, gap_mm): (f64, Option<f64>)) -> Case {
-    Case {
-        name,
-        regime: regime.name().into(),
-        split: split.into(),
-        pressure_mpa: rounded(pressure_mpa, 1e9),
-        gap_mm: gap_mm.map(|gap| rounded(gap, 1e6)),
-    }
-}
-
-fn rounded(value: f64, per_unit: f64) -> f64 {
-    (value * per_unit).round() / per_unit
 }
 
 /// Pressure and depth of the lowest point of the base's underside for each free state.

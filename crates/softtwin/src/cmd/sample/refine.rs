@@ -1,25 +1,23 @@
 //! More states where the trained model is least sure: propose, simulate, add, retrain, compare.
 
-use super::gain::{Gain, Quality};
-use super::{Regime, case_at};
+use super::gain::{Gain, Quality, Trained};
+use super::regime::Regime;
+use crate::draws::Draws;
 use crate::failure::{configuration, usage};
 use crate::files::{self, refusal};
-use crate::output;
+use crate::options::ActuatorFile;
 use crate::progress::Progress;
+use crate::{output, range};
 use anyhow::Context;
 use fem::Problem;
 use fem::actuator::Actuator;
 use fem::cases::{self, Case};
 use fem::run::{self, Event, Run, Solved, Store, fingerprint};
 use fem::sample::{InfillError, infill};
-use formats::database::ObstacleKind;
 use rom::config::TrainConfig;
-use rom::datasheet::{DataSheet, RegimeSheet};
-use rom::evaluator::Evaluator;
-use rom::hull::DomainStatus;
-use rom::inputs::{GAP, Inputs};
-use rom::model::{Model, RegimeModel};
-use rom::rng::Rng;
+use rom::datasheet::RegimeSheet;
+use rom::inputs::Inputs;
+use rom::model::RegimeModel;
 use rom::snapshots::{Database, RegimeKind};
 use std::path::Path;
 use std::sync::Arc;
@@ -28,49 +26,56 @@ use std::sync::Arc;
 const CANDIDATES: usize = 1500;
 
 /// Largest number of states that one refinement adds.
-pub const MAX_STATES: usize = CANDIDATES / 10;
+const MAX_STATES: usize = CANDIDATES / 10;
 
-/// What is asked for.
-pub struct Order<'a> {
-    /// States to add.
-    pub count: usize,
+/// Options of a refinement.
+#[derive(clap::Args)]
+pub struct Refinement {
+    /// Instead: simulate this many more states where the model of --database is least sure, and retrain (1 to 150).
+    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires = "database", value_parser = range::count(1, MAX_STATES))]
+    refine: Option<usize>,
+    #[command(flatten)]
+    geometry: ActuatorFile,
+    /// Cases a refinement solves at the same time (1 to 256).
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = range::threads)]
+    threads: usize,
+    /// What a refinement gained as one JSON object.
+    #[arg(long, requires = "refine")]
+    json: bool,
+}
+
+/// What is refined.
+pub struct Target<'a> {
     /// Database to refine.
     pub database: &'a Path,
-    /// Its actuator.
-    pub actuator: &'a Path,
     /// Folder of the new database.
     pub out: &'a Path,
     /// Regime to refine.
     pub regime: Regime,
-    /// Cases solved at the same time.
-    pub threads: usize,
     /// Seed of the candidates.
     pub seed: u64,
-    /// Report as JSON.
-    pub json: bool,
 }
 
-impl Order<'_> {
-    /// Does everything and says what it gained.
-    pub fn run(&self) -> anyhow::Result<()> {
-        if self.out == self.database {
+impl Refinement {
+    /// Whether one was asked for.
+    pub fn is_wanted(&self) -> bool {
+        self.refine.is_some()
+    }
+
+    /// Refines and prints what it gained.
+    pub fn run(&self, target: &Target<'_>) -> anyhow::Result<()> {
+        if target.out == target.database {
             return Err(usage(
                 "--out: expected another folder than --database; the database is kept as it is",
             ));
         }
         let mut progress = Progress::new(self.json);
-        let actuator = Actuator::read(self.actuator).map_err(refusal)?;
-        let mesh = actuator.read_mesh(self.actuator).map_err(refusal)?;
-        let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
-        let (scene, kind) = match self.regime {
-            Regime::Free => (ObstacleKind::Plate, RegimeKind::Free),
-            Regime::Contact => (ObstacleKind::Plate, RegimeKind::Contact),
-            Regime::Gripper => (ObstacleKind::Block, RegimeKind::Contact),
-        };
+        let (actuator, problem) = files::actuator(&self.geometry.actuator)?;
+        let (scene, kind) = target.regime.kinds();
         progress.step("training on the database as it is");
-        let database = files::database(self.database, scene)?;
+        let database = files::database(target.database, scene)?;
         let before = train(&database)?;
-        let proposed = self.propose(&database, &before, kind)?;
+        let proposed = self.propose(target, &database, &before, kind)?;
         if !self.json {
             output!("{} states where the model is least sure:", proposed.len())?;
             proposed.iter().try_for_each(|c| match c.gap_mm {
@@ -79,21 +84,20 @@ impl Order<'_> {
             })?;
         }
         progress.step("simulating them");
-        let solved = self.simulate(&actuator, &problem, &proposed)?;
-        run::extend(self.database, self.out, problem.mesh(), &proposed, &solved).map_err(refusal)?;
+        let solved = self.simulate(target, &actuator, &problem, &proposed)?;
+        run::extend(target.database, target.out, problem.mesh(), &proposed, &solved).map_err(refusal)?;
         progress.step("training on the refined database");
-        let refined = files::database(self.out, scene)?;
+        let refined = files::database(target.out, scene)?;
         let after = train(&refined)?;
-        let model = self.out.join(&actuator.name).with_extension("twin");
+        let model = target.out.join(&actuator.name).with_extension("twin");
         files::save(&model, &after.0.to_bytes()?)?;
-        let sheet = format!("{:#}\n", serde_json::to_value(&after.1)?);
-        files::save(&files::data_sheet(&model), sheet.as_bytes())?;
+        files::save_data_sheet(&model, &after.1)?;
         drop(progress);
         let added: Vec<&str> = solved.iter().map(|(i, _)| proposed[*i].name.as_str()).collect();
         let quality = |trained: &Trained| Quality::of(trained, &refined, kind, &added);
         let gain =
             Gain { before: quality(&before)?, after: quality(&after)?, added: added.len(), model: &model };
-        gain.tell(self.json)?;
+        gain.print(self.json)?;
         if solved.len() < proposed.len() {
             anyhow::bail!(
                 "{} of {} states failed and were not added",
@@ -107,38 +111,27 @@ impl Order<'_> {
     /// Names and places of the new cases.
     fn propose(
         &self,
+        target: &Target<'_>,
         database: &Database,
         (model, sheet): &Trained,
         kind: RegimeKind,
     ) -> anyhow::Result<Vec<Case>> {
         let regime = model.regime(kind).zip(sheet.regimes.iter().find(|r| r.kind == kind));
         let (regime, sheet) = regime.with_context(|| {
-            format!("{} has no training cases of regime {}", self.database.display(), kind.name())
+            format!("{} has no training cases of regime {}", target.database.display(), kind.name())
         })?;
-        let samples: Vec<InfillError> = infill_errors(database, sheet, |inputs| scale(regime, inputs));
-        let ranges: Vec<[f64; 2]> = sheet.inputs.iter().map(|input| [input.min, input.max]).collect();
-        let constant_gap_mm = regime.inputs.range(GAP).map(|[gap, _]| gap);
-        let evaluator = Evaluator::new(&model.header)?;
-        let mut evaluation = evaluator.evaluation();
-        let mut places = Vec::new();
-        let mut rng = Rng::new(self.seed);
-        for _ in 0..CANDIDATES {
-            let point: Vec<f64> =
-                ranges.iter().map(|[low, high]| low + (high - low) * rng.uniform()).collect();
-            let gap_mm = point.get(1).copied().or(constant_gap_mm);
-            evaluator.evaluate(Inputs::new(point[0], gap_mm.unwrap_or(f64::INFINITY)), &mut evaluation);
-            // A state of the other regime, or beyond the samples, would not refine this one.
-            if evaluation.regime == kind && evaluation.domain == DomainStatus::Inside {
-                places.push((point[0], gap_mm));
-            }
-        }
-        let inputs = |(p, gap): &(f64, Option<f64>)| Inputs::new(*p, gap.unwrap_or(f64::INFINITY));
-        let scaled: Vec<_> = places.iter().map(|place| scale(regime, &inputs(place))).collect();
-        let chosen = infill(self.count, &samples, &scaled);
+        let samples = infill_errors(database, sheet, |inputs| scale(regime, inputs));
+        let mut draws = Draws::new(model, kind, target.seed)?;
+        // A state of the other regime, or beyond the samples, would not refine this one.
+        let places: Vec<Inputs> = (0..CANDIDATES).filter_map(|_| draws.draw(|state| state)).collect();
+        let scaled: Vec<_> = places.iter().map(|place| scale(regime, place)).collect();
+        let chosen = infill(self.refine.unwrap_or(0), &samples, &scaled);
         anyhow::ensure!(!chosen.is_empty(), "no state of regime {} lies between its samples", kind.name());
         let first = database.cases.len();
         let case = |(k, i): (usize, usize)| {
-            case_at(format!("refine{:03}", first + k), self.regime, "train", places[i])
+            let gap_mm = Some(places[i].gap_mm()).filter(|gap| gap.is_finite());
+            let name = format!("refine{:03}", first + k);
+            target.regime.case(name, "train", (places[i].pressure_mpa(), gap_mm))
         };
         Ok(chosen.into_iter().enumerate().map(case).collect())
     }
@@ -146,15 +139,16 @@ impl Order<'_> {
     /// Solves the proposed cases, near those whose states a simulation left beside the database.
     fn simulate(
         &self,
+        target: &Target<'_>,
         actuator: &Actuator,
         problem: &Arc<Problem>,
         proposed: &[Case],
     ) -> anyhow::Result<Vec<(usize, Arc<Solved>)>> {
-        let known = self.database.join("states");
+        let known = target.database.join("states");
         let (folder, mut list) = if known.is_dir() {
-            (known, cases::read(&self.database.join("cases.csv")).map_err(refusal)?)
+            (known, cases::read(&target.database.join("cases.csv")).map_err(refusal)?)
         } else {
-            (self.out.join("states"), Vec::new())
+            (target.out.join("states"), Vec::new())
         };
         let old = list.len();
         list.extend_from_slice(proposed);
@@ -170,9 +164,6 @@ impl Order<'_> {
         Ok(outcome.solved.into_iter().filter_map(|(i, s)| Some((i.checked_sub(old)?, s))).collect())
     }
 }
-
-/// A model and its data sheet.
-pub type Trained = (Model, DataSheet);
 
 fn train(database: &Database) -> anyhow::Result<Trained> {
     rom::train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)

@@ -3,12 +3,10 @@
 pub mod batch;
 mod single;
 
-use crate::failure::{configuration, usage};
-use crate::files::refusal;
-use fem::Problem;
-use fem::actuator::Actuator;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use crate::failure::usage;
+use crate::files;
+use crate::options::ActuatorFile;
+use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -28,9 +26,8 @@ A database run keeps every solved state in OUT/states: what is there is not comp
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Geometry, materials, loads, supports and mesh.
-    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
-    actuator: PathBuf,
+    #[command(flatten)]
+    geometry: ActuatorFile,
     /// Cavity pressure in MPa, at least 0.
     #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present = "cases", value_parser = crate::range::pressure_mpa)]
     pressure_mpa: Option<f64>,
@@ -54,18 +51,10 @@ pub struct Args {
     json: bool,
 }
 
-/// An actuator and its problem, ready to be solved.
-pub fn open(path: &Path) -> anyhow::Result<(Actuator, Arc<Problem>)> {
-    let actuator = Actuator::read(path).map_err(refusal)?;
-    let mesh = actuator.read_mesh(path).map_err(refusal)?;
-    let problem = Arc::new(Problem::new(mesh, actuator.problem_config()).map_err(configuration)?);
-    Ok((actuator, problem))
-}
-
 impl Args {
     /// Reads actuator and mesh, then computes.
     pub fn run(self) -> anyhow::Result<()> {
-        let (actuator, problem) = open(&self.actuator)?;
+        let (actuator, problem) = files::actuator(&self.geometry.actuator)?;
         match (&self.cases, self.pressure_mpa, &self.out) {
             (Some(cases), _, Some(out)) => {
                 batch::run(&actuator, problem, cases, out, self.threads, self.json)

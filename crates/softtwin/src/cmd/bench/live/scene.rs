@@ -1,10 +1,10 @@
 //! Model, scene and settings files of a row.
 
 use super::super::compute;
-use super::{Payload, WakeUp};
 use crate::testbed::{Sine, Testbed};
 use rom::inputs::Inputs;
 use rom::model::Model;
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// Name of the actuator.
@@ -13,6 +13,32 @@ pub const ACTUATOR: &str = "bench";
 pub const TIP: &str = "tip";
 /// Topic of the surface's fields.
 pub const SURFACE: &str = "surface";
+
+/// What the reader gets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Payload {
+    /// Coefficients, force, gradients, bars.
+    StateOnly,
+    /// Fields of the tip.
+    Tip,
+    /// Fields of the surface.
+    Surface,
+    /// Fields of all nodes.
+    All,
+}
+
+/// How twin and reader wait.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WakeUp {
+    /// Asleep until notified.
+    Event,
+    /// The same, with the cores kept from sleeping (`realtime.stay_awake`).
+    EventAwake,
+    /// Spinning, one core each.
+    BusyPoll,
+}
 
 /// What a row measures.
 #[derive(Debug, Clone, Copy)]

@@ -1,0 +1,58 @@
+//! Random states inside the domain of a model.
+
+use anyhow::Context;
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::hull::DomainStatus;
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::model::Model;
+use rom::rng::Rng;
+use rom::snapshots::RegimeKind;
+
+/// Draws states evenly over the box around a regime's samples and keeps those in its domain.
+#[derive(Debug)]
+pub struct Draws {
+    evaluator: Evaluator,
+    evaluation: Evaluation,
+    kind: RegimeKind,
+    pressure_mpa: [f64; 2],
+    /// None: a regime without a gap.
+    gap_mm: Option<[f64; 2]>,
+    random: Rng,
+}
+
+impl Draws {
+    /// Draws from a regime of a model.
+    ///
+    /// # Errors
+    /// The model has no such regime, or the regime takes no pressure.
+    pub fn new(model: &Model, kind: RegimeKind, seed: u64) -> anyhow::Result<Self> {
+        let regime = model
+            .regime(kind)
+            .with_context(|| format!("the model has no regime {} to draw states from", kind.name()))?;
+        let evaluator = Evaluator::new(&model.header)?;
+        Ok(Self {
+            evaluation: evaluator.evaluation(),
+            evaluator,
+            kind,
+            pressure_mpa: regime.inputs.range(PRESSURE).context("the regime takes no pressure")?,
+            gap_mm: regime.inputs.range(GAP),
+            random: Rng::new(seed),
+        })
+    }
+
+    /// One draw, after `adjust`; none when it is outside the domain or belongs to the other regime.
+    pub fn draw(&mut self, adjust: impl Fn(Inputs) -> Inputs) -> Option<Inputs> {
+        let pressure_mpa = self.within(self.pressure_mpa);
+        let gap_mm = self.gap_mm.map_or(f64::INFINITY, |range| self.within(range));
+        let state = adjust(Inputs::new(pressure_mpa, gap_mm));
+        self.evaluator.evaluate(state, &mut self.evaluation);
+        let inside = self.evaluation.regime == self.kind && self.evaluation.domain == DomainStatus::Inside;
+        inside.then_some(state)
+    }
+
+    /// An input that all samples shared takes no random number: the states of a seed stay the same.
+    fn within(&mut self, [low, high]: [f64; 2]) -> f64 {
+        if low < high { low + (high - low) * self.random.uniform() } else { low }
+    }
+}

@@ -1,0 +1,31 @@
+//! Options that several commands share.
+
+use formats::database::ObstacleKind;
+use std::path::PathBuf;
+
+/// The actuator that is simulated.
+#[derive(clap::Args, Debug)]
+pub struct ActuatorFile {
+    /// Geometry, materials, loads, supports and mesh.
+    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
+    pub actuator: PathBuf,
+}
+
+/// The obstacle, as `--scene` names it.
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+pub enum SceneArg {
+    /// The actuator over a plate.
+    #[default]
+    Plate,
+    /// The finger of a gripper before a block.
+    Gripper,
+}
+
+impl From<SceneArg> for ObstacleKind {
+    fn from(arg: SceneArg) -> Self {
+        match arg {
+            SceneArg::Plate => Self::Plate,
+            SceneArg::Gripper => Self::Block,
+        }
+    }
+}

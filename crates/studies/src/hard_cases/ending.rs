@@ -1,0 +1,54 @@
+//! How hard cases end.
+
+use serde::Serialize;
+
+/// How a case ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Within the bound.
+    Correct,
+    /// Beyond the bound, but flagged as extrapolation or within the model's own error bars.
+    Flagged,
+    /// Training refused with a reason.
+    Refused,
+    /// Beyond the bound without a word.
+    SilentlyWrong,
+}
+
+/// What one method did with a case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outcome {
+    /// How it ended.
+    pub ending: Ending,
+    /// Largest condition number of the systems solved; none when refused before solving.
+    pub condition: Option<f64>,
+    /// Largest error: displacement, stress and force, each over its largest true value.
+    pub error: Option<f64>,
+    /// Reason of a refusal, or what was merged.
+    pub note: String,
+}
+
+/// A row of the report.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Case.
+    pub case: String,
+    /// What is hard.
+    pub hard: String,
+    /// Bound in force.
+    pub bound: f64,
+    /// How ours must end.
+    pub expected: Ending,
+    /// Ours.
+    pub ours: Outcome,
+    /// The paper's method on the same case.
+    pub paper: Outcome,
+}
+
+impl Row {
+    /// Whether ours ended as it must.
+    pub fn passed(&self) -> bool {
+        self.ours.ending == self.expected
+    }
+}

@@ -1,0 +1,21 @@
+//! The folder of the report.
+
+use softtwin::picture::Figure;
+use std::path::PathBuf;
+
+/// The folder the report is written into.
+pub struct Folder {
+    /// Its path.
+    pub dir: PathBuf,
+    /// Ending of the pictures: svg or png.
+    pub ending: &'static str,
+}
+
+impl Folder {
+    /// Saves a picture and gives the line that shows it on the page.
+    pub fn picture(&self, name: &str, caption: &str, figure: &Figure) -> anyhow::Result<String> {
+        let file = format!("{name}.{}", self.ending);
+        figure.save(&self.dir.join(&file))?;
+        Ok(format!("\n![{caption}]({file})\n"))
+    }
+}
