@@ -387,7 +387,7 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
     std::fs::write(&model, &gripper).unwrap();
     twin.signal(libc::SIGHUP);
     let line = twin.wait_for("reload refused");
-    assert!(line.contains("old scene and models go on"), "{line}");
+    assert!(line.contains("old scene and models stay"), "{line}");
     listen(&mut verifier);
     assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     // A restart with a damaged file is refused as a configuration error that names it.

@@ -3,10 +3,9 @@
 
 use runtime::config::{Scene, Settings};
 use runtime::load::load_scene;
-use runtime::twin::{Ring, Twin};
+use runtime::twin::{Twin, event_channel};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::sync::Arc;
 use std::time::Duration;
 use tests::Stage;
 use wire::{FieldReader, SensorSample, SensorWriter, StateReader, Topic, now_ns};
@@ -46,8 +45,8 @@ fn the_loop_allocates_nothing_but_the_transports_sample_handles() {
     let scene = Scene::load(&path).unwrap();
     let bus = stage.bus();
     let loaded = load_scene(&scene, &path).unwrap();
-    let ring = Arc::new(Ring::default());
-    let mut twin = Twin::start(&bus, loaded, &Settings::default(), &ring).unwrap();
+    let (events, _reporter) = event_channel();
+    let mut twin = Twin::start(&bus, loaded, &Settings::default(), &events).unwrap();
     let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
     let fields = FieldReader::open(&bus, &Topic::field("finger", None).unwrap()).unwrap();
     let states = StateReader::open(&bus, &Topic::state("finger").unwrap()).unwrap();

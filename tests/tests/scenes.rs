@@ -5,9 +5,9 @@ use rom::snapshots::RegimeKind;
 use runtime::config::{OutsideDomain, Scene, Settings};
 use runtime::explain::explain;
 use runtime::load::{Loaded, load_scene};
-use runtime::twin::{Ring, Twin};
+use runtime::twin::{Event, EventKind, Twin, event_channel};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 use tests::{Stage, synthetic};
 use wire::layout::{field_id, flags, regime};
@@ -102,6 +102,7 @@ fn explaining_a_scene_measures_what_it_would_do() {
 struct Bench {
     bus: Bus,
     twin: Twin,
+    events: Receiver<Event>,
 }
 
 impl Bench {
@@ -110,9 +111,14 @@ impl Bench {
     }
 
     fn start_with(stage: &Stage, text: &str, settings: &Settings) -> Self {
+        Self::start_loaded(stage, load(stage, text), settings)
+    }
+
+    fn start_loaded(stage: &Stage, loaded: Vec<Loaded>, settings: &Settings) -> Self {
         let bus = stage.bus();
-        let twin = Twin::start(&bus, load(stage, text), settings, &Arc::new(Ring::default())).unwrap();
-        Self { bus, twin }
+        let (sender, events) = event_channel();
+        let twin = Twin::start(&bus, loaded, settings, &sender).unwrap();
+        Self { bus, twin, events }
     }
 
     fn sensor(&self, name: &str) -> SensorWriter {
@@ -148,6 +154,33 @@ fn the_newest_wins_unless_the_scene_asks_for_a_backlog() {
         assert_eq!(seqs, (6 - published..=5).collect::<Vec<u64>>(), "backlog {backlog}");
         assert_eq!(bench.count(Outcome::DroppedSuperseded), 5 - published);
     }
+}
+
+/// A field that the model cannot give is counted and reported as that, not as a refusal of shared memory; the state is sent.
+#[test]
+fn a_failed_reconstruction_has_an_outcome_and_an_event_of_its_own() {
+    let stage = Stage::new("reconstruct");
+    let free = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
+    let mut loaded = load(&stage, &actuator(ALL));
+    // A basis for the free regime only: there is no field in contact.
+    loaded[0].outputs = free.outputs;
+    let mut bench = Bench::start_loaded(&stage, loaded, &Settings::default());
+    let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();
+    let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
+    let mut sensor = bench.sensor("finger");
+    for (seq, pressure_mpa) in [(1, 0.001), (2, 0.06), (3, 0.06), (4, 0.001)] {
+        sensor.publish(reading(seq, pressure_mpa, 30.0)).unwrap();
+        bench.turn();
+        let state = states.newest().unwrap().expect("the state is sent in any case");
+        assert_eq!(state.sensor_seq, seq);
+        assert_eq!(fields.next().unwrap().is_some(), pressure_mpa < 0.01, "reading {seq}");
+    }
+    assert_eq!(bench.count(Outcome::DroppedReconstruction), 2);
+    assert_eq!((bench.count(Outcome::Published), bench.count(Outcome::DroppedNotSent)), (2, 0));
+    let failures: Vec<(EventKind, u64)> =
+        bench.events.try_iter().map(|event| (event.kind, event.value)).collect();
+    assert!(failures.contains(&(EventKind::ReconstructionFailed, 2)), "{failures:?}");
+    assert!(!failures.iter().any(|(kind, _)| *kind == EventKind::SendFailed), "{failures:?}");
 }
 
 #[test]

@@ -100,7 +100,7 @@ fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
         std::fs::write(&model, bytes).unwrap();
         twin.signal(libc::SIGHUP);
         let line = twin.wait_for("reload refused");
-        assert!(line.contains("old scene and models go on"), "{what}: {line}");
+        assert!(line.contains("old scene and models stay"), "{what}: {line}");
     }
     std::fs::remove_file(&model).unwrap();
     twin.signal(libc::SIGHUP);

@@ -11,10 +11,10 @@
 //! | 4 | `wire/port/sized.rs` | writes it into shared memory; reads it there | |
 //! | 5 | `twin/actuator.rs` | calls the steps: poll, ingest, evaluate, reconstruct, publish | |
 //! | 6 | `twin/ingest.rs` | validates | |
-//! | 7 | `rom/predict.rs` | evaluates the model; reconstructs into the loan of 10 | -> `rom::evaluation::Evaluation` |
+//! | 7 | `rom/evaluator.rs` | evaluates the model | -> `rom::evaluation::Evaluation` |
 //! | 8 | `payload.rs` | evaluation to state and header | -> `wire::State`, `wire::FieldHeader` |
-//! | 9 | `twin/reconstruct.rs` | one field topic: reconstruct, publish | |
-//! | 10 | `wire/port/field.rs` | lends the slice, sends it | field: `[f32]` |
+//! | 9 | `twin/reconstruct.rs` | one field topic: has a sample on loan, sends it | |
+//! | 10 | `rom/reconstructor.rs` | writes the field into the loaned slice | `[f32]` |
 //!
 //! A replayed or simulated reading comes out of `source/replay.rs` or `source/simulate.rs` in place of 1 and 2.
 

@@ -7,20 +7,19 @@ use axum::http::{Method, Request, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use hyper::body::Incoming;
 use hyper::service::service_fn;
-use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
-use prometheus_client::encoding::{DescriptorEncoder, EncodeLabelSet, NoLabelSet};
-use prometheus_client::metrics::MetricType;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::Registry;
 use std::cell::RefCell;
 use std::convert::Infallible;
-use std::fmt::Error;
 use std::net::TcpListener;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::layout::{Code, flags, unpack_name};
+use wire::layout::{flags, unpack_name};
 use wire::{Health, Outcome};
 
 /// How often the end of the process is checked for.
@@ -54,21 +53,80 @@ const GAUGES: [(&str, &str, fn(&Health) -> f64); 5] = [
     }),
 ];
 
+/// Labels of a sample.
+type Labels = Vec<(&'static str, String)>;
+
 /// The page of a twin process: one sample for each actuator.
-pub fn twins(healths: Vec<Health>) -> String {
-    page(Twins(healths))
+pub fn twins(healths: &[Health]) -> String {
+    let mut page = Registry::default();
+    let named = || healths.iter().map(|health| (vec![("actuator", unpack_name(&health.actuator))], health));
+    for (name, help, read) in COUNTERS {
+        counters(&mut page, name, help, named().map(|(labels, health)| (labels, read(health))));
+    }
+    for (name, help, read) in GAUGES {
+        gauges(&mut page, name, help, named().map(|(labels, health)| (labels, read(health))));
+    }
+    let outcomes = named().flat_map(|(labels, health)| {
+        Outcome::ALL
+            .iter()
+            .map(move |outcome| (with(&labels, "outcome", outcome.as_str()), health.count(*outcome)))
+    });
+    counters(&mut page, "softtwin_outcomes", "Readings by what became of them", outcomes);
+    let latencies = named().flat_map(|(labels, health)| {
+        [("0.5", health.latency_p50_ns), ("0.99", health.latency_p99_ns)]
+            .map(|(quantile, ns)| (with(&labels, "quantile", quantile), ns as f64 * SECOND))
+    });
+    gauges(&mut page, "softtwin_latency_seconds", "Sensor stamp to sent over the last interval", latencies);
+    let set = named().flat_map(|(labels, health)| {
+        let is_set = |bit: u32| f64::from(u8::from(health.flags & bit != 0));
+        flags::ALL.iter().map(move |flag| (with(&labels, "flag", flag.name), is_set(flag.number)))
+    });
+    gauges(&mut page, "softtwin_flag", "1 while the flag is set", set);
+    text(&page)
 }
 
 /// The page of a bridge process; devices with the name of their actuator.
-pub fn bridge(counters: &Arc<BridgeCounters>, devices: &[(String, Arc<SensorCounters>)]) -> String {
-    page(BridgePage { counters: counters.clone(), devices: devices.to_vec() })
+pub fn bridge(bridge: &BridgeCounters, devices: &[(String, Arc<SensorCounters>)]) -> String {
+    let mut page = Registry::default();
+    for (name, help, value) in [
+        ("softtwin_bridge_sent", "Readings sent", &bridge.sent),
+        ("softtwin_bridge_failed", "Readings that could not be sent", &bridge.failed),
+        ("softtwin_bridge_late", "Readings sent late", &bridge.late),
+    ] {
+        let counter: Counter = Counter::default();
+        counter.inc_by(value.load(Ordering::Relaxed));
+        page.register(name, help, counter);
+    }
+    let events = devices.iter().flat_map(|(actuator, device)| {
+        device.all().map(|(event, count)| (with(&[("actuator", actuator.clone())], "event", event), count))
+    });
+    counters(&mut page, "softtwin_sensor_events", "What became of the sensors' answers", events);
+    text(&page)
 }
 
-fn page(collector: impl Collector) -> String {
-    let mut registry = Registry::default();
-    registry.register_collector(Box::new(collector));
+fn with(labels: &[(&'static str, String)], key: &'static str, value: &str) -> Labels {
+    [labels, &[(key, value.to_owned())]].concat()
+}
+
+fn counters(page: &mut Registry, name: &str, help: &str, values: impl IntoIterator<Item = (Labels, u64)>) {
+    let family = Family::<Labels, Counter>::default();
+    for (labels, value) in values {
+        family.get_or_create(&labels).inc_by(value);
+    }
+    page.register(name, help, family);
+}
+
+fn gauges(page: &mut Registry, name: &str, help: &str, values: impl IntoIterator<Item = (Labels, f64)>) {
+    let family = Family::<Labels, Gauge<f64, AtomicU64>>::default();
+    for (labels, value) in values {
+        family.get_or_create(&labels).set(value);
+    }
+    page.register(name, help, family);
+}
+
+fn text(page: &Registry) -> String {
     let mut text = String::new();
-    match encode(&mut text, &registry) {
+    match encode(&mut text, page) {
         Ok(()) => text,
         Err(error) => format!("# the page could not be written: {error}\n"),
     }
@@ -111,104 +169,6 @@ fn answer(request: &Request<Incoming>, page: &mut impl FnMut() -> String) -> Res
     (StatusCode::NOT_FOUND, "the metrics are at /metrics\n").into_response()
 }
 
-#[derive(Debug)]
-struct Twins(Vec<Health>);
-
-impl Twins {
-    /// Each twin with its label.
-    fn all(&self) -> impl Iterator<Item = (String, &Health)> {
-        self.0.iter().map(|health| (unpack_name(&health.actuator), health))
-    }
-}
-
-impl Collector for Twins {
-    fn encode(&self, mut encoder: DescriptorEncoder) -> Result<(), Error> {
-        for (name, help, read) in COUNTERS {
-            let values = self.all().map(|(actuator, health)| ([("actuator", actuator)], read(health)));
-            counters(&mut encoder, name, help, values)?;
-        }
-        for (name, help, read) in GAUGES {
-            let values = self.all().map(|(actuator, health)| ([("actuator", actuator)], read(health)));
-            gauges(&mut encoder, name, help, values)?;
-        }
-        let outcomes = self.all().flat_map(|(actuator, health)| {
-            Outcome::ALL.iter().map(move |outcome| {
-                let outcome_label = ("outcome", outcome.as_str().to_owned());
-                ([("actuator", actuator.clone()), outcome_label], health.count(*outcome))
-            })
-        });
-        counters(&mut encoder, "softtwin_outcomes", "Readings by what became of them", outcomes)?;
-        let latencies = self.all().flat_map(|(actuator, health)| {
-            [("0.5", health.latency_p50_ns), ("0.99", health.latency_p99_ns)].map(|(quantile, ns)| {
-                ([("actuator", actuator.clone()), ("quantile", quantile.to_owned())], ns as f64 * SECOND)
-            })
-        });
-        gauges(
-            &mut encoder,
-            "softtwin_latency_seconds",
-            "Sensor stamp to sent over the last interval",
-            latencies,
-        )?;
-        let set = self.all().flat_map(|(actuator, health)| {
-            flags::ALL.iter().map(move |Code { number: bit, name: flag, .. }| {
-                let is_set = f64::from(u8::from(health.flags & bit != 0));
-                ([("actuator", actuator.clone()), ("flag", (*flag).to_owned())], is_set)
-            })
-        });
-        gauges(&mut encoder, "softtwin_flag", "1 while the flag is set", set)
-    }
-}
-
-#[derive(Debug)]
-struct BridgePage {
-    counters: Arc<BridgeCounters>,
-    devices: Vec<(String, Arc<SensorCounters>)>,
-}
-
-impl Collector for BridgePage {
-    fn encode(&self, mut encoder: DescriptorEncoder) -> Result<(), Error> {
-        let value = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        for (name, help, counter) in [
-            ("softtwin_bridge_sent", "Readings sent", &self.counters.sent),
-            ("softtwin_bridge_failed", "Readings that could not be sent", &self.counters.failed),
-            ("softtwin_bridge_late", "Readings sent late", &self.counters.late),
-        ] {
-            let mut metric = encoder.encode_descriptor(name, help, None, MetricType::Counter)?;
-            metric.encode_counter::<NoLabelSet, _, u64>(&value(counter), None)?;
-        }
-        let events = self.devices.iter().flat_map(|(actuator, device)| {
-            device.all().map(|(event, count)| ([("actuator", actuator.as_str()), ("event", event)], count))
-        });
-        counters(&mut encoder, "softtwin_sensor_events", "What became of the sensors' answers", events)
-    }
-}
-
-fn counters<L: EncodeLabelSet>(
-    encoder: &mut DescriptorEncoder,
-    name: &str,
-    help: &str,
-    values: impl Iterator<Item = (L, u64)>,
-) -> Result<(), Error> {
-    let mut metric = encoder.encode_descriptor(name, help, None, MetricType::Counter)?;
-    for (labels, value) in values {
-        metric.encode_family(&labels)?.encode_counter::<NoLabelSet, _, u64>(&value, None)?;
-    }
-    Ok(())
-}
-
-fn gauges<L: EncodeLabelSet>(
-    encoder: &mut DescriptorEncoder,
-    name: &str,
-    help: &str,
-    values: impl Iterator<Item = (L, f64)>,
-) -> Result<(), Error> {
-    let mut metric = encoder.encode_descriptor(name, help, None, MetricType::Gauge)?;
-    for (labels, value) in values {
-        metric.encode_family(&labels)?.encode_gauge(&value)?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,7 +179,7 @@ mod tests {
         let mut health =
             Health { actuator: pack_name("finger"), received: 7, age_ns: 1_500_000_000, ..Health::default() };
         health.outcomes[Outcome::HeldAbsurd.code() as usize] = 3;
-        let page = twins(vec![health, Health { actuator: pack_name("thumb"), ..health }]);
+        let page = twins(&[health, Health { actuator: pack_name("thumb"), ..health }]);
         for line in [
             "# TYPE softtwin_readings counter",
             "softtwin_readings_total{actuator=\"finger\"} 7",
@@ -248,10 +208,9 @@ mod tests {
 
     #[test]
     fn labels_are_escaped_and_a_bridge_has_its_devices() {
-        let counters = Arc::new(BridgeCounters::default());
         let device = Arc::new(SensorCounters::default());
         device.timeouts.store(2, Ordering::Relaxed);
-        let page = bridge(&counters, &[("q\"\\\n".into(), device)]);
+        let page = bridge(&BridgeCounters::default(), &[("q\"\\\n".into(), device)]);
         let event = "softtwin_sensor_events_total{actuator=\"q\\\"\\\\\\n\",event=\"timeouts\"} 2\n";
         assert!(page.contains(event), "{page}");
         assert!(page.contains("\nsofttwin_bridge_sent_total 0\n"), "{page}");

@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, Scope};
 
-/// A thread ended although nobody asked it to.
+/// A thread ended, or asks for the end, although nobody asked it to end.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the thread `{thread}` ended unasked: {cause}; the program stops, so that it can be started again")]
+#[error("the thread `{thread}` ended the program: {cause}")]
 pub struct ThreadEnded {
     /// Name of the thread.
     pub thread: &'static str,
-    /// Text of its panic, or that it returned.
+    /// What it found, the text of its panic, or that it returned.
     pub cause: String,
 }
 
@@ -78,12 +78,16 @@ impl ThreadGroup {
                 Ok(()) => "it returned".to_owned(),
                 Err(panic) => panic_text(panic.as_ref()),
             };
-            let ended = ThreadEnded { thread: name, cause };
-            tracing::error!("{ended}");
-            self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(ended);
-            self.stop.store(true, Ordering::Release);
+            self.fail(name, cause);
         };
         Builder::new().name(name.into()).spawn_scoped(scope, supervised).map(drop)
+    }
+
+    /// Ends the loop because of what a thread found; the first cause counts.
+    pub fn fail(&self, thread: &'static str, cause: String) {
+        let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.get_or_insert(ThreadEnded { thread, cause });
+        self.stop.store(true, Ordering::Release);
     }
 }
 

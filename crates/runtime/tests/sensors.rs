@@ -10,6 +10,7 @@ use std::fs::File;
 use std::future::{Ready, ready};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU16, AtomicUsize, Ordering};
@@ -203,19 +204,60 @@ fn a_device_over_a_serial_line() {
     wait_for(&mut source, "recovery", |reading| reading.status == 0);
 }
 
-/// What a bad device does with its n-th connection.
-#[derive(Clone, Copy, PartialEq)]
+/// What a bad device does with a connection.
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Mischief {
     CloseAtOnce,
-    Silence,
-    Garbage,
-    WrongCount,
     CloseInTheMiddle,
+    Silence,
+    Truncated,
+    Slow,
+    Flood,
+    Garbage,
+    WrongProtocol,
+    WrongUnit,
+    WrongFunction,
+    UnknownFunction,
+    LateAnswer,
+    AnswersTwice,
+    LengthZero,
+    Oversized,
+    WrongCount,
+    ByteCountLies,
+    NoData,
+    OddBytes,
+    EmptyException,
+    UnknownException,
     Behave,
 }
 
-/// A device over TCP that runs through `plan`, one connection each, and then behaves.
-fn misbehave(plan: &'static [Mischief]) -> (SocketAddr, Arc<AtomicUsize>) {
+/// All but the last.
+const MISCHIEFS: [Mischief; 21] = [
+    Mischief::CloseAtOnce,
+    Mischief::CloseInTheMiddle,
+    Mischief::Silence,
+    Mischief::Truncated,
+    Mischief::Slow,
+    Mischief::Flood,
+    Mischief::Garbage,
+    Mischief::WrongProtocol,
+    Mischief::WrongUnit,
+    Mischief::WrongFunction,
+    Mischief::UnknownFunction,
+    Mischief::LateAnswer,
+    Mischief::AnswersTwice,
+    Mischief::LengthZero,
+    Mischief::Oversized,
+    Mischief::WrongCount,
+    Mischief::ByteCountLies,
+    Mischief::NoData,
+    Mischief::OddBytes,
+    Mischief::EmptyException,
+    Mischief::UnknownException,
+];
+
+/// A device over TCP that does one mischief with each connection of `plan`, and then behaves.
+fn misbehave(plan: Vec<Mischief>) -> (SocketAddr, Arc<AtomicUsize>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let connections = Arc::new(AtomicUsize::new(0));
@@ -232,20 +274,60 @@ fn misbehave(plan: &'static [Mischief]) -> (SocketAddr, Arc<AtomicUsize>) {
     (address, connections)
 }
 
+/// 45.0 kPa: what a device that behaves answers.
+const GOOD: [u8; 3] = [2, 0x01, 0xc2];
+/// 27.3 kPa: what no reading may ever show.
+const WRONG: [u8; 3] = [2, 0x01, 0x11];
+
+/// A frame of Modbus TCP.
+fn frame(transaction: u16, protocol: u8, unit: u8, function: u8, data: &[u8]) -> Vec<u8> {
+    let [high, low] = transaction.to_be_bytes();
+    [&[high, low, 0, protocol, 0, data.len() as u8 + 2, unit, function], data].concat()
+}
+
 fn answer(mut stream: TcpStream, mischief: Mischief, silent: &Mutex<Vec<TcpStream>>) {
     if mischief == Mischief::CloseAtOnce {
         return;
     }
     let mut request = [0u8; 12];
     while stream.read_exact(&mut request).is_ok() {
-        let transaction = [request[0], request[1]];
+        let t = u16::from_be_bytes([request[0], request[1]]);
         let reply: Vec<u8> = match mischief {
             // Kept open and unanswered.
             Mischief::Silence => return silent.lock().unwrap().push(stream),
+            Mischief::CloseInTheMiddle | Mischief::Truncated => frame(t, 0, 1, 4, &WRONG)[..7].to_vec(),
             Mischief::Garbage => b"\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad\xbe\xef\xde\xad".to_vec(),
-            Mischief::WrongCount => [&transaction[..], &[0, 0, 0, 7, 1, 4, 4, 1, 2, 3, 4]].concat(),
-            Mischief::CloseInTheMiddle => [&transaction[..], &[0, 0, 0, 5, 1]].concat(),
-            _ => [&transaction[..], &[0, 0, 0, 5, 1, 4, 2, 0x01, 0xc2]].concat(),
+            Mischief::WrongProtocol => frame(t, 7, 1, 4, &WRONG),
+            Mischief::WrongUnit => frame(t, 0, 9, 4, &WRONG),
+            Mischief::WrongFunction => frame(t, 0, 1, 3, &WRONG),
+            Mischief::UnknownFunction => frame(t, 0, 1, 0x55, &WRONG),
+            Mischief::LateAnswer => frame(t.wrapping_sub(1), 0, 1, 4, &WRONG),
+            Mischief::AnswersTwice => [frame(t, 0, 1, 4, &GOOD), frame(t, 0, 1, 4, &WRONG)].concat(),
+            Mischief::LengthZero => [&frame(t, 0, 1, 4, &[])[..4], &[0, 0, 1, 4]].concat(),
+            Mischief::Oversized => {
+                [&frame(t, 0, 1, 4, &WRONG)[..4], &[0xff, 0xff, 1, 4], &[2; 70_000][..]].concat()
+            }
+            Mischief::WrongCount => frame(t, 0, 1, 4, &[4, 1, 2, 3, 4]),
+            Mischief::ByteCountLies => frame(t, 0, 1, 4, &[200, 0x01, 0x11]),
+            Mischief::NoData => frame(t, 0, 1, 4, &[0]),
+            Mischief::OddBytes => frame(t, 0, 1, 4, &[3, 0x01, 0x11, 0]),
+            Mischief::EmptyException => frame(t, 0, 1, 0x84, &[]),
+            Mischief::UnknownException => frame(t, 0, 1, 0x84, &[0x63]),
+            Mischief::Slow => {
+                // A byte now and then: the whole answer takes longer than the client waits.
+                for byte in frame(t, 0, 1, 4, &WRONG) {
+                    thread::sleep(Duration::from_millis(60));
+                    if stream.write_all(&[byte]).is_err() {
+                        return;
+                    }
+                }
+                continue;
+            }
+            Mischief::Flood => {
+                while stream.write_all(&[0x04; 4096]).is_ok() {}
+                return;
+            }
+            Mischief::Behave | Mischief::CloseAtOnce => frame(t, 0, 1, 4, &GOOD),
         };
         if stream.write_all(&reply).is_err() || mischief == Mischief::CloseInTheMiddle {
             return;
@@ -253,26 +335,103 @@ fn answer(mut stream: TcpStream, mischief: Mischief, silent: &Mutex<Vec<TcpStrea
     }
 }
 
+/// Whatever a device sends, the source goes on, and no reading shows a value that the device did not give as its answer.
 #[test]
-fn every_mischief_ends_in_a_new_connection_and_a_good_reading() {
-    const PLAN: &[Mischief] = &[
+fn every_mischief_of_a_device_ends_in_good_readings() {
+    for mischief in MISCHIEFS {
+        let (address, _) = misbehave(vec![mischief; 2]);
+        let spec = ModbusSpec { tcp: Some(address.to_string()), timeout_ms: 200.0, ..modbus() };
+        let mut source = start(SourceSpec::Modbus(spec));
+        let is_exception = mischief == Mischief::UnknownException;
+        let (end, mut good) = (Instant::now() + PATIENCE, 0);
+        while good < 5 && !(is_exception && counter(&source, "exceptions") > 2) {
+            let reading = source.next(end.saturating_duration_since(Instant::now()));
+            let reading = reading.unwrap_or_else(|| panic!("{mischief:?}: nothing within {PATIENCE:?}"));
+            if reading.status == 0 {
+                assert!((reading.pressure_mpa - 0.045).abs() < 1e-15, "{mischief:?}: {reading:?}");
+                good += 1;
+            } else {
+                assert!(reading.pressure_mpa.is_nan() && is_exception, "{mischief:?}: {reading:?}");
+            }
+        }
+        let failures: u64 = source
+            .device()
+            .unwrap()
+            .all()
+            .iter()
+            .filter(|(name, _)| *name != "readings")
+            .map(|(_, n)| n)
+            .sum();
+        // A second answer is discarded before the next request, which is no failure.
+        assert!(failures > 0 || mischief == Mischief::AnswersTwice, "{mischief:?} was counted as nothing");
+    }
+}
+
+#[test]
+fn after_each_mischief_there_is_a_new_connection() {
+    let plan = [
         Mischief::CloseAtOnce,
         Mischief::Silence,
         Mischief::Garbage,
         Mischief::WrongCount,
         Mischief::CloseInTheMiddle,
     ];
-    let (address, connections) = misbehave(PLAN);
+    let (address, connections) = misbehave(plan.to_vec());
     let mut source = start(SourceSpec::Modbus(ModbusSpec { tcp: Some(address.to_string()), ..modbus() }));
     let reading = source.next(PATIENCE).expect("a good reading in the end");
     assert!(
         (reading.pressure_mpa - 0.045).abs() < 1e-15 && reading.status == 0,
         "nothing wrong came first: {reading:?}"
     );
-    assert_eq!(connections.load(Ordering::SeqCst), PLAN.len() + 1, "one connection for each mischief");
+    assert_eq!(connections.load(Ordering::SeqCst), plan.len() + 1, "one connection for each mischief");
     let failures = ["timeouts", "garbage", "disconnects"].map(|name| counter(&source, name));
-    assert_eq!(failures.iter().sum::<u64>(), PLAN.len() as u64, "{:?}", source.device().unwrap().all());
+    assert_eq!(failures.iter().sum::<u64>(), plan.len() as u64, "{:?}", source.device().unwrap().all());
     assert!(failures[0] >= 1, "the silent one ran into the time-out: {:?}", source.device().unwrap().all());
+}
+
+/// The same on a serial line, where nothing but unit, function and checksum tell a good answer from another.
+#[test]
+fn a_serial_device_with_bad_frames_ends_in_good_readings() {
+    let (sender, receiver) = sync_channel(1);
+    thread::spawn(move || {
+        let (ours, held, spec) = runtime().block_on(async { pseudo_terminal() });
+        let mut ours = File::from(dup(&ours));
+        // SAFETY: the descriptor is open; waiting reads are all that the test does with it.
+        assert_eq!(unsafe { libc::fcntl(ours.as_raw_fd(), libc::F_SETFL, 0) }, 0);
+        sender.send(spec).unwrap();
+        let crc = |bytes: &[u8]| {
+            let step = |crc: u16| if crc & 1 == 1 { (crc >> 1) ^ 0xa001 } else { crc >> 1 };
+            bytes.iter().fold(0xffff_u16, |crc, byte| (0..8).fold(crc ^ u16::from(*byte), |crc, _| step(crc)))
+        };
+        let checked = |bytes: &[u8]| [bytes, &crc(bytes).to_le_bytes()].concat();
+        let bad: [Vec<u8>; 6] = [
+            [&[1, 4, 2, 0x01, 0x11][..], &[0xde, 0xad]].concat(), // checksum
+            checked(&[9, 4, 2, 0x01, 0x11]),                      // unit
+            checked(&[1, 3, 2, 0x01, 0x11]),                      // function
+            vec![1, 4, 2],                                        // truncated
+            vec![0xff; 300],                                      // noise
+            checked(&[1, 4, 4, 0x01, 0x11, 0x01, 0x11]),          // two registers for one
+        ];
+        let mut request = [0u8; 1];
+        let (mut bytes, mut answers) = (Vec::new(), bad.iter());
+        while ours.read_exact(&mut request).is_ok() {
+            bytes.push(request[0]);
+            // A request is eight bytes with their checksum; what is left of another is cut off.
+            if bytes.len() >= 8 && crc(&bytes[bytes.len() - 8..]) == 0 {
+                bytes.clear();
+                let good = checked(&[&[1, 4][..], &GOOD].concat());
+                ours.write_all(answers.next().unwrap_or(&good)).unwrap();
+            }
+        }
+        drop(held);
+    });
+    let serial = receiver.recv_timeout(PATIENCE).unwrap();
+    let spec = ModbusSpec { serial: Some(serial), timeout_ms: 150.0, ..modbus() };
+    let mut source = start(SourceSpec::Modbus(spec));
+    let reading = source.next(PATIENCE).expect("a good reading in the end");
+    assert!((reading.pressure_mpa - 0.045).abs() < 1e-15 && reading.status == 0, "{reading:?}");
+    let failures = ["timeouts", "garbage", "disconnects"].map(|name| counter(&source, name));
+    assert!(failures.iter().sum::<u64>() >= 6, "{:?}", source.device().unwrap().all());
 }
 
 #[test]
@@ -322,7 +481,7 @@ fn a_line_protocol_over_a_serial_line_with_garbage_between() {
 }
 
 fn dup(stream: &SerialStream) -> std::os::fd::OwnedFd {
-    use std::os::fd::{AsRawFd, BorrowedFd};
+    use std::os::fd::BorrowedFd;
     // SAFETY: the descriptor is open for as long as `stream` is borrowed, and only duplicated here.
     unsafe { BorrowedFd::borrow_raw(stream.as_raw_fd()) }.try_clone_to_owned().unwrap()
 }

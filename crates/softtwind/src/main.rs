@@ -4,6 +4,7 @@
 //! ready, loop, summary. Nothing is bound before the whole configuration has been checked.
 
 mod bridge;
+mod files;
 mod metrics;
 mod options;
 mod reload;

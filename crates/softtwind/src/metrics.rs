@@ -69,7 +69,8 @@ pub fn twins(domain: &Domain, names: &[String]) -> impl FnMut() -> String + use<
             // A reader that fails keeps showing its last health, whose age grows for whoever reads the page.
             *last = reader.newest().ok().flatten().or(*last);
         }
-        metrics::twins(readers.iter().filter_map(|(_, last)| *last).collect())
+        let known: Vec<Health> = readers.iter().filter_map(|(_, last)| *last).collect();
+        metrics::twins(&known)
     }
 }
 

@@ -1,10 +1,10 @@
 //! The thread beside the twin's loop that writes its events to the log and feeds the watchdog.
 
 use runtime::service::Watchdog;
-use runtime::twin::{Event, EventKind, Ring};
+use runtime::twin::{Event, EventKind};
 use runtime::wire::{Outcome, layout};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 /// Interval of the reporter.
@@ -12,14 +12,14 @@ const INTERVAL: Duration = Duration::from_millis(50);
 /// Most lines in one interval; more are counted in one line, so that a flickering sensor cannot fill the disk.
 const LINES_MAX: usize = 20;
 
-/// Reports until `done`; what is still in the ring then is reported too.
-pub fn run(ring: &Arc<Ring>, names: &[String], progress: &AtomicU64, done: &AtomicBool) {
+/// Reports until `done`; what still waits then is reported too.
+pub fn run(events: &Receiver<Event>, names: &[String], progress: &AtomicU64, done: &AtomicBool) {
     let mut watchdog = Watchdog::from_env();
     loop {
         let last = done.load(Ordering::Acquire);
         let mut unwritten = 0;
         let mut written = 0;
-        while let Some(event) = ring.pop() {
+        for event in events.try_iter() {
             let name = names.get(event.actuator as usize).map_or("?", String::as_str);
             if written < LINES_MAX {
                 write(name, &event);

@@ -2,15 +2,14 @@
 
 use crate::options::TwinOptions;
 use crate::side_services::SideServices;
-use crate::{metrics, reload, reporter};
+use crate::{files, metrics, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::load::{Loaded, load_scene};
 use runtime::threads::ThreadGroup;
-use runtime::twin::{Ring, Twin};
-use runtime::wire::{Bus, Health, Outcome, layout};
+use runtime::twin::{Twin, event_channel};
+use runtime::wire::{Bus, Health, Outcome, Topic, layout};
 use runtime::{realtime, service};
-use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 /// Runs until a signal comes.
@@ -28,19 +27,22 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let stop = service::stop_flag().context("cannot listen for signals")?;
     let domain = options.domain.domain();
     let bus = Bus::open(&domain)?;
-    let ring = Arc::new(Ring::default());
-    let mut twin = Twin::start(&bus, loaded, &settings, &ring)?;
+    let (sender, events) = event_channel();
+    let mut twin = Twin::start(&bus, loaded, &settings, &sender)?;
     let progress = AtomicU64::new(0);
     let (inbox, loader) = reload::pair();
     let reload = service::reload_flag().context("cannot listen for signals")?;
     let listener = options.metrics.open()?;
+    let topics = names.iter().map(|name| Topic::state(name)).collect::<Result<Vec<_>, _>>()?;
     let group = ThreadGroup::new(stop.clone());
     group.run(|scope| -> anyhow::Result<()> {
         // All threads start before this one takes real-time rights, so that they do not inherit them.
-        group.spawn(scope, "reporter", || reporter::run(&ring, &names, &progress, group.done()))?;
+        let (reported, progressed, done) = (&names, &progress, group.done());
+        group.spawn(scope, "reporter", move || reporter::run(&events, reported, progressed, done))?;
         metrics::serve(&group, scope, listener, || metrics::twins(&domain, &names))?;
+        group.spawn(scope, files::NAME, || files::watch(&group, &domain, &topics))?;
         let services = side_services.start(&group, scope, &domain)?;
-        let (reload, done) = (&reload, group.done());
+        let reload = &reload;
         group.spawn(scope, "loader", move || loader.run(reload, done, &services, || reread(options)))?;
         let _granted = prepare(&settings, &twin)?; // it ends with the loop
         service::notify_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));

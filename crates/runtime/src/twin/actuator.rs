@@ -1,7 +1,7 @@
 //! The steps of one actuator's readings, in their order: poll, ingest, evaluate, reconstruct into the loan, publish, record
 //! the outcome.
 
-use super::events::{EventKind, Ring};
+use super::events::{EventKind, EventSender};
 use super::force_watch::ForceWatch;
 use super::ingest::Validator;
 use super::reconstruct::{FieldError, FieldOutput};
@@ -16,7 +16,6 @@ use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
 use rom::inputs::Inputs;
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
-use std::sync::Arc;
 use wire::layout::{VERSION, flags, pack_name};
 use wire::{
     Bus, Health, HealthWriter, Outcome, SensorReader, SensorSample, State, StateWriter, Topic, WireError,
@@ -59,7 +58,7 @@ impl ActuatorTwin {
         loaded: Loaded,
         limits: Limits,
         boot_id: u64,
-        ring: Arc<Ring>,
+        events: EventSender,
     ) -> Result<Self, WireError> {
         let name = loaded.spec.name.clone();
         // The state topic comes first: it is the one that a second twin is refused at.
@@ -73,7 +72,7 @@ impl ActuatorTwin {
         let reader = SensorReader::attach(bus, &Topic::sensor(loaded.spec.sensor())?)?;
         let (model_hash, actuator) = (loaded.model_hash, pack_name(&name));
         let health = Health { model_hash, boot_id, actuator, ..Health::default() };
-        let record = Record::new(number, health_writer, health, ring);
+        let record = Record::new(number, health_writer, health, events);
         let last_good_ns = record.start_ns();
         Ok(Self {
             reader,

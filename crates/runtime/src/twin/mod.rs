@@ -12,7 +12,7 @@
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
 //!
 //! After start the loop allocates nothing of its own (a test counts: what remains is the transport's small handle for each
-//! loaned sample), takes no lock, writes no log: its events go through [`Ring`]; its only system calls are the wait and the
+//! loaned sample), takes no lock, writes no log: its events go through a channel; its only system calls are the wait and the
 //! wake-up of readers.
 
 mod actuator;
@@ -23,13 +23,12 @@ mod reconstruct;
 mod record;
 mod swap;
 
-pub use events::{CAPACITY as RING_CAPACITY, Event, EventKind, Ring};
+pub use events::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
 use crate::config::Settings;
 use crate::load::Loaded;
 use actuator::ActuatorTwin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use wire::{Bus, Health, WakeSet, Wakeable, WireError, boot_id, now_ns};
@@ -55,13 +54,13 @@ impl Twin {
         bus: &Bus,
         loaded: Vec<Loaded>,
         settings: &Settings,
-        ring: &Arc<Ring>,
+        events: &EventSender,
     ) -> Result<Self, WireError> {
         let boot_id = boot_id();
         let actuators: Vec<ActuatorTwin> = (0..)
             .zip(loaded)
             .map(|(number, loaded)| {
-                ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, ring.clone())
+                ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, events.clone())
             })
             .collect::<Result<_, WireError>>()?;
         let wake = WakeSet::new(actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable));

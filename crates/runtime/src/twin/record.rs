@@ -1,11 +1,10 @@
 //! What a twin counts: outcomes of readings, latencies, failures. Everything leaves the loop through the health topic and the
-//! event ring.
+//! event channel.
 
-use super::events::{Event, EventKind, Ring};
+use super::events::{Event, EventKind, EventSender};
 use super::ingest::SampleCheck;
 use crate::{latency, service};
 use hdrhistogram::Histogram;
-use std::sync::Arc;
 use wire::layout::flags;
 use wire::{Health, HealthWriter, Outcome, SensorSample, now_ns};
 
@@ -26,11 +25,11 @@ pub(super) struct Record {
     received_at_last_health: u64,
     last_outcome: Outcome,
     failures: [u64; EventKind::COUNT],
-    ring: Arc<Ring>,
+    events: EventSender,
 }
 
 impl Record {
-    pub(super) fn new(actuator: u32, writer: HealthWriter, health: Health, ring: Arc<Ring>) -> Self {
+    pub(super) fn new(actuator: u32, writer: HealthWriter, health: Health, events: EventSender) -> Self {
         let start_ns = now_ns();
         Self {
             actuator,
@@ -43,7 +42,7 @@ impl Record {
             received_at_last_health: 0,
             last_outcome: Outcome::Published,
             failures: [0; EventKind::COUNT],
-            ring,
+            events,
         }
     }
 
@@ -110,7 +109,7 @@ impl Record {
 
     /// Hands an event to the reporter.
     pub(super) fn event(&self, kind: EventKind, value: u64) {
-        self.ring.push(Event { t_ns: now_ns(), actuator: self.actuator, kind, value });
+        self.events.send(Event { t_ns: now_ns(), actuator: self.actuator, kind, value });
     }
 
     /// Sends the health when it is due.
@@ -124,7 +123,7 @@ impl Record {
         health.t_publish_ns = now;
         health.uptime_ns = now.saturating_sub(self.start_ns);
         health.age_ns = now.saturating_sub(last_good_ns);
-        health.log_lost = self.ring.lost() + service::lost_log_lines();
+        health.log_lost = self.events.lost() + service::lost_log_lines();
         health.rate_hz = (health.received - self.received_at_last_health) as f64 * 1e9 / interval_ns as f64;
         health.latency_p50_ns = self.latency.value_at_quantile(0.5);
         health.latency_p99_ns = self.latency.value_at_quantile(0.99);

@@ -1,4 +1,4 @@
-//! The line protocol: one reading a line, `pressure`, `pressure,gap`, `pressure,gap,force`, or a JSON object.
+//! The line protocol: one reading a line, `pressure`, `pressure; gap`, `pressure; gap; force`, or a JSON object.
 
 use serde::Deserialize;
 
@@ -26,6 +26,15 @@ pub enum LineError {
         /// How many.
         found: usize,
     },
+    /// A comma that may be a decimal comma.
+    #[error(
+        "`{found}`: a comma between digits may be a decimal comma; expected a decimal point, and `;` or `, ` between numbers \
+         (or `comma_separates = true` in the scene's source)"
+    )]
+    Comma {
+        /// The line.
+        found: String,
+    },
     /// A JSON line without what is needed.
     #[error("expected JSON such as {{\"pressure\": 0.03, \"gap\": 40}}: {cause}")]
     Json {
@@ -49,11 +58,11 @@ fn unknown() -> f64 {
 }
 
 /// Parses one line without its end into pressure, gap and force in the units of the line, NaN for what it does not
-/// contain. `None` for empty lines and comments (`#`).
+/// contain. `None` for empty lines and comments (`#`). `comma_separates`: a comma between digits is never a decimal comma.
 ///
 /// # Errors
 /// [`LineError`].
-pub fn parse_line(line: &[u8]) -> Result<Option<[f64; 3]>, LineError> {
+pub fn parse_line(line: &[u8], comma_separates: bool) -> Result<Option<[f64; 3]>, LineError> {
     if line.len() > MAX_LINE_BYTES {
         return Err(LineError::TooLong);
     }
@@ -65,6 +74,9 @@ pub fn parse_line(line: &[u8]) -> Result<Option<[f64; 3]>, LineError> {
         let line: JsonLine =
             serde_json::from_str(text).map_err(|error| LineError::Json { cause: error.to_string() })?;
         return Ok(Some([line.pressure, line.gap, line.force]));
+    }
+    if !comma_separates && has_doubtful_comma(text) {
+        return Err(LineError::Comma { found: text.chars().take(40).collect() });
     }
     let mut numbers = [f64::NAN; 3];
     let cells: Vec<&str> = text.split([',', ';', '\t']).collect();
@@ -79,20 +91,35 @@ pub fn parse_line(line: &[u8]) -> Result<Option<[f64; 3]>, LineError> {
     Ok(Some(numbers))
 }
 
+/// Whether a comma between two digits may be a decimal comma: nothing else in the line is a decimal point, or something else
+/// separates its numbers.
+fn has_doubtful_comma(text: &str) -> bool {
+    let mut three = text.as_bytes().windows(3);
+    let is_tight =
+        three.any(|bytes| matches!(bytes, [a, b',', b] if a.is_ascii_digit() && b.is_ascii_digit()));
+    is_tight && (!text.contains('.') || text.contains([';', '\t']) || text.contains(", "))
+}
+
 /// Cuts a stream of bytes into lines without ever keeping more than [`MAX_LINE_BYTES`] + 1 of them.
 #[derive(Debug, Default)]
 pub struct LineBuffer {
     line: Vec<u8>,
+    comma_separates: bool,
 }
 
 impl LineBuffer {
+    /// An empty buffer; `comma_separates`: a comma between digits is never a decimal comma.
+    pub fn new(comma_separates: bool) -> Self {
+        Self { line: Vec::new(), comma_separates }
+    }
+
     /// Takes bytes as they come and calls `each` with every finished line.
     pub fn push(&mut self, bytes: &[u8], mut each: impl FnMut(Result<Option<[f64; 3]>, LineError>)) {
         for byte in bytes {
             match byte {
                 b'\n' | b'\r' => {
                     if !self.line.is_empty() {
-                        each(parse_line(&self.line));
+                        each(parse_line(&self.line, self.comma_separates));
                     }
                     self.line.clear();
                 }
@@ -110,7 +137,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn numbers(line: &str) -> [f64; 3] {
-        parse_line(line.as_bytes()).unwrap().unwrap()
+        parse_line(line.as_bytes(), false).unwrap().unwrap()
     }
 
     #[test]
@@ -120,12 +147,25 @@ mod tests {
         assert_eq!(numbers("0.03; 40; 0.5"), [0.03, 40.0, 0.5]);
         assert_eq!(numbers(r#"{"pressure_mpa": 0.03, "gap": 40, "serial": "A7"}"#)[..2], [0.03, 40.0]);
         assert!(numbers("nan")[0].is_nan(), "nan is passed on; the twin validates it");
-        assert_eq!(parse_line(b"# started"), Ok(None));
-        assert_eq!(parse_line(b"0,1,2,3"), Err(LineError::TooMany { found: 4 }));
-        assert_eq!(parse_line(b"0.03,"), Err(LineError::NotANumber { found: String::new() }));
-        assert_eq!(parse_line(b"ERR 7"), Err(LineError::NotANumber { found: "ERR 7".into() }));
-        assert_eq!(parse_line(b"\xff\xfe"), Err(LineError::NotText));
-        assert!(matches!(parse_line(br#"{"gap": 40}"#), Err(LineError::Json { .. })));
+        assert_eq!(parse_line(b"# started", true), Ok(None));
+        assert_eq!(parse_line(b"0,1,2,3", true), Err(LineError::TooMany { found: 4 }));
+        assert_eq!(parse_line(b"0.03,", true), Err(LineError::NotANumber { found: String::new() }));
+        assert_eq!(parse_line(b"ERR 7", true), Err(LineError::NotANumber { found: "ERR 7".into() }));
+        assert_eq!(parse_line(b"\xff\xfe", true), Err(LineError::NotText));
+        assert!(matches!(parse_line(br#"{"gap": 40}"#, true), Err(LineError::Json { .. })));
+    }
+
+    #[test]
+    fn a_decimal_comma_is_not_taken_for_a_separator() {
+        for line in ["0,031", "0,031;40,2", "0,031; 40.5", "0,031, 40.5", "0,031\t40", "30,40"] {
+            let found = parse_line(line.as_bytes(), false);
+            assert_eq!(found, Err(LineError::Comma { found: line.into() }), "{line}");
+        }
+        assert_eq!(numbers("0.031,40,5"), [0.031, 40.0, 5.0]);
+        assert_eq!(numbers("0, 40")[..2], [0.0, 40.0]);
+        assert_eq!(numbers("0;40")[..2], [0.0, 40.0]);
+        let said = parse_line(b"30,40", true).unwrap().unwrap();
+        assert_eq!(said[..2], [30.0, 40.0], "the scene says that a comma separates");
     }
 
     #[test]

@@ -18,6 +18,8 @@ use tokio::runtime::Runtime;
 pub struct LinesSpec {
     /// The serial line; without it, standard input is read.
     pub serial: Option<SerialSpec>,
+    /// A comma between digits separates two numbers, although it may look like a decimal comma.
+    pub comma_separates: bool,
     /// Unit of the pressure; default MPa.
     pub pressure_unit: Option<String>,
     /// Unit of the gap; default mm.
@@ -83,7 +85,7 @@ impl LineReader {
             |quantity: Quantity, unit: &Option<String>| quantity.factor(unit.as_deref()).unwrap_or(f64::NAN);
         Self {
             feed,
-            buffer: LineBuffer::default(),
+            buffer: LineBuffer::new(spec.comma_separates),
             filter: Filter::new(spec.filter),
             factors: [
                 factor(Quantity::Pressure, &spec.pressure_unit),

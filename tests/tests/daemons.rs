@@ -1,0 +1,169 @@
+//! Daemons in hostile surroundings: a log that cannot be written, sources that never wait, floods, files taken away.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::{PATIENCE, Program, Stage, process};
+use wire::layout::query_kind;
+use wire::{HealthReader, Query, QueryClient, Topic};
+
+const STEADY: &str = r#"kind = "simulate"
+rate_hz = 200.0
+gap_mm = 30.0
+profile = { shape = "sine", mean_mpa = 0.035, amplitude_mpa = 0.03, frequency_hz = 1.0 }"#;
+
+/// Where a daemon's log goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Log {
+    FullDisk,
+    ClosedPipe,
+}
+
+/// A daemon whose log cannot be written.
+fn mute(stage: &Stage, daemon: &str, scene: &Path, log: Log) -> Child {
+    let stderr = match log {
+        Log::FullDisk => Stdio::from(std::fs::File::options().write(true).open("/dev/full").unwrap()),
+        Log::ClosedPipe => Stdio::piped(),
+    };
+    let mut child = Command::new(process::binary("softtwind"))
+        .args([daemon, "--scene", &scene.display().to_string()])
+        .env("SOFTTWIN_DOMAIN", &stage.domain_name)
+        .env("SOFTTWIN_ROOT", stage.root())
+        .env_remove("NOTIFY_SOCKET")
+        .env_remove("RUST_LOG")
+        .stdout(Stdio::null())
+        .stderr(stderr)
+        .spawn()
+        .unwrap();
+    drop(child.stderr.take());
+    child
+}
+
+/// Asks a child to end and returns its exit code.
+fn stop(mut child: Child) -> Option<i32> {
+    // SAFETY: the child is ours and not yet waited for.
+    assert_eq!(unsafe { libc::kill(child.id() as i32, libc::SIGTERM) }, 0);
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return status.code();
+        }
+        assert!(Instant::now() < end, "it does not end");
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn daemons_whose_log_cannot_be_written_serve_on_count_the_lines_and_end_cleanly() {
+    for log in [Log::FullDisk, Log::ClosedPipe] {
+        let stage = Stage::new("mute");
+        let scene = stage.finger(STEADY);
+        let twin = mute(&stage, "twin", &scene, log);
+        let bus = stage.bus();
+        let health = HealthReader::attach(&bus, &Topic::health("finger").unwrap()).unwrap();
+        let state = wire::StateReader::attach(&bus, &Topic::state("finger").unwrap()).unwrap();
+        let bridge = mute(&stage, "bridge", &scene, log);
+        wait_state(&state, "a fresh state", fresh);
+        // The start of the bridge, changes of the regime and more are lines for the log.
+        let lost = wait_for(&health, "lost lines", |health| {
+            health.newest().unwrap().map(|health| health.log_lost).filter(|lost| *lost > 3)
+        });
+        // The reporter lives: the count goes on with the next changes.
+        wait_for(&health, "more lost lines", |health| {
+            health.newest().unwrap().filter(|health| health.log_lost > lost)
+        });
+        assert_eq!((stop(bridge), stop(twin)), (Some(0), Some(0)), "{log:?}");
+    }
+}
+
+#[test]
+fn a_source_that_never_waits_ends_when_asked_and_lets_the_others_have_their_turn() {
+    let stage = Stage::new("busy");
+    stage.trace("trace.csv", 200, 100.0, 0.06, 30.0);
+    let scene = stage.finger("kind = \"replay\"\ntrace = \"trace.csv\"").display().to_string();
+    let fast = stage.finger(&STEADY.replace("200.0", "1e9")).display().to_string();
+    for arguments in
+        [vec!["bridge", "--scene", &scene, "--loop", "--speed", "1e6"], vec!["bridge", "--scene", &fast]]
+    {
+        let stage = Stage::new("busy");
+        let mut bridge = Program::daemon(&stage, &arguments);
+        bridge.wait_for("ready:");
+        let asked = Instant::now();
+        let (status, said) = bridge.stop();
+        assert!(status.success(), "{said:?}");
+        assert!(asked.elapsed() < Duration::from_secs(5), "it took {:?} to end", asked.elapsed());
+    }
+    // The twin that gets such a flood ends as well.
+    let twin = Program::twin(&stage, Path::new(&fast));
+    let mut bridge = Program::daemon(&stage, &["bridge", "--scene", &fast]);
+    bridge.wait_for("ready:");
+    wait_state(&states(&stage.bus()), "a state", |state| state.sensor_seq > 1000);
+    let asked = Instant::now();
+    let (status, said) = twin.stop();
+    assert!(status.success(), "{said:?}");
+    assert!(asked.elapsed() < Duration::from_secs(5), "it took {:?} to end", asked.elapsed());
+    assert!(bridge.stop().0.success());
+}
+
+/// Many clients that ask as fast as they can: all are answered, the stream goes on, and the twin ends when asked.
+#[test]
+fn a_flood_of_questions_holds_up_neither_the_stream_nor_the_end() {
+    let stage = Stage::new("flood");
+    let scene = stage.finger(STEADY);
+    let twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+    let flooding = AtomicBool::new(true);
+    std::thread::scope(|scope| {
+        for number in 0..4_u32 {
+            let (domain, flooding) = (stage.domain(), &flooding);
+            scope.spawn(move || {
+                let bus = wire::Bus::open(&domain).unwrap();
+                let mut client = QueryClient::open(&bus, "finger").unwrap();
+                let pressure_mpa = 0.01 + 0.01 * f64::from(number);
+                let query =
+                    Query { kind: query_kind::WHATIF, pressure_mpa, gap_mm: 30.0, ..Query::default() };
+                let mut answered = 0;
+                while flooding.load(Ordering::Relaxed) || answered == 0 {
+                    let sample = client.ask(&query, PATIENCE).unwrap();
+                    assert_eq!(sample.answer().pressure_mpa, pressure_mpa, "an answer to another question");
+                    answered += 1;
+                }
+            });
+        }
+        let bus = stage.bus();
+        let state = states(&bus);
+        let first = wait_state(&state, "a state", fresh).sensor_seq;
+        wait_state(&state, "the stream", |state| fresh(state) && state.sensor_seq > first + 400);
+        flooding.store(false, Ordering::Relaxed);
+    });
+    let asked = Instant::now();
+    let (status, said) = twin.stop();
+    assert!(status.success(), "{said:?}");
+    assert!(asked.elapsed() < Duration::from_secs(5), "it took {:?} to end", asked.elapsed());
+    assert!(bridge.stop().0.success());
+    let _ = std::io::stdout().flush();
+}
+
+/// A cleaner of temporary files empties the folder of the domain: the daemons notice, say so, and end with a failure, so that
+/// the service manager starts them again.
+#[test]
+fn a_daemon_whose_files_were_removed_says_so_and_ends() {
+    let stage = Stage::new("cleaner");
+    let scene = stage.finger(STEADY);
+    let mut twin = Program::twin(&stage, &scene);
+    let mut bridge = Program::bridge(&stage, &scene);
+    std::fs::remove_dir_all(stage.root()).unwrap();
+    for daemon in [&mut twin, &mut bridge] {
+        let (status, said) = daemon.end();
+        assert_eq!(status.code(), Some(1), "{said:?}");
+        assert!(said.iter().any(|line| line.contains("files of the domain are gone")), "{said:?}");
+    }
+    // The next ones start in the emptied folder.
+    let twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+    wait_state(&states(&stage.bus()), "a fresh state", fresh);
+    assert!(bridge.stop().0.success() && twin.stop().0.success());
+}
