@@ -50,9 +50,10 @@ pub fn topics(bus: &Bus) -> Vec<Finding> {
 fn topic(bus: &Bus, info: &TopicInfo) -> Finding {
     let subject = info.topic.name();
     match AnyReader::open(bus, &info.topic) {
-        Err(error) => {
+        Err(error @ WireError::Incompatible { .. }) => {
             Finding::bad(subject, error, "run the same release everywhere; restart the older program")
         }
+        Err(error) => Finding::bad(subject, error, "remove the cause that the text names, then try again"),
         Ok(_) if info.writers.is_empty() => {
             Finding::warning(subject, "nobody publishes", "start its bridge or twin; readers wait for it")
         }
