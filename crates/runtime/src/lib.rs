@@ -32,7 +32,7 @@ pub mod latency;
 pub mod load;
 pub mod machine;
 pub mod metrics;
-mod payload;
+pub mod payload;
 pub mod process;
 pub mod query;
 pub mod realtime;

@@ -72,6 +72,13 @@ pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &Gr
     }
 }
 
+/// A state with the values of an evaluation and nothing else: no reading, no run, no times.
+pub fn state_of(evaluation: &Evaluation) -> State {
+    let mut state = State::default();
+    fill_state(&mut state, evaluation, &GroupSizes::new(), StateSpec { gradients: true, bars: true });
+    state
+}
+
 /// Puts the label with hysteresis in place of the evaluation's own regime.
 pub(crate) fn fill_label(state: &mut State, label: RegimeLabel) {
     state.regime = regime_number(label.regime);

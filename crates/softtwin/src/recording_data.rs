@@ -2,14 +2,15 @@
 
 use crate::failure::configuration;
 use anyhow::{Context, Result};
+use recording::message::{decode, field_values};
 use recording::{Ending, Item, Message, Reader};
-use serde::{Deserialize, Deserializer};
-use serde_json::Value;
+use rom::inputs::Inputs;
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
-use wire::{Topic, TopicKind};
+use wire::{FieldHeader, State, Topic, TopicKind};
 
 /// Fields that are kept of one recording; with more, every second is let go until they fit.
 const MAX_FIELDS: usize = 600;
@@ -35,70 +36,26 @@ pub struct Track {
     seen: usize,
 }
 
-/// A recorded state. Names as in `softtwin.State`.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(default)]
+/// A recorded state.
+#[derive(Clone, Debug)]
 pub struct RecordedState {
     /// Seconds after the recording's first message.
-    #[serde(skip)]
     pub t_s: f64,
-    pub seq: u64,
-    pub t_sensor_ns: u64,
-    pub t_publish_ns: u64,
-    #[serde(deserialize_with = "number")]
-    pub pressure_mpa: f64,
-    #[serde(deserialize_with = "number")]
-    pub gap_mm: f64,
-    #[serde(deserialize_with = "number")]
-    pub contact_force_n: f64,
-    #[serde(deserialize_with = "number")]
-    pub measured_force_n: f64,
-    #[serde(deserialize_with = "number")]
-    pub onset_pressure_mpa: f64,
-    #[serde(deserialize_with = "number")]
-    pub force_halfwidth_n: f64,
-    #[serde(deserialize_with = "number")]
-    pub displacement_halfwidth_mm: f64,
-    #[serde(deserialize_with = "number")]
-    pub von_mises_halfwidth_mpa: f64,
-    pub regime: String,
-    pub outcome: String,
-    pub flags: Vec<String>,
-    pub model_hash: String,
-}
-
-impl Default for RecordedState {
-    fn default() -> Self {
-        Self {
-            t_s: 0.0,
-            seq: 0,
-            t_sensor_ns: 0,
-            t_publish_ns: 0,
-            pressure_mpa: f64::NAN,
-            gap_mm: f64::NAN,
-            contact_force_n: f64::NAN,
-            measured_force_n: f64::NAN,
-            onset_pressure_mpa: f64::NAN,
-            force_halfwidth_n: f64::NAN,
-            displacement_halfwidth_mm: f64::NAN,
-            von_mises_halfwidth_mpa: f64::NAN,
-            regime: "unknown".into(),
-            outcome: String::new(),
-            flags: Vec::new(),
-            model_hash: String::new(),
-        }
-    }
+    /// As it was published.
+    pub values: State,
 }
 
 impl RecordedState {
     /// From sensor stamp to published, ms.
     pub fn latency_ms(&self) -> f64 {
-        self.t_publish_ns.saturating_sub(self.t_sensor_ns) as f64 * 1e-6
+        self.values.t_publish_ns.saturating_sub(self.values.t_sensor_ns) as f64 * 1e-6
     }
 
-    /// Whether a model can be asked for this state.
-    pub fn has_reading(&self) -> bool {
-        self.pressure_mpa.is_finite() && self.pressure_mpa >= 0.0 && !self.gap_mm.is_nan()
+    /// The inputs at which a model can be evaluated for this state; none when it stands for no reading.
+    pub fn inputs(&self) -> Option<Inputs> {
+        let State { pressure_mpa, gap_mm, .. } = self.values;
+        let is_reading = pressure_mpa.is_finite() && pressure_mpa >= 0.0 && !gap_mm.is_nan();
+        is_reading.then(|| Inputs::new(pressure_mpa, gap_mm))
     }
 }
 
@@ -106,37 +63,15 @@ impl RecordedState {
 pub struct RecordedField {
     /// Seconds after the recording's first message.
     pub t_s: f64,
-    /// Names of the fields, in order.
-    pub fields: Vec<String>,
-    /// Nodes a field.
-    pub nodes: usize,
+    /// As it was published.
+    pub header: FieldHeader,
     /// Field-major.
     pub values: Vec<f32>,
-    /// Pressure, MPa.
-    pub pressure_mpa: f64,
-    /// Gap, mm.
-    pub gap_mm: f64,
 }
 
 #[derive(Deserialize)]
 struct FieldText {
-    fields: Vec<String>,
-    node_count: usize,
     values: String,
-    #[serde(deserialize_with = "number")]
-    pressure_mpa: f64,
-    #[serde(deserialize_with = "number")]
-    gap_mm: f64,
-}
-
-/// Numbers as recordings write them: those that JSON does not know are texts.
-fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    Ok(match Value::deserialize(from)? {
-        Value::Number(number) => number.as_f64().unwrap_or(f64::NAN),
-        Value::String(text) if text == "Infinity" => f64::INFINITY,
-        Value::String(text) if text == "-Infinity" => f64::NEG_INFINITY,
-        _ => f64::NAN,
-    })
 }
 
 impl RecordingData {
@@ -181,8 +116,8 @@ impl RecordingData {
 
 impl Track {
     fn add_state(&mut self, message: &Message, t_s: f64) {
-        if let Ok(state) = serde_json::from_slice::<RecordedState>(&message.data) {
-            self.states.push(RecordedState { t_s, ..state });
+        if let Ok(values) = decode(&message.data) {
+            self.states.push(RecordedState { t_s, values });
         }
     }
 
@@ -191,13 +126,14 @@ impl Track {
         if !(self.seen - 1).is_multiple_of(self.stride.max(1)) {
             return;
         }
-        let Ok(text) = serde_json::from_slice::<FieldText>(&message.data) else { return };
-        let Some(values) = recording::message::field_values(&text.values) else { return };
-        if values.len() != text.node_count.saturating_mul(text.fields.len()) {
+        let header = decode::<FieldHeader>(&message.data).ok();
+        let text = serde_json::from_slice::<FieldText>(&message.data).ok();
+        let values = text.and_then(|text| field_values(&text.values));
+        let (Some(header), Some(values)) = (header, values) else { return };
+        if values.len() as u64 != header.entries() {
             return;
         }
-        let FieldText { fields, node_count: nodes, pressure_mpa, gap_mm, .. } = text;
-        self.fields.push(RecordedField { t_s, fields, nodes, values, pressure_mpa, gap_mm });
+        self.fields.push(RecordedField { t_s, header, values });
         if self.fields.len() > MAX_FIELDS {
             let mut keep = false;
             self.fields.retain(|_| {

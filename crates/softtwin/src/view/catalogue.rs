@@ -1,19 +1,19 @@
 //! The models the viewer knows: their visible surfaces, and predictions for "what if".
 
-use super::frame::{FrameHead, Word, bits, encode};
+use super::frame::{FrameHead, bits, encode};
 use crate::load::LoadedModel;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
 use runtime::config::{BlockSpec, PlaceSpec, Scene};
+use runtime::payload::state_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
-use wire::layout::hex;
+use wire::layout::field_id;
 
 /// Name of the predicted actuator on the page.
 const PREDICTION: &str = "what if";
@@ -35,9 +35,9 @@ pub struct Stand {
 impl Stand {
     /// What a scene file says.
     pub fn of(scene: &Scene) -> Self {
-        let is_told = scene.actuators.iter().any(|actuator| actuator.place != PlaceSpec::default());
-        let told = scene.actuators.iter().filter(|_| is_told);
-        let places = told.map(|actuator| (actuator.name.clone(), actuator.place)).collect();
+        let is_given = scene.actuators.iter().any(|actuator| actuator.place != PlaceSpec::default());
+        let given = scene.actuators.iter().filter(|_| is_given);
+        let places = given.map(|actuator| (actuator.name.clone(), actuator.place)).collect();
         Self { places, blocks: scene.blocks.clone() }
     }
 }
@@ -54,7 +54,7 @@ struct Known {
     prediction: Mutex<Prediction>,
 }
 
-/// What the page is told about a model.
+/// What the page receives about a model.
 #[derive(Clone, Debug, Serialize)]
 pub struct Card {
     /// Its number.
@@ -72,7 +72,7 @@ pub struct Card {
 /// A model's visible nodes at one state, with the names of its fields.
 struct Prediction {
     state: ModelState,
-    fields: Vec<Word>,
+    fields: Vec<&'static str>,
 }
 
 /// Header of a mesh message: behind it `3 x nodes` coordinates, `3 x facets` node numbers, `nodes` node names.
@@ -99,7 +99,7 @@ impl Catalogue {
         &self.stand
     }
 
-    /// What the page is told first.
+    /// What the page receives first.
     pub fn cards(&self) -> Vec<&Card> {
         self.models.iter().map(|known| &known.card).collect()
     }
@@ -112,11 +112,6 @@ impl Catalogue {
     /// The model with this hash, if it is known.
     pub fn find(&self, hash: [u8; 16]) -> Option<usize> {
         self.models.iter().position(|known| known.hash == hash)
-    }
-
-    /// The model whose hash a recording gives as hexadecimal digits.
-    pub fn find_text(&self, hash: &str) -> Option<usize> {
-        self.models.iter().position(|known| hex(&known.hash) == hash)
     }
 
     /// For each visible node of a model its place in a sample of a node set; none when some are not in it.
@@ -216,11 +211,7 @@ impl Prediction {
         let state = ModelState::new(&loaded.model, &selection)
             .with_context(|| format!("cannot predict with the model: {}", loaded.path.display()))?;
         let names = loaded.model.header.fields.iter().map(|field| field.spec.name.as_str());
-        let known = |name| {
-            Word::from(
-                wire::layout::field_id::from_name(name).map_or("other", wire::layout::field_id::as_str),
-            )
-        };
+        let known = |name| field_id::from_name(name).map_or("other", field_id::as_str);
         Ok(Self { state, fields: names.map(known).collect() })
     }
 
@@ -231,7 +222,7 @@ impl Prediction {
         head.model = known.mesh_message.is_some().then_some(known.card.id);
         head.fields.clone_from(&self.fields);
         head.count = rows;
-        if let Some(field) = self.fields.iter().position(|name| name == "von_mises") {
+        if let Some(field) = self.fields.iter().position(|name| *name == "von_mises") {
             let stress = &values[field * rows..(field + 1) * rows];
             let largest = stress.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
             head.max_von_mises_mpa = largest.map_or(f64::NAN, |(_, value)| f64::from(*value));
@@ -243,25 +234,8 @@ impl Prediction {
     fn answer(&mut self, inputs: Inputs, known: &Known) -> Result<Vec<u8>> {
         let mut head = FrameHead::empty(PREDICTION);
         let values = self.shape(inputs, known, &mut head)?;
-        let evaluation = self.state.evaluation();
         head.predicted = true;
-        head.pressure_mpa = inputs.pressure_mpa();
-        head.gap_mm = inputs.gap_mm();
-        head.contact_force_n = evaluation.contact_force_n;
-        head.onset_pressure_mpa = evaluation.onset_pressure_mpa.unwrap_or(f64::INFINITY);
-        head.force_halfwidth_n = evaluation.halfwidths.force_n as f32;
-        head.displacement_halfwidth_mm = evaluation.halfwidths.displacement_mm as f32;
-        head.von_mises_halfwidth_mpa = evaluation.halfwidths.stress_mpa as f32;
-        head.regime = evaluation.regime.name().into();
-        head.flags = verdict_flag(evaluation.domain).into_iter().map(Into::into).collect();
+        head.set_state(&state_of(self.state.evaluation()));
         Ok(encode(&head, &[&values]))
-    }
-}
-
-fn verdict_flag(verdict: DomainStatus) -> Option<&'static str> {
-    match verdict {
-        DomainStatus::Inside => None,
-        DomainStatus::Near => Some("near-edge"),
-        DomainStatus::Outside => Some("outside-domain"),
     }
 }

@@ -1,11 +1,10 @@
 //! Plays a recording into the hub at the recorded pace. All pages show the same time of the recording.
 
 use super::catalogue::Catalogue;
-use super::frame::{FrameHead, Word, bits, encode};
+use super::frame::{FrameHead, bits, encode};
 use super::hub::Hub;
 use crate::recording_data::{RecordedState, RecordingData, Track};
 use anyhow::{Context, Result};
-use rom::inputs::Inputs;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -180,15 +179,12 @@ impl Player {
             let mut head = FrameHead::empty(actuator);
             (head.t_s, head.playing) = (self.at_s, self.playing);
             let state = track.state_at(self.at_s);
+            let model = state.and_then(|state| self.catalogue.find(state.values.model_hash));
             if let Some(state) = state {
-                head.set_recorded(state);
+                head.set_state(&state.values);
             }
-            let model = state.and_then(|state| self.catalogue.find_text(&state.model_hash));
-            let message = match (model, state.filter(|state| state.has_reading())) {
-                (Some(model), Some(state)) => {
-                    let inputs = Inputs::new(state.pressure_mpa, state.gap_mm);
-                    self.catalogue.replay(model, inputs, head)
-                }
+            let message = match (model, state.and_then(RecordedState::inputs)) {
+                (Some(model), Some(inputs)) => self.catalogue.replay(model, inputs, head),
                 _ => Ok(self.recorded_field(track, head)),
             };
             match message {
@@ -201,9 +197,8 @@ impl Player {
     /// The field that was recorded, as points; a frame of numbers alone when there is none.
     fn recorded_field(&self, track: &Track, mut head: FrameHead) -> Vec<u8> {
         let Some(field) = track.field_at(self.at_s) else { return encode(&head, &[]) };
-        let known = |name: &String| field_id::from_name(name).map_or("other", field_id::as_str);
-        head.fields = field.fields.iter().map(known).map(Word::from).collect();
-        head.count = field.nodes;
+        head.fields = field.header.fields().map(field_id::as_str).collect();
+        head.count = field.header.node_count as usize;
         encode(&head, &[&bits(field.values.iter().copied())])
     }
 }
@@ -213,7 +208,7 @@ fn read(path: &Path, catalogue: &Catalogue) -> Result<RecordingData> {
     let data = RecordingData::read(path, false)?;
     let mut states = data.tracks.values().flat_map(|track| track.states.last());
     let all_known = !data.tracks.values().any(|track| track.states.is_empty())
-        && states.all(|state| catalogue.find_text(&state.model_hash).is_some());
+        && states.all(|state| catalogue.find(state.values.model_hash).is_some());
     if all_known { Ok(data) } else { RecordingData::read(path, true) }
 }
 
@@ -223,9 +218,9 @@ impl<'a> Strip<'a> {
         Self {
             actuator,
             t_s: column(|state| state.t_s),
-            pressure_mpa: column(|state| state.pressure_mpa),
-            contact_force_n: column(|state| state.contact_force_n),
-            gap_mm: column(|state| state.gap_mm),
+            pressure_mpa: column(|state| state.values.pressure_mpa),
+            contact_force_n: column(|state| state.values.contact_force_n),
+            gap_mm: column(|state| state.values.gap_mm),
             latency_ms: column(RecordedState::latency_ms),
         }
     }

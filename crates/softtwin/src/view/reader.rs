@@ -189,19 +189,16 @@ impl Source {
             self.mesh = Some((header.model_hash, places));
         }
         let nodes = (header.node_count as usize).max(1);
-        let largest = Some(header.max_von_mises_node).filter(|node| *node != u32::MAX);
         match self.mesh.as_ref().and_then(|(_, mesh)| mesh.as_ref()) {
             Some((model, places)) if places.iter().all(|place| (*place as usize) < nodes) => {
                 self.head.model = Some(*model);
                 self.head.count = places.len();
-                self.head.max_von_mises_node = largest; // the model's number already
                 let columns = values.chunks_exact(nodes);
                 bits(columns.flat_map(|column| places.iter().map(|place| column[*place as usize])))
             }
             _ => {
                 self.head.model = None;
                 self.head.count = header.node_count as usize;
-                self.head.max_von_mises_node = largest;
                 bits(values.iter().copied())
             }
         }

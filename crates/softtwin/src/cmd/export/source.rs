@@ -3,7 +3,7 @@
 use super::body::Body;
 use crate::failure::{configuration, usage};
 use crate::files;
-use crate::recording_data::{RecordingData, Track};
+use crate::recording_data::{RecordedField, RecordingData, Track};
 use anyhow::Result;
 use formats::database::ObstacleKind;
 use formats::export::Moment;
@@ -12,6 +12,7 @@ use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
 use std::path::{Path, PathBuf};
+use wire::layout::field_id;
 
 /// Which states of a source.
 #[derive(clap::Args)]
@@ -117,30 +118,30 @@ impl Source {
     }
 
     fn recording(options: &Options, path: &Path) -> Result<Self> {
-        let mut tape = RecordingData::read(path, options.model.is_none())?;
-        let names: Vec<String> = tape.tracks.keys().cloned().collect();
+        let mut data = RecordingData::read(path, options.model.is_none())?;
+        let names: Vec<String> = data.tracks.keys().cloned().collect();
         let name = match (&options.actuator, names.as_slice()) {
             (Some(name), _) => name.clone(),
             (None, [only]) => only.clone(),
             _ => return Err(usage(format!("--actuator: which of {}?", names.join(", ")))),
         };
-        let track = tape
+        let track = data
             .tracks
             .remove(&name)
             .ok_or_else(|| usage(format!("--actuator {name}: the recording has {}", names.join(", "))))?;
         let every = options.every as usize;
         if let Some(model) = &options.model {
-            let states = track.states.iter().filter(|state| state.has_reading()).step_by(every);
-            let inputs = states.map(|s| (s.t_s, Inputs::new(s.pressure_mpa, s.gap_mm)));
-            return Self::readings(model, inputs.collect());
+            let inputs = track.states.iter().filter_map(|state| Some((state.t_s, state.inputs()?)));
+            return Self::readings(model, inputs.step_by(every).collect());
         }
         let Some(first) = track.fields.first() else {
             return Err(usage(
                 "the recording holds no fields; name the model that makes them with --model FILE.twin",
             ));
         };
-        let fields = first.fields.iter().map(|name| spec(name)).collect();
-        if track.fields.iter().any(|field| field.nodes != first.nodes || field.fields != first.fields) {
+        let fields = first.header.fields().map(|id| spec(field_id::as_str(id))).collect();
+        let shape = |field: &RecordedField| (field.header.node_count, field.header.field_ids);
+        if track.fields.iter().any(|field| shape(field) != shape(first)) {
             let expected = "expected fields of one shape in the recording, found several; use --model";
             return Err(configuration(anyhow::anyhow!(expected)));
         }
@@ -172,7 +173,7 @@ impl Source {
         let body = match self {
             Self::Readings { model, .. } => Body::of_model(model),
             Self::Cases { database, .. } => Body::of_database(database),
-            Self::Recorded { track, .. } => Body::of_points(track.fields[0].nodes),
+            Self::Recorded { track, .. } => Body::of_points(track.fields[0].header.node_count as usize),
         };
         body.with_mesh(mesh)
     }
@@ -184,7 +185,7 @@ impl Source {
             Self::Cases { database, chosen } => Box::new(chosen.iter().map(|k| Ok(case(database, *k)))),
             Self::Recorded { track, every, .. } => {
                 Box::new(track.fields.iter().step_by(*every).map(|field| {
-                    let title = title(field.pressure_mpa, field.gap_mm);
+                    let title = title(field.header.pressure_mpa, field.header.gap_mm);
                     Ok(Moment { time: field.t_s, title, values: field.values.clone() })
                 }))
             }

@@ -3,7 +3,6 @@
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::recording_data::{RecordedState, RecordingData};
 use anyhow::Result;
-use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use std::path::Path;
@@ -17,9 +16,9 @@ const MAX_SHAPES: usize = 400;
 type Quantity = (&'static str, fn(&RecordedState) -> f64);
 
 const QUANTITIES: [Quantity; 4] = [
-    ("pressure [MPa]", |state| state.pressure_mpa),
-    ("gap [mm]", |state| state.gap_mm),
-    ("contact force [N]", |state| state.contact_force_n),
+    ("pressure [MPa]", |state| state.values.pressure_mpa),
+    ("gap [mm]", |state| state.values.gap_mm),
+    ("contact force [N]", |state| state.values.contact_force_n),
     (LATENCY, RecordedState::latency_ms),
 ];
 
@@ -31,10 +30,10 @@ const LATENCY: &str = "latency, sensor to published [ms]";
 /// # Errors
 /// What is wrong with the recording or the model.
 pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
-    let tape = RecordingData::read(path, false)?;
+    let data = RecordingData::read(path, false)?;
     let mut panels: Vec<Panel> = Vec::new();
     for (label, value) in QUANTITIES {
-        let series = tape.tracks.iter().enumerate().map(|(colour, (name, track))| {
+        let series = data.tracks.iter().enumerate().map(|(colour, (name, track))| {
             let points = track.states.iter().map(|state| (state.t_s, value(state)));
             line(name, colour, envelope(&points.filter(|point| point.1.is_finite()).collect::<Vec<_>>()))
         });
@@ -42,19 +41,16 @@ pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
     }
     if let Some(model) = model {
         let mut peaks = [Vec::new(), Vec::new()];
-        for (colour, (name, track)) in tape.tracks.iter().enumerate() {
-            let states = track.thinned(MAX_SHAPES).filter(|state| state.has_reading());
-            let found = largest(model, states)?;
-            let column = |k: usize| found.iter().map(|(t_s, values)| (*t_s, values[k])).collect();
-            for (k, series) in peaks.iter_mut().enumerate() {
-                series.push(line(name, colour, column(k)));
+        for (colour, (name, track)) in data.tracks.iter().enumerate() {
+            for (series, points) in peaks.iter_mut().zip(largest(model, track.thinned(MAX_SHAPES))?) {
+                series.push(line(name, colour, points));
             }
         }
         let [displacement, stress] = peaks;
         panels.insert(3, panel("largest displacement [mm]", displacement));
         panels.insert(4, panel("largest von Mises stress [MPa]", stress));
     }
-    Ok(Figure { title: format!("{}, {:.1} s", tape.name, tape.duration_s), panels, columns: 2 })
+    Ok(Figure { title: format!("{}, {:.1} s", data.name, data.duration_s), panels, columns: 2 })
 }
 
 fn line(name: &str, colour: usize, points: Vec<(f64, f64)>) -> Series {
@@ -84,17 +80,18 @@ fn panel(label: &str, series: Vec<Series>) -> Panel {
     Panel { title: String::new(), x: Axis::linear("time [s]"), y, series, map: None }
 }
 
-/// Largest displacement (mm) and von Mises stress (MPa) of each state.
+/// Largest displacement (mm) and von Mises stress (MPa) of each state that stands for a reading, over time (s).
 fn largest<'a>(
     model: &Model,
     states: impl Iterator<Item = &'a RecordedState>,
-) -> Result<Vec<(f64, [f64; 2])>> {
+) -> Result<[Vec<(f64, f64)>; 2]> {
     let mut body = ModelState::new(model, &Selection::default())?;
-    let mut found = Vec::new();
-    for state in states {
-        let peaks = body.update(Inputs::new(state.pressure_mpa, state.gap_mm))?;
-        let value = |peak: Option<rom::kernel::Peak>| peak.map_or(f64::NAN, |peak| peak.value.into());
-        found.push((state.t_s, [value(peaks.displacement_mm), value(peaks.stress_mpa)]));
+    let mut found = [Vec::new(), Vec::new()];
+    for (t_s, inputs) in states.filter_map(|state| Some((state.t_s, state.inputs()?))) {
+        let peaks = body.update(inputs)?;
+        for (points, peak) in found.iter_mut().zip([peaks.displacement_mm, peaks.stress_mpa]) {
+            points.push((t_s, peak.map_or(f64::NAN, |peak| peak.value.into())));
+        }
     }
     Ok(found)
 }

@@ -69,7 +69,7 @@ function openRecording(message) {
 
 function addFrame(header, buffer, start) {
   const frame = { ...header, received_ms: performance.now() };
-  delete frame.fields; // until now the names
+  for (const name of ["fields", "coefficients", "group_sizes"]) delete frame[name]; // `fields` are the names until here
   if (header.count) {
     frame.fields = {};
     header.fields.forEach((name, k) => { frame.fields[name] = new Float32Array(buffer, start + 4 * k * header.count, header.count); });

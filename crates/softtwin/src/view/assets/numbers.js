@@ -4,7 +4,7 @@ const ROWS = [
   { name: "contact force", unit: "N", value: (f) => f.contact_force_n, digits: 3,
     more: (f) => [halfwidthText(f.force_halfwidth_n, 3, "N"), known(f.measured_force_n) ? `measured ${f.measured_force_n.toFixed(3)} N` : ""] },
   { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4,
-    more: (f) => [f.onset_pressure_mpa === null ? "plate out of reach" : known(f.onset_pressure_mpa) ? f.onset_pressure_mpa > 0 ? `contact from ${f.onset_pressure_mpa.toFixed(4)}` : "contact by weight" : ""] },
+    more: (f) => [f.onset_pressure_mpa === "Infinity" ? "plate out of reach" : known(f.onset_pressure_mpa) ? f.onset_pressure_mpa > 0 ? `contact from ${f.onset_pressure_mpa.toFixed(4)}` : "contact by weight" : ""] },
   { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", more: () => [] },
   { name: "largest stress", unit: "MPa", value: (f) => f.max_von_mises_mpa, digits: 3,
     more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), known(f.max_von_mises_node) ? `node ${f.max_von_mises_node}` : ""] },
