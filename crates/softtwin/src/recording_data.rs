@@ -3,17 +3,20 @@
 use crate::failure::configuration;
 use anyhow::{Context, Result};
 use recording::message::{decode, field_values};
-use recording::{Ending, Item, Message, Reader};
+use recording::{Ending, Item, Reader};
 use rom::inputs::Inputs;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
+use std::ops::Deref;
 use std::path::Path;
 use wire::{FieldHeader, State, Topic, TopicKind};
 
-/// Fields that are kept of one recording; with more, every second is let go until they fit.
+/// Fields that are kept of one actuator; of more, every second one is dropped until they fit.
 const MAX_FIELDS: usize = 600;
+/// States that pictures and the viewer keep of one actuator: 230 MB.
+pub const MAX_STATES: usize = 300_000;
 
 /// A recording.
 pub struct RecordingData {
@@ -26,14 +29,50 @@ pub struct RecordingData {
 }
 
 /// One actuator's part.
-#[derive(Default)]
 pub struct Track {
     /// States in order of time.
-    pub states: Vec<RecordedState>,
+    pub states: Thinned<RecordedState>,
     /// Recorded fields in order of time; empty unless asked for.
-    pub fields: Vec<RecordedField>,
+    pub fields: Thinned<RecordedField>,
+}
+
+/// A list of bounded length: when it is full, every second entry is dropped, and then only every second one comes in.
+pub struct Thinned<T> {
+    entries: Vec<T>,
+    max: usize,
     stride: usize,
-    seen: usize,
+    offered: usize,
+}
+
+impl<T> Thinned<T> {
+    fn new(max: usize) -> Self {
+        Self { entries: Vec::new(), max, stride: 1, offered: 0 }
+    }
+
+    /// Adds what `make` returns, unless it falls between two entries that are kept.
+    fn offer(&mut self, make: impl FnOnce() -> Option<T>) {
+        self.offered += 1;
+        if !(self.offered - 1).is_multiple_of(self.stride) {
+            return;
+        }
+        self.entries.extend(make());
+        if self.entries.len() > self.max {
+            let mut keep = false;
+            self.entries.retain(|_| {
+                keep = !keep;
+                keep
+            });
+            self.stride *= 2;
+        }
+    }
+}
+
+impl<T> Deref for Thinned<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.entries
+    }
 }
 
 /// A recorded state.
@@ -74,12 +113,28 @@ struct FieldText {
     values: String,
 }
 
+impl RecordedState {
+    fn read(data: &[u8], t_s: f64) -> Option<Self> {
+        Some(Self { t_s, values: decode(data).ok()? })
+    }
+}
+
+impl RecordedField {
+    fn read(data: &[u8], t_s: f64) -> Option<Self> {
+        let header: FieldHeader = decode(data).ok()?;
+        let text: FieldText = serde_json::from_slice(data).ok()?;
+        let values = field_values(&text.values)?;
+        (values.len() as u64 == header.entries()).then_some(Self { t_s, header, values })
+    }
+}
+
 impl RecordingData {
-    /// Reads a recording; of fields at most some hundreds, evenly thinned, and none unless wanted.
+    /// Reads a recording; of each actuator at most `max_states` states, evenly thinned, and of fields at most some hundreds,
+    /// none unless wanted.
     ///
     /// # Errors
     /// A file that is no recording, or one without a state or field in it.
-    pub fn read(path: &Path, with_fields: bool) -> Result<Self> {
+    pub fn read(path: &Path, with_fields: bool, max_states: usize) -> Result<Self> {
         let place = || path.display().to_string();
         let file = File::open(path).with_context(place)?;
         let mut reader = Reader::new(BufReader::new(file)).with_context(place).map_err(configuration)?;
@@ -91,10 +146,12 @@ impl RecordingData {
             let start = *first_ns.get_or_insert(message.log_time_ns);
             last_ns = last_ns.max(message.log_time_ns);
             let t_s = message.log_time_ns.saturating_sub(start) as f64 * 1e-9;
-            let track = tracks.entry(topic.actuator().to_owned()).or_default();
+            let track = tracks.entry(topic.actuator().to_owned()).or_insert_with(|| Track::new(max_states));
             match topic.kind() {
-                TopicKind::State => track.add_state(&message, t_s),
-                TopicKind::Field if with_fields => track.add_field(&message, t_s),
+                TopicKind::State => track.states.offer(|| RecordedState::read(&message.data, t_s)),
+                TopicKind::Field if with_fields => {
+                    track.fields.offer(|| RecordedField::read(&message.data, t_s));
+                }
                 _ => {}
             }
         }
@@ -102,6 +159,10 @@ impl RecordingData {
         if tracks.is_empty() {
             let expected = "expected a recording with states (softtwin/NAME/state), found none";
             return Err(configuration(anyhow::anyhow!("{}: {expected}", place())));
+        }
+        for (actuator, track) in tracks.iter().filter(|(_, track)| track.states.stride > 1) {
+            let Thinned { offered, stride, .. } = track.states;
+            tracing::warn!("{actuator}: of {offered} recorded states one in {stride} is used");
         }
         if let Some(ending) = reader.ending().filter(|ending| **ending != Ending::Complete) {
             tracing::warn!("{} is not whole, what can be read is used: {ending:?}", place());
@@ -115,33 +176,8 @@ impl RecordingData {
 }
 
 impl Track {
-    fn add_state(&mut self, message: &Message, t_s: f64) {
-        if let Ok(values) = decode(&message.data) {
-            self.states.push(RecordedState { t_s, values });
-        }
-    }
-
-    fn add_field(&mut self, message: &Message, t_s: f64) {
-        self.seen += 1;
-        if !(self.seen - 1).is_multiple_of(self.stride.max(1)) {
-            return;
-        }
-        let header = decode::<FieldHeader>(&message.data).ok();
-        let text = serde_json::from_slice::<FieldText>(&message.data).ok();
-        let values = text.and_then(|text| field_values(&text.values));
-        let (Some(header), Some(values)) = (header, values) else { return };
-        if values.len() as u64 != header.entries() {
-            return;
-        }
-        self.fields.push(RecordedField { t_s, header, values });
-        if self.fields.len() > MAX_FIELDS {
-            let mut keep = false;
-            self.fields.retain(|_| {
-                keep = !keep;
-                keep
-            });
-            self.stride = 2 * self.stride.max(1);
-        }
+    fn new(max_states: usize) -> Self {
+        Self { states: Thinned::new(max_states), fields: Thinned::new(MAX_FIELDS) }
     }
 
     /// The newest state at a time; the first one before it.
@@ -159,5 +195,19 @@ impl Track {
     /// Every n-th state, so that at most about `most` remain.
     pub fn thinned(&self, most: usize) -> impl Iterator<Item = &RecordedState> {
         self.states.iter().step_by(self.states.len().div_ceil(most.max(1)).max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thinned_list_is_bounded_and_stays_even() {
+        let mut list = Thinned::new(100);
+        (0..100_000).for_each(|k| list.offer(|| Some(k)));
+        assert!(list.len() <= 100 && list.len() > 40, "{}", list.len());
+        let step = list[1] - list[0];
+        assert!(list[0] == 0 && list.windows(2).all(|pair| pair[1] - pair[0] == step), "{:?}", &list[..]);
     }
 }

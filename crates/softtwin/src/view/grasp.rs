@@ -1,12 +1,12 @@
 //! Grasps, as texts for the page.
 
 use super::hub::Hub;
-use recording::message::Json;
-use serde::Serialize;
+use crate::live;
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use wire::layout::unpack_name;
-use wire::{Bus, GraspReader, Payload, Topic, WireError};
+use wire::{Bus, GraspReader, Topic, WireError};
 
 /// A person reads no faster.
 const INTERVAL: Duration = Duration::from_millis(100);
@@ -16,13 +16,6 @@ const INTERVAL: Duration = Duration::from_millis(100);
 pub struct Grasps {
     readers: BTreeMap<String, GraspReader>,
     notified: Option<Instant>,
-}
-
-#[derive(Serialize)]
-#[serde(tag = "type", rename = "grasp")]
-struct GraspNotification<'a> {
-    #[serde(flatten)]
-    grasp: Json<'a>,
 }
 
 impl Grasps {
@@ -42,11 +35,9 @@ impl Grasps {
         self.notified = Some(Instant::now());
         self.readers.retain(|topic, reader| match reader.newest() {
             Ok(Some(grasp)) => {
-                let notification = GraspNotification { grasp: Json(grasp.view()) };
-                hub.notify_grasp(
-                    &unpack_name(&grasp.scene),
-                    serde_json::to_string(&notification).unwrap_or_default(),
-                ); // plain numbers and texts
+                let scene = unpack_name(&grasp.scene);
+                let text = format!("{scene}: {}", live::text::grasp(&grasp));
+                hub.notify_grasp(&scene, json!({ "type": "grasp", "text": text }).to_string());
                 true
             }
             Ok(None) => true,

@@ -3,7 +3,7 @@
 use super::catalogue::Catalogue;
 use super::frame::{FrameHead, bits, encode};
 use super::hub::Hub;
-use crate::recording_data::{RecordedState, RecordingData, Track};
+use crate::recording_data::{MAX_STATES, RecordedState, RecordingData, Track};
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -205,11 +205,11 @@ impl Player {
 
 /// Recorded fields are only needed where no model can make them again.
 fn read(path: &Path, catalogue: &Catalogue) -> Result<RecordingData> {
-    let data = RecordingData::read(path, false)?;
+    let data = RecordingData::read(path, false, MAX_STATES)?;
     let mut states = data.tracks.values().flat_map(|track| track.states.last());
     let all_known = !data.tracks.values().any(|track| track.states.is_empty())
         && states.all(|state| catalogue.find(state.values.model_hash).is_some());
-    if all_known { Ok(data) } else { RecordingData::read(path, true) }
+    if all_known { Ok(data) } else { RecordingData::read(path, true, MAX_STATES) }
 }
 
 impl<'a> Strip<'a> {

@@ -5,7 +5,7 @@ use super::frame::{FrameHead, bits, encode};
 use super::grasp::Grasps;
 use super::hub::Hub;
 use anyhow::{Context, Result};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -58,7 +58,7 @@ impl Reader {
     /// When the domain cannot be joined.
     pub fn run(self, stop: &AtomicBool) -> Result<()> {
         let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
-        let (mut sources, mut grasps) = (BTreeMap::new(), Grasps::default());
+        let (mut sources, mut grasps, mut warned) = (BTreeMap::new(), Grasps::default(), BTreeSet::new());
         let mut scanned: Option<Instant> = None;
         while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(TICK);
@@ -72,7 +72,7 @@ impl Reader {
                 continue;
             }
             if scanned.is_none_or(|at| at.elapsed() > SCAN_INTERVAL) {
-                self.open_new_topics(&bus, &mut sources, &mut grasps);
+                self.open_new_topics(&bus, &mut sources, &mut grasps, &mut warned);
                 scanned = Some(Instant::now());
             }
             grasps.update(&self.hub);
@@ -87,14 +87,18 @@ impl Reader {
     }
 
     /// Opens ports of new topics: of the fields the surface, else all nodes, else any node set.
-    fn open_new_topics(&self, bus: &Bus, sources: &mut BTreeMap<String, Source>, grasps: &mut Grasps) {
-        let topics = match bus.topics(&self.key) {
-            Ok(topics) => topics,
-            Err(error) => {
-                tracing::warn!("topics cannot be listed: {error}");
-                return;
-            }
-        };
+    /// A topic that cannot be opened is skipped and tried again; `warned` has those that were logged.
+    fn open_new_topics(
+        &self,
+        bus: &Bus,
+        sources: &mut BTreeMap<String, Source>,
+        grasps: &mut Grasps,
+        warned: &mut BTreeSet<String>,
+    ) {
+        let topics = bus.topics(&self.key).unwrap_or_else(|error| {
+            tracing::warn!("topics cannot be listed: {error}");
+            Vec::new()
+        });
         let rank = |topic: &Topic| match topic.node_set() {
             Some(SURFACE) => 0,
             None => 1,
@@ -104,20 +108,18 @@ impl Reader {
             topics.into_iter().filter(|info| !info.writers.is_empty()).map(|info| info.topic).collect();
         live.sort_by_key(rank);
         for topic in live {
-            let source = match topic.kind() {
-                TopicKind::Field | TopicKind::State => sources
-                    .entry(topic.actuator().to_owned())
-                    .or_insert_with(|| Source::new(topic.actuator())),
-                TopicKind::Grasp => {
-                    if let Err(error) = grasps.open(bus, &topic) {
-                        tracing::warn!("cannot be read: {error}");
-                    }
-                    continue;
+            let opened = match topic.kind() {
+                TopicKind::Field | TopicKind::State => {
+                    let source = sources.entry(topic.actuator().to_owned());
+                    source.or_insert_with(|| Source::new(topic.actuator())).open(bus, &topic)
                 }
-                TopicKind::Sensor | TopicKind::Health | TopicKind::Command => continue,
+                TopicKind::Grasp => grasps.open(bus, &topic),
+                TopicKind::Sensor | TopicKind::Health | TopicKind::Command => Ok(()),
             };
-            if let Err(error) = source.open(bus, &topic) {
-                tracing::warn!("cannot be read: {error}");
+            if let Err(error) = opened
+                && warned.insert(topic.name().to_owned())
+            {
+                tracing::warn!("not shown (topic {} of these): {error}", warned.len());
             }
         }
     }

@@ -118,7 +118,7 @@ impl Source {
     }
 
     fn recording(options: &Options, path: &Path) -> Result<Self> {
-        let mut data = RecordingData::read(path, options.model.is_none())?;
+        let mut data = RecordingData::read(path, options.model.is_none(), usize::MAX)?;
         let names: Vec<String> = data.tracks.keys().cloned().collect();
         let name = match (&options.actuator, names.as_slice()) {
             (Some(name), _) => name.clone(),

@@ -164,12 +164,9 @@ function alarm(text) {
 }
 
 // Whether the gripper holds its object, and where to stop inflating.
-function showGrasp({ scene, grasp_status, least_force_n, needed_force_n, stop_pressure_mpa }) {
-  const stop = Number.isFinite(stop_pressure_mpa) ? `first held at ${stop_pressure_mpa.toFixed(4)} MPa` : "no sampled pressure holds it";
-  const force = Number.isFinite(least_force_n) ? least_force_n.toFixed(3) : "?";
+function showGrasp({ text }) {
   at("grasp").hidden = false;
-  at("grasp").textContent = `${scene}: ${grasp_status} · ${force} of ${needed_force_n.toFixed(3)} N a finger · ${stop}`;
-  at("grasp").dataset.status = grasp_status;
+  at("grasp").textContent = text;
 }
 
 function notice(text) {
