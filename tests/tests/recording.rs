@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tests::wait::{wait_for, wait_state};
 use tests::{PATIENCE, Program, Stage};
-use wire::{Bus, KeyExpr, Payload, SensorReader, SensorSample, State, StateReader, Topic};
+use wire::{Bus, KeyExpr, Payload, SensorReader, SensorSample, SensorWriter, State, StateReader, Topic};
 
 const STEADY: &str = r#"kind = "simulate"
 rate_hz = 200.0
@@ -161,4 +161,97 @@ fn a_killed_recorder_leaves_all_but_the_last_second() {
         "{count} readings in {span_s} s: nothing is missing between"
     );
     assert!(bridge.stop().0.success());
+}
+
+/// A topic of the domain that a program of another version made: everybody names it, and goes on with the others.
+#[test]
+fn a_topic_of_another_layout_stops_nobody() {
+    let stage = Stage::new("foreign");
+    let scene = stage.finger(STEADY);
+    let _bridge = Program::bridge(&stage, &scene);
+    let bus = stage.bus();
+    let foreign = Topic::state("foreign").unwrap();
+    let _foreign = SensorWriter::create(&bus, &foreign).unwrap();
+    let out = stage.path("run.mcap").display().to_string();
+    for arguments in [
+        &["record", "--out", &out, "--seconds", "1"][..],
+        &["echo", "softtwin/**", "--count", "3"],
+        &["hz", "softtwin/**", "--seconds", "1"],
+        &["top", "--once"],
+    ] {
+        let (status, said) = Program::tool(&stage, arguments).end();
+        let said = said.join("\n");
+        assert!(status.success(), "{arguments:?}: {said}");
+        assert!(said.contains(foreign.name()), "{arguments:?} does not name it: {said}");
+    }
+    assert!(count_and_span(Path::new(&out)).0 > 0, "the healthy topic is recorded");
+    let (status, said) = Program::tool(&stage, &["echo", foreign.name()]).end();
+    assert_eq!(status.code(), Some(1), "{said:?}");
+}
+
+/// A recorder of the stage's domain that reads the bridge's readings, with what stands behind its command line in a shell.
+fn recorder(stage: &Stage, path: &Path, redirect: &str) -> Program {
+    let line = format!("exec softtwin record --out '{}' {redirect}", path.display());
+    let recorder = Program::shell(stage, &line);
+    wait_listening(&stage.bus(), &recorder, 1);
+    recorder
+}
+
+/// Waits until more of the file can be read than now.
+fn wait_recorded(path: &Path) {
+    let (before, end) = (count_and_span(path).0, Instant::now() + PATIENCE);
+    while count_and_span(path).0 <= before + 100 {
+        assert!(Instant::now() < end, "nothing is recorded any more");
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn neither_a_closed_terminal_nor_an_unwritable_log_ends_a_recorder() {
+    let stage = Stage::new("hangup");
+    let _bridge = Program::bridge(&stage, &stage.finger(STEADY));
+    for (name, redirect) in [("full", "2>/dev/full"), ("closed", "2>&-")] {
+        let path = stage.path(&format!("{name}.mcap"));
+        let mut recorder = recorder(&stage, &path, redirect);
+        recorder.signal(libc::SIGHUP);
+        wait_recorded(&path);
+        recorder.signal(libc::SIGINT);
+        let (status, said) = recorder.end();
+        assert!(status.success(), "{name}: {status}, {said:?}");
+        assert_eq!(contents(&path).2, Ending::Complete);
+    }
+}
+
+/// The limit on the size of a file (SIGXFSZ) is a full disk: reported, and what is written stays readable.
+#[test]
+fn a_limit_on_the_size_of_files_ends_a_recorder_as_a_full_disk_does() {
+    let stage = Stage::new("filesize");
+    let _bridge = Program::bridge(&stage, &stage.finger(STEADY));
+    let path = stage.path("run.mcap");
+    let mut recorder = recorder(&stage, &path, "");
+    wait_recorded(&path);
+    let length = std::fs::metadata(&path).unwrap().len() + 4096;
+    let limit = libc::rlimit { rlim_cur: length, rlim_max: length };
+    // SAFETY: the process is our own child and not yet waited for; the limit lives across the call.
+    let set =
+        unsafe { libc::prlimit(recorder.id() as i32, libc::RLIMIT_FSIZE, &limit, std::ptr::null_mut()) };
+    assert_eq!(set, 0, "the limit can be set");
+    let (status, said) = recorder.end();
+    assert_eq!(status.code(), Some(1), "{status}, {said:?}");
+    assert!(said.iter().any(|line| line.contains("recording stopped: File too large")), "{said:?}");
+    let (readings, _, ending) = contents(&path);
+    assert!(readings.len() > 100 && matches!(ending, Ending::Truncated { .. }), "{ending:?}");
+}
+
+#[test]
+fn a_file_deleted_under_a_recorder_ends_it() {
+    let stage = Stage::new("deleted");
+    let _bridge = Program::bridge(&stage, &stage.finger(STEADY));
+    let path = stage.path("run.mcap");
+    let mut recorder = recorder(&stage, &path, "");
+    wait_recorded(&path);
+    std::fs::remove_file(&path).unwrap();
+    let (status, said) = recorder.end();
+    assert_eq!(status.code(), Some(1), "{status}, {said:?}");
+    assert!(said.iter().any(|line| line.contains("run.mcap was deleted")), "{said:?}");
 }

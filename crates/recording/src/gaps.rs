@@ -47,7 +47,12 @@ mod tests {
         assert_eq!(observe(1, 15), Some(Gap { expected_seq: 12, found_seq: 15 }));
         assert_eq!(observe(2, 900), None, "another boot id is another publisher");
         assert_eq!(observe(2, 899), None, "backwards is not a loss");
-        assert_eq!(observe(2, u64::MAX).map(Gap::missing), Some(u64::MAX - 900));
+        assert_eq!(
+            observe(2, 902),
+            Some(Gap { expected_seq: 900, found_seq: 902 }),
+            "two were lost after 899"
+        );
+        assert_eq!(observe(2, u64::MAX).map(Gap::missing), Some(u64::MAX - 903));
         assert_eq!(observe(2, u64::MAX), None);
     }
 }

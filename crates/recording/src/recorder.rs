@@ -62,7 +62,7 @@ impl Recorder {
     ///
     /// # Errors
     /// [`RecordError`], also when one of these topics cannot be read. Later ones are tried again and stand in
-    /// [`RecordSummary::troubles`] meanwhile.
+    /// [`RecordSummary::troubles`] meanwhile. Topics of another version are skipped.
     pub fn start(domain: &Domain, options: RecorderOptions) -> Result<Self, RecordError> {
         let (place, keys) = (domain.clone(), options.keys.clone());
         Self::start_with(domain, options, || {
@@ -98,13 +98,14 @@ impl Recorder {
         }
     }
 
-    /// Waits until all topics of the first scan are open. One that is just being created or removed is not waited for.
+    /// Waits until all topics of the first scan are open. One that is just being created or removed, or that a program of
+    /// another version made, is not waited for.
     fn open_topics(&mut self) -> Result<(), RecordError> {
         let topics = receive(&mut self.threads, &self.scans)??;
         let tries = topics.into_iter().map(|topic| self.follow(topic)).collect::<Result<Vec<_>, _>>()?;
         for opened in tries.into_iter().flatten() {
             match receive(&mut self.threads, &opened)? {
-                Ok(()) | Err(WireError::InFlux { .. }) => {}
+                Ok(()) | Err(WireError::InFlux { .. } | WireError::Incompatible { .. }) => {}
                 Err(error) => return Err(error.into()),
             }
         }
@@ -153,16 +154,10 @@ impl Recorder {
     }
 
     fn follow_new(&mut self, result: ScanResult) -> Result<(), RecordError> {
-        let trouble = match result {
-            Ok(topics) => {
-                for topic in topics {
-                    self.follow(topic)?;
-                }
-                None
-            }
-            Err(error) => Some(error.to_string()),
-        };
-        self.queue.summary().set_trouble("topics", trouble);
+        self.queue.summary().set_trouble("topics", result.as_ref().err());
+        for topic in result.unwrap_or_default() {
+            self.follow(topic)?;
+        }
         Ok(())
     }
 

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, File};
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::writer::{Channel, WriteError, Writer};
@@ -100,9 +101,11 @@ impl RotatingWriter {
     /// Forces everything so far onto the medium.
     ///
     /// # Errors
-    /// [`WriteError`].
+    /// [`WriteError`], also when the file was deleted meanwhile.
     pub fn flush(&mut self) -> Result<(), WriteError> {
-        self.writer.as_mut().ok_or(WriteError::Ended)?.flush()
+        let writer = self.writer.as_mut().ok_or(WriteError::Ended)?;
+        writer.flush()?;
+        require_name(writer.store(), self.files.back())
     }
 
     /// Closes the last file.
@@ -123,7 +126,8 @@ impl RotatingWriter {
 
     fn close(&mut self) -> Result<(), WriteError> {
         self.started_ns = None;
-        self.writer.take().ok_or(WriteError::Ended)?.finish().map(|_| ())
+        let file = self.writer.take().ok_or(WriteError::Ended)?.finish()?;
+        require_name(&file, self.files.back())
     }
 
     fn open_next(&mut self) -> Result<(), WriteError> {
@@ -172,5 +176,13 @@ impl RotatingWriter {
         let stem = self.base.file_stem().unwrap_or_default().to_string_lossy();
         let suffix = self.base.extension().map_or("mcap".into(), |suffix| suffix.to_string_lossy());
         self.base.with_file_name(format!("{stem}-{:04}.{suffix}", self.number))
+    }
+}
+
+/// A file without a name vanishes with the last program that has it open.
+fn require_name(file: &File, path: Option<&PathBuf>) -> Result<(), WriteError> {
+    match file.metadata().map(|about| about.nlink()) {
+        Ok(0) => Err(WriteError::Deleted { path: path.cloned().unwrap_or_default() }),
+        _ => Ok(()),
     }
 }

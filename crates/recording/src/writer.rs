@@ -62,6 +62,12 @@ pub enum WriteError {
         /// The system's error.
         cause: io::Error,
     },
+    /// Somebody removed the file.
+    #[error("{} was deleted while it was being recorded; what it held is lost. Start again with another file", path.display())]
+    Deleted {
+        /// The file.
+        path: PathBuf,
+    },
     /// An earlier write failed; nothing more is written to this file.
     #[error("the recording already ended with a failed write; open a new file")]
     Ended,
@@ -105,6 +111,11 @@ impl<S: Store> Writer<S> {
         };
         writer.write_staged()?;
         Ok(writer)
+    }
+
+    /// What is written to.
+    pub fn store(&self) -> &S {
+        &self.store
     }
 
     /// Bytes in the file and in the open chunk (before compression).

@@ -266,6 +266,23 @@ fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     assert_eq!(left.filter(|entry| entry.file_name().to_string_lossy().starts_with("few")).count(), 2);
 }
 
+/// Written to, a deleted file looks like any other; what it holds is gone when the recorder ends.
+#[test]
+fn a_file_deleted_while_it_is_recorded_is_noticed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let base = folder.path().join("run.mcap");
+    let create = || RotatingWriter::create(&base, RotateOptions::default()).expect("a file");
+    let mut flushed = create();
+    flushed.flush().expect("still there");
+    std::fs::remove_file(&base).expect("removed");
+    for error in [flushed.flush().err(), flushed.finish().err()] {
+        assert!(matches!(&error, Some(WriteError::Deleted { path }) if *path == base), "{error:?}");
+    }
+    let renamed = create();
+    std::fs::rename(&base, folder.path().join("other.mcap")).expect("renamed");
+    renamed.finish().expect("a renamed file keeps what is written");
+}
+
 #[test]
 fn an_existing_recording_is_never_overwritten() {
     let folder = tempfile::tempdir().expect("a folder");

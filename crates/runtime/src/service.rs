@@ -1,7 +1,7 @@
 //! What every program that goes on running needs from the system: log, signals, the service manager.
 
 use sd_notify::NotifyState;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use std::io::{IsTerminal, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -57,6 +57,18 @@ pub fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
         signal_hook::flag::register(signal, stop.clone())?;
     }
     Ok(stop)
+}
+
+/// Ignores what would end a recorder that can go on: SIGHUP (its terminal was closed) and SIGXFSZ (a write beyond the limit of
+/// a file's size, which fails then instead).
+///
+/// # Errors
+/// The system's refusal to handle signals.
+pub fn ignore_hangup_and_size_limit() -> std::io::Result<()> {
+    for signal in [SIGHUP, SIGXFSZ] {
+        signal_hook::flag::register(signal, Arc::default())?;
+    }
+    Ok(())
 }
 
 /// A flag that SIGHUP sets: read the configuration again.

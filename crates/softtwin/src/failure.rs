@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::fmt::Display;
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
 /// A mistake of the user, which no repetition of the command will cure.
@@ -15,7 +15,6 @@ struct Mistake {
 
 /// Prints a command's error and returns the exit code of the program: 0 when everything was done, or the reader of the output
 /// closed the pipe; 1 run-time failure, 2 usage, 78 configuration.
-#[expect(clippy::print_stderr, reason = "the last output of the program; nothing else can report it")]
 pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     let Err(error) = result else { return ExitCode::SUCCESS };
     let is_broken_pipe = |cause: &(dyn Error + 'static)| {
@@ -24,7 +23,8 @@ pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
         return ExitCode::SUCCESS;
     }
-    eprintln!("{program}: {error:#}");
+    // A standard error that cannot be written (a full disk) leaves the exit code as the only report.
+    let _ = writeln!(io::stderr(), "{program}: {error:#}");
     ExitCode::from(error.downcast_ref::<Mistake>().map_or(1, |mistake| mistake.exit_code))
 }
 

@@ -8,7 +8,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use wire::layout::{hex, unpack_name};
-use wire::{AnySample, Stamp, State, Topic, now_ns};
+use wire::{AnySample, Stamp, State, Topic, WireError, now_ns};
 
 use super::summary::{RecordError, RecordSummary};
 use crate::gaps::GapCounter;
@@ -107,7 +107,7 @@ impl QueueSink {
     }
 
     /// Notes why the topic cannot be recorded, or that it can.
-    pub fn set_trouble(&self, cause: Option<String>) {
+    pub fn set_trouble(&self, cause: Option<&WireError>) {
         self.queue.summary().set_trouble(self.topic.name(), cause);
     }
 

@@ -37,6 +37,8 @@ pub struct RecordSummary {
     pub dropped: u64,
     /// What cannot be recorded at the moment, and why: by topic, or `topics` when they cannot be listed. Tried again and again.
     pub troubles: BTreeMap<String, String>,
+    /// Topics that a program of another version made, and what is different; they are not recorded.
+    pub skipped: BTreeMap<String, String>,
     /// The files; known at the end.
     pub files: RotateSummary,
 }
@@ -57,10 +59,13 @@ impl RecordSummary {
     }
 
     /// Notes why `what` cannot be recorded, or that it can.
-    pub(super) fn set_trouble(&mut self, what: &str, cause: Option<String>) {
-        match cause {
-            Some(cause) => _ = self.troubles.insert(what.to_owned(), cause),
-            None => _ = self.troubles.remove(what),
+    pub(super) fn set_trouble(&mut self, what: &str, cause: Option<&WireError>) {
+        self.troubles.remove(what);
+        self.skipped.remove(what);
+        if let Some(cause) = cause {
+            let is_foreign = matches!(cause, WireError::Incompatible { .. });
+            let notes = if is_foreign { &mut self.skipped } else { &mut self.troubles };
+            notes.insert(what.to_owned(), cause.to_string());
         }
     }
 }

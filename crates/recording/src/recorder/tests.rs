@@ -243,3 +243,43 @@ fn a_failed_scan_is_a_trouble_until_one_succeeds() {
     });
     assert_eq!((summary.missing, summary.files.messages), (0, place.sent));
 }
+
+/// A program of another version in the domain: its topic is named and skipped, at the start and later, and nothing else.
+#[test]
+fn a_topic_of_another_layout_is_skipped_and_the_others_are_recorded() {
+    let mut place = Place::new();
+    let foreign = |actuator| {
+        let topic = Topic::state(actuator).unwrap();
+        let writer = SensorWriter::create(&place.bus, &topic).unwrap();
+        (topic.name().to_owned(), writer)
+    };
+    let (early, _early) = foreign("early");
+    let recorder = Recorder::start(&place.domain, place.options()).unwrap();
+    let (late, _late) = foreign("late");
+    let summary = while_recording(recorder, |reported| {
+        place.publish_and_see_all_recorded(reported);
+        reported.wait("both", |summary| summary.skipped.contains_key(&late));
+    });
+    assert_eq!(summary.skipped.keys().collect::<Vec<_>>(), [&early, &late]);
+    assert!(summary.skipped.values().all(|cause| cause.contains("another version")), "{summary:?}");
+    assert_eq!((summary.missing, summary.files.messages), (0, place.sent));
+    assert!(summary.troubles.is_empty());
+}
+
+/// A recorder without its scan would never see another topic: it ends, with the thread's name.
+#[test]
+fn a_thread_that_panics_ends_the_recording() {
+    let place = Place::new();
+    let mut scans = 0;
+    let recorder = Recorder::start_with(&place.domain, place.options(), move || {
+        move || {
+            scans += 1;
+            assert!(scans < 2, "scan {scans}");
+            Ok(Vec::new())
+        }
+    });
+    let mut recorder = recorder.unwrap();
+    let error = recorder.run(&AtomicBool::new(false), |_| {}).unwrap_err().to_string();
+    assert!(error.contains("`topic scan` ended") && error.contains("scan 2"), "{error}");
+    recorder.finish().unwrap();
+}

@@ -19,7 +19,7 @@ pub type Opened = Result<(), WireError>;
 pub fn keep_moving(domain: &Domain, mut sink: QueueSink, opened: &Sender<Opened>, stop: &StopFlag) {
     while !stop.is_set() {
         if let Err(error) = open_and_move(domain, &mut sink, opened, stop) {
-            sink.set_trouble(Some(error.to_string()));
+            sink.set_trouble(Some(&error));
             report(opened, Err(error));
             stop.pause(RETRY);
         }

@@ -1,7 +1,8 @@
 //! `softtwin hz`.
 
-use crate::live::{self, DomainArgs, Latencies, PercentilesUs, Readers, SequenceTracker};
+use crate::live::{self, DomainArgs, Latencies, PercentilesUs, Readers};
 use crate::output;
+use recording::{Gap, GapCounter};
 use serde_json::json;
 use std::time::{Duration, Instant};
 use wire::layout::flags;
@@ -34,18 +35,20 @@ pub struct Args {
 /// What one topic did in the current second.
 struct Meter {
     count: u64,
-    sequence: SequenceTracker,
+    lost: u64,
+    gaps: GapCounter,
     latencies: Latencies,
 }
 
 impl Meter {
     fn new() -> anyhow::Result<Self> {
-        Ok(Self { count: 0, sequence: SequenceTracker::default(), latencies: Latencies::new()? })
+        Ok(Self { count: 0, lost: 0, gaps: GapCounter::default(), latencies: Latencies::new()? })
     }
 
     fn record(&mut self, sample: &AnySample) {
         self.count += 1;
-        self.sequence.record(&sample.stamp());
+        let lost = self.gaps.observe(sample.stamp()).map_or(0, Gap::missing);
+        self.lost = self.lost.saturating_add(lost);
         if let Some(t_sensor_ns) = reading_time_ns(sample) {
             self.latencies.record_ns(now_ns().saturating_sub(t_sensor_ns));
         }
@@ -92,7 +95,7 @@ impl Args {
 
     fn show(&self, topic: &str, meter: &mut Meter, elapsed: Duration) -> anyhow::Result<()> {
         let rate_hz = meter.count as f64 / elapsed.as_secs_f64();
-        let lost = meter.sequence.take_lost();
+        let lost = std::mem::take(&mut meter.lost);
         let latency = meter.latencies.percentiles_us();
         if self.json {
             output::json(

@@ -23,8 +23,8 @@ Examples:
     softtwin record --out run.mcap --rotate-minutes 60 --keep 48
 
 A kill or a power cut loses at most the last second; the file reads without its footer. Open it with any MCAP viewer, with
-`softtwin replay`, `softtwin export`. It ends with exit code 1 when the disk is full (what is written stays readable), and when
-a topic could not be recorded to the end.";
+`softtwin replay`, `softtwin export`. It ends with exit code 1 when the disk is full (what is written stays readable), when its
+file is deleted, and when a topic could not be recorded to the end. A closed terminal (SIGHUP) does not end it.";
 
 /// Record readings, states, health and, if asked, fields into MCAP files.
 #[derive(clap::Args)]
@@ -69,15 +69,23 @@ impl Args {
     pub fn run(self) -> Result<()> {
         let options = self.options()?;
         let stop = runtime::service::stop_flag()?;
+        runtime::service::ignore_hangup_and_size_limit()?;
         let mut recorder = Recorder::start(&self.domain.domain(), options)?;
         let end = self.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
         let bar = progress();
-        let mut troubles = BTreeMap::new();
+        let (mut troubles, mut skipped) = (BTreeMap::new(), BTreeMap::new());
         let ran = recorder.run(&stop, |summary| {
             bar.set_message(line(summary));
             if troubles != summary.troubles {
                 bar.suspend(|| say_what_is_new(&troubles, &summary.troubles));
                 troubles.clone_from(&summary.troubles);
+            }
+            if skipped != summary.skipped {
+                let is_new = |(topic, _): &(&String, &String)| !skipped.contains_key(*topic);
+                let causes: Vec<&String> =
+                    summary.skipped.iter().filter(is_new).map(|(_, cause)| cause).collect();
+                bar.suspend(|| causes.iter().for_each(|cause| tracing::warn!("not recorded: {cause}")));
+                skipped.clone_from(&summary.skipped);
             }
             if end.is_some_and(|end| Instant::now() >= end) {
                 stop.store(true, Ordering::Relaxed);
@@ -118,6 +126,7 @@ impl Args {
                 "missing": summary.missing,
                 "dropped": summary.dropped,
                 "troubles": summary.troubles,
+                "skipped": summary.skipped,
                 "written": summary.files.messages,
                 "files": files,
                 "files_removed": summary.files.removed,
@@ -131,6 +140,10 @@ impl Args {
             summary.missing,
             summary.dropped
         )?;
+        if !summary.skipped.is_empty() {
+            let topics: Vec<&str> = summary.skipped.keys().map(String::as_str).collect();
+            output!("{} topics of another version were skipped: {}", topics.len(), topics.join(", "))?;
+        }
         output!("{} messages in {}", summary.files.messages, files.join(", "))?;
         Ok(())
     }

@@ -3,12 +3,10 @@
 pub mod json;
 mod latency;
 mod readers;
-mod sequence;
 pub mod text;
 
 pub use latency::{Latencies, PercentilesUs};
 pub use readers::Readers;
-pub use sequence::SequenceTracker;
 
 use crate::failure::usage;
 use std::path::PathBuf;

@@ -18,14 +18,28 @@ pub struct Readers {
 }
 
 impl Readers {
-    /// Opens all topics that `key` matches. Reads for `limit` at most, and until SIGINT or SIGTERM.
+    /// Opens all topics that `key` matches; those of another version are named and skipped. Reads for `limit` at most, and until
+    /// SIGINT or SIGTERM.
     ///
     /// # Errors
-    /// No such topic, or one that cannot be opened.
+    /// No such topic, none of this version, or one that cannot be opened.
     pub fn open(bus: &Bus, key: &KeyExpr, limit: Option<Duration>) -> anyhow::Result<Self> {
         let topics = find(bus, key)?;
-        let open = topics.iter().map(|info| AnyReader::open(bus, &info.topic));
-        let readers = open.collect::<Result<Vec<_>, WireError>>()?;
+        let (mut readers, mut foreign) = (Vec::new(), Vec::new());
+        for info in &topics {
+            match AnyReader::open(bus, &info.topic) {
+                Err(error @ WireError::Incompatible { .. }) => foreign.push(error),
+                opened => readers.push(opened?),
+            }
+        }
+        if readers.is_empty()
+            && let Some(error) = foreign.pop()
+        {
+            return Err(error.into());
+        }
+        for (skipped, error) in (1..).zip(&foreign) {
+            tracing::warn!("skipped ({skipped} of {}): {error}", foreign.len());
+        }
         let wake = WakeSet::new(readers.iter().map(|reader| reader as &dyn Wakeable));
         let stop = runtime::service::stop_flag()?;
         Ok(Self { readers, turn: 0, wake, stop, end: limit.map(|limit| Instant::now() + limit) })

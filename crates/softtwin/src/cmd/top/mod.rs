@@ -11,7 +11,8 @@ use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use wire::{
-    Bus, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader, Topic, TopicKind, now_ns,
+    Bus, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader, Topic, TopicKind, WireError,
+    now_ns,
 };
 
 const EXAMPLES: &str = "\
@@ -62,6 +63,8 @@ struct TopicScan {
     twins: BTreeMap<String, Twin>,
     /// By scene.
     grasps: BTreeMap<String, (GraspReader, Option<Grasp>)>,
+    /// Actuators and scenes with topics of another version, and what is different.
+    skipped: BTreeMap<String, WireError>,
 }
 
 impl Args {
@@ -91,7 +94,7 @@ impl Args {
         }
     }
 
-    fn show(&self, TopicScan { twins, grasps }: &TopicScan, is_live: bool) -> Result<()> {
+    fn show(&self, TopicScan { twins, grasps, skipped }: &TopicScan, is_live: bool) -> Result<()> {
         let now = now_ns();
         if self.json {
             let all: Vec<Value> = twins
@@ -110,7 +113,10 @@ impl Args {
                 output!("{}", table::grasp_row(scene, grasp))?;
             }
         }
-        if twins.is_empty() {
+        for (name, error) in skipped {
+            output!("{name:<14.14} not shown: {error}")?;
+        }
+        if twins.is_empty() && skipped.is_empty() {
             output!("no twin in this domain matches {}; is `softtwind twin` running?", self.key)?;
         }
         Ok(())
@@ -121,15 +127,31 @@ impl TopicScan {
     /// Finds new twins and reads what is new of the known ones.
     fn update(&mut self, bus: &Bus, key: &KeyExpr) -> Result<()> {
         for topic in bus.names(key)? {
-            let name = topic.actuator();
-            let is_twin = matches!(topic.kind(), TopicKind::State | TopicKind::Health);
-            if is_twin && !self.twins.contains_key(name) {
-                self.twins.insert(name.to_owned(), Twin::attach(bus, name)?);
-            }
-            if topic.kind() == TopicKind::Grasp && !self.grasps.contains_key(name) {
-                self.grasps.insert(name.to_owned(), (GraspReader::attach(bus, &topic)?, None));
+            match self.add(bus, &topic) {
+                Err(error @ WireError::Incompatible { .. }) => {
+                    self.skipped.insert(topic.actuator().to_owned(), error);
+                }
+                added => added?,
             }
         }
+        self.read()?;
+        Ok(())
+    }
+
+    /// Opens what is new of an actuator or a scene.
+    fn add(&mut self, bus: &Bus, topic: &Topic) -> Result<(), WireError> {
+        let name = topic.actuator();
+        let is_twin = matches!(topic.kind(), TopicKind::State | TopicKind::Health);
+        if is_twin && !self.twins.contains_key(name) {
+            self.twins.insert(name.to_owned(), Twin::attach(bus, name)?);
+        }
+        if topic.kind() == TopicKind::Grasp && !self.grasps.contains_key(name) {
+            self.grasps.insert(name.to_owned(), (GraspReader::attach(bus, topic)?, None));
+        }
+        Ok(())
+    }
+
+    fn read(&mut self) -> Result<(), WireError> {
         for (reader, grasp) in self.grasps.values_mut() {
             *grasp = reader.newest()?.or(*grasp);
         }
@@ -142,7 +164,7 @@ impl TopicScan {
 }
 
 impl Twin {
-    fn attach(bus: &Bus, name: &str) -> Result<Self> {
+    fn attach(bus: &Bus, name: &str) -> Result<Self, WireError> {
         let states = StateReader::attach(bus, &Topic::state(name)?)?;
         let healths = HealthReader::attach(bus, &Topic::health(name)?)?;
         Ok(Self { states, healths, state: None, health: None })
