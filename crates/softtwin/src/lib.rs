@@ -18,8 +18,10 @@ pub mod progress;
 pub mod range;
 mod recording_data;
 pub mod resources;
+pub mod sweep;
 pub mod testbed;
 mod view;
 
 pub use cmd::Command;
 pub use cmd::bench::{compute, full_size, measure};
+pub use cmd::stability;

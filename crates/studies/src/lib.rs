@@ -11,6 +11,7 @@ mod restart;
 mod scale;
 mod soak;
 mod stats;
+mod sweep;
 mod trace;
 mod validate;
 pub mod verify;
@@ -24,6 +25,7 @@ pub enum Command {
     Trace(trace::Args),
     HardCases(hard_cases::Args),
     Scale(scale::Args),
+    Sweep(sweep::Args),
     Measure(measure::Args),
     Peers(peers::Args),
     Soak(soak::Args),
@@ -42,6 +44,7 @@ impl Command {
             Self::Trace(args) => args.run(),
             Self::HardCases(args) => args.run(),
             Self::Scale(args) => args.run(),
+            Self::Sweep(args) => args.run(),
             Self::Measure(args) => args.run(),
             Self::Peers(args) => args.run(),
             Self::Soak(args) => args.run(),

@@ -26,6 +26,7 @@ mod replay;
 mod sample;
 mod scene;
 mod simulate;
+pub mod stability;
 mod top;
 mod train;
 mod view;
@@ -73,4 +74,5 @@ commands! {
     Render => render,
     View => view,
     Bench => bench,
+    Stability => stability,
 }

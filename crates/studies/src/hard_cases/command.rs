@@ -1,6 +1,6 @@
 //! `softtwin-studies hard-cases`.
 
-use super::ending::{Ending, Outcome, Row};
+use super::ending::HEAD;
 use super::{hard_cases, run};
 use softtwin::output;
 use softtwin::progress::Progress;
@@ -40,13 +40,7 @@ impl Args {
             )));
         }
         if !self.json {
-            output!(
-                "{:<34}{:>10}  {:<34}  {:<34}  what is hard",
-                "case",
-                "bound",
-                "ours",
-                "the paper's method"
-            )?;
+            output!("{}", HEAD.trim_end())?;
         }
         let mut progress = Progress::new(self.json);
         let mut failed = Vec::new();
@@ -56,7 +50,7 @@ impl Args {
             if self.json {
                 output::json(&row)?
             } else {
-                print(&row)?
+                output!("{}", row.line().trim_end())?
             }
             if !row.passed() {
                 failed.push(row.case);
@@ -73,32 +67,4 @@ impl Args {
             failed.join(", ")
         ))
     }
-}
-
-fn print(row: &Row) -> anyhow::Result<()> {
-    let mark = if row.passed() { "" } else { "  FAILED" };
-    output!(
-        "{:<34}{:>10.1e}  {:<34}  {:<34}  {}{mark}",
-        row.case,
-        row.bound,
-        outcome(&row.ours),
-        outcome(&row.paper),
-        row.hard
-    )?;
-    if !row.ours.note.is_empty() {
-        output!("{:<34}{:>10}  note: {}", "", "", row.ours.note)?;
-    }
-    Ok(())
-}
-
-fn outcome(outcome: &Outcome) -> String {
-    let ending = match outcome.ending {
-        Ending::Correct => "correct",
-        Ending::Flagged => "flagged",
-        Ending::Refused => "refused",
-        Ending::SilentlyWrong => "WRONG",
-    };
-    let error = outcome.error.map_or(String::new(), |e| format!(" {e:.1e}"));
-    let condition = outcome.condition.map_or(String::new(), |c| format!(", cond {c:.1e}"));
-    format!("{ending}{error}{condition}")
 }

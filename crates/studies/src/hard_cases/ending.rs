@@ -51,4 +51,27 @@ impl Row {
     pub fn passed(&self) -> bool {
         self.ours.ending == self.expected
     }
+
+    /// A line of the table below [`HEAD`].
+    pub fn line(&self) -> String {
+        let Self { case, hard, bound, ours, paper, .. } = self;
+        format!("| {case} | {hard} | {bound:.0e} | {} | {} |\n", ours.cells(), paper.cells())
+    }
+}
+
+/// Head of the table.
+pub const HEAD: &str = "| case | what is hard | bound | ours | condition | error | paper's method | condition | error |\n\
+    | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n";
+
+impl Outcome {
+    fn cells(&self) -> String {
+        let ending = match self.ending {
+            Ending::Correct => "correct",
+            Ending::Flagged => "flagged",
+            Ending::Refused => "refused",
+            Ending::SilentlyWrong => "**silently wrong**",
+        };
+        let number = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.0e}"));
+        format!("{ending} | {} | {}", number(self.condition), number(self.error))
+    }
 }

@@ -10,10 +10,10 @@ mod probe;
 
 pub use cases::hard_cases;
 pub use command::Args;
-pub use ending::{Ending, Outcome};
+pub use ending::HEAD;
 
 use case::HardCase;
-use ending::Row;
+use ending::{Ending, Outcome, Row};
 use rom::config::TrainConfig;
 use rom::train::train;
 

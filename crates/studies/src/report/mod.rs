@@ -4,7 +4,7 @@ mod cases;
 mod curves;
 mod folder;
 mod hard;
-mod machine;
+mod method;
 mod pareto;
 mod published;
 mod reproduction;

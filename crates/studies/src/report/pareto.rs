@@ -1,7 +1,7 @@
 //! Speed against error: what another ten microseconds or another megabyte buy.
 
 use super::folder::Folder;
-use super::machine::{Double, Kernel, Machine};
+use super::method::{Double, Kernel, ReconstructionMethod};
 use super::study::{Study, ours_with, paper, percent, train};
 use rom::config::{KernelKind, ModeChoice, Tail, TrainConfig};
 use rom::evaluate::spread;
@@ -42,9 +42,9 @@ pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::
         for precision in ["f64", "f32", "i16"] {
             for nodes in ["all", "surface", "bottom"] {
                 let Some(selection) = selection(model, nodes) else { continue };
-                let mut machine = machine(model, &selection, precision)?;
-                let errors = errors(study, machine.as_mut(), &selection, &cases)?;
-                let (micros, bytes) = (time(study, machine.as_mut(), &cases)?, machine.bytes());
+                let mut method = method(model, &selection, precision)?;
+                let errors = errors(study, method.as_mut(), &selection, &cases)?;
+                let (micros, bytes) = (time(study, method.as_mut(), &cases)?, method.bytes());
                 let (kernel, modes) = (kernel.clone(), modes.clone());
                 points.push(Point { grouping, kernel, modes, precision, nodes, micros, bytes, errors });
             }
@@ -83,7 +83,11 @@ fn selection(model: &Model, nodes: &str) -> Option<Selection> {
     Some(Selection { fields: None, nodes })
 }
 
-fn machine(model: &Model, selection: &Selection, precision: &str) -> anyhow::Result<Box<dyn Machine>> {
+fn method(
+    model: &Model,
+    selection: &Selection,
+    precision: &str,
+) -> anyhow::Result<Box<dyn ReconstructionMethod>> {
     Ok(match precision {
         "f64" => Box::new(Double::new(model, selection)?),
         "i16" => Box::new(Kernel::new(model, selection, Precision::I16)?),
@@ -95,7 +99,7 @@ fn machine(model: &Model, selection: &Selection, precision: &str) -> anyhow::Res
 /// percentile over cases.
 fn errors(
     study: &Study,
-    machine: &mut dyn Machine,
+    method: &mut dyn ReconstructionMethod,
     selection: &Selection,
     cases: &[usize],
 ) -> anyhow::Result<[f64; 3]> {
@@ -105,14 +109,14 @@ fn errors(
     let mut found = [(); 3].map(|()| Vec::with_capacity(cases.len()));
     for &i in cases {
         let case = &database.cases[i];
-        let force_n = machine.answer(case.inputs())?;
+        let force_n = method.answer(case.inputs())?;
         for (slot, kind) in [FieldKind::Magnitude, FieldKind::Stress].into_iter().enumerate() {
             let Some(f) = database.fields.iter().position(|f| f.kind == kind) else { continue };
             let truth: Vec<f32> = database.field(i, f).collect();
             let largest = truth.iter().fold(f32::MIN_POSITIVE, |m, v| m.max(v.abs()));
-            let rows = machine.rows();
+            let rows = method.rows();
             let at = |row: usize| nodes.as_ref().map_or(row, |n| n[row] as usize);
-            let off = |row: usize| (machine.value(f * rows + row) - f64::from(truth[at(row)])).abs();
+            let off = |row: usize| (method.value(f * rows + row) - f64::from(truth[at(row)])).abs();
             found[slot].push((0..rows).map(off).fold(0.0, f64::max) / f64::from(largest));
         }
         found[2].push((force_n - case.contact_force_n).abs() / largest_force);
@@ -121,13 +125,13 @@ fn errors(
 }
 
 /// Median time of evaluating and reconstructing one state, over the untouched states in turn.
-fn time(study: &Study, machine: &mut dyn Machine, cases: &[usize]) -> anyhow::Result<f64> {
+fn time(study: &Study, method: &mut dyn ReconstructionMethod, cases: &[usize]) -> anyhow::Result<f64> {
     let mut micros = Vec::with_capacity(TIMED);
     for i in 0..TIMED {
         let Some(case) = cases.get(i % cases.len().max(1)) else { break };
         let query = study.database.cases[*case].inputs();
         let started = Instant::now();
-        machine.answer(query)?;
+        method.answer(query)?;
         micros.push(started.elapsed().as_secs_f64() * 1e6);
     }
     micros.sort_by(f64::total_cmp);

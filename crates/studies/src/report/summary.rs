@@ -1,10 +1,11 @@
 //! What this project promises, line by line, beside what it measures.
 
 use super::study::{REGIMES, Study, percent, test_mse};
-use super::switch;
+use super::switch::GAPS;
 use rom::evaluate::{Report, spread};
 use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
+use softtwin::sweep;
 use std::fmt::Write as _;
 
 /// Most a mean squared error on the test cases may be, free and contact.
@@ -81,7 +82,7 @@ fn field(study: &Study, quantity: usize) -> Option<usize> {
 fn jumps(study: &Study, table: &mut Table) -> anyhow::Result<()> {
     let Some(onset) = &study.ours.header.onset else { return Ok(()) };
     let range = [onset.sag_mm(), onset.reach_mm()];
-    let both = [switch::jumps(&study.paper, range)?, switch::jumps(&study.ours, range)?];
+    let both = [sweep::jumps(&study.paper, range, GAPS)?, sweep::jumps(&study.ours, range, GAPS)?];
     let name = format!("jump at the switch, gaps {:.1} to {:.1} mm", range[0], range[1]);
     table.row(&format!("{name}: mm"), both.map(|j| (j.0, format!("{:.3} mm", j.0))), JUMP[0], " mm");
     table.row(&format!("{name}: N"), both.map(|j| (j.1, format!("{:.1e} N", j.1))), JUMP[1], " N");

@@ -8,8 +8,8 @@ use rom::model::{BlockKind, Model, RegimeModel, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{FieldKind, RegimeKind};
 
-/// Something that answers inputs with fields, and can be timed.
-pub trait Machine {
+/// A way to evaluate and reconstruct states, which is timed and compared.
+pub trait ReconstructionMethod {
     /// Evaluates and reconstructs one state; returns the contact force in N.
     fn answer(&mut self, input: Inputs) -> anyhow::Result<f64>;
     /// The last state, field-major.
@@ -29,7 +29,7 @@ impl Kernel {
     }
 }
 
-impl Machine for Kernel {
+impl ReconstructionMethod for Kernel {
     fn answer(&mut self, input: Inputs) -> anyhow::Result<f64> {
         self.0.update(input)?;
         Ok(self.0.evaluation().contact_force_n)
@@ -106,7 +106,7 @@ fn fields(model: &Model, regime: &RegimeModel, nodes: &[u32]) -> Vec<Field> {
     model.header.fields.iter().enumerate().map(field).collect()
 }
 
-impl Machine for Double {
+impl ReconstructionMethod for Double {
     fn answer(&mut self, input: Inputs) -> anyhow::Result<f64> {
         self.evaluator.evaluate(input, &mut self.evaluation);
         let regime = self.regimes.iter().find(|r| r.0 == self.evaluation.regime);

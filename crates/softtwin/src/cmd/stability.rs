@@ -1,0 +1,98 @@
+//! `softtwin stability`.
+
+use crate::sweep::Sweep;
+use crate::{files, output, range};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+    softtwin stability --model finger.twin
+  More states, for a script:
+    softtwin stability --model finger.twin --states 100000 --json
+
+At random states inside the contact domain the force must not be negative, must grow with pressure and fall with the gap. Along
+the onset of contact coordinates and force of both regimes must meet. Ends with 1 when one of these does not hold.";
+
+/// Check a model at thousands of random states: force, continuity at the onset of contact, conditioning.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Model file.
+    #[arg(long, value_name = "FILE.twin")]
+    model: PathBuf,
+    #[command(flatten)]
+    extent: Extent,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How many states, and what counts as continuous.
+#[derive(clap::Args)]
+pub struct Extent {
+    /// Random states inside the contact domain (1 to 10000000).
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = range::count(1, 10_000_000))]
+    pub states: usize,
+    /// Gaps along the onset at which both regimes are compared (2 to 100000).
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = range::count(2, 100_000))]
+    pub gaps: usize,
+    /// Seed of the random states.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Largest jump of a coordinate at the onset that is accepted, in mm.
+    #[arg(long, value_name = "MM", default_value_t = 0.05, value_parser = range::number(0.0, 1e3))]
+    pub jump_mm: f64,
+    /// Largest jump of the force at the onset that is accepted, in N.
+    #[arg(long, value_name = "N", default_value_t = 1e-3, value_parser = range::number(0.0, 1e3))]
+    pub jump_n: f64,
+}
+
+impl Args {
+    /// Sweeps and prints.
+    pub fn run(self) -> anyhow::Result<()> {
+        let sweep = self.extent.sweep(&files::model(&self.model)?)?;
+        if self.json {
+            output::json(&sweep)?;
+        } else {
+            print(&sweep)?;
+        }
+        self.extent.check(&sweep)
+    }
+}
+
+impl Extent {
+    /// Sweeps over a model.
+    pub fn sweep(&self, model: &rom::model::Model) -> anyhow::Result<Sweep> {
+        Sweep::new(model, self.states, self.gaps, self.seed)
+    }
+
+    /// Fails when something does not hold.
+    pub fn check(&self, sweep: &Sweep) -> anyhow::Result<()> {
+        let (found, states) = (sweep.violation_count, sweep.states);
+        anyhow::ensure!(
+            found == 0,
+            "{found} violations at {states} states; first: {}",
+            sweep.violations.join("; ")
+        );
+        let (mm, n) = (sweep.largest_jump_mm, sweep.largest_jump_n);
+        anyhow::ensure!(
+            mm <= self.jump_mm && n <= self.jump_n,
+            "the regimes do not meet at the onset: expected jumps of at most {} mm and {} N, found {mm} mm and {n} N",
+            self.jump_mm,
+            self.jump_n
+        );
+        Ok(())
+    }
+}
+
+fn print(sweep: &Sweep) -> anyhow::Result<()> {
+    output!("states in contact             {}", sweep.states)?;
+    output!("violations                    {}", sweep.violation_count)?;
+    for violation in &sweep.violations {
+        output!("  {violation}")?;
+    }
+    output!("smallest half-width of force  {:.2e} N", sweep.smallest_force_halfwidth_n)?;
+    output!("largest jump at the onset     {:.4} mm, {:.1e} N", sweep.largest_jump_mm, sweep.largest_jump_n)?;
+    output!("largest condition number      {:.1e}", sweep.condition)?;
+    Ok(())
+}
