@@ -226,7 +226,7 @@ mod tests {
     fn a_picture_that_is_too_large_is_an_error_before_it_takes_memory() {
         let bodies = [body(0.0)];
         let wide = Sheet { panel_px: 4000, ..sheet(&bodies, 1e6) };
-        let error = wide.draw().err().expect("a plate a kilometre away");
+        let error = wide.draw().expect_err("a plate a kilometre away");
         assert!(error.to_string().contains("at most 100 megapixels"), "{error}");
     }
 

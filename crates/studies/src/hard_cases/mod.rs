@@ -1,4 +1,4 @@
-//! The stability suite: named hard cases, each answered by our method and by the paper's, each judged against a known
+//! Hard cases by name, each answered by our method and by the paper's and compared with a known
 //! truth. A case ends in a correct answer within its bound, a clear refusal, or an answer that says it should not be
 //! trusted; a silent wrong number is a failure.
 

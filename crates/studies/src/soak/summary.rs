@@ -100,6 +100,9 @@ impl Summary {
     }
 }
 
+/// Name and value of what a program uses.
+type Quantity = (&'static str, fn(&Usage) -> u64);
+
 fn growth(rows: &[Row]) -> BTreeMap<String, BeginEndMax> {
     let column = |of: &dyn Fn(&Row) -> u64| {
         let values: Vec<f64> = rows.iter().map(|row| of(row) as f64).collect();
@@ -112,7 +115,7 @@ fn growth(rows: &[Row]) -> BTreeMap<String, BeginEndMax> {
         ("shared_memory_files".to_owned(), column(&|row| row.shared_memory_files)),
         ("management_files".to_owned(), column(&|row| row.management_files)),
     ]);
-    let quantities: [(&str, fn(&Usage) -> u64); 4] = [
+    let quantities: [Quantity; 4] = [
         ("resident_kb", |usage| usage.resident_kb),
         ("private_kb", |usage| usage.private_kb),
         ("open_files", |usage| usage.open_files),

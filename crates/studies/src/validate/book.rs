@@ -1,4 +1,4 @@
-//! Comparisons: each printed as it comes, all of them judged at the end.
+//! Comparisons: each printed as it comes, all of them summed up at the end.
 
 use serde::Serialize;
 use serde_json::json;

@@ -169,7 +169,7 @@ fn kernels<'a, const N: usize>(
         }
     }
     progress.step("kernel with the caches evicted");
-    let mut evictor = Evictor::new();
+    let mut evictor = Evictor::default();
     for _ in 0..(samples / EVICTED_SHARE).clamp(10, 200) {
         for subject in &mut subjects {
             let basis = subject.basis;

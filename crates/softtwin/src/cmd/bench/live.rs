@@ -162,7 +162,7 @@ impl Listener {
                 }
             }
         }
-        anyhow::ensure!(self.series.len() > 0, "nothing received after the warm-up");
+        anyhow::ensure!(!self.series.is_empty(), "nothing received after the warm-up");
         Ok(self)
     }
 }

@@ -101,12 +101,14 @@ pub struct Evictor {
 const EVICT_BYTES: usize = 96 << 20;
 const LINE: usize = 64;
 
-impl Evictor {
+impl Default for Evictor {
     /// Takes the memory.
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self { memory: vec![1; EVICT_BYTES] }
     }
+}
 
+impl Evictor {
     /// Writes to every cache line of it.
     pub fn evict(&mut self) {
         for byte in self.memory.iter_mut().step_by(LINE) {

@@ -24,7 +24,7 @@ Examples:
     softtwin sample --kind hypercube --n 17 --regime free --out free.csv
   A grid of 10 pressures by 9 gaps:
     softtwin sample --kind grid --n 10 --n-gaps 9 --regime contact --out grid.csv
-  States on the onset of contact, as the free states of a database tell it:
+  States on the onset of contact, read off the free states of a database:
     softtwin sample --kind onset --n 20 --database database --out onset.csv
 Then:
     softtwin simulate --cases cases.csv --out database
@@ -96,7 +96,7 @@ pub struct Args {
     refinement: Refinement,
 }
 
-/// More states than this are a slip of the keyboard: they would take months.
+/// More states than this would take months to simulate.
 const MAX_STATES: usize = 100_000;
 
 impl Args {

@@ -57,13 +57,13 @@ pub fn solve(
         "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
     )?);
     let run = Run { actuator, problem: Arc::clone(&problem), store, threads };
-    let outcome = run.solve(cases, &|event| tell(&bar, &event))?;
+    let outcome = run.solve(cases, &|event| show(&bar, &event))?;
     bar.finish_and_clear();
     run::write(out, &actuator.name, problem.mesh(), cases, &outcome.solved).map_err(refusal)?;
     Ok(outcome)
 }
 
-fn tell(bar: &ProgressBar, event: &Event<'_>) {
+fn show(bar: &ProgressBar, event: &Event<'_>) {
     match event {
         Event::Reused(_) => {
             bar.inc(1);
