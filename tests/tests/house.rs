@@ -10,22 +10,22 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the repository")
 }
 
-/// The table of ARCHITECTURE.md: room -> rooms it may use.
+/// The table of ARCHITECTURE.md: crate -> crates it may use.
 fn allowed() -> BTreeMap<String, BTreeSet<String>> {
     let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
     let mut table: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    let mut rooms = BTreeSet::new();
+    let mut crates = BTreeSet::new();
     for line in text.lines().filter(|line| line.starts_with("| `")) {
         let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
-        let [room, _, may_use] = cells.as_slice() else { continue };
-        let room = room.trim_matches('`').trim_start_matches("crates/").to_owned();
+        let [user, _, may_use] = cells.as_slice() else { continue };
+        let user = user.trim_matches('`').trim_start_matches("crates/").to_owned();
         let used: BTreeSet<String> = match *may_use {
             "nothing of ours" => BTreeSet::new(),
-            "all of the above" => rooms.clone(),
+            "all of the above" => crates.clone(),
             names => names.split(',').map(|name| name.trim().trim_matches('`').to_owned()).collect(),
         };
-        rooms.insert(room.clone());
-        table.insert(room, used);
+        crates.insert(user.clone());
+        table.insert(user, used);
     }
     table
 }
@@ -50,20 +50,20 @@ fn rooms_use_what_the_architecture_allows_and_nothing_else() {
     let mut checked = 0;
     for found in packages {
         let name = found["name"].as_str().expect("name");
-        let room =
+        let user =
             names.get(name).unwrap_or_else(|| panic!("`{name}` is in no row of ARCHITECTURE.md's table"));
         for dependency in found["dependencies"].as_array().expect("dependencies") {
-            // What only tests use does not tie rooms together.
+            // What only tests use does not make a dependency.
             let is_test_only = dependency["kind"] == "dev";
             let Some(used) = dependency["name"].as_str().and_then(|name| names.get(name)) else { continue };
             assert!(
-                is_test_only || allowed[*room].contains(*used),
-                "`{room}` uses `{used}`, which ARCHITECTURE.md does not allow"
+                is_test_only || allowed[*user].contains(*used),
+                "`{user}` uses `{used}`, which ARCHITECTURE.md does not allow"
             );
             checked += 1;
         }
     }
-    assert!(checked >= 10, "only {checked} dependencies between rooms were seen");
+    assert!(checked >= 10, "only {checked} dependencies between crates were seen");
 }
 
 /// Circles that are there today; this list only gets shorter.
