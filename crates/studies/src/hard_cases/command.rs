@@ -47,10 +47,10 @@ impl Args {
         for case in &cases {
             progress.step(&case.name);
             let row = run(case);
-            if self.json {
-                output::json(&row)?
-            } else {
-                output!("{}", row.line().trim_end())?
+            match self.json {
+                true => output::json(&row)?,
+                false if row.ours.note.is_empty() => output!("{}", row.line().trim_end())?,
+                false => output!("{}\nnote: {}", row.line().trim_end(), row.ours.note)?,
             }
             if !row.passed() {
                 failed.push(row.case);

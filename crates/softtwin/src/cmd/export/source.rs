@@ -32,9 +32,9 @@ pub struct Options {
     /// Of a recording: the actuator, when there are several.
     #[arg(long, value_name = "NAME")]
     actuator: Option<String>,
-    /// Take every n-th state only.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
-    every: u64,
+    /// Take every n-th state only (1 to 1000000000).
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, 1_000_000_000))]
+    every: usize,
 }
 
 /// Opened, and every option checked.
@@ -88,7 +88,7 @@ impl Source {
         }
         let gap_mm = options.gap_mm.unwrap_or(f64::INFINITY);
         let inputs = options.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));
-        Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(options.every as usize).collect())
+        Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(options.every).collect())
     }
 
     fn readings(model: &Path, readings: Vec<(f64, Inputs)>) -> Result<Self> {
@@ -114,7 +114,7 @@ impl Source {
             [] => (0..database.cases.len()).collect(),
             names => names.iter().map(place).collect::<Result<_>>()?,
         };
-        Ok(Self::Cases { database, chosen: chosen.into_iter().step_by(options.every as usize).collect() })
+        Ok(Self::Cases { database, chosen: chosen.into_iter().step_by(options.every).collect() })
     }
 
     fn recording(options: &Options, path: &Path) -> Result<Self> {
@@ -129,7 +129,7 @@ impl Source {
             .tracks
             .remove(&name)
             .ok_or_else(|| usage(format!("--actuator {name}: the recording has {}", names.join(", "))))?;
-        let every = options.every as usize;
+        let every = options.every;
         if let Some(model) = &options.model {
             let inputs = track.states.iter().filter_map(|state| Some((state.t_s, state.inputs()?)));
             return Self::readings(model, inputs.step_by(every).collect());
