@@ -38,7 +38,7 @@ impl QueryHandler {
     /// # Errors
     /// When the session is closed.
     pub fn open(&self, link: &Link, actuator: &str) -> anyhow::Result<Vec<Queryable<()>>> {
-        let names = query_kind::NAMES.iter().map(|(_, kind)| format!("softtwin/{actuator}/{kind}"));
+        let names = query_kind::ALL.iter().map(|kind| format!("softtwin/{actuator}/{}", kind.name));
         names.map(|name| accept_requests(link, &name, self.sender.clone())).collect()
     }
 }
