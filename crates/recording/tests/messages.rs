@@ -1,7 +1,7 @@
 //! The JSON form of every payload against its schema, and back to the bit.
 
 use proptest::prelude::*;
-use recording::message::{FieldMessage, Recorded, channel, decode, decode_reading};
+use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, decode_reading};
 use serde_json::Value;
 use wire::layout::{
     COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PAYLOADS, Payload, VERSION, pack_name,
@@ -206,8 +206,10 @@ fn states_healths_grasps_and_headers_come_back() {
     let mut header = FieldHeader { field_count: 2, node_count: 3, ..FieldHeader::default() };
     (header.field_ids[0], header.field_ids[1]) = (1, 5);
     FieldMessage::new(&header, &[0.0; 6]).encode(&mut bytes);
-    let back: FieldHeader = decode(&bytes).expect("a header");
-    assert_eq!((back.field_ids, back.entries()), (header.field_ids, 6));
+    let (back, values) = decode_field(&bytes).expect("a field");
+    assert_eq!((back.field_ids, back.entries(), values), (header.field_ids, 6, vec![0.0; 6]));
+    FieldMessage::new(&header, &[0.0; 5]).encode(&mut bytes);
+    assert!(decode_field(&bytes).is_err(), "fewer values than the header says");
 }
 
 proptest! {

@@ -2,10 +2,9 @@
 
 use crate::failure::configuration;
 use anyhow::{Context, Result};
-use recording::message::{decode, field_values};
+use recording::message::{decode, decode_field};
 use recording::{Ending, Item, Reader};
 use rom::inputs::Inputs;
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
@@ -108,11 +107,6 @@ pub struct RecordedField {
     pub values: Vec<f32>,
 }
 
-#[derive(Deserialize)]
-struct FieldText {
-    values: String,
-}
-
 impl RecordedState {
     fn read(data: &[u8], t_s: f64) -> Option<Self> {
         Some(Self { t_s, values: decode(data).ok()? })
@@ -121,10 +115,8 @@ impl RecordedState {
 
 impl RecordedField {
     fn read(data: &[u8], t_s: f64) -> Option<Self> {
-        let header: FieldHeader = decode(data).ok()?;
-        let text: FieldText = serde_json::from_slice(data).ok()?;
-        let values = field_values(&text.values)?;
-        (values.len() as u64 == header.entries()).then_some(Self { t_s, header, values })
+        let (header, values) = decode_field(data).ok()?;
+        Some(Self { t_s, header, values })
     }
 }
 

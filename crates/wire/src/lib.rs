@@ -57,7 +57,7 @@ pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, FieldLoan, FieldReader, FieldSample,
     FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question,
-    SensorReader, SensorWriter, Stamp, StateReader, StateWriter,
+    Reader, SensorReader, SensorWriter, Stamp, StateReader, StateWriter, Writer,
 };
 pub use selector::{Selector, SelectorError};
 pub use topic::{Topic, TopicKind};

@@ -2,7 +2,9 @@
 
 use serde::de::Error as _;
 use serde_json::{Error, Map, Value};
-use wire::SensorSample;
+use wire::{FieldHeader, SensorSample};
+
+use super::field::values;
 use wire::layout::{Codes, Field, Payload, Scalar, Show, field_id, pack_name};
 
 /// Keys that older recordings have for what is called otherwise now: new, old.
@@ -20,7 +22,7 @@ const FORMER_KEYS: [(&str, &str); 6] = [
 /// # Errors
 /// No JSON object, or a property of the wrong kind.
 pub fn decode<P: Payload>(data: &[u8]) -> Result<P, Error> {
-    read(data, &[])
+    read(&serde_json::from_slice(data)?, &[])
 }
 
 /// Reads a reading, to the bit as it was written. A run that is no hexadecimal number becomes 0.
@@ -28,19 +30,36 @@ pub fn decode<P: Payload>(data: &[u8]) -> Result<P, Error> {
 /// # Errors
 /// As [`decode`]; also when number, stamp, pressure or gap is missing.
 pub fn decode_reading(data: &[u8]) -> Result<SensorSample, Error> {
-    read(data, &["seq", "t_sensor_ns", "pressure_mpa", "gap_mm"])
+    read(&serde_json::from_slice(data)?, &["seq", "t_sensor_ns", "pressure_mpa", "gap_mm"])
 }
 
-fn read<P: Payload>(data: &[u8], required: &[&str]) -> Result<P, Error> {
+/// Reads a field: its header, and its values field by field.
+///
+/// # Errors
+/// As [`decode`]; also when the values are no base64 of as many numbers as the header says.
+pub fn decode_field(data: &[u8]) -> Result<(FieldHeader, Vec<f32>), Error> {
     let properties: Map<String, Value> = serde_json::from_slice(data)?;
+    let header: FieldHeader = read(&properties, &["node_count", "fields", "values"])?;
+    let values = properties.get("values").and_then(Value::as_str).and_then(values);
+    match values {
+        Some(values) if values.len() as u64 == header.entries() => Ok((header, values)),
+        _ => Err(Error::custom(format!(
+            "`values`: expected base64 of {} numbers of 4 bytes",
+            header.entries()
+        ))),
+    }
+}
+
+fn read<P: Payload>(properties: &Map<String, Value>, required: &[&str]) -> Result<P, Error> {
+    if let Some(key) = required.iter().find(|key| !properties.contains_key(**key)) {
+        return Err(Error::custom(format!("`{key}` is missing")));
+    }
     let mut payload = P::default();
     for (key, field) in P::LAYOUT.json {
         let former = FORMER_KEYS.iter().find(|(new, _)| new == key).and_then(|(_, old)| properties.get(*old));
-        match properties.get(*key).or(former) {
-            Some(value) => set(&mut payload, field, value)
-                .ok_or_else(|| Error::custom(format!("`{key}` is {value}, expected {}", expected(field))))?,
-            None if required.contains(key) => return Err(Error::custom(format!("`{key}` is missing"))),
-            None => {}
+        if let Some(value) = properties.get(*key).or(former) {
+            set(&mut payload, field, value)
+                .ok_or_else(|| Error::custom(format!("`{key}` is {value}, expected {}", expected(field))))?;
         }
     }
     Ok(payload)

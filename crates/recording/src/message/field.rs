@@ -46,7 +46,7 @@ const LENIENT: GeneralPurpose = GeneralPurpose::new(
 );
 
 /// The values of a recorded field's text; none when it is no base64 of whole numbers. `O(bytes)`.
-pub fn field_values(text: &str) -> Option<Vec<f32>> {
+pub(super) fn values(text: &str) -> Option<Vec<f32>> {
     let bytes = LENIENT.decode(text).ok()?;
     let (numbers, rest) = bytes.as_chunks::<4>();
     rest.is_empty().then(|| numbers.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
@@ -58,18 +58,18 @@ mod tests {
 
     #[test]
     fn values_come_back_to_the_bit() {
-        for values in [vec![], vec![1.5_f32], vec![0.1, -2.0], vec![f32::MIN_POSITIVE, 3.0e8, -0.0]] {
+        for numbers in [vec![], vec![1.5_f32], vec![0.1, -2.0], vec![f32::MIN_POSITIVE, 3.0e8, -0.0]] {
             let header = FieldHeader::default();
-            let message = FieldMessage::new(&header, &values);
+            let message = FieldMessage::new(&header, &numbers);
             let value = serde_json::to_value(message).expect("numbers and texts");
-            let back = field_values(value["values"].as_str().expect("text")).expect("our own text");
+            let back = values(value["values"].as_str().expect("text")).expect("our own text");
             assert_eq!(
                 back.iter().map(|v| v.to_bits()).collect::<Vec<_>>(),
-                values.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+                numbers.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
             );
         }
-        assert_eq!(field_values("AADAPw"), Some(vec![1.5]), "padding may be missing");
-        assert_eq!(field_values("!!!!"), None);
-        assert_eq!(field_values("Zm9v"), None, "three bytes are no number");
+        assert_eq!(values("AADAPw"), Some(vec![1.5]), "padding may be missing");
+        assert_eq!(values("!!!!"), None);
+        assert_eq!(values("Zm9v"), None, "three bytes are no number");
     }
 }

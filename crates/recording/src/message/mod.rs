@@ -10,8 +10,8 @@ mod gap;
 mod json;
 mod schema;
 
-pub use decode::{decode, decode_reading};
-pub use field::{FieldMessage, field_values};
+pub use decode::{decode, decode_field, decode_reading};
+pub use field::FieldMessage;
 pub use gap::GapMessage;
 pub use json::{Json, answer};
 
