@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# All tests: units, properties, golden files, multi-process stories. Needs Rust and a C compiler.
+# All tests: units, properties, golden files, multi-process stories. Needs Rust, a C compiler and strace.
 #   scripts/test.sh              everything
 #   scripts/test.sh NAME         only the tests whose name contains NAME
 set -euo pipefail

@@ -206,3 +206,15 @@ fn a_program_that_waits_for_the_start_lock_says_so_and_ends() {
     assert!(said.iter().any(|line| line.contains("softtwin.lock")), "{said:?}");
     assert!(begin.elapsed() < PATIENCE / 4, "{:?}", begin.elapsed());
 }
+
+#[test]
+fn names_that_are_too_long_are_refused_with_what_is_allowed() {
+    let mut stage = Stage::new("kill_names");
+    stage.domain_name = "n".repeat(150);
+    for command in [vec!["softtwin", "list"], vec!["softtwin", "echo", "softtwin/finger/state"]] {
+        let (status, said) = Program::named(&stage, &command).ended();
+        assert_eq!(status.code(), Some(1), "{said:?}");
+        let said = said.join("\n");
+        assert!(said.contains("at most 61 are allowed") && !said.contains("panicked"), "{said}");
+    }
+}

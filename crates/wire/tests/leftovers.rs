@@ -1,0 +1,168 @@
+//! Files that dead programs or others leave in a domain, and what the system runs out of.
+
+use std::fs::{File, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use wire::{Bus, Domain, QueryClient, QueryServer, State, StateReader, StateWriter, Topic, WireError, qos};
+
+/// A domain in a folder of its own.
+struct Place {
+    folder: tempfile::TempDir,
+    domain: Domain,
+}
+
+impl Place {
+    fn new(label: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let root = Some(folder.path().join("iox").display().to_string());
+        Self { domain: Domain { root, ..Domain::isolated(label) }, folder }
+    }
+
+    fn root(&self) -> PathBuf {
+        self.folder.path().join("iox")
+    }
+
+    /// Names of the domain's files in shared memory.
+    fn shared(&self) -> Vec<String> {
+        let names = std::fs::read_dir("/dev/shm").unwrap();
+        let names = names.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
+        names.filter(|name| name.starts_with(&self.domain.prefix)).collect()
+    }
+
+    /// Makes a file as iceoryx2 begins it: without read permission, without a size.
+    fn half_made(&self, name: &str) -> (PathBuf, File) {
+        let path = Path::new("/dev/shm").join(format!("{}{name}", self.domain.prefix));
+        let file = File::create_new(&path).unwrap();
+        std::fs::set_permissions(&path, Permissions::from_mode(0o200)).unwrap();
+        (path, file)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        for name in self.shared() {
+            std::fs::remove_file(Path::new("/dev/shm").join(name)).unwrap();
+        }
+    }
+}
+
+const TYPE: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5";
+
+fn topic() -> Topic {
+    Topic::state("finger").unwrap()
+}
+
+/// The name is read from a domain that works, because it has a hash of a type in it.
+#[test]
+fn a_half_made_counter_of_a_dead_program_is_removed_at_the_next_start() {
+    let place = Place::new("counter");
+    drop(Bus::open(&place.domain).unwrap());
+    let counter = place.shared().pop().unwrap();
+    let path = Path::new("/dev/shm").join(&counter);
+    for (size, mode) in [(0, 0o200), (4096, 0o200), (0, 0o666)] {
+        std::fs::remove_file(&path).unwrap();
+        let file = File::create_new(&path).unwrap();
+        file.set_len(size).unwrap();
+        file.set_permissions(Permissions::from_mode(mode)).unwrap();
+        drop(file);
+        let begin = Instant::now();
+        let bus = Bus::open(&place.domain).unwrap();
+        assert!(bus.removed().files >= 1, "{:?}", bus.removed());
+        assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
+    }
+}
+
+#[test]
+fn a_half_made_description_is_removed_and_one_that_is_in_the_making_is_not() {
+    let place = Place::new("description");
+    let bus = Bus::open(&place.domain).unwrap();
+    drop(StateWriter::create(&bus, &topic()).unwrap());
+    let services = place.root().join("services");
+    let path = services.join(format!("{}{TYPE}.service", place.domain.prefix));
+    let file = File::create_new(&path).unwrap();
+    file.set_permissions(Permissions::from_mode(0o600)).unwrap();
+    bus.clean_up(Duration::from_secs(1));
+    assert!(path.exists(), "its creator lives: this test has it open");
+    drop(file);
+    assert_eq!(bus.clean_up(Duration::from_secs(1)).files, 1);
+    assert!(!path.exists());
+}
+
+/// iceoryx2 alone would wait for ever.
+#[test]
+fn a_file_without_a_size_that_somebody_uses_is_named_instead_of_waited_for() {
+    let place = Place::new("empty");
+    let bus = Bus::open(&place.domain).unwrap();
+    let (path, file) = place.half_made(&format!("{TYPE}_1.dynamic"));
+    let begin = Instant::now();
+    let refused = StateWriter::create(&bus, &topic()).unwrap_err().to_string();
+    assert!(refused.contains(path.to_str().unwrap()) && refused.contains("no size"), "{refused}");
+    assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
+    drop(file);
+    StateWriter::create(&bus, &topic()).unwrap();
+}
+
+/// The thread of every bus does so, whatever the program itself is waiting for.
+#[test]
+fn a_running_program_removes_what_others_leave_half_made() {
+    let place = Place::new("watch");
+    let _bus = Bus::open(&place.domain).unwrap();
+    let (path, file) = place.half_made(&format!("{TYPE}_1_2.connection"));
+    drop(file);
+    let begin = Instant::now();
+    while path.exists() {
+        assert!(begin.elapsed() < Duration::from_secs(20), "{} stays", path.display());
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn an_emptied_folder_is_noticed_and_admits_no_second_writer() {
+    let place = Place::new("emptied");
+    let bus = Bus::open(&place.domain).unwrap();
+    let mut writer = StateWriter::create(&bus, &topic()).unwrap();
+    let files = bus.own_files();
+    assert_eq!(files.removed(), Vec::<PathBuf>::new());
+    std::fs::remove_dir_all(place.root()).unwrap();
+    assert!(
+        files.removed().iter().any(|path| path.ends_with("iox/services") || path.starts_with(place.root()))
+    );
+    let second = Bus::open(&place.domain).unwrap();
+    let refused = StateWriter::create(&second, &topic()).unwrap_err();
+    let own = format!("(process {})", std::process::id());
+    assert!(
+        matches!(&refused, WireError::AlreadyPublished { holder, .. } if holder.contains(&own)),
+        "{refused}"
+    );
+    writer.publish(State::default()).unwrap();
+    drop(writer);
+    StateWriter::create(&second, &topic()).unwrap();
+}
+
+/// Another actuator's folder of the same prefix is another domain.
+#[test]
+fn a_writer_is_alone_in_its_own_domain_only() {
+    let (one, other) = (Place::new("one"), Place::new("other"));
+    let same_prefix = Domain { root: other.domain.root.clone(), ..one.domain.clone() };
+    let (first, second) = (Bus::open(&one.domain).unwrap(), Bus::open(&same_prefix).unwrap());
+    let _writer = StateWriter::create(&first, &topic()).unwrap();
+    StateWriter::create(&second, &topic()).unwrap();
+}
+
+#[test]
+fn full_places_are_called_so() {
+    let place = Place::new("full");
+    let bus = Bus::open(&place.domain).unwrap();
+    let _server = QueryServer::create(&bus, "finger").unwrap();
+    let clients: Vec<_> = (0..qos::MAX_CLIENTS).map(|_| QueryClient::open(&bus, "finger").unwrap()).collect();
+    let refused = QueryClient::open(&bus, "finger").unwrap_err();
+    assert!(matches!(refused, WireError::TooManyClients { limit: qos::MAX_CLIENTS, .. }), "{refused}");
+    drop(clients);
+    QueryClient::open(&bus, "finger").unwrap();
+    let _writer = StateWriter::create(&bus, &topic()).unwrap();
+    let readers: Vec<_> = (0..64).map(|_| StateReader::open(&bus, &topic()).unwrap()).collect();
+    let refused = StateReader::open(&bus, &topic()).unwrap_err();
+    assert!(matches!(refused, WireError::TooManyReaders { limit: 64, .. }), "{refused}");
+    drop(readers);
+}
