@@ -54,14 +54,17 @@ impl Subject<'_> {
             Program::traced(stage, &tracing, &self.command).run_and_stop(self.ready, RUN);
         assert!(code == Some(0) && ready, "{code:?} {said:?}");
         let (mut counts, mut points) = (HashMap::new(), Vec::new());
+        let domain = [stage.root().display().to_string(), "/dev/shm".into()];
+        let mut in_domain = false; // what the loader does before can leave nothing
         for line in std::fs::read_to_string(&log).expect("strace wrote it").lines() {
+            in_domain |= domain.iter().any(|place| line.contains(place));
             let Some((thread, call)) = line.split_once('(').and_then(|(head, _)| head.split_once(' ')) else {
                 continue; // the second half of a call, a signal, an exit
             };
             let count = counts.entry((thread.to_owned(), call.trim().to_owned())).or_insert(0);
             *count += 1;
             let point = (call.trim().to_owned(), *count);
-            if !points.contains(&point) {
+            if in_domain && !points.contains(&point) {
                 points.push(point);
             }
         }
@@ -98,7 +101,7 @@ impl Subject<'_> {
             points.len()
         );
         assert!(wrong.is_empty(), "{} of {killed}:\n{}", wrong.len(), wrong.join("\n"));
-        assert!(killed > 30, "only {killed} kills");
+        assert!(killed > SAMPLE / 2, "only {killed} kills");
     }
 }
 
@@ -164,8 +167,8 @@ fn a_recorder_killed_at_any_call_disturbs_nobody() {
     let (_twin, _bridge) = (Program::twin(&stage, &scene), Program::bridge(&stage, &scene));
     let bus = stage.bus();
     wait_state(&states(&bus), "a fresh state", fresh);
-    let command = vec!["softtwin", "record", "--out", "run.mcap"];
-    Subject { command, ready: "recording" }.withstands(&stage, || {});
+    let command = vec!["softtwin", "record", "--out", "run.mcap", "--seconds", "0.3"];
+    Subject { command, ready: "messages in" }.withstands(&stage, || {});
 }
 
 /// The domain works as on the first day after many readers were killed while they started.
