@@ -13,8 +13,12 @@ pub(crate) fn named(name: &str, places: &Places) -> Option<WireError> {
         .or_else(|| full(name, Path::new(SHM_DIR), false))
 }
 
+/// Files that making one port may have open at the same time. What failed has closed its own again.
+const FILES_OF_A_PORT: usize = 16;
+
 fn too_many_files(name: &str) -> Option<WireError> {
-    let error = std::fs::File::open("/dev/null").err()?;
+    let probes: Result<Vec<_>, _> = (0..FILES_OF_A_PORT).map(|_| std::fs::File::open("/dev/null")).collect();
+    let error = probes.err()?;
     let used_up = matches!(error.raw_os_error(), Some(libc::EMFILE | libc::ENFILE));
     used_up.then(|| WireError::TooManyFiles {
         name: name.to_owned(),
