@@ -1,13 +1,14 @@
 //! Frames a second of `softtwin view`, and the twin's latency with and without viewers.
 
 use super::twin::{Twin, model, print};
+use anyhow::Context;
 use serde_json::{Value, json};
 use softtwin::daemon::{Daemon, program};
 use softtwin::testbed::Testbed;
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{ChildStdout, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -62,6 +63,8 @@ impl Args {
 /// `softtwin view` and its pages.
 struct Viewer {
     program: Daemon,
+    /// A viewer whose output is closed ends.
+    _output: BufReader<ChildStdout>,
     stop: Arc<AtomicBool>,
     pages: Vec<JoinHandle<anyhow::Result<Page>>>,
 }
@@ -80,14 +83,16 @@ impl Viewer {
         let mut command = testbed.command(&program("softtwin")?);
         command.args(["view", "--port", "0", "--model"]).arg(model()?).stdout(Stdio::piped());
         let mut program = Daemon::start("view", &mut command)?;
-        let address = address(&mut program)?;
+        let output = program.stdout().context("the viewer's output was not captured")?;
+        let mut output = BufReader::new(output);
+        let address = address(&mut output)?;
         let stop = Arc::new(AtomicBool::new(false));
         let page = |drawing: &Duration| {
             let (address, drawing, stop) = (address.clone(), *drawing, Arc::clone(&stop));
             std::thread::spawn(move || look(&address, drawing, &stop))
         };
         let pages = drawing.iter().map(page).collect();
-        Ok(Self { program, stop, pages })
+        Ok(Self { program, stop, pages, _output: output })
     }
 
     fn stop(&mut self, seconds: f64) -> anyhow::Result<Vec<Value>> {
@@ -107,20 +112,21 @@ impl Viewer {
 }
 
 /// `HOST:PORT/` from the line in which the viewer prints its address.
-fn address(program: &mut Daemon) -> anyhow::Result<String> {
-    let out = program.stdout().ok_or_else(|| anyhow::anyhow!("the viewer's output was not captured"))?;
-    for line in BufReader::new(out).lines() {
-        if let Some((_, address)) = line?.split_once("http://") {
+fn address(output: &mut BufReader<ChildStdout>) -> anyhow::Result<String> {
+    let mut line = String::new();
+    while output.read_line(&mut line)? > 0 {
+        if let Some((_, address)) = line.split_once("http://") {
             return Ok(address.trim().to_owned());
         }
+        line.clear();
     }
-    anyhow::bail!("the viewer did not print its address:\n{}", program.log())
+    anyhow::bail!("the viewer did not print its address")
 }
 
 /// A page without a picture: takes a frame, draws for so long, asks for the next.
 fn look(address: &str, drawing: Duration, stop: &AtomicBool) -> anyhow::Result<Page> {
     let stream = TcpStream::connect(address.trim_end_matches('/'))?;
-    stream.set_read_timeout(Some(Duration::from_secs(5)))?;
+    stream.set_read_timeout(Some(Duration::from_secs(60)))?;
     let (mut socket, _) = tungstenite::client(format!("ws://{address}ws"), stream)
         .map_err(|error| anyhow::anyhow!("the viewer refused the page: {error}"))?;
     let mut page = Page::default();
