@@ -23,7 +23,7 @@ pub struct Explained {
     pub file_block_bytes: u64,
     /// Blocks read.
     pub blocks: usize,
-    /// Evaluation alone (coefficients, force, gradients, bars): median microseconds.
+    /// Evaluation alone (coefficients, force, gradients, half-widths): median microseconds.
     pub state_us: f64,
     /// Field topics.
     pub outputs: Vec<ExplainedOutput>,

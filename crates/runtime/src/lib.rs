@@ -1,7 +1,7 @@
-//! The live part: sources of readings, the bridge loop, scenes, the twin loop. The only place where the model
+//! The run-time part: sources of readings, the bridge loop, scenes, the twin loop. The only place where the model
 //! (`rom`) and the shared memory (`wire`) meet.
 //!
-//! The way of a reading from a gauge on Modbus to the field that readers map, file by file:
+//! A reading on its way from a gauge on Modbus to the field that readers map, file by file:
 //!
 //! | | file | what happens | shape of the data |
 //! | --- | --- | --- | --- |

@@ -17,7 +17,7 @@ pub type GroupSizes = Vec<(RegimeKind, [u8; GROUPS_MAX])>;
 /// One actuator of a scene with everything it needs in memory.
 #[derive(Debug)]
 pub struct Loaded {
-    /// What the scene says of it.
+    /// Its part of the scene.
     pub spec: ActuatorSpec,
     /// First 16 bytes of the model file's hash.
     pub model_hash: [u8; 16],
@@ -38,7 +38,7 @@ pub struct Loaded {
 /// One field topic, ready to compute.
 #[derive(Debug)]
 pub struct LoadedOutput {
-    /// What the scene says of it.
+    /// Its part of the scene.
     pub spec: OutputSpec,
     /// From coefficients to the fields.
     pub reconstructor: Reconstructor,

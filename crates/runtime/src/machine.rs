@@ -70,7 +70,7 @@ fn is_root() -> bool {
     unsafe { libc::geteuid() == 0 }
 }
 
-/// `None`: no limit. A limit that cannot be read counts as none: the real refusal comes with a text of its own.
+/// `None`: no limit. A limit that cannot be read counts as none: the refusal itself comes with its own message.
 fn limit(resource: libc::__rlimit_resource_t) -> Option<u64> {
     let mut found = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
     // SAFETY: `found` is writable across the call and the resource is a constant the kernel knows.

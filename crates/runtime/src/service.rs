@@ -76,9 +76,9 @@ pub fn ignore_hangup_and_size_limit() -> std::io::Result<()> {
 /// # Errors
 /// The system's refusal to handle signals.
 pub fn reload_flag() -> std::io::Result<Arc<AtomicBool>> {
-    let asked = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(SIGHUP, asked.clone())?;
-    Ok(asked)
+    let requested = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(SIGHUP, requested.clone())?;
+    Ok(requested)
 }
 
 /// Notifies the service manager that a reload begins; it ends with [`notify_reloaded`].

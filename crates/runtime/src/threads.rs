@@ -1,4 +1,4 @@
-//! The threads beside a daemon's loop. None of them ends unnoticed: one that ends unasked ends the daemon.
+//! The threads beside the loop of a daemon. None of them ends unnoticed: one that ends before it should ends the daemon.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, Scope};
 
-/// A thread ended, or asks for the end, although nobody asked it to end.
+/// A thread ended before it should, or found a reason to end the program.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the thread `{thread}` ended the program: {cause}")]
 pub struct ThreadEnded {
@@ -24,7 +24,7 @@ pub struct ThreadGroup {
     failure: Mutex<Option<ThreadEnded>>,
 }
 
-/// Asks the threads to end, also when the loop panics: otherwise it would wait for them without end.
+/// Sets the end flag of the threads, also when the loop panics: otherwise it would wait for them without end.
 struct EndOnDrop<'a>(&'a AtomicBool);
 
 impl Drop for EndOnDrop<'_> {
@@ -44,10 +44,10 @@ impl ThreadGroup {
         &self.done
     }
 
-    /// Runs `main`, which spawns the threads and then loops; afterwards asks them to end and waits for them.
+    /// Runs `main`, which spawns the threads and then loops; afterwards sets their end flag and waits for them.
     ///
     /// # Errors
-    /// [`ThreadEnded`] when one of them ended unasked.
+    /// [`ThreadEnded`] when one of them ended before.
     pub fn run<'env, R>(
         &'env self,
         main: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env>) -> R,

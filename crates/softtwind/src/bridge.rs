@@ -35,9 +35,8 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     let sources = open(&scene, &options.scene)?;
     let listener = options.metrics.open()?;
     let stop = service::stop_flag().context("cannot listen for signals")?;
-    let domain = options.domain.domain();
-    let bus = Bus::open(&domain)?;
-    let topics = sources.iter().map(|(name, _)| Topic::sensor(name)).collect::<Result<Vec<_>, _>>()?;
+    let bus = Bus::open(&options.domain.domain())?;
+    let own_files = bus.own_files();
     let mut bridge = Bridge::start(&bus, sources)?;
     service::notify_ready(&format!("bridge of scene {}, {} actuator(s)", scene.name, scene.actuators.len()));
 
@@ -46,7 +45,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     let group = ThreadGroup::new(stop.clone());
     let ended = group.run(|scope| -> anyhow::Result<()> {
         group.spawn(scope, "status", || report(&counters, &devices, group.done()))?;
-        group.spawn(scope, files::NAME, || files::watch(&group, &domain, &topics))?;
+        group.spawn(scope, files::NAME, || files::watch(&group, &own_files))?;
         let (counted, of_devices) = (counters.clone(), devices.clone());
         metrics::serve(&group, scope, listener, || move || page::bridge(&counted, &of_devices))?;
         Ok(bridge.run(&stop, &counters)?)

@@ -1,8 +1,8 @@
-//! Watches the files of the daemon's own topics. A cleaner of temporary files may remove them while the daemon runs: then new
-//! readers find nothing, and a second daemon would start beside this one.
+//! Watches the daemon's own files in the folder of the domain. A cleaner of temporary files may remove them while the daemon
+//! runs: then new readers find nothing.
 
 use runtime::threads::ThreadGroup;
-use runtime::wire::{Bus, Domain, KeyExpr, Topic};
+use runtime::wire::OwnFiles;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -13,16 +13,8 @@ const INTERVAL: Duration = Duration::from_secs(1);
 /// How often the end is checked for.
 const STOP_CHECK: Duration = Duration::from_millis(50);
 
-/// Checks until the group is done; ends the daemon when a topic's files are gone.
-pub fn watch(group: &ThreadGroup, domain: &Domain, topics: &[Topic]) {
-    if let Err(error) = check_until_done(group, domain, topics) {
-        group.fail(NAME, error.to_string());
-    }
-}
-
-fn check_until_done(group: &ThreadGroup, domain: &Domain, topics: &[Topic]) -> anyhow::Result<()> {
-    let bus = Bus::open(domain)?;
-    let key = KeyExpr::new("**")?;
+/// Checks until the group is done; ends the daemon when files are gone.
+pub fn watch(group: &ThreadGroup, own: &OwnFiles) {
     let mut next = Instant::now() + INTERVAL;
     while !group.done().load(Ordering::Acquire) {
         std::thread::sleep(STOP_CHECK);
@@ -30,20 +22,13 @@ fn check_until_done(group: &ThreadGroup, domain: &Domain, topics: &[Topic]) -> a
             continue;
         }
         next = Instant::now() + INTERVAL;
-        let found = match bus.names(&key) {
-            Ok(found) => found,
-            Err(_) if !bus.folder().exists() => Vec::new(),
-            Err(_cannot_tell) => continue,
-        };
-        if let Some(gone) = topics.iter().find(|topic| !found.contains(topic)) {
+        if let Some(file) = own.removed().first() {
             let cause = format!(
-                "the files of the domain are gone: {gone} is not in {} any more; exclude that folder from cleaners of \
-                 temporary files (see OPERATIONS.md), then start again",
-                bus.folder().display()
+                "files of the domain are gone, such as {}; exclude that folder from cleaners of temporary files (see \
+                 OPERATIONS.md), then start again",
+                file.display()
             );
-            group.fail(NAME, cause);
-            return Ok(());
+            return group.fail(NAME, cause);
         }
     }
-    Ok(())
 }

@@ -66,7 +66,7 @@ fn write(name: &str, event: &Event) {
         }
         EventKind::SendFailed => {
             tracing::error!(
-                "{name}: shared memory refused {} times; `softtwin info` shows who holds it",
+                "{name}: shared memory refused {} times; `softtwin info` shows the programs that hold it",
                 event.value
             );
         }

@@ -8,7 +8,7 @@ use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::load::{Loaded, load_scene};
 use runtime::threads::ThreadGroup;
 use runtime::twin::{Twin, event_channel};
-use runtime::wire::{Bus, Health, Outcome, Topic, layout};
+use runtime::wire::{Bus, Health, Outcome, layout};
 use runtime::{realtime, service};
 use std::sync::atomic::AtomicU64;
 
@@ -33,14 +33,14 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let (inbox, loader) = reload::pair();
     let reload = service::reload_flag().context("cannot listen for signals")?;
     let listener = options.metrics.open()?;
-    let topics = names.iter().map(|name| Topic::state(name)).collect::<Result<Vec<_>, _>>()?;
+    let own_files = bus.own_files();
     let group = ThreadGroup::new(stop.clone());
     group.run(|scope| -> anyhow::Result<()> {
         // All threads start before this one takes real-time rights, so that they do not inherit them.
         let (reported, progressed, done) = (&names, &progress, group.done());
         group.spawn(scope, "reporter", move || reporter::run(&events, reported, progressed, done))?;
         metrics::serve(&group, scope, listener, || metrics::twins(&domain, &names))?;
-        group.spawn(scope, files::NAME, || files::watch(&group, &domain, &topics))?;
+        group.spawn(scope, files::NAME, || files::watch(&group, &own_files))?;
         let services = side_services.start(&group, scope, &domain)?;
         let reload = &reload;
         group.spawn(scope, "loader", move || loader.run(reload, done, &services, || reread(options)))?;

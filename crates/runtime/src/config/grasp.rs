@@ -1,4 +1,4 @@
-//! What a scene says of the object between its fingers, and of where things stand.
+//! The object between the fingers of a scene, and the places of actuators and blocks.
 
 use serde::{Deserialize, Serialize};
 use wire::layout::FINGERS_MAX;

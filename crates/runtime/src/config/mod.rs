@@ -1,5 +1,5 @@
 //! Configuration in two steps: typed by serde (unknown keys are refused), then checked as a whole. All problems are
-//! reported at once, each with its key, expected and found.
+//! reported together, each with its key, expected and found.
 
 mod error;
 mod grasp;

@@ -63,7 +63,7 @@ pub struct ActuatorSpec {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Gap {
-    /// `gap_mm = "measured"`: every reading says it, anything may come.
+    /// `gap_mm = "measured"`: every reading has it, any value can occur.
     Measured(Measured),
     /// `gap_mm = 40.0`: fixed, the readings' gap is ignored.
     Fixed(f64),
@@ -120,7 +120,7 @@ pub enum Queries {
 pub struct StateSpec {
     /// Publish dF/dP and dF/dgap.
     pub gradients: bool,
-    /// Publish error bars.
+    /// Publish half-widths of force, displacement and stress.
     pub bars: bool,
 }
 

@@ -33,7 +33,7 @@ pub struct Limits {
     pub max_ahead_ms: f64,
     /// A reading sent later than this after its stamp is counted and flagged late, ms.
     pub late_ms: f64,
-    /// A measured force outside the predicted one's error bar for so long raises the alarm, ms.
+    /// A measured force outside the half-width of the predicted one for so long raises the alarm, ms.
     pub force_mismatch_ms: f64,
     /// What becomes of a reading outside the model's domain.
     pub outside_domain: OutsideDomain,
@@ -43,7 +43,7 @@ pub struct Limits {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OutsideDomain {
-    /// It is answered; verdict, distance and a flag say so.
+    /// It is answered; domain status, distance and a flag show it.
     #[default]
     Answer,
     /// The last good state stands, with the reason.

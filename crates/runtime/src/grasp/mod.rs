@@ -2,7 +2,7 @@
 //!
 //! Coulomb friction at `n` fingers that push with `F` each carries `n mu F`; the object of mass `m` is held with safety `s`
 //! when `n mu F >= s m g` (the paper's section on the gripper, there with `s = 1`). The smallest finger force counts for all.
-//! A thread of its own listens to the fingers' states: the twin's loop knows nothing of it.
+//! A thread of its own reads the fingers' states: the twin's loop knows nothing of it.
 
 use crate::config::{self, ActuatorSpec, ConfigError, GraspSpec, Scene};
 use crate::query::Answerer;
@@ -24,21 +24,21 @@ pub fn needed_force_n(spec: &GraspSpec, fingers: usize) -> f64 {
     spec.safety * spec.mass_g * 1e-3 * GRAVITY_M_S2 / (fingers as f64 * spec.friction)
 }
 
-/// The pressure at which the object is first held, and its error bar, MPa; NaN where there is none.
+/// The pressure at which the object is first held, and its half-width, MPa; NaN where there is none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StopPoint {
     /// Pressure of all fingers, MPa.
     pub pressure_mpa: f64,
-    /// Half width of its error bar, MPa.
-    pub bar_mpa: f64,
+    /// Its half-width, MPa.
+    pub halfwidth_mpa: f64,
 }
 
-const NO_STOP: StopPoint = StopPoint { pressure_mpa: f64::NAN, bar_mpa: f64::NAN };
+const NO_STOP: StopPoint = StopPoint { pressure_mpa: f64::NAN, halfwidth_mpa: f64::NAN };
 
 /// Finds a finger's stop point at a gap: the lowest sampled pressure with the needed force.
 pub fn stop_point(finger: &mut Answerer, gap_mm: f64, needed_n: f64) -> StopPoint {
     let found = finger.solver().pressure_for_force(gap_mm, needed_n);
-    found.map_or(NO_STOP, |found| StopPoint { pressure_mpa: found.value, bar_mpa: found.uncertainty })
+    found.map_or(NO_STOP, |found| StopPoint { pressure_mpa: found.value, halfwidth_mpa: found.uncertainty })
 }
 
 /// The grasp that follows from the fingers' states; one that is missing or not fresh makes it unknown.
@@ -54,7 +54,7 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         t_sensor_ns: u64::MAX,
         ..Grasp::default()
     };
-    let (mut least_n, mut bar_n) = (f64::INFINITY, 0.0_f64);
+    let (mut least_n, mut halfwidth_n) = (f64::INFINITY, 0.0_f64);
     let slots = grasp.forces_n.iter_mut().zip(&mut grasp.pressures_mpa);
     for ((force, pressure), state) in slots.zip(states) {
         let Some(state) = state else {
@@ -65,7 +65,7 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         grasp.flags |= state.flags;
         grasp.t_sensor_ns = grasp.t_sensor_ns.min(state.t_sensor_ns);
         least_n = least_n.min(state.contact_force_n);
-        bar_n = bar_n.max(f64::from(state.force_halfwidth_n)); // NaN (bars off) is passed over
+        halfwidth_n = halfwidth_n.max(f64::from(state.force_halfwidth_n)); // NaN (half-widths off) is passed over
     }
     if grasp.t_sensor_ns == u64::MAX {
         grasp.t_sensor_ns = 0;
@@ -74,11 +74,11 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         grasp.least_force_n = least_n;
         grasp.margin = least_n / needed_n - 1.0;
         grasp.needed_friction = spec.friction * needed_n / least_n;
-        grasp.force_halfwidth_n = bar_n;
+        grasp.force_halfwidth_n = halfwidth_n;
     }
     let unusable = flags::NO_DATA | flags::STALE | flags::HELD;
     grasp.grasp_status = match grasp.flags & unusable {
-        0 if least_n - bar_n >= needed_n => grasp_status::HELD,
+        0 if least_n - halfwidth_n >= needed_n => grasp_status::HELD,
         0 if least_n >= needed_n => grasp_status::MARGINAL,
         0 => grasp_status::NOT_HELD,
         _ => grasp_status::UNKNOWN,
@@ -132,7 +132,7 @@ impl GraspModel {
         let stop = self.stop_point(&gaps_mm);
         Grasp {
             stop_pressure_mpa: stop.pressure_mpa,
-            stop_pressure_halfwidth_mpa: stop.bar_mpa,
+            stop_pressure_halfwidth_mpa: stop.halfwidth_mpa,
             scene: pack_name(&self.scene),
             ..evaluate(&self.spec, &states)
         }
@@ -142,7 +142,7 @@ impl GraspModel {
     /// `gaps_mm` stands in where a finger's gap is neither fixed by the scene nor by the model.
     pub fn stop_point(&mut self, gaps_mm: &[f64]) -> StopPoint {
         let needed_n = self.needed_force_n();
-        let mut stop = StopPoint { pressure_mpa: f64::NEG_INFINITY, bar_mpa: 0.0 };
+        let mut stop = StopPoint { pressure_mpa: f64::NEG_INFINITY, halfwidth_mpa: 0.0 };
         for ((_, finger), measured_mm) in self.fingers.iter_mut().zip(gaps_mm) {
             let gap_mm = finger.default_gap_mm().unwrap_or(*measured_mm);
             let own = stop_point(finger, gap_mm, needed_n);
@@ -223,7 +223,7 @@ impl SideService for GraspService {
             seq: self.seq,
             t_publish_ns: now_ns(),
             stop_pressure_mpa: self.stop.pressure_mpa,
-            stop_pressure_halfwidth_mpa: self.stop.bar_mpa,
+            stop_pressure_halfwidth_mpa: self.stop.halfwidth_mpa,
             scene: pack_name(&self.model.scene),
             ..evaluate(&self.model.spec, &self.states)
         })
@@ -266,11 +266,11 @@ mod tests {
         GraspSpec { mass_g: 17.0, friction: 0.2, safety: 1.0, fingers: Vec::new() }
     }
 
-    fn state(force_n: f64, bar_n: f32) -> Option<State> {
+    fn state(force_n: f64, halfwidth_n: f32) -> Option<State> {
         Some(State {
             flags: 0,
             contact_force_n: force_n,
-            force_halfwidth_n: bar_n,
+            force_halfwidth_n: halfwidth_n,
             t_sensor_ns: 5,
             ..State::default()
         })
@@ -287,13 +287,15 @@ mod tests {
     }
 
     #[test]
-    fn the_weakest_finger_counts_and_the_error_bar_decides_what_is_certain() {
+    fn the_weakest_finger_counts_and_the_halfwidth_decides_what_is_certain() {
         let needed_n = needed_force_n(&paper(), 2);
-        let verdict = |a: f64, b: f64, bar| evaluate(&paper(), &[state(a, bar), state(b, bar)]).grasp_status;
-        assert_eq!(verdict(needed_n * 0.99, 10.0, 0.0), grasp_status::NOT_HELD);
-        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.1), grasp_status::MARGINAL);
-        assert_eq!(verdict(needed_n * 1.01, 10.0, 0.001), grasp_status::HELD);
-        assert_eq!(verdict(needed_n * 1.01, 10.0, f32::NAN), grasp_status::HELD, "bars are off");
+        let status = |a: f64, b: f64, halfwidth| {
+            evaluate(&paper(), &[state(a, halfwidth), state(b, halfwidth)]).grasp_status
+        };
+        assert_eq!(status(needed_n * 0.99, 10.0, 0.0), grasp_status::NOT_HELD);
+        assert_eq!(status(needed_n * 1.01, 10.0, 0.1), grasp_status::MARGINAL);
+        assert_eq!(status(needed_n * 1.01, 10.0, 0.001), grasp_status::HELD);
+        assert_eq!(status(needed_n * 1.01, 10.0, f32::NAN), grasp_status::HELD, "half-widths are off");
     }
 
     #[test]

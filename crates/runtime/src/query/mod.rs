@@ -1,6 +1,6 @@
 //! Answers to questions about a scene's actuators, in a thread of their own: the twin's loop knows nothing of them.
 //!
-//! Every actuator gets a second model in memory: the small part always, the basis only where the scene says
+//! Every actuator gets a second model in memory: the small part always, the basis only where the scene has
 //! `queries = "fields"`.
 
 mod solve;

@@ -27,7 +27,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// A reading taken now that says nothing else.
+    /// A reading with the time of now and nothing else.
     pub fn now() -> Self {
         Self { t_sensor_ns: now_ns(), ..Self::default() }
     }
@@ -180,7 +180,7 @@ pub struct SensorCounters {
     pub readings: AtomicU64,
     /// Requests without an answer in time.
     pub timeouts: AtomicU64,
-    /// Answers that say why there is none (Modbus exceptions).
+    /// Answers with a fault code instead of values (Modbus exceptions).
     pub exceptions: AtomicU64,
     /// Answers that could not be understood.
     pub garbage: AtomicU64,

@@ -1,9 +1,9 @@
 //! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n]`, comment lines begin with `#`.
 //!
-//! A trace is read as a whole before anything is sent: a stray text in line 900 is said at start, not after 4.5 s.
+//! A trace is read as a whole before anything is sent: a stray text in line 900 is reported at the start, not after 4.5 s.
 //! Recordings (MCAP) are traces as well, see `recorded`.
 //!
-//! `nan` and `inf` are values (gauges say such things); text that is no number is an error.
+//! `nan` and `inf` are values (gauges send them); text that is no number is an error.
 
 use super::reading::Reading;
 use super::recorded;
@@ -33,7 +33,7 @@ struct Columns {
 }
 
 impl Trace {
-    /// Reads and checks a file: CSV or a recording, told apart by its first bytes.
+    /// Reads and checks a file: CSV or a recording, recognised by its first bytes.
     ///
     /// # Errors
     /// All problems found, each with its line (at most 20 of them: a wrong file would give thousands).

@@ -9,7 +9,7 @@ pub enum TraceError {
     /// The file could not be read.
     #[error("cannot read the trace: {cause}")]
     Unreadable {
-        /// The system's word for it.
+        /// The system's message.
         cause: String,
     },
     /// Too large.
@@ -57,7 +57,7 @@ pub enum TraceError {
         cause: String,
     },
     /// A recording of several actuators.
-    #[error("the recording has several sensors ({found}); say which with `topic`")]
+    #[error("the recording has several sensors ({found}); choose one with `topic`")]
     SeveralTopics {
         /// Their topics.
         found: String,

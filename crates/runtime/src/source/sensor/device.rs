@@ -1,4 +1,4 @@
-//! The thread of a device, and the way of its readings to the bridge.
+//! The thread of a device, and the queue of its readings for the bridge.
 
 use crate::source::reading::{BridgeWaker, Poll, Reading, SensorCounters, Source};
 use crate::threads::panic_text;

@@ -1,4 +1,4 @@
-//! Optional smoothing of what a sensor says: median against spikes, low-pass against noise. Off by default: a filter
+//! Optional smoothing of the values of a sensor: median against spikes, low-pass against noise. Off by default: a filter
 //! delays, and the twin's model wants the pressure of now.
 
 use serde::{Deserialize, Serialize};
@@ -37,7 +37,7 @@ impl FilterSpec {
 /// A filter with its memory.
 ///
 /// Numbers that are not finite pass through and leave no trace: the twin is to see and count them, and one NaN must not
-/// stay in a low-pass for ever.
+/// stay in a low-pass without end.
 #[derive(Debug)]
 pub enum Filter {
     /// Nothing to remember.

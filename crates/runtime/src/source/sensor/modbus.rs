@@ -77,14 +77,13 @@ impl ModbusSpec {
         if let Some(serial) = &self.serial {
             serial.problems("source.serial", &mut problems);
         }
-        for (key, value, max) in [
-            ("poll_hz", self.poll_hz, 20_000.0),
-            ("timeout_ms", self.timeout_ms, 600_000.0),
-            ("backoff_max_ms", self.backoff_max_ms, 3_600_000.0),
+        for (key, value, min, max) in [
+            ("poll_hz", self.poll_hz, 1e-3, 20_000.0),
+            ("timeout_ms", self.timeout_ms, 0.1, 600_000.0),
+            ("backoff_max_ms", self.backoff_max_ms, 0.1, 3_600_000.0),
         ] {
-            if !(value > 0.0 && value <= max) {
-                problems
-                    .push(format!("source.{key}: expected a number above 0 and up to {max}, found {value}"));
+            if !(min..=max).contains(&value) {
+                problems.push(format!("source.{key}: expected {min} to {max}, found {value}"));
             }
         }
         self.filter.problems("source.filter", &mut problems);
