@@ -93,7 +93,7 @@ class WriterLock:
                 holder = os.read(self._file, 32).decode().strip()
                 os.close(self._file)
                 self._file = None
-                raise AlreadyPublished(f"{topic}: process {holder} publishes here already; stop it first") from error
+                raise AlreadyPublished(f"{topic}: another process publishes here already ({holder}); stop it first") from error
             if self._is_named():
                 break
             os.close(self._file)
