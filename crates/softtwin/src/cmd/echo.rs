@@ -32,8 +32,8 @@ pub struct Args {
     /// End after one sample.
     #[arg(long, conflicts_with = "count")]
     once: bool,
-    /// End after so many samples.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    /// End after so many samples (1 to 1000000000000).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
     count: Option<u64>,
     /// End after so many seconds; an error when nothing came.
     #[arg(long, value_name = "S", value_parser = crate::range::seconds)]
