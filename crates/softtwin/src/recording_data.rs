@@ -30,7 +30,9 @@ pub struct RecordingData {
 /// One actuator's part.
 pub struct Track {
     /// States in order of time.
-    pub states: Thinned<RecordedState>,
+    pub states: Vec<RecordedState>,
+    /// How many states the recording has.
+    recorded: usize,
     /// Recorded fields in order of time; empty unless asked for.
     pub fields: Thinned<RecordedField>,
 }
@@ -121,8 +123,8 @@ impl RecordedField {
 }
 
 impl RecordingData {
-    /// Reads a recording; of each actuator at most `max_states` states, evenly thinned, and of fields at most some hundreds,
-    /// none unless wanted.
+    /// Reads a recording; of each actuator at most `max_states` states, all peaks among them, and of fields at most some
+    /// hundreds, none unless wanted.
     ///
     /// # Errors
     /// A file that is no recording, or one without a state or field in it.
@@ -138,9 +140,13 @@ impl RecordingData {
             let start = *first_ns.get_or_insert(message.log_time_ns);
             last_ns = last_ns.max(message.log_time_ns);
             let t_s = message.log_time_ns.saturating_sub(start) as f64 * 1e-9;
-            let track = tracks.entry(topic.actuator().to_owned()).or_insert_with(|| Track::new(max_states));
+            let track = tracks.entry(topic.actuator().to_owned()).or_insert_with(Track::new);
             match topic.kind() {
-                TopicKind::State => track.states.offer(|| RecordedState::read(&message.data, t_s)),
+                TopicKind::State => {
+                    if let Some(state) = RecordedState::read(&message.data, t_s) {
+                        track.add_state(state, max_states);
+                    }
+                }
                 TopicKind::Field if with_fields => {
                     track.fields.offer(|| RecordedField::read(&message.data, t_s));
                 }
@@ -152,9 +158,9 @@ impl RecordingData {
             let expected = "expected a recording with states (softtwin/NAME/state), found none";
             return Err(configuration(anyhow::anyhow!("{}: {expected}", place())));
         }
-        for (actuator, track) in tracks.iter().filter(|(_, track)| track.states.stride > 1) {
-            let Thinned { offered, stride, .. } = track.states;
-            tracing::warn!("{actuator}: of {offered} recorded states one in {stride} is used");
+        for (actuator, track) in tracks.iter().filter(|(_, track)| track.states.len() < track.recorded) {
+            let (used, recorded) = (track.states.len(), track.recorded);
+            tracing::warn!("{actuator}: {used} of {recorded} recorded states are used, all peaks among them");
         }
         if let Some(ending) = reader.ending().filter(|ending| **ending != Ending::Complete) {
             tracing::warn!("{} is not whole, what can be read is used: {ending:?}", place());
@@ -168,8 +174,16 @@ impl RecordingData {
 }
 
 impl Track {
-    fn new(max_states: usize) -> Self {
-        Self { states: Thinned::new(max_states), fields: Thinned::new(MAX_FIELDS) }
+    fn new() -> Self {
+        Self { states: Vec::new(), recorded: 0, fields: Thinned::new(MAX_FIELDS) }
+    }
+
+    fn add_state(&mut self, state: RecordedState, max_states: usize) {
+        self.recorded += 1;
+        self.states.push(state);
+        if self.states.len() > max_states {
+            keep_peaks(&mut self.states);
+        }
     }
 
     /// The newest state at a time; the first one before it.
@@ -190,6 +204,36 @@ impl Track {
     }
 }
 
+/// Quantities whose peaks stay.
+const QUANTITIES: [fn(&RecordedState) -> f64; 4] = [
+    |state| state.values.pressure_mpa,
+    |state| state.values.gap_mm,
+    |state| state.values.contact_force_n,
+    RecordedState::latency_ms,
+];
+/// States of a group, of which at most nine stay.
+const GROUP: usize = 36;
+
+/// Keeps of each group the first state and those with the smallest and the largest value of each quantity.
+fn keep_peaks(states: &mut Vec<RecordedState>) {
+    let mut kept = Vec::with_capacity(states.len() / 4 + GROUP);
+    for group in states.chunks(GROUP) {
+        let mut is_kept = [false; GROUP];
+        is_kept[0] = true;
+        for quantity in QUANTITIES {
+            let finite = || (0..group.len()).filter(|k| quantity(&group[*k]).is_finite());
+            let order = |a: &usize, b: &usize| quantity(&group[*a]).total_cmp(&quantity(&group[*b]));
+            for k in finite().min_by(order).into_iter().chain(finite().max_by(order)) {
+                is_kept[k] = true;
+            }
+        }
+        kept.extend(
+            group.iter().zip(is_kept).filter(|(_, is_kept)| *is_kept).map(|(state, _)| state.clone()),
+        );
+    }
+    *states = kept;
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -201,5 +245,23 @@ mod tests {
         assert!(list.len() <= 100 && list.len() > 40, "{}", list.len());
         let step = list[1] - list[0];
         assert!(list[0] == 0 && list.windows(2).all(|pair| pair[1] - pair[0] == step), "{:?}", &list[..]);
+    }
+
+    #[test]
+    fn thinned_states_keep_every_peak() {
+        let state =
+            |k: usize| RecordedState { t_s: k as f64, values: State { gap_mm: 30.0, ..State::default() } };
+        let mut states: Vec<RecordedState> = (0..10_000).map(state).collect();
+        for (k, force_n) in [(777, 5.0), (778, -1.0), (9_999, 3.0)] {
+            states[k].values.contact_force_n = force_n;
+        }
+        states[5_000].values.pressure_mpa = 0.09;
+        keep_peaks(&mut states);
+        assert!(states.len() <= 10_000 / 4 + GROUP, "{}", states.len());
+        for (t_s, force_n) in [(777.0, 5.0), (778.0, -1.0), (9_999.0, 3.0)] {
+            assert!(states.iter().any(|s| s.t_s == t_s && s.values.contact_force_n == force_n), "{t_s}");
+        }
+        assert!(states.iter().any(|s| s.values.pressure_mpa == 0.09));
+        assert!(states.windows(2).all(|pair| pair[0].t_s < pair[1].t_s));
     }
 }

@@ -37,7 +37,7 @@ impl Grasps {
             Ok(Some(grasp)) => {
                 let scene = unpack_name(&grasp.scene);
                 let text = format!("{scene}: {}", live::text::grasp(&grasp));
-                hub.notify_grasp(&scene, json!({ "type": "grasp", "text": text }).to_string());
+                hub.notify(&scene, json!({ "type": "grasp", "text": text }).to_string());
                 true
             }
             Ok(None) => true,

@@ -44,14 +44,9 @@ impl Hub {
         self.replace(actuator, message, false);
     }
 
-    /// Replaces the notification of the recording that all pages receive.
-    pub fn announce(&self, text: String) {
-        self.replace("", text.into_bytes(), true); // no actuator has an empty name
-    }
-
-    /// Replaces the notification of a scene's grasp that all pages receive.
-    pub fn notify_grasp(&self, scene: &str, text: String) {
-        self.replace(&format!("{scene}/grasp"), text.into_bytes(), true); // no actuator has a `/` in its name
+    /// Replaces the notification of a subject that all pages receive. No actuator's name has a `/` in it.
+    pub fn notify(&self, subject: &str, text: String) {
+        self.replace(&format!("{subject}/"), text.into_bytes(), true);
     }
 
     fn replace(&self, actuator: &str, message: Vec<u8>, is_text: bool) {
