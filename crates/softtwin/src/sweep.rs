@@ -46,7 +46,12 @@ impl Sweep {
     pub fn new(model: &Model, states: usize, gaps: usize, seed: u64) -> anyhow::Result<Self> {
         let interpolants = model.header.regimes.iter().flat_map(|regime| regime.interpolants());
         let onset = model.header.onset.as_ref();
-        let range = onset.map_or([0.0; 2], |onset| [onset.sag_mm(), onset.reach_mm()]);
+        let contact = model.regime(RegimeKind::Contact).context("the model has no contact regime")?;
+        let range = match (contact.inputs.range(GAP), onset) {
+            // All samples share a gap: at others the regime says nothing.
+            (Some([low, high]), _) if low == high => [low, high],
+            (_, onset) => onset.map_or([0.0; 2], |onset| [onset.sag_mm(), onset.reach_mm()]),
+        };
         let (largest_jump_mm, largest_jump_n) = jumps(model, range, gaps)?;
         let mut sweep = Self {
             states,
