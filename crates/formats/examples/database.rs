@@ -1,7 +1,7 @@
 //! Arrays of one's own as a database that a model can be trained on, read back, and one state as a file for ParaView.
 
 use formats::database::{self, ObstacleKind};
-use formats::fields::State;
+use formats::export::Series;
 use formats::vtu::Cells;
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
 
@@ -36,14 +36,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let read = database::read(&folder, ObstacleKind::Plate)?;
     assert_eq!((read.hash, read.snapshots), (mine.hash, mine.snapshots.clone()));
     let by_field: Vec<f32> = (0..5).flat_map(|field| mine.field(1, field)).collect();
-    let state = State {
-        fields: &mine.fields,
-        nodes: 2,
-        values: &by_field,
-        undeformed: None,
-        cells: Cells::Triangles(&[]),
-    };
-    state.write(&folder.join("inflated.vtu"))?;
+    let series =
+        Series { fields: &mine.fields, nodes: 2, cells: Cells::Triangles(&[]), undeformed: None, count: 1 };
+    series.write_state(&folder.join("inflated.vtu"), &by_field)?;
     println!("{}", folder.display());
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Access to files: reading within a stated size, and replacing a file whole.
 
 use crate::error::{Diagnostic, FormatError};
+use serde::de::DeserializeOwned;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
@@ -52,6 +53,17 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String, FormatError> {
     let bytes = read_bytes(path, limit)?;
     String::from_utf8(bytes)
         .map_err(|_| FormatError::one(path, Diagnostic::new("content", "UTF-8 text", "other bytes")))
+}
+
+/// A typed value from a TOML file of at most [`MAX_TEXT_BYTES`]; `expected` says which keys it has.
+///
+/// # Errors
+/// As [`read_text`]; text that is not TOML of that shape.
+pub(crate) fn read_toml<T: DeserializeOwned>(path: &Path, expected: &str) -> Result<T, FormatError> {
+    let text = read_text(path, MAX_TEXT_BYTES)?;
+    toml::from_str(&text).map_err(|error| {
+        FormatError::one(path, Diagnostic::new("content", expected, error.to_string().trim_end()))
+    })
 }
 
 /// Replaces a file as a whole: a reader sees the old content or the new one, never a part, also after a crash.

@@ -5,7 +5,6 @@ pub mod abaqus;
 pub mod database;
 mod error;
 pub mod export;
-pub mod fields;
 pub mod file;
 pub mod mesh_file;
 mod mesh_reader;

@@ -7,13 +7,13 @@ use rom::snapshots::{Case, Database, FieldSpec};
 use std::path::Path;
 
 /// What the reader of a layout found.
-pub struct Parts {
-    pub actuator: String,
-    pub fields: Vec<FieldSpec>,
-    pub node_count: usize,
-    pub cases: Vec<Case>,
+pub(crate) struct Parts {
+    pub(crate) actuator: String,
+    pub(crate) fields: Vec<FieldSpec>,
+    pub(crate) node_count: usize,
+    pub(crate) cases: Vec<Case>,
     /// `cases x nodes x fields`.
-    pub snapshots: Vec<f32>,
+    pub(crate) snapshots: Vec<f32>,
 }
 
 impl Parts {
@@ -21,7 +21,11 @@ impl Parts {
     ///
     /// # Errors
     /// A mesh that cannot be read or has another number of nodes.
-    pub fn assemble(self, mesh: Option<&Path>, obstacle: ObstacleKind) -> Result<Database, FormatError> {
+    pub(crate) fn assemble(
+        self,
+        mesh: Option<&Path>,
+        obstacle: ObstacleKind,
+    ) -> Result<Database, FormatError> {
         let body = mesh.map(|path| mesh::read(path, self.node_count)).transpose()?;
         let has_mesh = body.is_some();
         let body = body.unwrap_or_default();

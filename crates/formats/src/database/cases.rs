@@ -13,7 +13,7 @@ use std::path::Path;
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
 /// Reads and checks the table; everything that is wrong at once.
-pub fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind, Case)>, FormatError> {
+pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind, Case)>, FormatError> {
     let table = Table::read(path, false)?;
     let columns = columns(&table, manifest)
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
@@ -71,7 +71,7 @@ fn case(row: &Row<'_>, at: &[usize; 6], diagnostics: &mut Vec<Diagnostic>) -> Op
 }
 
 /// Writes a table of cases at the plate.
-pub fn write(path: &Path, cases: &[Case]) -> Result<(), FormatError> {
+pub(crate) fn write(path: &Path, cases: &[Case]) -> Result<(), FormatError> {
     let row = |case: &Case| {
         [
             case.name.clone(),

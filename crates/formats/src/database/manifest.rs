@@ -88,13 +88,7 @@ impl Manifest {
     /// # Errors
     /// Not readable, not TOML of this shape, or values that do not fit; all of them at once.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
-        let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
-        let manifest: Self = toml::from_str(&text).map_err(|e| {
-            FormatError::one(
-                path,
-                Diagnostic::new("content", "the keys of layout 1", e.to_string().trim_end()),
-            )
-        })?;
+        let manifest: Self = file::read_toml(path, "the keys of layout 1")?;
         let diagnostics = manifest.diagnostics();
         FormatError::check(manifest, path, diagnostics)
     }

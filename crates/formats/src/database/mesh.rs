@@ -9,14 +9,14 @@ use std::path::Path;
 
 /// The parts of a mesh a database remembers.
 #[derive(Default)]
-pub struct Body {
-    pub points_mm: Vec<[f64; 3]>,
-    pub triangles: Vec<[u32; 3]>,
-    pub node_sets: Vec<NodeSet>,
+pub(crate) struct Body {
+    pub(crate) points_mm: Vec<[f64; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) node_sets: Vec<NodeSet>,
 }
 
 /// Reads a mesh and checks it against the node count.
-pub fn read(path: &Path, nodes: usize) -> Result<Body, FormatError> {
+pub(crate) fn read(path: &Path, nodes: usize) -> Result<Body, FormatError> {
     let mesh = read_mesh(path)?;
     if mesh.points_mm.len() != nodes {
         let diagnostic =

@@ -6,7 +6,7 @@ use crate::table::TableWriter;
 use std::fmt::Display;
 use std::io::{self, Write};
 
-pub struct Csv<'a>(pub Series<'a>);
+pub(crate) struct Csv<'a>(pub(crate) Series<'a>);
 
 impl Layout for Csv<'_> {
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {

@@ -4,7 +4,7 @@ use super::series::Moment;
 use std::io::{self, Write};
 
 /// One format; the file is opened and closed by the writer.
-pub trait Layout {
+pub(crate) trait Layout {
     /// What stands before the first state.
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()>;
 
@@ -18,7 +18,7 @@ pub trait Layout {
 }
 
 /// Numbers in lines of so many, each with a space behind it.
-pub fn lines(out: &mut dyn Write, values: &[impl std::fmt::Display], a_line: usize) -> io::Result<()> {
+pub(crate) fn lines(out: &mut dyn Write, values: &[impl std::fmt::Display], a_line: usize) -> io::Result<()> {
     for line in values.chunks(a_line) {
         line.iter().try_for_each(|value| write!(out, "{value} "))?;
         writeln!(out)?;

@@ -1,4 +1,4 @@
-//! Many states as one file: VTU with a PVD index (ParaView), Tecplot ASCII, XDMF, CSV, NPY.
+//! One state or many as files that people open: VTU with a PVD index (ParaView), Tecplot ASCII, XDMF, CSV, NPY.
 //!
 //! States are taken one after the other and written as they come: one state is in memory at a time.
 
@@ -7,11 +7,11 @@ mod layout;
 mod npy;
 mod pvd;
 mod series;
+mod state;
 mod tecplot;
 mod writer;
 mod xdmf;
 
 pub use series::{Moment, Series};
+pub use state::StateFormat;
 pub use writer::SeriesFormat;
-
-pub(crate) use pvd::write_vtu;

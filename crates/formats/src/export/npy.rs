@@ -5,7 +5,7 @@ use super::series::{Moment, Series};
 use crate::npy;
 use std::io::{self, Write};
 
-pub struct Npy<'a>(pub Series<'a>);
+pub(crate) struct Npy<'a>(pub(crate) Series<'a>);
 
 impl Layout for Npy<'_> {
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {

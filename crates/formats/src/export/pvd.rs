@@ -8,19 +8,19 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Writes `NAME_0000.vtu`, `NAME_0001.vtu`, ... beside `NAME.pvd`.
-pub struct Pvd<'a> {
+pub(crate) struct Pvd<'a> {
     path: PathBuf,
     series: Series<'a>,
 }
 
 impl<'a> Pvd<'a> {
-    pub fn new(path: &Path, series: Series<'a>) -> Self {
+    pub(crate) fn new(path: &Path, series: Series<'a>) -> Self {
         Self { path: path.into(), series }
     }
 }
 
 /// The file of a state.
-pub fn state_file(path: &Path, index: usize) -> PathBuf {
+pub(crate) fn state_file(path: &Path, index: usize) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}_{index:04}.vtu"))
 }
@@ -51,7 +51,7 @@ impl Layout for Pvd<'_> {
 ///
 /// # Errors
 /// A state without coordinates, or as [`vtu::write`].
-pub fn write_vtu(path: &Path, series: &Series<'_>, values: &[f32]) -> Result<(), FormatError> {
+pub(crate) fn write_vtu(path: &Path, series: &Series<'_>, values: &[f32]) -> Result<(), FormatError> {
     let deformed = series.coordinates(values);
     if deformed.iter().any(|axis| axis.len() != series.nodes) {
         let diagnostic = Diagnostic::new("fields", "the coordinates x, y and z", "a state without them");

@@ -15,7 +15,7 @@ pub struct Moment {
     pub values: Vec<f32>,
 }
 
-/// What all states of a series share.
+/// What all states share.
 #[derive(Clone, Copy, Debug)]
 pub struct Series<'a> {
     /// Fields in order; x, y and z must be among them.
@@ -62,7 +62,7 @@ impl<'a> Series<'a> {
     ///
     /// # Errors
     /// Both numbers.
-    pub(crate) fn check_length(&self, place: &str, values: &[f32]) -> Result<(), Diagnostic> {
+    pub(super) fn check_length(&self, place: &str, values: &[f32]) -> Result<(), Diagnostic> {
         let expected = self.nodes * self.fields.len();
         if values.len() == expected {
             return Ok(());
@@ -71,34 +71,34 @@ impl<'a> Series<'a> {
     }
 
     /// Names of the columns of a table: `x_mm`.
-    pub(crate) fn columns(&self) -> impl Iterator<Item = String> + 'a {
+    pub(super) fn columns(&self) -> impl Iterator<Item = String> + 'a {
         self.fields.iter().map(|field| format!("{}_{}", field.name, field.unit.to_lowercase()))
     }
 
     /// Position of the field deformed along an axis.
-    pub(crate) fn axis(&self, axis: u8) -> Option<usize> {
+    pub(super) fn axis(&self, axis: u8) -> Option<usize> {
         self.fields.iter().position(|field| field.kind == FieldKind::Coordinate(axis))
     }
 
     /// One field of a state, node by node.
-    pub(crate) fn field<'m>(&self, values: &'m [f32], field: usize) -> &'m [f32] {
+    pub(super) fn field<'m>(&self, values: &'m [f32], field: usize) -> &'m [f32] {
         &values[field * self.nodes..(field + 1) * self.nodes]
     }
 
     /// All fields at a node.
-    pub(crate) fn at_node<'m>(&self, values: &'m [f32], node: usize) -> impl Iterator<Item = f32> + 'm {
+    pub(super) fn at_node<'m>(&self, values: &'m [f32], node: usize) -> impl Iterator<Item = f32> + 'm {
         values.iter().skip(node).step_by(self.nodes.max(1)).copied()
     }
 
     /// Positions of the fields that are not coordinates, with name and unit as viewers show them.
-    pub(crate) fn quantities(&self) -> impl Iterator<Item = (usize, String)> + 'a {
+    pub(super) fn quantities(&self) -> impl Iterator<Item = (usize, String)> + 'a {
         let all = self.fields.iter().enumerate();
         all.filter(|(_, field)| !matches!(field.kind, FieldKind::Coordinate(_)))
             .map(|(k, field)| (k, format!("{} [{}]", field.name, field.unit)))
     }
 
     /// Coordinates of a state by axis; an axis without a field is empty.
-    pub(crate) fn coordinates<'m>(&self, values: &'m [f32]) -> [&'m [f32]; 3] {
+    pub(super) fn coordinates<'m>(&self, values: &'m [f32]) -> [&'m [f32]; 3] {
         [0, 1, 2].map(|axis| self.axis(axis).map_or(&[][..], |field| self.field(values, field)))
     }
 }

@@ -24,7 +24,7 @@ const EIGHT: [[usize; 4]; 8] = [
 /// Numbers on a line; Tecplot reads lines of up to 32,000 characters, people shorter ones.
 const A_LINE: usize = 10;
 
-pub struct Tecplot<'a> {
+pub(crate) struct Tecplot<'a> {
     series: Series<'a>,
     kind: &'static str,
     corners: usize,
@@ -32,7 +32,7 @@ pub struct Tecplot<'a> {
 }
 
 impl<'a> Tecplot<'a> {
-    pub fn new(series: Series<'a>) -> Self {
+    pub(crate) fn new(series: Series<'a>) -> Self {
         let (kind, corners, cells) = linear(series.cells);
         Self { series, kind, corners, cells }
     }

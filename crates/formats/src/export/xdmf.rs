@@ -6,7 +6,7 @@ use crate::vtu::Cells;
 use quick_xml::escape::escape;
 use std::io::{self, Write};
 
-pub struct Xdmf<'a>(pub Series<'a>);
+pub(crate) struct Xdmf<'a>(pub(crate) Series<'a>);
 
 impl Layout for Xdmf<'_> {
     fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {

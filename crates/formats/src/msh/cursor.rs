@@ -16,12 +16,12 @@ pub(super) struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    pub fn new(bytes: &'a [u8]) -> Self {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0, binary: false, big_endian: false, section: String::new() }
     }
 
     /// The position, for messages.
-    pub fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         format!("{}, byte {}", self.section, self.at)
     }
 
@@ -30,7 +30,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// The next section's name; `None` at the end of the file.
-    pub fn section(&mut self) -> Result<Option<String>, Diagnostic> {
+    pub(crate) fn section(&mut self) -> Result<Option<String>, Diagnostic> {
         self.skip_blanks();
         if self.at == self.bytes.len() {
             return Ok(None);
@@ -45,7 +45,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Goes past `$EndName`, over whatever is left of the section.
-    pub fn end_of(&mut self, name: &str) -> Result<(), Diagnostic> {
+    pub(crate) fn end_of(&mut self, name: &str) -> Result<(), Diagnostic> {
         let end = format!("$End{name}");
         let rest = &self.bytes[self.at..];
         // `$` is rare in binary data, so looking only there keeps the scan linear.
@@ -57,7 +57,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// From here numbers are binary; the byte order is that of the integer 1 that follows.
-    pub fn binary(&mut self) -> Result<(), Diagnostic> {
+    pub(crate) fn binary(&mut self) -> Result<(), Diagnostic> {
         self.skip_line_end();
         let one: [u8; 4] = self.take("the integer 1")?;
         self.big_endian = one == 1_i32.to_be_bytes();
@@ -69,17 +69,17 @@ impl<'a> Cursor<'a> {
     }
 
     /// A signed tag, dimension or type.
-    pub fn int(&mut self) -> Result<i64, Diagnostic> {
+    pub(crate) fn int(&mut self) -> Result<i64, Diagnostic> {
         self.number("an integer", |bytes| i32::from_le_bytes(bytes).into())
     }
 
     /// A count or a node's tag.
-    pub fn size(&mut self) -> Result<u64, Diagnostic> {
+    pub(crate) fn size(&mut self) -> Result<u64, Diagnostic> {
         self.number("a size", u64::from_le_bytes)
     }
 
     /// A coordinate.
-    pub fn double(&mut self) -> Result<f64, Diagnostic> {
+    pub(crate) fn double(&mut self) -> Result<f64, Diagnostic> {
         self.number("a number", f64::from_le_bytes)
     }
 
@@ -100,13 +100,13 @@ impl<'a> Cursor<'a> {
     }
 
     /// A number in text, also where the rest of the file is binary.
-    pub fn text_number<T: FromStr>(&mut self) -> Result<T, Diagnostic> {
+    pub(crate) fn text_number<T: FromStr>(&mut self) -> Result<T, Diagnostic> {
         let word = self.word()?;
         word.parse().map_err(|_| self.diagnostic("a number", format!("`{word}`")))
     }
 
     /// The next word of text.
-    pub fn word(&mut self) -> Result<String, Diagnostic> {
+    pub(crate) fn word(&mut self) -> Result<String, Diagnostic> {
         self.skip_blanks();
         let rest = &self.bytes[self.at..];
         let length = rest.iter().take(LONGEST_WORD).take_while(|b| b.is_ascii_graphic()).count();
@@ -119,7 +119,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// A name in double quotes.
-    pub fn quoted(&mut self) -> Result<String, Diagnostic> {
+    pub(crate) fn quoted(&mut self) -> Result<String, Diagnostic> {
         self.skip_blanks();
         let rest = &self.bytes[self.at..];
         let inner =

@@ -44,7 +44,7 @@ pub fn read_f64(path: &Path) -> Result<Array<f64>, FormatError> {
 
 fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Array<T>, FormatError> {
     let (mut file, bytes) = file::open(path, file::MAX_DATA_BYTES)?;
-    let header = Header::read(&mut file, bytes).map_err(|e| e.at(path))?;
+    let header = Header::read(&mut file, path, bytes)?;
     let mut data = Vec::with_capacity(header.elements);
     let mut buffer = vec![0_u8; CHUNK * header.element.bytes()];
     let mut left = header.elements;

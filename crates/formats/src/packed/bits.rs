@@ -9,22 +9,22 @@ use std::io::{Read, Write};
 pub(super) struct Writer(Vec<u8>);
 
 impl Writer {
-    pub fn new(magic: &[u8; 8], version: u32) -> Self {
+    pub(crate) fn new(magic: &[u8; 8], version: u32) -> Self {
         let mut bytes = magic.to_vec();
         bytes.extend(version.to_le_bytes());
         Self(bytes)
     }
 
-    pub fn count(&mut self, value: usize) {
+    pub(crate) fn count(&mut self, value: usize) {
         self.0.extend((value as u64).to_le_bytes());
     }
 
-    pub fn number(&mut self, value: f64) {
+    pub(crate) fn number(&mut self, value: f64) {
         self.0.extend(value.to_le_bytes());
     }
 
     /// Zigzag (small magnitudes become small), then the four bytes of all numbers apart: the upper planes are zeros.
-    pub fn integers(&mut self, values: &[i32]) {
+    pub(crate) fn integers(&mut self, values: &[i32]) {
         let zigzag: Vec<u32> = values.iter().map(|v| ((v << 1) ^ (v >> 31)) as u32).collect();
         let planes: Vec<u8> = (0..4).flat_map(|p| zigzag.iter().map(move |z| (z >> (8 * p)) as u8)).collect();
         let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
@@ -35,7 +35,7 @@ impl Writer {
     }
 
     /// Appends the checksum of everything before it.
-    pub fn finish(mut self) -> Vec<u8> {
+    pub(crate) fn finish(mut self) -> Vec<u8> {
         let sum = checksum(&self.0);
         self.0.extend(sum.to_le_bytes());
         self.0
@@ -45,7 +45,7 @@ impl Writer {
 pub(super) struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
-    pub fn new(bytes: &'a [u8], magic: &[u8; 8], version: u32) -> Result<Self, Diagnostic> {
+    pub(crate) fn new(bytes: &'a [u8], magic: &[u8; 8], version: u32) -> Result<Self, Diagnostic> {
         let rest = bytes
             .strip_prefix(magic)
             .ok_or_else(|| Diagnostic::new("first bytes", "those of packed snapshots", "others"))?;
@@ -68,17 +68,17 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
-    pub fn count(&mut self, what: &str) -> Result<usize, Diagnostic> {
+    pub(crate) fn count(&mut self, what: &str) -> Result<usize, Diagnostic> {
         let value = u64::from_le_bytes(self.take(what)?);
         usize::try_from(value).map_err(|_| Diagnostic::new(what, "a count that fits into memory", value))
     }
 
-    pub fn number(&mut self, what: &str) -> Result<f64, Diagnostic> {
+    pub(crate) fn number(&mut self, what: &str) -> Result<f64, Diagnostic> {
         Ok(f64::from_le_bytes(self.take(what)?))
     }
 
     /// As many whole numbers as expected.
-    pub fn integers(&mut self, expected: usize) -> Result<Vec<i32>, Diagnostic> {
+    pub(crate) fn integers(&mut self, expected: usize) -> Result<Vec<i32>, Diagnostic> {
         let length = self.count("block")?;
         let wrong = |found: String| Diagnostic::new("block", format!("{expected} whole numbers"), found);
         let (packed, rest) =
@@ -100,7 +100,7 @@ impl<'a> Reader<'a> {
             .collect())
     }
 
-    pub fn end(&self) -> Result<(), Diagnostic> {
+    pub(crate) fn end(&self) -> Result<(), Diagnostic> {
         if self.0.is_empty() {
             Ok(())
         } else {

@@ -17,11 +17,11 @@ const PADDED_OR_NOT: GeneralPurpose = GeneralPurpose::new(
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     /// Most significant byte first.
-    pub big_endian: bool,
+    pub(crate) big_endian: bool,
     /// Lengths take 8 bytes instead of 4.
-    pub long_header: bool,
+    pub(crate) long_header: bool,
     /// Arrays are zlib blocks.
-    pub zlib: bool,
+    pub(crate) zlib: bool,
 }
 
 /// An element type of VTK's arrays.
@@ -33,7 +33,7 @@ pub(super) enum Element {
 }
 
 impl Element {
-    pub fn named(name: &str) -> Option<Self> {
+    pub(crate) fn named(name: &str) -> Option<Self> {
         let (kind, bits): (fn(usize) -> Self, &str) = if let Some(bits) = name.strip_prefix("Float") {
             (Self::Float, bits)
         } else if let Some(bits) = name.strip_prefix("UInt") {
@@ -52,7 +52,7 @@ impl Element {
         (!matches!(element, Self::Float(1 | 2))).then_some(element)
     }
 
-    pub fn size(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         match self {
             Self::Float(n) | Self::Int(n) | Self::UInt(n) => n,
         }

@@ -4,8 +4,7 @@ use super::export::Body;
 use crate::failure::usage;
 use crate::{files, output};
 use anyhow::Context;
-use formats::export::Series;
-use formats::fields::{Format, State};
+use formats::export::StateFormat;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
@@ -55,7 +54,7 @@ impl Args {
         let gap_mm = self.gap_mm.unwrap_or(f64::INFINITY);
         let input = Inputs::new(self.pressure_mpa, gap_mm);
         if let Some(out) = &self.out {
-            Format::of(out).map_err(usage)?; // before the work, not after it
+            StateFormat::of(out).map_err(usage)?; // before the work, not after it
         }
         let model = files::model(&self.model)?;
         let mut state = ModelState::new(&model, &Selection::default())?;
@@ -76,9 +75,7 @@ impl Args {
         let Some(out) = &self.out else { return Ok(()) };
         let fields: Vec<FieldSpec> = model.header.fields.iter().map(|f| f.spec.clone()).collect();
         let body = Body::of_model(model).with_mesh(self.mesh.as_deref())?;
-        let Series { nodes, cells, undeformed, .. } = body.series(&fields, 1);
-        let state = State { fields: &fields, nodes, values, undeformed, cells };
-        state.write(out).context("the fields were not written")
+        body.series(&fields, 1).write_state(out, values).context("the fields were not written")
     }
 }
 

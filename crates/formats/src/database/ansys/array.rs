@@ -5,13 +5,13 @@ use crate::file;
 use std::path::Path;
 
 /// All numbers of a file.
-pub fn read(path: &Path) -> Result<Vec<f64>, FormatError> {
+pub(crate) fn read(path: &Path) -> Result<Vec<f64>, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
     parse(&bytes).map_err(|diagnostic| FormatError::one(path, diagnostic))
 }
 
 /// [`read`], with the count that must be there.
-pub fn read_of(path: &Path, expected: usize) -> Result<Vec<f64>, FormatError> {
+pub(crate) fn read_of(path: &Path, expected: usize) -> Result<Vec<f64>, FormatError> {
     let values = read(path)?;
     if values.len() == expected {
         return Ok(values);

@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 
 /// The checked table.
 #[derive(Clone, Debug)]
-pub struct Design {
+pub(crate) struct Design {
     path: PathBuf,
     /// Snapshot files, in order.
-    pub files: Vec<String>,
+    pub(crate) files: Vec<String>,
     rows: Vec<State>,
 }
 
@@ -63,7 +63,7 @@ impl Column {
 
 impl Design {
     /// Reads and checks the table; everything that is wrong at once.
-    pub fn read(path: &Path) -> Result<Self, FormatError> {
+    pub(crate) fn read(path: &Path) -> Result<Self, FormatError> {
         let table = Table::read(path, false)?;
         let mut diagnostics = Vec::new();
         let columns: Vec<Option<Column>> =
@@ -94,7 +94,7 @@ impl Design {
     }
 
     /// The states as cases: with a gap contact, without free.
-    pub fn cases(&self) -> Result<Vec<Case>, FormatError> {
+    pub(crate) fn cases(&self) -> Result<Vec<Case>, FormatError> {
         let mut diagnostics = Vec::new();
         let case = |(k, (file, row)): (usize, (&String, &State))| {
             if row.gap_mm.is_some() && row.contact_force_n.is_none() {

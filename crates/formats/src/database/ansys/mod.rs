@@ -26,7 +26,7 @@ const SETTINGS: &str = "settings.json";
 const MESHES: [&str; 2] = ["mesh.vtu", "mesh.inp"];
 
 /// Whether a folder looks like this exchange: a sub-folder has `settings.json`.
-pub fn is_exchange(dir: &Path) -> bool {
+pub(crate) fn is_exchange(dir: &Path) -> bool {
     !folders(dir).is_empty()
 }
 
@@ -64,7 +64,7 @@ impl Folder {
 /// # Errors
 /// Files that cannot be read, quantities that are neither a deformation nor a stress, units that are not known, tables
 /// without pressure, folders that do not fit together.
-pub fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
+pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     let refuse = |place: &str, expected: &str, found: String| {
         Err(FormatError::one(dir, Diagnostic::new(place, expected, found)))
     };

@@ -22,7 +22,7 @@ struct Written {
 
 /// What a folder's numbers are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub(crate) enum Quantity {
     /// A displacement vector.
     Deformation,
     /// Von Mises stress.
@@ -32,18 +32,18 @@ pub enum Quantity {
 }
 
 /// The checked settings of a folder.
-pub struct Settings {
+pub(crate) struct Settings {
     /// Name of the quantity.
-    pub name: String,
+    pub(crate) name: String,
     /// What it is.
-    pub quantity: Quantity,
+    pub(crate) quantity: Quantity,
     /// To mm or MPa.
-    pub factor: f64,
+    pub(crate) factor: f64,
 }
 
 impl Settings {
     /// Reads and checks the file; all diagnostics at once.
-    pub fn read(path: &Path) -> Result<Self, FormatError> {
+    pub(crate) fn read(path: &Path) -> Result<Self, FormatError> {
         let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
         let written: Written = serde_json::from_str(&text).map_err(|error| {
             let expected = "an object with name, unit and dimensionality";
@@ -82,7 +82,7 @@ impl Written {
 
 impl Quantity {
     /// Numbers a node.
-    pub fn components(self) -> usize {
+    pub(crate) fn components(self) -> usize {
         match self {
             Self::Deformation => 3,
             Self::Scalar => 1,
@@ -91,7 +91,7 @@ impl Quantity {
     }
 
     /// Von Mises stress at a node: `sqrt(((xx-yy)^2 + (yy-zz)^2 + (zz-xx)^2) / 2 + 3 (xy^2 + yz^2 + xz^2))`.
-    pub fn von_mises(self, values: &[f64], node: usize) -> f64 {
+    pub(crate) fn von_mises(self, values: &[f64], node: usize) -> f64 {
         let s = &values[node * self.components()..(node + 1) * self.components()];
         match s {
             [xx, yy, zz, xy, yz, xz] => {
@@ -104,34 +104,22 @@ impl Quantity {
 }
 
 fn factor(quantity: Quantity, unit: &str) -> Option<f64> {
-    match (quantity, unit) {
-        (Quantity::Deformation, _) => length_factor(unit),
-        (_, unit) => pressure_factor(unit),
-    }
+    if quantity == Quantity::Deformation { length_factor(unit) } else { pressure_factor(unit) }
 }
 
 /// From a unit of length to mm.
-pub fn length_factor(unit: &str) -> Option<f64> {
-    Some(match unit {
-        "m" => 1e3,
-        "cm" => 10.0,
-        "mm" => 1.0,
-        "in" => 25.4,
-        _ => return None,
-    })
+pub(crate) fn length_factor(unit: &str) -> Option<f64> {
+    find(&[("m", 1e3), ("cm", 10.0), ("mm", 1.0), ("in", 25.4)], unit)
 }
 
 /// From a unit of pressure to MPa.
-pub fn pressure_factor(unit: &str) -> Option<f64> {
-    Some(match unit {
-        "Pa" => 1e-6,
-        "kPa" => 1e-3,
-        "bar" => 0.1,
-        "MPa" => 1.0,
-        "GPa" => 1e3,
-        "psi" => 6.894_757_293_168e-3,
-        _ => return None,
-    })
+pub(crate) fn pressure_factor(unit: &str) -> Option<f64> {
+    let psi = ("psi", 6.894_757_293_168e-3);
+    find(&[("Pa", 1e-6), ("kPa", 1e-3), ("bar", 0.1), ("MPa", 1.0), ("GPa", 1e3), psi], unit)
+}
+
+fn find(units: &[(&str, f64)], unit: &str) -> Option<f64> {
+    units.iter().find(|(name, _)| *name == unit).map(|(_, factor)| *factor)
 }
 
 #[cfg(test)]

@@ -8,16 +8,16 @@ use std::path::Path;
 const MAX_DIAGNOSTICS: usize = 50;
 
 /// A table of finite numbers.
-pub struct Matrix {
+pub(crate) struct Matrix {
     /// Rows.
-    pub rows: usize,
+    pub(crate) rows: usize,
     columns: usize,
     values: Vec<f32>,
 }
 
 impl Matrix {
     /// Reads a table with this many columns.
-    pub fn read(path: &Path, columns: usize) -> Result<Self, FormatError> {
+    pub(crate) fn read(path: &Path, columns: usize) -> Result<Self, FormatError> {
         let text = file::read_text(path, file::MAX_DATA_BYTES)?;
         let (mut values, mut diagnostics, mut rows) = (Vec::new(), Vec::new(), 0);
         for (line, row) in text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty()) {
@@ -56,12 +56,12 @@ impl Matrix {
     }
 
     /// One value.
-    pub fn at(&self, row: usize, column: usize) -> f32 {
+    pub(crate) fn at(&self, row: usize, column: usize) -> f32 {
         self.values[row * self.columns + column]
     }
 
     /// One column from top to bottom.
-    pub fn column(&self, column: usize) -> impl Iterator<Item = f32> + '_ {
+    pub(crate) fn column(&self, column: usize) -> impl Iterator<Item = f32> + '_ {
         self.values.iter().skip(column).step_by(self.columns).copied()
     }
 }

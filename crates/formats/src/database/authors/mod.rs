@@ -26,7 +26,7 @@ use serde::Deserialize;
 use std::path::Path;
 
 /// Name of the description in its folder.
-pub const FILE: &str = "authors.toml";
+pub(crate) const FILE: &str = "authors.toml";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -75,13 +75,10 @@ impl Fields {
 ///
 /// # Errors
 /// Files that cannot be read, cells that are no finite numbers (row and column are named), sets that do not fit together.
-pub fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
+pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     let path = dir.join(FILE);
     let wrong = |diagnostic| FormatError::one(&path, diagnostic);
-    let text = file::read_text(&path, file::MAX_TEXT_BYTES)?;
-    let description: Description = toml::from_str(&text).map_err(|error| {
-        wrong(Diagnostic::new("content", "the keys of authors.toml", error.to_string().trim_end()))
-    })?;
+    let description: Description = file::read_toml(&path, "the keys of authors.toml")?;
     let mut all = Collected::default();
     for set in &description.set {
         let (kind, regime) = set.kind().map_err(wrong)?;

@@ -10,7 +10,7 @@ use std::path::Path;
 const COLUMNS: [&str; 4] = ["pressure_mpa", "gap_mm", "contact_force_n", "split"];
 
 /// Reads the list; cases are named by their number from `first` on.
-pub fn read(path: &Path, regime: RegimeKind, first: usize) -> Result<Vec<Case>, FormatError> {
+pub(crate) fn read(path: &Path, regime: RegimeKind, first: usize) -> Result<Vec<Case>, FormatError> {
     let mut table = Table::read(path, false)?;
     if table.header().first().is_some_and(|cell| cell.parse::<f64>().is_ok()) {
         table = table.with_header(&COLUMNS[..3]);

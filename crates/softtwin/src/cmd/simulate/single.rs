@@ -5,7 +5,7 @@ use crate::output;
 use anyhow::Context;
 use fem::actuator::Actuator;
 use fem::{Output, Problem, Report, SolveError, Solver};
-use formats::fields::{Format, State};
+use formats::export::{Series, StateFormat};
 use formats::vtu::Cells;
 use rom::snapshots::FieldSpec;
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ pub fn run(
     out: Option<&Path>,
 ) -> anyhow::Result<()> {
     if let Some(out) = out {
-        Format::of(out).map_err(usage)?; // before the work, not after it
+        StateFormat::of(out).map_err(usage)?; // before the work, not after it
     }
     let mut solver = Solver::new(Arc::clone(&problem))?;
     let (mut state, mut work) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
@@ -90,12 +90,12 @@ fn write(problem: &Problem, output: &Output, out: &Path) -> anyhow::Result<()> {
     let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&output.coordinates_mm, k)).collect();
     values.extend(output.displacement_mm.iter().chain(&output.von_mises_mpa).map(|v| *v as f32));
     let undeformed = [0, 1, 2].map(|k| axis(&mesh.nodes_mm, k));
-    let state = State {
+    let series = Series {
         fields: &FieldSpec::of_the_paper(),
         nodes: mesh.nodes_mm.len(),
-        values: &values,
-        undeformed: Some(undeformed.each_ref().map(Vec::as_slice)),
         cells: Cells::QuadraticTets(&mesh.tets),
+        undeformed: Some(undeformed.each_ref().map(Vec::as_slice)),
+        count: 1,
     };
-    Ok(state.write(out)?)
+    Ok(series.write_state(out, &values)?)
 }

@@ -1,15 +1,16 @@
 //! One reconstructed state as a file people open, by the name's end: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
 //! a series of one state as Tecplot ASCII (`.dat`) or XDMF.
 
+use super::pvd::write_vtu;
+use super::series::{Moment, Series};
+use super::writer::SeriesFormat;
 use crate::error::{Diagnostic, FormatError};
-use crate::export::{self, Moment, Series, SeriesFormat};
-use crate::{file, npy, table, vtu};
-use rom::snapshots::FieldSpec;
+use crate::{file, npy, table};
 use std::path::Path;
 
 /// Formats a state can be written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum StateFormat {
     /// NumPy: f32, nodes x fields.
     Npy,
     /// One row a node, one column a field, with a heading.
@@ -20,7 +21,7 @@ pub enum Format {
     OneOfSeries,
 }
 
-impl Format {
+impl StateFormat {
     /// The format a file name asks for.
     ///
     /// # Errors
@@ -42,41 +43,25 @@ impl Format {
     }
 }
 
-/// A state: fields by node, and what is known of the body.
-#[derive(Clone, Copy, Debug)]
-pub struct State<'a> {
-    /// Fields in order.
-    pub fields: &'a [FieldSpec],
-    /// Nodes a field.
-    pub nodes: usize,
-    /// Field-major: all nodes of the first field, then of the next.
-    pub values: &'a [f32],
-    /// Undeformed coordinates by axis, where known: adds the displacement vector to `.vtu`.
-    pub undeformed: Option<[&'a [f32]; 3]>,
-    /// Cells for `.vtu`.
-    pub cells: vtu::Cells<'a>,
-}
-
-impl State<'_> {
-    /// Writes the state in the format its name asks for.
+impl Series<'_> {
+    /// Writes a single state, field-major, in the format its name asks for; [`Series::count`] has no meaning here.
     ///
     /// # Errors
     /// An unknown ending, a state that does not fit together, or the operating system's refusal.
-    pub fn write(&self, path: &Path) -> Result<(), FormatError> {
-        let Self { fields, nodes, values, undeformed, cells } = *self;
-        let series = Series { fields, nodes, cells, undeformed, count: 1 };
-        series.check_length("state", values).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
-        match Format::of(path)? {
-            Format::Npy => {
-                let by_node: Vec<f32> = (0..nodes).flat_map(|node| series.at_node(values, node)).collect();
-                npy::write_f32(path, &[nodes, fields.len()], &by_node)
+    pub fn write_state(&self, path: &Path, values: &[f32]) -> Result<(), FormatError> {
+        self.check_length("state", values).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
+        match StateFormat::of(path)? {
+            StateFormat::Npy => {
+                let by_node: Vec<f32> = (0..self.nodes).flat_map(|node| self.at_node(values, node)).collect();
+                npy::write_f32(path, &[self.nodes, self.fields.len()], &by_node)
             }
-            Format::Csv => file::replace(path, csv(&series, values).as_bytes()),
-            Format::Vtu => export::write_vtu(path, &series, values),
-            Format::OneOfSeries => {
+            StateFormat::Csv => file::replace(path, csv(self, values).as_bytes()),
+            StateFormat::Vtu => write_vtu(path, self, values),
+            StateFormat::OneOfSeries => {
                 let title = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 let moment = Moment { time: 0.0, title, values: values.to_vec() };
-                series.write(path, std::iter::once(Ok::<_, FormatError>(moment))).map(drop)
+                let one = Series { count: 1, ..*self };
+                one.write(path, std::iter::once(Ok::<_, FormatError>(moment))).map(drop)
             }
         }
     }
