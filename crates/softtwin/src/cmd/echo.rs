@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     field: Option<String>,
     /// The values of this node of field topics, numbered within the topic's node set.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::range::count(0, 1_000_000_000))]
     node: Option<usize>,
     /// One JSON object a line.
     #[arg(long)]
