@@ -43,10 +43,10 @@ pub struct Args {
     #[arg(long, value_name = "NAME", requires = "database")]
     pub case: Option<String>,
     /// Pressure in the chambers, MPa (0 to 100).
-    #[arg(long, value_name = "MPA")]
+    #[arg(long, value_name = "MPA", value_parser = crate::range::pressure_mpa)]
     pub pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the plate, mm (0 to 10000); no plate when left out.
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
     pub gap_mm: Option<f64>,
     /// Draw the POD modes of a regime.
     #[arg(long, value_enum, conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"])]
