@@ -1,6 +1,7 @@
 //! Questions to a twin: what if, which pressure, which gap; in one process and through the tool.
 
 use proptest::prelude::*;
+use rom::rng::Rng;
 use runtime::config::{ActuatorSpec, Scene};
 use runtime::query::{Answerer, QueryService, load_answerers};
 use runtime::side_service::SideService;
@@ -236,20 +237,14 @@ fn committed() -> Answerer {
     Answerer::load(&toml_actuator(&model), &model).unwrap()
 }
 
-/// Numbers without a pattern, the same in every run.
-struct Uniform(u64);
-
-impl Uniform {
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        low + (high - low) * (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
+fn within(random: &mut Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * random.uniform()
 }
 
 /// An answer, evaluated, gives back the asked force at a state in contact within the domain.
 fn assert_answers(query: &Query, answer: &Answer) {
     let residual_n = (answer.contact_force_n - query.force_n).abs();
-    assert!(residual_n <= 1e-8, "{query:?} is off by {residual_n} N: {answer:?}");
+    assert!(residual_n <= 1e-7, "{query:?} is off by {residual_n} N: {answer:?}");
     assert_eq!((answer.domain_status, answer.regime), (0, regime::CONTACT), "{query:?}: {answer:?}");
     let (value, given) = match query.kind {
         query_kind::GAP => (answer.gap_mm, answer.pressure_mpa == query.pressure_mpa),
@@ -265,7 +260,7 @@ fn a_search_that_does_not_close_is_no_answer() {
     let outside = gap_for(0.05, 0.15);
     let answer = ask(&mut finger, &outside);
     if answer.refusal().is_some() {
-        assert_eq!(answer.verdict, QueryStatus::ForceTooLow.code(), "{:?}", answer.refusal());
+        assert_eq!(answer.status, QueryStatus::ForceTooLow.code(), "{:?}", answer.refusal());
         assert!(answer.limit > 0.15, "{answer:?}");
     } else {
         assert_answers(&outside, &answer);
@@ -279,14 +274,14 @@ fn a_search_that_does_not_close_is_no_answer() {
 
 #[test]
 fn every_answer_gives_the_asked_force_back_and_every_refusal_has_its_limit() {
-    let (mut finger, mut random) = (committed(), Uniform(2026));
+    let (mut finger, mut random) = (committed(), Rng::new(2026));
     let (mut answered, mut refused) = (0, 0);
     for turn in 0..4000 {
         // Inside and outside of the domain, in pressure, gap and force.
-        let force_n = random.within(-0.1, 1.3);
+        let force_n = within(&mut random, -0.1, 1.3);
         let query = match turn % 2 {
-            0 => gap_for(random.within(-0.01, 0.11), force_n),
-            _ => pressure_for(force_n, random.within(0.0, 90.0)),
+            0 => gap_for(within(&mut random, -0.01, 0.11), force_n),
+            _ => pressure_for(force_n, within(&mut random, 0.0, 90.0)),
         };
         let answer = ask(&mut finger, &query);
         match answer.refusal() {
@@ -305,12 +300,13 @@ fn every_answer_gives_the_asked_force_back_and_every_refusal_has_its_limit() {
 
 #[test]
 fn a_question_made_from_a_state_in_contact_is_answered() {
-    let (mut finger, mut random) = (committed(), Uniform(7));
+    let (mut finger, mut random) = (committed(), Rng::new(7));
     let mut asked = 0;
     while asked < 2000 {
         // Half of them where the weight alone is nearly enough to touch.
         let highest_mpa = if asked % 2 == 0 { 0.09 } else { 0.01 };
-        let there = ask(&mut finger, &whatif(random.within(0.0, highest_mpa), random.within(10.0, 72.0)));
+        let there =
+            ask(&mut finger, &whatif(within(&mut random, 0.0, highest_mpa), within(&mut random, 10.0, 72.0)));
         if (there.regime, there.domain_status) != (regime::CONTACT, 0) || there.contact_force_n <= 1e-6 {
             continue;
         }

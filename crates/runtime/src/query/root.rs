@@ -2,7 +2,10 @@
 //! other way to make one, so a search that did not close cannot be mistaken for an answer.
 
 /// Steps that close a bracket in. Every third one halves it, which alone reaches neighbouring numbers.
-const STEPS: usize = 240;
+const STEPS: usize = 200;
+/// A search ends early when the target is met to this share of the tolerance. It may not be: a function that is a sum of
+/// large terms is only known to their rounding.
+const ENOUGH: f64 = 0.01;
 
 /// What is searched for.
 #[derive(Debug, Clone, Copy)]
@@ -41,25 +44,28 @@ pub(super) fn first_root(samples: &[Sample], target: Target, f: &mut impl FnMut(
 /// Closes in on a root between two samples by secant steps and bisection.
 fn close_in(a: Sample, b: Sample, target: Target, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
     let below = |sample: Sample| sample.1 < target.value;
-    let (mut a, mut b) = (a, b);
-    if let Some(root) = Root::check(b.0, b.1, target) {
-        return Some(root);
-    }
+    let off = |sample: Sample| (sample.1 - target.value).abs();
     if below(a) == below(b) || !(a.1.is_finite() && b.1.is_finite()) {
-        return None;
+        return Root::check(b.0, b.1, target);
     }
+    let (mut a, mut b) = (a, b);
+    let mut best = if off(a) < off(b) { a } else { b };
     for step in 0..STEPS {
+        let middle = 0.5 * (a.0 + b.0);
+        if off(best) <= ENOUGH * target.tolerance || middle == a.0 || middle == b.0 {
+            break;
+        }
         let secant = a.0 + (b.0 - a.0) * (target.value - a.1) / (b.1 - a.1);
         let inside = secant > a.0.min(b.0) && secant < a.0.max(b.0);
-        let at = if step % 3 == 2 || !inside { 0.5 * (a.0 + b.0) } else { secant };
-        let value = f(at);
-        let root = Root::check(at, value, target);
-        if root.is_some() || !value.is_finite() {
-            return root;
+        let at = if step % 3 == 2 || !inside { middle } else { secant };
+        let sample = (at, f(at));
+        if !sample.1.is_finite() {
+            return None;
         }
-        if below((at, value)) == below(a) { a = (at, value) } else { b = (at, value) }
+        best = if off(sample) < off(best) { sample } else { best };
+        if below(sample) == below(a) { a = sample } else { b = sample }
     }
-    None
+    Root::check(best.0, best.1, target)
 }
 
 #[cfg(test)]
