@@ -1,6 +1,7 @@
 //! Questions to a twin: what if, which pressure, which gap; in one process and through the tool.
 
 use proptest::prelude::*;
+use rom::rng::Rng;
 use runtime::config::{ActuatorSpec, Scene};
 use runtime::query::{Answerer, QueryService, load_answerers};
 use runtime::side_service::SideService;
@@ -210,9 +211,7 @@ proptest! {
 
 #[test]
 fn the_committed_model_is_inverted_over_its_whole_domain() {
-    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/pneunet/pneunet.twin");
-    let spec: ActuatorSpec = toml_actuator(&model);
-    let mut finger = Answerer::load(&spec, &model).unwrap();
+    let mut finger = committed();
     let mut solved = 0;
     for step in 0..12 {
         let gap_mm = 12.0 + 3.0 * f64::from(step);
@@ -230,6 +229,97 @@ fn the_committed_model_is_inverted_over_its_whole_domain() {
         }
     }
     assert!(solved >= 30, "only {solved} of 48 were solved");
+}
+
+/// A finger with the committed model.
+fn committed() -> Answerer {
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/pneunet/pneunet.twin");
+    Answerer::load(&toml_actuator(&model), &model).unwrap()
+}
+
+fn within(random: &mut Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * random.uniform()
+}
+
+/// An answer, evaluated, gives back the asked force at a state in contact within the domain.
+fn assert_answers(query: &Query, answer: &Answer) {
+    let residual_n = (answer.contact_force_n - query.force_n).abs();
+    assert!(residual_n <= 1e-7, "{query:?} is off by {residual_n} N: {answer:?}");
+    assert_eq!((answer.domain_status, answer.regime), (0, regime::CONTACT), "{query:?}: {answer:?}");
+    let (value, given) = match query.kind {
+        query_kind::GAP => (answer.gap_mm, answer.pressure_mpa == query.pressure_mpa),
+        _ => (answer.pressure_mpa, answer.gap_mm == query.gap_mm),
+    };
+    assert!(given && answer.low <= value && value <= answer.high, "{query:?}: {answer:?}");
+}
+
+/// Both gave a gap whose force was not the asked one: 71.9 mm with 0 N, and the far end of the samples.
+#[test]
+fn a_search_that_does_not_close_is_no_answer() {
+    let mut finger = committed();
+    let outside = gap_for(0.05, 0.15);
+    let answer = ask(&mut finger, &outside);
+    if answer.refusal().is_some() {
+        assert_eq!(answer.status, QueryStatus::ForceTooLow.code(), "{:?}", answer.refusal());
+        assert!(answer.limit > 0.15, "{answer:?}");
+    } else {
+        assert_answers(&outside, &answer);
+    }
+    let inside = gap_for(0.00779, 0.00126);
+    let answer = ask(&mut finger, &inside);
+    assert_eq!(answer.refusal(), None);
+    assert_answers(&inside, &answer);
+    assert!((answer.gap_mm - 35.05).abs() < 0.1, "{answer:?}");
+}
+
+#[test]
+fn every_answer_gives_the_asked_force_back_and_every_refusal_has_its_limit() {
+    let (mut finger, mut random) = (committed(), Rng::new(2026));
+    let (mut answered, mut refused) = (0, 0);
+    for turn in 0..4000 {
+        // Inside and outside of the domain, in pressure, gap and force.
+        let force_n = within(&mut random, -0.1, 1.3);
+        let query = match turn % 2 {
+            0 => gap_for(within(&mut random, -0.01, 0.11), force_n),
+            _ => pressure_for(force_n, within(&mut random, 0.0, 90.0)),
+        };
+        let answer = ask(&mut finger, &query);
+        match answer.refusal() {
+            None => {
+                assert_answers(&query, &answer);
+                answered += 1;
+            }
+            Some(reason) => {
+                assert!(answer.limit.is_finite(), "{query:?}: {reason}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(answered > 500 && refused > 500, "{answered} answered, {refused} refused");
+}
+
+#[test]
+fn a_question_made_from_a_state_in_contact_is_answered() {
+    let (mut finger, mut random) = (committed(), Rng::new(7));
+    let mut asked = 0;
+    while asked < 2000 {
+        // Half of them where the weight alone is nearly enough to touch.
+        let highest_mpa = if asked % 2 == 0 { 0.09 } else { 0.01 };
+        let there =
+            ask(&mut finger, &whatif(within(&mut random, 0.0, highest_mpa), within(&mut random, 10.0, 72.0)));
+        if (there.regime, there.domain_status) != (regime::CONTACT, 0) || there.contact_force_n <= 1e-6 {
+            continue;
+        }
+        asked += 1;
+        for query in [
+            gap_for(there.pressure_mpa, there.contact_force_n),
+            pressure_for(there.contact_force_n, there.gap_mm),
+        ] {
+            let answer = ask(&mut finger, &query);
+            assert_eq!(answer.refusal(), None, "{query:?} from {there:?}");
+            assert_answers(&query, &answer);
+        }
+    }
 }
 
 fn toml_actuator(model: &Path) -> ActuatorSpec {

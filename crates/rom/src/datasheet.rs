@@ -1,8 +1,8 @@
 //! The data sheet: what a user reads before trusting a model. Written beside it by `train`.
 
 use crate::config::TrainConfig;
+use crate::halfwidths::HalfWidths;
 use crate::interpolant::Metric;
-use crate::model::HalfWidths;
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 

@@ -1,9 +1,9 @@
 //! What an evaluation gives before any field is reconstructed: plain data, allocated once.
 
+use crate::halfwidths::HalfWidths;
 use crate::hull::DomainStatus;
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use crate::interpolant::KernelScratch;
-use crate::model::HalfWidths;
 use crate::snapshots::RegimeKind;
 
 /// What deserves a reader's attention. Nothing is clamped in silence: each flag says what was done.

@@ -1,10 +1,11 @@
 //! Inputs -> regime, coefficients, force, gradients, half-widths, domain. Nothing is allocated after construction.
 
 use crate::evaluation::{Evaluation, Flags};
+use crate::halfwidths::HalfWidths;
 use crate::hull::{Domain, DomainStatus};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PRESSURE, Point};
 use crate::interpolant::{Interpolant, KernelScratch, gradient_rows};
-use crate::model::{HalfWidths, ModelError, ModelHeader, RegimeModel};
+use crate::model::{ModelError, ModelHeader, RegimeModel};
 use crate::regime::{Onset, OnsetTable};
 use crate::snapshots::RegimeKind;
 
@@ -140,7 +141,8 @@ impl Evaluator {
             return;
         };
         let x = part.model.inputs.scale(&inputs);
-        out.halfwidths = part.model.halfwidths;
+        let local = part.model.local_halfwidths.as_ref();
+        out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
         coefficients(part, &x, out);
         force(part, self.onset.as_ref(), &x, out);
     }

@@ -33,13 +33,13 @@
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
 pub mod config;
-mod conformal;
 pub mod datasheet;
 pub mod evaluate;
 pub mod evaluation;
 pub mod evaluator;
 mod fit;
 mod gp;
+pub mod halfwidths;
 pub mod hull;
 pub mod hysteresis;
 pub mod inputs;

@@ -81,6 +81,23 @@ impl OnsetTable {
         Onset::At(self.pressure_and_slope(gap_mm).0)
     }
 
+    /// The largest gap that a pressure closes, mm: the inverse of `P_c(gap)`, at least the sag and at most the reach. The
+    /// onset pressure of the gap returned is at most `pressure_mpa`, that of the next larger number is above it.
+    pub fn closed_gap_mm(&self, pressure_mpa: f64) -> f64 {
+        let above = self.pressure_mpa.partition_point(|p| *p <= pressure_mpa);
+        if above == 0 || above == self.gap_mm.len() {
+            return if above == 0 { self.sag_mm() } else { self.reach_mm() };
+        }
+        let (mut closed, mut open) = (self.gap_mm[above - 1], self.gap_mm[above]);
+        loop {
+            let middle = 0.5 * (closed + open);
+            if middle <= closed || middle >= open {
+                return closed;
+            }
+            if self.pressure_and_slope(middle).0 <= pressure_mpa { closed = middle } else { open = middle }
+        }
+    }
+
     /// `P_c(gap)` in MPa and its slope in MPa/mm: monotone cubic within the table, straight beyond the reach. Below the
     /// sag it is negative: how far the pressure would have to fall for the actuator to let go. There it goes on with the
     /// table's own slope and bend, `slope (e^(bend x) - 1) / bend`: a kink in P_c would be one in the factor of the force.

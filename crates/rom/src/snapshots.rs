@@ -150,6 +150,36 @@ pub struct Database {
 }
 
 impl Database {
+    /// Training states without an obstacle: `snapshots` holds one row a pressure, `nodes x fields` with all fields of a node
+    /// together. For contact, and for meshes and node sets, fill in the fields of the struct.
+    ///
+    /// # Panics
+    /// Without a pressure or a field. Everything else is checked by training.
+    pub fn free(actuator: &str, fields: Vec<FieldSpec>, pressures_mpa: &[f64], snapshots: Vec<f32>) -> Self {
+        let case = |(i, pressure_mpa): (usize, &f64)| Case {
+            name: i.to_string(),
+            regime: RegimeKind::Free,
+            split: Split::Train,
+            pressure_mpa: *pressure_mpa,
+            gap_mm: None,
+            contact_force_n: 0.0,
+        };
+        let mut database = Self {
+            actuator: actuator.into(),
+            node_count: snapshots.len() / (pressures_mpa.len() * fields.len()),
+            fields,
+            cases: pressures_mpa.iter().enumerate().map(case).collect(),
+            snapshots,
+            undeformed_mm: None,
+            surface_triangles: Vec::new(),
+            node_sets: Vec::new(),
+            obstacle: Footprint::PLATE,
+            hash: [0; 32],
+        };
+        database.hash = database.content_hash();
+        database
+    }
+
     /// Entries of one snapshot: nodes x fields.
     pub fn entries(&self) -> usize {
         self.node_count * self.fields.len()

@@ -29,20 +29,41 @@ fn a_model_survives_the_round_trip() {
 }
 
 #[test]
-fn a_model_of_other_inputs_survives_the_round_trip_in_a_newer_version() {
+fn a_model_of_other_inputs_survives_the_round_trip() {
     let mut model = model().0.clone();
     let range = [f64::NEG_INFINITY, f64::INFINITY];
     model.header.inputs.push(InputSpec { name: "temperature".into(), unit: "degC".into(), range });
     let bytes = model.to_bytes().expect("encodes");
-    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
     assert_eq!(model, Model::from_bytes(&bytes).expect("loads"));
+}
+
+/// A file of the first release: a beam of formulas, written by the program of that time, and what it answered.
+#[test]
+fn a_model_of_version_2_is_read_and_answers_as_it_did() {
+    let bytes = include_bytes!("data/version2.twin");
+    assert_eq!(bytes[8..12], 2_u32.to_le_bytes());
+    let model = Model::from_bytes(bytes).expect("loads");
+    let names: Vec<&str> = model.header.inputs.iter().map(|input| input.name.as_str()).collect();
+    assert_eq!(names, ["pressure", "gap"]);
+    assert!(model.header.inputs[0].range[0] == 0.0 && (model.header.inputs[0].range[1] - 0.09).abs() < 1e-12);
+    let mut state = ModelState::new(&model, &Selection::default()).expect("fits");
+    state.update(Inputs::new(0.06, 20.0)).expect("trained in contact");
+    let found = state.evaluation();
+    for (found, expected) in [
+        (found.contact_force_n, 0.491_944_569_022_694_96),
+        (found.force_by_pressure_n_per_mpa(), 9.998_623_410_890_6),
+        (found.force_by_gap_n_per_mm(), -0.012_562_568_421_592_646),
+        (found.halfwidths.displacement_mm, 0.134_745_597_851_801_54),
+    ] {
+        assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
+    }
 }
 
 #[test]
 fn the_layout_is_what_the_documentation_says() {
     let (_, bytes) = model();
     assert_eq!(bytes[..8], MAGIC);
-    assert_eq!(bytes[8..12], 2_u32.to_le_bytes(), "pressure and gap alone need no newer version");
+    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
     assert_eq!(bytes[12..16], [0; 4]);
     let header = u64::from_le_bytes(bytes[16..24].try_into().expect("8 bytes")) as usize;
     assert_eq!(bytes[24..56], *blake3::hash(&bytes[64..64 + header]).as_bytes());

@@ -184,6 +184,26 @@ fn untouched_test_states_are_predicted() {
     }
 }
 
+#[test]
+fn halfwidths_follow_the_error_and_are_never_zero_in_contact() {
+    let evaluator = evaluator();
+    let contact = model().regime(RegimeKind::Contact).expect("contact");
+    let everywhere = contact.halfwidths;
+    let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+    for i in 0..=20 {
+        for j in 0..=20 {
+            let found = ask(&evaluator, 0.0045 * f64::from(i), 8.0 + 1.6 * f64::from(j));
+            if found.regime == RegimeKind::Contact {
+                let halfwidths = found.halfwidths;
+                assert!(halfwidths.force_n > 0.0 && halfwidths.coverage == everywhere.coverage, "{found:?}");
+                least = least.min(halfwidths.displacement_mm);
+                most = most.max(halfwidths.displacement_mm);
+            }
+        }
+    }
+    assert!(least < everywhere.displacement_mm && everywhere.displacement_mm < most, "{least} .. {most} mm");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 

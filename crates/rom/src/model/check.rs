@@ -96,6 +96,8 @@ impl ModelHeader {
                 "far onset: corrections are cut",
             )?;
         }
+        let local = regime.local_halfwidths.as_ref();
+        require(local.is_none_or(|local| local.fits(dimensions)), "the local half-widths are cut")?;
         regime.interpolants().try_for_each(|fit| {
             require(fit.dimensions == dimensions, "an interpolant has other inputs than its regime")?;
             require(fit.centres.len() % dimensions == 0, "an interpolant's centres are cut")?;

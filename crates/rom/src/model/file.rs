@@ -24,11 +24,10 @@ use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// Newest version that this program writes and reads: any inputs.
+/// The version that this program writes: any inputs, local half-widths.
 pub const VERSION: u32 = 3;
-/// Version of a model whose inputs are pressure and gap. Models are made again in seconds, so older layouts are refused,
-/// not converted.
-const VERSION_OF_TWO_INPUTS: u32 = 2;
+/// The oldest version that it reads: pressure and gap. Models are made again in seconds, so older layouts are refused.
+const OLDEST_VERSION: u32 = 2;
 const ALIGN: usize = 64;
 const TRAILER: u64 = 32;
 
@@ -51,7 +50,7 @@ pub enum ModelFileError {
     },
     /// Written by an older or a newer program.
     #[error(
-        "the model file has version {found}, expected {VERSION_OF_TWO_INPUTS} to {VERSION}; {}",
+        "the model file has version {found}, expected {OLDEST_VERSION} to {VERSION}; {}",
         if *.found > VERSION { "update this program" } else { "train the model again: `softtwin train`" }
     )]
     Version {
@@ -130,14 +129,11 @@ impl Model {
             });
             data.extend(bytes);
         }
-        let (version, header) = match version2::header(&self.header) {
-            Some(model) => (VERSION_OF_TWO_INPUTS, codec::encode(&FileHeader { blocks: table, model })),
-            None => (VERSION, codec::encode(&FileHeader { blocks: table, model: &self.header })),
-        };
+        let header = codec::encode(&FileHeader { blocks: table, model: &self.header });
         let header = header.map_err(ModelFileError::Header)?;
         let mut out = Vec::with_capacity(2 * ALIGN + header.len() + data.len() + TRAILER as usize);
         out.extend(MAGIC);
-        out.extend(version.to_le_bytes());
+        out.extend(VERSION.to_le_bytes());
         out.extend([0; 4]);
         out.extend((header.len() as u64).to_le_bytes());
         out.extend(blake3::hash(&header).as_bytes());
@@ -208,7 +204,7 @@ impl<R: Read + Seek> ModelReader<R> {
         }
         fits("the preamble", ALIGN as u64 + TRAILER, length)?;
         let version = u32::from_le_bytes([preamble[8], preamble[9], preamble[10], preamble[11]]);
-        if !(VERSION_OF_TWO_INPUTS..=VERSION).contains(&version) {
+        if !(OLDEST_VERSION..=VERSION).contains(&version) {
             return Err(ModelFileError::Version { found: version });
         }
         let mut word = [0; 8];

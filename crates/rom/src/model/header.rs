@@ -1,5 +1,6 @@
 //! What a trained model consists of.
 
+use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
 use crate::inputs::{InputMap, InputSpec};
 use crate::interpolant::Interpolant;
@@ -54,8 +55,10 @@ pub struct RegimeModel {
     pub force: Option<ForceModel>,
     /// Where it was trained.
     pub domain: Domain,
-    /// Half-widths that cover the stated share of states.
+    /// Half-widths that cover the stated share of states, the same everywhere.
     pub halfwidths: HalfWidths,
+    /// Half-widths that follow the error over the inputs; none in a model of an older version.
+    pub local_halfwidths: Option<LocalHalfWidths>,
     /// Contact beyond the last onset state that was trained on; none where there is no such gap.
     pub far_onset: Option<FarOnset>,
 }
@@ -120,19 +123,6 @@ impl GroupModel {
     pub fn truncation_error(&self, modes: usize) -> f64 {
         truncation_error(&self.singular_values, modes)
     }
-}
-
-/// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct HalfWidths {
-    /// Share promised (0.9).
-    pub coverage: f64,
-    /// Displacement (coordinates included) in mm.
-    pub displacement_mm: f64,
-    /// Stress in MPa.
-    pub stress_mpa: f64,
-    /// Contact force in N.
-    pub force_n: f64,
 }
 
 /// What a block of numbers is.

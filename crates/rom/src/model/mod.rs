@@ -9,7 +9,6 @@ mod version2;
 
 pub use file::{BlockEntry, MAGIC, ModelFileError, ModelReader, VERSION};
 pub use header::{
-    BlockData, BlockKind, FarOnset, ForceModel, GroupModel, HalfWidths, Model, ModelHeader, OutputField,
-    RegimeModel,
+    BlockData, BlockKind, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField, RegimeModel,
 };
 pub use selection::{ModelError, Nodes, Selection};

@@ -1,17 +1,18 @@
 //! Version 2 of the model file's header: two inputs whose names the version implies. Points have two columns, the second 0
-//! where a regime has one input.
+//! where a regime has one input. It is read, never written.
 
-use super::header::{FarOnset, ForceModel, GroupModel, HalfWidths, ModelHeader, OutputField, RegimeModel};
+use super::header::{FarOnset, ForceModel, GroupModel, ModelHeader, OutputField, RegimeModel};
 use crate::config::{KernelKind, Tail};
+use crate::halfwidths::HalfWidths;
 use crate::hull::Domain;
 use crate::inputs::{GAP, InputAxis, InputMap, InputSpec, MAX_INPUTS, PRESSURE};
 use crate::interpolant::{Interpolant, Metric};
 use crate::regime::OnsetTable;
 use crate::snapshots::{NodeSet, RegimeKind};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use std::ops::Range;
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 pub(super) struct Header {
     actuator: String,
     fields: Vec<OutputField>,
@@ -23,7 +24,7 @@ pub(super) struct Header {
     database_hash: [u8; 32],
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Regime {
     kind: RegimeKind,
     axes: Vec<Axis>,
@@ -35,20 +36,20 @@ struct Regime {
     far_onset: Option<FarOnset>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Axis {
     quantity: Quantity,
     min: f64,
     max: f64,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 enum Quantity {
     PressureMpa,
     GapMm,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Group {
     name: String,
     fields: Vec<usize>,
@@ -57,13 +58,13 @@ struct Group {
     singular_values: Vec<f64>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Force {
     surrogate: Surrogate,
     times_excess_pressure: bool,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 struct Surrogate {
     kernel: KernelKind,
     tail: Tail,
@@ -79,79 +80,10 @@ struct Surrogate {
     residual: f64,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 enum Hull {
     Interval([f64; 2]),
     Polygon(Vec<[f64; 2]>),
-}
-
-/// The header as version 2 has it; none when this version has no place for some of it.
-pub(super) fn header(model: &ModelHeader) -> Option<Header> {
-    let implied = InputSpec::pressure_and_gap();
-    let same = |(a, b): (&InputSpec, &InputSpec)| a.name == b.name && a.unit == b.unit;
-    let known = model.inputs.len() == implied.len() && model.inputs.iter().zip(&implied).all(same);
-    Some(Header {
-        actuator: model.actuator.clone(),
-        fields: model.fields.clone(),
-        node_count: model.node_count,
-        regimes: model.regimes.iter().filter(|_| known).map(regime).collect::<Option<Vec<_>>>()?,
-        onset: model.onset.clone(),
-        hysteresis_mpa: model.hysteresis_mpa,
-        node_sets: model.node_sets.clone(),
-        database_hash: model.database_hash,
-    })
-    .filter(|_| known)
-}
-
-fn regime(model: &RegimeModel) -> Option<Regime> {
-    let axis = |a: &InputAxis| Axis {
-        quantity: if a.input == PRESSURE { Quantity::PressureMpa } else { Quantity::GapMm },
-        min: a.min,
-        max: a.max,
-    };
-    let group = |g: &GroupModel| Group {
-        name: g.name.clone(),
-        fields: g.fields.clone(),
-        coefficients: g.coefficients.clone(),
-        surrogate: surrogate(&g.surrogate),
-        singular_values: g.singular_values.clone(),
-    };
-    let force = |f: &ForceModel| Force {
-        surrogate: surrogate(&f.surrogate),
-        times_excess_pressure: f.times_excess_pressure,
-    };
-    Some(Regime {
-        kind: model.kind,
-        axes: model.inputs.axes.iter().map(axis).collect(),
-        constant_gap_mm: model.inputs.constants.iter().find(|c| c.0 == GAP).map(|c| c.1),
-        groups: model.groups.iter().map(group).collect(),
-        force: model.force.as_ref().map(force),
-        domain: match &model.domain {
-            Domain::Interval(ends) => Hull::Interval(*ends),
-            Domain::Hull(vertices) => Hull::Polygon(vertices.clone()),
-            Domain::Vertices { .. } => return None,
-        },
-        halfwidths: model.halfwidths,
-        far_onset: model.far_onset.clone(),
-    })
-}
-
-fn surrogate(fit: &Interpolant) -> Surrogate {
-    let centre = |c: &[f64]| [c[0], c.get(1).copied().unwrap_or(0.0)];
-    Surrogate {
-        kernel: fit.kernel,
-        tail: fit.tail,
-        dimensions: fit.dimensions,
-        scale: [fit.metric.scale[0], fit.metric.scale[1]],
-        shear: fit.metric.shear,
-        centres: fit.centres.chunks_exact(fit.dimensions).map(centre).collect(),
-        weights: fit.weights.clone(),
-        tail_weights: fit.tail_weights.clone(),
-        outputs: fit.outputs,
-        smoothing: fit.smoothing,
-        condition: fit.condition,
-        residual: fit.residual,
-    }
 }
 
 impl From<Header> for ModelHeader {
@@ -202,6 +134,7 @@ impl From<Regime> for RegimeModel {
                 Hull::Polygon(vertices) => Domain::Hull(vertices),
             },
             halfwidths: regime.halfwidths,
+            local_halfwidths: None,
             far_onset: regime.far_onset,
         }
     }

@@ -3,11 +3,11 @@
 use super::TrainError;
 use super::group::{Decomposed, GroupFit, Plan, fit_groups};
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
-use crate::conformal;
 use crate::datasheet::{Candidate, CaseError};
+use crate::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
 use crate::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
-use crate::model::{FarOnset, ForceModel, HalfWidths};
+use crate::model::{FarOnset, ForceModel};
 use crate::regime::OnsetTable;
 use crate::select::{States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
@@ -24,6 +24,7 @@ pub(super) struct Part {
     pub force: Option<(ForceModel, Vec<Candidate>, f64)>,
     pub domain: Domain,
     pub halfwidths: HalfWidths,
+    pub local_halfwidths: LocalHalfWidths,
     pub cases: usize,
     pub boundary_states: usize,
     pub far_onset: Option<FarOnset>,
@@ -64,8 +65,8 @@ pub(super) fn free(
     let points = cases.iter().map(|&i| Inputs::new(database.cases[i].pressure_mpa, 0.0)).collect();
     let training = Training::new(database, cases, points, &[PRESSURE], f64::INFINITY);
     let groups = training.groups(RegimeKind::Free, config, &config.free, plan, None)?;
-    let (errors, halfwidths) = training.errors(plan, &groups, None, config.coverage);
-    Ok(training.part(RegimeKind::Free, groups, None, errors, halfwidths))
+    let errors = training.errors(plan, &groups, None);
+    Ok(training.part(RegimeKind::Free, groups, None, errors, config.coverage))
 }
 
 pub(super) fn contact(
@@ -88,8 +89,11 @@ pub(super) fn contact(
     let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
     let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
     let force = training.force(&config.contact, onset)?;
-    let (errors, halfwidths) = training.errors(plan, &groups, Some(&force.1), config.coverage);
-    Ok(Part { far_onset, ..training.part(RegimeKind::Contact, groups, Some(force.0), errors, halfwidths) })
+    let errors = training.errors(plan, &groups, Some(&force.1));
+    Ok(Part {
+        far_onset,
+        ..training.part(RegimeKind::Contact, groups, Some(force.0), errors, config.coverage)
+    })
 }
 
 /// States on the onset, evenly spread over pressure; one only where all cases share a gap.
@@ -252,14 +256,8 @@ impl<'a> Training<'a> {
         Ok(((force, choice.candidates, rms), residuals))
     }
 
-    /// Leave-one-out errors at each case's worst node, and the half-widths calibrated on them.
-    fn errors(
-        &self,
-        plan: &Plan,
-        groups: &[GroupFit],
-        force: Option<&[f64]>,
-        coverage: f64,
-    ) -> (Vec<CaseError>, HalfWidths) {
+    /// Leave-one-out errors at each case's worst node.
+    fn errors(&self, plan: &Plan, groups: &[GroupFit], force: Option<&[f64]>) -> Vec<CaseError> {
         let (cases, nodes) = (self.cases.len(), self.database.node_count);
         let mut displacement = Mat::<f64>::zeros(nodes, cases);
         let mut stress = vec![0.0_f64; cases];
@@ -284,17 +282,14 @@ impl<'a> Training<'a> {
                 }
             }
         }
-        let errors: Vec<CaseError> = (0..cases)
-            .map(|i| CaseError {
-                case: self.database.cases[self.cases[i]].name.clone(),
-                on_hull: self.score[i] == 0.0,
-                displacement_mm: displacement.col(i).norm_max().sqrt(),
-                stress_mpa: stress[i],
-                force_n: force.map_or(0.0, |f| f[i].abs()),
-            })
-            .collect();
-        let halfwidths = conformal::halfwidths(&errors, coverage);
-        (errors, halfwidths)
+        let case = |i: usize| CaseError {
+            case: self.database.cases[self.cases[i]].name.clone(),
+            on_hull: self.score[i] == 0.0,
+            displacement_mm: displacement.col(i).norm_max().sqrt(),
+            stress_mpa: stress[i],
+            force_n: force.map_or(0.0, |f| f[i].abs()),
+        };
+        (0..cases).map(case).collect()
     }
 
     fn part(
@@ -303,14 +298,17 @@ impl<'a> Training<'a> {
         groups: Vec<GroupFit>,
         force: Option<Force>,
         errors: Vec<CaseError>,
-        halfwidths: HalfWidths,
+        coverage: f64,
     ) -> Part {
+        let all: Vec<Errors> = errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n]).collect();
+        let (dimensions, cases) = (self.inputs.dimensions(), &self.scaled[..self.cases.len()]);
         Part {
             kind,
             groups,
             force,
             errors,
-            halfwidths,
+            halfwidths: HalfWidths::of_all(&all, coverage),
+            local_halfwidths: LocalHalfWidths::calibrate(dimensions, cases, &all, coverage),
             cases: self.cases.len(),
             far_onset: None,
             boundary_states: self.points.len() - self.cases.len(),

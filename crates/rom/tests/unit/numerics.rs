@@ -181,6 +181,8 @@ fn the_onset_table_is_monotone_and_its_slope_is_its_derivative() {
         let h = 1e-5;
         let numeric = (table.pressure_and_slope(gap + h).0 - table.pressure_and_slope(gap - h).0) / (2.0 * h);
         assert!((slope - numeric).abs() < 1e-6, "slope at {gap} mm: {slope} {numeric}");
+        let closed = table.closed_gap_mm(p);
+        assert!((closed - gap.clamp(20.0, 50.0)).abs() < 1e-9, "{p} MPa closes {closed} mm, not {gap} mm");
     }
 }
 

@@ -1,0 +1,112 @@
+//! Half-widths of the answers: split-conformal, from leave-one-out residuals.
+//!
+//! The half-width of a whole regime is the `ceil((n + 1) c)`-th smallest of the `n` cases' worst-node residuals:
+//! exchangeable states err by less with probability at least `c`. It says the same everywhere. The local one follows the
+//! error over the inputs: `s(x)` is the mean of the cases' residuals `e_j`, weighted by `1 / (|x - x_j|^2 + h^2)^2`; the
+//! ratios `e_i / s_i(x_i)`, with `s_i` the mean without case `i`, have a conformal quantile `q`, and the half-width at `x` is
+//! `q s(x)`. Leave-one-out removes a neighbour from every case and so over-states the error a little.
+
+use crate::inputs::{MAX_INPUTS, Point};
+use serde::{Deserialize, Serialize};
+
+/// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HalfWidths {
+    /// Share promised (0.9).
+    pub coverage: f64,
+    /// Displacement (coordinates included) in mm.
+    pub displacement_mm: f64,
+    /// Stress in MPa.
+    pub stress_mpa: f64,
+    /// Contact force in N.
+    pub force_n: f64,
+}
+
+/// Errors of a case: displacement in mm, stress in MPa, force in N.
+pub(crate) type Errors = [f64; 3];
+
+impl HalfWidths {
+    /// For a share `coverage`, the same everywhere, from the errors of all cases: those on the hull stand for the untouched
+    /// states that lie near the edge.
+    pub(crate) fn of_all(errors: &[Errors], coverage: f64) -> Self {
+        Self::new(coverage, [0, 1, 2].map(|k| quantile(errors.iter().map(|e| e[k]).collect(), coverage)))
+    }
+
+    fn new(coverage: f64, [displacement_mm, stress_mpa, force_n]: Errors) -> Self {
+        Self { coverage, displacement_mm, stress_mpa, force_n }
+    }
+}
+
+/// Scaled distance within which neighbours count alike: the sharpest of those tried by leave-one-out.
+const SMOOTHING: f64 = 0.05;
+/// No local mean is below this share of the median error.
+const LEAST_SHARE: f64 = 0.3;
+
+/// Half-widths that follow the error over the inputs of a regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LocalHalfWidths {
+    /// Share promised.
+    pub coverage: f64,
+    /// `dimensions x cases`: scaled inputs of the training cases.
+    pub inputs: Vec<f64>,
+    /// By displacement (mm), stress (MPa) and force (N): the cases' leave-one-out errors.
+    pub errors: [Vec<f64>; 3],
+    /// Smallest local mean of each.
+    pub least: [f64; 3],
+    /// Half-width over local mean of each.
+    pub factors: [f64; 3],
+}
+
+impl LocalHalfWidths {
+    /// Calibrates on the leave-one-out errors of the cases at these scaled inputs. Cost `O(cases^2)`.
+    pub(crate) fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
+        let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e[k]).collect() };
+        let mut local = Self {
+            coverage,
+            inputs: (0..dimensions).flat_map(|i| points.iter().map(move |x| x[i])).collect(),
+            errors: [of(0), of(1), of(2)],
+            least: [0, 1, 2].map(|k| (LEAST_SHARE * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)),
+            factors: [1.0; 3],
+        };
+        let means: Vec<Errors> = (0..points.len()).map(|i| local.means(&points[i], Some(i))).collect();
+        let ratios = |k: usize| errors.iter().zip(&means).map(|(e, m)| e[k] / m[k]).collect();
+        local.factors = [0, 1, 2].map(|k| quantile(ratios(k), coverage));
+        local
+    }
+
+    /// Whether the lengths fit a regime of so many inputs.
+    pub(crate) fn fits(&self, dimensions: usize) -> bool {
+        let cases = self.errors[0].len();
+        cases > 0 && self.inputs.len() == cases * dimensions && self.errors.iter().all(|e| e.len() == cases)
+    }
+
+    /// Half-widths at scaled inputs. `O(cases)`, no allocation.
+    pub(crate) fn at(&self, x: &Point) -> HalfWidths {
+        let means = self.means(x, None);
+        HalfWidths::new(self.coverage, [0, 1, 2].map(|k| self.factors[k] * means[k]))
+    }
+
+    /// Weighted means of the errors, one case left out when asked.
+    fn means(&self, x: &Point, without: Option<usize>) -> Errors {
+        let cases = self.errors[0].len();
+        let (mut weights, mut sums) = (0.0, [0.0; 3]);
+        for case in (0..cases).filter(|case| Some(*case) != without) {
+            let along = self.inputs[case..].iter().step_by(cases).zip(x).take(MAX_INPUTS);
+            let square: f64 = along.map(|(c, x)| (c - x) * (c - x)).sum();
+            let weight = (square + SMOOTHING * SMOOTHING).powi(-2);
+            weights += weight;
+            for (sum, errors) in sums.iter_mut().zip(&self.errors) {
+                *sum += weight * errors[case];
+            }
+        }
+        let mean = |k: usize| if weights > 0.0 { sums[k] / weights } else { 0.0 };
+        [0, 1, 2].map(|k| mean(k).max(self.least[k]))
+    }
+}
+
+/// The conformal quantile: the largest value when there are too few for the share asked.
+fn quantile(mut values: Vec<f64>, coverage: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let rank = ((values.len() as f64 + 1.0) * coverage).ceil() as usize;
+    values.get(rank.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,93 @@
+//! Roots of a function of one variable. A [`Root`] exists only where an evaluation gave the asked value back: there is no
+//! other way to make one, so a search that did not close cannot be mistaken for an answer.
+
+/// Steps that close a bracket in. Every third one halves it, which alone reaches neighbouring numbers.
+const STEPS: usize = 200;
+/// A search ends early when the target is met to this share of the tolerance. It may not be: a function that is a sum of
+/// large terms is only known to their rounding.
+const ENOUGH: f64 = 0.01;
+
+/// What is searched for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Target {
+    /// The value to be met.
+    pub value: f64,
+    /// By how much it may be missed, same unit.
+    pub tolerance: f64,
+}
+
+/// A place where the function was evaluated and met the target.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Root(f64);
+
+impl Root {
+    /// The place.
+    pub fn at(self) -> f64 {
+        self.0
+    }
+
+    fn check(at: f64, value: f64, target: Target) -> Option<Self> {
+        ((value - target.value).abs() <= target.tolerance).then_some(Self(at))
+    }
+}
+
+/// A place and the function's value there.
+pub(super) type Sample = (f64, f64);
+
+/// The first root along the samples, whose places rise or fall. None when no two neighbours have the target between them,
+/// or when the function jumps over it.
+pub(super) fn first_root(samples: &[Sample], target: Target, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
+    let found = samples.first().and_then(|(at, value)| Root::check(*at, *value, target));
+    found.or_else(|| samples.windows(2).find_map(|pair| close_in(pair[0], pair[1], target, f)))
+}
+
+/// Closes in on a root between two samples by secant steps and bisection.
+fn close_in(a: Sample, b: Sample, target: Target, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
+    let below = |sample: Sample| sample.1 < target.value;
+    let off = |sample: Sample| (sample.1 - target.value).abs();
+    if below(a) == below(b) || !(a.1.is_finite() && b.1.is_finite()) {
+        return Root::check(b.0, b.1, target);
+    }
+    let (mut a, mut b) = (a, b);
+    let mut best = if off(a) < off(b) { a } else { b };
+    for step in 0..STEPS {
+        let middle = 0.5 * (a.0 + b.0);
+        if off(best) <= ENOUGH * target.tolerance || middle == a.0 || middle == b.0 {
+            break;
+        }
+        let secant = a.0 + (b.0 - a.0) * (target.value - a.1) / (b.1 - a.1);
+        let inside = secant > a.0.min(b.0) && secant < a.0.max(b.0);
+        let at = if step % 3 == 2 || !inside { middle } else { secant };
+        let sample = (at, f(at));
+        if !sample.1.is_finite() {
+            return None;
+        }
+        best = if off(sample) < off(best) { sample } else { best };
+        if below(sample) == below(a) { a = sample } else { b = sample }
+    }
+    Root::check(best.0, best.1, target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn solve(f: impl Fn(f64) -> f64, range: [f64; 2], value: f64) -> Option<Root> {
+        let at = |i: i32| range[0] + (range[1] - range[0]) * f64::from(i) / 8.0;
+        let samples: Vec<Sample> = (0..=8).map(|i| (at(i), f(at(i)))).collect();
+        first_root(&samples, Target { value, tolerance: 1e-12 }, &mut |x| f(x))
+    }
+
+    #[test]
+    fn a_root_gives_the_value_back_or_there_is_none() {
+        let cube = |x: f64| x * x * x - x;
+        for value in [-0.3, 0.0, 0.37, 5.9] {
+            let root = solve(cube, [0.0, 2.0], value).expect("within the range");
+            assert!((cube(root.at()) - value).abs() <= 1e-12);
+        }
+        assert_eq!(solve(cube, [2.0, 0.0], 6.1), None, "beyond the range");
+        assert_eq!(solve(cube, [0.0, 2.0], f64::NAN), None);
+        assert_eq!(solve(|x| if x < 0.7 { 0.0 } else { 1.0 }, [0.0, 2.0], 0.5), None, "a jump is no root");
+        assert_eq!(solve(|x| if x < 0.7 { 0.0 } else { f64::NAN }, [0.0, 2.0], 0.5), None);
+    }
+}
