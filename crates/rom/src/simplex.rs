@@ -95,11 +95,11 @@ impl Simplex {
     fn affine_weights(&self) -> Option<[f64; CORNERS]> {
         let n = self.count;
         let mut rows = [[0.0; CORNERS + 1]; CORNERS];
-        for i in 0..n {
-            for j in 0..n {
-                rows[i][j] = 1.0 + dot(&self.corners[i], &self.corners[j]);
+        for (row, corner) in rows.iter_mut().zip(&self.corners).take(n) {
+            for (entry, other) in row.iter_mut().zip(&self.corners).take(n) {
+                *entry = 1.0 + dot(corner, other);
             }
-            rows[i][CORNERS] = 1.0;
+            row[CORNERS] = 1.0;
         }
         for k in 0..n {
             let pivot = (k..n).max_by(|a, b| rows[*a][k].abs().total_cmp(&rows[*b][k].abs()))?;
