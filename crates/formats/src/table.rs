@@ -29,7 +29,10 @@ impl Table {
     /// # Errors
     /// Text that is not comma-separated.
     pub fn parse(text: &str, comments: bool) -> Result<Self, Diagnostic> {
-        let kept = |line: &&str| !line.trim().is_empty() && !(comments && line.starts_with('#'));
+        let kept = |line: &&str| {
+            let is_comment = comments && line.starts_with('#');
+            !line.trim().is_empty() && !is_comment
+        };
         let (numbers, lines): (Vec<usize>, Vec<&str>) =
             text.lines().enumerate().filter(|(_, line)| kept(line)).map(|(n, line)| (n + 1, line)).unzip();
         let text = lines.join("\n");

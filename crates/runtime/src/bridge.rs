@@ -114,8 +114,8 @@ impl Bridge {
             if self.lines.iter().all(|line| line.has_ended) {
                 return Ok(());
             }
-            // `max` before `min`: a NaN becomes 0. The system may oversleep, never undersleep.
-            let wait_s = (until_s - elapsed_s()).max(0.0).min(MAX_SLEEP_S);
+            // The system may oversleep, never undersleep. A time that is not a number is due.
+            let wait_s = (until_s - elapsed_s()).clamp(0.0, MAX_SLEEP_S);
             if wait_s > 0.0 {
                 let _woken_or_timed_out = self.wakes.recv_timeout(Duration::from_secs_f64(wait_s));
             }

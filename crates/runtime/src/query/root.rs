@@ -38,7 +38,8 @@ pub(super) type Sample = (f64, f64);
 /// or when the function jumps over it.
 pub(super) fn first_root(samples: &[Sample], target: Target, f: &mut impl FnMut(f64) -> f64) -> Option<Root> {
     let found = samples.first().and_then(|(at, value)| Root::check(*at, *value, target));
-    found.or_else(|| samples.windows(2).find_map(|pair| close_in(pair[0], pair[1], target, f)))
+    found
+        .or_else(|| samples.iter().zip(samples.iter().skip(1)).find_map(|(a, b)| close_in(*a, *b, target, f)))
 }
 
 /// Closes in on a root between two samples by secant steps and bisection.

@@ -164,10 +164,11 @@ impl Solver {
         samples.push((to, force(to)));
         let target = Target { value: force_n, tolerance: TOLERANCE_N };
         let found = if force_n > 0.0 { first_root(&samples, target, &mut force) } else { None };
+        let first = samples.first().map_or(f64::NAN, |sample| sample.1);
         let most = samples.iter().map(|sample| sample.1).fold(f64::NEG_INFINITY, f64::max);
         found.ok_or(match force_n > most {
             true => NoSolution::new(QueryStatus::ForceTooHigh, most),
-            false => NoSolution::new(QueryStatus::ForceTooLow, samples[0].1),
+            false => NoSolution::new(QueryStatus::ForceTooLow, first),
         })
     }
 
