@@ -89,7 +89,7 @@ fn nodes_come_by_name_box_or_list() {
 fn explaining_a_scene_measures_what_it_would_do() {
     let stage = Stage::new("explain");
     let mut loaded = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
-    let explained = explain(&mut loaded);
+    let explained = explain(&loaded);
     assert_eq!(explained.regimes, ["free"]);
     assert!(explained.read_bytes < explained.file_block_bytes);
     let output = &explained.outputs[0];

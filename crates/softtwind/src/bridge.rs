@@ -108,8 +108,11 @@ fn configure(options: &BridgeOptions) -> Result<Scene, ConfigError> {
     Ok(scene)
 }
 
+/// Sources by the name of their actuator.
+type Sources = Vec<(String, Box<dyn Source>)>;
+
 /// Opens all sources; actuators without one are fed by another program.
-fn open(scene: &Scene, path: &Path) -> Result<Vec<(String, Box<dyn Source>)>, ConfigError> {
+fn open(scene: &Scene, path: &Path) -> Result<Sources, ConfigError> {
     let open = |actuator: &ActuatorSpec| {
         let spec = actuator.source.as_ref()?;
         Some((spec.open(&scene.folder)).map(|source| (actuator.name.clone(), source)))

@@ -50,7 +50,7 @@ fn samples<'a>(inputs: &'a [Point], values: &'a [f64]) -> Samples<'a> {
 #[test]
 fn closed_form_leave_one_out_is_leaving_one_out() {
     let inputs = points(25);
-    let values: Vec<f64> = inputs.iter().map(|x| smooth(x)).collect();
+    let values: Vec<f64> = inputs.iter().map(smooth).collect();
     for (kernel, tail) in KERNELS {
         let spec = KernelSpec { kernel, tail };
         for smoothing in [0.0, 1e-3] {
@@ -78,7 +78,7 @@ fn interpolants_pass_through_their_samples_and_reproduce_their_tails() {
     let plane = |x: &Point| 3.0 - 2.0 * x[0] + 0.5 * x[1];
     for (kernel, tail) in KERNELS {
         let spec = KernelSpec { kernel, tail };
-        let values: Vec<f64> = inputs.iter().map(|x| smooth(x)).collect();
+        let values: Vec<f64> = inputs.iter().map(smooth).collect();
         let through = fit(&samples(&inputs, &values), spec, Metric::IDENTITY, 0.0).expect("fits").interpolant;
         for (x, y) in inputs.iter().zip(&values) {
             assert!((through.values_at(x)[0] - y).abs() < 1e-9, "{kernel:?}");
@@ -332,7 +332,7 @@ proptest! {
     #[test]
     fn gradients_of_interpolants_are_their_derivatives(x in 0.05..0.95_f64, y in 0.05..0.95_f64, which in 2..8_usize) {
         let inputs = points(20);
-        let values: Vec<f64> = inputs.iter().map(|x| smooth(x)).collect();
+        let values: Vec<f64> = inputs.iter().map(smooth).collect();
         let (kernel, tail) = KERNELS[which];
         let fitted = fit(&samples(&inputs, &values), KernelSpec { kernel, tail }, ASLANT, 0.0).expect("fits").interpolant;
         check_gradient(&fitted, point([x, y]));
