@@ -88,7 +88,7 @@ fn nodes_come_by_name_box_or_list() {
 #[test]
 fn explaining_a_scene_measures_what_it_would_do() {
     let stage = Stage::new("explain");
-    let mut loaded = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
+    let loaded = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
     let explained = explain(&loaded);
     assert_eq!(explained.regimes, ["free"]);
     assert!(explained.read_bytes < explained.file_block_bytes);
