@@ -86,7 +86,7 @@ fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
         force: part.force.as_ref().map(|f| f.0.clone()),
         domain: part.domain.clone(),
         halfwidths: part.halfwidths,
-        local_halfwidths: Some(part.local_halfwidths.clone()),
+        local_halfwidths: part.local_halfwidths.clone(),
         far_onset: part.far_onset.clone(),
     }
 }

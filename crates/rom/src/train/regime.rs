@@ -13,6 +13,9 @@ use crate::select::{States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
 use faer::Mat;
 
+/// Left-out cases count as predicted when their half-width is at most this share of the largest value.
+const PREDICTED_SHARE: f64 = 0.05;
+
 /// Excess pressures below this share of the largest say more about the onset table than about the force.
 const MIN_EXCESS: f64 = 0.01;
 
@@ -24,7 +27,7 @@ pub(super) struct Part {
     pub force: Option<(ForceModel, Vec<Candidate>, f64)>,
     pub domain: Domain,
     pub halfwidths: HalfWidths,
-    pub local_halfwidths: LocalHalfWidths,
+    pub local_halfwidths: Option<LocalHalfWidths>,
     pub cases: usize,
     pub boundary_states: usize,
     pub far_onset: Option<FarOnset>,
@@ -292,6 +295,18 @@ impl<'a> Training<'a> {
         (0..cases).map(case).collect()
     }
 
+    /// Whether left-out cases are predicted at all: their errors are small beside the largest stress and force. Where they
+    /// are not, an error says nothing about its neighbours, and the half-widths stay the same everywhere.
+    fn predicts(&self, halfwidths: &HalfWidths) -> bool {
+        let database = self.database;
+        let stresses = (0..database.fields.len()).filter(|f| database.fields[*f].kind == FieldKind::Stress);
+        let values = stresses.flat_map(|f| self.cases.iter().flat_map(move |c| database.field(*c, f)));
+        let stress_mpa = values.fold(0.0, |most: f64, value| most.max(f64::from(value).abs()));
+        let force_n = self.cases.iter().map(|c| database.cases[*c].contact_force_n).fold(0.0, f64::max);
+        halfwidths.stress_mpa <= PREDICTED_SHARE * stress_mpa
+            && halfwidths.force_n <= PREDICTED_SHARE * force_n
+    }
+
     fn part(
         self,
         kind: RegimeKind,
@@ -302,13 +317,16 @@ impl<'a> Training<'a> {
     ) -> Part {
         let all: Vec<Errors> = errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n]).collect();
         let (dimensions, cases) = (self.inputs.dimensions(), &self.scaled[..self.cases.len()]);
+        let halfwidths = HalfWidths::of_all(&all, coverage);
         Part {
             kind,
             groups,
             force,
             errors,
-            halfwidths: HalfWidths::of_all(&all, coverage),
-            local_halfwidths: LocalHalfWidths::calibrate(dimensions, cases, &all, coverage),
+            halfwidths,
+            local_halfwidths: self
+                .predicts(&halfwidths)
+                .then(|| LocalHalfWidths::calibrate(dimensions, cases, &all, coverage)),
             cases: self.cases.len(),
             far_onset: None,
             boundary_states: self.points.len() - self.cases.len(),
