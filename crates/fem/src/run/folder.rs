@@ -49,7 +49,7 @@ pub fn write(
     Manifest { mesh: Some("mesh.vtu".into()), solver: Some(solver), ..manifest }.write(&dir.join(DESCRIPTION))
 }
 
-/// Writes to `dir` the database at `from`, made by [`write`] (packed or not), with more states behind it.
+/// Writes to `dir` the database at `from`, made by [`write()`] (packed or not), with more states behind it.
 ///
 /// # Errors
 /// The operating system's, or a database of another layout or mesh.

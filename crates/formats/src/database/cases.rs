@@ -9,7 +9,7 @@ use rom::snapshots::{Case, RegimeKind};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Columns every table has, in the order [`write`] gives them.
+/// Columns every table has, in the order [`write()`] gives them.
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
 /// Reads and checks the table; everything that is wrong at once.

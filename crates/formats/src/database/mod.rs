@@ -1,7 +1,7 @@
 //! Databases of snapshots: the project's own folder, the authors' tables, the exchange of Ansys' static reduced-order
 //! models.
 //!
-//! [`read`] checks every file against the others and reports all that is wrong at once; [`write`] makes a folder that
+//! [`read`] checks every file against the others and reports all that is wrong at once; [`write()`] makes a folder that
 //! [`read`] accepts. The values themselves (NaN, duplicates, constants) are checked by training.
 
 mod ansys;

@@ -1,6 +1,6 @@
 //! NumPy's `.npy`: little-endian f32 and f64 arrays (i32 to read) in C order, format versions 1 to 3.
 //!
-//! The header is a Python literal, but of one shape only, so it is read by a parser of that shape ([`header`]) and not
+//! The header is a Python literal, but of one shape only, so it is read by a parser of that shape (`header.rs`) and not
 //! by a general one, which a hostile file could drive into deep recursion. The array is allocated only when the file's
 //! length is what the header says.
 
