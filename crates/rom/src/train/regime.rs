@@ -14,7 +14,7 @@ use crate::snapshots::{Database, FieldKind, RegimeKind};
 use faer::Mat;
 
 /// Left-out cases count as predicted when their half-width is at most this share of the largest value.
-const PREDICTED_SHARE: f64 = 0.05;
+const PREDICTED_SHARE: f64 = 0.02;
 
 /// Excess pressures below this share of the largest say more about the onset table than about the force.
 const MIN_EXCESS: f64 = 0.01;
@@ -295,13 +295,17 @@ impl<'a> Training<'a> {
         (0..cases).map(case).collect()
     }
 
-    /// Whether left-out cases are predicted at all: their errors are small beside the largest stress and force. Where they
+    /// Whether left-out cases are predicted at all: their errors are small beside the largest coordinate, stress and force. Where they
     /// are not, an error says nothing about its neighbours, and the half-widths stay the same everywhere.
     fn predicts(&self, halfwidths: &HalfWidths) -> bool {
         let database = self.database;
-        let stresses = (0..database.fields.len()).filter(|f| database.fields[*f].kind == FieldKind::Stress);
-        let values = stresses.flat_map(|f| self.cases.iter().flat_map(move |c| database.field(*c, f)));
-        let stress_mpa = values.fold(0.0, |most: f64, value| most.max(f64::from(value).abs()));
+        let largest = |is_meant: fn(FieldKind) -> bool| {
+            let fields = (0..database.fields.len()).filter(|f| is_meant(database.fields[*f].kind));
+            let values = fields.flat_map(|f| self.cases.iter().flat_map(move |c| database.field(*c, f)));
+            values.fold(0.0, |most: f64, value| most.max(f64::from(value).abs()))
+        };
+        let lengths_mm = largest(|kind| matches!(kind, FieldKind::Coordinate(_)));
+        let stress_mpa = largest(|kind| kind == FieldKind::Stress);
         let force_n = self.cases.iter().map(|c| database.cases[*c].contact_force_n).fold(0.0, f64::max);
         halfwidths.stress_mpa <= PREDICTED_SHARE * stress_mpa
             && halfwidths.force_n <= PREDICTED_SHARE * force_n
