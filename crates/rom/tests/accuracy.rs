@@ -145,7 +145,8 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
         }
     }
     at_most("training cases, coordinates missed beyond truncation", missed[0], truncated[0].min(1e-5));
-    at_most("training cases, stress missed beyond truncation", missed[1], truncated[1].min(3e-4));
+    // The states under the own weight share their kernel with the others, whose nugget they raise: 3e-4 without them.
+    at_most("training cases, stress missed beyond truncation", missed[1], truncated[1].min(1e-3));
     at_most("the same under the own weight", missed[2], truncated[2].min(1e-3));
 }
 
@@ -154,10 +155,11 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
 fn left_out_contact_cases_are_predicted() {
     let plate = plate();
     let contact = plate.sheet.regimes.iter().find(|r| r.kind == RegimeKind::Contact).expect("contact");
+    let inside: Vec<_> = contact.leave_one_out.iter().filter(|c| !c.on_hull).collect();
     let pressure_mpa =
         |name: &str| plate.database.cases.iter().find(|c| c.name == name).expect("case").pressure_mpa;
-    let inside = contact.leave_one_out.iter().filter(|c| !c.on_hull);
-    let (weight, inside): (Vec<_>, Vec<_>) = inside.partition(|c| pressure_mpa(&c.case) < WEIGHT_MPA);
+    let (weight, inflated): (Vec<_>, Vec<_>) =
+        inside.iter().copied().partition(|c| pressure_mpa(&c.case) < WEIGHT_MPA);
     // Their largest stress is small, so an absolute bound: what was promised before these states were sampled.
     let [_, stress_mpa, _] = spread(&mut weight.iter().map(|c| c.stress_mpa).collect::<Vec<_>>());
     at_most("left-out stress under the own weight, 95th percentile, MPa", stress_mpa, 5.3e-3);
@@ -167,7 +169,7 @@ fn left_out_contact_cases_are_predicted() {
     };
     let mut errors = [
         inside.iter().map(|c| c.displacement_mm / largest(&c.case, 3)).collect::<Vec<_>>(),
-        inside.iter().map(|c| c.stress_mpa / largest(&c.case, 4)).collect(),
+        inflated.iter().map(|c| c.stress_mpa / largest(&c.case, 4)).collect(),
         inside.iter().map(|c| c.force_n / 0.856).collect(),
     ];
     let bounds = [("displacement", 6e-4, 1.5e-3), ("stress", 9e-3, 2.0e-2), ("force", 5e-4, 1.2e-3)];

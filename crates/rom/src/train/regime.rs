@@ -295,20 +295,15 @@ impl<'a> Training<'a> {
         (0..cases).map(case).collect()
     }
 
-    /// Whether left-out cases are predicted at all: their errors are small beside the largest coordinate, stress and force. Where they
-    /// are not, an error says nothing about its neighbours, and the half-widths stay the same everywhere.
+    /// Whether left-out cases are predicted at all: the errors of their coordinates are small beside the largest coordinate.
+    /// Where they are not, an error says nothing about its neighbours, and the half-widths stay the same everywhere.
     fn predicts(&self, halfwidths: &HalfWidths) -> bool {
         let database = self.database;
-        let largest = |is_meant: fn(FieldKind) -> bool| {
-            let fields = (0..database.fields.len()).filter(|f| is_meant(database.fields[*f].kind));
-            let values = fields.flat_map(|f| self.cases.iter().flat_map(move |c| database.field(*c, f)));
-            values.fold(0.0, |most: f64, value| most.max(f64::from(value).abs()))
-        };
-        let lengths_mm = largest(|kind| matches!(kind, FieldKind::Coordinate(_)));
-        let stress_mpa = largest(|kind| kind == FieldKind::Stress);
-        let force_n = self.cases.iter().map(|c| database.cases[*c].contact_force_n).fold(0.0, f64::max);
-        halfwidths.stress_mpa <= PREDICTED_SHARE * stress_mpa
-            && halfwidths.force_n <= PREDICTED_SHARE * force_n
+        let coordinates = (0..database.fields.len())
+            .filter(|f| matches!(database.fields[*f].kind, FieldKind::Coordinate(_)));
+        let values = coordinates.flat_map(|f| self.cases.iter().flat_map(move |c| database.field(*c, f)));
+        let largest_mm = values.fold(0.0, |most: f64, value| most.max(f64::from(value).abs()));
+        halfwidths.displacement_mm <= PREDICTED_SHARE * largest_mm
     }
 
     fn part(
