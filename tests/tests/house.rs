@@ -41,7 +41,7 @@ fn metadata() -> Value {
 }
 
 #[test]
-fn rooms_use_what_the_architecture_allows_and_nothing_else() {
+fn crates_use_what_the_architecture_allows_and_nothing_else() {
     let allowed = allowed();
     assert!(allowed.len() >= 8, "the table of ARCHITECTURE.md was not understood: {allowed:?}");
     let names: BTreeMap<String, &String> = allowed.keys().map(|name| (name.clone(), name)).collect();
@@ -67,7 +67,7 @@ fn rooms_use_what_the_architecture_allows_and_nothing_else() {
 }
 
 /// Circles that are there today; this list only gets shorter.
-const KNOWN_CIRCLES: usize = 4;
+const KNOWN_CIRCLES: usize = 3;
 
 #[test]
 fn no_files_of_a_crate_form_a_circle() {

@@ -40,7 +40,7 @@ impl HalfWidths {
 /// Scaled distance within which neighbours count alike: the sharpest of those tried by leave-one-out.
 const SMOOTHING: f64 = 0.05;
 /// No local mean is below this share of the median error.
-const LEAST_SHARE: f64 = 0.3;
+const MIN_SHARE: f64 = 0.3;
 
 /// Half-widths that follow the error over the inputs of a regime.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,7 +65,7 @@ impl LocalHalfWidths {
             coverage,
             inputs: (0..dimensions).flat_map(|i| points.iter().map(move |x| x[i])).collect(),
             errors: [of(0), of(1), of(2)],
-            least: [0, 1, 2].map(|k| (LEAST_SHARE * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)),
+            least: [0, 1, 2].map(|k| (MIN_SHARE * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)),
             factors: [1.0; 3],
         };
         let means: Vec<Errors> = (0..points.len()).map(|i| local.means(&points[i], Some(i))).collect();
