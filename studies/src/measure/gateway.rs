@@ -90,7 +90,7 @@ impl Study {
         gateway.wait_ready(&AtomicBool::new(false))?;
         self.note(1, Some(&gateway))?;
         let subscriber = Command::new(&self.python)
-            .args(["crates/studies/python/gateway_subscriber.py", ENDPOINT])
+            .args(["studies/python/gateway_subscriber.py", ENDPOINT])
             .arg((self.seconds + 2.0).to_string())
             .stdout(Stdio::piped())
             .spawn()?;

@@ -134,7 +134,7 @@ struct Peers {
 impl Peers {
     fn start(python: &Path, database: &Path, testbed: &Testbed) -> anyhow::Result<Self> {
         let mut command = Command::new(python);
-        command.arg("crates/studies/python/peers.py").arg(database).arg(testbed.path("modes.csv"));
+        command.arg("studies/python/peers.py").arg(database).arg(testbed.path("modes.csv"));
         command.envs(THREADS.map(|name| (name, "1"))).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().context("cannot start the peers")?;
         let input = child.stdin.take().context("no standard input")?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 fn sweep(model: &str, more: &[&str]) -> Value {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin-studies"));
     command
         .args(["sweep", "--states", "3000", "--gaps", "50", "--model", model])
