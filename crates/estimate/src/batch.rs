@@ -1,0 +1,354 @@
+//! The fit of constants to a whole recording: robust least squares with priors.
+//!
+//! Minimised over the unknowns `x` and the noise `e` of each reading's measured inputs is
+//!
+//! ```text
+//! (x - x0)^T P0^-1 (x - x0) + sum over readings of (sum e^2 / sigma^2 + sum over blocks of rho(|z - h(x, e)|^2 w))
+//! ```
+//!
+//! with Huber's `rho`. The noise is eliminated reading by reading (Schur complement), so a step costs `O(readings)`; steps are
+//! damped after Levenberg and Marquardt.
+
+use crate::filter::{Estimate, Filter};
+use crate::identify;
+use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
+use crate::normal::chi_squared_quantile;
+use crate::reading::{Linear, ReadingProblem, Side, difference};
+use crate::setup::{MAX_ROWS, Measurement, Model, Setup, SetupError};
+
+/// Steps after which the fit counts as not converged.
+const MAX_STEPS: usize = 60;
+/// A step below this share of the standard deviations ends the fit.
+const SMALL_STEP: f64 = 1e-3;
+/// Steps in which the noise of one reading is found for given unknowns.
+const NOISE_STEPS: usize = 6;
+/// Dampings tried in a row before the fit stops where it is.
+const MAX_DAMPINGS: usize = 12;
+/// Residuals beyond this normal quantile count linearly (Huber).
+const HUBER_Z: f64 = 2.0;
+
+/// Blocks beyond this normal quantile are counted as outliers.
+const OUTLIER_Z: f64 = 3.719;
+
+/// Constants that explain a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// Estimates in the order of the unknowns.
+    pub estimates: Vec<Estimate>,
+    /// Covariance of their errors.
+    pub covariance: Symmetric,
+    /// Whether the steps became small; otherwise no value is one.
+    pub converged: bool,
+    /// Squares of residuals and noise over their variances, without outliers, by the values used less the unknowns; about 1
+    /// where model and sensors are as good as stated.
+    pub chi2_per_dof: f64,
+    /// Measured values used.
+    pub used: usize,
+    /// Measured values of blocks that contradict the fit.
+    pub outliers: usize,
+    /// Readings left out: an input missing, or no finite prediction.
+    pub skipped: usize,
+}
+
+impl Fit {
+    /// Correlation of two unknowns' errors.
+    pub fn correlation(&self, a: usize, b: usize) -> f64 {
+        self.covariance.get(a, b) / (self.covariance.get(a, a) * self.covariance.get(b, b)).sqrt()
+    }
+}
+
+/// Fits the unknowns of a setup to a recording. The filter's result is the start.
+///
+/// Cost: some ten to sixty evaluations of the model for each reading.
+///
+/// # Errors
+/// All that is wrong with the setup.
+pub fn fit(setup: &Setup, readings: &[Measurement], model: &mut impl Model) -> Result<Fit, Vec<SetupError>> {
+    let mut filter = Filter::new(setup.clone())?;
+    readings.iter().for_each(|reading| {
+        filter.update(reading, model);
+    });
+    let mut start = [0.0; MAX_STATES];
+    for ((x, estimate), unknown) in start.iter_mut().zip(filter.estimates()).zip(&setup.unknowns) {
+        *x = estimate.value.clamp(unknown.range[0], unknown.range[1]);
+    }
+    let mut batch = Batch::new(setup, readings);
+    Ok(batch.minimise(start, model))
+}
+
+struct Batch<'a> {
+    setup: &'a Setup,
+    readings: Vec<Measurement>,
+    skipped: usize,
+    /// By reading: noise of the measured inputs, beginning at entry 0.
+    noise: Vec<Vector>,
+    /// By row: 1 over the variance with the model's error as often as readings share it; and as it is.
+    weights: [[f64; MAX_ROWS]; 2],
+}
+
+/// Normal equations of all readings at a point.
+struct Sums {
+    matrix: Symmetric,
+    right: Vector,
+    cost: f64,
+    chi2: f64,
+    used: usize,
+    outliers: usize,
+    /// Readings without a finite prediction.
+    failed: usize,
+    /// Best noise by reading.
+    noise: Vec<Vector>,
+}
+
+impl<'a> Batch<'a> {
+    fn new(setup: &'a Setup, readings: &[Measurement]) -> Self {
+        let complete =
+            |r: &&Measurement| setup.measured_inputs().all(|(input, _)| r.inputs[input].is_finite());
+        let kept: Vec<Measurement> = readings.iter().filter(complete).copied().collect();
+        let length_s = kept.last().zip(kept.first()).map_or(0.0, |(last, first)| last.t_s - first.t_s);
+        let spacing_s = length_s / kept.len().max(2) as f64;
+        let shared = if spacing_s > 0.0 { (setup.model_correlation_s / spacing_s).max(1.0) } else { 1.0 };
+        let mut weights = [[0.0; MAX_ROWS]; 2];
+        for (i, row) in setup.rows.iter().enumerate() {
+            let (noise, model) = (row.sigma * row.sigma, row.model_sigma * row.model_sigma);
+            weights[0][i] = 1.0 / (noise + shared.min(kept.len() as f64) * model);
+            weights[1][i] = 1.0 / (noise + model);
+        }
+        let (skipped, noise) = (readings.len() - kept.len(), vec![[0.0; MAX_STATES]; kept.len()]);
+        Self { setup, readings: kept, skipped, noise, weights }
+    }
+
+    fn unknowns(&self) -> usize {
+        self.setup.unknowns.len()
+    }
+
+    fn prior(&self) -> (Vector, Symmetric) {
+        let mut mean = [0.0; MAX_STATES];
+        let mut information = Symmetric::diagonal(&[0.0; MAX_STATES][..self.unknowns()]);
+        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
+            mean[at] = unknown.prior;
+            information.add_diagonal(at, 1.0 / (unknown.sigma * unknown.sigma));
+        }
+        (mean, information)
+    }
+
+    fn minimise(&mut self, start: Vector, model: &mut impl Model) -> Fit {
+        let mut x = start;
+        let mut sums = self.sums(&x, model);
+        let (mut damping, mut converged) = (1e-3, false);
+        'steps: for _ in 0..MAX_STEPS {
+            for _ in 0..MAX_DAMPINGS {
+                let Some(step) = damped_step(&sums, damping) else { break 'steps };
+                let mut trial = x;
+                trial.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
+                for (x, unknown) in trial.iter_mut().zip(&self.setup.unknowns) {
+                    *x = x.clamp(unknown.range[0], unknown.range[1]);
+                }
+                let before = std::mem::replace(&mut self.noise, sums.noise.clone());
+                let there = self.sums(&trial, model);
+                if there.failed <= sums.failed && there.cost <= sums.cost * (1.0 + 1e-12) {
+                    let moved = difference(&trial, &x);
+                    let length: f64 = moved.iter().zip(sums.matrix.times(&moved)).map(|(a, b)| a * b).sum();
+                    (x, sums) = (trial, there);
+                    damping = (damping * 0.1).max(1e-12);
+                    if length < SMALL_STEP * SMALL_STEP {
+                        converged = true;
+                        break 'steps;
+                    }
+                    continue 'steps;
+                }
+                self.noise = before;
+                damping = if damping < 1e-9 { 1e-6 } else { damping * 10.0 };
+            }
+            // No damped step makes the sum smaller: it is a minimum if an undamped step would be small.
+            let undamped = damped_step(&sums, 0.0);
+            converged = undamped.is_some_and(|step| {
+                step.iter().zip(&sums.right).map(|(s, r)| s * r).sum::<f64>()
+                    < 100.0 * SMALL_STEP * SMALL_STEP
+            });
+            break;
+        }
+        self.result(&x, &sums, converged)
+    }
+
+    fn result(&self, x: &Vector, sums: &Sums, converged: bool) -> Fit {
+        let count = self.unknowns();
+        let unread: Vec<f64> = self.setup.unknowns.iter().map(|u| u.sigma * u.sigma).collect();
+        let factor = sums.matrix.cholesky();
+        let covariance = factor.map_or(Symmetric::diagonal(&unread), |factor| factor.inverse());
+        let mut before = [0.0; MAX_STATES];
+        before[..count].copy_from_slice(&unread);
+        let told = identify::judge(&covariance, &before);
+        let estimate = |at: usize| Estimate {
+            value: if converged { x[at] } else { f64::NAN },
+            sigma: covariance.get(at, at).sqrt(),
+            identifiable: converged && told.tells(at),
+        };
+        Fit {
+            estimates: (0..count).map(estimate).collect(),
+            covariance,
+            converged,
+            chi2_per_dof: sums.chi2 / sums.used.saturating_sub(count).max(1) as f64,
+            used: sums.used,
+            outliers: sums.outliers,
+            skipped: self.skipped + sums.failed,
+        }
+    }
+
+    /// Normal equations of the unknowns at a point, the noise of each reading eliminated.
+    fn sums(&self, x: &Vector, model: &mut impl Model) -> Sums {
+        let count = self.unknowns();
+        let (mean, information) = self.prior();
+        let from_prior = difference(&mean, x);
+        let right = information.times(&from_prior);
+        let cost = from_prior.iter().zip(&right).map(|(a, b)| a * b).sum();
+        let noise = self.noise.clone();
+        let mut sums =
+            Sums { matrix: information, right, cost, chi2: 0.0, used: 0, outliers: 0, failed: 0, noise };
+        for (at, reading) in self.readings.iter().enumerate() {
+            let mut states = *x;
+            states[count..].copy_from_slice(&self.noise[at][..MAX_STATES - count]);
+            if self.add_reading(reading, at, &states, &mut sums, model).is_none() {
+                sums.failed += 1;
+            }
+        }
+        sums
+    }
+
+    fn add_reading(
+        &self,
+        reading: &Measurement,
+        at: usize,
+        states: &Vector,
+        sums: &mut Sums,
+        model: &mut impl Model,
+    ) -> Option<()> {
+        let count = self.unknowns();
+        let mut inverse_variances = [0.0; MAX_STATES];
+        let mut size = count;
+        for (_, sigma) in self.setup.measured_inputs() {
+            inverse_variances[size] = 1.0 / (sigma * sigma);
+            size += 1;
+        }
+        let mut weights = [0.0; MAX_ROWS];
+        for (i, value) in reading.rows.iter().enumerate().take(self.setup.rows.len()) {
+            weights[i] = if value.is_finite() { self.weights[0][i] } else { 0.0 };
+        }
+        let mut prior = *states;
+        prior[count..].fill(0.0); // the unknowns' own prior is counted once, not with each reading
+        let problem = ReadingProblem {
+            setup: self.setup,
+            measurement: reading,
+            prior,
+            information: Symmetric::diagonal(&inverse_variances[..size]),
+            side: Side::Any,
+            weights,
+        };
+        let mut states = *states;
+        for _ in 0..NOISE_STEPS {
+            let linear = problem.linearise(&states, model)?;
+            let (robust, _) = self.robust(&linear, &weights);
+            let (matrix, right) = problem.equations(&states, &linear, &robust);
+            let step = noise_step(&matrix, &right, count)?;
+            let mut length = 0.0;
+            for (k, (e, step)) in states[count..size].iter_mut().zip(step).enumerate() {
+                *e += step;
+                length += step * step * inverse_variances[count + k];
+            }
+            if length < SMALL_STEP * SMALL_STEP {
+                break;
+            }
+        }
+        let linear = problem.linearise(&states, model)?;
+        let (robust, terms) = self.robust(&linear, &weights);
+        let (matrix, right) = problem.equations(&states, &linear, &robust);
+        let squares = inverse_variances[count..].iter().zip(&states[count..]).map(|(w, e)| w * e * e);
+        let of_noise: f64 = squares.sum();
+        sums.cost += of_noise + terms.cost;
+        sums.chi2 += of_noise + terms.chi2;
+        sums.used += terms.used;
+        sums.outliers += terms.outliers;
+        sums.noise[at][..size - count].copy_from_slice(&states[count..size]);
+        eliminate(&matrix, &right, count, sums)
+    }
+
+    /// Huber's weights, by row; cost and counts.
+    fn robust(&self, linear: &Linear, weights: &[f64; MAX_ROWS]) -> ([f64; MAX_ROWS], Terms) {
+        let (mut out, mut terms) = (*weights, Terms::default());
+        let blocks = self.setup.rows.last().map_or(0, |row| row.block + 1);
+        for block in 0..blocks {
+            let rows = || {
+                let of_block = self.setup.rows.iter().enumerate().filter(move |(_, row)| row.block == block);
+                of_block.map(|(i, _)| i).filter(|i| weights[*i] > 0.0)
+            };
+            let squares = |by: usize| -> f64 {
+                rows().map(|i| self.weights[by][i] * linear.residual[i] * linear.residual[i]).sum()
+            };
+            let (degrees, sum, plain) = (rows().count(), squares(0), squares(1));
+            let limit = chi_squared_quantile(degrees, HUBER_Z);
+            // Beyond the limit the cost grows linearly with the residual; the weight falls with it.
+            let share = if plain > limit { (limit / plain).sqrt() } else { 1.0 };
+            terms.cost += sum * (2.0 * share - share * share);
+            if plain > chi_squared_quantile(degrees, OUTLIER_Z) {
+                terms.outliers += degrees;
+            } else {
+                terms.chi2 += plain;
+                terms.used += degrees;
+            }
+            rows().for_each(|i| out[i] *= share);
+        }
+        (out, terms)
+    }
+}
+
+/// What one reading's measured values add.
+#[derive(Clone, Copy, Debug, Default)]
+struct Terms {
+    cost: f64,
+    chi2: f64,
+    used: usize,
+    outliers: usize,
+}
+
+/// The noise's block of a reading's normal equations, factorised; with its right-hand side.
+fn noise_block(matrix: &Symmetric, right: &Vector, count: usize) -> Option<(Cholesky, Vector)> {
+    let own = matrix.size() - count;
+    let mut block = Symmetric::diagonal(&[0.0; MAX_STATES][..own]);
+    let mut tail = [0.0; MAX_STATES];
+    for i in 0..own {
+        (0..own).for_each(|j| block.set(i, j, matrix.get(count + i, count + j)));
+        tail[i] = right[count + i];
+    }
+    Some((block.cholesky()?, tail))
+}
+
+/// Step of a reading's noise while the unknowns stay.
+fn noise_step(matrix: &Symmetric, right: &Vector, count: usize) -> Option<Vector> {
+    let (factor, tail) = noise_block(matrix, right, count)?;
+    Some(factor.solve(&tail))
+}
+
+/// Adds the Schur complement of the reading's noise to the sums.
+fn eliminate(matrix: &Symmetric, right: &Vector, count: usize, sums: &mut Sums) -> Option<()> {
+    let (factor, tail) = noise_block(matrix, right, count)?;
+    let own = matrix.size() - count;
+    for (i, right) in right.iter().enumerate().take(count) {
+        let mut coupling = [0.0; MAX_STATES];
+        (0..own).for_each(|k| coupling[k] = matrix.get(i, count + k));
+        let carried = factor.solve(&coupling);
+        for j in 0..count {
+            let through: f64 = (0..own).map(|k| carried[k] * matrix.get(j, count + k)).sum();
+            sums.matrix.set(i, j, sums.matrix.get(i, j) + matrix.get(i, j) - through);
+        }
+        sums.right[i] += right - (0..own).map(|k| carried[k] * tail[k]).sum::<f64>();
+    }
+    Some(())
+}
+
+fn damped_step(sums: &Sums, damping: f64) -> Option<Vector> {
+    let mut matrix = sums.matrix;
+    for i in 0..matrix.size() {
+        matrix.add_diagonal(i, damping * sums.matrix.get(i, i));
+    }
+    Some(matrix.cholesky()?.solve(&sums.right))
+}

@@ -1,0 +1,393 @@
+//! The filter: an iterated extended Kalman filter over readings.
+
+use crate::identify::{self, Identifiability};
+use crate::matrix::{MAX_STATES, Symmetric, Vector};
+use crate::normal::{chi_squared_quantile, truncated, upper_tail};
+use crate::reading::{self, Linear, ReadingProblem, Side, Solution};
+use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
+
+/// A block whose residual is that unlikely (one-sided normal quantile of 1e-4) is rejected.
+const GATE_Z: f64 = 3.719;
+/// Blocks rejected of one reading before it counts as not explained by the model.
+const MAX_REJECTED: u32 = 3;
+/// Quantiles of the normal distribution around 95 % of its mass.
+const BAND_Z: f64 = 1.959_964;
+/// Contact begins at one of very many readings: by so much its evidence (twice the logarithm of the odds) must exceed that
+/// against it while the gap is not known, for a false beginning would fix the gap at a wrong value.
+const FIRST_CONTACT_EVIDENCE: f64 = 25.0;
+/// A known gap that many standard deviations from the onset needs one side solved only.
+const CLEAR: f64 = 6.0;
+/// How far inside the contact the search begins when the prior lies outside (mm).
+const INSIDE_CONTACT_MM: f64 = 0.5;
+
+/// What became of a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The estimate takes it into account.
+    Used,
+    /// A measured input is missing or not a number; nothing changed.
+    InputMissing,
+    /// Its time is not after that of the reading before; nothing changed.
+    NotLater,
+    /// The search for the estimate did not end, or the model gives no value there; nothing changed.
+    NotConverged,
+    /// Too many of its values contradict the model and the estimate; nothing changed.
+    NotExplained,
+}
+
+/// The outcome of one reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    /// What became of it.
+    pub status: Status,
+    /// Model inputs that explain the reading best.
+    pub inputs: [f64; MAX_INPUTS],
+    /// Whether the actuator touches, as far as the reading tells.
+    pub in_contact: bool,
+    /// Values used.
+    pub used: usize,
+    /// By block: bit set when its values were rejected as contradictory.
+    pub rejected: u32,
+    /// Normalised innovation squared of the values used: chi-squared with `used` degrees where filter and sensors agree.
+    pub nis: f64,
+    /// Its range of 95 % probability.
+    pub nis_band: [f64; 2],
+}
+
+/// An unknown's estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Value.
+    pub value: f64,
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Whether the readings tell it.
+    pub identifiable: bool,
+}
+
+/// The filter's memory.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    setup: Setup,
+    mean: Vector,
+    covariance: Symmetric,
+    /// Variances that the unknowns would have without any reading.
+    unread: Vector,
+    last_t_s: Option<f64>,
+    /// Time between the last two readings (s).
+    spacing_s: f64,
+    /// Largest gap that readings without contact have excluded (mm).
+    gap_floor_mm: f64,
+    identifiability: Identifiability,
+}
+
+impl Filter {
+    /// Starts from what is known before any reading.
+    ///
+    /// # Errors
+    /// All that is wrong with the setup.
+    pub fn new(setup: Setup) -> Result<Self, Vec<SetupError>> {
+        setup.check()?;
+        let (mut mean, mut unread) = ([0.0; MAX_STATES], [0.0; MAX_STATES]);
+        for (at, unknown) in setup.unknowns.iter().enumerate() {
+            mean[at] = unknown.prior;
+            unread[at] = unknown.sigma * unknown.sigma;
+        }
+        let covariance = Symmetric::diagonal(&unread[..setup.unknowns.len()]);
+        Ok(Self {
+            identifiability: Identifiability::default(),
+            last_t_s: None,
+            spacing_s: f64::INFINITY,
+            gap_floor_mm: f64::NEG_INFINITY,
+            setup,
+            mean,
+            covariance,
+            unread,
+        })
+    }
+
+    /// What it was started with.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// Estimates in the order of the unknowns.
+    pub fn estimates(&self) -> impl Iterator<Item = Estimate> {
+        let gap = self.setup.gap_unknown();
+        (0..self.setup.unknowns.len()).map(move |at| {
+            let (mut value, mut sigma) = (self.mean[at], self.covariance.get(at, at).sqrt());
+            if gap == Some(at) {
+                (value, sigma) = truncated(value, sigma, self.gap_floor_mm);
+            }
+            Estimate { value, sigma, identifiable: self.identifiability.tells(at) }
+        })
+    }
+
+    /// Correlation of two unknowns' errors.
+    pub fn correlation(&self, a: usize, b: usize) -> f64 {
+        let scale = (self.covariance.get(a, a) * self.covariance.get(b, b)).sqrt();
+        self.covariance.get(a, b) / scale
+    }
+
+    /// Takes a reading into account. Allocates nothing.
+    ///
+    /// Cost: some 3 to 8 evaluations of the model, each with `O(rows x states^2)` operations beside it.
+    pub fn update(&mut self, measurement: &Measurement, model: &mut impl Model) -> Update {
+        if let Err(status) = self.advance(measurement) {
+            return self.unchanged(status, measurement);
+        }
+        match self.best(measurement, model) {
+            Some(explained) if explained.rejected.count_ones() > MAX_REJECTED => {
+                let rejected = explained.rejected;
+                Update { rejected, ..self.unchanged(Status::NotExplained, measurement) }
+            }
+            Some(explained) => self.accept(measurement, &explained, model),
+            None => self.unchanged(Status::NotConverged, measurement),
+        }
+    }
+
+    /// Lets the unknowns drift up to the reading's time.
+    fn advance(&mut self, measurement: &Measurement) -> Result<(), Status> {
+        let roles = self.setup.inputs.iter().zip(&measurement.inputs);
+        let complete = |(role, value): (&InputRole, &f64)| {
+            !matches!(role, InputRole::Measured { .. }) || value.is_finite()
+        };
+        if !roles.clone().all(complete) {
+            return Err(Status::InputMissing);
+        }
+        let passed_s = measurement.t_s - self.last_t_s.unwrap_or(measurement.t_s);
+        let is_later = self.last_t_s.is_none_or(|last| measurement.t_s > last);
+        if !is_later || !measurement.t_s.is_finite() {
+            return Err(Status::NotLater);
+        }
+        if self.last_t_s.is_some() {
+            self.spacing_s = passed_s;
+        }
+        self.last_t_s = Some(measurement.t_s);
+        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
+            let drift = unknown.drift_per_sqrt_s * unknown.drift_per_sqrt_s * passed_s;
+            self.covariance.add_diagonal(at, drift);
+            self.unread[at] += drift;
+        }
+        if let Some(gap) = self.setup.gap_unknown() {
+            // A gap that drifts may come back below what was excluded.
+            self.gap_floor_mm -= self.setup.unknowns[gap].drift_per_sqrt_s * passed_s.sqrt();
+        }
+        Ok(())
+    }
+
+    fn problem<'a>(
+        &'a self,
+        measurement: &'a Measurement,
+        rejected: u32,
+        side: Side,
+    ) -> Option<ReadingProblem<'a>> {
+        let mut noise = [0.0; MAX_STATES];
+        let mut count = 0;
+        for (_, sigma) in self.setup.measured_inputs() {
+            noise[count] = 1.0 / (sigma * sigma);
+            count += 1;
+        }
+        let information = self.covariance.cholesky()?.inverse().extended(&noise[..count]);
+        let mut prior = self.mean;
+        prior[self.setup.unknowns.len()..].fill(0.0);
+        let mut weights = [0.0; MAX_ROWS];
+        for (i, row) in self.setup.rows.iter().enumerate() {
+            let is_used = measurement.rows[i].is_finite() && rejected & (1 << row.block) == 0;
+            if is_used {
+                weights[i] = 1.0 / (row.sigma * row.sigma + row.model_sigma * row.model_sigma);
+            }
+        }
+        Some(ReadingProblem { setup: &self.setup, measurement, prior, information, side, weights })
+    }
+
+    /// Solves on one side, and again without the blocks that contradict the rest.
+    fn explain(
+        &self,
+        measurement: &Measurement,
+        side: Side,
+        start: Option<Vector>,
+        model: &mut impl Model,
+    ) -> Option<Explained> {
+        let (mut rejected, mut penalty) = (0_u32, 0.0);
+        loop {
+            let problem = self.problem(measurement, rejected, side)?;
+            let solution = problem.solve(&start.unwrap_or(problem.prior), model)?;
+            match self.worst_block(measurement, &solution.linear, rejected) {
+                Some((block, limit)) if rejected.count_ones() <= MAX_REJECTED => {
+                    rejected |= 1 << block;
+                    penalty += limit;
+                }
+                _ => {
+                    return Some(Explained {
+                        side,
+                        evidence: evidence(&solution) + penalty,
+                        solution,
+                        rejected,
+                    });
+                }
+            }
+        }
+    }
+
+    /// The likelier of no contact and contact where the gap is unknown; otherwise the model decides.
+    fn best(&self, measurement: &Measurement, model: &mut impl Model) -> Option<Explained> {
+        let Some(unknown) = self.setup.gap_unknown() else {
+            return self.explain(measurement, Side::Any, None, model);
+        };
+        let problem = self.problem(measurement, 0, Side::Free)?;
+        let open = |model: &mut _| self.explain(measurement, Side::Free, None, model);
+        let Some(onset_mm) = model.onset_gap_mm(&problem.inputs(&problem.prior)) else { return open(model) };
+        let sigma = self.covariance.get(unknown, unknown).sqrt();
+        let inside = (onset_mm - self.mean[unknown]) / sigma;
+        let start = self.contact_start(&problem, unknown, onset_mm);
+        if self.identifiability.tells(unknown) && inside.abs() > CLEAR {
+            let (likely, start) =
+                if inside > 0.0 { (Side::Contact, Some(start)) } else { (Side::Free, None) };
+            let explained = self.explain(measurement, likely, start, model);
+            if explained.is_some_and(|explained| explained.rejected == 0) {
+                return explained;
+            }
+        }
+        let touching = self.explain(measurement, Side::Contact, Some(start), model);
+        let open = open(model);
+        let beyond = upper_tail(inside).max(f64::MIN_POSITIVE);
+        let needed = if self.identifiability.tells(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
+        match (open, touching) {
+            (Some(open), Some(touching)) => {
+                let is_open = open.evidence - 2.0 * beyond.ln() <= touching.evidence + needed;
+                Some(if is_open { open } else { touching })
+            }
+            (open, touching) => open.or(touching),
+        }
+    }
+
+    /// The prior, moved into the contact along its covariance when it lies outside.
+    fn contact_start(&self, problem: &ReadingProblem<'_>, unknown: usize, onset_mm: f64) -> Vector {
+        let mut start = problem.prior;
+        let shift = onset_mm - INSIDE_CONTACT_MM - start[unknown];
+        if shift < 0.0 {
+            let variance = self.covariance.get(unknown, unknown);
+            for (at, (start, spec)) in start.iter_mut().zip(&self.setup.unknowns).enumerate() {
+                *start += self.covariance.get(at, unknown) / variance * shift;
+                *start = start.clamp(spec.range[0], spec.range[1]);
+            }
+            start[unknown] = onset_mm - INSIDE_CONTACT_MM;
+        }
+        start
+    }
+
+    /// The block whose residual contradicts the rest most, when one does, with the largest sum of squares it might have.
+    fn worst_block(&self, measurement: &Measurement, linear: &Linear, rejected: u32) -> Option<(usize, f64)> {
+        let mut worst = (1.0, None);
+        let blocks = self.setup.rows.last().map_or(0, |row| row.block + 1);
+        for block in (0..blocks).filter(|block| rejected & (1 << block) == 0) {
+            let (mut sum, mut count) = (0.0, 0);
+            for (i, row) in self.setup.rows.iter().enumerate().filter(|(_, row)| row.block == block) {
+                if measurement.rows[i].is_finite() {
+                    let variance = row.sigma * row.sigma + row.model_sigma * row.model_sigma;
+                    sum += linear.residual[i] * linear.residual[i] / variance;
+                    count += 1;
+                }
+            }
+            let limit = chi_squared_quantile(count.max(1), GATE_Z);
+            if sum / limit > worst.0 {
+                worst = (sum / limit, Some((block, limit)));
+            }
+        }
+        worst.1
+    }
+
+    /// Makes the solution the estimate.
+    fn accept(&mut self, measurement: &Measurement, explained: &Explained, model: &mut impl Model) -> Update {
+        let Explained { side, rejected, ref solution, .. } = *explained;
+        let Some(problem) = self.problem(measurement, rejected, side) else {
+            return self.unchanged(Status::NotConverged, measurement);
+        };
+        let used = problem.weights.iter().filter(|w| **w > 0.0).count();
+        let nis = innovation(&problem, solution);
+        // The model's error does not average out within its correlation time.
+        let lasting = self.lasting_weights(&problem.weights);
+        let Some((factor, right)) = problem.normal_equations(&solution.states, &solution.linear, &lasting)
+        else {
+            return self.unchanged(Status::NotConverged, measurement);
+        };
+        let step = factor.solve(&right);
+        let mut states = solution.states;
+        states.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
+        for (x, unknown) in states.iter_mut().zip(&self.setup.unknowns) {
+            *x = x.clamp(unknown.range[0], unknown.range[1]);
+        }
+        let count = self.setup.unknowns.len();
+        let inputs = reading::inputs(&self.setup, measurement, &states);
+        self.covariance = factor.inverse().leading(count);
+        self.mean[..count].copy_from_slice(&states[..count]);
+        let in_contact = side == Side::Contact || (side == Side::Any && solution.linear.in_contact);
+        if side == Side::Free {
+            self.gap_floor_mm =
+                self.gap_floor_mm.max(model.onset_gap_mm(&inputs).unwrap_or(f64::NEG_INFINITY));
+        } else if in_contact {
+            self.gap_floor_mm = f64::NEG_INFINITY;
+        }
+        self.identifiability = identify::judge(&self.covariance, &self.unread);
+        let band = [-BAND_Z, BAND_Z].map(|z| chi_squared_quantile(used, z));
+        Update { status: Status::Used, inputs, in_contact, used, rejected, nis, nis_band: band }
+    }
+
+    /// Weights by which a reading tells the unknowns: the model's error counts as often as readings share it.
+    fn lasting_weights(&self, weights: &[f64; MAX_ROWS]) -> [f64; MAX_ROWS] {
+        let mut out = *weights;
+        let shared = (self.setup.model_correlation_s / self.spacing_s).max(1.0);
+        for (i, row) in self.setup.rows.iter().enumerate().filter(|(i, _)| weights[*i] > 0.0) {
+            out[i] = 1.0 / (row.sigma * row.sigma + shared * row.model_sigma * row.model_sigma);
+        }
+        out
+    }
+
+    fn unchanged(&self, status: Status, measurement: &Measurement) -> Update {
+        let mut states = self.mean;
+        states[self.setup.unknowns.len()..].fill(0.0);
+        let inputs = reading::inputs(&self.setup, measurement, &states);
+        Update {
+            status,
+            inputs,
+            in_contact: false,
+            used: 0,
+            rejected: 0,
+            nis: f64::NAN,
+            nis_band: [f64::NAN; 2],
+        }
+    }
+}
+
+/// A reading with one side of the onset assumed.
+#[derive(Clone, Copy, Debug)]
+struct Explained {
+    side: Side,
+    solution: Solution,
+    /// Blocks that contradict the rest.
+    rejected: u32,
+    /// Twice the negative logarithm of the evidence, but for a constant; less is likelier.
+    evidence: f64,
+}
+
+/// By Laplace's approximation.
+fn evidence(solution: &Solution) -> f64 {
+    solution.cost + solution.factor.ln_determinant()
+}
+
+/// Innovation squared over its covariance, linearised at the solution: `v^T R^-1 v - b^T A^-1 b` with the innovation
+/// `v = z - h(prior)`, which needs a factor of as many rows as there are states, not measurements.
+fn innovation(problem: &ReadingProblem<'_>, solution: &Solution) -> f64 {
+    let moved = reading::difference(&solution.states, &problem.prior);
+    let (mut sum, mut right) = (0.0, [0.0; MAX_STATES]);
+    for (i, weight) in problem.weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+        let row = &solution.linear.jacobian[i];
+        let along: f64 = row.iter().zip(&moved).map(|(d, m)| d * m).sum();
+        let innovation = solution.linear.residual[i] + along;
+        sum += weight * innovation * innovation;
+        right.iter_mut().zip(row).for_each(|(right, d)| *right += weight * innovation * d);
+    }
+    let explained = solution.factor.solve(&right);
+    sum - right.iter().zip(&explained).map(|(a, b)| a * b).sum::<f64>()
+}

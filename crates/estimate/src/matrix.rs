@@ -1,0 +1,183 @@
+//! Small symmetric matrices of a fixed largest size: no allocation, so that the filter can run in a control loop.
+
+/// Largest number of states: unknowns and the noise of measured inputs.
+pub const MAX_STATES: usize = 12;
+
+/// One number a state; entries beyond the states in use are 0.
+pub type Vector = [f64; MAX_STATES];
+
+/// A symmetric matrix over the first `size` states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Symmetric {
+    size: usize,
+    entries: [[f64; MAX_STATES]; MAX_STATES],
+}
+
+impl Symmetric {
+    /// The matrix with this diagonal.
+    ///
+    /// # Panics
+    /// When there are more than [`MAX_STATES`] values.
+    pub fn diagonal(values: &[f64]) -> Self {
+        assert!(values.len() <= MAX_STATES, "{} states, at most {MAX_STATES}", values.len());
+        let mut out = Self { size: values.len(), entries: [[0.0; MAX_STATES]; MAX_STATES] };
+        for (i, value) in values.iter().enumerate() {
+            out.entries[i][i] = *value;
+        }
+        out
+    }
+
+    /// Number of states.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// The entry of two states.
+    pub fn get(&self, i: usize, j: usize) -> f64 {
+        self.entries[i][j]
+    }
+
+    /// Sets one entry; the caller keeps the matrix symmetric.
+    pub(crate) fn set(&mut self, i: usize, j: usize, value: f64) {
+        self.entries[i][j] = value;
+    }
+
+    /// Adds to a diagonal entry.
+    pub(crate) fn add_diagonal(&mut self, i: usize, value: f64) {
+        self.entries[i][i] += value;
+    }
+
+    /// `A += weight v v^T`.
+    pub(crate) fn add_outer(&mut self, weight: f64, v: &Vector) {
+        for i in 0..self.size {
+            for j in 0..self.size {
+                self.entries[i][j] += weight * v[i] * v[j];
+            }
+        }
+    }
+
+    /// `A v`.
+    pub(crate) fn times(&self, v: &Vector) -> Vector {
+        let mut out = [0.0; MAX_STATES];
+        for (out, row) in out.iter_mut().zip(&self.entries).take(self.size) {
+            *out = row.iter().zip(v).map(|(a, v)| a * v).sum();
+        }
+        out
+    }
+
+    /// The first `size` states alone.
+    pub(crate) fn leading(&self, size: usize) -> Self {
+        Self { size: size.min(self.size), ..*self }
+    }
+
+    /// This matrix, followed on its diagonal by further states.
+    pub(crate) fn extended(&self, more: &[f64]) -> Self {
+        let mut out = Self::diagonal(&[0.0; MAX_STATES][..self.size + more.len()]);
+        for i in 0..self.size {
+            out.entries[i][..self.size].copy_from_slice(&self.entries[i][..self.size]);
+        }
+        for (i, value) in more.iter().enumerate() {
+            out.entries[self.size + i][self.size + i] = *value;
+        }
+        out
+    }
+
+    /// Its Cholesky factor; none when it is not positive definite.
+    pub(crate) fn cholesky(&self) -> Option<Cholesky> {
+        let mut l = [[0.0; MAX_STATES]; MAX_STATES];
+        for i in 0..self.size {
+            for j in 0..=i {
+                let product: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+                let rest = self.entries[i][j] - product;
+                if i == j {
+                    // The comparison is false for NaN too.
+                    if !(rest > 0.0 && rest.is_finite()) {
+                        return None;
+                    }
+                    l[i][i] = rest.sqrt();
+                } else {
+                    l[i][j] = rest / l[j][j];
+                }
+            }
+        }
+        Some(Cholesky { size: self.size, l })
+    }
+}
+
+/// `A = L L^T`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cholesky {
+    size: usize,
+    l: [[f64; MAX_STATES]; MAX_STATES],
+}
+
+impl Cholesky {
+    /// Solves `A x = b`.
+    pub(crate) fn solve(&self, b: &Vector) -> Vector {
+        let mut x = *b;
+        for i in 0..self.size {
+            let known: f64 = (0..i).map(|k| self.l[i][k] * x[k]).sum();
+            x[i] = (x[i] - known) / self.l[i][i];
+        }
+        for i in (0..self.size).rev() {
+            let known: f64 = (i + 1..self.size).map(|k| self.l[k][i] * x[k]).sum();
+            x[i] = (x[i] - known) / self.l[i][i];
+        }
+        x
+    }
+
+    /// `A^-1`, symmetric to the last bit.
+    pub(crate) fn inverse(&self) -> Symmetric {
+        let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..self.size]);
+        for j in 0..self.size {
+            let mut unit = [0.0; MAX_STATES];
+            unit[j] = 1.0;
+            let column = self.solve(&unit);
+            for (i, value) in column.iter().enumerate().take(self.size).skip(j) {
+                out.entries[i][j] = *value;
+                out.entries[j][i] = *value;
+            }
+        }
+        out
+    }
+
+    /// Natural logarithm of the determinant of `A`.
+    pub(crate) fn ln_determinant(&self) -> f64 {
+        2.0 * (0..self.size).map(|i| self.l[i][i].ln()).sum::<f64>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inverse_times_matrix_is_the_identity() {
+        let mut a = Symmetric::diagonal(&[2.0, 3.0, 0.5, 1e-4]);
+        a.add_outer(1.5, &[0.3, -1.0, 0.2, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let factor = a.cholesky().expect("positive definite");
+        let inverse = factor.inverse();
+        for j in 0..4 {
+            let mut column = [0.0; MAX_STATES];
+            (0..4).for_each(|i| column[i] = inverse.get(i, j));
+            for (i, value) in a.times(&column).iter().enumerate().take(4) {
+                let expected = f64::from(u8::from(i == j));
+                assert!((value - expected).abs() < 1e-12, "{i} {j}: {value}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_determinant_is_that_of_a_known_matrix() {
+        let mut a = Symmetric::diagonal(&[1.0, 1.0]);
+        a.add_outer(1.0, &[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]); // [[2, 2], [2, 5]]
+        let ln = a.cholesky().expect("positive definite").ln_determinant();
+        assert!((ln - 6.0_f64.ln()).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_definite_or_not_a_number_has_no_factor() {
+        assert!(Symmetric::diagonal(&[1.0, -1.0]).cholesky().is_none());
+        assert!(Symmetric::diagonal(&[1.0, f64::NAN]).cholesky().is_none());
+    }
+}

@@ -1,0 +1,205 @@
+//! What is measured, given and estimated.
+
+use crate::matrix::MAX_STATES;
+use thiserror::Error;
+
+/// Largest number of model inputs.
+pub const MAX_INPUTS: usize = 8;
+/// Largest number of measured values that the model predicts: a force and three coordinates of eight markers.
+pub const MAX_ROWS: usize = 25;
+
+/// A quantity that is estimated, with what is known of it before.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknown {
+    /// Name.
+    pub name: String,
+    /// Value before any measurement.
+    pub prior: f64,
+    /// Standard deviation of that.
+    pub sigma: f64,
+    /// Standard deviation by which it drifts in a second (random walk: in `t` seconds by `drift sqrt(t)`); 0: constant.
+    pub drift_per_sqrt_s: f64,
+    /// Values that the model takes; an estimate never leaves them.
+    pub range: [f64; 2],
+}
+
+/// Where the value of a model input comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InputRole {
+    /// The same for all readings.
+    Given(f64),
+    /// Estimated: position in the unknowns.
+    Estimated(usize),
+    /// Measured: `measured = true + bias + noise`.
+    Measured {
+        /// Standard deviation of the noise of one reading.
+        sigma: f64,
+        /// The bias's position in the unknowns, when it is estimated.
+        bias: Option<usize>,
+    },
+}
+
+/// A measured value that the model predicts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Name.
+    pub name: String,
+    /// Values of one block are accepted or rejected together (the coordinates of a marker); blocks count up from 0.
+    pub block: usize,
+    /// Standard deviation of the sensor's noise, independent from reading to reading.
+    pub sigma: f64,
+    /// Standard deviation of the model's error.
+    pub model_sigma: f64,
+    /// Bias of the sensor in the unknowns, when it is estimated: `measured = predicted + bias + noise`.
+    pub bias: Option<usize>,
+}
+
+/// Everything an estimator is told before the first reading.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// The unknowns.
+    pub unknowns: Vec<Unknown>,
+    /// One role for each model input, in the model's order.
+    pub inputs: Vec<InputRole>,
+    /// The predicted measurements, blocks in order.
+    pub rows: Vec<Row>,
+    /// Position of the gap in the inputs; none for a model without contact.
+    pub gap: Option<usize>,
+    /// Time over which the model's error stays alike (s). Readings within it do not average the model's error out.
+    pub model_correlation_s: f64,
+}
+
+/// What is wrong with a setup.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{place}: expected {expected}, found {found}")]
+pub struct SetupError {
+    /// Where.
+    pub place: String,
+    /// What would be accepted.
+    pub expected: &'static str,
+    /// What is there.
+    pub found: String,
+}
+
+impl Setup {
+    /// Checks everything.
+    ///
+    /// # Errors
+    /// All that is wrong; never empty.
+    pub fn check(&self) -> Result<(), Vec<SetupError>> {
+        let mut errors = Vec::new();
+        let mut expect = |fits: bool, place: String, expected: &'static str, found: String| {
+            if !fits {
+                errors.push(SetupError { place, expected, found });
+            }
+        };
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let at_least_zero = |v: f64| v.is_finite() && v >= 0.0;
+        let states = self.unknowns.len() + self.measured_inputs().count();
+        expect(states <= MAX_STATES, "unknowns and measured inputs".into(), "at most 12", states.to_string());
+        expect(self.inputs.len() <= MAX_INPUTS, "inputs".into(), "at most 8", self.inputs.len().to_string());
+        expect(self.rows.len() <= MAX_ROWS, "measurements".into(), "at most 25", self.rows.len().to_string());
+        expect(
+            at_least_zero(self.model_correlation_s),
+            "model_correlation_s".into(),
+            "0 or more",
+            self.model_correlation_s.to_string(),
+        );
+        for unknown in &self.unknowns {
+            let [low, high] = unknown.range;
+            let place = |key: &str| format!("{}: {key}", unknown.name);
+            expect(positive(unknown.sigma), place("sigma"), "above 0", unknown.sigma.to_string());
+            let drift = unknown.drift_per_sqrt_s;
+            expect(at_least_zero(drift), place("drift"), "0 or more", drift.to_string());
+            let inside = low < high && (low..=high).contains(&unknown.prior);
+            let found = format!("{} in {low} to {high}", unknown.prior);
+            expect(inside, place("prior"), "a value in the model's range", found);
+        }
+        let known = |at: &Option<usize>| at.is_none_or(|at| at < self.unknowns.len());
+        for (input, role) in self.inputs.iter().enumerate() {
+            let place = || format!("input {input}");
+            match role {
+                InputRole::Given(value) => {
+                    expect(!value.is_nan(), place(), "a number", value.to_string());
+                }
+                InputRole::Estimated(at) => {
+                    expect(known(&Some(*at)), place(), "an unknown that exists", at.to_string());
+                }
+                InputRole::Measured { sigma, bias } => {
+                    expect(positive(*sigma), place(), "a sigma above 0", sigma.to_string());
+                    expect(known(bias), place(), "an unknown that exists", format!("{bias:?}"));
+                }
+            }
+        }
+        let mut block = 0;
+        for row in &self.rows {
+            expect(positive(row.sigma), row.name.clone(), "a sigma above 0", row.sigma.to_string());
+            let model = row.model_sigma;
+            expect(at_least_zero(model), row.name.clone(), "a model sigma of 0 or more", model.to_string());
+            expect(known(&row.bias), row.name.clone(), "an unknown that exists", format!("{:?}", row.bias));
+            let next = row.block == block || row.block == block + 1;
+            expect(next, row.name.clone(), "blocks that count up from 0", row.block.to_string());
+            block = row.block;
+        }
+        expect(
+            self.gap.is_none_or(|gap| gap < self.inputs.len()),
+            "gap".into(),
+            "an input",
+            format!("{:?}", self.gap),
+        );
+        if errors.is_empty() { Ok(()) } else { Err(errors) }
+    }
+
+    /// Positions and standard deviations of the measured inputs, in order: each adds its noise as a state of its own.
+    pub(crate) fn measured_inputs(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.inputs.iter().enumerate().filter_map(|(input, role)| match role {
+            InputRole::Measured { sigma, .. } => Some((input, *sigma)),
+            _ => None,
+        })
+    }
+
+    /// The unknown that the gap is, when it is estimated.
+    pub(crate) fn gap_unknown(&self) -> Option<usize> {
+        match self.inputs[self.gap?] {
+            InputRole::Estimated(unknown) => Some(unknown),
+            _ => None,
+        }
+    }
+}
+
+/// One reading: everything that was measured at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// Time (s), from any origin.
+    pub t_s: f64,
+    /// By model input: the measured value; NaN where there is none.
+    pub inputs: [f64; MAX_INPUTS],
+    /// By row of the setup: the measured value; NaN where it is missing.
+    pub rows: [f64; MAX_ROWS],
+}
+
+impl Measurement {
+    /// A reading of nothing at a time.
+    pub fn at(t_s: f64) -> Self {
+        Self { t_s, inputs: [f64::NAN; MAX_INPUTS], rows: [f64::NAN; MAX_ROWS] }
+    }
+}
+
+/// A predicted value with its derivative by each model input.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Predicted {
+    /// Value, in the row's unit.
+    pub value: f64,
+    /// Derivatives, per unit of the input.
+    pub gradient: [f64; MAX_INPUTS],
+}
+
+/// What the estimator needs of a model.
+pub trait Model {
+    /// Predicts the rows of the setup at a state. Returns whether the state touches the obstacle. Values that are not finite
+    /// say that the model cannot answer there.
+    fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool;
+
+    /// Largest gap (mm) at which the other inputs make the actuator touch; none when no gap does.
+    fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64>;
+}
