@@ -6,7 +6,9 @@ use std::io::{IsTerminal, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// Log lines that could not be written since the start.
 static LOST_LINES: AtomicU64 = AtomicU64::new(0);
@@ -35,15 +37,21 @@ impl Write for LogWriter {
 
 /// Logs to standard error at the level of `RUST_LOG`, else at `default`; colours only on a terminal.
 pub fn start_logging(default: &str) {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let layer = tracing_subscriber::fmt::layer()
         .with_writer(|| LogWriter)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         .without_time()
-        .log_internal_errors(false) // they would be printed, and printing panics where writing fails
-        .init();
+        .log_internal_errors(false); // they would be printed, and printing panics where writing fails
+    tracing_subscriber::registry().with(layer.with_filter(log_filter(default))).init();
+}
+
+/// Levels by the crate's name, for example `warn,runtime=debug`; crates that are not named show their errors.
+fn log_filter(default: &str) -> Targets {
+    let wanted = std::env::var("RUST_LOG").ok().filter(|text| !text.trim().is_empty());
+    let filter: Option<Targets> = wanted.as_deref().unwrap_or(default).parse().ok();
+    let filter = filter.unwrap_or_else(|| default.parse().unwrap_or_default());
+    if filter.default_level().is_none() { filter.with_default(LevelFilter::ERROR) } else { filter }
 }
 
 /// A flag that SIGTERM and SIGINT set. A second signal ends the process immediately, without clean-up.

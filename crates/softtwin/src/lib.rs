@@ -5,23 +5,20 @@
 #![warn(clippy::print_stdout)]
 
 mod cmd;
-pub mod daemon;
 pub mod draws;
-pub mod failure;
 pub mod files;
 mod live;
 mod load;
 pub mod options;
-pub mod output;
 pub mod picture;
 pub mod progress;
-pub mod range;
 mod recording_data;
 pub mod resources;
 pub mod sweep;
 pub mod testbed;
 mod view;
 
+pub use cli::{daemon, failure, output, range};
 pub use cmd::Command;
 pub use cmd::bench::{compute, full_size, measure};
 pub use cmd::stability;

@@ -1,11 +1,10 @@
 //! What the commands that show live data share: the domain, topics by key expression, readers, waiting, texts.
 
 pub mod json;
-mod latency;
 mod readers;
-pub mod text;
 
-pub use latency::{Latencies, PercentilesUs};
+pub use cli::latency::{Latencies, PercentilesUs};
+pub use cli::text;
 pub use readers::Readers;
 
 use crate::failure::usage;

@@ -1,7 +1,7 @@
 //! The demonstration's subscriber: an ordinary reader of the field and sensor topics.
 
-use crate::live::{self, Latencies, PercentilesUs};
-use crate::output;
+use crate::latency::{Latencies, PercentilesUs};
+use crate::{output, text};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
@@ -111,7 +111,7 @@ fn show_line(header: &FieldHeader, latency_ns: u64) {
     let _ = write!(
         std::io::stderr(),
         "{begin}{}  max stress {:.3} MPa  {} entries  {:6.0} us{end}",
-        live::text::field_header(header),
+        text::field_header(header),
         header.max_von_mises_mpa,
         header.entries(),
         latency_ns as f64 / 1000.0,

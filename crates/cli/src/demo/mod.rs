@@ -2,11 +2,12 @@
 
 mod watch;
 
-use crate::daemon::Daemon;
+use crate::daemon::{Daemon, program};
 use crate::failure::{configuration, usage};
-use crate::output;
+use crate::{output, shared_files};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -18,7 +19,9 @@ Examples:
   softtwin demo
   softtwin demo --trace config/traces/gap80.csv
   softtwin demo --seconds 10 --json
+  softtwin demo --view
 
+Scene, model and trace are those that come with softtwin, found from any folder, unless others are named.
 Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of their own and subscribes like any program.
 `lost` counts readings whose field this program did not receive.";
 
@@ -26,18 +29,21 @@ Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of thei
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Scene with one actuator.
-    #[arg(long, value_name = "FILE", default_value = "config/scenes/finger.toml")]
-    scene: PathBuf,
+    /// Scene with one actuator [default: config/scenes/finger.toml, which comes with softtwin].
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
     /// Replay this trace instead of the scene's source.
     #[arg(long, value_name = "CSV")]
     trace: Option<PathBuf>,
     /// Use this model instead of the scene's.
     #[arg(long, value_name = "TWIN")]
     model: Option<PathBuf>,
-    /// Run for so many seconds, the trace again and again [default: once through the trace].
+    /// Run for so many seconds, the trace again and again [default: once through the trace; with --view until Ctrl-C].
     #[arg(long, value_name = "N", value_parser = crate::range::seconds)]
     seconds: Option<f64>,
+    /// Show it in a browser as well: starts `softtwin view` and prints the page's address.
+    #[arg(long)]
+    view: bool,
     /// End with one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -47,19 +53,26 @@ impl Args {
     /// Runs the demonstration.
     pub fn run(self) -> anyhow::Result<()> {
         let limit = self.seconds.map(Duration::from_secs_f64);
-        let actuator = self.actuator()?;
+        let scene = self.scene()?;
+        let actuator = self.actuator(&scene)?;
         let stop = runtime::service::stop_flag()?;
         let name = format!("demo_{}", std::process::id());
         let domain = Domain { root: Domain::from_env().root, ..Domain::named(&name) };
         let bus = Bus::open(&domain)?;
 
-        let mut twin = Daemon::softtwind("twin", &self.arguments(&name, "--model", self.model.as_deref()))?;
+        let mut twin =
+            Daemon::softtwind("twin", &arguments(&scene, &name, "--model", self.model.as_deref()))?;
         twin.wait_ready(&stop)?;
+        let page = self.view.then(|| self.page(&scene, &name)).transpose()?;
         let mut watch = Watch::open(&bus, &actuator, !self.json)?;
-        let mut arguments = self.arguments(&name, "--trace", self.trace.as_deref());
-        arguments.extend(self.seconds.map(|_| "--loop".into()));
-        let mut bridge = Daemon::softtwind("bridge", &arguments)?;
-        let reason = follow(&mut watch, &mut twin, &mut bridge, limit, &stop)?;
+        let mut arguments = arguments(&scene, &name, "--trace", self.trace.as_deref());
+        if self.seconds.is_some() || self.view {
+            arguments.push("--loop".into());
+        }
+        let mut programs = Programs { twin, bridge: Daemon::softtwind("bridge", &arguments)?, page };
+        let reason = follow(&mut watch, &mut programs, limit, &stop)?;
+        let Programs { mut twin, mut bridge, page } = programs;
+        drop(page);
         bridge.stop()?;
         watch.drain()?;
         twin.stop()?;
@@ -70,9 +83,14 @@ impl Args {
         if self.json { output::json(&summary) } else { summary.print() }
     }
 
+    fn scene(&self) -> anyhow::Result<PathBuf> {
+        let found = self.scene.clone().map_or_else(|| shared_files::find("config/scenes/finger.toml"), Ok);
+        found.map_err(configuration)
+    }
+
     /// The one actuator of the scene. A wrong scene is an error before any process starts.
-    fn actuator(&self) -> anyhow::Result<String> {
-        let scene = runtime::config::Scene::load(&self.scene).map_err(configuration)?;
+    fn actuator(&self, path: &Path) -> anyhow::Result<String> {
+        let scene = runtime::config::Scene::load(path).map_err(configuration)?;
         let [actuator] = scene.actuators.as_slice() else {
             return Err(usage(format!("--scene: expected one actuator, found {}", scene.actuators.len())));
         };
@@ -87,31 +105,45 @@ impl Args {
         Ok(actuator.name.clone())
     }
 
-    /// Scene and domain, which both processes need, and an option that only one has.
-    fn arguments(&self, domain: &str, option: &str, path: Option<&Path>) -> Vec<OsString> {
-        let mut arguments =
-            vec!["--scene".into(), self.scene.clone().into(), "--domain".into(), domain.into()];
-        if let Some(path) = path {
-            arguments.extend([option.into(), path.into()]);
+    /// Starts the page; its address goes to standard error, because results may be read from standard output.
+    fn page(&self, scene: &Path, domain: &str) -> anyhow::Result<Daemon> {
+        let mut command = Command::new(program("softtwin")?);
+        command.args(["view", "--domain", domain, "--scene"]).arg(scene).stdout(std::io::stderr());
+        if let Some(model) = &self.model {
+            command.arg("--model").arg(model);
         }
-        arguments
+        Daemon::start("page", &mut command)
     }
+}
+
+/// The processes of a demonstration.
+struct Programs {
+    twin: Daemon,
+    bridge: Daemon,
+    page: Option<Daemon>,
+}
+
+/// Scene and domain, which both processes need, and an option that only one has.
+fn arguments(scene: &Path, domain: &str, option: &str, path: Option<&Path>) -> Vec<OsString> {
+    let mut arguments = vec!["--scene".into(), scene.into(), "--domain".into(), domain.into()];
+    if let Some(path) = path {
+        arguments.extend([option.into(), path.into()]);
+    }
+    arguments
 }
 
 /// Receives until the bridge has sent the whole trace, the time is over, a signal comes or a process dies; returns which.
 fn follow(
     watch: &mut Watch,
-    twin: &mut Daemon,
-    bridge: &mut Daemon,
+    Programs { twin, bridge, page }: &mut Programs,
     limit: Option<Duration>,
     stop: &Arc<AtomicBool>,
 ) -> anyhow::Result<&'static str> {
     let begin = Instant::now();
     loop {
         watch.receive(Duration::from_millis(50))?;
-        if twin.ended()? {
-            anyhow::bail!("the twin ended by itself:\n{}", twin.log());
-        }
+        twin.check()?;
+        page.as_mut().map_or(Ok(()), Daemon::check)?;
         if bridge.ended()? {
             return if bridge.succeeded() {
                 Ok("end of trace")

@@ -180,7 +180,8 @@ pub fn program(name: &str) -> anyhow::Result<PathBuf> {
     let path = own.with_file_name(name);
     anyhow::ensure!(
         path.exists(),
-        "expected `{name}` in the folder of this program; build it with `cargo build --workspace --bins` ({})",
+        "expected `{name}` in the folder of this program, found none; build it with `cargo build --workspace --bins`, or \
+         install it with `cargo install --path crates/{name} --locked` ({})",
         path.display()
     );
     Ok(path)

@@ -1,0 +1,83 @@
+//! Files that come with the programs: scenes, traces, models. They lie in a checkout, or installed in `share/softtwin`.
+
+use std::path::{Path, PathBuf};
+
+/// Names a folder with `config` and `models` in it.
+const VARIABLE: &str = "SOFTTWIN_SHARE";
+
+/// The file at `path` (for example `config/scenes/finger.toml`): below `$SOFTTWIN_SHARE`, or else below the first of these
+/// that has it: the folder we stand in and those above it, `share/softtwin` beside the program's folder, the folders above
+/// the program.
+///
+/// # Errors
+/// None has it; the message says where was looked.
+pub fn find(path: &str) -> anyhow::Result<PathBuf> {
+    let folders = match std::env::var_os(VARIABLE) {
+        Some(folder) => vec![PathBuf::from(folder)],
+        None => folders(std::env::current_dir().ok().as_deref(), std::env::current_exe().ok().as_deref()),
+    };
+    first(&folders, path).ok_or_else(|| {
+        let looked: Vec<String> = folders.iter().map(|folder| format!("  {}", folder.display())).collect();
+        anyhow::anyhow!(
+            "expected {path}, which comes with the sources and the packages; found in none of these folders:\n{}\nName a \
+             checkout of softtwin or an installed share/softtwin in {VARIABLE}, or name a file of your own by its option",
+            looked.join("\n")
+        )
+    })
+}
+
+/// Where is looked, in this order. `own` is the running program.
+fn folders(here: Option<&Path>, own: Option<&Path>) -> Vec<PathBuf> {
+    let mut folders: Vec<PathBuf> =
+        here.into_iter().flat_map(Path::ancestors).map(Path::to_path_buf).collect();
+    let own = own.and_then(|own| own.canonicalize().ok());
+    let installed = own.iter().filter_map(|own| Some(own.parent()?.parent()?.join("share/softtwin")));
+    folders.extend(installed);
+    folders.extend(own.iter().flat_map(|own| own.ancestors().skip(1)).map(Path::to_path_buf));
+    folders
+}
+
+fn first(folders: &[PathBuf], path: &str) -> Option<PathBuf> {
+    folders.iter().map(|folder| folder.join(path)).find(|path| path.is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tree with these files; each holds its own path.
+    fn tree(files: &[&str]) -> tempfile::TempDir {
+        let tree = tempfile::tempdir().expect("a folder");
+        for file in files {
+            let path = tree.path().join(file);
+            std::fs::create_dir_all(path.parent().expect("a parent")).expect("a folder");
+            std::fs::write(path, file).expect("a file");
+        }
+        tree
+    }
+
+    #[test]
+    fn an_installed_program_finds_its_share_and_a_checkout_goes_before() {
+        let tree = tree(&[
+            "usr/bin/softtwin",
+            "usr/share/softtwin/a.toml",
+            "checkout/a.toml",
+            "checkout/crates/x",
+            "else/x",
+        ]);
+        let root = tree.path().canonicalize().expect("a path");
+        let own = root.join("usr/bin/softtwin");
+        let found = |here: &str| first(&folders(Some(&root.join(here)), Some(&own)), "a.toml");
+        assert_eq!(found("else"), Some(root.join("usr/share/softtwin/a.toml")));
+        assert_eq!(found("checkout/crates"), Some(root.join("checkout/a.toml")));
+    }
+
+    #[test]
+    fn a_built_program_finds_the_checkout_above_it_and_nothing_elsewhere() {
+        let tree = tree(&["checkout/target/debug/softtwin", "checkout/a.toml", "else/x"]);
+        let root = tree.path().canonicalize().expect("a path");
+        let folders = folders(Some(&root.join("else")), Some(&root.join("checkout/target/debug/softtwin")));
+        assert_eq!(first(&folders, "a.toml"), Some(root.join("checkout/a.toml")));
+        assert_eq!(first(&folders, "b.toml"), None);
+    }
+}
