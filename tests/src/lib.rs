@@ -4,6 +4,7 @@
 //! sleeps to synchronise: stories wait for lines that a program prints, or for samples, with generous time-outs.
 
 pub mod inputs;
+pub mod kills;
 pub mod manager;
 pub mod modules;
 pub mod process;

@@ -4,7 +4,7 @@
 /// Something that a test needs and that not every machine has.
 #[derive(Debug, Clone, Copy)]
 pub enum Missing {
-    /// The right to mount a small `/dev/shm` in a namespace of its own.
+    /// The right to mount a small `/dev/shm`, or another small file system, in a namespace of its own.
     SmallSharedMemory,
     /// `systemd-analyze`.
     SystemdAnalyze,

@@ -21,6 +21,21 @@ pub fn wait_for<R: Wakeable, T>(reader: &R, what: &str, mut wanted: impl FnMut(&
     }
 }
 
+/// Waits until `look` has an answer.
+///
+/// # Panics
+/// When [`PATIENCE`] is over before.
+pub fn wait_until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(Instant::now() < end, "{what} did not come");
+        std::thread::yield_now();
+    }
+}
+
 /// A reader of the finger's states.
 ///
 /// # Panics

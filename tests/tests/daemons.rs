@@ -5,7 +5,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::skip::{Missing, skipped};
+use tests::wait::{fresh, states, wait_for, wait_state, wait_until};
 use tests::{PATIENCE, Program, Stage, process};
 use wire::layout::query_kind;
 use wire::{HealthReader, Query, QueryClient, Topic};
@@ -166,4 +167,93 @@ fn a_daemon_whose_files_were_removed_says_so_and_ends() {
     let bridge = Program::bridge(&stage, &scene);
     wait_state(&states(&stage.bus()), "a fresh state", fresh);
     assert!(bridge.stop().0.success() && twin.stop().0.success());
+}
+
+/// Files that never end and pipes that nobody writes to, in the place of every file a daemon reads.
+#[test]
+fn files_without_an_end_are_refused_at_once() {
+    let stage = Stage::new("endless");
+    let scene = stage.finger(STEADY).display().to_string();
+    let pipe = stage.path("pipe").display().to_string();
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for endless in ["/dev/zero", &pipe] {
+        for command in [
+            vec!["twin", "--scene", endless],
+            vec!["bridge", "--scene", endless],
+            vec!["twin", "--scene", &scene, "--config", endless],
+            vec!["twin", "--scene", &scene, "--model", endless],
+            vec!["bridge", "--scene", &scene, "--trace", endless],
+        ] {
+            let begin = Instant::now();
+            let (status, said) = Program::daemon(&stage, &command).ended();
+            let said = said.join("\n");
+            assert_eq!(status.code(), Some(78), "{command:?}: {said}");
+            assert!(said.contains("expected a regular file, found a device or pipe"), "{command:?}: {said}");
+            assert!(begin.elapsed() < PATIENCE / 6, "{command:?}: {:?}", begin.elapsed());
+        }
+    }
+}
+
+/// Attaches to one thread of a program and lets its next `call` fail, which the standard library and tokio take for impossible:
+/// the thread panics.
+fn panic_in(program: &Program, thread: &str, call: &str) -> Child {
+    // A thread gives itself its name a moment after it is started.
+    let number = wait_until(thread, || {
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", program.id())).unwrap();
+        let is_named =
+            |task: &Path| std::fs::read_to_string(task.join("comm")).is_ok_and(|name| name.trim() == thread);
+        let task = tasks.map(|task| task.unwrap().path()).find(|task| is_named(task))?;
+        Some(task.file_name().unwrap().to_str().unwrap().to_owned())
+    });
+    let inject = format!("inject={call}:error=EINVAL");
+    Command::new("strace")
+        .args(["-qq", "-o", "/dev/null", "-p", &number, "-e", &format!("trace={call}"), "-e", &inject])
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("strace is installed (.ci/run does it)")
+}
+
+#[test]
+fn a_thread_that_dies_ends_the_daemon_with_its_name() {
+    let stage = Stage::new("thread");
+    let scene = stage.finger(STEADY).display().to_string();
+    for (daemon, thread, call) in [
+        ("twin", "reporter", "clock_nanosleep"),
+        ("twin", "loader", "clock_nanosleep"),
+        ("twin", "files", "clock_nanosleep"),
+        ("twin", "metrics", "epoll_wait"),
+        ("bridge", "status", "clock_nanosleep"),
+        ("bridge", "metrics", "epoll_wait"),
+    ] {
+        let mut program = Program::daemon(&stage, &[daemon, "--scene", &scene, "--metrics", "127.0.0.1:0"]);
+        program.wait_for("ready:");
+        let mut tracer = panic_in(&program, thread, call);
+        let (status, said) = program.end();
+        let said = said.join("\n");
+        tracer.wait().unwrap();
+        assert_eq!(status.code(), Some(1), "{daemon}, {thread}: {said}");
+        let expected = format!("the thread `{thread}` ended the program: it panicked");
+        assert!(said.contains(&expected), "{daemon}, {thread}: {said}");
+    }
+}
+
+/// All inodes of the domain's folder in use while bytes are free: called by its name.
+#[test]
+fn used_up_inodes_are_called_by_their_name() {
+    let stage = Stage::new("inodes");
+    stage.finger(STEADY);
+    std::fs::create_dir_all(stage.root()).unwrap();
+    let mount = format!("mount -t tmpfs -o size=64m,nr_inodes=20 tmpfs {}", stage.root().display());
+    if !Command::new("unshare")
+        .args(["-m", "sh", "-c", &mount])
+        .output()
+        .is_ok_and(|out| out.status.success())
+    {
+        return skipped(Missing::SmallSharedMemory);
+    }
+    let story = stage.write("story.sh", &format!("{mount}\nexec softtwind twin --scene finger.toml"));
+    let (status, said) = Program::shell(&stage, &format!("exec unshare -m sh {}", story.display())).ended();
+    let said = said.join("\n");
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert!(said.contains("all inodes are in use") && !said.contains("panicked"), "{said}");
 }

@@ -6,7 +6,7 @@
 use rom::rng::Rng;
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -236,23 +236,33 @@ fn run(folder: &Path, line: &[String]) -> Result<(), String> {
     Err(format!("softtwin {line:?}\nended with {}\n{text}", output.status))
 }
 
-/// One damaged try; files are good again afterwards.
-fn one(folder: &Path, rng: &mut Rng) -> Result<(), String> {
+/// The good files, with their bytes.
+fn good_files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let paths = FILES.iter().map(|name| folder.join(name));
+    paths.map(|path| (path.clone(), std::fs::read(path).expect("readable"))).collect()
+}
+
+/// One damaged try. All files are good again afterwards: those that a damaged `--out` names too, or a later `simulate` would
+/// rightly work for minutes on a mesh that an earlier command wrote.
+fn one(folder: &Path, good: &[(PathBuf, Vec<u8>)], rng: &mut Rng) -> Result<(), String> {
     let line = damaged_line(rng);
-    let file = (rng.below(2) == 0).then(|| folder.join(FILES[rng.below(FILES.len())]));
-    let good = file.as_ref().map(|path| std::fs::read(path).expect("readable"));
-    if let (Some(path), Some(good)) = (&file, &good) {
-        std::fs::write(path, damage(good, rng)).expect("writable");
+    let file = (rng.below(2) == 0).then(|| &good[rng.below(good.len())]);
+    if let Some((path, bytes)) = file {
+        std::fs::write(path, damage(bytes, rng)).expect("writable");
     }
-    let ended = run(folder, &line);
-    if let (Some(path), Some(good)) = (&file, good) {
-        let ended = ended.map_err(|text| {
+    let ended = run(folder, &line).map_err(|text| match file {
+        None => text,
+        Some((path, _)) => {
             let kept = std::env::temp_dir().join("softtwin-hostile-file");
             let _ = std::fs::copy(path, &kept);
             format!("{text}\nwith {} damaged (kept as {})", path.display(), kept.display())
-        });
-        std::fs::write(path, good).expect("writable");
-        return ended;
+        }
+    });
+    for (path, bytes) in good {
+        if std::fs::read(path).ok().as_ref() != Some(bytes) {
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+            std::fs::write(path, bytes).expect("writable");
+        }
     }
     ended
 }
@@ -266,7 +276,8 @@ fn no_command_line_and_no_file_breaks_the_tool() {
             let folder = tempfile::tempdir().expect("a folder");
             prepare(folder.path());
             let mut rng = Rng::new(worker);
-            let mut tries = (0..total.div_ceil(WORKERS)).map(|_| one(folder.path(), &mut rng));
+            let good = good_files(folder.path());
+            let mut tries = (0..total.div_ceil(WORKERS)).map(|_| one(folder.path(), &good, &mut rng));
             tries.find_map(Result::err)
         };
         let threads: Vec<_> = (0..WORKERS).map(|worker| scope.spawn(move || work(worker))).collect();

@@ -225,6 +225,36 @@ fn metrics_are_served_on_loopback_when_asked_for() {
     assert_eq!(status.code(), Some(2), "the page has no guard, so no other address: {said:?}");
 }
 
+/// The daemon has no file descriptor for one more visitor: the log says so, and the page is back when there is one.
+#[test]
+fn used_up_file_descriptors_of_the_metrics_page_are_named() {
+    let stage = Stage::new("descriptors");
+    let scene = stage.finger(STEADY).display().to_string();
+    let address = free_address();
+    let mut twin = Program::daemon(&stage, &["twin", "--scene", &scene, "--metrics", &address]);
+    twin.wait_for("ready:");
+    assert!(get(&address, "/metrics").starts_with("HTTP/1.1 200"));
+    let open = std::fs::read_dir(format!("/proc/{}/fd", twin.id())).unwrap().count() as u64;
+    let usual = limit_open_files(&twin, None);
+    limit_open_files(&twin, Some(libc::rlimit { rlim_cur: open, ..usual }));
+    let waiting: Vec<TcpStream> = (0..8).map(|_| TcpStream::connect(&address).unwrap()).collect();
+    let line = twin.wait_for("http: connections cannot be accepted");
+    assert!(line.contains("Too many open files") && line.contains("LimitNOFILE"), "{line}");
+    limit_open_files(&twin, Some(usual));
+    assert!(get(&address, "/metrics").starts_with("HTTP/1.1 200"), "beside {} visitors", waiting.len());
+    assert!(twin.stop().0.success());
+}
+
+/// Sets the limit of open files of a running program, if there is a new one; returns the old one.
+fn limit_open_files(program: &Program, new: Option<libc::rlimit>) -> libc::rlimit {
+    let mut old = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    let new = new.as_ref().map_or(std::ptr::null(), std::ptr::from_ref);
+    // SAFETY: both pointers are null or to local values that live across the call.
+    let result = unsafe { libc::prlimit(program.id() as i32, libc::RLIMIT_NOFILE, new, &raw mut old) };
+    assert_eq!(result, 0, "{}", std::io::Error::last_os_error());
+    old
+}
+
 /// The units of `config/systemd` as systemd reads them, with our own binaries in the place where they are installed.
 #[test]
 fn systemd_accepts_the_units() {

@@ -116,7 +116,7 @@ fn serve(link: &Link, config: &Config, mut liveness: Liveness) -> anyhow::Result
     let (handler, requests) = QueryHandler::new();
     let mut scan = TopicScan::new(link, config, to_messages, to_fields, handler)?;
     let (period, inlets) = (config.field_period, config.inlets.clone());
-    let mut threads = ThreadGroup::with_stop(link.stop.clone());
+    let mut threads = ThreadGroup::with_program(link.stop.clone());
     let mut thread_link = || Link { is_alive: liveness.add_thread(), ..link.clone() };
     let own = thread_link();
     threads.start("messages", move |_| Ok(messages::run(&own, &for_messages)?))?;

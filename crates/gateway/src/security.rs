@@ -1,6 +1,7 @@
 //! Certificates, users and passwords; what leaves the machine needs all of them.
 
 use crate::endpoint::Endpoint;
+use runtime::file;
 use serde::Deserialize;
 use std::fmt;
 use std::os::unix::fs::PermissionsExt;
@@ -109,7 +110,8 @@ pub fn check(file: SecurityFile, folder: &Path, problems: &mut Vec<String>) -> S
 
 /// The file's text; secrets must not be everybody's.
 fn readable(path: &Path, is_secret: bool) -> Result<String, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot be read: {error}"))?;
+    let text =
+        file::read_text(path, file::MAX_TEXT_BYTES).map_err(|error| format!("cannot be read: {error}"))?;
     let mode = std::fs::metadata(path).map_err(|error| error.to_string())?.permissions().mode();
     if is_secret && mode & 0o007 != 0 {
         return Err(format!("everybody on this machine may use it (mode {:o}); chmod 600", mode & 0o777));

@@ -21,7 +21,7 @@ mod rotate;
 pub mod sample;
 mod staging;
 mod store;
-mod thread_group;
+pub mod thread_group;
 mod writer;
 
 pub use contents::{ChannelInfo, Item, Message};

@@ -1,22 +1,23 @@
-//! Threads of a program that start one by one, are supervised, and end together.
+//! Threads that are supervised and end together. None of them ends unnoticed.
 
 use std::any::Any;
 use std::error::Error;
 use std::io;
-use std::sync::Arc;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// Longest sleep of a thread, so that it soon sees the stop flag.
+/// Longest sleep of a thread, so that it soon sees that it is to end.
 pub const WAIT: Duration = Duration::from_millis(50);
 
-/// What the work of a thread returns. `Ok` before it was asked to end is an error too.
+/// What the work of a thread returns. `Ok` before it was asked to end is a failure too.
 pub type ThreadResult = Result<(), Box<dyn Error + Send + Sync>>;
 
-/// A thread ended although nobody asked it to. A program that goes on without it would do only a part of its work.
-#[derive(Debug, thiserror::Error)]
-#[error("the thread `{thread}` ended although the program goes on: {cause}")]
+/// A thread ended before it should. A program that goes on without it would do only a part of its work.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the thread `{thread}` ended the program: {cause}")]
 pub struct ThreadEnded {
     /// Its name.
     pub thread: String,
@@ -27,8 +28,11 @@ pub struct ThreadEnded {
 /// Threads that are asked to end, and waited for, when this is dropped.
 #[derive(Debug, Default)]
 pub struct ThreadGroup {
-    stop: StopFlag,
-    threads: Vec<(String, JoinHandle<ThreadResult>)>,
+    /// Ends the program's own loop; set by the first thread that fails.
+    program: Arc<AtomicBool>,
+    end: StopFlag,
+    failure: Arc<Mutex<Option<ThreadEnded>>>,
+    threads: Vec<JoinHandle<()>>,
 }
 
 /// Whether a thread is asked to end.
@@ -36,12 +40,22 @@ pub struct ThreadGroup {
 pub struct StopFlag(Arc<AtomicBool>);
 
 impl ThreadGroup {
-    /// A group whose threads end when `stop` is set, by whomever.
-    pub fn with_stop(stop: Arc<AtomicBool>) -> Self {
-        Self { stop: StopFlag(stop), threads: Vec::new() }
+    /// A group that sets `program` when one of its threads fails. Its threads end with the group, which is after the
+    /// program's loop.
+    pub fn new(program: Arc<AtomicBool>) -> Self {
+        Self::of(program, StopFlag::default())
     }
 
-    /// Starts one more thread, which does `work` until the flag is set.
+    /// A group whose threads end together with the program's loop, when `program` is set.
+    pub fn with_program(program: Arc<AtomicBool>) -> Self {
+        Self::of(program.clone(), StopFlag(program))
+    }
+
+    fn of(program: Arc<AtomicBool>, end: StopFlag) -> Self {
+        Self { program, end, failure: Arc::default(), threads: Vec::new() }
+    }
+
+    /// Starts one more thread, which does `work` until it is asked to end.
     ///
     /// # Errors
     /// The system's refusal to start a thread.
@@ -50,53 +64,79 @@ impl ThreadGroup {
         name: &str,
         work: impl FnOnce(&StopFlag) -> ThreadResult + Send + 'static,
     ) -> io::Result<()> {
-        let stop = self.stop.clone();
+        let (program, end, failure) = (self.program.clone(), self.end.clone(), self.failure.clone());
         // The system keeps 15 bytes of a thread's name and refuses a zero byte.
         let short: String = name.chars().filter(char::is_ascii_graphic).take(15).collect();
-        let thread = thread::Builder::new().name(short).spawn(move || work(&stop))?;
-        self.threads.push((name.to_owned(), thread));
+        let name = name.to_owned();
+        let supervised = move || {
+            let cause = match catch_unwind(AssertUnwindSafe(|| work(&end))) {
+                // The work was over: neither the return nor an error concerns anybody.
+                Ok(_) if end.is_set() => return,
+                Ok(Ok(())) => "it returned; this is a defect, please report it".to_owned(),
+                Ok(Err(error)) => error.to_string(),
+                Err(panic) => panic_cause(&*panic),
+            };
+            let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
+            failure.get_or_insert(ThreadEnded { thread: name, cause });
+            program.store(true, Ordering::Release);
+        };
+        self.threads.push(thread::Builder::new().name(short).spawn(supervised)?);
         Ok(())
     }
 
-    /// Whether all threads still run.
+    /// Whether no thread has failed.
     ///
     /// # Errors
-    /// [`ThreadEnded`] for the first one that does not, unless all are asked to end.
-    pub fn check(&mut self) -> Result<(), ThreadEnded> {
-        if self.stop.is_set() {
-            return Ok(());
-        }
-        match self.threads.iter().position(|(_, thread)| thread.is_finished()) {
-            None => Ok(()),
-            Some(at) => {
-                let (thread, handle) = self.threads.swap_remove(at);
-                Err(match handle.join() {
-                    Ok(Ok(())) => ThreadEnded {
-                        thread,
-                        cause: "it returned; this is a defect, please report it".into(),
-                    },
-                    Ok(Err(error)) => ThreadEnded { thread, cause: error.to_string() },
-                    Err(panic) => panicked(&thread, &*panic),
-                })
-            }
+    /// [`ThreadEnded`] of the first one that has.
+    pub fn check(&self) -> Result<(), ThreadEnded> {
+        let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.clone().map_or(Ok(()), Err)
+    }
+
+    /// Asks all threads to end and waits for them.
+    ///
+    /// # Errors
+    /// As [`Self::check`], a panic after they were asked to end included.
+    pub fn end(mut self) -> Result<(), ThreadEnded> {
+        self.join();
+        self.check()
+    }
+
+    fn join(&mut self) {
+        self.end.0.store(true, Ordering::Release);
+        for thread in self.threads.drain(..) {
+            // Panics are caught in the thread.
+            let _ended = thread.join();
         }
     }
 }
 
-/// The error of a thread that panicked.
-pub fn panicked(thread: &str, panic: &(dyn Any + Send)) -> ThreadEnded {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message");
-    ThreadEnded {
-        thread: thread.to_owned(),
-        cause: format!("it panicked: {text}; this is a defect, please report it"),
+impl Drop for ThreadGroup {
+    fn drop(&mut self) {
+        self.join();
     }
+}
+
+/// The text of a panic.
+pub fn panic_text(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message")
+}
+
+/// What is said of a thread that panicked.
+pub fn panic_cause(panic: &(dyn Any + Send)) -> String {
+    format!("it panicked: {}; this is a defect, please report it", panic_text(panic))
 }
 
 impl StopFlag {
     /// Whether the thread is asked to end.
     pub fn is_set(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.0.load(Ordering::Acquire)
+    }
+
+    /// The flag itself.
+    pub fn as_atomic(&self) -> &AtomicBool {
+        &self.0
     }
 
     /// Sleeps for `time`, or until the thread is asked to end.
@@ -107,66 +147,5 @@ impl StopFlag {
             thread::sleep(nap);
             left -= nap;
         }
-    }
-}
-
-impl Drop for ThreadGroup {
-    fn drop(&mut self) {
-        self.stop.0.store(true, Ordering::Relaxed);
-        for (_, thread) in self.threads.drain(..) {
-            // An error after the flag was set concerns nobody: the work was over.
-            let _ = thread.join();
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::sync::mpsc;
-
-    fn end_of(work: impl FnOnce(&StopFlag) -> ThreadResult + Send + 'static) -> String {
-        let mut group = ThreadGroup::default();
-        group
-            .start("healthy", |stop| {
-                stop.pause(Duration::from_secs(60));
-                Ok(())
-            })
-            .unwrap();
-        group.start("softtwin/finger/sensor", work).unwrap();
-        loop {
-            if let Err(ended) = group.check() {
-                return ended.to_string();
-            }
-            thread::yield_now();
-        }
-    }
-
-    #[test]
-    fn a_thread_that_ends_unasked_is_named_with_its_cause() {
-        for (ended, cause) in [
-            (end_of(|_| Ok(())), "it returned"),
-            (end_of(|_| Err("no disk".into())), "no disk"),
-            (end_of(|_| panic!("index {}", 7)), "it panicked: index 7"),
-        ] {
-            assert!(ended.contains("`softtwin/finger/sensor` ended") && ended.contains(cause), "{ended}");
-        }
-    }
-
-    #[test]
-    fn threads_that_were_asked_to_end_are_no_error_and_are_waited_for() {
-        let (sender, ends) = mpsc::channel();
-        let mut group = ThreadGroup::default();
-        group
-            .start("worker", move |stop| {
-                while !stop.is_set() {
-                    stop.pause(Duration::from_secs(60));
-                }
-                sender.send(()).map_err(Into::into)
-            })
-            .unwrap();
-        group.check().unwrap();
-        drop(group);
-        ends.try_recv().expect("it was waited for");
     }
 }

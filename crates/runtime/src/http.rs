@@ -3,50 +3,65 @@
 use axum::body::Body;
 use hyper::body::Incoming;
 use hyper::server::conn::http1::Builder;
-use hyper::service::HttpService;
+use hyper::service::{Service, service_fn};
+use hyper::{Request, Response};
 use hyper_util::rt::{TokioIo, TokioTimer};
+use std::cell::Cell;
 use std::error::Error;
 use std::net::IpAddr;
-use std::sync::Arc;
+use std::rc::Rc;
 use std::time::Duration;
-use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
-use tokio::task::{LocalSet, spawn_local};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::{JoinHandle, LocalSet, spawn_local, yield_now};
+use tokio::time::{Instant, sleep};
 
 /// A visitor who has not sent the head of a request for so long is disconnected.
 pub const HEADER_TIMEOUT: Duration = Duration::from_secs(2);
-/// Connections at a time; more wait until one ends.
+/// Connections at a time. One more takes the place of the oldest one that has asked for nothing yet.
 pub const MAX_CONNECTIONS: usize = 64;
 /// Largest head of a request, bytes; a longer one is refused with status 431.
 const MAX_HEAD: usize = 16 * 1024;
+/// Pause before the next try when the system refuses a connection, or no place is free.
+const RETRY: Duration = Duration::from_millis(20);
+/// The system's refusals are logged at most so often.
+const LOG_EVERY: Duration = Duration::from_secs(10);
+
+/// A visitor who is connected.
+struct Connection {
+    since: Instant,
+    /// Whether the head of a request has come.
+    has_asked: Rc<Cell<bool>>,
+    task: JoinHandle<()>,
+}
+
+/// All visitors, in the order in which they came.
+#[derive(Default)]
+struct Connections(Vec<Connection>);
 
 /// Serves until `stop` is done. Everything runs in the calling thread, so that `service` may hold what belongs to it.
 pub async fn serve<S>(listener: TcpListener, service: S, stop: impl Future<Output = ()>)
 where
-    S: HttpService<Incoming, ResBody = Body> + Clone + 'static,
+    S: Service<Request<Incoming>, Response = Response<Body>> + Clone + 'static,
     S::Error: Into<Box<dyn Error + Send + Sync>>,
 {
-    let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
     let accept = async {
+        let mut connections = Connections::default();
+        let mut next_log = Instant::now();
         loop {
-            let place = places.clone().acquire_owned().await;
             match listener.accept().await {
                 Ok((stream, _)) => {
-                    let connection = Builder::new()
-                        .timer(TokioTimer::new())
-                        .header_read_timeout(HEADER_TIMEOUT)
-                        .max_buf_size(MAX_HEAD)
-                        .serve_connection(TokioIo::new(stream), service.clone())
-                        .with_upgrades();
-                    spawn_local(async move {
-                        let _visitors_may_leave_at_any_time = connection.await;
-                        drop(place);
-                    });
+                    connections.make_room().await;
+                    connections.0.push(connect(stream, service.clone()));
+                    // Reads what has come before the next connection is taken: a request that came along with its
+                    // connection is answered, however many idle connections follow.
+                    yield_now().await;
                 }
-                // No file descriptor is free, say.
                 Err(error) => {
-                    tracing::warn!("http: cannot accept a connection: {error}");
-                    tokio::time::sleep(Duration::from_millis(100)).await;
+                    if Instant::now() >= next_log {
+                        next_log = Instant::now() + LOG_EVERY;
+                        tracing::warn!("http: connections cannot be accepted: {error}; {}", cure(&error));
+                    }
+                    sleep(RETRY).await;
                 }
             }
         }
@@ -58,6 +73,57 @@ where
         }
     };
     LocalSet::new().run_until(serving).await;
+}
+
+/// What to do about a refusal of the system.
+fn cure(error: &std::io::Error) -> &'static str {
+    match error.raw_os_error() {
+        Some(libc::EMFILE) => "raise the limit of open files of this program (LimitNOFILE, ulimit -n)",
+        Some(libc::ENFILE) => "raise the limit of open files of this machine (fs.file-max)",
+        _ => "trying again",
+    }
+}
+
+fn connect<S>(stream: TcpStream, service: S) -> Connection
+where
+    S: Service<Request<Incoming>, Response = Response<Body>> + 'static,
+    S::Error: Into<Box<dyn Error + Send + Sync>>,
+{
+    let has_asked = Rc::new(Cell::new(false));
+    let asked = has_asked.clone();
+    let noted = service_fn(move |request| {
+        asked.set(true);
+        service.call(request)
+    });
+    let connection = Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEADER_TIMEOUT)
+        .max_buf_size(MAX_HEAD)
+        .serve_connection(TokioIo::new(stream), noted)
+        .with_upgrades();
+    let task = spawn_local(async move {
+        let _visitors_may_leave_at_any_time = connection.await;
+    });
+    Connection { since: Instant::now(), has_asked, task }
+}
+
+impl Connections {
+    /// Waits until there is a place: closes the oldest connection that has asked for nothing, or else the oldest one that
+    /// has taken longer than [`HEADER_TIMEOUT`].
+    async fn make_room(&mut self) {
+        loop {
+            self.0.retain(|connection| !connection.task.is_finished());
+            if self.0.len() < MAX_CONNECTIONS {
+                return;
+            }
+            let idle = self.0.iter().position(|connection| !connection.has_asked.get());
+            let slow = || self.0.iter().position(|connection| connection.since.elapsed() > HEADER_TIMEOUT);
+            match idle.or_else(slow) {
+                Some(at) => self.0.remove(at).task.abort(),
+                None => sleep(RETRY).await,
+            }
+        }
+    }
 }
 
 /// Whether a `Host` header names this machine. Any page in a browser can send requests here under a name of its own; one with

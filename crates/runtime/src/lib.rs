@@ -26,6 +26,7 @@
 pub mod bridge;
 pub mod config;
 pub mod explain;
+pub mod file;
 pub mod grasp;
 pub mod http;
 pub mod latency;
@@ -39,7 +40,7 @@ pub mod realtime;
 pub mod service;
 pub mod side_service;
 pub mod source;
-pub mod threads;
 pub mod twin;
 
+pub use recording::thread_group;
 pub use wire;

@@ -1,6 +1,7 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Precision, Scene};
+use crate::file;
 use rom::evaluator::Evaluator;
 use rom::kernel::Precision as KernelPrecision;
 use rom::model::{BlockData, BlockKind, Model, ModelHeader, ModelReader, Nodes, Selection};
@@ -74,7 +75,8 @@ pub fn load_scene(scene: &Scene, path: &Path) -> Result<Vec<Loaded>, ConfigError
 /// All problems of its model and its outputs.
 pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String>> {
     let at = |text: String| vec![format!("model: {text} ({})", model_path.display())];
-    let mut file = File::open(model_path).map_err(|error| at(format!("cannot open: {error}")))?;
+    let mut file =
+        file::open(model_path, file::MAX_MODEL_BYTES).map_err(|error| at(format!("cannot open: {error}")))?;
     let model_hash = trailer_hash(&mut file).map_err(|error| at(format!("cannot read: {error}")))?;
     let mut reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
     let regimes = regimes_in_reach(reader.header(), spec);

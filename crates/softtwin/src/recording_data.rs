@@ -6,7 +6,6 @@ use recording::message::{decode, decode_field};
 use recording::{Ending, Item, Reader};
 use rom::inputs::Inputs;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::ops::Deref;
 use std::path::Path;
@@ -130,7 +129,7 @@ impl RecordingData {
     /// A file that is no recording, or one without a state or field in it.
     pub fn read(path: &Path, with_fields: bool, max_states: usize) -> Result<Self> {
         let place = || path.display().to_string();
-        let file = File::open(path).with_context(place)?;
+        let file = runtime::file::open(path, u64::MAX).with_context(place)?;
         let mut reader = Reader::new(BufReader::new(file)).with_context(place).map_err(configuration)?;
         let mut tracks: BTreeMap<String, Track> = BTreeMap::new();
         let (mut first_ns, mut last_ns) = (None, 0);

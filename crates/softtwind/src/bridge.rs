@@ -8,11 +8,11 @@ use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
 use runtime::metrics as page;
 use runtime::service::{self, Watchdog};
 use runtime::source::{SensorCounters, Source, SourceSpec};
-use runtime::threads::ThreadGroup;
+use runtime::thread_group::{StopFlag, ThreadGroup};
 use runtime::wire::{Bus, Topic};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Interval of the status thread.
@@ -42,14 +42,17 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
 
     let counters = Arc::new(BridgeCounters::default());
     let devices: Devices = bridge.devices().map(|(name, device)| (name.to_owned(), device.clone())).collect();
-    let group = ThreadGroup::new(stop.clone());
-    let ended = group.run(|scope| -> anyhow::Result<()> {
-        group.spawn(scope, "status", || report(&counters, &devices, group.done()))?;
-        group.spawn(scope, files::NAME, || files::watch(&group, &own_files))?;
-        let (counted, of_devices) = (counters.clone(), devices.clone());
-        metrics::serve(&group, scope, listener, || move || page::bridge(&counted, &of_devices))?;
-        Ok(bridge.run(&stop, &counters)?)
-    });
+    let mut group = ThreadGroup::new(stop.clone());
+    let (counted, of_devices) = (counters.clone(), devices.clone());
+    group.start("status", move |end| {
+        report(&counted, &of_devices, end);
+        Ok(())
+    })?;
+    group.start(files::NAME, move |end| files::watch(&own_files, end))?;
+    let (counted, of_devices) = (counters.clone(), devices.clone());
+    metrics::serve(&mut group, listener, || move || page::bridge(&counted, &of_devices))?;
+    let ran = bridge.run(&stop, &counters);
+    let ended = group.end();
 
     service::notify_stopping();
     let reason = if stop.load(Ordering::Relaxed) { "signal" } else { "end of the sources" };
@@ -61,16 +64,17 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     for (name, device) in &devices {
         tracing::info!("{name}: {}", device.summary());
     }
-    ended??;
+    ended?;
+    ran?;
     anyhow::ensure!(failed == 0, "{failed} readings could not be sent");
     Ok(())
 }
 
 /// The thread beside the loop: feeds the watchdog while the loop turns, and keeps the status line true.
-fn report(counters: &BridgeCounters, devices: &Devices, done: &AtomicBool) {
+fn report(counters: &BridgeCounters, devices: &Devices, end: &StopFlag) {
     let mut watchdog = Watchdog::from_env();
     let mut next_status = Instant::now() + STATUS_EVERY;
-    while !done.load(Ordering::Acquire) {
+    while !end.is_set() {
         watchdog.feed(counters.turns.load(Ordering::Relaxed));
         if Instant::now() >= next_status {
             next_status = Instant::now() + STATUS_EVERY;
@@ -80,7 +84,7 @@ fn report(counters: &BridgeCounters, devices: &Devices, done: &AtomicBool) {
             }
             service::notify_status(&status);
         }
-        std::thread::sleep(INTERVAL);
+        end.pause(INTERVAL);
     }
 }
 

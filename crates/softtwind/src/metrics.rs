@@ -2,10 +2,9 @@
 
 use anyhow::Context;
 use runtime::metrics;
-use runtime::threads::ThreadGroup;
+use runtime::thread_group::ThreadGroup;
 use runtime::wire::{Bus, Domain, Health, HealthReader, Topic};
 use std::net::{SocketAddr, TcpListener};
-use std::thread::Scope;
 
 /// Whether and where to serve metrics.
 #[derive(Debug, Clone, clap::Args)]
@@ -43,18 +42,13 @@ impl MetricsOptions {
 ///
 /// # Errors
 /// The system refuses a thread.
-pub fn serve<'scope, P: FnMut() -> String + 'static>(
-    group: &'scope ThreadGroup,
-    scope: &'scope Scope<'scope, '_>,
+pub fn serve<P: FnMut() -> String + 'static>(
+    group: &mut ThreadGroup,
     listener: Option<TcpListener>,
-    page: impl FnOnce() -> P + Send + 'scope,
+    page: impl FnOnce() -> P + Send + 'static,
 ) -> std::io::Result<()> {
     let Some(listener) = listener else { return Ok(()) };
-    group.spawn(scope, "metrics", move || {
-        if let Err(error) = metrics::serve(listener, group.done(), page()) {
-            tracing::error!("metrics: {error}");
-        }
-    })
+    group.start("metrics", move |end| Ok(metrics::serve(listener, end.as_atomic(), page())?))
 }
 
 /// The page of the twins: an ordinary reader of their health topics, so that the loop knows nothing of it.

@@ -80,7 +80,7 @@ pub struct BridgeOptions {
 }
 
 /// Options of `twin`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct TwinOptions {
     /// Scene file: names the actuators, their models and what is wanted of them
     #[arg(long, value_name = "FILE")]

@@ -4,6 +4,7 @@ use crate::side_services::{ReloadHandle, SideServices};
 use runtime::config::ConfigError;
 use runtime::load::Loaded;
 use runtime::service;
+use runtime::thread_group::StopFlag;
 use runtime::twin::{Retired, SwapError, Twin};
 use runtime::wire::layout;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,28 +48,28 @@ impl ModelInbox {
 }
 
 impl Loader {
-    /// Loads again each time `requested` is set, until `done`. On any error the twin keeps what it has, and the log says
+    /// Loads again each time `requested` is set, until `end`. On any error the twin keeps what it has, and the log says
     /// why.
     pub fn run(
         &self,
         requested: &AtomicBool,
-        done: &AtomicBool,
+        end: &StopFlag,
         services: &ReloadHandle,
         load: impl Fn() -> Result<Reloaded, ConfigError>,
     ) {
-        while !done.load(Ordering::Acquire) {
+        while !end.is_set() {
             if requested.swap(false, Ordering::Relaxed) {
                 service::notify_reloading();
-                self.reload(done, services, &load);
+                self.reload(end, services, &load);
                 service::notify_reloaded();
             }
-            std::thread::sleep(INTERVAL);
+            end.pause(INTERVAL);
         }
     }
 
     fn reload(
         &self,
-        done: &AtomicBool,
+        end: &StopFlag,
         services: &ReloadHandle,
         load: &impl Fn() -> Result<Reloaded, ConfigError>,
     ) {
@@ -81,7 +82,7 @@ impl Loader {
             return;
         }
         // The loop takes them within a turn, unless it has ended meanwhile.
-        while !done.load(Ordering::Acquire) {
+        while !end.is_set() {
             match self.old.recv_timeout(INTERVAL) {
                 Ok(Ok(_freed_here)) => {
                     services.replace(new_services);

@@ -1,9 +1,10 @@
 //! The thread beside the twin's loop that writes its events to the log and feeds the watchdog.
 
 use runtime::service::Watchdog;
+use runtime::thread_group::StopFlag;
 use runtime::twin::{Event, EventKind};
 use runtime::wire::{Outcome, layout};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
@@ -12,11 +13,11 @@ const INTERVAL: Duration = Duration::from_millis(50);
 /// Most lines in one interval; more are counted in one line, so that a flickering sensor cannot fill the disk.
 const LINES_MAX: usize = 20;
 
-/// Reports until `done`; what still waits then is reported too.
-pub fn run(events: &Receiver<Event>, names: &[String], progress: &AtomicU64, done: &AtomicBool) {
+/// Reports until `end`; what still waits then is reported too.
+pub fn run(events: &Receiver<Event>, names: &[String], progress: &AtomicU64, end: &StopFlag) {
     let mut watchdog = Watchdog::from_env();
     loop {
-        let last = done.load(Ordering::Acquire);
+        let last = end.is_set();
         let mut unwritten = 0;
         let mut written = 0;
         for event in events.try_iter() {
@@ -35,7 +36,7 @@ pub fn run(events: &Receiver<Event>, names: &[String], progress: &AtomicU64, don
         if last {
             return;
         }
-        std::thread::sleep(INTERVAL);
+        end.pause(INTERVAL);
     }
 }
 

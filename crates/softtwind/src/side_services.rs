@@ -5,11 +5,10 @@ use runtime::grasp::{GraspModel, GraspService};
 use runtime::query::{Answerer, QueryService, load_answerers};
 use runtime::realtime;
 use runtime::side_service::SideService;
-use runtime::threads::ThreadGroup;
+use runtime::thread_group::{StopFlag, ThreadGroup};
 use runtime::wire::{Bus, Domain, WireError};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::Scope;
 
 /// The models of all side services, loaded before anything is bound.
 pub struct SideServices {
@@ -28,16 +27,11 @@ impl SideServices {
     ///
     /// # Errors
     /// The refusals of the ports and of the system.
-    pub fn start<'scope>(
-        self,
-        group: &'scope ThreadGroup,
-        scope: &'scope Scope<'scope, '_>,
-        domain: &Domain,
-    ) -> anyhow::Result<ReloadHandle> {
+    pub fn start(self, group: &mut ThreadGroup, domain: &Domain) -> anyhow::Result<ReloadHandle> {
         let answerers = Some(self.answerers).filter(|answerers| !answerers.is_empty());
         Ok(ReloadHandle {
-            answerers: start::<QueryService>(group, scope, domain, answerers)?,
-            grasp: start::<GraspService>(group, scope, domain, self.grasp)?,
+            answerers: start::<QueryService>(group, domain, answerers)?,
+            grasp: start::<GraspService>(group, domain, self.grasp)?,
         })
     }
 }
@@ -59,9 +53,8 @@ impl ReloadHandle {
 }
 
 /// Starts one service, if it has a model, and waits until it serves.
-fn start<'scope, S: SideService<Model: 'scope>>(
-    group: &'scope ThreadGroup,
-    scope: &'scope Scope<'scope, '_>,
+fn start<S: SideService<Model: 'static>>(
+    group: &mut ThreadGroup,
     domain: &Domain,
     model: Option<S::Model>,
 ) -> anyhow::Result<Sender<S::Model>> {
@@ -69,7 +62,10 @@ fn start<'scope, S: SideService<Model: 'scope>>(
     let Some(model) = model else { return Ok(models) };
     let (started, start) = channel();
     let domain = domain.clone();
-    group.spawn(scope, S::NAME, move || serve::<S>(group, &domain, model, &started, &next_models))?;
+    group.start(S::NAME, move |end| {
+        serve::<S>(&domain, model, &started, &next_models, end);
+        Ok(())
+    })?;
     // The other end is dropped only by a thread that panicked; the group reports it.
     start.recv().unwrap_or(Ok(()))?;
     Ok(models)
@@ -77,11 +73,11 @@ fn start<'scope, S: SideService<Model: 'scope>>(
 
 /// Opens the ports, reports how that went, then serves.
 fn serve<S: SideService>(
-    group: &ThreadGroup,
     domain: &Domain,
     model: S::Model,
     started: &Sender<Result<(), WireError>>,
     models: &Receiver<S::Model>,
+    end: &StopFlag,
 ) {
     let service = Bus::open(domain).and_then(|bus| S::start(&bus, model));
     let (mut service, result) = match service {
@@ -91,6 +87,6 @@ fn serve<S: SideService>(
     let _received = started.send(result);
     if let Some(service) = &mut service {
         realtime::lower_priority();
-        service.run(group.done(), models);
+        service.run(end.as_atomic(), models);
     }
 }

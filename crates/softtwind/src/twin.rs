@@ -6,10 +6,11 @@ use crate::{files, metrics, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::load::{Loaded, load_scene};
-use runtime::threads::ThreadGroup;
+use runtime::thread_group::ThreadGroup;
 use runtime::twin::{Twin, event_channel};
 use runtime::wire::{Bus, Health, Outcome, layout};
 use runtime::{realtime, service};
+use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 /// Runs until a signal comes.
@@ -29,27 +30,33 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let bus = Bus::open(&domain)?;
     let (sender, events) = event_channel();
     let mut twin = Twin::start(&bus, loaded, &settings, &sender)?;
-    let progress = AtomicU64::new(0);
+    let progress = Arc::new(AtomicU64::new(0));
     let (inbox, loader) = reload::pair();
     let reload = service::reload_flag().context("cannot listen for signals")?;
     let listener = options.metrics.open()?;
     let own_files = bus.own_files();
-    let group = ThreadGroup::new(stop.clone());
-    group.run(|scope| -> anyhow::Result<()> {
-        // All threads start before this one takes real-time rights, so that they do not inherit them.
-        let (reported, progressed, done) = (&names, &progress, group.done());
-        group.spawn(scope, "reporter", move || reporter::run(&events, reported, progressed, done))?;
-        metrics::serve(&group, scope, listener, || metrics::twins(&domain, &names))?;
-        group.spawn(scope, files::NAME, || files::watch(&group, &own_files))?;
-        let services = side_services.start(&group, scope, &domain)?;
-        let reload = &reload;
-        group.spawn(scope, "loader", move || loader.run(reload, done, &services, || reread(options)))?;
-        let _granted = prepare(&settings, &twin)?; // it ends with the loop
-        service::notify_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
-        twin.run(&stop, &progress, |twin| inbox.swap(twin));
-        service::notify_stopping();
+    let mut group = ThreadGroup::new(stop.clone());
+    // All threads start before this one takes real-time rights, so that they do not inherit them.
+    let (reported, progressed) = (names.clone(), progress.clone());
+    group.start("reporter", move |end| {
+        reporter::run(&events, &reported, &progressed, end);
         Ok(())
-    })??;
+    })?;
+    let (health_domain, shown) = (domain.clone(), names.clone());
+    metrics::serve(&mut group, listener, move || metrics::twins(&health_domain, &shown))?;
+    group.start(files::NAME, move |end| files::watch(&own_files, end))?;
+    let services = side_services.start(&mut group, &domain)?;
+    let reread_options = options.clone();
+    group.start("loader", move |end| {
+        loader.run(&reload, end, &services, || reread(&reread_options));
+        Ok(())
+    })?;
+    let granted = prepare(&settings, &twin)?;
+    service::notify_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
+    twin.run(&stop, &progress, |twin| inbox.swap(twin));
+    service::notify_stopping();
+    drop(granted);
+    group.end()?;
     for (health, name) in twin.health().zip(&names) {
         tracing::info!("stopped: {name}: {}", summary(health));
     }

@@ -3,5 +3,6 @@
 mod closed;
 mod common;
 mod inward;
+mod killed;
 mod outward;
 mod watched;

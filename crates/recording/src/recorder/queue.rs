@@ -15,7 +15,7 @@ use crate::gaps::GapCounter;
 use crate::message::{GapMessage, Recorded};
 use crate::rotate::{RotateSummary, RotatingWriter};
 use crate::sample;
-use crate::thread_group;
+use crate::thread_group::{ThreadEnded, panic_cause};
 use crate::writer::{Channel, WriteError};
 
 /// Everything is on disk at the latest so long after it was received.
@@ -165,7 +165,7 @@ impl WriterThread {
     pub fn join(self) -> Result<RotateSummary, RecordError> {
         match self.0.join() {
             Ok(result) => Ok(result?),
-            Err(panic) => Err(thread_group::panicked("writer", &*panic).into()),
+            Err(panic) => Err(ThreadEnded { thread: "writer".into(), cause: panic_cause(&*panic) }.into()),
         }
     }
 }

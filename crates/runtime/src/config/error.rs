@@ -1,5 +1,6 @@
 //! Reading configuration files, and what is wrong with them.
 
+use crate::file;
 use serde::de::DeserializeOwned;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -33,8 +34,8 @@ impl std::error::Error for ConfigError {}
 /// A file that cannot be read, is no TOML or does not fit `T`.
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, ConfigError> {
     let fail = |problem: String| ConfigError { path: path.into(), problems: vec![problem] };
-    let text =
-        std::fs::read_to_string(path).map_err(|error| fail(format!("cannot read the file: {error}")))?;
+    let text = file::read_text(path, file::MAX_TEXT_BYTES)
+        .map_err(|error| fail(format!("cannot read the file: {error}")))?;
     toml::from_str(&text).map_err(|error| fail(error.to_string().trim_end().to_owned()))
 }
 

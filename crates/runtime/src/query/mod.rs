@@ -9,13 +9,13 @@ mod solve;
 pub use solve::{NoSolution, Solution, Solver};
 
 use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateSpec};
+use crate::file;
 use crate::load::{GroupSizes, Loaded, LoadedOutput, load};
 use crate::payload;
 use crate::side_service::SideService;
 use rom::inputs::{GAP, PRESSURE};
 use rom::model::{ModelHeader, ModelReader};
 use rom::snapshots::RegimeKind;
-use std::fs::File;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use wire::layout::{pack_name, query_kind, unpack_name};
@@ -184,7 +184,8 @@ impl Answerer {
 
 fn header(path: &Path) -> Result<ModelHeader, Vec<String>> {
     let at = |text: String| vec![format!("model: {text} ({})", path.display())];
-    let file = File::open(path).map_err(|error| at(format!("cannot open: {error}")))?;
+    let file =
+        file::open(path, file::MAX_MODEL_BYTES).map_err(|error| at(format!("cannot open: {error}")))?;
     let reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
     Ok(reader.header().clone())
 }

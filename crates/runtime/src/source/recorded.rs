@@ -2,11 +2,11 @@
 
 use super::reading::Reading;
 use super::trace_error::TraceError;
+use crate::file;
 use recording::message::decode_reading;
 use recording::{Item, Reader};
 use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::path::Path;
 use wire::{Payload, SensorSample};
 
@@ -14,18 +14,16 @@ use wire::{Payload, SensorSample};
 pub const MAX_ROWS: usize = 40_000_000;
 
 /// Whether the file begins as a recording does.
-pub(super) fn is_recording(path: &Path) -> bool {
-    let head = File::open(path).and_then(|mut file| {
-        let mut head = [0; recording::MAGIC.len()];
-        std::io::Read::read_exact(&mut file, &mut head).map(|()| head)
-    });
-    head.is_ok_and(|head| head == recording::MAGIC)
+pub(super) fn is_recording(path: &Path) -> std::io::Result<bool> {
+    let mut head = Vec::new();
+    file::open(path, u64::MAX)?.take(recording::MAGIC.len() as u64).read_to_end(&mut head)?;
+    Ok(head == recording::MAGIC)
 }
 
 /// The readings of one sensor topic, `topic` or the only one. A recording that stops early gives what it has.
 pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<Reading>, Vec<TraceError>> {
     let unreadable = |cause: String| vec![TraceError::Unreadable { cause }];
-    let file = File::open(path).map_err(|error| unreadable(error.to_string()))?;
+    let file = file::open(path, u64::MAX).map_err(|error| unreadable(error.to_string()))?;
     let mut reader = Reader::new(BufReader::new(file)).map_err(|error| unreadable(error.to_string()))?;
     let (mut rows, mut topics, mut begin_ns) = (Vec::<Reading>::new(), BTreeSet::new(), None);
     while let Some(item) = reader.next_item().map_err(|error| unreadable(error.to_string()))? {

@@ -8,6 +8,7 @@
 use super::reading::Reading;
 use super::recorded;
 use super::trace_error::{MAX_BYTES, TraceError};
+use crate::file;
 use std::path::Path;
 
 /// A trace in memory.
@@ -46,17 +47,13 @@ impl Trace {
     /// # Errors
     /// As [`Self::read`].
     pub fn read_topic(path: &Path, topic: Option<&str>) -> Result<Self, Vec<TraceError>> {
-        if recorded::is_recording(path) {
+        let unreadable = |error: std::io::Error| vec![TraceError::Unreadable { cause: error.to_string() }];
+        if recorded::is_recording(path).map_err(unreadable)? {
             let rows = recorded::rows(path, topic)?;
             let numbers = (1..=rows.len()).collect();
             return Ok(Self::of_rows(rows, numbers));
         }
-        let unreadable = |error: std::io::Error| vec![TraceError::Unreadable { cause: error.to_string() }];
-        let length = std::fs::metadata(path).map_err(unreadable)?.len();
-        if length > MAX_BYTES {
-            return Err(vec![TraceError::TooLarge { found: length }]);
-        }
-        let bytes = std::fs::read(path).map_err(unreadable)?;
+        let bytes = file::read(path, MAX_BYTES).map_err(unreadable)?;
         Self::parse(&String::from_utf8_lossy(&bytes))
     }
 

@@ -12,12 +12,6 @@ pub enum TraceError {
         /// The system's message.
         cause: String,
     },
-    /// Too large.
-    #[error("the trace has {found} bytes; expected at most {MAX_BYTES}: cut it, or record it as a recording")]
-    TooLarge {
-        /// Bytes found.
-        found: u64,
-    },
     /// No header or no rows.
     #[error(
         "the trace has no {what}; expected the header `t_s,pressure_mpa,gap_mm` and at least one row, or a recording with readings"

@@ -93,7 +93,9 @@ impl Args {
             return Ok(if self.paper { TrainConfig::paper() } else { TrainConfig::default() });
         };
         let place = || path.display().to_string();
-        let text = std::fs::read_to_string(path).with_context(place).map_err(configuration)?;
+        let text = runtime::file::read_text(path, runtime::file::MAX_TEXT_BYTES)
+            .with_context(place)
+            .map_err(configuration)?;
         toml::from_str(&text).with_context(place).map_err(configuration)
     }
 }

@@ -1,7 +1,7 @@
 //! The thread of a device, and the queue of its readings for the bridge.
 
 use crate::source::reading::{BridgeWaker, Poll, Reading, SensorCounters, Source};
-use crate::threads::panic_text;
+use recording::thread_group::panic_text;
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -61,7 +61,7 @@ impl Sensor {
     /// The end of the thread: as it should be, or a panic with its text.
     fn ended(&mut self) -> Poll {
         let Some(Err(panic)) = self.thread.take().map(JoinHandle::join) else { return Poll::End };
-        Poll::Failed(panic_text(panic.as_ref()))
+        Poll::Failed(panic_text(panic.as_ref()).to_owned())
     }
 }
 

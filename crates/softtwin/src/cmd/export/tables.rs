@@ -5,7 +5,6 @@ use crate::output;
 use anyhow::{Context, Result};
 use recording::{Ending, Exported, Reader, export_csv};
 use serde_json::json;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use wire::KeyExpr;
@@ -16,7 +15,7 @@ use wire::KeyExpr;
 /// A file that is no recording, a folder that cannot be written.
 pub fn write(recording: &Path, folder: &Path, key: &str, json: bool) -> Result<()> {
     let topics = KeyExpr::new(key).map_err(usage)?;
-    let file = File::open(recording)
+    let file = runtime::file::open(recording, u64::MAX)
         .with_context(|| format!("cannot read the recording ({})", recording.display()))
         .map_err(configuration)?;
     let reader = Reader::new(BufReader::new(file)).map_err(configuration)?;
