@@ -124,6 +124,7 @@ fn database() -> Database {
         pressure_mpa: 0.01 * k as f64,
         gap_mm: (k == 3).then_some(30.0),
         contact_force_n: if k == 3 { 0.1 } else { 0.0 },
+        parameters: vec![],
     };
     let mut database = Database {
         actuator: "beam".into(),
@@ -135,6 +136,8 @@ fn database() -> Database {
         surface_triangles: vec![],
         node_sets: vec![],
         obstacle: Footprint::PLATE,
+        parameters: vec![],
+        sensitivities: None,
         hash: [0; 32],
     };
     database.hash = database.content_hash();

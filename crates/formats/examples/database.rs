@@ -14,6 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         pressure_mpa,
         gap_mm: None,
         contact_force_n: 0.0,
+        parameters: vec![],
     };
     let mut mine = Database {
         actuator: "mine".into(),
@@ -29,6 +30,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         surface_triangles: vec![],
         node_sets: vec![],
         obstacle: Footprint::PLATE,
+        parameters: vec![],
+        sensitivities: None,
         hash: [0; 32],
     };
     mine.hash = mine.content_hash();

@@ -3,7 +3,8 @@
 use crate::halfwidths::HalfWidths;
 use crate::hull::DomainStatus;
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
-use crate::interpolant::KernelScratch;
+use crate::interpolant::{Interpolant, KernelScratch, gradient_rows};
+use crate::model::RegimeModel;
 use crate::snapshots::RegimeKind;
 
 /// What deserves a reader's attention. Nothing is clamped in silence: each flag says what was done.
@@ -44,6 +45,39 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
+    /// Room for the answers of interpolants of up to so many inputs, terms and outputs.
+    pub(crate) fn with_room(dimensions: usize, terms: usize, outputs: usize) -> Self {
+        let mut evaluation = Self {
+            inputs: Inputs::new(f64::NAN, f64::NAN),
+            regime: RegimeKind::Free,
+            coefficients: Vec::with_capacity(outputs),
+            contact_force_n: 0.0,
+            force_gradient: [0.0; MAX_INPUTS],
+            onset_pressure_mpa: None,
+            domain: DomainStatus::Inside,
+            domain_distance: 0.0,
+            halfwidths: HalfWidths::default(),
+            flags: Flags::default(),
+            gradients: Vec::new(),
+            scratch: KernelScratch::default(),
+        };
+        evaluation.reserve(dimensions, dimensions, terms, outputs);
+        evaluation
+    }
+
+    /// Room for the interpolants of one regime.
+    pub(crate) fn room(regime: &RegimeModel) -> Self {
+        let terms = regime.interpolants().map(Interpolant::terms).max().unwrap_or(0);
+        Self::with_room(regime.inputs.dimensions(), terms, regime.coefficient_count())
+    }
+
+    /// Allocates only where there is less room than asked for.
+    pub(crate) fn reserve(&mut self, inputs: usize, dimensions: usize, terms: usize, outputs: usize) {
+        self.scratch.reserve(dimensions, terms);
+        let rows = gradient_rows(inputs).max(self.gradients.len());
+        self.gradients.resize_with(rows, || Vec::with_capacity(outputs));
+    }
+
     /// Derivatives of the coefficients by the input at a position, per unit of the input; 0 for one that the regime does
     /// not take.
     ///

@@ -1,12 +1,11 @@
 //! Inputs -> regime, coefficients, force, gradients, half-widths, domain. Nothing is allocated after construction.
 
 use crate::evaluation::{Evaluation, Flags};
-use crate::halfwidths::HalfWidths;
 use crate::hull::{Domain, DomainStatus};
-use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PRESSURE, Point};
-use crate::interpolant::{Interpolant, KernelScratch, gradient_rows};
-use crate::model::{ModelError, ModelHeader, RegimeModel};
-use crate::regime::{Onset, OnsetTable};
+use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PARAMETERS, PRESSURE, Point};
+use crate::interpolant::Interpolant;
+use crate::model::{Clearance, ModelError, ModelHeader, RegimeModel};
+use crate::regime::{Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
 
 /// One regime, ready to run.
@@ -33,8 +32,12 @@ pub struct Evaluator {
     inputs: Vec<InputSpec>,
     parts: Vec<RegimePart>,
     onset: Option<OnsetTable>,
+    /// What the onset is solved from where it depends on parameters; the table then is that of their values in use.
+    clearance: Option<Clearance>,
+    /// By input: what a state takes that says nothing; NaN for pressure and gap.
+    values: [f64; MAX_INPUTS],
     hysteresis_mpa: f64,
-    /// Most inputs and most centres of an interpolant, and most coefficients of a regime.
+    /// Most inputs and most terms of an interpolant, and most coefficients of a regime.
     largest: (usize, usize, usize),
 }
 
@@ -48,16 +51,32 @@ impl Evaluator {
         let fits = || header.regimes.iter().flat_map(RegimeModel::interpolants);
         let largest = (
             fits().map(|fit| fit.dimensions).max().unwrap_or(0),
-            fits().map(Interpolant::centre_count).max().unwrap_or(0),
+            fits().map(Interpolant::terms).max().unwrap_or(0),
             header.regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0),
         );
-        Ok(Self {
+        let mut values = [f64::NAN; MAX_INPUTS];
+        values.iter_mut().zip(&header.inputs).for_each(|(v, input)| *v = input.value.unwrap_or(f64::NAN));
+        let mut evaluator = Self {
             inputs: header.inputs.clone(),
             parts: header.regimes.iter().cloned().map(RegimePart::new).collect(),
             onset: header.onset.clone(),
+            clearance: header.clearance.clone(),
+            values,
             hysteresis_mpa: header.hysteresis_mpa,
             largest,
-        })
+        };
+        if let (Some(clearance), Some(free)) = (&evaluator.clearance, evaluator.free()) {
+            let mut room = evaluator.evaluation();
+            let inputs = Inputs::new(0.0, 0.0).or(&values);
+            let table = clearance.table(free, &inputs, &mut room);
+            let what = || "the free model sinks at no pressure at these parameters".to_owned();
+            evaluator.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(what()))?);
+        }
+        Ok(evaluator)
+    }
+
+    fn free(&self) -> Option<&RegimeModel> {
+        self.parts.iter().map(|part| &part.model).find(|model| model.kind == RegimeKind::Free)
     }
 
     /// The model's inputs in order: pressure, gap, then any others.
@@ -65,7 +84,7 @@ impl Evaluator {
         &self.inputs
     }
 
-    /// Onset pressure over gap; none for a model of one regime.
+    /// Onset pressure over gap, with parameters at their values in use; none for a model of one regime.
     pub fn onset(&self) -> Option<&OnsetTable> {
         self.onset.as_ref()
     }
@@ -82,51 +101,52 @@ impl Evaluator {
 
     /// An evaluation with room for any answer.
     pub fn evaluation(&self) -> Evaluation {
-        let mut evaluation = Evaluation {
-            inputs: Inputs::new(f64::NAN, f64::NAN),
-            regime: RegimeKind::Free,
-            coefficients: Vec::with_capacity(self.largest.2),
-            contact_force_n: 0.0,
-            force_gradient: [0.0; MAX_INPUTS],
-            onset_pressure_mpa: None,
-            domain: DomainStatus::Inside,
-            domain_distance: 0.0,
-            halfwidths: HalfWidths::default(),
-            flags: Flags::default(),
-            gradients: Vec::new(),
-            scratch: KernelScratch::default(),
-        };
+        let (dimensions, terms, coefficients) = self.largest;
+        let mut evaluation = Evaluation::with_room(dimensions, terms, coefficients);
         self.make_room(&mut evaluation);
         evaluation
     }
 
     /// Allocates only when the evaluation was made by the evaluator of another model.
     fn make_room(&self, out: &mut Evaluation) {
-        let (dimensions, centres, coefficients) = self.largest;
-        out.scratch.reserve(dimensions, centres);
-        let rows = gradient_rows(self.inputs.len()).max(out.gradients.len());
-        out.gradients.resize_with(rows, || Vec::with_capacity(coefficients));
+        let (dimensions, terms, coefficients) = self.largest;
+        out.reserve(self.inputs.len(), dimensions, terms, coefficients);
     }
 
-    /// Evaluates the model at a state. Allocates nothing when [`Self::evaluation`] made `out`. Any state is answered without
+    /// The onset at a state.
+    fn onset_at(&self, inputs: &Inputs, room: &mut Evaluation) -> OnsetAt {
+        let constant = |onset| OnsetAt { onset, pressure_mpa: 0.0, gradient: [0.0; MAX_INPUTS] };
+        match (&self.clearance, &self.onset, self.parts.first()) {
+            (Some(clearance), table, _) => {
+                let own = inputs.values()[PARAMETERS..self.inputs.len()]
+                    == self.values[PARAMETERS..self.inputs.len()];
+                let table = table.as_ref().filter(|_| own);
+                self.free().map_or(OnsetAt::UNKNOWN, |free| clearance.onset(free, inputs, table, room))
+            }
+            (None, Some(table), _) => table.at(inputs.gap_mm()),
+            (None, None, Some(part)) if part.model.kind == RegimeKind::Contact => constant(Onset::Always),
+            (None, None, _) => constant(Onset::Never),
+        }
+    }
+
+    /// Evaluates the model at a state; a parameter that the state does not set takes the model's value. Allocates nothing when [`Self::evaluation`] made `out`. Any state is answered without
     /// panic; one that is not a number, or lies outside the samples, is flagged as extrapolated.
     ///
     /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
     /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the state is on.
     pub fn evaluate(&self, inputs: Inputs, out: &mut Evaluation) {
-        let onset = match (&self.onset, self.parts.first()) {
-            (Some(table), _) => table.onset(inputs.gap_mm()),
-            (None, Some(part)) if part.model.kind == RegimeKind::Contact => Onset::Always,
-            (None, _) => Onset::Never,
-        };
+        let inputs = inputs.or(&self.values);
         self.make_room(out);
+        let at = self.onset_at(&inputs, out);
+        let onset = at.onset;
         out.inputs = inputs;
         out.regime = onset.regime(inputs.pressure_mpa());
         out.onset_pressure_mpa = onset.pressure_mpa();
         out.flags = Flags::default();
         (out.contact_force_n, out.force_gradient) = (0.0, [0.0; MAX_INPUTS]);
         let part = self.parts.iter().find(|p| p.model.kind == out.regime);
-        let missing = inputs.values()[..self.inputs.len()].iter().any(|value| value.is_nan());
+        let missing = inputs.values()[..self.inputs.len()].iter().any(|value| value.is_nan())
+            || self.onset.is_some() && at.pressure_mpa.is_nan();
         out.domain_distance = match part {
             Some(part) if !missing => {
                 let map = &part.model.inputs;
@@ -144,7 +164,7 @@ impl Evaluator {
         let local = part.model.local_halfwidths.as_ref();
         out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
         coefficients(part, &x, out);
-        force(part, self.onset.as_ref(), &x, out);
+        force(part, &at, &x, out);
     }
 }
 
@@ -177,8 +197,8 @@ fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation) {
     }
 }
 
-/// `F = (P - P_c(gap)) h` or `F = h`, lifted to 0 where negative, with its gradient.
-fn force(part: &RegimePart, onset: Option<&OnsetTable>, x: &Point, out: &mut Evaluation) {
+/// `F = (P - P_c) h` or `F = h`, lifted to 0 where negative, with its gradient.
+fn force(part: &RegimePart, onset: &OnsetAt, x: &Point, out: &mut Evaluation) {
     let Some(model) = &part.model.force else { return };
     let (mut h, mut rows) = ([0.0], [[0.0]; MAX_INPUTS]);
     model.surrogate.evaluate(x, &mut out.scratch, &mut h, rows.each_mut().map(|row| row.as_mut_slice()));
@@ -186,13 +206,12 @@ fn force(part: &RegimePart, onset: Option<&OnsetTable>, x: &Point, out: &mut Eva
     for (axis, row) in part.model.inputs.axes.iter().zip(rows) {
         gradient[axis.input] = row[0] / (axis.max - axis.min);
     }
-    if let Some(table) = onset.filter(|_| model.times_excess_pressure) {
-        let (onset, slope) = table.pressure_and_slope(out.inputs.gap_mm());
-        let excess = out.inputs.pressure_mpa() - onset;
+    if model.times_excess_pressure {
+        let excess = out.inputs.pressure_mpa() - onset.pressure_mpa;
         force = excess * h;
         gradient = gradient.map(|by_input| excess * by_input);
         gradient[PRESSURE] += h;
-        gradient[GAP] -= slope * h;
+        gradient.iter_mut().zip(onset.gradient).for_each(|(by_input, slope)| *by_input -= slope * h);
     }
     if force < 0.0 {
         out.flags.force_clamped = true;

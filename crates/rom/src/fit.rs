@@ -10,7 +10,6 @@
 use crate::config::{KernelSpec, Tail};
 use crate::inputs::{Point, square_distance};
 use crate::interpolant::{Interpolant, Metric};
-use crate::simplex::{Points, Rows};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use std::cmp::Ordering;
@@ -83,8 +82,8 @@ pub struct Fit {
 /// Condition number of the system an interpolant solved. Cost `O(n^3)`.
 pub(crate) fn condition_of(interpolant: &Interpolant) -> f64 {
     let spec = KernelSpec { kernel: interpolant.kernel, tail: interpolant.tail };
-    let rows = Rows { values: &interpolant.centres, dimensions: interpolant.dimensions };
-    let centres: Vec<Point> = (0..rows.count()).map(|i| rows.point(i)).collect();
+    let centre = |row: &[f64]| std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
+    let centres: Vec<Point> = interpolant.centres.chunks_exact(interpolant.dimensions).map(centre).collect();
     condition(&assemble(interpolant.dimensions, &centres, spec, interpolant.smoothing))
 }
 
@@ -146,6 +145,7 @@ pub(crate) fn fit(
         smoothing,
         condition: f64::NAN,
         residual,
+        slopes: Vec::new(),
     };
     Ok(Fit { interpolant, residuals })
 }

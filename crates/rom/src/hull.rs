@@ -1,8 +1,9 @@
-//! Where a regime was trained: the convex hull of its samples over scaled inputs. An interval for one input, a polygon for
-//! two, the corners themselves for more.
+//! Where a regime was trained, over scaled inputs. Pressure and gap: the convex hull of the samples, an interval or a
+//! polygon. With parameters: that hull over pressure and gap, the sampled range of every parameter, and a distance to the
+//! nearest sample. The convex hull over many inputs is no use: in six dimensions it holds next to nothing of a
+//! Latin hypercube's box, although the samples fill it.
 
-use crate::inputs::Point;
-use crate::simplex::{Rows, distance_to_hull};
+use crate::inputs::{Point, square_distance};
 use serde::{Deserialize, Serialize};
 
 /// Where a state lies.
@@ -17,19 +18,26 @@ pub enum DomainStatus {
     Outside,
 }
 
-/// Convex domain over scaled inputs.
+/// Domain over scaled inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Domain {
     /// One input: `[min, max]`.
     Interval([f64; 2]),
     /// Two inputs: hull vertices, counter-clockwise.
     Hull(Vec<[f64; 2]>),
-    /// More inputs: hull vertices in no order, `vertices x dimensions`.
-    Vertices {
+    /// With parameters: pressure (and gap) within the corners, every further input in [0, 1], and the nearest sample not
+    /// farther than `reach`.
+    Product {
+        /// Leading inputs that the corners bound: 1 or 2.
+        operating: usize,
         /// Number of inputs.
         dimensions: usize,
-        /// All inputs of a vertex together.
-        values: Vec<f64>,
+        /// Corners over the leading inputs, counter-clockwise; the second column is 0 where there is one.
+        corners: Vec<[f64; 2]>,
+        /// Largest distance of a sample from its nearest neighbour.
+        reach: f64,
+        /// `samples x dimensions`.
+        samples: Vec<f64>,
     },
 }
 
@@ -40,31 +48,43 @@ impl Domain {
     /// Scaled distance up to which a state outside counts as near.
     pub const NEAR: f64 = 0.05;
 
-    /// The convex hull of points. `O(n log n)` for two inputs, `n` distances of `O(n)` each for more.
-    pub(crate) fn of_points(dimensions: usize, points: &[Point]) -> Self {
+    /// The domain of samples, of whose inputs the first `operating` are pressure and gap. `O(n log n)`, with parameters
+    /// `O(n^2)`.
+    pub(crate) fn of_points(operating: usize, dimensions: usize, points: &[Point]) -> Self {
         match dimensions {
+            _ if operating < dimensions => Self::product(operating, dimensions, points),
             0 | 1 => {
                 let ends = |e: [f64; 2], p: &Point| [e[0].min(p[0]), e[1].max(p[0])];
                 Self::Interval(points.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends))
             }
-            2 => Self::Hull(polygon(points.iter().map(|p| [p[0], p[1]]).collect())),
-            _ => {
-                let mut kept = points.to_vec();
-                let mut at = 0;
-                while at < kept.len() {
-                    let point = kept.swap_remove(at);
-                    if distance_to_hull(&kept, &point) > ROUNDING {
-                        kept.push(point);
-                        let last = kept.len() - 1;
-                        kept.swap(at, last);
-                        at += 1;
-                    }
-                }
-                Self::Vertices {
-                    dimensions,
-                    values: kept.iter().flat_map(|p| p[..dimensions].to_vec()).collect(),
-                }
+            _ => Self::Hull(polygon(points.iter().map(|p| [p[0], p[1]]).collect())),
+        }
+    }
+
+    fn product(operating: usize, dimensions: usize, points: &[Point]) -> Self {
+        let leading = |p: &Point| [p[0], if operating > 1 { p[1] } else { 0.0 }];
+        let nearest = |i: usize| {
+            let others = points.iter().enumerate().filter(|(j, _)| *j != i);
+            others.map(|(_, other)| square_distance(&points[i], other)).fold(f64::INFINITY, f64::min)
+        };
+        let reach = (0..points.len()).map(nearest).filter(|d| d.is_finite()).fold(0.0, f64::max).sqrt();
+        Self::Product {
+            operating,
+            dimensions,
+            corners: polygon(points.iter().map(leading).collect()),
+            reach,
+            samples: points.iter().flat_map(|p| p[..dimensions].to_vec()).collect(),
+        }
+    }
+
+    /// Whether the lengths fit a regime of so many inputs.
+    pub(crate) fn fits(&self, inputs: usize) -> bool {
+        match self {
+            Self::Product { operating, dimensions, corners, samples, .. } => {
+                let shape = *operating >= 1 && operating < dimensions && samples.len() % dimensions == 0;
+                *dimensions == inputs && shape && !corners.is_empty() && !samples.is_empty()
             }
+            _ => self.dimensions() == inputs,
         }
     }
 
@@ -73,26 +93,31 @@ impl Domain {
         match self {
             Self::Interval(_) => 1,
             Self::Hull(_) => 2,
-            Self::Vertices { dimensions, .. } => *dimensions,
+            Self::Product { dimensions, .. } => *dimensions,
         }
     }
 
-    /// Number of corners (or ends).
+    /// Number of corners (or ends) over pressure and gap.
     pub fn vertex_count(&self) -> usize {
         match self {
             Self::Interval(_) => 2,
-            Self::Hull(vertices) => vertices.len(),
-            Self::Vertices { dimensions, values } => values.len() / dimensions,
+            Self::Hull(corners) | Self::Product { corners, .. } => corners.len(),
         }
     }
 
-    /// Distance to the domain over scaled inputs: 0 inside. `O(vertices)`, no allocation.
+    /// Distance to the domain over scaled inputs: 0 inside. `O(vertices)`, with parameters `O(samples)`; no allocation.
     pub(crate) fn distance(&self, x: &Point) -> f64 {
         match self {
             Self::Interval([min, max]) => (min - x[0]).max(x[0] - max).max(0.0),
             Self::Hull(vertices) => polygon_distance(vertices, [x[0], x[1]]),
-            Self::Vertices { dimensions, values } => {
-                distance_to_hull(&Rows { values, dimensions: *dimensions }, x)
+            Self::Product { operating, dimensions, corners, reach, samples } => {
+                let leading = [x[0], if *operating > 1 { x[1] } else { 0.0 }];
+                let beyond = |v: &f64| (-v).max(v - 1.0).max(0.0);
+                let ranges: f64 = x[*operating..*dimensions].iter().map(|v| beyond(v).powi(2)).sum();
+                let bounds = (polygon_distance(corners, leading).powi(2) + ranges).sqrt();
+                let square = |s: &[f64]| -> f64 { s.iter().zip(x).map(|(s, x)| (s - x) * (s - x)).sum() };
+                let nearest = samples.chunks_exact(*dimensions).map(square).fold(f64::INFINITY, f64::min);
+                if nearest.is_finite() { bounds.max(nearest.sqrt() - reach) } else { f64::INFINITY }
             }
         }
     }
@@ -106,13 +131,14 @@ impl Domain {
         }
     }
 
-    /// Whether a point is one of the corners (or ends).
+    /// Whether a point is one of the corners (or ends), or at an end of a parameter's range.
     pub(crate) fn has_vertex(&self, x: &Point) -> bool {
         match self {
             Self::Interval(ends) => ends.contains(&x[0]),
             Self::Hull(vertices) => vertices.contains(&[x[0], x[1]]),
-            Self::Vertices { dimensions, values } => {
-                values.chunks_exact(*dimensions).any(|v| v == &x[..*dimensions])
+            Self::Product { operating, dimensions, corners, .. } => {
+                let corner = corners.contains(&[x[0], if *operating > 1 { x[1] } else { 0.0 }]);
+                corner || x[*operating..*dimensions].iter().any(|v| *v <= 0.0 || *v >= 1.0)
             }
         }
     }

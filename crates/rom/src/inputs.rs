@@ -12,12 +12,26 @@ pub const PRESSURE: usize = 0;
 /// Position of the gap (mm) in the inputs of every model.
 pub const GAP: usize = 1;
 
+/// Position of the first parameter, if a model has any.
+pub const PARAMETERS: usize = 2;
+
 /// Scaled inputs of a regime; entries beyond its dimensions are 0.
 pub(crate) type Point = [f64; MAX_INPUTS];
 
 /// Squared distance of two points, summed in the order of the inputs.
 pub(crate) fn square_distance(a: &Point, b: &Point) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+/// A quantity of material or geometry that differs between the cases: an input beside pressure and gap.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Dotted key in the actuator's description (`elastomer.law.mu_mpa`).
+    pub name: String,
+    /// Unit (`MPa`).
+    pub unit: String,
+    /// Value of the actuator as described: what a state takes that says nothing else.
+    pub nominal: f64,
 }
 
 /// An input as the model declares it.
@@ -30,22 +44,31 @@ pub struct InputSpec {
     /// Smallest and largest training value over all regimes; the same twice when all samples shared it, infinite when no
     /// regime was trained over it.
     pub range: [f64; 2],
+    /// What a state takes that says nothing about it: a parameter's nominal value, or the value that a scene gives it; none
+    /// for pressure and gap. The model file keeps it apart (`model/further.rs`).
+    #[serde(skip)]
+    pub value: Option<f64>,
 }
 
 impl InputSpec {
-    /// Name and unit as a key of files and messages (`pressure_mpa`).
+    /// Key in files and messages: name and unit (`pressure_mpa`); a parameter's name is its key already.
     pub fn key(&self) -> String {
-        format!("{}_{}", self.name, self.unit.to_lowercase())
+        match self.value {
+            None => format!("{}_{}", self.name, self.unit.to_lowercase()),
+            Some(_) => self.name.clone(),
+        }
     }
 
-    /// Pressure and gap without a range.
-    pub(crate) fn pressure_and_gap() -> Vec<Self> {
-        let spec = |name: &str, unit: &str| Self {
+    /// Pressure, gap and the parameters of a database, without a range.
+    pub(crate) fn without_range(parameters: &[Parameter]) -> Vec<Self> {
+        let spec = |name: &str, unit: &str, value: Option<f64>| Self {
             name: name.into(),
             unit: unit.into(),
             range: [f64::NEG_INFINITY, f64::INFINITY],
+            value,
         };
-        vec![spec("pressure", "MPa"), spec("gap", "mm")]
+        let further = parameters.iter().map(|p| spec(&p.name, &p.unit, Some(p.nominal)));
+        [spec("pressure", "MPa", None), spec("gap", "mm", None)].into_iter().chain(further).collect()
     }
 
     /// The same inputs with the ranges that the regimes were trained over.
@@ -90,6 +113,12 @@ impl Inputs {
     /// Gap in mm.
     pub fn gap_mm(&self) -> f64 {
         self.0[GAP]
+    }
+
+    /// The same with `values` wherever nothing was set (NaN).
+    pub(crate) fn or(mut self, values: &[f64; MAX_INPUTS]) -> Self {
+        self.0.iter_mut().zip(values).filter(|(own, _)| own.is_nan()).for_each(|(own, v)| *own = *v);
+        self
     }
 
     /// The values by position.
@@ -142,6 +171,11 @@ impl InputMap {
     /// Number of axes, at least 1 and at most [`MAX_INPUTS`].
     pub fn dimensions(&self) -> usize {
         self.axes.len()
+    }
+
+    /// Number of leading axes that are pressure or gap; the others are parameters.
+    pub(crate) fn operating(&self) -> usize {
+        self.axes.iter().filter(|axis| axis.input < PARAMETERS).count()
     }
 
     /// The sampled range of an input; the same value twice when all samples shared it; none when it is no input here.

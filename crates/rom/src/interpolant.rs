@@ -2,7 +2,7 @@
 //!
 //! `a(x) = sum_k w_k g(|M (x - x_k)|) + tail(M x)` (Eqs. 8-14 with scaling and tail), where `x` is scaled to the training
 //! range and the metric `M` stretches and shears it (for a Gaussian process by its lengths). One kernel vector serves all
-//! outputs.
+//! outputs. Fitted to derivatives as well, it has further terms `v_kj d/dx_kj g(|M (x - x_k)|)`, one for each ([`Slope`]).
 
 use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
@@ -52,7 +52,7 @@ impl Metric {
     }
 
     /// `M^T g`: a gradient over `M x` as a gradient over `x`.
-    fn pull_back<const D: usize>(&self, mut g: [f64; D]) -> [f64; D] {
+    pub(crate) fn pull_back<const D: usize>(&self, mut g: [f64; D]) -> [f64; D] {
         g.iter_mut().zip(&self.scale).for_each(|(g, s)| *g *= s);
         if D > 1 {
             g[1] += self.shear * g[0];
@@ -74,7 +74,7 @@ pub struct Interpolant {
     pub metric: Metric,
     /// `centres x dimensions`: `M x_k`, all inputs of a centre together.
     pub centres: Vec<f64>,
-    /// `centres x outputs`, all outputs of a centre together.
+    /// `(centres + slopes) x outputs`, all outputs of a centre or slope together.
     pub weights: Vec<f64>,
     /// `tail terms x outputs`.
     pub tail_weights: Vec<f64>,
@@ -86,6 +86,18 @@ pub struct Interpolant {
     pub condition: f64,
     /// Relative residual of the solution.
     pub residual: f64,
+    /// Derivatives that it was fitted to, ordered by centre. The model file keeps them apart (`model/further.rs`).
+    #[serde(skip)]
+    pub slopes: Vec<Slope>,
+}
+
+/// A derivative that an interpolant was fitted to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Slope {
+    /// Index of the centre.
+    pub centre: u32,
+    /// Scaled input that is differentiated by.
+    pub axis: u32,
 }
 
 /// Quantities that are summed in one pass over the weights.
@@ -109,7 +121,7 @@ pub(crate) fn gradient_rows(dimensions: usize) -> usize {
 }
 
 impl KernelScratch {
-    /// Makes room for interpolants of up to `centres` centres over `dimensions` inputs.
+    /// Makes room for interpolants of up to `centres` terms over `dimensions` inputs.
     pub fn reserve(&mut self, dimensions: usize, centres: usize) {
         for factors in self.factors.iter_mut().take((1 + dimensions).div_ceil(PASS)) {
             if factors.len() < centres {
@@ -117,12 +129,59 @@ impl KernelScratch {
             }
         }
     }
+
+    /// Value and gradient of a term.
+    fn put<const D: usize>(&mut self, term: usize, value: f64, gradient: &[f64; D]) {
+        let factor = |i: usize| if i == 0 { value } else { gradient.get(i - 1).copied().unwrap_or(0.0) };
+        for (pass, factors) in self.factors.iter_mut().enumerate().take((1 + D).div_ceil(PASS)) {
+            factors[term] = std::array::from_fn(|i| factor(PASS * pass + i));
+        }
+    }
+}
+
+/// First and second derivatives of a kernel over `D` scaled inputs at one distance from a centre.
+pub(crate) struct Curvature<'a, const D: usize> {
+    metric: &'a Metric,
+    /// `g'(r) / r` and `(g'(r) / r)' / r`.
+    over_r: f64,
+    second: f64,
+    /// `M^T M (x - x_k)`.
+    pulled: [f64; D],
+}
+
+impl<'a, const D: usize> Curvature<'a, D> {
+    /// At `d = M (x - x_k)`.
+    pub(crate) fn at(kernel: KernelKind, metric: &'a Metric, d: &[f64; D]) -> Self {
+        let r2 = d.iter().map(|d| d * d).sum();
+        let pulled = metric.pull_back(*d);
+        Self { metric, over_r: kernel.radial(r2).1, second: kernel.second(r2), pulled }
+    }
+
+    /// The term of a derivative by input `axis` of the centre, and its gradient: `-d g / d x_axis` and the derivatives of
+    /// that.
+    pub(crate) fn row(&self, axis: usize) -> (f64, [f64; D]) {
+        let mut column = [0.0; D]; // M e_axis, then M^T M e_axis
+        column[axis] = self.metric.scale[axis];
+        if axis == 1 {
+            column[0] = self.metric.scale[0] * self.metric.shear;
+        }
+        let mut gradient = self.metric.pull_back(column);
+        for (g, pulled) in gradient.iter_mut().zip(&self.pulled) {
+            *g = -self.over_r * *g - self.second * self.pulled[axis] * pulled;
+        }
+        (-self.over_r * self.pulled[axis], gradient)
+    }
 }
 
 impl Interpolant {
     /// Number of centres.
     pub fn centre_count(&self) -> usize {
         self.centres.len() / self.dimensions.max(1)
+    }
+
+    /// Number of kernel terms: one a centre, one a slope.
+    pub(crate) fn terms(&self) -> usize {
+        self.centre_count() + self.slopes.len()
     }
 
     /// Value and gradient over scaled inputs of every output at `x`. Cost `O(centres x (1 + outputs (1 + dimensions)))`,
@@ -140,7 +199,10 @@ impl Interpolant {
 
     /// Whether the kernel values of `other` are this interpolant's too: same kernel over the same centres.
     pub(crate) fn shares_kernel_with(&self, other: &Self) -> bool {
-        self.kernel == other.kernel && self.metric == other.metric && self.centres == other.centres
+        self.kernel == other.kernel
+            && self.metric == other.metric
+            && self.centres == other.centres
+            && self.slopes == other.slopes
     }
 
     /// Kernel values and their gradients at `x`, into `scratch`.
@@ -163,9 +225,16 @@ impl Interpolant {
             let d: [f64; D] = std::array::from_fn(|i| u[i] - centre[i]);
             let (phi, over_r) = self.kernel.radial(d.iter().map(|d| d * d).sum());
             let slope = self.metric.pull_back(d.map(|d| over_r * d));
-            let factor = |i: usize| if i == 0 { phi } else { slope.get(i - 1).copied().unwrap_or(0.0) };
-            for (pass, factors) in scratch.factors.iter_mut().enumerate().take((1 + D).div_ceil(PASS)) {
-                factors[k] = std::array::from_fn(|i| factor(PASS * pass + i));
+            scratch.put(k, phi, &slope);
+        }
+        let (mut rows, centres) = (self.slopes.iter().enumerate().peekable(), self.centre_count());
+        while let Some((_, first)) = rows.peek().copied() {
+            let centre = &self.centres.as_chunks::<D>().0[first.centre as usize];
+            let d: [f64; D] = std::array::from_fn(|i| u[i] - centre[i]);
+            let curvature = Curvature::at(self.kernel, &self.metric, &d);
+            while let Some((j, slope)) = rows.next_if(|(_, slope)| slope.centre == first.centre) {
+                let (value, gradient) = curvature.row(slope.axis as usize);
+                scratch.put(centres + j, value, &gradient);
             }
         }
     }
@@ -207,7 +276,7 @@ impl Interpolant {
     /// Values only, allocated: for training.
     pub(crate) fn values_at(&self, x: &Point) -> Vec<f64> {
         let mut scratch = KernelScratch::default();
-        scratch.reserve(self.dimensions, self.centre_count());
+        scratch.reserve(self.dimensions, self.terms());
         let mut value = vec![0.0; self.outputs];
         let mut rows: [Vec<f64>; MAX_INPUTS] = std::array::from_fn(|_| vec![0.0; self.outputs]);
         self.evaluate(x, &mut scratch, &mut value, rows.each_mut().map(Vec::as_mut_slice));

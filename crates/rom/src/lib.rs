@@ -10,6 +10,7 @@
 //! Y (n x m snapshots) = mean + Phi A        pod.rs             modes Phi, coefficients A, by thin QR and SVD
 //! a(x) = sum_k w_k g(|x - x_k|) + tail(x)   fit.rs             inputs x = (P) free, (P, gap) in contact, scaled to [0, 1]
 //! P_c(gap)                                  regime.rs          onset pressure, read off the free model
+//! P_c(gap, parameters)                      clearance.rs       the same, solved from the free model
 //! F = (P - P_c(gap)) h(P, gap)              evaluator.rs       contact force, 0 on the onset exactly
 //! y = mean + Phi a                          reconstructor.rs   fields, straight into the caller's memory
 //! ```
@@ -32,12 +33,14 @@
 
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
+mod clearance;
 pub mod config;
 pub mod datasheet;
 pub mod evaluate;
 pub mod evaluation;
 pub mod evaluator;
 mod fit;
+mod give;
 mod gp;
 pub mod halfwidths;
 pub mod hull;
@@ -55,7 +58,6 @@ pub mod reconstructor;
 pub mod regime;
 pub mod rng;
 mod select;
-mod simplex;
 pub mod snapshots;
 pub mod synthetic;
 pub mod train;

@@ -46,6 +46,29 @@ impl KernelKind {
         }
     }
 
+    /// `(g'(r) / r)' / r` for a squared distance: with `g'(r) / r` it makes the second derivatives. 0 where it is singular at
+    /// `r = 0`, because there it multiplies a product of two distances.
+    pub(crate) fn second(self, r2: f64) -> f64 {
+        let over = |numerator: f64, denominator: f64| if r2 > 0.0 { numerator / denominator } else { 0.0 };
+        match self {
+            Self::Linear => over(1.0, r2 * r2.sqrt()),
+            Self::ThinPlate => over(2.0, r2),
+            Self::Cubic => over(3.0, r2.sqrt()),
+            Self::Quintic => -15.0 * r2.sqrt(),
+            Self::Gaussian { shape } => 4.0 * shape.powi(4) * (-shape * shape * r2).exp(),
+            Self::Matern72 { length } => {
+                let s = (7.0 * r2).sqrt() / length;
+                9.8 / (3.0 * length.powi(4)) * (1.0 + s) * (-s).exp()
+            }
+            Self::Matern52 => 25.0 / 3.0 * (-(5.0 * r2).sqrt()).exp(),
+        }
+    }
+
+    /// Whether second derivatives exist everywhere: what fitting derivatives needs.
+    pub(crate) const fn takes_derivatives(self) -> bool {
+        !matches!(self, Self::Linear | Self::ThinPlate)
+    }
+
     /// Name in reports.
     pub const fn name(self) -> &'static str {
         match self {

@@ -2,6 +2,7 @@
 //!
 //! Contact when `P >= P_c(gap)`. A gap below the sag is touched at any pressure (`P_c = 0`), a gap beyond reach at none.
 
+use crate::inputs::{GAP, MAX_INPUTS};
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +53,31 @@ impl Onset {
     }
 }
 
+/// The onset at one state, with the pressure continued beyond sag and reach: the force is a multiple of its distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct OnsetAt {
+    pub onset: Onset,
+    /// `P_c` in MPa: negative below the sag, above the largest training pressure beyond the reach.
+    pub pressure_mpa: f64,
+    /// Its derivative by every input, MPa per unit of the input.
+    pub gradient: [f64; MAX_INPUTS],
+}
+
+impl OnsetAt {
+    /// No onset was found: the answer is free, and marked as no answer by the distance to its domain.
+    pub(crate) const UNKNOWN: Self =
+        Self { onset: Onset::Never, pressure_mpa: f64::NAN, gradient: [0.0; MAX_INPUTS] };
+}
+
 impl OnsetTable {
+    /// Onset, continued pressure and slope at a gap.
+    pub(crate) fn at(&self, gap_mm: f64) -> OnsetAt {
+        let (pressure_mpa, slope) = self.pressure_and_slope(gap_mm);
+        let mut gradient = [0.0; MAX_INPUTS];
+        gradient[GAP] = slope;
+        OnsetAt { onset: self.onset(gap_mm), pressure_mpa, gradient }
+    }
+
     /// Gap at which gravity alone touches, in mm.
     pub fn sag_mm(&self) -> f64 {
         self.gap_mm[0]

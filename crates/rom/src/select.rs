@@ -36,6 +36,8 @@ pub struct Choice {
 /// States that all groups of a regime share.
 #[derive(Clone, Copy, Debug)]
 pub struct States<'a> {
+    /// Leading inputs that are pressure or gap; the others are parameters.
+    pub operating: usize,
     /// Inputs in use.
     pub dimensions: usize,
     /// Scaled inputs.
@@ -76,12 +78,19 @@ struct CandidateScore {
 /// So many of the best kernels get their metric refined.
 const REFINED: usize = 3;
 
+/// Where the search for the lengths of parameters begins: fields vary less along them than along the pressure.
+const PARAMETER_SCALE: f64 = 0.35;
+/// Factors on a parameter around the metric being refined.
+const PARAMETER_STRETCHES: [f64; 4] = [0.4, 0.7, 1.4, 2.5];
+/// Passes over the parameters.
+const SWEEPS: usize = 2;
+
 /// Factors on the second input around the metric being refined.
 const STRETCHES: [f64; 3] = [0.7, 1.0, 1.4];
 
 /// Tries every candidate of `config` on groups that belong together and keeps the best: first every kernel with every
-/// anisotropy and smoothing, then sheared and stretched metrics around the best of the best few kernels, then, input after
-/// input, stretched ones along the third and further inputs. Cost
+/// anisotropy and smoothing, then sheared and stretched metrics around the best of the best few kernels, then, parameter
+/// after parameter, stretched ones along it. Cost
 /// `O(candidates x n^3)`.
 ///
 /// # Errors
@@ -94,15 +103,17 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
     let mut search =
         Search { samples, states, tasks, floor, best: None, refusal: FitError::Empty, trials: Vec::new() };
     for spec in &config.kernels {
-        for (metric, smoothing) in variants(&search.samples, *spec, config) {
+        for (metric, smoothing) in variants(&search.samples, states.operating, *spec, config) {
             search.attempt(*spec, metric, smoothing);
         }
     }
-    if states.dimensions > 1 {
+    if states.operating > 1 {
         search.refine(&config.shear);
     }
-    for input in 2..states.dimensions {
-        search.stretch(input, &config.anisotropy);
+    for _ in 0..SWEEPS {
+        for input in states.operating..states.dimensions {
+            search.stretch(input, &PARAMETER_STRETCHES);
+        }
     }
     search.choices()
 }
@@ -186,7 +197,7 @@ impl Search<'_> {
     /// Metrics stretched along one input around the best few kernels.
     fn stretch(&mut self, input: usize, factors: &[f64]) {
         for (spec, metric, smoothing) in self.best_kernels() {
-            for factor in factors.iter().copied().filter(|f| *f != metric.scale[input]) {
+            for factor in factors.iter().map(|f| f * metric.scale[input]) {
                 self.attempt(spec, metric.stretched(input, factor), smoothing);
             }
         }
@@ -230,12 +241,19 @@ fn side_by_side(tasks: &[Task], states: usize) -> Vec<f64> {
 }
 
 /// Metric and smoothing variants of a kernel: fitted lengths for a process, the configured factors otherwise.
-fn variants(samples: &Samples, spec: KernelSpec, config: &RegimeConfig) -> Vec<(Metric, f64)> {
+fn variants(
+    samples: &Samples,
+    operating: usize,
+    spec: KernelSpec,
+    config: &RegimeConfig,
+) -> Vec<(Metric, f64)> {
     if spec.kernel == KernelKind::Matern52 {
         return maximum_likelihood(samples, spec.tail).map(|l| (l.metric, l.nugget)).into_iter().collect();
     }
-    let factors = if samples.dimensions > 1 { config.anisotropy.as_slice() } else { &[1.0] };
-    let metric = |f: f64| Metric::IDENTITY.stretched(1, f);
+    let factors = if operating > 1 { config.anisotropy.as_slice() } else { &[1.0] };
+    let start =
+        (operating..samples.dimensions).fold(Metric::IDENTITY, |m, i| m.stretched(i, PARAMETER_SCALE));
+    let metric = |f: f64| if operating > 1 { start.stretched(1, f) } else { start };
     factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| (metric(*f), *s))).collect()
 }
 

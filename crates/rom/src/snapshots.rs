@@ -3,7 +3,7 @@
 //! A [`Database`] is plain data. `formats` fills it from files, `fem` from simulations, tests from formulas; training
 //! reads it and nothing else. [`Database::validate`] (in `validate.rs`) says everything that is wrong with it at once.
 
-use crate::inputs::Inputs;
+use crate::inputs::{Inputs, MAX_INPUTS, PARAMETERS, Parameter};
 use serde::{Deserialize, Serialize};
 
 /// What the numbers of a field mean: it decides what may be derived from it and what physics forbids.
@@ -89,13 +89,45 @@ pub struct Case {
     pub gap_mm: Option<f64>,
     /// Total contact force in N.
     pub contact_force_n: f64,
+    /// One value for each of [`Database::parameters`].
+    pub parameters: Vec<f64>,
 }
 
 impl Case {
     /// The state's inputs; a gap of infinity where there is no obstacle.
     pub fn inputs(&self) -> Inputs {
-        Inputs::new(self.pressure_mpa, self.gap_mm.unwrap_or(f64::INFINITY))
+        self.inputs_at_gap(self.gap_mm.unwrap_or(f64::INFINITY))
     }
+
+    /// The state's inputs with another gap, in mm.
+    pub(crate) fn inputs_at_gap(&self, gap_mm: f64) -> Inputs {
+        let values = self.parameters.iter().take(MAX_INPUTS - PARAMETERS).enumerate();
+        values.fold(Inputs::new(self.pressure_mpa, gap_mm), |inputs, (i, value)| {
+            inputs.with(PARAMETERS + i, *value)
+        })
+    }
+}
+
+/// Derivatives of snapshots and forces by inputs, for some of the cases.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensitivities {
+    /// What each row differentiates.
+    pub rows: Vec<Sensitivity>,
+    /// Database fields in the order of the array.
+    pub fields: Vec<usize>,
+    /// `rows x nodes x fields`, in the field's unit per unit of the input.
+    pub values: Vec<f32>,
+}
+
+/// A derivative of one case by one input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensitivity {
+    /// Index of the case.
+    pub case: usize,
+    /// Position of the input: pressure, gap, then the parameters.
+    pub input: usize,
+    /// Derivative of the contact force, N per unit of the input.
+    pub contact_force_n_per_unit: f64,
 }
 
 /// A named set of nodes (`surface`, `bottom`).
@@ -145,6 +177,10 @@ pub struct Database {
     pub node_sets: Vec<NodeSet>,
     /// What the actuator can touch.
     pub obstacle: Footprint,
+    /// Inputs beside pressure and gap, at most six; every case has a value for each.
+    pub parameters: Vec<Parameter>,
+    /// Derivatives, where they were computed.
+    pub sensitivities: Option<Sensitivities>,
     /// blake3 of the database's content.
     pub hash: [u8; 32],
 }
@@ -163,6 +199,7 @@ impl Database {
             pressure_mpa: *pressure_mpa,
             gap_mm: None,
             contact_force_n: 0.0,
+            parameters: Vec::new(),
         };
         let mut database = Self {
             actuator: actuator.into(),
@@ -174,6 +211,8 @@ impl Database {
             surface_triangles: Vec::new(),
             node_sets: Vec::new(),
             obstacle: Footprint::PLATE,
+            parameters: Vec::new(),
+            sensitivities: None,
             hash: [0; 32],
         };
         database.hash = database.content_hash();
@@ -206,7 +245,8 @@ impl Database {
         self.fields.iter().position(|f| f.kind == FieldKind::Coordinate(axis))
     }
 
-    /// blake3 over cases, fields and snapshots: what a model remembers of its database. `O(bytes)`.
+    /// blake3 over cases, fields, snapshots, parameters and sensitivities: what a model remembers of its database.
+    /// `O(bytes)`.
     pub fn content_hash(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         for field in &self.fields {
@@ -214,16 +254,32 @@ impl Database {
         }
         for case in &self.cases {
             hasher.update(case.name.as_bytes()).update(&[0, case.regime as u8, case.split as u8]);
-            for value in [case.pressure_mpa, case.gap_mm.unwrap_or(f64::NAN), case.contact_force_n] {
+            let fixed = [case.pressure_mpa, case.gap_mm.unwrap_or(f64::NAN), case.contact_force_n];
+            for value in fixed.iter().chain(&case.parameters) {
                 hasher.update(&value.to_le_bytes());
             }
         }
-        let mut bytes = Vec::with_capacity(1 << 16);
-        for chunk in self.snapshots.chunks(1 << 14) {
-            bytes.clear();
-            bytes.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
-            hasher.update(&bytes);
+        hash_values(&mut hasher, &self.snapshots);
+        for parameter in &self.parameters {
+            hasher.update(parameter.name.as_bytes()).update(&[0]).update(parameter.unit.as_bytes());
+            hasher.update(&parameter.nominal.to_le_bytes());
+        }
+        if let Some(sensitivities) = &self.sensitivities {
+            for row in &sensitivities.rows {
+                hasher.update(&(row.case as u64).to_le_bytes()).update(&(row.input as u64).to_le_bytes());
+                hasher.update(&row.contact_force_n_per_unit.to_le_bytes());
+            }
+            hash_values(&mut hasher, &sensitivities.values);
         }
         *hasher.finalize().as_bytes()
+    }
+}
+
+fn hash_values(hasher: &mut blake3::Hasher, values: &[f32]) {
+    let mut bytes = Vec::with_capacity(1 << 16);
+    for chunk in values.chunks(1 << 14) {
+        bytes.clear();
+        bytes.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
+        hasher.update(&bytes);
     }
 }

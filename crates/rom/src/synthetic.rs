@@ -82,6 +82,7 @@ pub fn database(states: &[State]) -> Database {
         pressure_mpa: *p,
         gap_mm: *gap,
         contact_force_n: gap.map_or(0.0, |g| force_n(*p, g)),
+        parameters: Vec::new(),
     };
     let mut database = Database {
         actuator: "beam".into(),
@@ -93,6 +94,8 @@ pub fn database(states: &[State]) -> Database {
         surface_triangles: vec![[0, 1, 2], [2, 3, 4]],
         node_sets: vec![NodeSet { name: "tip".into(), nodes: (110..120).collect() }],
         obstacle: Footprint::PLATE,
+        parameters: Vec::new(),
+        sensitivities: None,
         hash: [0; 32],
     };
     database.hash = database.content_hash();

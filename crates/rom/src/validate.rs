@@ -1,6 +1,7 @@
 //! What can be wrong with a database or a configuration: everything is reported at once.
 
 use crate::config::{KernelKind, ModeChoice, RegimeConfig, TrainConfig};
+use crate::inputs::{MAX_INPUTS, PARAMETERS};
 use crate::snapshots::{Database, RegimeKind, Split};
 use std::collections::BTreeSet;
 
@@ -14,6 +15,7 @@ impl Database {
         let mut problems = self.shape_problems();
         if problems.is_empty() {
             problems.extend(self.case_problems());
+            problems.extend(self.parameter_problems());
             problems.extend(self.value_problems());
         }
         problems
@@ -82,6 +84,43 @@ impl Database {
                     "case {name}: contact_force_n {} is not a force >= 0",
                     case.contact_force_n
                 ));
+            }
+        }
+        problems
+    }
+
+    /// Parameters and derivatives that do not fit the cases.
+    fn parameter_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let (count, most) = (self.parameters.len(), MAX_INPUTS - PARAMETERS);
+        if count > most {
+            problems
+                .push(format!("parameters: expected at most {most} beside pressure and gap, found {count}"));
+        }
+        let names: BTreeSet<&str> = self.parameters.iter().map(|p| p.name.as_str()).collect();
+        if names.len() != count {
+            problems.push("parameters: two have the same name".into());
+        }
+        for parameter in self.parameters.iter().filter(|p| !p.nominal.is_finite()) {
+            problems.push(format!("parameter {}: the nominal value is no number", parameter.name));
+        }
+        for case in &self.cases {
+            if case.parameters.len() != count || case.parameters.iter().any(|v| !v.is_finite()) {
+                problems.push(format!(
+                    "case {}: expected {count} numbers for the parameters, found {:?}",
+                    case.name, case.parameters
+                ));
+            }
+        }
+        if let Some(derivatives) = &self.sensitivities {
+            let entries = derivatives.rows.len() * derivatives.fields.len() * self.node_count;
+            let (inputs, found) = (PARAMETERS + count, derivatives.values.len());
+            if derivatives.rows.iter().any(|row| row.case >= self.cases.len() || row.input >= inputs) {
+                problems.push("sensitivities: a row names a missing case or input".into());
+            }
+            if found != entries || derivatives.fields.iter().any(|f| *f >= self.fields.len()) {
+                problems
+                    .push(format!("sensitivities: expected {entries} values of known fields, found {found}"));
             }
         }
         problems

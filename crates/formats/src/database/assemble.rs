@@ -3,6 +3,7 @@
 use super::mesh;
 use super::words::ObstacleKind;
 use crate::error::FormatError;
+use rom::inputs::Parameter;
 use rom::snapshots::{Case, Database, FieldSpec};
 use std::path::Path;
 
@@ -12,6 +13,8 @@ pub(crate) struct Parts {
     pub(crate) fields: Vec<FieldSpec>,
     pub(crate) node_count: usize,
     pub(crate) cases: Vec<Case>,
+    /// Inputs beside pressure and gap.
+    pub(crate) parameters: Vec<Parameter>,
     /// `cases x nodes x fields`.
     pub(crate) snapshots: Vec<f32>,
 }
@@ -39,6 +42,8 @@ impl Parts {
             surface_triangles: body.triangles,
             node_sets: body.node_sets,
             obstacle: obstacle.footprint(),
+            parameters: self.parameters,
+            sensitivities: None,
             hash: [0; 32],
         };
         database.hash = database.content_hash();

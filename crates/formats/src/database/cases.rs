@@ -5,6 +5,7 @@ use super::words::{ObstacleKind, REGIMES, SPLITS, split_name};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use crate::table::{self, Row, Table};
+use rom::inputs::Parameter;
 use rom::snapshots::{Case, RegimeKind};
 use std::collections::HashMap;
 use std::path::Path;
@@ -20,7 +21,7 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind
     let (mut cases, mut diagnostics, mut seen) = (Vec::new(), Vec::new(), HashMap::new());
     for row in table.rows() {
         let Some(case) = case(&row, &columns, &mut diagnostics) else { continue };
-        if let Some(first) = seen.insert(row.text(columns[0]), row.place()) {
+        if let Some(first) = seen.insert(row.text(columns.standard[0]), row.place()) {
             let place = format!("{}, column case", row.place());
             let found = format!("`{}` of {first}", case.1.name);
             diagnostics.push(Diagnostic::new(place, "a name used once", found));
@@ -33,28 +34,44 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind
     FormatError::check(cases, path, diagnostics)
 }
 
-/// Where each standard column is; all others must be declared.
-fn columns(table: &Table, manifest: &Manifest) -> Result<[usize; 6], Vec<Diagnostic>> {
+/// Where the columns are.
+struct Columns {
+    standard: [usize; 6],
+    parameters: Vec<usize>,
+}
+
+/// Where each standard column and each parameter is; all others must be declared.
+fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic>> {
     let found = table.columns(COLUMNS);
-    let declared = |name: &str| manifest.extra.iter().any(|extra| extra.name == name);
+    let parameters = manifest.parameters();
+    let declared = |name: &str| {
+        manifest.extra.iter().any(|extra| extra.name == name) || parameters.iter().any(|p| p.name == name)
+    };
+    let mut missing = Vec::new();
+    let parameters: Vec<usize> =
+        parameters.iter().filter_map(|p| collect(table.column(&p.name), &mut missing)).collect();
     let strangers = table.header().iter().filter(|name| !COLUMNS.contains(&name.as_str()) && !declared(name));
-    let expected = "standard columns and those declared as [[extra]] in database.toml";
+    let expected = "standard columns and those declared as [[input]] or [[extra]] in database.toml";
     let strangers: Vec<Diagnostic> =
         strangers.map(|name| Diagnostic::new("header", expected, format!("`{name}`"))).collect();
     match found {
-        Ok(columns) if strangers.is_empty() => Ok(columns),
-        found => Err(found.err().into_iter().flatten().chain(strangers).collect()),
+        Ok(standard) if strangers.is_empty() && missing.is_empty() => Ok(Columns { standard, parameters }),
+        found => Err(found.err().into_iter().flatten().chain(missing).chain(strangers).collect()),
     }
 }
 
-fn case(row: &Row<'_>, at: &[usize; 6], diagnostics: &mut Vec<Diagnostic>) -> Option<(ObstacleKind, Case)> {
+fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<(ObstacleKind, Case)> {
     collect(row.check_width(false), diagnostics)?;
+    let parameters: Vec<f64> =
+        at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();
+    let all_given = parameters.len() == at.parameters.len();
+    let at = &at.standard;
     let regime = collect(row.choice(at[1], &REGIMES), diagnostics);
     let split = collect(row.choice(at[2], &SPLITS), diagnostics);
     let pressure_mpa = collect(row.number(at[3]), diagnostics);
     let gap_mm = collect(row.optional_number(at[4]), diagnostics);
     let contact_force_n = collect(row.number(at[5]), diagnostics);
-    let (obstacle, regime) = regime?;
+    let (obstacle, regime) = regime.filter(|_| all_given)?;
     if regime == RegimeKind::Contact && gap_mm == Some(None) {
         diagnostics.push(row.diagnostic(at[4], "a gap in mm for a case with an obstacle"));
         return None;
@@ -66,21 +83,26 @@ fn case(row: &Row<'_>, at: &[usize; 6], diagnostics: &mut Vec<Diagnostic>) -> Op
         pressure_mpa: pressure_mpa?,
         gap_mm: gap_mm?,
         contact_force_n: contact_force_n?,
+        parameters,
     };
     Some((obstacle, case))
 }
 
-/// Writes a table of cases at the plate.
-pub(crate) fn write(path: &Path, cases: &[Case]) -> Result<(), FormatError> {
+/// Writes a table of cases at the plate; `parameters` names their further columns.
+pub(crate) fn write(path: &Path, cases: &[Case], parameters: &[Parameter]) -> Result<(), FormatError> {
+    let (before, force) = COLUMNS.split_at(5);
+    let names = parameters.iter().map(|p| p.name.as_str());
+    let header: Vec<&str> = before.iter().copied().chain(names).chain(force.iter().copied()).collect();
     let row = |case: &Case| {
-        [
+        let mut cells = vec![
             case.name.clone(),
             case.regime.name().to_owned(),
             split_name(case.split).to_owned(),
             case.pressure_mpa.to_string(),
             case.gap_mm.map_or(String::new(), |gap| gap.to_string()),
-            case.contact_force_n.to_string(),
-        ]
+        ];
+        cells.extend(case.parameters.iter().chain([&case.contact_force_n]).map(f64::to_string));
+        cells
     };
-    file::replace(path, table::to_text(&COLUMNS, cases.iter().map(row)).as_bytes())
+    file::replace(path, table::to_text(&header, cases.iter().map(row)).as_bytes())
 }

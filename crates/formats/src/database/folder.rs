@@ -2,7 +2,8 @@
 
 use super::assemble::Parts;
 use super::cases;
-use super::manifest::{FILE, Manifest};
+use super::manifest::{FILE, Input, Manifest};
+use super::sensitivities;
 use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError};
 use crate::mesh_file::Tet10;
@@ -29,15 +30,22 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         let diagnostic = Diagnostic::new("shape", expected, format!("{:?}", array.shape));
         return Err(FormatError::one(&snapshots_path, diagnostic));
     }
+    let derivatives = sensitivities::read(dir, &manifest, &cases)?;
+    let kept: Vec<bool> = cases.iter().map(|(kind, _)| *kind == obstacle).collect();
     let (cases, snapshots) = select(cases, obstacle, array.values, manifest.nodes * fields.len());
     if cases.is_empty() {
         let expected = format!("cases of scene {}", obstacle.name());
         return Err(FormatError::one(&cases_path, Diagnostic::new("column regime", expected, "none")));
     }
     let node_count = manifest.nodes;
-    let parts = Parts { actuator: manifest.actuator, fields, node_count, cases, snapshots };
+    let parameters = manifest.parameters();
+    let parts = Parts { actuator: manifest.actuator, fields, node_count, cases, parameters, snapshots };
     let mut database = parts.assemble(mesh.as_deref(), obstacle)?;
     database.obstacle = manifest.obstacle.unwrap_or(database.obstacle);
+    if let Some(derivatives) = derivatives {
+        database.sensitivities = Some(sensitivities::of_cases(derivatives, &kept, node_count));
+        database.hash = database.content_hash();
+    }
     Ok(database)
 }
 
@@ -99,7 +107,15 @@ pub fn write(dir: &Path, database: &Database, tets: &[Tet10]) -> Result<(), Form
         let grid = vtu::Grid { points_mm: points, cells: vtu::Cells::QuadraticTets(tets), point_data: &[] };
         vtu::write(&dir.join("mesh.vtu"), &grid)?;
     }
-    cases::write(&dir.join(&manifest.cases), &database.cases)?;
+    manifest.input.extend(database.parameters.iter().map(|p| Input {
+        name: p.name.clone(),
+        unit: p.unit.clone(),
+        nominal: Some(p.nominal),
+    }));
+    if let Some(derivatives) = &database.sensitivities {
+        sensitivities::write(dir, &mut manifest, database, derivatives)?;
+    }
+    cases::write(&dir.join(&manifest.cases), &database.cases, &database.parameters)?;
     let shape = [database.cases.len(), database.node_count, database.fields.len()];
     npy::write_f32(&dir.join(&manifest.snapshots), &shape, &database.snapshots)?;
     manifest.write(&dir.join(FILE))

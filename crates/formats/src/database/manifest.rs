@@ -2,6 +2,7 @@
 
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
+use rom::inputs::{MAX_INPUTS, PARAMETERS, Parameter};
 use rom::snapshots::{FieldKind, FieldSpec, Footprint};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -34,13 +35,19 @@ pub struct Manifest {
     /// What computed the cases; free text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solver: Option<String>,
+    /// File of the derivatives by inputs, in the same folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensitivities: Option<String>,
+    /// Fields in the order of that file; all fields when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensitivity_fields: Option<Vec<String>>,
     /// What can be touched; the paper's plate (or, for the gripper, its block) when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub obstacle: Option<Footprint>,
     /// Fields in the order of the snapshots.
     pub field: Vec<Field>,
-    /// Inputs, `pressure_mpa` and `gap_mm`.
-    pub input: Vec<Extra>,
+    /// Inputs: `pressure_mpa`, `gap_mm`, then parameters by their key in the actuator's description.
+    pub input: Vec<Input>,
     /// Columns of the case table beyond the standard ones, for people and other tools.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub extra: Vec<Extra>,
@@ -70,6 +77,19 @@ pub enum Kind {
     Stress,
     /// Anything else.
     Other,
+}
+
+/// An input of the cases.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// Column name; for a parameter its dotted key in the actuator's description.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// A parameter's value in the actuator as described.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal: Option<f64>,
 }
 
 /// A column of the case table.
@@ -108,7 +128,7 @@ impl Manifest {
     /// The description of a database with the usual file names, without a mesh.
     #[must_use]
     pub fn new(actuator: &str, nodes: usize, fields: &[FieldSpec]) -> Self {
-        let column = |name: &str, unit: &str| Extra { name: name.into(), unit: unit.into() };
+        let column = |name: &str, unit: &str| Input { name: name.into(), unit: unit.into(), nominal: None };
         Self {
             layout: LAYOUT,
             actuator: actuator.into(),
@@ -121,6 +141,8 @@ impl Manifest {
             obstacle: None,
             field: fields.iter().map(Field::of).collect(),
             input: vec![column("pressure_mpa", "MPa"), column("gap_mm", "mm")],
+            sensitivities: None,
+            sensitivity_fields: None,
             extra: vec![],
         }
     }
@@ -140,6 +162,18 @@ impl Manifest {
         self.field.iter().map(Field::spec).collect()
     }
 
+    /// The inputs beside pressure and gap, in the order of the file.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let further = self.input.iter().skip(PARAMETERS);
+        further
+            .map(|i| Parameter {
+                name: i.name.clone(),
+                unit: i.unit.clone(),
+                nominal: i.nominal.unwrap_or(f64::NAN), // refused by `diagnostics`
+            })
+            .collect()
+    }
+
     fn diagnostics(&self) -> Vec<Diagnostic> {
         let mut diagnostics = Vec::new();
         let mut check = |ok: bool, place: String, expected: &str, found: String| {
@@ -150,9 +184,12 @@ impl Manifest {
         check(self.layout == LAYOUT, "layout".into(), "1", self.layout.to_string());
         check(self.nodes > 0, "nodes".into(), "at least 1", "0".into());
         check(!self.field.is_empty(), "[[field]]".into(), "at least one field", "none".into());
-        for (key, name) in
-            [("cases", Some(&self.cases)), ("snapshots", Some(&self.snapshots)), ("mesh", self.mesh.as_ref())]
-        {
+        for (key, name) in [
+            ("cases", Some(&self.cases)),
+            ("snapshots", Some(&self.snapshots)),
+            ("mesh", self.mesh.as_ref()),
+            ("sensitivities", self.sensitivities.as_ref()),
+        ] {
             if let Some(name) = name {
                 check(
                     file::is_plain_name(name),
@@ -168,16 +205,35 @@ impl Manifest {
             let axis = field.kind != Kind::Coordinate || axis_of(&field.name).is_some();
             check(axis, format!("[[field]] {}", i + 1), "x, y or z for a coordinate", field.name.clone());
         }
-        for input in &self.input {
-            let known = [("pressure_mpa", "MPa"), ("gap_mm", "mm")].contains(&(&input.name, &input.unit));
-            check(
-                known,
-                "[[input]]".into(),
-                "pressure_mpa in MPa or gap_mm in mm",
-                format!("{} in {}", input.name, input.unit),
-            );
+        self.check_inputs(&mut check);
+        for name in self.sensitivity_fields.iter().flatten() {
+            let known = self.field.iter().any(|field| field.name == *name);
+            check(known, "sensitivity_fields".into(), "names of [[field]]", name.clone());
         }
         diagnostics
+    }
+
+    fn check_inputs(&self, check: &mut dyn FnMut(bool, String, &str, String)) {
+        for (i, wanted) in [("pressure_mpa", "MPa"), ("gap_mm", "mm")].into_iter().enumerate() {
+            let found = self.input.get(i).map(|input| (input.name.as_str(), input.unit.as_str()));
+            let expected = format!("{} in {}", wanted.0, wanted.1);
+            let place = format!("[[input]] {}", i + 1);
+            check(found.is_none_or(|found| found == wanted), place, &expected, format!("{found:?}"));
+        }
+        let count = self.input.len();
+        check(count <= MAX_INPUTS, "[[input]]".into(), "at most 8 inputs", count.to_string());
+        for (i, input) in self.input.iter().enumerate().skip(PARAMETERS) {
+            let place = || format!("[[input]] {} ({})", i + 1, input.name);
+            let twice = self.input[..i].iter().any(|other| other.name == input.name);
+            check(!twice, place(), "a name used once", input.name.clone());
+            let nominal = input.nominal.is_some_and(f64::is_finite);
+            check(
+                nominal,
+                place(),
+                "nominal = a number, the value of the actuator as described",
+                format!("{:?}", input.nominal),
+            );
+        }
     }
 }
 

@@ -11,10 +11,11 @@ mod cases;
 mod folder;
 mod manifest;
 mod mesh;
+mod sensitivities;
 mod words;
 
 pub use folder::{PACKED, obstacle_kinds, read_snapshots, write};
-pub use manifest::{Extra, Field, Kind, Manifest};
+pub use manifest::{Extra, Field, Input, Kind, Manifest};
 pub use mesh::{bottom_nodes, surface_of_tets};
 pub use words::{ObstacleKind, REGIMES, SPLITS};
 

@@ -52,6 +52,8 @@ pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
         surface_triangles: vec![],
         node_sets: vec![],
         obstacle: Footprint::PLATE,
+        parameters: vec![],
+        sensitivities: None,
         hash: [0; 32],
     };
     database.hash = database.content_hash();
@@ -62,5 +64,5 @@ pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
 pub fn case(name: &str, split: Split, pressure_mpa: f64, gap_mm: Option<f64>) -> Case {
     let regime = if gap_mm.is_some() { RegimeKind::Contact } else { RegimeKind::Free };
     let contact_force_n = gap_mm.map_or(0.0, |gap| (pressure_mpa * 100.0 - gap).max(0.0));
-    Case { name: name.into(), regime, split, pressure_mpa, gap_mm, contact_force_n }
+    Case { name: name.into(), regime, split, pressure_mpa, gap_mm, contact_force_n, parameters: vec![] }
 }

@@ -1,9 +1,18 @@
 //! What a header must satisfy before anything indexes by it, and how selections are resolved against it.
 
-use super::header::{ModelHeader, RegimeModel};
+use super::header::{Clearance, ModelHeader, RegimeModel};
 use super::selection::{ModelError, Nodes};
-use crate::inputs::MAX_INPUTS;
-use crate::interpolant::Interpolant;
+use crate::inputs::{MAX_INPUTS, PARAMETERS};
+use crate::interpolant::{Interpolant, Slope};
+use crate::snapshots::RegimeKind;
+
+/// Whether a clearance's lengths fit the free regime.
+fn fits(clearance: &Clearance, free: &RegimeModel) -> bool {
+    let modes = free.groups.get(clearance.group).map(|group| group.surrogate.outputs);
+    let sound = clearance.max_pressure_mpa > 0.0 && clearance.bend_per_mm.is_finite();
+    let nodes = clearance.mean_mm.len();
+    sound && nodes > 0 && modes.is_some_and(|modes| clearance.modes.len() == modes * nodes)
+}
 
 impl RegimeModel {
     /// Length of the coefficient vector.
@@ -46,6 +55,13 @@ impl ModelHeader {
             )?;
             require(table.gap_mm.windows(2).all(|w| w[0] < w[1]), "onset table: gaps do not increase")?;
         }
+        if let Some(clearance) = &self.clearance {
+            let free = self.regimes.iter().find(|r| r.kind == RegimeKind::Free);
+            require(free.is_some_and(|free| fits(clearance, free)), "the clearance has other modes")?;
+            require(self.onset.is_some(), "a clearance without an onset table")?;
+        }
+        let declared = self.inputs.iter().skip(PARAMETERS).all(|i| i.value.is_some_and(f64::is_finite));
+        require(declared, "a parameter has no value")?;
         for set in &self.node_sets {
             let inside = set.nodes.iter().all(|n| (*n as usize) < self.node_count);
             require(inside, "a node set names a node beyond the mesh")?;
@@ -65,7 +81,7 @@ impl ModelHeader {
         let positions = axes.iter().map(|a| a.input).chain(constants.iter().map(|c| c.0));
         require(positions.max() < Some(self.inputs.len()), "a regime names a missing input")?;
         require(axes.windows(2).all(|a| a[0].input < a[1].input), "a regime's inputs are out of order")?;
-        require(regime.domain.dimensions() == dimensions, "the domain has other inputs than its regime")?;
+        require(regime.domain.fits(dimensions), "the domain has other inputs than its regime")?;
         let mut next = 0;
         for group in &regime.groups {
             require(
@@ -101,8 +117,10 @@ impl ModelHeader {
         regime.interpolants().try_for_each(|fit| {
             require(fit.dimensions == dimensions, "an interpolant has other inputs than its regime")?;
             require(fit.centres.len() % dimensions == 0, "an interpolant's centres are cut")?;
-            let (weights, tail) =
-                (fit.centre_count() * fit.outputs, fit.tail.terms(dimensions) * fit.outputs);
+            let (weights, tail) = (fit.terms() * fit.outputs, fit.tail.terms(dimensions) * fit.outputs);
+            let placed =
+                |s: &Slope| (s.centre as usize) < fit.centre_count() && (s.axis as usize) < dimensions;
+            require(fit.slopes.iter().all(placed), "an interpolant's derivatives name a missing centre")?;
             require(
                 fit.weights.len() == weights && fit.tail_weights.len() == tail,
                 "an interpolant's weights are cut",

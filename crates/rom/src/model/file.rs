@@ -7,7 +7,7 @@
 //! 16     header length h, u64 little-endian       8
 //! 24     blake3 of the header                    32
 //! 56     zero                                     8
-//! 64     header: block table and model header     h   (codec.rs)
+//! 64     header: block table and model header     h   (codec.rs), in version 4 what further.rs adds
 //!        zeros up to a multiple of 64
 //! d      blocks, each from a multiple of 64, little-endian, zeros between
 //! end-32 blake3 of everything before             32
@@ -15,6 +15,7 @@
 //! Offsets in the block table count from `d`. Header and blocks carry their own blake3, so that a reader who needs
 //! one block checks that block and no more.
 
+use super::further::Further;
 use super::header::{BlockData, BlockKind, Model, ModelHeader};
 use super::selection::{ModelError, Selection};
 use super::{codec, version2};
@@ -24,8 +25,10 @@ use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// The version that this program writes: any inputs, local half-widths.
-pub const VERSION: u32 = 3;
+/// The newest version: parameters, interpolants with derivatives. Models without are written as [`PLAIN_VERSION`].
+pub const VERSION: u32 = 4;
+/// Pressure and gap, local half-widths.
+pub const PLAIN_VERSION: u32 = 3;
 /// The oldest version that it reads: pressure and gap. Models are made again in seconds, so older layouts are refused.
 const OLDEST_VERSION: u32 = 2;
 const ALIGN: usize = 64;
@@ -129,11 +132,15 @@ impl Model {
             });
             data.extend(bytes);
         }
-        let header = codec::encode(&FileHeader { blocks: table, model: &self.header });
+        let header = FileHeader { blocks: table, model: &self.header };
+        let (version, header) = match Further::of(&self.header) {
+            Some(further) => (VERSION, codec::encode(&(header, further))),
+            None => (PLAIN_VERSION, codec::encode(&header)),
+        };
         let header = header.map_err(ModelFileError::Header)?;
         let mut out = Vec::with_capacity(2 * ALIGN + header.len() + data.len() + TRAILER as usize);
         out.extend(MAGIC);
-        out.extend(VERSION.to_le_bytes());
+        out.extend(version.to_le_bytes());
         out.extend([0; 4]);
         out.extend((header.len() as u64).to_le_bytes());
         out.extend(blake3::hash(&header).as_bytes());
@@ -291,6 +298,11 @@ impl<R: Read + Seek> ModelReader<R> {
 
 fn decode(version: u32, bytes: &[u8]) -> Result<FileHeader<ModelHeader>, String> {
     if version == VERSION {
+        let (mut header, further): (FileHeader<ModelHeader>, Further) = codec::decode(bytes)?;
+        further.add_to(&mut header.model)?;
+        return Ok(header);
+    }
+    if version == PLAIN_VERSION {
         return codec::decode(bytes);
     }
     let FileHeader { blocks, model } = codec::decode::<FileHeader<version2::Header>>(bytes)?;

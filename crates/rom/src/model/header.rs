@@ -23,7 +23,7 @@ pub struct ModelHeader {
     pub node_count: usize,
     /// Regimes; at most one of each kind.
     pub regimes: Vec<RegimeModel>,
-    /// Onset pressure over gap; none for a model of one regime.
+    /// Onset pressure over gap (with parameters: at their values in use); none for a model of one regime.
     pub onset: Option<OnsetTable>,
     /// Pressure by which the onset must be undercut before the contact label is dropped, in MPa.
     pub hysteresis_mpa: f64,
@@ -31,6 +31,9 @@ pub struct ModelHeader {
     pub node_sets: Vec<NodeSet>,
     /// blake3 of the database it was trained on.
     pub database_hash: [u8; 32],
+    /// What the onset is solved from where it depends on parameters. The file keeps it apart (`further.rs`).
+    #[serde(skip)]
+    pub clearance: Option<Clearance>,
 }
 
 /// One output field and how its values come about.
@@ -91,6 +94,22 @@ impl FarOnset {
             *d += if held { 0.0 } else { (high - low) / width };
         }
     }
+}
+
+/// What the onset of a model with parameters is solved from (`clearance.rs`): heights of the nodes that can be the lowest, in
+/// the free model's modes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Clearance {
+    /// Largest training pressure in MPa: up to here the free model is asked.
+    pub max_pressure_mpa: f64,
+    /// How the onset goes on below the sag, see [`OnsetTable::bend_per_mm`].
+    pub bend_per_mm: f64,
+    /// Group of the free regime that holds the height.
+    pub group: usize,
+    /// Mean height by node, mm.
+    pub mean_mm: Vec<f64>,
+    /// `nodes x modes`: the modes of the height, all of a node together.
+    pub modes: Vec<f64>,
 }
 
 /// Contact force of a regime. Near the onset it grows in proportion to `P - P_c(gap)`; what is interpolated there is the

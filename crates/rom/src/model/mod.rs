@@ -3,12 +3,14 @@
 mod check;
 mod codec;
 mod file;
+mod further;
 mod header;
 mod selection;
 mod version2;
 
-pub use file::{BlockEntry, MAGIC, ModelFileError, ModelReader, VERSION};
+pub use file::{BlockEntry, MAGIC, ModelFileError, ModelReader, PLAIN_VERSION, VERSION};
 pub use header::{
-    BlockData, BlockKind, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField, RegimeModel,
+    BlockData, BlockKind, Clearance, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField,
+    RegimeModel,
 };
 pub use selection::{ModelError, Nodes, Selection};

@@ -43,6 +43,28 @@ pub enum ModelError {
         /// Names there are.
         known: Vec<String>,
     },
+    /// No such parameter.
+    #[error(
+        "the model has no parameter {found:?}{}; it has {}",
+        .nearest.as_ref().map(|n| format!(" (did you mean {n:?}?)")).unwrap_or_default(),
+        if .known.is_empty() { "none".into() } else { .known.join(", ") }
+    )]
+    UnknownInput {
+        /// Name asked for.
+        found: String,
+        /// The name there is that differs by the fewest letters.
+        nearest: Option<String>,
+        /// Names there are.
+        known: Vec<String>,
+    },
+    /// A parameter was given a value that is no number.
+    #[error("parameter {name}: expected a number, found {value}")]
+    NotFinite {
+        /// Name.
+        name: String,
+        /// Value found.
+        value: f64,
+    },
     /// A node index beyond the mesh.
     #[error("node {node} does not exist; the model has {node_count} nodes, numbered from 0")]
     NodeOutOfRange {

@@ -91,7 +91,7 @@ impl From<Header> for ModelHeader {
         let regimes: Vec<RegimeModel> = header.regimes.into_iter().map(RegimeModel::from).collect();
         Self {
             actuator: header.actuator,
-            inputs: InputSpec::ranged(InputSpec::pressure_and_gap(), regimes.iter().map(|r| &r.inputs)),
+            inputs: InputSpec::ranged(InputSpec::without_range(&[]), regimes.iter().map(|r| &r.inputs)),
             fields: header.fields,
             node_count: header.node_count,
             regimes,
@@ -99,6 +99,7 @@ impl From<Header> for ModelHeader {
             hysteresis_mpa: header.hysteresis_mpa,
             node_sets: header.node_sets,
             database_hash: header.database_hash,
+            clearance: None,
         }
     }
 }
@@ -156,6 +157,7 @@ impl From<Surrogate> for Interpolant {
             smoothing: fit.smoothing,
             condition: fit.condition,
             residual: fit.residual,
+            slopes: Vec::new(),
         }
     }
 }

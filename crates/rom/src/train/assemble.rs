@@ -1,13 +1,13 @@
 //! From trained parts to the model and its data sheet.
 
 use super::group::{GroupFit, Plan};
+use super::onset::OnsetBoundary;
 use super::regime::Part;
 use crate::config::TrainConfig;
 use crate::datasheet::{Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
 use crate::inputs::InputSpec;
 use crate::interpolant::Interpolant;
 use crate::model::{BlockData, BlockKind, GroupModel, Model, ModelHeader, OutputField, RegimeModel};
-use crate::regime::OnsetTable;
 use crate::snapshots::Database;
 
 pub(super) fn assemble(
@@ -15,12 +15,12 @@ pub(super) fn assemble(
     config: &TrainConfig,
     plan: &Plan,
     parts: Vec<Part>,
-    onset: Option<OnsetTable>,
+    onset: Option<OnsetBoundary>,
     remarks: Vec<String>,
 ) -> (Model, DataSheet) {
     let fields = database.fields.iter().zip(&plan.magnitude_of);
     let maps = parts.iter().map(|part| &part.inputs);
-    let inputs = InputSpec::ranged(InputSpec::pressure_and_gap(), maps);
+    let inputs = InputSpec::ranged(InputSpec::without_range(&database.parameters), maps);
     let sheet = DataSheet {
         actuator: database.actuator.clone(),
         database_hash: database.hash.iter().map(|b| format!("{b:02x}")).collect(),
@@ -36,8 +36,8 @@ pub(super) fn assemble(
             })
             .collect(),
         regimes: parts.iter().map(|part| regime_sheet(plan, part, &inputs)).collect(),
-        sag_mm: onset.as_ref().map(OnsetTable::sag_mm),
-        reach_mm: onset.as_ref().map(OnsetTable::reach_mm),
+        sag_mm: onset.as_ref().map(|onset| onset.table.sag_mm()),
+        reach_mm: onset.as_ref().map(|onset| onset.table.reach_mm()),
         remarks,
         config: config.clone(),
     };
@@ -47,10 +47,11 @@ pub(super) fn assemble(
         fields: fields.map(|(spec, axes)| OutputField { spec: spec.clone(), magnitude_of: *axes }).collect(),
         node_count: database.node_count,
         regimes: parts.iter().map(|part| regime_model(plan, part)).collect(),
-        onset,
+        onset: onset.as_ref().map(|onset| onset.table.clone()),
         hysteresis_mpa: config.hysteresis_mpa,
         node_sets: database.node_sets.clone(),
         database_hash: database.hash,
+        clearance: onset.and_then(OnsetBoundary::into_clearance),
     };
     let mut blocks: Vec<(BlockKind, BlockData)> =
         parts.iter().flat_map(|part| field_blocks(database, plan, part)).collect();
@@ -66,7 +67,7 @@ pub(super) fn assemble(
     (Model { header, blocks }, sheet)
 }
 
-fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
+pub(super) fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
     let mut next = 0;
     let groups = plan.groups.iter().zip(&part.groups).map(|(group, fit)| {
         let coefficients = next..next + fit.choice.modes;

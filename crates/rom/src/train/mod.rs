@@ -79,7 +79,7 @@ pub fn train(
     if !problems.is_empty() {
         return Err(TrainError::Database(problems));
     }
-    let sorted = sort::sort(database, config)?;
+    let mut sorted = sort::sort(database, config)?;
     let plan = group::Plan::new(database, config);
     let mut parts = Vec::new();
     let mut onset = None;
@@ -91,10 +91,13 @@ pub fn train(
         let free = parts.first();
         if let Some(free) = free {
             progress("onset pressure from the free model");
-            onset = Some(onset::derive(database, config, &plan, free, sorted.max_pressure_mpa)?);
+            let boundary = onset::derive(database, config, &plan, free, &sorted)?;
+            sorted.remarks.extend(boundary.remarks());
+            onset = Some(boundary);
         }
         progress("contact regime: decomposing and choosing kernels");
-        let contact = regime::contact(database, config, &plan, &sorted.contact, free.zip(onset.as_ref()))?;
+        let boundary = free.zip(onset.as_ref());
+        let contact = regime::contact(database, config, &plan, &sorted.contact, boundary)?;
         parts.push(contact);
     }
     progress("assembling the model");

@@ -2,11 +2,12 @@
 
 use super::TrainError;
 use super::group::{Decomposed, GroupFit, Plan, fit_groups};
+use super::onset::OnsetBoundary;
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::datasheet::{Candidate, CaseError};
 use crate::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
-use crate::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
+use crate::inputs::{GAP, InputMap, Inputs, PARAMETERS, PRESSURE, Point};
 use crate::model::{FarOnset, ForceModel};
 use crate::regime::OnsetTable;
 use crate::select::{States, Task, choose};
@@ -35,10 +36,10 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// A field of the free model at a pressure, node by node.
-    pub fn field(&self, plan: &Plan, field: usize, pressure_mpa: f64) -> Vec<f64> {
+    /// A field at a state, node by node.
+    pub fn field(&self, plan: &Plan, field: usize, inputs: &Inputs) -> Vec<f64> {
         let Some((g, at)) = plan.find(field) else { return Vec::new() };
-        let stacked = self.groups[g].evaluate(&self.inputs.scale(&Inputs::new(pressure_mpa, 0.0)));
+        let stacked = self.groups[g].evaluate(&self.inputs.scale(inputs));
         let nodes = stacked.len() / plan.groups[g].fields.len();
         stacked[at * nodes..(at + 1) * nodes].to_vec()
     }
@@ -65,8 +66,9 @@ pub(super) fn free(
     plan: &Plan,
     cases: &[usize],
 ) -> Result<Part, TrainError> {
-    let points = cases.iter().map(|&i| Inputs::new(database.cases[i].pressure_mpa, 0.0)).collect();
-    let training = Training::new(database, cases, points, &[PRESSURE], f64::INFINITY);
+    let points = cases.iter().map(|&i| database.cases[i].inputs_at_gap(0.0)).collect();
+    let varying = varying(database, &[PRESSURE]);
+    let training = Training::new(database, cases, points, &varying, f64::INFINITY);
     let groups = training.groups(RegimeKind::Free, config, &config.free, plan, None)?;
     let errors = training.errors(plan, &groups, None);
     Ok(training.part(RegimeKind::Free, groups, None, errors, config.coverage))
@@ -77,15 +79,23 @@ pub(super) fn contact(
     config: &TrainConfig,
     plan: &Plan,
     cases: &[usize],
-    boundary: Option<(&Part, &OnsetTable)>,
+    boundary: Option<(&Part, &OnsetBoundary)>,
 ) -> Result<Part, TrainError> {
     let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
     let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
-    if let Some((_, table)) = boundary {
-        points.extend(boundary_points(&points, table, config));
+    let mut far = Vec::new();
+    match boundary {
+        Some((_, onset)) if onset.has_parameters() => {
+            points.extend(boundary_with_parameters(&points, onset, config, database));
+        }
+        Some((_, onset)) => {
+            points.extend(boundary_points(&points, onset, config));
+            far = far_points(&points[cases.len()..], &onset.table);
+        }
+        None => {}
     }
-    let far = boundary.map_or(Vec::new(), |(_, table)| far_points(&points[cases.len()..], table));
-    let mut training = Training::new(database, cases, points, &[PRESSURE, GAP], largest_gap);
+    let mut training =
+        Training::new(database, cases, points, &varying(database, &[PRESSURE, GAP]), largest_gap);
     training.far = far.iter().copied().skip(1).step_by(FAR_STRIDE).collect();
     let groups =
         training.groups(RegimeKind::Contact, config, &config.contact, plan, boundary.map(|b| b.0))?;
@@ -100,8 +110,8 @@ pub(super) fn contact(
 }
 
 /// States on the onset, evenly spread over pressure; one only where all cases share a gap.
-fn boundary_points(cases: &[Inputs], table: &OnsetTable, config: &TrainConfig) -> Vec<Inputs> {
-    let count = config.boundary_states;
+fn boundary_points(cases: &[Inputs], onset: &OnsetBoundary, config: &TrainConfig) -> Vec<Inputs> {
+    let (count, table) = (config.boundary_states, &onset.table);
     let gap = cases[0].gap_mm();
     let gaps = || cases.iter().map(Inputs::gap_mm);
     if gaps().all(|g| g == gap) {
@@ -112,7 +122,34 @@ fn boundary_points(cases: &[Inputs], table: &OnsetTable, config: &TrainConfig) -
     let limit = high + config.boundary_overshoot * (high - low);
     let last = table.gap_mm.partition_point(|g| *g <= limit).saturating_sub(1);
     let pick = |i: usize| i * last / (count - 1).max(1);
-    (0..count).map(pick).map(|i| Inputs::new(table.pressure_mpa[i], table.gap_mm[i])).collect()
+    let state = |i: usize| cases[0].with(PRESSURE, table.pressure_mpa[i]).with(GAP, table.gap_mm[i]);
+    (0..count).map(pick).map(state).collect()
+}
+
+/// States on the onset at the parameters of the cases, in turn: pressures evenly spread, gaps where the free model then is.
+fn boundary_with_parameters(
+    cases: &[Inputs],
+    onset: &OnsetBoundary,
+    config: &TrainConfig,
+    database: &Database,
+) -> Vec<Inputs> {
+    let gaps = || cases.iter().map(Inputs::gap_mm);
+    let (low, high) = gaps().fold((f64::INFINITY, 0.0_f64), |(l, h), g| (l.min(g), h.max(g)));
+    let limit = high + config.boundary_overshoot * (high - low);
+    let count = (config.boundary_states * (1 + database.parameters.len())).min(cases.len());
+    let largest_mpa = onset.table.pressure_mpa.last().copied().unwrap_or(0.0);
+    let state = |i: usize| {
+        // Golden-ratio steps: no two neighbours in the list of cases get neighbouring pressures.
+        let pressure_mpa = largest_mpa * (i as f64 * 0.618_033_988_749_895).fract();
+        let inputs = cases[i * cases.len() / count.max(1)].with(PRESSURE, pressure_mpa);
+        Some(inputs.with(GAP, onset.depth_mm(&inputs)?))
+    };
+    (0..count).filter_map(state).filter(|state| state.gap_mm() <= limit).collect()
+}
+
+/// Inputs that a regime may be interpolated over: those given and the parameters.
+fn varying(database: &Database, first: &[usize]) -> Vec<usize> {
+    first.iter().copied().chain((0..database.parameters.len()).map(|i| PARAMETERS + i)).collect()
 }
 
 /// Every so many entries of the onset table beyond the trained ones take part in the POD.
@@ -148,8 +185,9 @@ impl<'a> Training<'a> {
             .filter(|(i, (_, p))| *i < cases.len() || p.gap_mm() <= largest_gap)
             .map(|(_, (x, _))| *x)
             .collect();
-        let domain = Domain::of_points(inputs.dimensions(), &trusted);
-        let edge = Domain::of_points(inputs.dimensions(), &scaled[..cases.len()]);
+        let (operating, dimensions) = (inputs.operating(), inputs.dimensions());
+        let domain = Domain::of_points(operating, dimensions, &trusted);
+        let edge = Domain::of_points(operating, dimensions, &scaled[..cases.len()]);
         let mut score: Vec<f64> = (0..points.len())
             .map(|i| f64::from(u8::from(i < cases.len() && !edge.has_vertex(&scaled[i]))))
             .collect();
@@ -215,19 +253,20 @@ impl<'a> Training<'a> {
     }
 
     fn states<'b>(&self, inputs: &'b [Point], score: &'b [f64]) -> States<'b> {
-        States { dimensions: self.inputs.dimensions(), inputs, score }
+        let (operating, dimensions) = (self.inputs.operating(), self.inputs.dimensions());
+        States { operating, dimensions, inputs, score }
     }
 
     /// The contact force and its leave-one-out residuals by case, in N.
     fn force(
         &self,
         config: &RegimeConfig,
-        onset: Option<&OnsetTable>,
+        onset: Option<&OnsetBoundary>,
     ) -> Result<(Force, Vec<f64>), TrainError> {
         let forces: Vec<f64> = self.cases.iter().map(|&i| self.database.cases[i].contact_force_n).collect();
         let excess: Vec<f64> = match onset {
-            Some(table) => {
-                let excess = |p: &Inputs| p.pressure_mpa() - table.pressure_and_slope(p.gap_mm()).0;
+            Some(onset) => {
+                let excess = |p: &Inputs| p.pressure_mpa() - onset.at(p).pressure_mpa;
                 self.points[..forces.len()].iter().map(excess).collect()
             }
             None => vec![1.0; forces.len()],

@@ -2,6 +2,7 @@
 
 use super::TrainError;
 use crate::config::TrainConfig;
+use crate::inputs::{Inputs, PARAMETERS};
 use crate::snapshots::{Database, RegimeKind, Split};
 
 /// Training cases by regime, as indices into the database.
@@ -31,9 +32,9 @@ pub(super) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, 
     }
     let free = std::mem::take(&mut sorted.free);
     sorted.free =
-        merge(database, config, free, |i| [database.cases[i].pressure_mpa, 0.0], &mut sorted.remarks)?;
+        merge(database, config, free, |i| database.cases[i].inputs_at_gap(0.0), &mut sorted.remarks)?;
     let contact = std::mem::take(&mut sorted.contact);
-    let input = |i: usize| [database.cases[i].pressure_mpa, database.cases[i].gap_mm.unwrap_or(0.0)];
+    let input = |i: usize| database.cases[i].inputs_at_gap(database.cases[i].gap_mm.unwrap_or(0.0));
     sorted.contact = merge(database, config, contact, input, &mut sorted.remarks)?;
     Ok(sorted)
 }
@@ -43,18 +44,20 @@ fn merge(
     database: &Database,
     config: &TrainConfig,
     cases: Vec<usize>,
-    input: impl Fn(usize) -> [f64; 2],
+    input: impl Fn(usize) -> Inputs,
     remarks: &mut Vec<String>,
 ) -> Result<Vec<usize>, TrainError> {
     let width = |axis: usize| {
-        let values = || cases.iter().map(|&i| input(i)[axis]);
+        let values = || cases.iter().map(|&i| input(i).values()[axis]);
         let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
         if range > 0.0 { range } else { 1.0 }
     };
-    let widths = [width(0), width(1)];
+    let inputs = PARAMETERS + database.parameters.len();
+    let widths: Vec<f64> = (0..inputs).map(width).collect();
     let distance = |a: usize, b: usize| {
         let (a, b) = (input(a), input(b));
-        ((a[0] - b[0]) / widths[0]).hypot((a[1] - b[1]) / widths[1])
+        let off = |i: usize| (a.values()[i] - b.values()[i]) / widths[i];
+        (0..inputs).map(|i| off(i) * off(i)).sum::<f64>().sqrt()
     };
     let (mut kept, mut contradictions): (Vec<usize>, Vec<String>) = (Vec::new(), Vec::new());
     for &i in &cases {

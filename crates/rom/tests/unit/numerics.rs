@@ -9,7 +9,6 @@ use crate::interpolant::{Interpolant, KernelScratch, Metric};
 use crate::pod::{Compact, PodError, decompose, truncation_error};
 use crate::regime::{Onset, OnsetTable};
 use crate::select::{States, Task, choose};
-use crate::simplex::distance_to_hull;
 use faer::Mat;
 use proptest::prelude::*;
 
@@ -259,7 +258,7 @@ fn selection_over_four_inputs_finds_the_input_that_does_not_matter() {
     let inputs = cube(4, 90);
     let values: Vec<f64> = inputs.iter().map(|x| (3.0 * x[0]).sin() + x[1] * x[3]).collect();
     let score = vec![1.0; inputs.len()];
-    let states = States { dimensions: 4, inputs: &inputs, score: &score };
+    let states = States { operating: 2, dimensions: 4, inputs: &inputs, score: &score };
     let dropped = vec![0.0; inputs.len()];
     let task = Task { values, outputs: 1, dropped, modes: ModeChoice::Fixed(1), modes_for_energy: 1 };
     let spec = KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear };
@@ -272,36 +271,38 @@ fn selection_over_four_inputs_finds_the_input_that_does_not_matter() {
     assert!(first < plain.expect("tried"), "stretching did not pay");
 }
 
+/// Pressure and gap by their hull, parameters by their ranges, holes by the distance to the nearest sample.
 #[test]
-fn the_hull_of_a_cube_is_its_corners_in_any_number_of_inputs() {
-    for dimensions in 3..=5 {
-        let corner = |k: usize| {
+fn the_domain_with_parameters_is_a_hull_times_ranges_without_holes() {
+    for (operating, dimensions) in [(1, 2), (1, 3), (2, 4), (2, 8)] {
+        let ends = |k: usize| {
             let mut x = Point::default();
             (0..dimensions).for_each(|i| x[i] = f64::from(u8::from(k >> i & 1 == 1)));
             x
         };
-        let corners: Vec<Point> = (0..1 << dimensions).map(corner).collect();
-        let all: Vec<Point> = corners.iter().copied().chain(cube(dimensions, 40)).collect();
-        let domain = Domain::of_points(dimensions, &all);
-        assert_eq!((domain.dimensions(), domain.vertex_count()), (dimensions, corners.len()));
-        assert!(corners.iter().all(|c| domain.has_vertex(c)) && !domain.has_vertex(&all[corners.len()]));
-        for (k, inside) in cube(dimensions, 40).iter().enumerate() {
-            assert_eq!(
-                Domain::status(domain.distance(inside)),
-                DomainStatus::Inside,
-                "{dimensions} inputs, {k}"
-            );
-            // Beyond one face, and beyond an edge of two.
+        let all: Vec<Point> = (0..1 << dimensions).map(ends).chain(cube(dimensions, 300)).collect();
+        let domain = Domain::of_points(operating, dimensions, &all);
+        assert!(domain.fits(dimensions) && !domain.fits(dimensions + 1), "{operating}, {dimensions}");
+        assert!(domain.has_vertex(&all[0]) && !domain.has_vertex(&point([0.5; 8])));
+        for (k, inside) in all.iter().enumerate() {
+            assert_eq!(Domain::status(domain.distance(inside)), DomainStatus::Inside, "{dimensions}, {k}");
             let mut outside = *inside;
             outside[0] = 1.25;
-            assert!((domain.distance(&outside) - 0.25).abs() < 1e-9);
-            outside[1] = -0.5;
-            assert!((domain.distance(&outside) - 0.25_f64.hypot(0.5)).abs() < 1e-9);
+            assert!(domain.distance(&outside) >= 0.25 - 1e-12);
+            outside[dimensions - 1] = -0.5;
+            assert!(domain.distance(&outside) >= 0.25_f64.hypot(0.5) - 1e-12);
         }
-        let mut lost = corners[0];
+        let mut lost = all[0];
         lost[dimensions - 1] = f64::NAN;
         assert_eq!(domain.distance(&lost), f64::INFINITY);
     }
+    // Two clusters: the middle lies within hull and ranges, and far from every sample.
+    let cluster = |at: f64| cube(3, 40).into_iter().map(move |x| point([0, 1, 2].map(|i| at + 0.1 * x[i])));
+    let two: Vec<Point> = cluster(0.0).chain(cluster(0.9)).collect();
+    assert_eq!(
+        Domain::status(Domain::of_points(2, 3, &two).distance(&point([0.5; 3]))),
+        DomainStatus::Outside
+    );
 }
 
 proptest! {
@@ -314,7 +315,7 @@ proptest! {
         far in 0.01..3.0_f64,
     ) {
         let all: Vec<Point> = points.iter().copied().map(point).collect();
-        let domain = Domain::of_points(2, &all);
+        let domain = Domain::of_points(2, 2, &all);
         for p in &all {
             prop_assert!(domain.distance(p) < 1e-12, "{:?} is outside its own hull", p);
         }
@@ -324,8 +325,6 @@ proptest! {
         let outside = [tip[0] + far * way[0], tip[1] + far * way[1]];
         // The supporting line is `far` away, and the tip itself no farther.
         prop_assert!((domain.distance(&point(outside)) - far).abs() < 1e-9);
-        // The general algorithm gives the distance of the polygon.
-        prop_assert!((distance_to_hull(&all, &point(outside)) - far).abs() < 1e-9);
         prop_assert!(Domain::status(far) != DomainStatus::Inside);
     }
 

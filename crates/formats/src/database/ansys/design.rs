@@ -108,6 +108,7 @@ impl Design {
                 pressure_mpa: row.pressure_mpa,
                 gap_mm: row.gap_mm,
                 contact_force_n: row.contact_force_n.unwrap_or(0.0),
+                parameters: Vec::new(),
             }
         };
         let cases = self.files.iter().zip(&self.rows).enumerate().map(case).collect();

@@ -103,7 +103,14 @@ pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
     }
     let mesh = MESHES.map(|name| dir.join(name)).into_iter().find(|path| path.is_file());
     let actuator = dir.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let parts = Parts { actuator, fields: fields(width), node_count: nodes, cases, snapshots };
+    let parts = Parts {
+        actuator,
+        fields: fields(width),
+        node_count: nodes,
+        cases,
+        parameters: Vec::new(),
+        snapshots,
+    };
     let mut database = parts.assemble(mesh.as_deref(), obstacle)?;
     if mesh.is_none() {
         database.node_sets = vec![NodeSet { name: "bottom".into(), nodes: bottom_nodes(&points_mm) }];

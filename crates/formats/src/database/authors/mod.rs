@@ -96,6 +96,7 @@ pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         fields: FieldSpec::of_the_paper(),
         node_count: all.nodes,
         cases: all.cases,
+        parameters: Vec::new(),
         snapshots: all.snapshots,
     };
     parts.assemble(mesh.as_deref(), obstacle)

@@ -59,5 +59,6 @@ fn case(
         pressure_mpa: pressure_mpa?,
         gap_mm: gap_mm?,
         contact_force_n: contact_force_n?,
+        parameters: Vec::new(),
     })
 }

@@ -73,6 +73,7 @@ fn cases() -> Vec<Case> {
         pressure_mpa,
         gap_mm,
         contact_force_n,
+        parameters: Vec::new(),
     };
     let free = (0..FREE_CASES).map(|i| case(i, 0.09 * i as f64 / (FREE_CASES - 1) as f64, None, 0.0));
     let contact = (0..CONTACT_CASES).map(|i| {
@@ -105,6 +106,8 @@ fn database() -> Database {
         surface_triangles: Vec::new(),
         node_sets,
         obstacle: Footprint::PLATE,
+        parameters: Vec::new(),
+        sensitivities: None,
         hash: [0; 32],
     };
     database.hash = database.content_hash();

@@ -1,0 +1,57 @@
+//! Values of parameters that a model is told once: what a state takes that says nothing about them.
+
+use crate::evaluator::Evaluator;
+use crate::inputs::PARAMETERS;
+use crate::model::{ModelError, ModelHeader};
+
+impl ModelHeader {
+    /// Gives parameters values by name. All are checked before any is taken; the onset table is that of the new values.
+    ///
+    /// # Errors
+    /// [`ModelError::UnknownInput`] for a name that is no parameter of the model, [`ModelError::NotFinite`].
+    pub fn give<'a>(&mut self, given: impl IntoIterator<Item = (&'a str, f64)>) -> Result<(), ModelError> {
+        let mut inputs = self.inputs.clone();
+        let mut changed = false;
+        for (name, value) in given {
+            inputs[self.parameter(name)?].value = Some(value);
+            changed = true;
+            if !value.is_finite() {
+                return Err(ModelError::NotFinite { name: name.into(), value });
+            }
+        }
+        if changed {
+            self.inputs = inputs;
+            self.onset = Evaluator::new(self)?.onset().cloned();
+        }
+        Ok(())
+    }
+
+    /// Position of a parameter by its name.
+    ///
+    /// # Errors
+    /// [`ModelError::UnknownInput`].
+    pub fn parameter(&self, name: &str) -> Result<usize, ModelError> {
+        let found = self.inputs.iter().skip(PARAMETERS).position(|input| input.name == name);
+        found.map(|at| PARAMETERS + at).ok_or_else(|| {
+            let known: Vec<String> = self.inputs.iter().skip(PARAMETERS).map(|i| i.name.clone()).collect();
+            let nearest = known.iter().min_by_key(|known| edits(known, name)).cloned();
+            ModelError::UnknownInput { found: name.into(), nearest, known }
+        })
+    }
+}
+
+/// Letters to insert, delete or replace to make one word of the other (Levenshtein).
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, letter) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, other) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(letter != *other);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
