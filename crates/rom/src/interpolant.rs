@@ -275,11 +275,20 @@ impl Interpolant {
 
     /// Values only, allocated: for training.
     pub(crate) fn values_at(&self, x: &Point) -> Vec<f64> {
+        self.all_at(x).0
+    }
+
+    /// Derivatives by each scaled input, allocated: for training.
+    pub(crate) fn gradient_at(&self, x: &Point) -> Vec<Vec<f64>> {
+        self.all_at(x).1.into_iter().take(self.dimensions).collect()
+    }
+
+    fn all_at(&self, x: &Point) -> (Vec<f64>, [Vec<f64>; MAX_INPUTS]) {
         let mut scratch = KernelScratch::default();
         scratch.reserve(self.dimensions, self.terms());
         let mut value = vec![0.0; self.outputs];
         let mut rows: [Vec<f64>; MAX_INPUTS] = std::array::from_fn(|_| vec![0.0; self.outputs]);
         self.evaluate(x, &mut scratch, &mut value, rows.each_mut().map(Vec::as_mut_slice));
-        value
+        (value, rows)
     }
 }

@@ -31,6 +31,8 @@ pub struct Choice {
     pub error: f64,
     /// All candidates, best first.
     pub candidates: Vec<Candidate>,
+    /// Parameters (by axis) without which left-out states are predicted as well.
+    pub idle: Vec<usize>,
 }
 
 /// States that all groups of a regime share.
@@ -116,6 +118,29 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
         }
     }
     search.choices()
+}
+
+/// A parameter is missed when leaving it out raises the score by more than this share.
+const MISSED: f64 = 0.1;
+
+/// Whether states are predicted as well without a parameter: the chosen kernel, fitted over the other inputs.
+fn idle(samples: &Samples, states: States, tasks: &[Task], chosen: &Fit, axis: usize) -> bool {
+    let without = |x: &Point| -> Point {
+        let mut rest = Point::default();
+        let others = (0..samples.dimensions).filter(|i| *i != axis);
+        rest.iter_mut().zip(others).for_each(|(r, i)| *r = x[i]);
+        rest
+    };
+    let (kernel, tail) = (chosen.interpolant.kernel, chosen.interpolant.tail);
+    let inputs: Vec<Point> = samples.inputs.iter().map(without).collect();
+    let scale = without(&chosen.interpolant.metric.scale);
+    let metric = Metric { scale: scale.map(|s| if s > 0.0 { s } else { 1.0 }), ..chosen.interpolant.metric };
+    let fewer = Samples { dimensions: samples.dimensions - 1, inputs: &inputs, ..samples.clone() };
+    // Where two states differ in this parameter alone, nothing can be fitted without it: it is not idle.
+    fit(&fewer, KernelSpec { kernel, tail }, metric, chosen.interpolant.smoothing).is_ok_and(|rest| {
+        let scores = [&rest, chosen].map(|fit| score(states, tasks, &fit.residuals).score);
+        scores[0] <= (1.0 + MISSED) * scores[1]
+    })
 }
 
 /// How many times better than interpolation smoothing must be: it misses the training states, which truth that is computed
@@ -219,6 +244,9 @@ impl Search<'_> {
         self.sort();
         let (scored, mut fit) = self.best.ok_or(self.refusal)?;
         fit.interpolant.condition = condition_of(&fit.interpolant);
+        let axes = self.states.operating..self.states.dimensions;
+        let idle: Vec<usize> =
+            axes.filter(|axis| idle(&self.samples, self.states, self.tasks, &fit, *axis)).collect();
         let mut first = 0;
         let choice = |(g, task): (usize, &Task)| {
             let (modes, error) = scored.groups[g];
@@ -226,7 +254,7 @@ impl Search<'_> {
             first += task.outputs;
             let candidates =
                 self.trials.iter().map(|t| Candidate { modes: t.modes[g], ..t.row.clone() }).collect();
-            Choice { fit: keep_outputs(&fit, kept), modes, error, candidates }
+            Choice { fit: keep_outputs(&fit, kept), modes, error, candidates, idle: idle.clone() }
         };
         Ok(self.tasks.iter().enumerate().map(choice).collect())
     }

@@ -126,7 +126,7 @@ fn regime_sheet(plan: &Plan, part: &Part, inputs: &[InputSpec]) -> RegimeSheet {
             .zip(&part.groups)
             .map(|(group, fit)| group_sheet(&group.name, fit))
             .collect(),
-        force: part.force.as_ref().map(|(model, candidates, rms)| {
+        force: part.force.as_ref().map(|(model, candidates, rms, _)| {
             fit_sheet("contact_force", 0, 0.0, &model.surrogate, *rms, candidates)
         }),
         halfwidths: part.halfwidths,

@@ -7,6 +7,7 @@
 mod assemble;
 mod full;
 mod group;
+mod identify;
 mod onset;
 mod regime;
 mod sort;
@@ -80,6 +81,7 @@ pub fn train(
         return Err(TrainError::Database(problems));
     }
     let mut sorted = sort::sort(database, config)?;
+    identify::check_spread(database, &sorted)?;
     let plan = group::Plan::new(database, config);
     let mut parts = Vec::new();
     let mut onset = None;
@@ -101,6 +103,7 @@ pub fn train(
         parts.push(contact);
     }
     progress("assembling the model");
+    sorted.remarks.extend(identify::remarks(database, &parts));
     let (model, mut sheet) = assemble::assemble(database, config, &plan, parts, onset, sorted.remarks);
     let bounds = storage::i16_bounds(&model, database)?;
     sheet.fields.iter_mut().zip(bounds).for_each(|(field, bound)| field.i16_error_bound = bound);

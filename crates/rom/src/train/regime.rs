@@ -25,7 +25,7 @@ pub(super) struct Part {
     pub kind: RegimeKind,
     pub inputs: InputMap,
     pub groups: Vec<GroupFit>,
-    pub force: Option<(ForceModel, Vec<Candidate>, f64)>,
+    pub force: Option<Force>,
     pub domain: Domain,
     pub halfwidths: HalfWidths,
     pub local_halfwidths: Option<LocalHalfWidths>,
@@ -33,6 +33,10 @@ pub(super) struct Part {
     pub boundary_states: usize,
     pub far_onset: Option<FarOnset>,
     pub errors: Vec<CaseError>,
+    /// Scaled inputs of the training states.
+    pub scaled: Vec<Point>,
+    /// Positions of parameters that no group and no force needs.
+    pub idle: Vec<usize>,
 }
 
 impl Part {
@@ -165,7 +169,8 @@ fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
     if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
 }
 
-type Force = (ForceModel, Vec<Candidate>, f64);
+/// The force's model, the candidates, the leave-one-out error in N, the parameters that it does not need (by axis).
+type Force = (ForceModel, Vec<Candidate>, f64, Vec<usize>);
 
 impl<'a> Training<'a> {
     fn new(
@@ -295,7 +300,7 @@ impl<'a> Training<'a> {
         let squares: f64 = residuals.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();
         let rms = (squares / self.score.iter().sum::<f64>()).sqrt();
         let force = ForceModel { surrogate: choice.fit.interpolant, times_excess_pressure: onset.is_some() };
-        Ok(((force, choice.candidates, rms), residuals))
+        Ok(((force, choice.candidates, rms, choice.idle), residuals))
     }
 
     /// Leave-one-out errors at each case's worst node.
@@ -356,6 +361,10 @@ impl<'a> Training<'a> {
         let all: Vec<Errors> = errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n]).collect();
         let (dimensions, cases) = (self.inputs.dimensions(), &self.scaled[..self.cases.len()]);
         let halfwidths = HalfWidths::of_all(&all, coverage);
+        let choices = groups.iter().map(|group| &group.choice.idle).chain(force.iter().map(|f| &f.3));
+        let needed = |axis: &usize| choices.clone().any(|idle| !idle.contains(axis));
+        let axes = (self.inputs.operating()..dimensions).filter(|axis| !needed(axis));
+        let idle = axes.map(|axis| self.inputs.axes[axis].input).collect();
         Part {
             kind,
             groups,
@@ -370,6 +379,8 @@ impl<'a> Training<'a> {
             boundary_states: self.points.len() - self.cases.len(),
             inputs: self.inputs,
             domain: self.domain,
+            scaled: self.scaled,
+            idle,
         }
     }
 }

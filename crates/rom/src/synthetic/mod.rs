@@ -1,6 +1,8 @@
 //! An actuator made of formulas: a beam that bends with pressure until it meets a plate. Its truth is known everywhere,
 //! so that a wrong answer cannot hide. Tests use it where no finite-element database is at hand.
 
+pub mod design;
+
 use crate::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
 
 /// Nodes: 12 along x, 5 across z, 2 over the height.

@@ -1,0 +1,246 @@
+//! Models over parameters of material and geometry, on a beam whose formulas know them.
+
+use rom::config::TrainConfig;
+use rom::datasheet::DataSheet;
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::hull::DomainStatus;
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use rom::model::{Model, ModelError, PLAIN_VERSION, VERSION};
+use rom::snapshots::{Database, RegimeKind, Split};
+use rom::synthetic::{self, design};
+use rom::train::{TrainError, train};
+use std::sync::OnceLock;
+
+const STATES: usize = 240;
+
+fn database(with_derivatives: bool) -> Database {
+    let states: Vec<_> = design::states(0, STATES).into_iter().map(|s| (Split::Train, s)).collect();
+    design::database(&states, with_derivatives)
+}
+
+fn quick() -> TrainConfig {
+    TrainConfig { full_leave_one_out: false, ..TrainConfig::default() }
+}
+
+fn trained() -> &'static (Model, DataSheet) {
+    static MODEL: OnceLock<(Model, DataSheet)> = OnceLock::new();
+    MODEL.get_or_init(|| train(&database(false), &quick(), &mut |_| {}).expect("trains"))
+}
+
+fn evaluator() -> Evaluator {
+    Evaluator::new(&trained().0.header).expect("consistent")
+}
+
+fn inputs(state: design::State) -> Inputs {
+    Inputs::new(state[0], state[1]).with(2, state[2]).with(3, state[3])
+}
+
+fn ask(evaluator: &Evaluator, state: design::State) -> Evaluation {
+    let mut evaluation = evaluator.evaluation();
+    evaluator.evaluate(inputs(state), &mut evaluation);
+    evaluation
+}
+
+/// States that training never saw, in the domain.
+fn unseen() -> Vec<design::State> {
+    let evaluator = evaluator();
+    let inside = |s: &design::State| ask(&evaluator, *s).domain == DomainStatus::Inside;
+    design::states(5000, 300).into_iter().filter(inside).collect()
+}
+
+#[test]
+fn forces_on_states_no_training_saw_are_right() {
+    let (evaluator, unseen) = (evaluator(), unseen());
+    assert!(unseen.len() > 200, "only {} of 300 states lie in the domain", unseen.len());
+    let largest = unseen.iter().map(|s| design::force_n(*s)).fold(0.0, f64::max);
+    let mut errors: Vec<f64> = unseen
+        .iter()
+        .map(|s| (ask(&evaluator, *s).contact_force_n - design::force_n(*s)).abs() / largest)
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    let p95 = errors[errors.len() * 95 / 100];
+    println!("force: 95th percentile {p95:.2e}, largest {:.2e}", errors[errors.len() - 1]);
+    assert!(p95 < 0.005, "{p95}");
+}
+
+#[test]
+fn the_onset_follows_the_parameters_and_the_force_begins_there_at_zero() {
+    let evaluator = evaluator();
+    let mut compared = 0;
+    for state in unseen().into_iter().filter(|s| s[1].is_finite()) {
+        let truth = design::onset_mpa(state);
+        let found = ask(&evaluator, state).onset_pressure_mpa;
+        if (1e-3..0.085).contains(&truth) {
+            let found = found.expect("within reach");
+            assert!((found - truth).abs() < 2e-4, "{state:?}: {found} is not {truth} MPa");
+            let at = |p: f64| ask(&evaluator, [p, state[1], state[2], state[3]]);
+            let (before, on) = (at(found.next_down()), at(found));
+            assert_eq!((before.regime, on.regime), (RegimeKind::Free, RegimeKind::Contact), "{state:?}");
+            assert!(before.contact_force_n == 0.0 && on.contact_force_n < 1e-9, "{}", on.contact_force_n);
+            compared += 1;
+        }
+    }
+    assert!(compared > 40, "{compared}");
+}
+
+#[test]
+fn gradients_by_every_input_are_differences() {
+    let evaluator = evaluator();
+    let steps = [2e-5, 5e-3, 1e-4, 2e-4];
+    let mut below_the_sag = 0;
+    let touching = unseen().into_iter().filter(|s| design::force_n(*s) > 0.05).take(60);
+    for state in touching {
+        let here = ask(&evaluator, state);
+        below_the_sag += usize::from(here.onset_pressure_mpa == Some(0.0));
+        for input in 0..4 {
+            let at = |share: f64| {
+                let mut moved = state;
+                moved[input] += share * steps[input];
+                ask(&evaluator, moved)
+            };
+            let sides = [at(0.5), at(-0.5), at(1.0), at(-1.0)];
+            let same = |e: &Evaluation| {
+                e.onset_pressure_mpa.map(|p| p > 0.0) == here.onset_pressure_mpa.map(|p| p > 0.0)
+            };
+            if !sides.iter().all(same) {
+                continue; // across the sag the second derivative jumps
+            }
+            let difference = |f: &dyn Fn(&Evaluation) -> f64| {
+                let central = |a: usize, h: f64| (f(&sides[a]) - f(&sides[a + 1])) / (2.0 * h * steps[input]);
+                (4.0 * central(0, 0.5) - central(2, 1.0)) / 3.0
+            };
+            let scale = [10.0, 0.01, 1.0, 1.0][input];
+            let numeric = difference(&|e| e.contact_force_n);
+            let found = here.force_gradient[input];
+            assert!(
+                (found - numeric).abs() < 1e-5 * scale + 1e-5 * numeric.abs(),
+                "{state:?}, {input}: {found} {numeric}"
+            );
+            let largest = here.coefficient_gradient(input).iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            for k in 0..here.coefficients.len() {
+                let numeric = difference(&|e| e.coefficients[k]);
+                let found = here.coefficient_gradient(input)[k];
+                assert!(
+                    (found - numeric).abs() < 1e-4 * largest.max(1e-3),
+                    "{state:?}, {input}, {k}: {found} {numeric}"
+                );
+            }
+        }
+    }
+    assert!(below_the_sag > 5, "{below_the_sag}");
+}
+
+#[test]
+fn what_a_state_does_not_say_is_the_model_s_value_and_can_be_given_by_name() {
+    let mut header = trained().0.header.clone();
+    let nominal = Evaluator::new(&header).expect("consistent");
+    let plain = |evaluator: &Evaluator| {
+        let mut evaluation = evaluator.evaluation();
+        evaluator.evaluate(Inputs::new(0.06, 20.0), &mut evaluation);
+        evaluation
+    };
+    let said = ask(&nominal, [0.06, 20.0, 0.8, 3.0]);
+    let unsaid = plain(&nominal);
+    assert_eq!(said.contact_force_n, unsaid.contact_force_n);
+    assert_eq!(unsaid.inputs.values()[..4], [0.06, 20.0, 0.8, 3.0]);
+    header.give([("elastomer.law.mu_mpa", 0.7)]).expect("known");
+    let given = Evaluator::new(&header).expect("consistent");
+    assert_eq!(plain(&given).contact_force_n, ask(&nominal, [0.06, 20.0, 0.7, 3.0]).contact_force_n);
+    // The table shown is that of the values given, and the solver agrees with it.
+    let table = given.onset().expect("two regimes");
+    assert_eq!(Some(table), header.onset.as_ref());
+    assert!((table.sag_mm() - design::depth_mm([0.0, 0.0, 0.7, 3.0])).abs() < 0.05, "{}", table.sag_mm());
+    let refused = header.give([("elastomer.law.mu_mp", 0.7)]).expect_err("unknown");
+    assert!(refused.to_string().contains("did you mean \"elastomer.law.mu_mpa\"?"), "{refused}");
+    let refused = header.give([("chambers.length_mm", f64::NAN)]).expect_err("no number");
+    assert!(matches!(refused, ModelError::NotFinite { .. }));
+    assert_eq!(header.inputs[2].value, Some(0.7), "nothing was taken from a refused call");
+}
+
+#[test]
+fn the_file_keeps_parameters_and_a_model_without_them_stays_version_3() {
+    let (model, _) = trained();
+    let bytes = model.to_bytes().expect("encodes");
+    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(*model, Model::from_bytes(&bytes).expect("loads"));
+    for cut in [100, bytes.len() / 2, bytes.len() - 1] {
+        assert!(Model::from_bytes(&bytes[..cut]).is_err());
+    }
+    let (plain, _) = train(&synthetic::plate(), &quick(), &mut |_| {}).expect("trains");
+    assert_eq!(plain.to_bytes().expect("encodes")[8..12], PLAIN_VERSION.to_le_bytes());
+}
+
+#[test]
+fn a_parameter_that_never_varies_is_dropped_and_a_state_elsewhere_is_no_answer() {
+    let mut database = database(false);
+    database.cases.iter_mut().for_each(|case| case.parameters[1] = 3.0);
+    // The snapshots were made with other lengths: what matters here is which inputs are taken.
+    let (model, _) = train(&database, &quick(), &mut |_| {}).expect("trains");
+    for regime in &model.header.regimes {
+        assert_eq!(regime.inputs.range(3), Some([3.0, 3.0]));
+        assert!(regime.inputs.axes.iter().all(|axis| axis.input != 3));
+    }
+    let evaluator = Evaluator::new(&model.header).expect("consistent");
+    assert_eq!(ask(&evaluator, [0.06, 20.0, 0.8, 3.3]).domain, DomainStatus::Outside);
+    assert_ne!(ask(&evaluator, [0.06, 20.0, 0.8, 3.0]).domain, DomainStatus::Outside);
+}
+
+#[test]
+fn inputs_that_cannot_be_told_apart_are_refused_by_name() {
+    let mut database = database(false);
+    database.cases.iter_mut().for_each(|case| case.parameters[1] = 1.0 + 2.5 * case.parameters[0]);
+    let refused = train(&database, &quick(), &mut |_| {}).expect_err("refused");
+    let TrainError::Database(problems) = &refused else { panic!("{refused}") };
+    assert!(
+        problems[0].contains("elastomer.law.mu_mpa") && problems[0].contains("chambers.length_mm"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn an_input_that_changes_nothing_and_two_that_do_the_same_are_reported() {
+    let mut database = database(false);
+    let mut third = rom::inputs::Parameter { name: "sheet.colour".into(), unit: "1".into(), nominal: 0.5 };
+    for (i, case) in database.cases.iter_mut().enumerate() {
+        case.parameters.push((i as f64 * 0.324_717_957).fract());
+    }
+    database.parameters.push(third.clone());
+    let (_, sheet) = train(&database, &quick(), &mut |_| {}).expect("trains");
+    assert!(
+        sheet.remarks.iter().any(|r| r.contains("sheet.colour") && r.contains("changes nothing")),
+        "{:?}",
+        sheet.remarks
+    );
+    assert!(
+        !sheet.remarks.iter().any(|r| r.contains("mu_mpa") && r.contains("changes nothing")),
+        "{:?}",
+        sheet.remarks
+    );
+    // The same softness by two parameters: only their sum is seen.
+    third.name = "elastomer.law.twin_mpa".into();
+    let mut states = design::states(0, STATES);
+    let shares: Vec<f64> = (0..STATES).map(|i| (i as f64 * 0.324_717_957).fract()).collect();
+    let own: Vec<f64> = states.iter().map(|s| s[2]).collect();
+    states.iter_mut().zip(&shares).for_each(|(s, share)| s[2] += 0.2 * (share - 0.5));
+    let states: Vec<_> = states.into_iter().map(|s| (Split::Train, s)).collect();
+    let mut database = design::database(&states, false);
+    for ((case, own), share) in database.cases.iter_mut().zip(own).zip(shares) {
+        case.parameters[0] = own;
+        case.parameters.push(share);
+    }
+    database.parameters.push(third);
+    let (_, sheet) = train(&database, &quick(), &mut |_| {}).expect("trains");
+    let reported = |r: &String| r.contains("mu_mpa") && r.contains("twin_mpa") && r.contains("same");
+    assert!(sheet.remarks.iter().any(reported), "{:?}", sheet.remarks);
+}
+
+#[test]
+fn gap_and_pressure_keep_their_places() {
+    let (model, _) = trained();
+    let keys: Vec<String> = model.header.inputs.iter().map(|i| i.key()).collect();
+    assert_eq!(keys, ["pressure_mpa", "gap_mm", "elastomer.law.mu_mpa", "chambers.length_mm"]);
+    let contact = model.regime(RegimeKind::Contact).expect("trained");
+    let axes: Vec<usize> = contact.inputs.axes.iter().map(|a| a.input).collect();
+    assert_eq!(axes, [PRESSURE, GAP, 2, 3]);
+}
