@@ -53,6 +53,7 @@ pub mod kernel;
 pub mod model;
 pub mod model_state;
 mod pod;
+pub mod probe;
 mod radial;
 pub mod reconstructor;
 pub mod regime;

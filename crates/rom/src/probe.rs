@@ -1,0 +1,251 @@
+//! Positions of single points of the mesh with their derivatives by every input, in f64: what a marker of a camera shows.
+//!
+//! A point is a weighted mean of nodes, `x(p) = sum_i w_i x_i`, whose weights are those of the undeformed mesh. Each node's
+//! coordinate is affine in the modal coefficients, `x_i = m_i + sum_k c_k phi_ik` (the paper's Eq. 6), so that
+//! `dx/dp = sum_i w_i sum_k phi_ik dc_k/dp`. Cost: `3 x coefficients x inputs` multiplications a point.
+
+use crate::evaluation::Evaluation;
+use crate::inputs::MAX_INPUTS;
+use crate::model::{BlockKind, Model, ModelError, RegimeModel};
+use crate::snapshots::{FieldKind, RegimeKind};
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+use thiserror::Error;
+
+/// Nodes that a point's weights are spread over.
+const NEIGHBOURS: usize = 12;
+/// A point farther from every node than this is not on the mesh (mm).
+const MAX_DISTANCE_MM: f64 = 4.0;
+/// A point so near a node is that node (mm).
+const SAME_NODE_MM: f64 = 1e-3;
+
+/// A point of the mesh: nodes and their weights, which add up to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshPoint {
+    /// Node and weight.
+    pub weights: Vec<(u32, f64)>,
+}
+
+/// Why a point has no position.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum PointError {
+    /// The node does not exist.
+    #[error("node {found}: the mesh has {count} nodes, numbered from 0")]
+    NoNode {
+        /// The number given.
+        found: u32,
+        /// Nodes of the mesh.
+        count: usize,
+    },
+    /// The point is not on the mesh.
+    #[error(
+        "[{:.2}, {:.2}, {:.2}] mm is {distance_mm:.2} mm from the nearest node, at [{:.2}, {:.2}, {:.2}] mm; expected a point of \
+         the undeformed mesh",
+        at_mm[0], at_mm[1], at_mm[2], nearest_mm[0], nearest_mm[1], nearest_mm[2]
+    )]
+    OffMesh {
+        /// The point given (mm).
+        at_mm: [f64; 3],
+        /// The nearest node (mm).
+        nearest_mm: [f64; 3],
+        /// Its distance (mm).
+        distance_mm: f64,
+    },
+    /// The nodes around the point do not span it.
+    #[error("the nodes around [{:.2}, {:.2}, {:.2}] mm give {found_mm:.4} mm away from it; name a node instead", at_mm[0], at_mm[1], at_mm[2])]
+    NotSpanned {
+        /// The point given (mm).
+        at_mm: [f64; 3],
+        /// Distance of the weighted mean (mm).
+        found_mm: f64,
+    },
+    /// The model file has no undeformed mesh.
+    #[error("the model has no undeformed coordinates; name a node instead of a point")]
+    NoMesh,
+}
+
+impl MeshPoint {
+    /// A node.
+    ///
+    /// # Errors
+    /// [`PointError::NoNode`].
+    pub fn node(model: &Model, node: u32) -> Result<Self, PointError> {
+        let count = model.header.node_count;
+        if node as usize >= count {
+            return Err(PointError::NoNode { found: node, count });
+        }
+        Ok(Self { weights: vec![(node, 1.0)] })
+    }
+
+    /// The point at undeformed coordinates (mm): the smallest weights of near nodes, by distance, that give its place.
+    ///
+    /// # Errors
+    /// [`PointError`] when it is not on the mesh or the model has none.
+    pub fn at(model: &Model, at_mm: [f64; 3]) -> Result<Self, PointError> {
+        let axis = |axis| model.f32_block(BlockKind::Undeformed(axis)).ok_or(PointError::NoMesh);
+        let mesh = [axis(0)?, axis(1)?, axis(2)?];
+        let place = |node: usize| mesh.map(|axis| f64::from(axis[node]));
+        let square = |node: usize| -> f64 {
+            place(node).iter().zip(at_mm).map(|(x, p)| (x - p) * (x - p)).sum()
+        };
+        let mut nodes: Vec<(f64, usize)> = (0..model.header.node_count).map(|n| (square(n), n)).collect();
+        nodes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        nodes.truncate(NEIGHBOURS);
+        let Some((nearest, node)) = nodes.first().copied() else { return Err(PointError::NoMesh) };
+        let distance_mm = nearest.sqrt();
+        if distance_mm < SAME_NODE_MM {
+            return Self::node(model, node as u32);
+        }
+        if !(distance_mm <= MAX_DISTANCE_MM) {
+            return Err(PointError::OffMesh { at_mm, nearest_mm: place(node), distance_mm });
+        }
+        let weights = linear_weights(&nodes, place, at_mm);
+        let mean = |axis: usize| -> f64 {
+            weights.iter().map(|(n, w)| w * f64::from(mesh[axis][*n as usize])).sum()
+        };
+        let found_mm = (0..3).map(|a| (mean(a) - at_mm[a]).powi(2)).sum::<f64>().sqrt();
+        if !(found_mm < SAME_NODE_MM) {
+            return Err(PointError::NotSpanned { at_mm, found_mm });
+        }
+        Ok(Self { weights })
+    }
+}
+
+/// Weights that reproduce linear functions: smallest `sum w^2 d^2` under `sum w = 1`, `sum w x = p`.
+fn linear_weights(
+    nodes: &[(f64, usize)],
+    place: impl Fn(usize) -> [f64; 3],
+    at_mm: [f64; 3],
+) -> Vec<(u32, f64)> {
+    let scale = nodes.last().map_or(1.0, |(square, _)| square.sqrt());
+    let terms = |node: usize| {
+        let x = place(node);
+        [1.0, (x[0] - at_mm[0]) / scale, (x[1] - at_mm[1]) / scale, (x[2] - at_mm[2]) / scale]
+    };
+    let mut normal = Mat::<f64>::zeros(4, 4);
+    for (square, node) in nodes {
+        let t = terms(*node);
+        for i in 0..4 {
+            for j in 0..4 {
+                normal[(i, j)] += t[i] * t[j] / square;
+            }
+        }
+    }
+    // Nodes in one plane span the point in it; the ridge keeps the missing direction out.
+    let ridge = 1e-12 * (0..4).map(|i| normal[(i, i)]).sum::<f64>();
+    (0..4).for_each(|i| normal[(i, i)] += ridge);
+    let right = Mat::from_fn(4, 1, |i, _| if i == 0 { 1.0 } else { 0.0 });
+    let Ok(factor) = normal.llt(Side::Lower) else { return Vec::new() };
+    let multipliers = factor.solve(&right);
+    let weight = |(square, node): &(f64, usize)| {
+        let t = terms(*node);
+        (*node as u32, (0..4).map(|i| t[i] * multipliers[(i, 0)]).sum::<f64>() / square)
+    };
+    nodes.iter().map(weight).collect()
+}
+
+/// Where a point is, and how it moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ProbePosition {
+    /// Deformed position (mm).
+    pub position_mm: [f64; 3],
+    /// By axis and input: derivative, in mm per unit of the input.
+    pub gradient: [[f64; MAX_INPUTS]; 3],
+}
+
+/// The part of a model that moves some points.
+#[derive(Clone, Debug)]
+pub struct Probes {
+    regimes: Vec<(RegimeKind, Vec<[ProbeRow; 3]>)>,
+    points: usize,
+    inputs: usize,
+}
+
+/// A coordinate of a point: `mean + coefficients[first..] . modes`.
+#[derive(Clone, Debug, Default)]
+struct ProbeRow {
+    mean: f64,
+    first: usize,
+    modes: Vec<f64>,
+}
+
+impl Probes {
+    /// Takes means and modes of the points' nodes. The model's coordinate blocks must be loaded.
+    ///
+    /// # Errors
+    /// [`ModelError`] when a block is missing.
+    pub fn new(model: &Model, points: &[MeshPoint]) -> Result<Self, ModelError> {
+        let of_regime = |regime: &RegimeModel| {
+            let rows = points.iter().map(|point| {
+                let axes = [row(model, regime, point, 0)?, row(model, regime, point, 1)?, row(model, regime, point, 2)?];
+                Ok(axes)
+            });
+            Ok((regime.kind, rows.collect::<Result<_, ModelError>>()?))
+        };
+        Ok(Self {
+            regimes: model.header.regimes.iter().map(of_regime).collect::<Result<_, ModelError>>()?,
+            points: points.len(),
+            inputs: model.header.inputs.len(),
+        })
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.points == 0
+    }
+
+    /// Positions of an evaluation, one for each point; NaN when the model was not trained in its regime. Allocates nothing.
+    pub fn evaluate(&self, evaluation: &Evaluation, out: &mut [ProbePosition]) {
+        let rows = self.regimes.iter().find(|(kind, _)| *kind == evaluation.regime);
+        for (at, out) in out.iter_mut().enumerate() {
+            let Some(axes) = rows.and_then(|(_, rows)| rows.get(at)) else {
+                *out = ProbePosition { position_mm: [f64::NAN; 3], gradient: [[f64::NAN; MAX_INPUTS]; 3] };
+                continue;
+            };
+            *out = ProbePosition::default();
+            for (axis, row) in axes.iter().enumerate() {
+                out.position_mm[axis] = row.mean + row.dot(&evaluation.coefficients);
+                for input in 0..self.inputs {
+                    out.gradient[axis][input] = row.dot(evaluation.coefficient_gradient(input));
+                }
+            }
+        }
+    }
+}
+
+impl ProbeRow {
+    fn dot(&self, coefficients: &[f64]) -> f64 {
+        let of_group = coefficients.get(self.first..).unwrap_or_default();
+        self.modes.iter().zip(of_group).map(|(mode, c)| mode * c).sum()
+    }
+}
+
+fn row(model: &Model, regime: &RegimeModel, point: &MeshPoint, axis: u8) -> Result<ProbeRow, ModelError> {
+    let nodes = model.header.node_count;
+    let is_axis = |kind: FieldKind| kind == FieldKind::Coordinate(axis);
+    let missing = |block: String, found: usize| ModelError::MissingBlock { block, expected: nodes, found };
+    let field = model.header.fields.iter().position(|field| is_axis(field.spec.kind));
+    let field = field.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?;
+    let group = regime.groups.iter().find(|group| group.fields.contains(&field));
+    let range = group.map_or(0..0, |group| group.coefficients.clone());
+    let (regime, field) = (regime.kind, field as u32);
+    let block = |kind: BlockKind, rows: usize| {
+        let values = model.f32_block(kind).unwrap_or(&[]);
+        if values.len() == rows * nodes { Ok(values) } else { Err(missing(format!("{kind:?}"), values.len())) }
+    };
+    let mean = block(BlockKind::Mean { regime, field }, 1)?;
+    let modes = block(BlockKind::Modes { regime, field }, range.len())?;
+    let weighted = |values: &[f32]| -> f64 {
+        point.weights.iter().map(|(node, weight)| weight * f64::from(values[*node as usize])).sum()
+    };
+    Ok(ProbeRow {
+        mean: weighted(mean),
+        first: range.start,
+        modes: modes.chunks_exact(nodes.max(1)).map(weighted).collect(),
+    })
+}

@@ -1,0 +1,72 @@
+//! Points of the mesh: their positions are those of the whole field, their derivatives those of differences.
+
+use rom::evaluator::Evaluator;
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
+use rom::reconstructor::Reconstructor;
+
+fn shipped() -> Model {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/pneunet.twin");
+    Model::from_bytes(&std::fs::read(path).expect("the committed model")).expect("a model")
+}
+
+#[test]
+fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
+    let model = shipped();
+    let evaluator = Evaluator::new(&model.header).expect("evaluator");
+    let reconstructor = Reconstructor::new(&model, &Selection::default()).expect("reconstructor");
+    let nodes = [0_u32, 12_000, 25_021];
+    let points = nodes.map(|node| MeshPoint::node(&model, node).expect("a node"));
+    let probes = Probes::new(&model, &points).expect("probes");
+    let mut evaluation = evaluator.evaluation();
+    let mut fields = vec![0.0; reconstructor.entries()];
+    let mut at = [ProbePosition::default(); 3];
+    let mut beside = at;
+    for (pressure_mpa, gap_mm) in [(0.01, 45.3), (0.05, 30.37), (0.09, 20.21)] {
+        evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+        reconstructor.reconstruct_into(&evaluation, &mut fields).expect("fields");
+        probes.evaluate(&evaluation, &mut at);
+        for (probe, node) in at.iter().zip(nodes) {
+            for (axis, position) in probe.position_mm.iter().enumerate() {
+                let field = f64::from(fields[axis * reconstructor.rows() + node as usize]);
+                assert!((position - field).abs() < 2e-4, "node {node} axis {axis}: {position} {field}");
+            }
+        }
+        for (input, step) in [(0, 1e-5), (1, 1e-2)] {
+            let moved = |by: f64| {
+                let values = [pressure_mpa, gap_mm];
+                Inputs::new(values[0], values[1]).with(input, values[input] + by)
+            };
+            let mut difference = |by: f64| {
+                evaluator.evaluate(moved(by), &mut evaluation);
+                probes.evaluate(&evaluation, &mut beside);
+                beside
+            };
+            let (above, below) = (difference(step), difference(-step));
+            for (probe, (above, below)) in at.iter().zip(above.iter().zip(&below)) {
+                for axis in 0..3 {
+                    let slope = (above.position_mm[axis] - below.position_mm[axis]) / (2.0 * step);
+                    let found = probe.gradient[axis][input];
+                    assert!((found - slope).abs() <= 1e-5 * slope.abs() + 2e-4, "{input} {axis}: {found} {slope}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_point_of_the_mesh_has_its_undeformed_place_and_one_beside_it_is_named() {
+    let model = shipped();
+    let tip = MeshPoint::at(&model, [115.0, 2.0, 16.0]).expect("the middle of the base's free end");
+    let sum: f64 = tip.weights.iter().map(|(_, weight)| weight).sum();
+    assert!((sum - 1.0).abs() < 1e-9, "{tip:?}");
+    for wanted in [[57.3, 0.0, 10.1], [110.2, 3.1, 8.8]] {
+        let point = MeshPoint::at(&model, wanted).expect("a point inside");
+        assert!(point.weights.iter().all(|(_, weight)| weight.abs() < 3.0), "{point:?}");
+    }
+    let far = MeshPoint::at(&model, [200.0, 0.0, 16.0]).expect_err("outside");
+    assert!(matches!(far, PointError::OffMesh { distance_mm, .. } if distance_mm > 80.0), "{far}");
+    let none = MeshPoint::node(&model, 25_022).expect_err("no such node");
+    assert_eq!(none.to_string(), "node 25022: the mesh has 25022 nodes, numbered from 0");
+}
