@@ -115,6 +115,7 @@ SOFTTWIN_READER_(state, softtwin_state)
 SOFTTWIN_READER_(health, softtwin_health)
 SOFTTWIN_READER_(grasp, softtwin_grasp)
 SOFTTWIN_READER_(command, softtwin_command)
+SOFTTWIN_READER_(estimate, softtwin_estimate)
 #undef SOFTTWIN_READER_
 
 /** A reader of fields. */

@@ -66,6 +66,7 @@ template <> struct Kind<softtwin_state> { static constexpr const char *name = "s
 template <> struct Kind<softtwin_health> { static constexpr const char *name = "health"; };
 template <> struct Kind<softtwin_grasp> { static constexpr const char *name = "grasp"; };
 template <> struct Kind<softtwin_command> { static constexpr const char *name = "command"; };
+template <> struct Kind<softtwin_estimate> { static constexpr const char *name = "estimate"; };
 
 using Reader = Handle<softtwin_reader, softtwin_reader_close>;
 
@@ -109,6 +110,7 @@ using StateReader = PayloadReader<softtwin_state>;
 using HealthReader = PayloadReader<softtwin_health>;
 using GraspReader = PayloadReader<softtwin_grasp>;
 using CommandReader = PayloadReader<softtwin_command>;
+using EstimateReader = PayloadReader<softtwin_estimate>;
 
 /// Values of one field in shared memory, one a node; valid as long as their Field.
 class Values {

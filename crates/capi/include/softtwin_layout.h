@@ -6,10 +6,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SOFTTWIN_LAYOUT_VERSION 2u /* Part of every type name. */
+#define SOFTTWIN_LAYOUT_VERSION 3u /* Part of every type name. */
 #define SOFTTWIN_FIELD_SLOTS 16u /* Most fields in one sample. */
 #define SOFTTWIN_COEFFICIENTS_MAX 128u /* Most modal coefficients in one state. */
 #define SOFTTWIN_GROUPS_MAX 8u /* Most groups of fields in one state. */
+#define SOFTTWIN_MARKERS_MAX 8u /* Most markers of one actuator. */
+#define SOFTTWIN_UNKNOWNS_MAX 8u /* Most quantities that one twin estimates. */
+#define SOFTTWIN_INPUTS_MAX 8u /* Most inputs of a model. */
 #define SOFTTWIN_OUTCOME_SLOTS 24u /* Counters of outcomes. */
 #define SOFTTWIN_FINGERS_MAX 8u /* Most fingers of one grasp. */
 #define SOFTTWIN_FLAG_STALE 1u /* No usable reading within the deadline: the values are the last good ones, see `age_ns`. */
@@ -56,6 +59,12 @@
 #define SOFTTWIN_GRASP_NOT_HELD 1u /* Friction does not carry the object. */
 #define SOFTTWIN_GRASP_MARGINAL 2u /* Friction carries the object, but would not with the forces less their half-widths. */
 #define SOFTTWIN_GRASP_HELD 3u /* Friction carries the object with the forces less their half-widths, too. */
+#define SOFTTWIN_ESTIMATE_NONE 0u /* No reading yet. */
+#define SOFTTWIN_ESTIMATE_USED 1u /* The estimate takes the reading into account. */
+#define SOFTTWIN_ESTIMATE_INPUT_MISSING 2u /* An input that is to be measured is missing: nothing changed. */
+#define SOFTTWIN_ESTIMATE_NOT_LATER 3u /* The reading is not later than the one before: nothing changed. */
+#define SOFTTWIN_ESTIMATE_NOT_CONVERGED 4u /* The search for the estimate did not end: nothing changed. */
+#define SOFTTWIN_ESTIMATE_NOT_EXPLAINED 5u /* Model and estimate do not explain the reading: nothing changed. */
 #define SOFTTWIN_QUERY_WHATIF 1u /* Pressure and gap are given, state and force are asked for. */
 #define SOFTTWIN_QUERY_PRESSURE 2u /* Gap and force are given, the lowest pressure with this force is asked for. */
 #define SOFTTWIN_QUERY_GAP 3u /* Pressure and a (measured) force are given, the gap that belongs to them is asked for. */
@@ -82,7 +91,8 @@ typedef struct {
   double measured_force_n; /**< Measured contact force; NaN without a load cell. Unit: N. */
   double t_trace_s; /**< Time in the source's own trace (replays); NaN when there is none. Unit: s. */
   uint32_t status; /**< 0: good; anything else is the sensor's own fault code. */
-  uint32_t reserved; /**< Zero. */
+  uint32_t marker_values; /**< Coordinates below: three for each marker of the scene, 0 without markers. */
+  double markers_mm[24]; /**< Measured x, y, z of the first marker, of the second, ..., in the camera's frame; NaN where one was not seen. Unit: mm. */
 } softtwin_sensor_sample;
 
 /** Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the first field in `field_ids`, then all of the second, and so on. */
@@ -207,6 +217,36 @@ typedef struct {
   uint64_t reserved; /**< Zero; for later values. */
 } softtwin_command;
 
+/** Estimated quantities after one reading, with what the reading said about model and sensors. */
+typedef struct {
+  uint32_t layout_version; /**< Layout version. */
+  uint32_t status; /**< What became of the reading. */
+  uint8_t model_hash[16]; /**< First 16 bytes of the model file's hash. */
+  uint64_t boot_id; /**< The run of the twin. */
+  uint64_t seq; /**< Counts up by one per estimate within a run, beginning at 1. */
+  uint64_t sensor_boot_id; /**< The run of the bridge that sent the reading. */
+  uint64_t sensor_seq; /**< Sequence number of the reading. */
+  uint64_t t_sensor_ns; /**< When the reading was taken. Unit: ns. */
+  uint64_t t_publish_ns; /**< When the estimate was sent. Unit: ns. */
+  double nis; /**< Normalised innovation squared of the values used; NaN when none was used. */
+  double nis_low; /**< Below this in 2.5 % of all readings where model and sensors are as good as stated. */
+  double nis_high; /**< Above this in 2.5 % of all readings where model and sensors are as good as stated. */
+  uint32_t used_values; /**< Measured values of the reading that were used. */
+  uint32_t rejected; /**< Measurements rejected as contradictory: bit 0 the force, bit 1 the first marker, bit 2 the second, ... */
+  uint64_t rejected_total; /**< Measurements rejected since the start. */
+  uint32_t unknown_count; /**< Quantities that are estimated. */
+  uint32_t identifiable; /**< Bit 0: the readings tell the first quantity, and so on; 0: the value rests on what was known before. */
+  double values[8]; /**< Estimated values, in the units of their names. */
+  double sigmas[8]; /**< Standard deviations of the estimated values. */
+  double inputs[8]; /**< Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs. */
+  uint32_t input_count; /**< Inputs of the model. */
+  uint32_t reserved; /**< Zero. */
+  double force_sigma_n; /**< Standard deviation of the force that follows from those of the estimated values. Unit: N. */
+  uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
+  uint8_t names[256]; /**< Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left. */
+  uint64_t reserved_more[3]; /**< Zero; for later values. */
+} softtwin_estimate;
+
 /** One question. What its kind does not need is NaN. */
 typedef struct {
   uint32_t layout_version; /**< Layout version. */
@@ -262,7 +302,7 @@ typedef struct {
 #else
 #define SOFTTWIN_CHECK(condition) _Static_assert(condition, #condition)
 #endif
-SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 64);
+SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 256);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, seq) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, t_sensor_ns) == 16);
@@ -271,7 +311,8 @@ SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, gap_mm) == 32);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, measured_force_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, t_trace_s) == 48);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, status) == 56);
-SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved) == 60);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, marker_values) == 60);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, markers_mm) == 64);
 SOFTTWIN_CHECK(sizeof(softtwin_field_header) == 168);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, flags) == 4);
@@ -379,6 +420,33 @@ SOFTTWIN_CHECK(offsetof(softtwin_command, t_sensor_ns) == 16);
 SOFTTWIN_CHECK(offsetof(softtwin_command, t_publish_ns) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_command, pressure_mpa) == 32);
 SOFTTWIN_CHECK(offsetof(softtwin_command, reserved) == 40);
+SOFTTWIN_CHECK(sizeof(softtwin_estimate) == 640);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, layout_version) == 0);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, status) == 4);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, model_hash) == 8);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, boot_id) == 24);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, seq) == 32);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, sensor_boot_id) == 40);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, sensor_seq) == 48);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, t_sensor_ns) == 56);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, t_publish_ns) == 64);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, nis) == 72);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, nis_low) == 80);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, nis_high) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, used_values) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, rejected) == 100);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, rejected_total) == 104);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, unknown_count) == 112);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, identifiable) == 116);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, values) == 120);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, sigmas) == 184);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, inputs) == 248);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, input_count) == 312);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved) == 316);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, force_sigma_n) == 320);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, actuator) == 328);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, names) == 360);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved_more) == 616);
 SOFTTWIN_CHECK(sizeof(softtwin_query) == 80);
 SOFTTWIN_CHECK(offsetof(softtwin_query, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_query, kind) == 4);

@@ -1,8 +1,9 @@
 //! Samples and answers as one line for people. Every command and the page use these texts.
 
-use wire::layout::{field_id, flags, grasp_status, query_kind, regime, unpack_name};
+use wire::layout::{estimate_status, field_id, flags, grasp_status, query_kind, regime, unpack_name};
 use wire::{
-    Answer, AnySample, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, State, now_ns,
+    Answer, AnySample, Estimate, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, State,
+    now_ns,
 };
 
 /// A summary of a sample; of a field never all values.
@@ -13,6 +14,7 @@ pub fn sample(sample: &AnySample) -> String {
         AnySample::Health(sample) => health(sample),
         AnySample::Field(sample) => field(sample),
         AnySample::Grasp(sample) => numbered_grasp(sample),
+        AnySample::Estimate(sample) => estimate(sample),
         AnySample::Command(sample) => format!("#{:<7} P wanted {:8.5} MPa", sample.seq, sample.pressure_mpa),
     }
 }
@@ -44,6 +46,21 @@ fn state(state: &State) -> String {
         ms(state.age_ns),
         flag_list(state.flags),
         outcome.map(|outcome| format!("  ({outcome})")).unwrap_or_default(),
+    )
+}
+
+/// `gap_mm 41.203 +- 0.180`; a value that the readings do not tell is marked.
+fn estimate(estimate: &Estimate) -> String {
+    let one = |at: usize| {
+        let told = if estimate.identifiable & (1 << at) == 0 { " (not told by the readings)" } else { "" };
+        format!("{} {:.5} +- {:.5}{told}", estimate.name(at), estimate.values[at], estimate.sigmas[at])
+    };
+    let count = (estimate.unknown_count as usize).min(estimate.values.len());
+    let values = (0..count).map(one).collect::<Vec<_>>().join("  ");
+    let status = estimate_status::as_str(estimate.status);
+    format!(
+        "#{:<7} {values}  NIS {:.1} ({status}, {} rejected)",
+        estimate.seq, estimate.nis, estimate.rejected_total
     )
 }
 

@@ -1,7 +1,7 @@
 //! Samples of any kind as messages.
 
 use wire::layout::{Layout, Payload};
-use wire::{AnySample, Command, FieldHeader, Grasp, Health, SensorSample, State, Topic, TopicKind};
+use wire::{AnySample, Command, Estimate, FieldHeader, Grasp, Health, SensorSample, State, Topic, TopicKind};
 
 use crate::message::{self, FieldMessage, Recorded};
 use crate::writer::Channel;
@@ -15,6 +15,7 @@ pub fn channel(topic: &Topic) -> Channel {
         TopicKind::Field => FieldHeader::LAYOUT,
         TopicKind::Grasp => Grasp::LAYOUT,
         TopicKind::Command => Command::LAYOUT,
+        TopicKind::Estimate => Estimate::LAYOUT,
     };
     message::channel(layout, topic.name())
 }

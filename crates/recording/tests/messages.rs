@@ -6,7 +6,7 @@ use serde_json::Value;
 use wire::layout::{
     COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PAYLOADS, Payload, VERSION, pack_name,
 };
-use wire::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State};
+use wire::{Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, State};
 
 /// What draft 7 of JSON Schema says of the words that our schemas use. `$ref` passes over what stands beside it.
 fn violation(schema: &Value, root: &Value, value: &Value) -> Option<String> {
@@ -95,11 +95,12 @@ fn every_payload_fits_its_schema_at_its_default_and_with_any_bits() {
     check_all::<Health>();
     check_all::<Grasp>();
     check_all::<Command>();
+    check_all::<Estimate>();
     check_all::<Query>();
     check_all::<Answer>();
     let header = FieldHeader { field_count: 2, ..FieldHeader::default() };
     check(FieldHeader::LAYOUT, &FieldMessage::new(&header, &[1.0, -2.5]));
-    assert_eq!(PAYLOADS.len(), 8, "a new payload belongs into this test");
+    assert_eq!(PAYLOADS.len(), 9, "a new payload belongs into this test");
 }
 
 #[test]
@@ -218,7 +219,7 @@ proptest! {
     fn a_reading_comes_back_to_the_bit(numbers in prop::array::uniform4(any::<u64>()), ids in prop::array::uniform3(any::<u64>()), status in any::<u32>()) {
         let [pressure_mpa, gap_mm, measured_force_n, t_trace_s] = numbers.map(f64::from_bits);
         let [boot_id, seq, t_sensor_ns] = ids;
-        let sample = SensorSample { boot_id, seq, t_sensor_ns, pressure_mpa, gap_mm, measured_force_n, t_trace_s, status, reserved: 0 };
+        let sample = SensorSample { boot_id, seq, t_sensor_ns, pressure_mpa, gap_mm, measured_force_n, t_trace_s, status, ..SensorSample::default() };
         let mut bytes = Vec::new();
         sample.view().encode(&mut bytes);
         let back = decode_reading(&bytes).expect("readable");
@@ -226,6 +227,22 @@ proptest! {
             .map(|value| if value.is_nan() { u64::MAX } else { value.to_bits() });
         prop_assert_eq!(bits(&back), bits(&sample));
         prop_assert_eq!((back.boot_id, back.seq, back.t_sensor_ns, back.status), (boot_id, seq, t_sensor_ns, status));
+    }
+
+    /// Markers come back with their count; one that was not seen stays NaN.
+    #[test]
+    fn markers_come_back_to_the_bit(values in prop::collection::vec(any::<u64>(), 0..=24)) {
+        let mut sample = SensorSample { seq: 1, marker_values: values.len() as u32, ..SensorSample::default() };
+        for (to, from) in sample.markers_mm.iter_mut().zip(&values) {
+            *to = f64::from_bits(*from);
+        }
+        let mut bytes = Vec::new();
+        sample.view().encode(&mut bytes);
+        let back = decode_reading(&bytes).expect("readable");
+        prop_assert_eq!(back.marker_values, sample.marker_values);
+        for (back, was) in back.markers_mm.iter().zip(&sample.markers_mm) {
+            prop_assert!(back.to_bits() == was.to_bits() || (back.is_nan() && was.is_nan()));
+        }
     }
 
     /// Any `f32`, too.

@@ -85,9 +85,8 @@ impl MeshPoint {
         let axis = |axis| model.f32_block(BlockKind::Undeformed(axis)).ok_or(PointError::NoMesh);
         let mesh = [axis(0)?, axis(1)?, axis(2)?];
         let place = |node: usize| mesh.map(|axis| f64::from(axis[node]));
-        let square = |node: usize| -> f64 {
-            place(node).iter().zip(at_mm).map(|(x, p)| (x - p) * (x - p)).sum()
-        };
+        let square =
+            |node: usize| -> f64 { place(node).iter().zip(at_mm).map(|(x, p)| (x - p) * (x - p)).sum() };
         let mut nodes: Vec<(f64, usize)> = (0..model.header.node_count).map(|n| (square(n), n)).collect();
         nodes.sort_by(|a, b| a.0.total_cmp(&b.0));
         nodes.truncate(NEIGHBOURS);
@@ -177,7 +176,11 @@ impl Probes {
     pub fn new(model: &Model, points: &[MeshPoint]) -> Result<Self, ModelError> {
         let of_regime = |regime: &RegimeModel| {
             let rows = points.iter().map(|point| {
-                let axes = [row(model, regime, point, 0)?, row(model, regime, point, 1)?, row(model, regime, point, 2)?];
+                let axes = [
+                    row(model, regime, point, 0)?,
+                    row(model, regime, point, 1)?,
+                    row(model, regime, point, 2)?,
+                ];
                 Ok(axes)
             });
             Ok((regime.kind, rows.collect::<Result<_, ModelError>>()?))
@@ -236,7 +239,11 @@ fn row(model: &Model, regime: &RegimeModel, point: &MeshPoint, axis: u8) -> Resu
     let (regime, field) = (regime.kind, field as u32);
     let block = |kind: BlockKind, rows: usize| {
         let values = model.f32_block(kind).unwrap_or(&[]);
-        if values.len() == rows * nodes { Ok(values) } else { Err(missing(format!("{kind:?}"), values.len())) }
+        if values.len() == rows * nodes {
+            Ok(values)
+        } else {
+            Err(missing(format!("{kind:?}"), values.len()))
+        }
     };
     let mean = block(BlockKind::Mean { regime, field }, 1)?;
     let modes = block(BlockKind::Modes { regime, field }, range.len())?;

@@ -48,7 +48,10 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
                 for axis in 0..3 {
                     let slope = (above.position_mm[axis] - below.position_mm[axis]) / (2.0 * step);
                     let found = probe.gradient[axis][input];
-                    assert!((found - slope).abs() <= 1e-5 * slope.abs() + 2e-4, "{input} {axis}: {found} {slope}");
+                    assert!(
+                        (found - slope).abs() <= 1e-5 * slope.abs() + 2e-4,
+                        "{input} {axis}: {found} {slope}"
+                    );
                 }
             }
         }

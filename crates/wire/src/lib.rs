@@ -50,14 +50,16 @@ pub use domain::Domain;
 pub use error::WireError;
 pub use keyexpr::KeyExpr;
 pub use layout::{
-    Answer, Command, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus, SensorSample, State,
+    Answer, Command, Estimate, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus,
+    SensorSample, State,
 };
 pub use leftover::Removed;
 pub use own_files::OwnFiles;
 pub use port::{
-    AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, FieldLoan, FieldReader, FieldSample,
-    FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, QueryClient, QueryServer, Question,
-    Reader, SensorReader, SensorWriter, Stamp, StateReader, StateWriter, Writer,
+    AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
+    FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter,
+    QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, Stamp, StateReader, StateWriter,
+    Writer,
 };
 pub use selector::{Selector, SelectorError};
 pub use topic::{Topic, TopicKind};

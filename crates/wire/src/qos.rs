@@ -37,8 +37,8 @@ pub const fn of(kind: TopicKind) -> Qos {
         TopicKind::Field => {
             Qos { max_readers: 24, buffer: 16, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 64 }
         }
-        // As the readings, for 1.2 MB.
-        TopicKind::State => {
+        // As the readings, for some 1.2 MB.
+        TopicKind::State | TopicKind::Estimate => {
             Qos { max_readers: 64, buffer: 2048, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 128 }
         }
         TopicKind::Health => {

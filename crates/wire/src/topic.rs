@@ -22,6 +22,8 @@ pub enum TopicKind {
     Grasp,
     /// What a controller wants of a pressure source: [`crate::Command`].
     Command,
+    /// Estimated quantities: [`crate::Estimate`].
+    Estimate,
 }
 
 impl TopicKind {
@@ -34,6 +36,7 @@ impl TopicKind {
             Self::Health => "health",
             Self::Grasp => "grasp",
             Self::Command => "command",
+            Self::Estimate => "estimate",
         }
     }
 }
@@ -96,6 +99,14 @@ impl Topic {
         Self::build(actuator, TopicKind::Command, None)
     }
 
+    /// `softtwin/<actuator>/estimate`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn estimate(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Estimate, None)
+    }
+
     /// Reads a topic back from its name; `None` for names that are not ours.
     pub fn parse(name: &str) -> Option<Self> {
         let mut chunks = name.split('/');
@@ -110,6 +121,7 @@ impl Topic {
             "health" => TopicKind::Health,
             "grasp" => TopicKind::Grasp,
             "command" => TopicKind::Command,
+            "estimate" => TopicKind::Estimate,
             _ => return None,
         };
         let node_set = chunks.next();

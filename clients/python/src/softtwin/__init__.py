@@ -22,7 +22,7 @@ from .errors import (
     VersionMismatch,
 )
 from .field import Field
-from .layout import Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State
+from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, State
 from .publish import CommandPublisher, SensorPublisher
 from .query import Client
 from .subscribe import Subscription, newest, subscribe
@@ -43,6 +43,7 @@ __all__ = [
     "Query",
     "Refused",
     "SensorPublisher",
+    "Estimate",
     "SensorSample",
     "SofttwinError",
     "State",

@@ -14,6 +14,7 @@ from .start import DEFAULT_ROOT, Places
 _KINDS = {
     "sensor": layout.SensorSample,
     "state": layout.State,
+    "estimate": layout.Estimate,
     "health": layout.Health,
     "grasp": layout.Grasp,
     "command": layout.Command,

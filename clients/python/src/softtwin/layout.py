@@ -9,7 +9,7 @@ from typing import Dict, List, Type
 
 from .payload import Payload, pack, text
 
-VERSION = 2
+VERSION = 3
 """Layout version; it is part of every type name."""
 
 FIELD_NAMES: Dict[int, str] = {
@@ -63,6 +63,16 @@ GRASP_STATUSES: Dict[int, str] = {
 }
 """Whether an object is held, by number."""
 
+ESTIMATE_STATUSES: Dict[int, str] = {
+    0: "none",
+    1: "used",
+    2: "input-missing",
+    3: "not-later",
+    4: "not-converged",
+    5: "not-explained",
+}
+"""What became of an estimate's reading, by number."""
+
 QUERY_STATUSES: Dict[int, str] = {
     0: "answered",
     1: "a quantity that this question needs is missing or not finite",
@@ -108,7 +118,7 @@ QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}
 class SensorSample(Payload):
     """One reading of the sensors of one actuator, stamped by the bridge."""
 
-    _type = "softtwin.SensorSample.v2"
+    _type = "softtwin.SensorSample.v3"
     _fields_ = [
         ("boot_id", u64),  # The run of the bridge that sent it.
         ("seq", u64),  # Counts up by one per reading within a run, beginning at 1.
@@ -118,14 +128,15 @@ class SensorSample(Payload):
         ("measured_force_n", f64),  # N: Measured contact force; NaN without a load cell.
         ("t_trace_s", f64),  # s: Time in the source's own trace (replays); NaN when there is none.
         ("status", u32),  # 0: good; anything else is the sensor's own fault code.
-        ("reserved", u32),  # Zero.
+        ("marker_values", u32),  # Coordinates below: three for each marker of the scene, 0 without markers.
+        ("markers_mm", f64 * 24),  # mm: Measured x, y, z of the first marker, of the second, ..., in the camera's frame; NaN where one was not seen.
     ]
 
 
 class FieldHeader(Payload):
     """Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the first field in `field_ids`, then all of the second, and so on."""
 
-    _type = "softtwin.FieldHeader.v2"
+    _type = "softtwin.FieldHeader.v3"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -155,7 +166,7 @@ class FieldHeader(Payload):
 class State(Payload):
     """Force, gradients, coefficients and domain status of one evaluation."""
 
-    _type = "softtwin.State.v2"
+    _type = "softtwin.State.v3"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -195,7 +206,7 @@ class State(Payload):
 class Health(Payload):
     """Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes."""
 
-    _type = "softtwin.Health.v2"
+    _type = "softtwin.Health.v3"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags as in the newest state.
@@ -232,7 +243,7 @@ class Health(Payload):
 class Grasp(Payload):
     """The grasp of one scene: `n` fingers hold an object by friction when `n mu min(F) >= s m g`. The smallest finger force counts for all of them: what one finger pushes more than the others moves the object instead of holding it."""
 
-    _type = "softtwin.Grasp.v2"
+    _type = "softtwin.Grasp.v3"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags of all fingers.
@@ -264,7 +275,7 @@ class Grasp(Payload):
 class Command(Payload):
     """One pressure command, from a controller to a valve or a simulated plant."""
 
-    _type = "softtwin.Command.v2"
+    _type = "softtwin.Command.v3"
     _fields_ = [
         ("boot_id", u64),  # The run of the controller that sent it.
         ("seq", u64),  # Counts up by one per command within a run, beginning at 1.
@@ -275,10 +286,48 @@ class Command(Payload):
     ]
 
 
+class Estimate(Payload):
+    """Estimated quantities after one reading, with what the reading said about model and sensors."""
+
+    _type = "softtwin.Estimate.v3"
+    _fields_ = [
+        ("layout_version", u32),  # Layout version.
+        ("status", u32),  # What became of the reading.
+        ("model_hash", u8 * 16),  # First 16 bytes of the model file's hash.
+        ("boot_id", u64),  # The run of the twin.
+        ("seq", u64),  # Counts up by one per estimate within a run, beginning at 1.
+        ("sensor_boot_id", u64),  # The run of the bridge that sent the reading.
+        ("sensor_seq", u64),  # Sequence number of the reading.
+        ("t_sensor_ns", u64),  # ns: When the reading was taken.
+        ("t_publish_ns", u64),  # ns: When the estimate was sent.
+        ("nis", f64),  # Normalised innovation squared of the values used; NaN when none was used.
+        ("nis_low", f64),  # Below this in 2.5 % of all readings where model and sensors are as good as stated.
+        ("nis_high", f64),  # Above this in 2.5 % of all readings where model and sensors are as good as stated.
+        ("used_values", u32),  # Measured values of the reading that were used.
+        ("rejected", u32),  # Measurements rejected as contradictory: bit 0 the force, bit 1 the first marker, bit 2 the second, ...
+        ("rejected_total", u64),  # Measurements rejected since the start.
+        ("unknown_count", u32),  # Quantities that are estimated.
+        ("identifiable", u32),  # Bit 0: the readings tell the first quantity, and so on; 0: the value rests on what was known before.
+        ("values", f64 * 8),  # Estimated values, in the units of their names.
+        ("sigmas", f64 * 8),  # Standard deviations of the estimated values.
+        ("inputs", f64 * 8),  # Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs.
+        ("input_count", u32),  # Inputs of the model.
+        ("reserved", u32),  # Zero.
+        ("force_sigma_n", f64),  # N: Standard deviation of the force that follows from those of the estimated values.
+        ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
+        ("names", u8 * 256),  # Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
+        ("reserved_more", u64 * 3),  # Zero; for later values.
+    ]
+    _texts = {"actuator"}
+    _text_lists = {"names": "unknown_count"}
+    _hashes = {"model_hash"}
+    _names = {"status": ESTIMATE_STATUSES}
+
+
 class Query(Payload):
     """One question. What its kind does not need is NaN."""
 
-    _type = "softtwin.Query.v2"
+    _type = "softtwin.Query.v3"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("kind", u32),  # What is asked for.
@@ -297,7 +346,7 @@ class Query(Payload):
 class Answer(Payload):
     """The answer. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field topic), or empty when none was wanted."""
 
-    _type = "softtwin.Answer.v2"
+    _type = "softtwin.Answer.v3"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("status", u32),  # 0: answered, else the reason why there is no answer.
@@ -344,6 +393,7 @@ PAYLOADS: List[Type[Payload]] = [
     Health,
     Grasp,
     Command,
+    Estimate,
     Query,
     Answer,
 ]

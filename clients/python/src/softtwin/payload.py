@@ -24,6 +24,7 @@ class Payload(ctypes.Structure):
 
     _type: str = ""
     _texts: Set[str] = set()
+    _text_lists: Dict[str, str] = {}
     _hashes: Set[str] = set()
     _names: Dict[str, Dict[int, str]] = {}
 
@@ -42,6 +43,13 @@ class Payload(ctypes.Structure):
         bits = getattr(self, "flags", 0)
         return [name for bit, name in self._names.get("flags", {}).items() if bits & bit]
 
+    def text_list(self, field: str) -> List[str]:
+        """The names in a field of several, such as `names` of an estimate."""
+        packed = bytes(getattr(self, field))
+        count = int(getattr(self, self._text_lists[field]))
+        pieces = (packed[32 * at : 32 * at + 32] for at in range(count))
+        return [piece.split(b"\0", 1)[0].decode("utf-8", "replace") for piece in pieces]
+
     @property
     def regime_name(self) -> str:
         """`free`, `contact` or `unknown`."""
@@ -59,6 +67,8 @@ class Payload(ctypes.Structure):
             value = getattr(self, name)
             if name in self._texts:
                 value = text(value)
+            elif name in self._text_lists:
+                value = self.text_list(name)
             elif name in self._hashes:
                 value = bytes(value).hex()
             elif isinstance(value, ctypes.Array):

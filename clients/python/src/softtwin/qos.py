@@ -22,6 +22,7 @@ QOS: Dict[str, Qos] = {
     "health": Qos(max_readers=32, buffer=8, max_borrowed=4, history=1, max_nodes=128),
     "grasp": Qos(max_readers=32, buffer=64, max_borrowed=4, history=1, max_nodes=64),
     "command": Qos(max_readers=8, buffer=16, max_borrowed=4, history=0, max_nodes=32),
+    "estimate": Qos(max_readers=64, buffer=2048, max_borrowed=4, history=1, max_nodes=128),
 }
 """By kind of topic."""
 

@@ -116,6 +116,13 @@ fn set<P: Payload>(payload: &mut P, field: &Field, value: &Value) -> Option<()> 
             list(payload, field, &ids.collect::<Vec<Value>>())?;
             set_count(payload, "field_count", names.len())?;
         }
+        Show::Names(count) => {
+            let names = texts()?;
+            let bytes: Vec<Value> =
+                names.iter().flat_map(|name| pack_name(name)).map(Value::from).take(field.count).collect();
+            list(payload, field, &bytes)?;
+            set_count(payload, count, names.len())?;
+        }
         Show::PerCode(codes) => {
             for (name, value) in value.as_object()? {
                 if let Some(index) = codes.iter().position(|code| code.name == name) {

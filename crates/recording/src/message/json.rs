@@ -66,6 +66,10 @@ impl Serialize for Property<'_> {
                 let names = view.bytes(field).iter().map(|id| field_id::as_str(*id));
                 to.collect_seq(names.take(used("field_count")))
             }
+            Show::Names(count) => {
+                let names = view.bytes(field).as_chunks::<32>().0.iter().take(used(count));
+                to.collect_seq(names.map(|name| unpack_name(name)))
+            }
             Show::PerCode(codes) => to.collect_map(
                 view.numbers(field).map(Digits).zip(codes).map(|(number, code)| (code.name, number)),
             ),

@@ -114,7 +114,7 @@ impl Reader {
                     source.or_insert_with(|| Source::new(topic.actuator())).open(bus, &topic)
                 }
                 TopicKind::Grasp => grasps.open(bus, &topic),
-                TopicKind::Sensor | TopicKind::Health | TopicKind::Command => Ok(()),
+                TopicKind::Sensor | TopicKind::Health | TopicKind::Command | TopicKind::Estimate => Ok(()),
             };
             if let Err(error) = opened
                 && warned.insert(topic.name().to_owned())

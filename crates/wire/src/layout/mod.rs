@@ -9,12 +9,13 @@
 /// The layout version as a literal, for type names.
 macro_rules! layout_version {
     () => {
-        2
+        3
     };
 }
 
 mod codes;
 mod command;
+mod estimate;
 mod field;
 mod grasp;
 mod health;
@@ -28,28 +29,30 @@ mod state;
 
 pub use codes::{Code, Codes};
 pub use command::Command;
+pub use estimate::{Estimate, INPUTS_MAX, UNKNOWNS_MAX};
 pub use field::{FIELD_SLOTS, FieldHeader};
 pub use grasp::{FINGERS_MAX, Grasp};
 pub use health::{Health, OUTCOME_SLOTS};
-pub use numbers::{domain_status, field_id, flags, grasp_status, query_kind, regime};
+pub use numbers::{domain_status, estimate_status, field_id, flags, grasp_status, query_kind, regime};
 pub use outcome::Outcome;
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};
 pub use query::{Answer, Query};
 pub use query_status::QueryStatus;
-pub use sensor::SensorSample;
+pub use sensor::{MARKERS_MAX, SensorSample};
 pub use state::{COEFFICIENTS_MAX, GROUPS_MAX, State};
 
 /// Version of all layouts. Raised with any change of size, offset or meaning; it is part of every type name.
 pub const VERSION: u32 = layout_version!();
 
 /// Every payload.
-pub const PAYLOADS: [&Layout; 8] = [
+pub const PAYLOADS: [&Layout; 9] = [
     SensorSample::LAYOUT,
     FieldHeader::LAYOUT,
     State::LAYOUT,
     Health::LAYOUT,
     Grasp::LAYOUT,
     Command::LAYOUT,
+    Estimate::LAYOUT,
     Query::LAYOUT,
     Answer::LAYOUT,
 ];

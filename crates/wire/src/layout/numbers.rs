@@ -100,6 +100,24 @@ codes! {
 }
 
 codes! {
+    /// Numbers of an estimate's `status`: what became of the reading.
+    estimate_status: u32 {
+        /// No reading yet.
+        NONE = 0, "none";
+        /// The estimate takes the reading into account.
+        USED = 1, "used";
+        /// An input that is to be measured is missing: nothing changed.
+        INPUT_MISSING = 2, "input-missing";
+        /// The reading is not later than the one before: nothing changed.
+        NOT_LATER = 3, "not-later";
+        /// The search for the estimate did not end: nothing changed.
+        NOT_CONVERGED = 4, "not-converged";
+        /// Model and estimate do not explain the reading: nothing changed.
+        NOT_EXPLAINED = 5, "not-explained";
+    }
+}
+
+codes! {
     /// Numbers of `grasp_status`.
     grasp_status: u32 {
         /// Not every finger has a fresh state.

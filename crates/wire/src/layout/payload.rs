@@ -36,7 +36,7 @@ pub(super) mod sealed {
 pub struct Layout {
     /// Name in Rust and Python, such as `State`.
     pub name: &'static str,
-    /// Name in shared memory, with the layout version, such as `softtwin.State.v2`.
+    /// Name in shared memory, with the layout version, such as `softtwin.State.v3`.
     pub type_name: &'static str,
     /// Name of its JSON schema, such as `softtwin.State`.
     pub schema: &'static str,
@@ -99,6 +99,8 @@ pub enum Show {
     Code(Codes),
     /// As the names of the fields, as many as `field_count` says.
     FieldNames,
+    /// As texts: zero-padded names of 32 bytes, as many as the field of this name says.
+    Names(&'static str),
     /// As one number for each name.
     PerCode(Codes),
 }

@@ -2,9 +2,12 @@
 
 use super::payload::payload;
 
+/// Most markers of one actuator.
+pub const MARKERS_MAX: usize = 8;
+
 payload! {
     /// One reading of the sensors of one actuator, stamped by the bridge.
-    SensorSample "softtwin.Sensor" 64 {
+    SensorSample "softtwin.Sensor" 256 {
         /// The run of the bridge that sent it.
         0 boot_id: u64 = 0, "", Show::Hex;
         /// Counts up by one per reading within a run, beginning at 1.
@@ -21,8 +24,10 @@ payload! {
         48 t_trace_s: f64 = f64::NAN, "s";
         /// 0: good; anything else is the sensor's own fault code.
         56 status: u32 = 0, "";
-        /// Zero.
-        60 reserved: u32 = 0, "";
+        /// Coordinates below: three for each marker of the scene, 0 without markers.
+        60 marker_values: u32 = 0, "";
+        /// Measured x, y, z of the first marker, of the second, ..., in the camera's frame; NaN where one was not seen.
+        64 markers_mm: [f64; 3 * MARKERS_MAX] = [f64::NAN; 3 * MARKERS_MAX], "mm", Show::Counted("marker_values");
     }
-    json [seq, t_sensor_ns, pressure_mpa, gap_mm, measured_force_n, t_trace_s, status, boot_id]
+    json [seq, t_sensor_ns, pressure_mpa, gap_mm, measured_force_n, markers_mm, t_trace_s, status, boot_id]
 }

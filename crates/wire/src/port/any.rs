@@ -4,7 +4,7 @@ use super::field::{FieldReader, FieldSample};
 use super::sized::Reader;
 use crate::bus::Bus;
 use crate::error::WireError;
-use crate::layout::{Command, Grasp, Health, Payload, SensorSample, State, View};
+use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, State, View};
 use crate::topic::{Topic, TopicKind};
 use crate::wake::{Wakeable, Waker, Waking};
 
@@ -102,7 +102,7 @@ macro_rules! kinds {
         }
     };
 }
-kinds!(Sensor: SensorSample, State: State, Health: Health, Grasp: Grasp, Command: Command);
+kinds!(Sensor: SensorSample, State: State, Health: Health, Grasp: Grasp, Command: Command, Estimate: Estimate);
 
 /// Identity and times of a sample, as its sender wrote them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,6 +14,6 @@ pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
 pub use query::{AnswerSample, QueryClient, QueryServer, Question};
 pub(crate) use segment::{SHM_DIR, require_headroom};
 pub use sized::{
-    CommandReader, CommandWriter, GraspReader, GraspWriter, HealthReader, HealthWriter, Reader, SensorReader,
-    SensorWriter, StateReader, StateWriter, Writer,
+    CommandReader, CommandWriter, EstimateReader, EstimateWriter, GraspReader, GraspWriter, HealthReader,
+    HealthWriter, Reader, SensorReader, SensorWriter, StateReader, StateWriter, Writer,
 };

@@ -304,6 +304,7 @@ pub(crate) fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u3
         TopicKind::Health => of(&sized::<layout::Health>(bus, topic, Missing::Refuse)?),
         TopicKind::Grasp => of(&sized::<layout::Grasp>(bus, topic, Missing::Refuse)?),
         TopicKind::Command => of(&sized::<layout::Command>(bus, topic, Missing::Refuse)?),
+        TopicKind::Estimate => of(&sized::<layout::Estimate>(bus, topic, Missing::Refuse)?),
         TopicKind::Field => of(&slices(bus, topic, Missing::Refuse)?),
     })
 }

@@ -5,7 +5,7 @@ use super::service::{self, Missing};
 use super::writer_lock::WriterLock;
 use crate::bus::{Bus, Ipc};
 use crate::error::WireError;
-use crate::layout::{Command, Grasp, Health, Payload, SensorSample, State};
+use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, State};
 use crate::qos;
 use crate::topic::Topic;
 use crate::wake::{Wakeable, Waker, Waking};
@@ -46,6 +46,10 @@ pub type HealthReader = Reader<Health>;
 pub type GraspWriter = Writer<Grasp>;
 /// Receives grasps.
 pub type GraspReader = Reader<Grasp>;
+/// Sends estimates.
+pub type EstimateWriter = Writer<Estimate>;
+/// Receives estimates.
+pub type EstimateReader = Reader<Estimate>;
 /// Sends pressure commands.
 pub type CommandWriter = Writer<Command>;
 /// Receives pressure commands.

@@ -7,7 +7,7 @@ mod python;
 
 use std::path::{Path, PathBuf};
 use wire::layout::{Field, Layout, Number, Payload, View};
-use wire::{Answer, Command, FieldHeader, Grasp, Health, Query, SensorSample, State};
+use wire::{Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, State};
 
 /// A payload's description with its default.
 struct Described {
@@ -27,7 +27,7 @@ impl Described {
     }
 }
 
-fn described() -> [Described; 8] {
+fn described() -> [Described; 9] {
     fn of<P: Payload>() -> Described {
         Described { layout: P::LAYOUT, default: P::default().view().bytes.to_vec() }
     }
@@ -38,6 +38,7 @@ fn described() -> [Described; 8] {
         of::<Health>(),
         of::<Grasp>(),
         of::<Command>(),
+        of::<Estimate>(),
         of::<Query>(),
         of::<Answer>(),
     ];

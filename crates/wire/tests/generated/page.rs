@@ -2,16 +2,19 @@
 
 use super::{Described, line};
 use std::fmt::Write;
-use wire::layout::{self, Codes, domain_status, field_id, flags, grasp_status, query_kind, regime};
+use wire::layout::{
+    self, Codes, domain_status, estimate_status, field_id, flags, grasp_status, query_kind, regime,
+};
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
-const KINDS: [TopicKind; 6] = [
+const KINDS: [TopicKind; 7] = [
     TopicKind::Sensor,
     TopicKind::Field,
     TopicKind::State,
     TopicKind::Health,
     TopicKind::Grasp,
     TopicKind::Command,
+    TopicKind::Estimate,
 ];
 
 /// The page with all tables as the definitions say.
@@ -67,6 +70,7 @@ fn numbers() -> String {
     table("`field_ids`:", field_id::ALL);
     table("`outcome`, and index of `outcomes`:", Outcome::CODES);
     table("`grasp_status`:", grasp_status::ALL);
+    table("`status` of an estimate:", estimate_status::ALL);
     table("`kind` of a question:", query_kind::ALL);
     table("`status` of an answer; `{limit}` is the answer's `limit`:", QueryStatus::CODES);
     out.trim_end().to_owned() + "\n"

@@ -1,0 +1,89 @@
+//! What a twin estimates beside what it is told.
+
+use super::payload::payload;
+use super::{VERSION, estimate_status};
+
+/// Most quantities that one twin estimates.
+pub const UNKNOWNS_MAX: usize = 8;
+/// Most model inputs.
+pub const INPUTS_MAX: usize = 8;
+
+payload! {
+    /// Estimated quantities after one reading, with what the reading said about model and sensors.
+    Estimate "softtwin.Estimate" 640 {
+        /// Layout version.
+        0 layout_version: u32 = VERSION, "";
+        /// What became of the reading.
+        4 status: u32 = estimate_status::NONE, "", Show::Code(estimate_status::ALL);
+        /// First 16 bytes of the model file's hash.
+        8 model_hash: [u8; 16] = [0; 16], "", Show::Hex;
+        /// The run of the twin.
+        24 boot_id: u64 = 0, "", Show::Hex;
+        /// Counts up by one per estimate within a run, beginning at 1.
+        32 seq: u64 = 0, "";
+        /// The run of the bridge that sent the reading.
+        40 sensor_boot_id: u64 = 0, "", Show::Hex;
+        /// Sequence number of the reading.
+        48 sensor_seq: u64 = 0, "";
+        /// When the reading was taken.
+        56 t_sensor_ns: u64 = 0, "ns";
+        /// When the estimate was sent.
+        64 t_publish_ns: u64 = 0, "ns";
+        /// Normalised innovation squared of the values used; NaN when none was used.
+        72 nis: f64 = f64::NAN, "";
+        /// Below this in 2.5 % of all readings where model and sensors are as good as stated.
+        80 nis_low: f64 = f64::NAN, "";
+        /// Above this in 2.5 % of all readings where model and sensors are as good as stated.
+        88 nis_high: f64 = f64::NAN, "";
+        /// Measured values of the reading that were used.
+        96 used_values: u32 = 0, "";
+        /// Measurements rejected as contradictory: bit 0 the force, bit 1 the first marker, bit 2 the second, ...
+        100 rejected: u32 = 0, "";
+        /// Measurements rejected since the start.
+        104 rejected_total: u64 = 0, "";
+        /// Quantities that are estimated.
+        112 unknown_count: u32 = 0, "";
+        /// Bit 0: the readings tell the first quantity, and so on; 0: the value rests on what was known before.
+        116 identifiable: u32 = 0, "";
+        /// Estimated values, in the units of their names.
+        120 values: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
+        /// Standard deviations of the estimated values.
+        184 sigmas: [f64; UNKNOWNS_MAX] = [f64::NAN; UNKNOWNS_MAX], "", Show::Counted("unknown_count");
+        /// Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs.
+        248 inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        /// Inputs of the model.
+        312 input_count: u32 = 0, "";
+        /// Zero.
+        316 reserved: u32 = 0, "";
+        /// Standard deviation of the force that follows from those of the estimated values.
+        320 force_sigma_n: f64 = f64::NAN, "N";
+        /// Name of the actuator, zero-padded.
+        328 actuator: [u8; 32] = [0; 32], "", Show::Name;
+        /// Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
+        360 names: [u8; 32 * UNKNOWNS_MAX] = [0; 32 * UNKNOWNS_MAX], "", Show::Names("unknown_count");
+        /// Zero; for later values.
+        616 reserved_more: [u64; 3] = [0; 3], "";
+    }
+    json [
+        seq, sensor_seq, t_sensor_ns, t_publish_ns, status, names, values, sigmas, identifiable, inputs, force_sigma_n, nis,
+        nis_low, nis_high, used_values, rejected, rejected_total, actuator, model_hash, boot_id, sensor_boot_id,
+    ]
+}
+
+impl Estimate {
+    /// The name of the quantity at a position.
+    pub fn name(&self, at: usize) -> String {
+        self.names.as_chunks::<32>().0.get(at).map_or_else(String::new, |name| super::unpack_name(name))
+    }
+
+    /// Sets the name of the quantity at a position. Of a name of more than 31 bytes the end is kept, which says more.
+    pub fn set_name(&mut self, at: usize, name: &str) {
+        let mut begin = name.len().saturating_sub(31);
+        while !name.is_char_boundary(begin) {
+            begin += 1;
+        }
+        if let Some(slot) = self.names.as_chunks_mut::<32>().0.get_mut(at) {
+            *slot = super::pack_name(&name[begin..]);
+        }
+    }
+}
