@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # Our programs as others use them: browsers, readers of our files, client languages, the network, another processor.
-#   scripts/check.sh view [--picture FILE.png]   `softtwin view` in headless Chromium (CHROMIUM names another program); --picture
-#                                                keeps the screenshot, which is docs/images/view.png
+#   scripts/check.sh view                        `softtwin view` in headless Chromium (CHROMIUM names another program)
+#   scripts/check.sh view --screenshots DIR      instead: the page in five sizes, light and dark, in every mode [--only MODE]
+#   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
+#   scripts/check.sh view --rate                 instead: frames a second that the browser draws
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
 #   scripts/check.sh clients [pytest arguments]  the Python client against live twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
@@ -37,8 +39,10 @@ python() {
 
 view() {
     needs python3
+    python=python3
+    case " $* " in *" --film "*) python pictures 'pillow<13' ;; esac
     build
-    exec python3 scripts/checks/view.py --programs "$target/debug" "$@"
+    exec "$python" scripts/checks/view.py --programs "$target/debug" "$@"
 }
 
 exports() {
@@ -128,6 +132,6 @@ aarch64() {
 
 case ${1:-} in
     view | exports | clients | c | gateway | aarch64) "$@" ;;
-    -h | --help) sed -n '2,12s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,12s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,14s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

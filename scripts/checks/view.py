@@ -13,6 +13,7 @@ import urllib.request
 
 from browser import Browser, WebSocket, find, wait
 from picture import Picture
+import screenshots
 
 MODEL = "models/pneunet/pneunet.twin"
 SCENE = "config/scenes/finger.toml"
@@ -77,7 +78,10 @@ class Page:
         self.browser = Browser(program, 1280, 800)
         self.run = self.browser.run
         self.browser.open(url)
-        wait(lambda: self.run("Boolean(window.softtwin)"), "the page's script", 60)
+        try:
+            wait(lambda: self.run("Boolean(window.softtwin)"), "the page's script", 60, lambda: bool(self.browser.complaints()))
+        except TimeoutError:
+            sys.exit(f"the page did not start: {self.browser.complaints()}")
 
     def frames(self):
         return self.run("softtwin.state.frames")
@@ -96,6 +100,9 @@ class Page:
 
     def slide(self, element, value):
         self.run(f"(() => {{ const e = document.getElementById('{element}'); e.value = {value}; e.dispatchEvent(new Event('input')); }})()")
+
+    def choose(self, element, value):
+        self.run(f"(() => {{ const e = document.getElementById('{element}'); e.value = '{value}'; e.dispatchEvent(new Event('change')); }})()")
 
     def picture(self):
         """What is on the screen, after the next two frames are drawn."""
@@ -147,35 +154,28 @@ AIM = """(async () => {
     if (score > best.score) best = { score, free, d };
   }
   const [x, y, z] = best.d;
+  const r = camera.canvas.getBoundingClientRect();
   Object.assign(camera, { target: p, distance: 0.8 * best.free, azimuth: Math.atan2(x, z), elevation: Math.asin(y) });
-  return { value: body.values[v], node: body.ids[body.source[v]], published: shape.max_von_mises_mpa, published_node: shape.max_von_mises_node, range: scale.range, free_mm: best.free };
+  return { value: body.values[v], node: body.ids[body.source[v]], published: shape.max_von_mises_mpa, published_node: shape.max_von_mises_node, range: scale.range, free_mm: best.free, centre: [r.left + r.width / 2, r.top + r.height / 2].map(Math.round) };
 })()"""
 
 
 def hottest(page):
     """Turns the camera to the visible node with the largest stress; returns (stress that the pixel there says, what is known of the node)."""
+    page.choose("follow", "peak")  # single corners lie above the scale that shows 99 % of the nodes
     node = page.run(AIM)
     table = page.run("fetch('colours').then((r) => r.arrayBuffer()).then((b) => [...new Uint8Array(b)])")
     picture = page.picture()
     (low, high), best = node["range"], 0.0
     for dx in range(-3, 4):
         for dy in range(-3, 4):
-            share = picture.place_in(table, picture.width // 2 + dx, picture.height // 2 + dy)
+            share = picture.place_in(table, node["centre"][0] + dx, node["centre"][1] + dy)
             best = max(best, low + share * (high - low)) if share is not None else best
     return best, node
 
 
-def keep_picture(page, path):
-    """The README's picture: the plate touched, as fine as it can be drawn, the scale below single corners."""
-    page.run("softtwin.scale.choose('most'); softtwin.painter.software = false; softtwin.painter.sharpness = 1")
-    wait(lambda: (page.shown("pressure_mpa") or 0) > 0.055, "a pressure of 0.055 MPa", 60)
-    page.picture()
-    path.write_bytes(page.browser.screenshot())
-    page.run("softtwin.scale.choose('peak'); softtwin.painter.software = true")
-
-
 @check
-def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_stop(stage, program, keep):
+def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_stop(stage, program):
     view, url = stage.view("--model", MODEL)
     page = Page(program, url)
     try:
@@ -191,8 +191,6 @@ def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_sto
         assert picture.colours() > 500, f"the screenshot has {picture.colours()} colours only"
         assert page.run("softtwin.chosen().body.corners.length") > 3000, "the surface is drawn as facets"
         wait(lambda: page.picture().differs(before), "another picture")
-        if keep:
-            keep_picture(page, keep)
         page.click("pause")
         time_shown = page.shown("seq")
         before = page.frames()
@@ -215,18 +213,18 @@ def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_sto
 
 
 @check
-def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_maximum(stage, program, keep):
+def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_maximum(stage, program):
     view, url = stage.view("--model", MODEL)
     page = Page(program, url)
     try:
         wait(lambda: page.run("softtwin.state.models.size > 0"), "the model")
         page.click("whatif-toggle")
         wait(lambda: page.shown("predicted"), "a prediction")
-        page.slide("gap", 30)
-        page.slide("pressure", 0.02)
+        page.slide("input-gap", 30)
+        page.slide("input-pressure", 0.02)
         wait(lambda: page.shown("pressure_mpa") == 0.02 and page.shown("gap_mm") == 30, "the sliders' state")
         low = page.shown("contact_force_n")
-        page.slide("pressure", 0.07)
+        page.slide("input-pressure", 0.07)
         wait(lambda: page.shown("pressure_mpa") == 0.07, "the slider's new pressure")
         assert page.shown("contact_force_n") > low, "more pressure, more force"
         answer = json.loads(stage.run("softtwin", "predict", "--model", MODEL, "--pressure-mpa", "0.07", "--gap-mm", "30").stdout)
@@ -235,22 +233,55 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
         span = node["range"][1] - node["range"][0]
         assert node["node"] == node["published_node"] and abs(node["value"] - node["published"]) < 1e-6, node
         assert abs(value - node["published"]) < 0.02 * span, f"the pixel says {value} MPa, the prediction {node}"
-        page.slide("pressure", 0.12)
+        assert page.run("document.querySelector('.mark').textContent") == f"{page.shown('contact_force_n'):.3f} N", "the arrow says the force"
+        page.slide("input-pressure", 0.11)
         wait(lambda: "outside-domain" in (page.run("softtwin.chosen().shown.flags.join()") or ""), "the flag of an extrapolation")
+        saved = page.run(SAVE % ("save", "save", 0))
+        assert saved[0].endswith(".png") and saved[1][:8] == list(b"\x89PNG\r\n\x1a\n") and saved[2] > 20000, saved
+        filmed = page.run(SAVE % ("film", "film", 1500))
+        assert filmed[0].endswith(".webm") and filmed[1][:4] == [0x1A, 0x45, 0xDF, 0xA3] and filmed[2] > 5000, filmed
         assert not page.browser.complaints(), page.browser.complaints()
         stage.end(view)
     finally:
         page.browser.close()
 
 
+# Presses a button, and again after a while if that is asked for; the name, the first bytes and the size of what is then saved.
+SAVE = """new Promise((done) => {
+  HTMLAnchorElement.prototype.click = function () { fetch(this.href).then((r) => r.arrayBuffer()).then((b) => done([this.download, [...new Uint8Array(b.slice(0, 8))], b.byteLength])); };
+  document.getElementById('%s').click();
+  const [again, after_ms] = ['%s', %d];
+  if (after_ms) setTimeout(() => document.getElementById(again).click(), after_ms);
+})"""
+
+# What lies outside the screen's width, is covered by something else, or (of the scene) outside the canvas.
+HIDDEN = """(() => {
+  const names = ["#actuators button", "#tools button", "#dock select", "#bar", "#whatif-toggle", "#grasp", ".number", ".chart", "#pause", "#scrub", "#scene", ".slider"];
+  const found = [];
+  for (const element of document.querySelectorAll(names.join())) {
+    if (element.closest("[hidden]")) continue;
+    element.scrollIntoView({ block: "center" });
+    const box = element.getBoundingClientRect();
+    const top = document.elementFromPoint(box.left + box.width / 2, box.top + box.height / 2);
+    const seen = top && (element.contains(top) || top.contains(element) || top.closest("#stage"));
+    if (box.left < 0 || box.right > innerWidth || box.width < 8 || !seen) found.push(element.id || element.className || element.textContent);
+  }
+  const { camera, scene } = softtwin;
+  const out = scene.seen.filter((point) => { const [x, y] = camera.project(point) ?? [-1, -1]; return x < 0 || y < 0 || x > camera.canvas.clientWidth || y > camera.canvas.clientHeight; });
+  return [...found, ...out.map((point) => `point ${point}`)];
+})()"""
+
+
 @check
-def without_a_model_nodes_are_points_and_a_second_browser_sees_the_same(stage, program, keep):
+def without_a_model_nodes_are_points_and_a_second_browser_sees_the_same(stage, program):
     twin, bridge = stage.twin()
     view, url = stage.view()
     page, other = Page(program, url), None
     try:
         wait(lambda: page.frames() > 2, "frames", 60)
         assert "drawn as points" in page.run("document.getElementById('notice').textContent")
+        page.click("whatif-toggle")
+        assert "softtwin view --model" in page.run("document.getElementById('whatif').textContent"), "what if says what it needs"
         assert page.run("softtwin.chosen().body.corners === undefined && softtwin.chosen().body.nodes") == 25022
         assert page.picture().colours() > 200, "points are visible"
         other = Page(program, url)
@@ -265,7 +296,7 @@ def without_a_model_nodes_are_points_and_a_second_browser_sees_the_same(stage, p
 
 
 @check
-def a_scene_says_where_its_fingers_and_blocks_stand(stage, program, keep):
+def a_scene_says_where_its_fingers_and_blocks_stand(stage, program):
     scene = "config/scenes/gripper.toml"
     twin, _ = stage.start("softtwind", "twin", "--scene", scene, ready="ready:")
     bridge, _ = stage.start("softtwind", "bridge", "--scene", scene, ready="ready:")
@@ -280,13 +311,25 @@ def a_scene_says_where_its_fingers_and_blocks_stand(stage, program, keep):
         assert page.picture().colours() > 300
         page.run("document.querySelectorAll('#actuators button')[1].click()")
         wait(lambda: page.run("softtwin.chosen().name") == "right", "the numbers of the other finger")
+        wait(lambda: page.run("!document.getElementById('grasp').hidden"), "the grasp")
+        spans = "softtwin.visible().map((a) => { const b = a.history.minute.bins; return [b.length, (b[b.length - 1].t_ms - b[0].t_ms) / 1000]; })"
+        wait(lambda: all(seconds > 3 for _, seconds in page.run(spans)), "three seconds of readings", 60)
+        for bins, seconds in page.run(spans):
+            assert bins > 8 * seconds, f"{bins} stretches of 50 ms have readings in {seconds} s, however few frames are drawn"
+        for width, height in ((390, 844), (820, 1180), (1280, 720)):
+            page.browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 900)
+            for _ in range(2):  # with "what if" closed and open
+                page.picture()
+                assert page.run(HIDDEN) == [], f"hidden at {width} x {height}: {page.run(HIDDEN)}"
+                page.click("whatif-toggle")
+                wait(lambda: page.run("softtwin.visible().length > 0"), "the other mode")
         stage.end(view, bridge, twin)
     finally:
         page.browser.close()
 
 
 @check
-def a_page_that_floods_is_shown_the_door_and_one_that_stalls_disturbs_nobody(stage, program, keep):
+def a_page_that_floods_is_shown_the_door_and_one_that_stalls_disturbs_nobody(stage, program):
     twin, bridge = stage.twin()
     view, url = stage.view("--model", MODEL)
     socket = url.replace("http", "ws") + "ws"
@@ -318,7 +361,7 @@ def a_page_that_floods_is_shown_the_door_and_one_that_stalls_disturbs_nobody(sta
 
 
 @check
-def ports_paths_hosts_and_tokens_are_guarded(stage, program, keep):
+def ports_paths_hosts_and_tokens_are_guarded(stage, program):
     view, url = stage.view("--model", MODEL)
     port = url.rsplit(":", 1)[1].strip("/")
     taken = stage.run("softtwin", "view", "--port", port)
@@ -333,9 +376,9 @@ def ports_paths_hosts_and_tokens_are_guarded(stage, program, keep):
     texts = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
     refused = next(text for text in texts if text["type"] == "refused")
     assert "--recording" in refused["text"], refused
-    socket.send('{"type":"predict","model":7,"pressure_mpa":0.01,"gap_mm":null}')
+    socket.send('{"type":"predict","model":7,"inputs":{"pressure_mpa":0.01}}')
     assert "no model 7" in next(text for text in texts if text["type"] == "refused")["text"]
-    socket.send('{"type":"predict","model":0,"pressure_mpa":-1,"gap_mm":null}')
+    socket.send('{"type":"predict","model":0,"inputs":{"pressure_mpa":-1}}')
     assert "expected a pressure of 0" in next(text for text in texts if text["type"] == "refused")["text"]
     stage.end(view)
     view, url = stage.view("--model", MODEL, "--bind", "0.0.0.0")
@@ -351,7 +394,7 @@ def ports_paths_hosts_and_tokens_are_guarded(stage, program, keep):
 
 
 @check
-def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, program, keep):
+def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, program):
     folder = pathlib.Path(stage.folder.name)
     twin, bridge = stage.twin()
     for name in ("first.mcap", "second.mcap"):
@@ -386,7 +429,9 @@ def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, progr
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--programs", required=True, help="folder of softtwin and softtwind")
-    parser.add_argument("--picture", type=pathlib.Path, help="keep the screenshot of the live page here")
+    parser.add_argument("--screenshots", type=pathlib.Path, help="instead of the checks, screenshots of every mode and size into this folder")
+    parser.add_argument("--film", type=pathlib.Path, help="the README's moving picture (docs/images/view.webp); needs Pillow")
+    parser.add_argument("--rate", action="store_true", help="frames a second that this browser draws")
     parser.add_argument("--only", default="", help="checks whose name contains this")
     options = parser.parse_args()
     program = find()
@@ -394,13 +439,25 @@ def main():
         sys.exit("check.sh view: no Chromium found; apt-get install chromium, or name one in CHROMIUM")
     os.chdir(pathlib.Path(__file__).resolve().parents[2])
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    if options.screenshots or options.film or options.rate:
+        stage = Stage(options.programs)
+        try:
+            if options.screenshots:
+                screenshots.take(stage, program, options.screenshots.resolve(), Page, options.only)
+            if options.film:
+                screenshots.film(stage, program, options.film.resolve(), Page)
+            if options.rate:
+                screenshots.rate(stage, program, Page)
+        finally:
+            stage.close()
+        return
     for function in CHECKS:
         if options.only not in function.__name__:
             continue
         started = time.monotonic()
         stage = Stage(options.programs)
         try:
-            function(stage, program, options.picture)
+            function(stage, program)
         finally:
             stage.close()
         print(f"ok {time.monotonic() - started:5.1f} s  {function.__name__.replace('_', ' ')}", flush=True)

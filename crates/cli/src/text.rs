@@ -130,16 +130,16 @@ fn numbered_grasp(sample: &Grasp) -> String {
 
 /// Whether the object is held, the forces of it, and the pressure from which on it is held.
 pub fn grasp(grasp: &Grasp) -> String {
+    format!("{}, {}", grasp_status::as_str(grasp.grasp_status), grasp_forces(grasp))
+}
+
+/// The force that each finger brings and needs, and where to stop inflating.
+pub fn grasp_forces(grasp: &Grasp) -> String {
     let stop = match grasp.stop_pressure_mpa {
         stop if stop.is_nan() => "no sampled pressure holds it".to_owned(),
         stop => format!("first held at {stop:.5} +- {:.5} MPa", grasp.stop_pressure_halfwidth_mpa),
     };
-    format!(
-        "{}, {:.3} of {:.3} N a finger, {stop}",
-        grasp_status::as_str(grasp.grasp_status),
-        grasp.least_force_n,
-        grasp.needed_force_n
-    )
+    format!("{:.3} of {:.3} N a finger, {stop}", grasp.least_force_n, grasp.needed_force_n)
 }
 
 /// An answer with the question it belongs to, or why there is none.

@@ -52,6 +52,13 @@ pub struct Sheet<'a> {
     pub theme: Theme,
 }
 
+/// The colour bar in the head of a sheet.
+#[derive(Clone, Copy)]
+struct Bar {
+    beside: bool,
+    width: usize,
+}
+
 /// Space around a drawing as a share of its width.
 const MARGIN: f32 = 0.035;
 /// The largest picture, in pixels; it takes 300 MB of memory.
@@ -71,7 +78,9 @@ impl Sheet<'_> {
         let heading = |row: &Row| if row.heading.is_empty() { 0 } else { line + gap / 2 };
         let rows_px: usize =
             heights.iter().zip(&self.rows).map(|((_, h), row)| h + line + heading(row) + gap).sum();
-        let head = 2 * gap + (self.text_px * 1.45) as usize + line * 2;
+        let bar = self.bar(&fonts, width, gap);
+        let stacked = if bar.beside { 0 } else { 2 * line + 2 * gap };
+        let head = 2 * gap + (self.text_px * 1.45) as usize + line * 2 + stacked;
         let height = head + rows_px + gap;
         anyhow::ensure!(
             width.saturating_mul(height) <= MAX_PIXELS,
@@ -80,7 +89,7 @@ impl Sheet<'_> {
             MAX_PIXELS / 1_000_000
         );
         let mut canvas = Canvas::new(width, height, self.theme.page);
-        self.draw_head(&mut canvas, &fonts, gap);
+        self.draw_head(&mut canvas, &fonts, gap, bar);
         let mut top = head;
         for (row, (window, height)) in self.rows.iter().zip(&heights) {
             let style = self.style(1.0, true, self.theme.ink);
@@ -118,13 +127,23 @@ impl Sheet<'_> {
         windows.iter().zip(&self.rows).map(|(w, row)| (Window { mm_per_px, ..*w }, height(row))).collect()
     }
 
-    fn draw_head(&self, canvas: &mut Canvas, fonts: &Fonts, gap: usize) {
-        let bar_width = (canvas.width / 4).min((self.text_px * 20.0) as usize);
+    /// Where the colour bar stands: right of the title where there is room for its whole label, else below the caption.
+    fn bar(&self, fonts: &Fonts, width: usize, gap: usize) -> Bar {
+        let label = fonts.width_px(&self.bar_label, self.text_px, false).ceil() as usize;
+        let bar = (width / 4).min((self.text_px * 20.0) as usize).max(label);
+        let texts = [(&self.title, 1.45, true), (&self.caption, 0.5, false)];
+        let words = texts.map(|(text, size, bold)| fonts.width_px(text, self.text_px * size, bold) as usize);
+        let beside = words[0].max(words[1]) + bar + 5 * gap <= width;
+        Bar { beside, width: if beside { bar } else { bar.min(width - 4 * gap) } }
+    }
+
+    fn draw_head(&self, canvas: &mut Canvas, fonts: &Fonts, gap: usize, bar: Bar) {
         let style = self.style(1.45, true, self.theme.ink);
         fonts.draw(canvas, gap as f32, gap as f32, &self.title, style);
         let below = gap as f32 + self.text_px * 1.45 * 1.25;
         let mut words = self.caption.split(' ').peekable();
-        let room = (canvas.width - bar_width - 4 * gap) as f32;
+        let taken = if bar.beside { bar.width + 2 * gap } else { 0 };
+        let room = (canvas.width - taken - 2 * gap) as f32;
         for row in 0..2 {
             let mut text = String::new();
             while let Some(word) = words.peek() {
@@ -138,14 +157,17 @@ impl Sheet<'_> {
             let y = below + row as f32 * self.text_px * 1.3;
             fonts.draw(canvas, gap as f32, y, &text, self.style(1.0, false, self.theme.faint));
         }
-        let place = [canvas.width - bar_width - 2 * gap, gap];
+        let place = match bar.beside {
+            true => [canvas.width - bar.width - 2 * gap, gap],
+            false => [2 * gap, (below + self.text_px * 2.9) as usize],
+        };
         self.scale.draw_bar(
             canvas,
             fonts,
             &self.map,
             &self.theme,
             place,
-            bar_width,
+            bar.width,
             self.text_px,
             &self.bar_label,
         );
@@ -219,6 +241,19 @@ mod tests {
                     p.iter().max().unwrap_or(&0) - p.iter().min().unwrap_or(&0) > 60
                 });
             assert!(coloured.count() > 100, "half {half} has no coloured body");
+        }
+    }
+
+    #[test]
+    fn the_label_of_the_colours_is_never_cut_off() {
+        let fonts = Fonts::embedded().expect("fonts are embedded");
+        let bodies = [body(0.0)];
+        for panel_px in [160, 400, 1600] {
+            let sheet = Sheet { panel_px, ..sheet(&bodies, 30.0) };
+            let bar = sheet.bar(&fonts, panel_px + 14, 7);
+            let label_px = fonts.width_px(&sheet.bar_label, sheet.text_px, false);
+            assert!(bar.width as f32 >= label_px, "{panel_px}: {} for {label_px}", bar.width);
+            assert_eq!(bar.beside, panel_px == 1600, "{panel_px}");
         }
     }
 

@@ -4,7 +4,7 @@ use super::frame::{FrameHead, bits, encode};
 use crate::load::LoadedModel;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
-use rom::inputs::Inputs;
+use rom::inputs::{GAP, InputSpec, Inputs};
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
@@ -46,6 +46,8 @@ impl Stand {
 struct Known {
     card: Card,
     hash: [u8; 16],
+    /// Keys of all inputs, in the model's order.
+    keys: Vec<String>,
     node_sets: Vec<rom::snapshots::NodeSet>,
     node_count: usize,
     /// The visible nodes, ascending.
@@ -61,12 +63,23 @@ pub struct Card {
     id: usize,
     /// Its file's name.
     name: String,
-    /// Trained pressures, MPa.
-    pressure_mpa: [f64; 2],
-    /// Trained gaps, mm; none when the gap is no input.
-    gap_mm: Option<[f64; 2]>,
+    /// What can be asked for.
+    inputs: Vec<InputCard>,
     /// The plate's extent.
     obstacle: Footprint,
+}
+
+/// One input of a model, as a slider.
+#[derive(Clone, Debug, Serialize)]
+struct InputCard {
+    /// Name and unit as a key (`pressure_mpa`).
+    key: String,
+    name: String,
+    unit: String,
+    /// Trained values.
+    range: [f64; 2],
+    /// Values that are answered.
+    limits: [f64; 2],
 }
 
 /// A model's visible nodes at one state, with the names of its fields.
@@ -129,25 +142,27 @@ impl Catalogue {
         (!places.contains(&u32::MAX)).then_some(places)
     }
 
-    /// Predicts a state and makes a frame of it. A gap of none stands for no plate.
+    /// Predicts a state and makes a frame of it, from the inputs by key. Without a gap there is no plate.
     ///
     /// # Errors
-    /// The refusal for the user: no such model, or inputs beyond what any such actuator can have.
-    pub fn predict(&self, model: usize, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<Vec<u8>, String> {
+    /// The refusal for the user: no such model or input, or values beyond what any such actuator can have.
+    pub fn predict(&self, model: usize, values: &BTreeMap<String, f64>) -> Result<Vec<u8>, String> {
         let known = self
             .models
             .get(model)
             .ok_or_else(|| format!("there is no model {model}; start with --model FILE"))?;
-        let limit_mpa = 10.0 * known.card.pressure_mpa[1];
-        if !(0.0..=limit_mpa).contains(&pressure_mpa) || gap_mm.is_some_and(|gap| !(0.0..=1e4).contains(&gap))
-        {
-            return Err(format!(
-                "expected a pressure of 0 to {limit_mpa:.2} MPa and a gap of 0 to 10000 mm, found {pressure_mpa} MPa, {gap_mm:?} mm"
-            ));
-        }
+        let inputs = known.inputs(values)?;
         let mut prediction = known.prediction.lock().unwrap_or_else(PoisonError::into_inner);
-        let inputs = Inputs::new(pressure_mpa, gap_mm.unwrap_or(f64::INFINITY));
         prediction.answer(inputs, known).map_err(|error| error.to_string())
+    }
+
+    /// The largest von Mises stress (MPa) of a recorded state; none when the model cannot say it.
+    pub fn largest_stress_mpa(&self, model: usize, inputs: Inputs) -> Option<f64> {
+        let known = self.models.get(model)?;
+        let mut prediction = known.prediction.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut head = FrameHead::empty(PREDICTION);
+        prediction.shape(inputs, known, &mut head).ok()?;
+        Some(head.max_von_mises_mpa).filter(|stress| stress.is_finite())
     }
 
     /// Makes a frame of a recorded state: its numbers are in `head`, its shape is computed. `O(visible nodes x modes)`.
@@ -163,6 +178,29 @@ impl Catalogue {
 }
 
 impl Known {
+    /// The model's inputs from values by key.
+    fn inputs(&self, values: &BTreeMap<String, f64>) -> Result<Inputs, String> {
+        let cards = &self.card.inputs;
+        if let Some(key) = values.keys().find(|key| cards.iter().all(|card| card.key != **key)) {
+            let known: Vec<&str> = cards.iter().map(|card| card.key.as_str()).collect();
+            return Err(format!("expected inputs of the model ({}), found {key:?}", known.join(", ")));
+        }
+        let mut inputs = Inputs::new(f64::NAN, f64::INFINITY);
+        for card in cards {
+            let [low, high] = card.limits;
+            match (values.get(&card.key), self.keys.iter().position(|key| *key == card.key)) {
+                (Some(value), Some(at)) if (low..=high).contains(value) => inputs = inputs.with(at, *value),
+                (None, Some(GAP)) => {}
+                (found, _) => {
+                    let found = found.map_or("none".into(), f64::to_string);
+                    let (name, unit) = (&card.name, &card.unit);
+                    return Err(format!("expected a {name} of {low} to {high:.2} {unit}, found {found}"));
+                }
+            }
+        }
+        Ok(inputs)
+    }
+
     fn new(id: usize, loaded: &LoadedModel) -> Result<Self> {
         let header = &loaded.model.header;
         let undeformed = loaded.undeformed_mm();
@@ -180,17 +218,29 @@ impl Known {
             card: Card {
                 id,
                 name: loaded.name(),
-                pressure_mpa: loaded.pressure_range_mpa(),
-                gap_mm: loaded.gap_range_mm(),
+                inputs: header.inputs.iter().filter_map(InputCard::new).collect(),
                 obstacle: Footprint::PLATE,
             },
             hash: loaded.hash16(),
+            keys: header.inputs.iter().map(InputSpec::key).collect(),
             node_sets: header.node_sets.clone(),
             node_count: header.node_count,
             visible,
             mesh_message,
             prediction: Mutex::new(Prediction::new(loaded, nodes)?),
         })
+    }
+}
+
+impl InputCard {
+    /// None for an input that the model was not trained over.
+    fn new(spec: &InputSpec) -> Option<Self> {
+        let [low, high] = spec.range;
+        let beyond = 10.0 * (high - low).max(high.abs());
+        let least = if low >= 0.0 { 0.0 } else { low - beyond };
+        let (key, name, unit) = (spec.key(), spec.name.clone(), spec.unit.clone());
+        let card = Self { key, name, unit, range: spec.range, limits: [least, high + beyond] };
+        beyond.is_finite().then_some(card)
     }
 }
 

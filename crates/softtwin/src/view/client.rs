@@ -3,9 +3,11 @@
 use super::catalogue::{Card, Catalogue, Stand};
 use super::hub::Hub;
 use super::player::{Command, Library};
+use super::readings::Cursors;
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
@@ -32,8 +34,10 @@ pub struct Shared {
 enum Request {
     /// The last frames are drawn.
     Ready {},
-    /// Predict a state; no gap: no plate.
-    Predict { model: usize, pressure_mpa: f64, gap_mm: Option<f64> },
+    /// What was read since the last time.
+    Readings {},
+    /// Predict a state from the values of the model's inputs by key (`pressure_mpa`); no gap: no plate.
+    Predict { model: usize, inputs: BTreeMap<String, f64> },
     /// Go to another time of the recording.
     Seek { at_s: f64 },
     /// Run or stand still.
@@ -76,7 +80,15 @@ pub async fn serve(mut socket: WebSocket, shared: &Shared) {
         let _is_gone_anyway = close(&mut socket, text).await;
         return;
     };
-    let mut page = Page { socket, shared, seen: 0, ready: false, second: Instant::now(), messages: 0 };
+    let mut page = Page {
+        socket,
+        shared,
+        seen: 0,
+        cursors: Cursors::new(),
+        ready: false,
+        second: Instant::now(),
+        messages: 0,
+    };
     if let Err(End::Refused(text)) = page.run().await {
         let _is_gone_anyway = close(&mut page.socket, text).await;
     }
@@ -91,6 +103,8 @@ struct Page<'a> {
     shared: &'a Shared,
     /// Number of the newest frame that was sent.
     seen: u64,
+    /// How many readings of each actuator were sent.
+    cursors: Cursors,
     ready: bool,
     second: Instant,
     messages: u32,
@@ -111,8 +125,7 @@ impl Page<'_> {
             self.send(Message::Binary(Bytes::copy_from_slice(mesh))).await?;
         }
         if !known {
-            let text =
-                "No model was given, so the surface is unknown and nodes are drawn as points (--model FILE)";
+            let text = "No model was given, so the surface is unknown and nodes are drawn as points. To see the surface: softtwin view --model FILE.twin";
             self.notify(&Notification::Notice { text }).await?;
         }
         let mut newest = self.shared.hub.watch();
@@ -152,8 +165,14 @@ impl Page<'_> {
                     self.ready = true;
                     self.show().await
                 }
-                Ok(Request::Predict { model, pressure_mpa, gap_mm }) => {
-                    match self.shared.catalogue.predict(model, pressure_mpa, gap_mm) {
+                Ok(Request::Readings {}) => {
+                    for message in self.shared.hub.readings_since(&mut self.cursors) {
+                        self.send(Message::Binary(message.into())).await?;
+                    }
+                    Ok(())
+                }
+                Ok(Request::Predict { model, inputs }) => {
+                    match self.shared.catalogue.predict(model, &inputs) {
                         Ok(frame) => self.send(Message::Binary(frame.into())).await,
                         Err(text) => self.notify(&Notification::Refused { text }).await,
                     }

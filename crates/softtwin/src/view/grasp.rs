@@ -5,7 +5,7 @@ use crate::live;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
-use wire::layout::unpack_name;
+use wire::layout::{grasp_status, unpack_name};
 use wire::{Bus, GraspReader, Topic, WireError};
 
 /// A person reads no faster.
@@ -36,8 +36,10 @@ impl Grasps {
         self.readers.retain(|topic, reader| match reader.newest() {
             Ok(Some(grasp)) => {
                 let scene = unpack_name(&grasp.scene);
-                let text = format!("{scene}: {}", live::text::grasp(&grasp));
-                hub.notify(&scene, json!({ "type": "grasp", "text": text }).to_string());
+                let status = grasp_status::as_str(grasp.grasp_status);
+                let text = live::text::grasp_forces(&grasp);
+                let message = json!({ "type": "grasp", "scene": scene, "status": status, "text": text });
+                hub.notify(&scene, message.to_string());
                 true
             }
             Ok(None) => true,

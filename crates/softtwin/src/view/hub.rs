@@ -1,5 +1,6 @@
 //! Between the reader and the pages: the newest frame of each actuator, and the number of viewers.
 
+use super::readings::{Cursors, Reading, Readings};
 use axum::body::Bytes;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -24,6 +25,7 @@ pub struct Slot {
 #[derive(Debug)]
 pub struct Hub {
     slots: Mutex<BTreeMap<String, Slot>>,
+    readings: Mutex<Readings>,
     newest: watch::Sender<u64>,
     viewers: AtomicUsize,
 }
@@ -34,7 +36,12 @@ pub struct Viewer<'a>(&'a Hub);
 
 impl Default for Hub {
     fn default() -> Self {
-        Self { slots: Mutex::default(), newest: watch::Sender::new(0), viewers: AtomicUsize::new(0) }
+        Self {
+            slots: Mutex::default(),
+            readings: Mutex::default(),
+            newest: watch::Sender::new(0),
+            viewers: AtomicUsize::new(0),
+        }
     }
 }
 
@@ -54,6 +61,16 @@ impl Hub {
         let number = *self.newest.borrow() + 1;
         slots.insert(actuator.to_owned(), Slot { number, message: message.into(), is_text });
         self.newest.send_replace(number);
+    }
+
+    /// Keeps a reading for the strip charts.
+    pub fn record(&self, actuator: &str, reading: Reading) {
+        self.readings.lock().unwrap_or_else(PoisonError::into_inner).push(actuator, reading);
+    }
+
+    /// Messages with the readings that a page has not, which it then has.
+    pub fn readings_since(&self, cursors: &mut Cursors) -> Vec<Vec<u8>> {
+        self.readings.lock().unwrap_or_else(PoisonError::into_inner).since(cursors)
     }
 
     /// Frames newer than `number`, oldest first.
@@ -80,8 +97,9 @@ impl Hub {
         self.viewers.load(Ordering::Acquire)
     }
 
-    /// Removes all frames: without viewers they become old.
+    /// Removes all frames and readings: without viewers they become old.
     pub fn clear(&self) {
+        *self.readings.lock().unwrap_or_else(PoisonError::into_inner) = Readings::default();
         self.slots.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 }

@@ -1,7 +1,7 @@
 //! The live view: a page in any browser, fed from shared memory.
 //!
 //! One thread ([`reader`]) reads the newest field and state of every actuator while there are viewers, and puts them into
-//! the [`hub`], which keeps the newest frame of each actuator only. Each page has a task ([`client`]) that sends a frame
+//! the [`hub`], which keeps the newest frame of each actuator and the last seconds of [`readings`]. Each page has a task ([`client`]) that sends a frame
 //! when the page has drawn the last one. So slow pages skip frames, nothing is queued, and the twin never waits. For
 //! recordings a [`player`] replaces the reader. [`server`] serves the page, [`guard`] decides who may have it.
 
@@ -13,6 +13,7 @@ mod guard;
 mod hub;
 mod player;
 mod reader;
+mod readings;
 mod server;
 
 pub use catalogue::{Catalogue, Stand};

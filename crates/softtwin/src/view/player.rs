@@ -17,6 +17,8 @@ use wire::layout::field_id;
 const TICK: Duration = Duration::from_millis(16);
 /// Points of the strip charts; a screen shows no more.
 const MAX_POINTS: usize = 1500;
+/// States of which the model is asked for the largest stress: each costs a whole field.
+const MAX_SHAPES: usize = 300;
 
 /// What a page may request of the player.
 #[derive(Debug)]
@@ -93,8 +95,11 @@ struct Strip<'a> {
     t_s: Vec<f64>,
     pressure_mpa: Vec<f64>,
     contact_force_n: Vec<f64>,
+    measured_force_n: Vec<f64>,
     gap_mm: Vec<f64>,
     latency_ms: Vec<f64>,
+    stress_t_s: Vec<f64>,
+    max_von_mises_mpa: Vec<f64>,
 }
 
 impl Player {
@@ -162,7 +167,7 @@ impl Player {
     }
 
     fn announce(&self) {
-        let strips = self.data.tracks.iter().map(|(name, track)| Strip::new(name, track));
+        let strips = self.data.tracks.iter().map(|(name, track)| Strip::new(name, track, &self.catalogue));
         let opened = Opened {
             r#type: "recording",
             name: &self.data.name,
@@ -213,15 +218,23 @@ fn read(path: &Path, catalogue: &Catalogue) -> Result<RecordingData> {
 }
 
 impl<'a> Strip<'a> {
-    fn new(actuator: &'a str, track: &Track) -> Self {
+    fn new(actuator: &'a str, track: &Track, catalogue: &Catalogue) -> Self {
         let column = |value: fn(&RecordedState) -> f64| track.thinned(MAX_POINTS).map(value).collect();
+        let stress = |state: &RecordedState| {
+            let model = catalogue.find(state.values.model_hash)?;
+            Some((state.t_s, catalogue.largest_stress_mpa(model, state.inputs()?)?))
+        };
+        let (stress_t_s, max_von_mises_mpa) = track.thinned(MAX_SHAPES).filter_map(stress).unzip();
         Self {
             actuator,
             t_s: column(|state| state.t_s),
             pressure_mpa: column(|state| state.values.pressure_mpa),
             contact_force_n: column(|state| state.values.contact_force_n),
+            measured_force_n: column(|state| state.values.measured_force_n),
             gap_mm: column(|state| state.values.gap_mm),
             latency_ms: column(RecordedState::latency_ms),
+            stress_t_s,
+            max_von_mises_mpa,
         }
     }
 }

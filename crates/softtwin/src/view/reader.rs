@@ -4,6 +4,7 @@ use super::catalogue::Catalogue;
 use super::frame::{FrameHead, bits, encode};
 use super::grasp::Grasps;
 use super::hub::Hub;
+use super::readings::Reading;
 use anyhow::{Context, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -151,14 +152,21 @@ impl Source {
         Ok(())
     }
 
-    /// Reads the newest of both topics; if anything is new, a frame goes to the hub.
+    /// Reads both topics: every state and every field's header for the charts; of the newest a frame goes to the hub.
     fn update(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
-        let state = self.state.as_ref().map(StateReader::newest).transpose()?.flatten();
+        let (mut state, mut sample) = (None, None);
+        while let Some(next) = self.state.as_ref().map(StateReader::next).transpose()?.flatten() {
+            hub.record(actuator, Reading::of_state(&next));
+            state = Some(next);
+        }
         if let Some(state) = state {
             self.pace.count(state.seq, &mut self.head);
             self.last_state = Some(state);
         }
-        let sample = self.field.as_ref().map(FieldReader::newest).transpose()?.flatten();
+        while let Some(next) = self.field.as_ref().map(FieldReader::next).transpose()?.flatten() {
+            hub.record(actuator, Reading::of_field(next.header(), self.state.is_some()));
+            sample = Some(next);
+        }
         if let Some(sample) = &sample {
             let header = *sample.header();
             if self.state.is_none() {

@@ -33,8 +33,12 @@ const PARTS: &[(&str, &str, &str)] = &[
     ("/link.js", SCRIPT, include_str!("assets/link.js")),
     ("/mesh.js", SCRIPT, include_str!("assets/mesh.js")),
     ("/numbers.js", SCRIPT, include_str!("assets/numbers.js")),
+    ("/picture.js", SCRIPT, include_str!("assets/picture.js")),
     ("/recording.js", SCRIPT, include_str!("assets/recording.js")),
     ("/scale.js", SCRIPT, include_str!("assets/scale.js")),
+    ("/scene.js", SCRIPT, include_str!("assets/scene.js")),
+    ("/shaders.js", SCRIPT, include_str!("assets/shaders.js")),
+    ("/solid.js", SCRIPT, include_str!("assets/solid.js")),
     ("/whatif.js", SCRIPT, include_str!("assets/whatif.js")),
 ];
 const SCRIPT: &str = "text/javascript; charset=utf-8";

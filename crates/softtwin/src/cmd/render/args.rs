@@ -51,7 +51,7 @@ pub struct Args {
     /// Draw the POD modes of a regime.
     #[arg(long, value_enum, conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"])]
     pub modes: Option<Regime>,
-    /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa.
+    /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa; of a model trained elsewhere, states of its own.
     #[arg(long, conflicts_with_all = ["pressure_mpa", "gap_mm", "database"])]
     pub fig9: bool,
     /// What is shown as colour.

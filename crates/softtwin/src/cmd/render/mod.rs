@@ -7,6 +7,7 @@ mod states;
 
 pub use args::Args;
 
+use crate::failure::usage;
 use crate::load::LoadedModel;
 use crate::output;
 use anyhow::Result;
@@ -17,6 +18,12 @@ impl Args {
     /// # Errors
     /// Arguments that do not fit together, files that cannot be read or written.
     pub fn run(self) -> Result<()> {
+        if !self.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+            return Err(usage(format!(
+                "--out {}: expected a name that ends in .png, because a drawing is made of pixels; `softtwin plot` writes .svg",
+                self.out.display()
+            )));
+        }
         let canvas = match (&self.model, &self.scene) {
             (Some(path), _) => {
                 let loaded = LoadedModel::read(path)?;

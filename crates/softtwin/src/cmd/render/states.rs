@@ -20,6 +20,8 @@ use rom::snapshots::{Database, Footprint, RegimeKind};
 /// The paper's three scenes and five pressures.
 const FIG9_GAPS_MM: [f64; 3] = [80.0, 40.0, 15.0];
 const FIG9_PRESSURES_MPA: [f64; 5] = [0.01, 0.025, 0.04, 0.055, 0.07];
+/// A single drawing is at least so many letters' heights wide.
+const TEXT_SHARE: f32 = 26.0;
 
 /// A state ready to draw.
 pub(super) struct DrawnState {
@@ -136,15 +138,43 @@ pub fn fig9(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
         let title = format!("P = {pressure_mpa} MPa");
         Ok(DrawnState { title, ..studio.draw_state(pressure_mpa, Some(gap_mm))? })
     };
+    let (gaps_mm, pressures_mpa) = (fig9_gaps_mm(loaded.gap_range_mm()), fig9_pressures_mpa(loaded));
     let mut groups = Vec::new();
-    for gap_mm in FIG9_GAPS_MM {
-        let states =
-            FIG9_PRESSURES_MPA.iter().map(|pressure| state(gap_mm, *pressure)).collect::<Result<_>>()?;
+    for gap_mm in gaps_mm {
+        let states = pressures_mpa.iter().map(|pressure| state(gap_mm, *pressure)).collect::<Result<_>>()?;
         groups.push(Group { heading: format!("gap ΔH = {gap_mm} mm"), states });
     }
     let caption =
         "Predicted by the reduced-order model. Bold: contact force on the plate (lines every 10 mm).";
-    draw(args, &groups, Some("Three gaps, five pressures"), caption.into())
+    let headline = if groups.len() == 3 { "Three gaps, five pressures" } else { "One gap, five pressures" };
+    draw(args, &groups, Some(headline), caption.into())
+}
+
+/// The paper's pressures where the model was trained up to them, else the same shares of its largest one.
+fn fig9_pressures_mpa(loaded: &LoadedModel) -> Vec<f64> {
+    let [low, high] = loaded.pressure_range_mpa();
+    let [.., most] = FIG9_PRESSURES_MPA;
+    if low <= FIG9_PRESSURES_MPA[0] && most <= high {
+        return FIG9_PRESSURES_MPA.to_vec();
+    }
+    FIG9_PRESSURES_MPA.iter().map(|pressure| rounded_down(low + pressure / most * (high - low))).collect()
+}
+
+/// The paper's gaps where the model was trained around them (at the largest one nothing is touched), else three of its own,
+/// or its only one. A model without a gap is drawn over the paper's largest.
+fn fig9_gaps_mm(range: Option<[f64; 2]>) -> Vec<f64> {
+    match range {
+        None => FIG9_GAPS_MM[..1].to_vec(),
+        Some([low, high]) if low == high => vec![low],
+        Some([low, high]) if low <= FIG9_GAPS_MM[2] && FIG9_GAPS_MM[1] <= high => FIG9_GAPS_MM.to_vec(),
+        Some([low, high]) => [high, 0.5 * (low + high), low].map(|gap| (10.0 * gap).round() / 10.0).to_vec(),
+    }
+}
+
+/// To two digits, never above the value.
+fn rounded_down(value: f64) -> f64 {
+    let decimals = (1.0 - value.abs().max(1e-12).log10().floor()) as i32;
+    (value * 10_f64.powi(decimals) + 1e-9).floor() / 10_f64.powi(decimals)
 }
 
 /// One case of a database.
@@ -217,6 +247,7 @@ fn colour_scale(args: &Args, groups: &[Group]) -> (Scale, f32) {
 pub(super) fn draw(args: &Args, groups: &[Group], headline: Option<&str>, caption: String) -> Result<Canvas> {
     let (scale, largest) = colour_scale(args, groups);
     let single = headline.is_none();
+    let panel_px = usize::from(args.width.unwrap_or(if single { 1100 } else { 420 }));
     let sheet = Sheet {
         title: headline.map_or_else(|| groups[0].states[0].full_title(), str::to_owned),
         caption,
@@ -224,10 +255,28 @@ pub(super) fn draw(args: &Args, groups: &[Group], headline: Option<&str>, captio
         bar_label: format!("{}, largest {largest:.2}", args.field.label()),
         map: ColourMap::stress(),
         camera: args.view.camera(),
-        panel_px: usize::from(args.width.unwrap_or(if single { 1100 } else { 420 })),
-        text_px: if single { 22.0 } else { 21.0 },
+        panel_px,
+        text_px: if single { (panel_px as f32 / TEXT_SHARE).min(22.0) } else { 21.0 },
         theme: args.theme.colours(),
         scale,
     };
     sheet.draw()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_gaps_of_fig_9_are_those_of_the_model() {
+        assert_eq!(fig9_gaps_mm(Some([10.0, 72.0])), FIG9_GAPS_MM);
+        assert_eq!(fig9_gaps_mm(Some([20.0, 20.0])), [20.0]);
+        assert_eq!(fig9_gaps_mm(Some([5.0, 25.0])), [25.0, 15.0, 5.0]);
+        assert_eq!(fig9_gaps_mm(None), [80.0]);
+    }
+
+    #[test]
+    fn pressures_are_rounded_downwards_so_that_they_stay_inside() {
+        assert_eq!([0.02999, 0.03, 0.123, 1.0].map(rounded_down), [0.029, 0.03, 0.12, 1.0]);
+    }
 }

@@ -14,7 +14,12 @@ use std::sync::Once;
 
 const PANEL: (u32, u32) = (560, 400);
 const TITLE_HEIGHT: u32 = 44;
-const BAR_WIDTH: u32 = 96;
+const BAR_WIDTH: u32 = 110;
+/// Pictures of pixels are drawn this much larger and then halved, so that lines are smooth: twice the size in the end, which
+/// is 9.5 cm a panel at 300 dots an inch.
+const PIXELS: u32 = 4;
+/// Steps a unit of length in SVG, whose coordinates are whole numbers here.
+const STEPS: u32 = 10;
 /// Colours that stay apart for colour-blind eyes and in grey, by index.
 const COLOURS: [(u8, u8, u8); 6] =
     [(0, 84, 147), (213, 94, 0), (0, 135, 90), (150, 60, 140), (90, 90, 90), (200, 150, 0)];
@@ -42,16 +47,32 @@ impl Figure {
 /// The figure as SVG text.
 fn svg(figure: &Figure) -> anyhow::Result<String> {
     let mut text = String::new();
-    paint(figure, SVGBackend::with_string(&mut text, size(figure)))?;
-    Ok(text)
+    let (width, height) = size(figure);
+    let (wide, high) = (width * STEPS, height * STEPS);
+    paint(figure, SVGBackend::with_string(&mut text, (wide, high)), STEPS)?;
+    let (drawn, shown) =
+        (format!(r#"width="{wide}" height="{high}""#), format!(r#"width="{width}" height="{height}""#));
+    Ok(text.replacen(&drawn, &shown, 1))
 }
 
 /// The figure as a PNG file.
 fn png(figure: &Figure) -> anyhow::Result<Vec<u8>> {
     let (width, height) = size(figure);
+    let (width, height) = (width * PIXELS, height * PIXELS);
     let mut pixels = vec![255; (width * height * 3) as usize];
-    paint(figure, BitMapBackend::with_buffer(&mut pixels, (width, height)))?;
-    png_bytes([width, height], &pixels, Compression::default())
+    paint(figure, BitMapBackend::with_buffer(&mut pixels, (width, height)), PIXELS)?;
+    png_bytes([width / 2, height / 2], &halved(&pixels, width as usize), Compression::default())
+}
+
+/// An RGB picture of half the size, each pixel the mean of four.
+fn halved(rgb: &[u8], width: usize) -> Vec<u8> {
+    let row = 3 * width;
+    let mean = |pair: &[u8], x: usize, k: usize| {
+        let at = |x: usize| u16::from(pair[3 * x + k]) + u16::from(pair[row + 3 * x + k]);
+        ((at(2 * x) + at(2 * x + 1) + 2) / 4) as u8
+    };
+    let pairs = rgb.chunks_exact(2 * row);
+    pairs.flat_map(|pair| (0..width / 2).flat_map(move |x| (0..3).map(move |k| mean(pair, x, k)))).collect()
 }
 
 fn size(figure: &Figure) -> (u32, u32) {
@@ -60,7 +81,8 @@ fn size(figure: &Figure) -> (u32, u32) {
     ((PANEL.0 + bar) * figure.columns.max(1) as u32, PANEL.1 * rows.max(1) + TITLE_HEIGHT)
 }
 
-fn paint<B: DrawingBackend>(figure: &Figure, backend: B) -> anyhow::Result<()> {
+/// Draws with `unit` pixels for each pixel of the constants.
+fn paint<B: DrawingBackend>(figure: &Figure, backend: B, unit: u32) -> anyhow::Result<()> {
     static FONT_ONCE: Once = Once::new();
     FONT_ONCE.call_once(|| {
         // The only failure is a font that cannot be parsed; drawing text then reports it.
@@ -69,36 +91,36 @@ fn paint<B: DrawingBackend>(figure: &Figure, backend: B) -> anyhow::Result<()> {
     let root = backend.into_drawing_area();
     let lift = |e: DrawingAreaErrorKind<B::ErrorType>| anyhow!("drawing: {e}");
     root.fill(&WHITE).map_err(lift)?;
-    let rest = root.titled(&figure.title, (FONT, 24)).map_err(lift)?;
+    let rest = root.margin(8 * unit, 0, 0, 0).titled(&figure.title, (FONT, 22 * unit)).map_err(lift)?;
     let columns = figure.columns.max(1);
     let areas = rest.split_evenly((figure.panels.len().div_ceil(columns).max(1), columns));
     for (panel, area) in figure.panels.iter().zip(&areas) {
-        draw_panel(panel, area).map_err(lift)?;
+        draw_panel(panel, area, unit).map_err(lift)?;
     }
     root.present().map_err(lift)
 }
 
 type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
-fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>) -> Drawn<B> {
+fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>, unit: u32) -> Drawn<B> {
     let (width, _) = area.dim_in_pixel();
     let area = match &panel.map {
         Some(map) => {
-            let (chart, bar) = area.split_horizontally(width - BAR_WIDTH);
-            colour_bar(map, &bar)?;
+            let (chart, bar) = area.split_horizontally(width - BAR_WIDTH * unit);
+            colour_bar(map, &bar, unit)?;
             chart
         }
         None => area.clone(),
     };
-    let top = head(panel, &area)?;
+    let top = head(panel, &area, unit as i32)?;
     let (xs, ys) = panel.ranges();
     let (x_labels, y_labels) = (panel.x.labels(&xs), panel.y.labels(&ys));
     let mut chart = ChartBuilder::on(&area)
-        .margin(10)
+        .margin(10 * unit)
         .margin_top(top)
-        .margin_right(24)
-        .x_label_area_size(46)
-        .y_label_area_size(66)
+        .margin_right(24 * unit)
+        .x_label_area_size(48 * unit)
+        .y_label_area_size(72 * unit)
         .build_cartesian_2d(xs, ys)?;
     if let Some(map) = &panel.map {
         chart.draw_series(cells(map))?;
@@ -106,18 +128,20 @@ fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>) -> Drawn<B> 
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
-        .bold_line_style(if panel.map.is_some() { TRANSPARENT } else { BLACK.mix(0.12) })
+        .bold_line_style(if panel.map.is_some() { TRANSPARENT } else { BLACK.mix(0.12) }.stroke_width(unit))
         .x_labels(x_labels)
         .y_labels(y_labels)
         .x_label_formatter(&|v| panel.x.text(*v))
         .y_label_formatter(&|v| panel.y.text(*v))
         .x_desc(&panel.x.label)
         .y_desc(&panel.y.label)
-        .label_style((FONT, 15))
-        .axis_desc_style((FONT, 16))
+        .axis_style(BLACK.stroke_width(unit))
+        .set_all_tick_mark_size(5 * unit)
+        .label_style((FONT, 14 * unit))
+        .axis_desc_style((FONT, 15 * unit))
         .draw()?;
     for series in &panel.series {
-        draw_series(panel, series, &mut chart)?;
+        draw_series(panel, series, &mut chart, unit)?;
     }
     Ok(())
 }
@@ -126,28 +150,33 @@ fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>) -> Drawn<B> 
 fn head<B: DrawingBackend>(
     panel: &Panel,
     area: &Area<'_, B>,
+    unit: i32,
 ) -> Result<i32, DrawingAreaErrorKind<B::ErrorType>> {
-    const LEFT: i32 = 78;
+    let left = 82 * unit;
     let right = area.dim_in_pixel().0 as i32;
-    area.draw(&Text::new(panel.title.clone(), (LEFT, 6), (FONT, 18)))?;
-    let (mut x, mut y) = (LEFT, 32);
+    area.draw(&Text::new(panel.title.clone(), (left, 6 * unit), (FONT, 17 * unit)))?;
+    let first = if panel.title.is_empty() { 8 } else { 32 } * unit;
+    let (mut x, mut y) = (left, first);
     let named: Vec<&Series> = panel.series.iter().filter(|s| !s.name.is_empty()).collect();
     for series in &named {
-        let width = 34 + 8 * series.name.chars().count() as i32; // the font's letters are narrower than 8
-        if x > LEFT && x + width > right {
-            (x, y) = (LEFT, y + 19);
+        let width = area.estimate_text_size(&series.name, &(FONT, 14 * unit).into())?.0 as i32 + 44 * unit;
+        if x > left && x + width > right {
+            (x, y) = (left, y + 20 * unit);
         }
         let colour = colour(series);
         if series.mark != Mark::Dots {
-            area.draw(&PathElement::new(vec![(x, y + 8), (x + 18, y + 8)], colour.stroke_width(2)))?;
+            area.draw(&PathElement::new(
+                vec![(x, y + 8 * unit), (x + 18 * unit, y + 8 * unit)],
+                colour.stroke_width(2 * unit as u32),
+            ))?;
         }
         if series.mark != Mark::Line {
-            area.draw(&Circle::new((x + 9, y + 8), 4, colour.filled()))?;
+            area.draw(&Circle::new((x + 9 * unit, y + 8 * unit), 4 * unit, colour.filled()))?;
         }
-        area.draw(&Text::new(series.name.clone(), (x + 24, y), (FONT, 15)))?;
+        area.draw(&Text::new(series.name.clone(), (x + 24 * unit, y), (FONT, 14 * unit)))?;
         x += width;
     }
-    Ok(if named.is_empty() { 34 } else { y + 26 })
+    Ok(if named.is_empty() { first + 2 * unit } else { y + 26 * unit })
 }
 
 fn colour(series: &Series) -> RGBColor {
@@ -155,22 +184,27 @@ fn colour(series: &Series) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-fn draw_series<B: DrawingBackend>(panel: &Panel, series: &Series, chart: &mut Chart<'_, B>) -> Drawn<B> {
+fn draw_series<B: DrawingBackend>(
+    panel: &Panel,
+    series: &Series,
+    chart: &mut Chart<'_, B>,
+    unit: u32,
+) -> Drawn<B> {
     let colour = colour(series);
     let placed = || series.points.iter().filter_map(|p| Some((panel.x.place(p.0)?, panel.y.place(p.1)?)));
     if series.mark != Mark::Dots {
         // Piece by piece: where a thick line turns back on itself, its joint would reach far out of the picture.
         let points: Vec<(f64, f64)> = placed().collect();
-        let style = colour.stroke_width(if points.len() > DENSE_POINTS { 1 } else { 2 });
+        let style = colour.stroke_width(if points.len() > DENSE_POINTS { unit } else { 2 * unit });
         chart.draw_series(points.windows(2).map(|pair| PathElement::new(pair.to_vec(), style)))?;
     }
     if series.mark != Mark::Line {
-        chart.draw_series(placed().map(|p| Circle::new(p, 4, colour.filled())))?;
+        chart.draw_series(placed().map(|p| Circle::new(p, 3 * unit, colour.filled())))?;
     }
     Ok(())
 }
 
-/// The cells of a map; neighbours overlap by nothing, blanks stay white.
+/// The cells of a map; each reaches below its neighbours to the right and above, so that no seam shows. Blanks stay white.
 fn cells(map: &Map) -> Vec<Rectangle<(f64, f64)>> {
     let rows = map.values.len() / map.columns.max(1);
     let (low, high) = map.limits();
@@ -179,24 +213,28 @@ fn cells(map: &Map) -> Vec<Rectangle<(f64, f64)>> {
         let (column, row) = ((i % map.columns) as f64, (i / map.columns) as f64);
         let corner = (map.x[0] + column * dx, map.y[0] + row * dy);
         let colour = shade((value - low) / (high - low).max(f64::MIN_POSITIVE));
-        Rectangle::new([corner, (corner.0 + dx, corner.1 + dy)], colour.filled())
+        let end = ((corner.0 + 1.5 * dx).min(map.x[1]), (corner.1 + 1.5 * dy).min(map.y[1]));
+        Rectangle::new([corner, end], colour.filled())
     };
     map.values.iter().enumerate().filter(|(_, v)| v.is_finite()).map(cell).collect()
 }
 
-fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>) -> Drawn<B> {
+fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>, unit: u32) -> Drawn<B> {
     let (low, high) = map.limits();
     let mut chart = ChartBuilder::on(area)
-        .margin_top(40)
-        .margin_bottom(56)
-        .margin_right(8)
-        .y_label_area_size(60)
+        .margin_top(40 * unit)
+        .margin_bottom(58 * unit)
+        .margin_right(12 * unit)
+        .y_label_area_size(72 * unit)
         .build_cartesian_2d(0.0..1.0, low..high.max(low + f64::MIN_POSITIVE))?;
     let steps = 64;
     let step = (high - low) / f64::from(steps);
     chart.draw_series((0..steps).map(|i| {
         let y = low + f64::from(i) * step;
-        Rectangle::new([(0.0, y), (1.0, y + step)], shade(f64::from(i) / f64::from(steps - 1)).filled())
+        Rectangle::new(
+            [(0.0, y), (1.0, (y + 1.5 * step).min(high))],
+            shade(f64::from(i) / f64::from(steps - 1)).filled(),
+        )
     }))?;
     chart
         .configure_mesh()
@@ -206,8 +244,10 @@ fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>) -> Drawn<B> {
         .y_labels(6)
         .y_label_formatter(&|v| super::axis::number(*v))
         .y_desc(&map.label)
-        .label_style((FONT, 14))
-        .axis_desc_style((FONT, 15))
+        .axis_style(BLACK.stroke_width(unit))
+        .set_all_tick_mark_size(5 * unit)
+        .label_style((FONT, 14 * unit))
+        .axis_desc_style((FONT, 15 * unit))
         .draw()
 }
 
@@ -220,4 +260,15 @@ fn shade(t: f64) -> RGBColor {
     let part = at - low as f64;
     let mix = |k: usize| (STOPS[low][k] + part * (STOPS[low + 1][k] - STOPS[low][k])) as u8;
     RGBColor(mix(0), mix(1), mix(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_halved_picture_is_the_mean_of_four_pixels() {
+        let rgb: Vec<u8> = [[0, 10, 20], [4, 10, 0], [8, 10, 0], [8, 10, 0]].concat();
+        assert_eq!(halved(&rgb, 2), [5, 10, 5]);
+    }
 }

@@ -1,22 +1,25 @@
-// One actuator on the page: its mesh, its last minute, the frame that is shown.
+// One actuator on the page: its mesh, its history, the frame that is shown.
 
 import { History } from "./history.js";
 import { Points } from "./mesh.js";
 import { QUANTITIES } from "./scale.js";
 
 const STALE_MS = 1500;
+const TOUCH_MM = 0.35; // nodes this near to the plate touch it
 const SPACING_MM = 70; // where the scene does not say where it stands: one behind the other
 
 export class Actuator {
   constructor(name, index, colour, place) {
     const where = place ? { offset: place.offset_mm, flip: place.mirrored ? -1 : 1 } : { offset: [0, 0, index * SPACING_MM], flip: 1 };
+    where.scale = [1, where.flip, 1];
     Object.assign(this, { name, colour, place: where, history: new History(), latest: null, shown: null, shape: null, body: null, largest: NaN });
   }
 
   // Takes a frame that has just come in.
   receive(frame) {
     this.latest = frame;
-    if (frame.t_s === null) this.history.add(frame); // of a recording all states are known
+    if (frame.t_s === null) this.history.keep(frame); // a recording is asked for its shapes
+    if (frame.predicted) this.history.add(frame.received_ms, frame);
   }
 
   // Makes a frame the shown one; `mesh` is the model's, if known.
@@ -49,6 +52,26 @@ export class Actuator {
     const { offset, flip } = this.place;
     if (flip < 0) bounds[1] = [-bounds[1][1], -bounds[1][0]];
     return { low: bounds.map(([low], k) => low + offset[k]), high: bounds.map(([, high], k) => high + offset[k]) };
+  }
+
+  // About so many nodes of the shown shape, where they stand in the scene.
+  some(count) {
+    const { x, y, z } = this.shape?.fields ?? {};
+    const { offset, flip } = this.place;
+    const every = Math.max(1, Math.floor((x?.length ?? 0) / count));
+    return Array.from({ length: x ? Math.ceil(x.length / every) : 0 }, (_, k) => [x[k * every] + offset[0], y[k * every] * flip + offset[1], z[k * every] + offset[2]]);
+  }
+
+  // Where it presses on the plate: the middle of the nodes that touch, in the scene, and the force; null when it does not.
+  contact() {
+    const { contact_force_n: force_n, gap_mm } = this.shown ?? {};
+    const { x, y, z } = this.shape?.fields ?? {};
+    if (!x || !(force_n > 0) || !Number.isFinite(gap_mm)) return null;
+    let [sx, sz, count] = [0, 0, 0];
+    for (let k = 0; k < x.length; k++) if (y[k] + gap_mm < TOUCH_MM) { sx += x[k]; sz += z[k]; count++; }
+    if (!count) return null;
+    const { offset, flip } = this.place;
+    return { at: [sx / count + offset[0], -gap_mm * flip + offset[1], sz / count + offset[2]], flip, force_n };
   }
 
   // A node as text for the pointer.

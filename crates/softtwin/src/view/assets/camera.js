@@ -1,11 +1,12 @@
 // Orbit camera: a target, two angles and a distance; perspective with a narrow angle, as technical drawings like it.
 
 const VIEW_ANGLE = 0.45; // rad, full height
+const FILLED = 0.9; // of the free part
 const VIEWS = { iso: [0.45, 0.30], side: [0, 0.02], top: [0, 1.5], end: [1.45, 0.12] };
 
 export class Camera {
   constructor(canvas, changed) {
-    Object.assign(this, { canvas, changed, azimuth: 0.45, elevation: 0.3, distance: 420, target: [55, -30, 16] });
+    Object.assign(this, { canvas, changed, moved: false, azimuth: 0.45, elevation: 0.3, distance: 420, target: [55, -30, 16] });
     let drag = null;
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("pointerdown", (event) => {
@@ -16,6 +17,7 @@ export class Camera {
       if (!drag) return;
       const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
       [drag.x, drag.y] = [event.clientX, event.clientY];
+      this.moved = true;
       if (drag.pan) this.pan(dx, dy); else this.turn(dx, dy);
     });
     const release = () => { drag = null; };
@@ -23,6 +25,7 @@ export class Camera {
     canvas.addEventListener("pointercancel", release);
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
+      this.moved = true;
       this.zoom(Math.exp(Math.sign(event.deltaY) * Math.min(Math.abs(event.deltaY), 100) * 0.0015));
     }, { passive: false });
   }
@@ -50,16 +53,22 @@ export class Camera {
     this.changed();
   }
 
-  // Centres a box and steps back until it fits; `free` is the share of the width that no panel covers.
-  fit(low, high, free) {
-    const diagonal = Math.hypot(...low.map((v, k) => high[k] - v));
-    if (!(diagonal > 0)) return;
-    const aspect = (this.canvas.clientWidth * free) / this.canvas.clientHeight;
-    this.distance = (0.42 * diagonal) / Math.tan(VIEW_ANGLE / 2) / Math.min(1, aspect);
-    const mm = (2 * Math.tan(VIEW_ANGLE / 2) * this.distance) / this.canvas.clientHeight;
-    const shift = ((1 - free) / 2) * this.canvas.clientWidth * mm;
-    const { right } = this.axes();
-    this.target = low.map((v, k) => (v + high[k]) / 2 + right[k] * shift);
+  // Steps back until all points are inside the free part of the canvas, and centres them there. Exact: each point says how
+  // far away the eye must be for it, on each of four sides.
+  fit(points) {
+    const { right, up, toward } = this.axes();
+    const along = (axis, p) => axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2];
+    const seen = points.map((p) => [along(right, p), along(up, p), along(toward, p)]);
+    if (!seen.length) return;
+    const high = Math.tan(VIEW_ANGLE / 2) * FILLED;
+    const slopes = [(high * this.canvas.clientWidth) / Math.max(1, this.canvas.clientHeight), high];
+    // The eye at (c, d): |s_k - c| <= slope (d - s_2) for each point, so both ends give a bound on c for a given d.
+    const ends = slopes.map((slope, k) => [Math.max(...seen.map((s) => s[k] + slope * s[2])), Math.min(...seen.map((s) => s[k] - slope * s[2]))]);
+    const eye = Math.max(...ends.map(([top, bottom], k) => (top - bottom) / (2 * slopes[k])));
+    const middle = ends.map(([top, bottom]) => (top + bottom) / 2);
+    const depth = (Math.max(...seen.map((s) => s[2])) + Math.min(...seen.map((s) => s[2]))) / 2;
+    this.distance = Math.max(5, eye - depth);
+    this.target = right.map((_, k) => right[k] * middle[0] + up[k] * middle[1] + toward[k] * depth);
     this.changed();
   }
 

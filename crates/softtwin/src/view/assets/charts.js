@@ -1,95 +1,138 @@
-// Strip charts of the last minute: one quantity each, one line an actuator.
+// Strip charts: one quantity each, one line an actuator, a dashed one for what a load cell measures.
 
 import { ticks } from "./scale.js";
 
 export const COLOURS = ["#2f81f7", "#e8742c", "#2da44e", "#a475f9", "#d4a72c", "#e85aad"];
+const BREAK_MS = 300; // a longer silence interrupts a line, unless readings come slower than that
+const BREAK_TIMES = 6; // their usual distance
+const LEFT = 44;
 
 const STRIPS = [
-  { key: "pressure_mpa", name: "pressure", unit: "MPa" },
-  { key: "contact_force_n", name: "contact force", unit: "N" },
-  { key: "gap_mm", name: "gap", unit: "mm" },
-  { key: "max_von_mises_mpa", name: "largest von Mises stress", unit: "MPa" },
-  { key: "latency_ms", name: "latency, sensor to published", unit: "ms" },
+  { key: "pressure_mpa", name: "pressure", unit: "MPa", digits: 4, why: () => "no reading yet" },
+  { key: "contact_force_n", beside: "measured_force_n", name: "contact force", unit: "N", digits: 3, why: () => "no state is published, only fields" },
+  { key: "gap_mm", name: "gap", unit: "mm", digits: 2, why: () => "no plate: no gap is given or measured" },
+  { key: "max_von_mises_mpa", name: "largest von Mises stress", unit: "MPa", digits: 3,
+    why: (mode) => (mode === "recording" ? "not recorded; --model FILE computes it" : "no field with von_mises is published") },
+  { key: "latency_ms", name: "latency, sensor to published", unit: "ms", digits: 3, log: true,
+    why: (mode) => (mode === "whatif" ? "a prediction here has no sensor" : "readings carry no time stamp") },
 ];
 
 export class Charts {
   constructor(parent) {
     this.strips = STRIPS.map((strip) => {
-      const box = document.createElement("div");
-      box.className = "chart";
-      const name = document.createElement("div");
-      name.className = "name";
-      const [label, span] = [document.createElement("span"), document.createElement("span")];
+      const make = (tag, className) => Object.assign(document.createElement(tag), { className });
+      const [box, name, canvas, why] = [make("div", "chart"), make("div", "name"), make("canvas", ""), make("div", "why")];
+      const [label, values] = [make("span", ""), make("span", "")];
       label.textContent = `${strip.name} (${strip.unit})`;
-      name.append(label, span);
-      const canvas = document.createElement("canvas");
-      box.append(name, canvas);
+      canvas.setAttribute("aria-label", `${strip.name} over time`);
+      name.append(label, values);
+      box.append(name, canvas, why);
       parent.append(box);
-      return { ...strip, canvas, span };
+      return { ...strip, canvas, values, whyBox: why };
     });
   }
 
-  // `series`: [{ states, colour }]; of the window `now` is the right end, `age_ms` where the cursor stands before it.
-  draw(series, window, style) {
-    for (const strip of this.strips) this.drawStrip(strip, series, window, style);
+  // `series`: [{ bins, shift_ms, isSteady, colour }] (steady: a value holds until the next one); of the window `now` is the right end, `age_ms` where the cursor stands before it.
+  // `mode`: what is shown, for the word on an empty chart: "live", "waiting", "recording" or "whatif".
+  draw(series, window, style, mode) {
+    for (const strip of this.strips) this.drawStrip(strip, series, window, style, mode);
   }
 
-  drawStrip({ canvas, span, key }, series, { now, age_ms, span_ms }, { ink, line, faint }) {
-    span.textContent = `${(span_ms / 1000).toFixed(span_ms < 10000 ? 1 : 0)} s`;
+  drawStrip(strip, series, { now, age_ms, span_ms }, { ink, line, faint }, mode) {
+    const { canvas, key, beside, digits, values, whyBox, why } = strip;
+    const lines = series.flatMap(({ bins, shift_ms, isSteady, colour }, k) => [{ bins, shift_ms, isSteady, colour, key, dash: k ? [7, 5] : [], wide: k ? 1.7 : series.length > 1 ? 3.2 : 1.9 },
+      ...(beside ? [{ bins, shift_ms, colour: ink, key: beside, dash: [2, 3], wide: 1.5 }] : [])]);
+    const shown = lines.map((entry) => ({ ...entry, bins: within(entry, now, span_ms) })).filter(({ bins }) => bins.length);
+    whyBox.textContent = shown.length ? "" : mode === "waiting" ? "waiting for readings" : why(mode);
+    values.replaceChildren(...shown.map(({ bins, shift_ms, colour, key: shownKey }) => number(valueAt(bins, shownKey, now - age_ms - shift_ms), digits, colour, shownKey !== key)));
     const ratio = devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    canvas.width = width * ratio;
-    canvas.height = height * ratio;
+    Object.assign(canvas, { width: width * ratio, height: height * ratio });
     const context = canvas.getContext("2d");
     context.scale(ratio, ratio);
-    const [left, bottom] = [38, height - 4];
-    const [low, high] = rangeOf(series, key);
-    const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - 6);
-    const x = (time) => left + (1 - (now - time) / span_ms) * (width - left - 2);
-    context.font = "10px system-ui, sans-serif";
-    context.textAlign = "right";
-    context.textBaseline = "middle";
-    const { at, digits } = ticks(low, high, 3);
-    for (const value of at) {
-      context.fillStyle = faint;
-      context.fillText(value.toFixed(digits), left - 5, y(value));
-      context.fillStyle = line;
-      context.fillRect(left, Math.round(y(value)), width - left, 1);
-    }
-    context.lineWidth = 1.6;
-    for (const { states, colour } of series) this.drawLine(context, states, key, colour, x, y);
+    const place = strip.log ? Math.log10 : (value) => value;
+    const [low, high] = rangeOf(shown, place, strip.log);
+    const [top, bottom] = [7, height - 7];
+    const y = (value) => bottom - ((place(value) - low) / (high - low)) * (bottom - top);
+    const x = (time) => LEFT + (1 - (now - time) / span_ms) * (width - LEFT - 3);
+    this.drawGrid(context, strip, { low, high, y, width, height, empty: !shown.length }, { line, faint });
+    context.save();
+    context.beginPath();
+    context.rect(LEFT, 0, width - LEFT, height);
+    context.clip();
+    for (const entry of shown) drawLine(context, entry, x, y);
+    context.restore();
     if (age_ms > 0) {
       context.fillStyle = ink;
       context.fillRect(x(now - age_ms), 2, 1, bottom - 2);
     }
   }
 
-  // A gap in time or a value that is not a number interrupts the line.
-  drawLine(context, states, key, colour, x, y) {
-    context.strokeStyle = colour;
-    context.beginPath();
-    let last = -Infinity;
-    for (const state of states) {
-      const value = state[key];
-      if (!Number.isFinite(value)) { last = -Infinity; continue; }
-      if (state.received_ms - last > 1000) context.moveTo(x(state.received_ms), y(value));
-      else context.lineTo(x(state.received_ms), y(value));
-      last = state.received_ms;
+  drawGrid(context, { log }, { low, high, y, width, height, empty }, { line, faint }) {
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "right";
+    context.textBaseline = "middle";
+    const { at, digits } = log ? decades(low, high) : ticks(low, high, height > 110 ? 4 : 2);
+    for (const value of empty ? [] : at) {
+      context.fillStyle = faint;
+      context.fillText(log ? String(value) : value.toFixed(digits), LEFT - 6, y(value));
+      context.fillStyle = line;
+      context.fillRect(LEFT, Math.round(y(value)), width - LEFT, 1);
     }
-    context.stroke();
+    if (empty) { context.fillStyle = line; context.fillRect(LEFT, Math.round(height / 2) + 12, width - LEFT, 1); }
   }
 }
 
-function rangeOf(series, key) {
-  let [low, high] = [Infinity, -Infinity];
-  for (const { states } of series) {
-    for (const state of states) {
-      const value = state[key];
-      if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
-    }
+function within({ bins, shift_ms, key }, now, span_ms) {
+  const end = now - shift_ms;
+  return bins.filter((bin) => bin[key] && bin.t_ms <= end && bin.t_ms >= end - span_ms - BREAK_TIMES * BREAK_MS);
+}
+
+function valueAt(bins, key, t_ms) {
+  let best = bins[0];
+  for (const bin of bins) if (bin.t_ms <= t_ms) best = bin;
+  return best[key][2];
+}
+
+function number(value, digits, colour, measured) {
+  const text = document.createElement("i");
+  text.textContent = `${measured ? "measured " : ""}${value.toFixed(digits)}`;
+  text.style.color = colour;
+  return text;
+}
+
+// One stroke a bin from its smallest to its largest value; a silence interrupts the line.
+function drawLine(context, { bins, shift_ms, isSteady, key, colour, dash, wide }, x, y) {
+  Object.assign(context, { strokeStyle: colour, lineWidth: wide, lineJoin: "round" });
+  context.globalAlpha = wide > 3 ? 0.55 : 1; // the lower of two lines shows beside the upper one
+  context.setLineDash(dash);
+  context.beginPath();
+  const usual_ms = (bins[bins.length - 1].t_ms - bins[0].t_ms) / Math.max(1, bins.length - 1);
+  const break_ms = isSteady ? Infinity : Math.max(BREAK_MS, BREAK_TIMES * usual_ms);
+  let last = -Infinity;
+  for (const bin of bins) {
+    const [low, high, newest] = bin[key];
+    const at = x(bin.t_ms + shift_ms);
+    if (bin.t_ms - last > break_ms) context.moveTo(at, y(low)); else context.lineTo(at, y(low));
+    if (high > low) { context.lineTo(at, y(high)); context.lineTo(at, y(newest)); }
+    last = bin.t_ms;
   }
+  context.stroke();
+  context.setLineDash([]);
+  context.globalAlpha = 1;
+}
+
+function rangeOf(lines, place, log) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { bins, key } of lines) for (const bin of bins) { low = Math.min(low, bin[key][0]); high = Math.max(high, bin[key][1]); }
   if (!(high >= low)) return [0, 1];
+  if (log) return [Math.floor(place(Math.max(low, 1e-4))), Math.max(Math.ceil(place(Math.max(high, 1e-4))), Math.floor(place(Math.max(low, 1e-4))) + 1)];
   if (low > 0 && low < 0.6 * high) low = 0;
   const margin = (high - low) * 0.08 || Math.abs(high) * 0.1 || 1;
   return [low === 0 ? 0 : low - margin, high + margin];
+}
+
+function decades(low, high) {
+  const every = high - low > 3 ? 2 : 1;
+  return { at: Array.from({ length: Math.floor((high - low) / every) + 1 }, (_, k) => Number((10 ** (low + every * k)).toPrecision(1))), digits: 0 };
 }

@@ -1,65 +1,22 @@
-// WebGL2: bodies with a colour table, plates with a grid, points when no mesh is known. No library.
+// WebGL2: bodies with a colour table, plates with grid, shadow and contact patch, points when no mesh is known. No library.
 
-const BODY_VS = `#version 300 es
-uniform mat4 matrix; uniform vec3 offset; uniform vec2 range; uniform float size; uniform vec4 shadow; uniform float flip;
-layout(location = 0) in vec3 position; layout(location = 1) in vec3 normal; layout(location = 2) in float value;
-out vec3 n; out float t; out vec3 where;
-void main() {
-  vec3 side = vec3(1.0, flip, 1.0);
-  vec3 p = position * side + offset;
-  if (shadow.w > 0.0) p = vec3(p.xz + shadow.xz * (p.y - shadow.y), 0.0).xzy + vec3(0.0, shadow.y, 0.0);
-  n = normal * side; where = p; t = (value - range.x) / max(range.y - range.x, 1e-30);
-  gl_Position = matrix * vec4(p, 1.0); gl_PointSize = size;
-}`;
-
-const BODY_FS = `#version 300 es
-precision highp float;
-uniform sampler2D table; uniform vec3 key; uniform vec3 eye; uniform float lit; uniform vec4 flat_colour;
-in vec3 n; in float t; in vec3 where; out vec4 colour;
-void main() {
-  if (flat_colour.a > 0.0) { colour = vec4(flat_colour.rgb * flat_colour.a, flat_colour.a); return; }
-  vec3 base = isnan(t) ? vec3(0.45) : texture(table, vec2((clamp(t, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
-  float size = length(n);
-  if (lit > 0.5 && size > 0.0) {
-    vec3 view = normalize(eye - where);
-    vec3 m = n / size; if (dot(m, view) < 0.0) m = -m;
-    float light = 0.60 + 0.40 * max(dot(m, key), 0.0) + 0.10 * max(dot(m, view), 0.0);
-    float gloss = 0.07 * pow(max(dot(m, normalize(key + view)), 0.0), 24.0);
-    base = pow(pow(base, vec3(2.2)) * light + gloss, vec3(1.0 / 2.2));
-  }
-  colour = vec4(base, 1.0);
-}`;
-
-const PLATE_VS = `#version 300 es
-uniform mat4 matrix; uniform vec3 low; uniform vec3 high;
-layout(location = 0) in vec2 corner; out vec2 at;
-void main() {
-  at = mix(low.xz, high.xz, corner);
-  gl_Position = matrix * vec4(at.x, high.y, at.y, 1.0);
-}`;
-
-const PLATE_FS = `#version 300 es
-precision highp float;
-uniform vec3 plate; uniform vec3 grid; in vec2 at; out vec4 colour;
-void main() {
-  vec2 cell = abs(fract(at / 10.0 - 0.5) - 0.5) * 10.0;
-  vec2 width = fwidth(at);
-  float line = max(1.0 - min(cell.x / width.x, 1.0), 1.0 - min(cell.y / width.y, 1.0));
-  vec3 c = mix(plate, grid, line);
-  colour = vec4(c * 0.86, 0.86);
-}`;
+import { BLUR_FS, BODY_FS, BODY_VS, CAST_FS, CAST_VS, PLATE_FS, PLATE_VS, SQUARE_VS } from "./shaders.js";
 
 const SLOW_MS = 45; // a software renderer that needs longer draws fewer pixels
 const COARSEST = 0.5;
-const SHADOW_SLOPE = [0.18, 0.25]; // mm to the side for each mm of height
+const CAST_SIZE = [256, 128];
+const BLUR_MM = 0.8; // distance of the blur's samples: three of them are its standard deviation
+const HIDDEN_ALPHA = 0.5; // of what shows through other things
 
 export class Painter {
   constructor(canvas, table) {
     const software = drawsInSoftware();
-    const gl = canvas.getContext("webgl2", { antialias: !software, alpha: true, premultipliedAlpha: true, stencil: true });
+    const gl = canvas.getContext("webgl2", { antialias: !software, alpha: true, premultipliedAlpha: true });
     if (!gl) throw new Error("this browser has no WebGL2; use a current Firefox, Chrome, Edge or Safari");
     Object.assign(this, { canvas, gl, software, sharpness: 1, buffers: new WeakMap() });
     this.body = program(gl, BODY_VS, BODY_FS);
+    this.cast = program(gl, CAST_VS, CAST_FS);
+    this.blur = program(gl, SQUARE_VS, BLUR_FS);
     this.plate = program(gl, PLATE_VS, PLATE_FS);
     this.square = gl.createVertexArray();
     gl.bindVertexArray(this.square);
@@ -67,10 +24,8 @@ export class Painter {
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([0, 0, 1, 0, 0, 1, 1, 1]), gl.STATIC_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, 256, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, table);
-    for (const [name, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_MAG_FILTER, gl.LINEAR], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]])
-      gl.texParameteri(gl.TEXTURE_2D, name, value);
+    this.casts = [0, 1].map(() => target(gl, CAST_SIZE));
+    this.table = texture(gl, [256, 1], gl.RGB8, gl.RGB, table);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -81,13 +36,21 @@ export class Painter {
     const ratio = Math.min(devicePixelRatio || 1, 2) * this.sharpness;
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    gl.viewport(0, 0, width, height);
+    this.toScreen();
     gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const { right, up, toward } = camera.axes();
-    const key = right.map((r, k) => -0.45 * r + 0.75 * up[k] + 0.6 * toward[k]);
-    const length = Math.hypot(...key);
-    this.frame = { matrix: camera.matrix(), eye: camera.eye(), key: key.map((v) => v / length) };
+    const from = (r, u, t) => {
+      const sum = right.map((v, k) => r * v + u * up[k] + t * toward[k]);
+      return sum.map((v) => v / Math.hypot(...sum));
+    };
+    this.frame = { matrix: camera.matrix(), eye: camera.eye(), key: from(-0.45, 0.75, 0.6), fill: from(0.8, 0.1, 0.6) };
+  }
+
+  toScreen() {
+    const { gl, canvas } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, canvas.width, canvas.height);
   }
 
   // Without a graphics card pixels are dear: what took too long is drawn coarser from then on.
@@ -95,68 +58,89 @@ export class Painter {
     if (this.software && took_ms > SLOW_MS) this.sharpness = Math.max(COARSEST, this.sharpness * 0.9);
   }
 
-  // The shadow of a body on the plate, under a light from above; the stencil lets each pixel be darkened once.
-  drawShadow(mesh, { offset, flip }, height) {
-    if (!mesh.corners) return;
-    const { gl, body } = this;
-    const buffers = this.buffersOf(mesh);
-    gl.useProgram(body.program);
-    gl.uniformMatrix4fv(body.at.matrix, false, this.frame.matrix);
-    gl.uniform3fv(body.at.offset, offset);
-    gl.uniform1f(body.at.flip, flip);
-    gl.uniform4f(body.at.shadow, SHADOW_SLOPE[0], height + 0.02, SHADOW_SLOPE[1], 1);
-    gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0.22);
-    gl.bindVertexArray(buffers.array);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.corners);
-    gl.enable(gl.STENCIL_TEST);
-    gl.stencilFunc(gl.EQUAL, 0, 0xff);
-    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-    gl.depthMask(false);
-    gl.drawElements(gl.TRIANGLES, mesh.corners.length, gl.UNSIGNED_INT, 0);
-    gl.depthMask(true);
-    gl.disable(gl.STENCIL_TEST);
-    gl.uniform4f(body.at.shadow, 0, 0, 0, 0);
-  }
-
-  // `mesh` has positions, normals, values and corners, or no corners at all (then points are drawn).
-  drawBody(mesh, { offset, flip }, { range, lit, lines }) {
+  // `mesh` has positions, normals, values and corners, or no corners at all (then points are drawn). `plain`: the colour
+  // where there is no value; `through`: shows faintly through what hides it.
+  drawBody(mesh, { offset, scale }, { range, lit, lines, plain = [0.45, 0.45, 0.45], through = false }) {
     const { gl, body, frame } = this;
     const buffers = this.buffersOf(mesh);
     gl.useProgram(body.program);
     gl.uniformMatrix4fv(body.at.matrix, false, frame.matrix);
-    gl.uniform3fv(body.at.eye, frame.eye);
-    gl.uniform3fv(body.at.key, frame.key);
+    for (const name of ["eye", "key", "fill"]) gl.uniform3fv(body.at[name], frame[name]);
     gl.uniform3fv(body.at.offset, offset);
-    gl.uniform1f(body.at.flip, flip);
+    gl.uniform3fv(body.at.scale, scale);
+    gl.uniform3fv(body.at.plain, plain);
     gl.uniform2fv(body.at.range, range);
     gl.uniform1f(body.at.lit, lit ? 1 : 0);
-    gl.uniform4f(body.at.shadow, 0, 0, 0, 0);
     gl.uniform1f(body.at.size, 2.5 * (devicePixelRatio || 1));
     gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0);
+    gl.bindTexture(gl.TEXTURE_2D, this.table);
     gl.bindVertexArray(buffers.array);
     if (!mesh.corners) { gl.drawArrays(gl.POINTS, 0, mesh.values.length); return; }
+    const draw = (kind, name) => {
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[name]);
+      gl.drawElements(kind, mesh[name].length, gl.UNSIGNED_INT, 0);
+    };
+    if (through) {
+      gl.uniform4f(body.at.flat_colour, ...plain, HIDDEN_ALPHA);
+      gl.depthFunc(gl.GREATER);
+      gl.depthMask(false);
+      draw(gl.TRIANGLES, "corners");
+      gl.depthMask(true);
+      gl.depthFunc(gl.LESS);
+      gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0);
+    }
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.corners);
-    gl.drawElements(gl.TRIANGLES, mesh.corners.length, gl.UNSIGNED_INT, 0);
+    draw(gl.TRIANGLES, "corners");
     gl.disable(gl.POLYGON_OFFSET_FILL);
     if (lines) {
       gl.uniform4f(body.at.flat_colour, 0, 0, 0, 0.22);
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.edges);
-      gl.drawElements(gl.LINES, mesh.edges.length, gl.UNSIGNED_INT, 0);
+      draw(gl.LINES, "edges");
     }
   }
 
-  drawPlate(low, high, plate, grid) {
+  // The plate's top with the soft shadow of a body on it and, when they touch, the patch where.
+  drawPlate({ low, high }, body, { plate, grid, mark, touching }) {
     const { gl } = this;
+    this.castOn({ low, high }, body, touching);
     gl.useProgram(this.plate.program);
     gl.uniformMatrix4fv(this.plate.at.matrix, false, this.frame.matrix);
-    gl.uniform3fv(this.plate.at.low, low);
-    gl.uniform3fv(this.plate.at.high, high);
-    gl.uniform3fv(this.plate.at.plate, plate);
-    gl.uniform3fv(this.plate.at.grid, grid);
+    for (const [name, value] of Object.entries({ low, high, plate, grid, mark })) gl.uniform3fv(this.plate.at[name], value);
+    gl.uniform1f(this.plate.at.alpha, this.frame.eye[1] > high[1] ? 1 : 0.3); // from below it must not hide the body
+    gl.bindTexture(gl.TEXTURE_2D, this.casts[0].texture);
     gl.bindVertexArray(this.square);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  }
+
+  // Draws shadow and contact of a body, as seen from above the plate, into the first of two pictures, and blurs them there.
+  castOn({ low, high }, { mesh, offset, scale }, touching) {
+    const { gl, casts, cast, blur } = this;
+    gl.disable(gl.DEPTH_TEST);
+    gl.viewport(0, 0, ...CAST_SIZE);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, casts[0].frame);
+    gl.clearColor(0, 0, 0, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    if (mesh?.corners) {
+      const buffers = this.buffersOf(mesh);
+      gl.useProgram(cast.program);
+      for (const [name, value] of Object.entries({ offset, scale, low, high })) gl.uniform3fv(cast.at[name], value);
+      gl.uniform1f(cast.at.touching, touching ? 1 : 0);
+      gl.bindVertexArray(buffers.array);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.corners);
+      gl.blendEquation(gl.MAX);
+      gl.drawElements(gl.TRIANGLES, mesh.corners.length, gl.UNSIGNED_INT, 0);
+      gl.blendEquation(gl.FUNC_ADD);
+    }
+    gl.useProgram(blur.program);
+    gl.bindVertexArray(this.square);
+    [[BLUR_MM / (high[0] - low[0]), 0], [0, BLUR_MM / (high[2] - low[2])]].forEach((along, k) => {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, casts[1 - k].frame);
+      gl.bindTexture(gl.TEXTURE_2D, casts[k].texture);
+      gl.uniform2fv(blur.at.along, along);
+      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    });
+    gl.enable(gl.DEPTH_TEST);
+    this.toScreen();
   }
 
   // Sends what changed since the last frame to the card.
@@ -195,6 +179,23 @@ function drawsInSoftware() {
   const found = names ? /swiftshader|llvmpipe|software/i.test(gl.getParameter(names.UNMASKED_RENDERER_WEBGL)) : false;
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
   return found;
+}
+
+function texture(gl, [width, height], inside, format, data) {
+  const made = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, made);
+  gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, gl.UNSIGNED_BYTE, data);
+  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+  return made;
+}
+
+// A picture that can be drawn into.
+function target(gl, size) {
+  const made = { texture: texture(gl, size, gl.RGBA8, gl.RGBA, null), frame: gl.createFramebuffer() };
+  gl.bindFramebuffer(gl.FRAMEBUFFER, made.frame);
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made.texture, 0);
+  return made;
 }
 
 function program(gl, vertex, fragment) {

@@ -1,23 +1,84 @@
-// The last minute: every state for the charts, and shapes at 10 Hz to scrub through, coordinates to 0.005 mm.
+// What has happened: every reading for the charts, and shapes of the last minute at 10 Hz to look back at, coordinates to
+// 0.005 mm.
 
 export const SPAN_MS = 60000;
+export const QUANTITIES_KEPT = ["pressure_mpa", "contact_force_n", "measured_force_n", "gap_mm", "max_von_mises_mpa", "latency_ms"];
+const FINE_MS = 50;
+const MOST_BINS = 2400;
 const SHAPE_EVERY_MS = 100;
 const STEP_MM = 0.01;
 
-export class History {
-  constructor() {
-    this.states = [];
-    this.shapes = [];
+// Readings in bins of equal time; of each bin and quantity the smallest, the largest and the newest value, so that nothing
+// that stands out is lost. `span_ms`: what is older goes. Without it nothing goes: bins become twice as wide instead.
+export class Series {
+  constructor(span_ms) {
+    Object.assign(this, { span_ms, bin_ms: FINE_MS, bins: [] });
   }
 
-  add(frame) {
-    const now = frame.received_ms;
-    const { fields, ...state } = frame;
-    this.states.push(state);
-    if (fields && (this.shapes.length === 0 || now - this.shapes[this.shapes.length - 1].received_ms >= SHAPE_EVERY_MS))
-      this.shapes.push(pack(frame));
-    trim(this.states, now);
-    trim(this.shapes, now);
+  add(t_ms, values) {
+    const start = Math.floor(t_ms / this.bin_ms) * this.bin_ms;
+    let bin = this.bins[this.bins.length - 1];
+    if (!bin || start > bin.t_ms) {
+      bin = { t_ms: start };
+      this.bins.push(bin);
+      this.trim();
+    }
+    for (const key of QUANTITIES_KEPT) if (Number.isFinite(values[key])) join(bin, key, [values[key], values[key], values[key]]);
+  }
+
+  trim() {
+    const { bins, span_ms } = this;
+    if (span_ms) {
+      while (bins[bins.length - 1].t_ms - bins[0].t_ms > span_ms) bins.shift();
+    } else if (bins.length > MOST_BINS) {
+      this.bin_ms *= 2;
+      this.bins = bins.filter((bin, k) => {
+        if (k === 0 || Math.floor(bin.t_ms / this.bin_ms) !== Math.floor(bins[k - 1].t_ms / this.bin_ms)) return true;
+        for (const key of QUANTITIES_KEPT) if (bin[key]) join(bins[k - 1], key, bin[key]);
+        return false;
+      });
+    }
+  }
+}
+
+// How the page's clock differs from that of the readings, the same for all actuators: by the shortest way a reading took.
+const sender = { shift_ms: Infinity };
+
+function join(bin, key, [low, high, newest]) {
+  const range = bin[key];
+  if (!range) { bin[key] = [low, high, newest]; return; }
+  if (low < range[0]) range[0] = low;
+  if (high > range[1]) range[1] = high;
+  range[2] = newest;
+}
+
+export class History {
+  constructor() {
+    Object.assign(this, { minute: new Series(SPAN_MS), all: new Series(null), shapes: [], isSent: false });
+  }
+
+  add(t_ms, values) {
+    this.minute.add(t_ms, values);
+    this.all.add(t_ms, values);
+  }
+
+  // What to add to the bins' times to have those of the page.
+  get shift_ms() { return this.isSent ? sender.shift_ms : 0; }
+
+  // Readings with the sender's clock, `columns` by name.
+  read(t_s, columns, now_ms) {
+    this.isSent = true;
+    const behind_ms = now_ms - 1000 * t_s[t_s.length - 1];
+    if (behind_ms < sender.shift_ms || behind_ms > sender.shift_ms + SPAN_MS) sender.shift_ms = behind_ms;
+    t_s.forEach((t, k) => this.add(1000 * t, Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[k]]))));
+  }
+
+  // Keeps the frame's shape to look back at.
+  keep(frame) {
+    const { shapes } = this;
+    if (!frame.fields || (shapes.length && frame.received_ms - shapes[shapes.length - 1].received_ms < SHAPE_EVERY_MS)) return;
+    shapes.push(pack(frame));
+    while (frame.received_ms - shapes[0].received_ms > SPAN_MS) shapes.shift();
   }
 
   // The shape nearest to `age_ms` before `now`, as a frame; undefined when there is none.
@@ -28,12 +89,6 @@ export class History {
       if (!best || Math.abs(shape.received_ms - wanted) < Math.abs(best.received_ms - wanted)) best = shape;
     return best && unpack(best);
   }
-}
-
-function trim(list, now) {
-  let old = 0;
-  while (old < list.length && now - list[old].received_ms > SPAN_MS) old++;
-  if (old) list.splice(0, old);
 }
 
 // 16 bits a value: coordinates in hundredths of a millimetre, the rest in 1/65535 of its largest value.

@@ -6,20 +6,23 @@ import { COLOURS, Charts } from "./charts.js";
 import { Painter } from "./gl.js";
 import { SPAN_MS } from "./history.js";
 import { Link } from "./link.js";
-import { Mesh, block, pick } from "./mesh.js";
+import { Mesh, pick } from "./mesh.js";
 import { showNumbers } from "./numbers.js";
+import { Recorder } from "./picture.js";
 import { Recording } from "./recording.js";
 import { Scale } from "./scale.js";
+import { Scene, css } from "./scene.js";
+import { block } from "./solid.js";
 import { WhatIf } from "./whatif.js";
 
 const at = (id) => document.getElementById(id);
 const PREDICTION = "what if";
-const HERE = { offset: [0, 0, 0], flip: 1 };
-const PANEL_FREE = 0.72; // share of the width that the panel leaves to the scene
+const SHORTEST_MS = 2000; // that the charts show
+const READINGS_EVERY_MS = 100;
 
 const table = new Uint8Array(await (await fetch(`colours${location.search}`)).arrayBuffer());
 const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, places: {}, blocks: [], up: false, everUp: false, paused: false,
-  age_ms: 0, frozen_ms: 0, dirty: true, lit: true, lines: false, drawn: [], frames: 0, fitted: false, reason: "" };
+  age_ms: 0, frozen_ms: 0, dirty: true, lit: true, lines: false, drawn: [], frames: 0, reason: "" };
 
 const touch = () => { state.dirty = true; };
 const camera = new Camera(at("scene"), touch);
@@ -27,6 +30,8 @@ const scale = new Scale(table, () => { reshow(); touch(); });
 const charts = new Charts(at("charts"));
 let painter;
 try { painter = new Painter(at("scene"), table); } catch (error) { alarm(error.message); throw error; }
+const scene = new Scene(painter, camera, at("marks"), () => ({ actuators: visible(), blocks: whatIf.active ? [] : state.blocks, models: state.models }));
+const recorder = new Recorder(at("scene"), describe, notice);
 
 const link = new Link({
   onUp: () => { Object.assign(state, { up: true, everUp: true, reason: "" }); whatIf.reset(); if (whatIf.active) whatIf.request(); touch(); },
@@ -38,10 +43,10 @@ const link = new Link({
     if (message.type === "grasp") showGrasp(message);
     if (message.type === "refused") { notice(message.text); whatIf.answered(); }
   },
-  onFrame: (header, buffer, start) => (header.kind === "mesh" ? addMesh : addFrame)(header, buffer, start),
+  onFrame: (header, buffer, start) => ({ mesh: addMesh, frame: addFrame, readings: addReadings })[header.kind](header, buffer, start),
 });
 const recording = new Recording((message) => link.send(message));
-const whatIf = new WhatIf((message) => link.send(message), () => { choose(null); reshow(); touch(); });
+const whatIf = new WhatIf((message) => link.send(message), () => { scene.forget(); choose(null); reshow(); touch(); });
 
 function hello({ models, places, blocks }) {
   state.models = new Map(models.map((model) => [model.id, model]));
@@ -61,10 +66,14 @@ function addMesh({ model, nodes, facets }, buffer, start) {
 function openRecording(message) {
   recording.open(message);
   state.actuators.clear();
-  for (const track of message.tracks) {
-    addActuator(track.actuator);
-    state.actuators.get(track.actuator).history.states = recording.states(track);
-  }
+  scene.forget();
+  for (const track of message.tracks) recording.fill(actuatorOf(track.actuator).history, track);
+}
+
+function addReadings({ actuator, columns, count, origin_s }, buffer, start) {
+  const column = (k) => new Float32Array(buffer, start + 4 * k * count, count);
+  const t_s = Array.from(column(0), (t) => origin_s + t);
+  actuatorOf(actuator).history.read(t_s, Object.fromEntries(columns.map((name, k) => [name, column(k + 1)])), performance.now());
 }
 
 function addFrame(header, buffer, start) {
@@ -75,8 +84,7 @@ function addFrame(header, buffer, start) {
     header.fields.forEach((name, k) => { frame.fields[name] = new Float32Array(buffer, start + 4 * k * header.count, header.count); });
     frame.max_displacement_mm = frame.fields.displacement?.reduce((a, b) => Math.max(a, b), 0) ?? null;
   }
-  if (!state.actuators.has(frame.actuator)) addActuator(frame.actuator);
-  const actuator = state.actuators.get(frame.actuator);
+  const actuator = actuatorOf(frame.actuator);
   actuator.receive(frame);
   state.frames++;
   if (frame.predicted) whatIf.answered();
@@ -85,19 +93,24 @@ function addFrame(header, buffer, start) {
   touch();
 }
 
-function addActuator(name) {
-  const index = name === PREDICTION ? 0 : [...state.actuators.keys()].filter((key) => key !== PREDICTION).length;
-  state.actuators.set(name, new Actuator(name, index, COLOURS[state.actuators.size % COLOURS.length], state.places[name]));
-  choose(state.chosen);
+// The actuator of this name; a new one the first time.
+function actuatorOf(name) {
+  if (!state.actuators.has(name)) {
+    const index = name === PREDICTION ? 0 : [...state.actuators.keys()].filter((key) => key !== PREDICTION).length;
+    state.actuators.set(name, new Actuator(name, index, COLOURS[index % COLOURS.length], state.places[name]));
+    choose(state.chosen);
+  }
+  return state.actuators.get(name);
 }
 
 function show(actuator, frame) {
   actuator.show(frame, state.meshes.get(frame.model), scale.quantity);
-  if (visible().includes(actuator)) scale.follow(visible());
-  if (!state.fitted && actuator.box()) { state.fitted = true; fit(); }
+  if (!visible().includes(actuator)) return;
+  scale.follow(visible());
+  scene.follow();
 }
 
-const showsPast = () => !recording.on && (state.paused || state.age_ms > 0);
+const showsPast = () => !recording.on && !whatIf.active && (state.paused || state.age_ms > 0);
 const visible = () => [...state.actuators.values()].filter((a) => (a.name === PREDICTION) === whatIf.active);
 const chosen = () => visible().find((a) => a.name === state.chosen) ?? visible()[0];
 const clock = () => (state.paused ? state.frozen_ms : performance.now());
@@ -114,64 +127,36 @@ function choose(name) {
   state.chosen = name ?? chosen()?.name ?? null;
   at("actuators").replaceChildren(...visible().map((actuator) => {
     const button = document.createElement("button");
-    const dot = document.createElement("span");
-    dot.className = "dot";
+    const dot = Object.assign(document.createElement("span"), { className: "dot" });
     dot.style.background = actuator.colour;
     button.append(dot, actuator.name);
     button.setAttribute("aria-pressed", actuator === chosen());
     button.onclick = () => { choose(actuator.name); touch(); };
     return button;
   }));
-  state.fitted = false;
 }
 
-// What can be touched: the blocks of the scene, or else a plate below each actuator.
-function plates() {
-  if (state.blocks.length && !whatIf.active) return [];
-  return visible().flatMap((actuator) => {
-    const model = state.models.get(actuator.shown?.model);
-    const gap = actuator.shown?.gap_mm;
-    if (!model?.obstacle || !Number.isFinite(gap)) return [];
-    const { x_mm, z_mm } = model.obstacle;
-    const { offset, flip } = actuator.place;
-    const y = -gap * flip + offset[1];
-    return [{ actuator, low: [x_mm[0] + offset[0], y, z_mm[0] + offset[2]], high: [x_mm[1] + offset[0], y, z_mm[1] + offset[2]] }];
-  });
-}
-
-function fit() {
-  const boxes = [...visible().map((actuator) => actuator.box()).filter(Boolean), ...plates(), ...(whatIf.active ? [] : state.blocks)];
-  if (!boxes.length) return;
-  const corner = (name, pick) => [0, 1, 2].map((k) => pick(...boxes.map((box) => box[name][k])));
-  camera.fit(corner("low", Math.min), corner("high", Math.max), PANEL_FREE);
-}
-
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
-
-function drawScene() {
-  painter.begin(camera);
-  for (const actuator of visible())
-    if (actuator.body) painter.drawBody(actuator.body, actuator.place, { range: scale.range, lit: state.lit, lines: state.lines });
-  for (const { mesh } of whatIf.active ? [] : state.blocks) painter.drawBody(mesh, HERE, { range: scale.range, lit: true, lines: false });
-  for (const { low, high } of plates()) painter.drawPlate(low, high, rgb(css("--plate")), rgb(css("--grid")));
-  for (const { actuator, low } of plates()) if (actuator.body) painter.drawShadow(actuator.body, actuator.place, low[1]);
-}
-
-function alarm(text) {
-  at("alarm").hidden = !text;
-  at("alarm").textContent = text;
-}
-
-// Whether the gripper holds its object, and where to stop inflating.
-function showGrasp({ text }) {
-  at("grasp").hidden = false;
-  at("grasp").textContent = text;
+function alarm(text, mood = "bad") {
+  Object.assign(at("alarm"), { hidden: !text, textContent: text, className: mood });
 }
 
 function notice(text) {
-  at("notice").hidden = !text;
-  at("notice").textContent = text;
+  Object.assign(at("notice"), { hidden: !text, textContent: text });
+}
+
+// Whether the gripper holds its object, and where to stop inflating.
+function showGrasp({ scene: name, status, text }) {
+  const word = Object.assign(document.createElement("b"), { textContent: status.replaceAll("-", " ") });
+  at("grasp").replaceChildren(word, `${name}: ${text}`);
+  Object.assign(at("grasp"), { hidden: false, className: status === "held" ? "held" : "open" });
+}
+
+// What a picture says beside the scene.
+function describe() {
+  const { shown, name } = chosen() ?? {};
+  const of = (label, value, digits, unit) => (Number.isFinite(value) ? [`${label} ${value.toFixed(digits)} ${unit}`] : []);
+  const numbers = shown ? [...of("pressure", shown.pressure_mpa, 4, "MPa"), ...of("gap", shown.gap_mm, 2, "mm"), ...of("contact force", shown.contact_force_n, 3, "N"), ...of("measured", shown.measured_force_n, 3, "N")] : [];
+  return { title: name ?? "softtwin", numbers, labels: scene.labels, scale };
 }
 
 // The states that the user must notice: no connection, nothing published, old data.
@@ -189,23 +174,48 @@ function status() {
   at("link").textContent = badge;
   at("link").className = `badge ${mood}`;
   document.body.classList.toggle("stale", mood === "bad");
-  alarm(text);
+  alarm(text, mood);
+  at("film").setAttribute("aria-pressed", recorder.filming);
+  at("film").textContent = recorder.filming ? "Stop" : "Record";
+}
+
+// The stretch of time that the charts show: from the first reading on, at most a minute unless all is asked for.
+function timeWindow(series) {
+  if (recording.on && !whatIf.active) return { now: recording.span_ms, age_ms: recording.span_ms - recording.at_ms, span_ms: recording.span_ms };
+  const now = whatIf.active ? performance.now() : clock();
+  const first = Math.min(now, ...series.flatMap(({ bins, shift_ms }) => (bins.length ? [bins[0].t_ms + shift_ms] : [])));
+  const span_ms = Math.max(SHORTEST_MS, now - first);
+  return { now, age_ms: whatIf.active ? 0 : state.age_ms, span_ms: at("window").value === "minute" ? Math.min(SPAN_MS, span_ms) : span_ms };
 }
 
 function panels() {
   const actuator = chosen();
-  const now = clock();
   const recent = state.drawn.filter((time) => performance.now() - time < 1000).length;
   if (actuator?.shown) showNumbers(at("numbers"), showsPast() ? actuator.shown : actuator.latest, recent);
-  const series = visible().map(({ history, colour }) => ({ states: history.states, colour }));
-  const window = recording.on && !whatIf.active
-    ? { now: recording.span_ms, age_ms: recording.span_ms - recording.at_ms, span_ms: recording.span_ms }
-    : { now, age_ms: state.age_ms, span_ms: SPAN_MS };
-  charts.draw(series, window, { ink: css("--ink"), line: css("--line"), faint: css("--faint") });
-  if (!recording.on) at("when").textContent = state.age_ms > 0 ? `−${(state.age_ms / 1000).toFixed(1)} s` : state.paused ? "paused" : "now";
+  const kept = recording.on && !whatIf.active ? "all" : at("window").value;
+  const series = visible().map(({ history, colour }) => ({ bins: history[kept].bins, shift_ms: history.shift_ms, isSteady: whatIf.active, colour }));
+  const window = timeWindow(series);
+  const mode = whatIf.active ? "whatif" : recording.on ? "recording" : series.some(({ bins }) => bins.length) ? "live" : "waiting";
+  charts.draw(series, window, { ink: css("--ink"), line: css("--line"), faint: css("--faint") }, mode);
+  at("window").hidden = kept === "all" && recording.on;
+  at("span-text").textContent = mode === "recording" ? `the whole recording, ${(window.span_ms / 1000).toFixed(1)} s` : `charts: ${duration(window.span_ms)}, every reading`;
+  at("time").hidden = whatIf.active;
+  if (recording.on) return;
+  at("scrub").min = -Math.min(SPAN_MS, window.span_ms) / 1000;
+  at("when").textContent = state.age_ms > 0 ? `−${(state.age_ms / 1000).toFixed(1)} s` : state.paused ? "paused" : "now";
+}
+
+function duration(ms) {
+  const s = ms / 1000;
+  return s < 120 ? `${s.toFixed(0)} s` : s < 7200 ? `${(s / 60).toFixed(0)} min` : `${(s / 3600).toFixed(1)} h`;
 }
 
 let [lastTick, drew] = [performance.now(), false];
+
+function drawScene() {
+  scene.draw({ range: scale.range, lit: state.lit, lines: state.lines });
+  recorder.drawn();
+}
 
 function tick() {
   const passed_ms = performance.now() - lastTick;
@@ -234,43 +244,46 @@ function pause(paused) {
 
 at("pause").onclick = () => pause(!state.paused);
 at("scrub").oninput = () => { if (recording.on) { recording.seek(); return; } state.age_ms = -1000 * parseFloat(at("scrub").value); reshow(); touch(); };
-at("views").onclick = (event) => { const { view } = event.target.dataset; if (view === "fit") fit(); else if (view) { camera.view(view); fit(); } };
+at("views").onclick = (event) => { const { view } = event.target.dataset; if (!view) return; if (view !== "fit") camera.view(view); camera.moved = false; scene.fit(); };
 const toggle = (id, key) => () => { state[key] = !state[key]; at(id).setAttribute("aria-pressed", state[key]); touch(); };
 at("shading").onclick = toggle("shading", "lit");
 at("lines").onclick = toggle("lines", "lines");
-at("theme").onclick = () => {
-  const root = document.documentElement;
-  const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-  root.dataset.theme = dark ? "light" : "dark";
-  touch();
-};
+at("save").onclick = () => { drawScene(); recorder.save(); };
+at("film").onclick = () => { drawScene(); recorder.toggle(); touch(); };
+const darkSystem = matchMedia("(prefers-color-scheme: dark)");
+const isDark = () => (document.documentElement.dataset.theme ?? (darkSystem.matches ? "dark" : "light")) === "dark";
+const showTheme = () => { at("theme").setAttribute("aria-pressed", isDark()); touch(); };
+at("theme").onclick = () => { document.documentElement.dataset.theme = isDark() ? "light" : "dark"; showTheme(); };
+darkSystem.onchange = showTheme;
+showTheme();
 const KEYS = { 1: "iso", 2: "side", 3: "top", 4: "end", f: "fit" };
+const BUTTONS = { l: "shading", m: "lines", t: "theme", p: "save", r: "film" };
 addEventListener("keydown", (event) => {
-  if (["INPUT", "SELECT"].includes(event.target.tagName)) return;
+  if (["INPUT", "SELECT"].includes(event.target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
   const view = KEYS[event.key.toLowerCase()];
   if (view) document.querySelector(`[data-view=${view}]`).click();
   if (event.key === " ") { event.preventDefault(); pause(!state.paused); }
-  const button = { l: "shading", m: "lines", t: "theme" }[event.key.toLowerCase()];
+  const button = BUTTONS[event.key.toLowerCase()];
   if (button) at(button).click();
 });
-addEventListener("resize", touch);
 
 at("scene").addEventListener("pointermove", (event) => {
-  const [origin, direction] = camera.ray(event.clientX, event.clientY);
+  const [origin, direction] = camera.ray(event.offsetX, event.offsetY);
   let best = { distance: Infinity };
   for (const actuator of event.buttons ? [] : visible()) {
     const hit = actuator.body ? pick(actuator.body, origin, direction, actuator.place) : best;
     if (hit.distance < best.distance) best = { ...hit, actuator };
   }
   at("tip").hidden = !best.actuator;
-  if (best.actuator) {
-    at("tip").textContent = best.actuator.describe(best.node);
-    at("tip").style.transform = `translate(${event.clientX + 14}px, ${event.clientY + 14}px)`;
-  }
+  if (!best.actuator) return;
+  at("tip").textContent = best.actuator.describe(best.node);
+  const [x, y] = [Math.min(event.clientX + 14, innerWidth - at("tip").offsetWidth - 8), Math.min(event.clientY + 14, innerHeight - at("tip").offsetHeight - 8)];
+  at("tip").style.transform = `translate(${x}px, ${y}px)`;
 });
+at("scene").addEventListener("pointerleave", () => { at("tip").hidden = true; });
 
-setInterval(() => { status(); panels(); }, 100);
+setInterval(() => { if (!recording.on) link.send({ type: "readings" }); status(); panels(); }, READINGS_EVERY_MS);
 requestAnimationFrame(tick);
 
 // For scripts and tests: what is on the page right now.
-window.softtwin = { state, scale, camera, painter, chosen, visible };
+window.softtwin = { state, scale, camera, painter, scene, recorder, chosen, visible };

@@ -99,24 +99,6 @@ function edgesOf(corners) {
   return new Uint32Array(edges);
 }
 
-// A rigid block of the scene, with flat faces and no values.
-export function block([x0, y0, z0], [x1, y1, z1]) {
-  const faces = [
-    [[x0, y0, z0], [x0, y0, z1], [x0, y1, z1], [x0, y1, z0], [-1, 0, 0]], [[x1, y0, z0], [x1, y1, z0], [x1, y1, z1], [x1, y0, z1], [1, 0, 0]],
-    [[x0, y0, z0], [x1, y0, z0], [x1, y0, z1], [x0, y0, z1], [0, -1, 0]], [[x0, y1, z0], [x0, y1, z1], [x1, y1, z1], [x1, y1, z0], [0, 1, 0]],
-    [[x0, y0, z0], [x0, y1, z0], [x1, y1, z0], [x1, y0, z0], [0, 0, -1]], [[x0, y0, z1], [x1, y0, z1], [x1, y1, z1], [x0, y1, z1], [0, 0, 1]],
-  ];
-  const corners = faces.flatMap((_, f) => [0, 1, 2, 0, 2, 3].map((k) => 4 * f + k));
-  return {
-    version: 0,
-    positions: Float32Array.from(faces.flatMap((face) => face.slice(0, 4).flat())),
-    normals: Float32Array.from(faces.flatMap((face) => [0, 1, 2, 3].flatMap(() => face[4]))),
-    values: new Float32Array(24).fill(NaN),
-    corners: Uint32Array.from(corners),
-    edges: new Uint32Array(0),
-  };
-}
-
 // Nodes without a known surface: drawn as points.
 export class Points {
   constructor(nodes) {

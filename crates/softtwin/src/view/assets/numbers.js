@@ -1,35 +1,47 @@
 // The numbers of the chosen actuator.
 
 const ROWS = [
-  { name: "contact force", unit: "N", value: (f) => f.contact_force_n, digits: 3,
-    more: (f) => [halfwidthText(f.force_halfwidth_n, 3, "N"), known(f.measured_force_n) ? `measured ${f.measured_force_n.toFixed(3)} N` : ""] },
-  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4,
-    more: (f) => [f.onset_pressure_mpa === "Infinity" ? "plate out of reach" : known(f.onset_pressure_mpa) ? f.onset_pressure_mpa > 0 ? `contact from ${f.onset_pressure_mpa.toFixed(4)}` : "contact by weight" : ""] },
+  { name: "contact force", unit: "N", main: true, value: (f) => f.contact_force_n, digits: 3, more: (f) => [halfwidthText(f.force_halfwidth_n, 3, "N")] },
+  { name: "measured force", unit: "N", main: true, value: (f) => f.measured_force_n, digits: 3, wanted: (f) => known(f.measured_force_n),
+    more: (f) => [known(f.contact_force_n) ? `predicted ${signed(f.contact_force_n - f.measured_force_n, 3)} N` : ""] },
+  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, more: (f) => [onsetText(f.onset_pressure_mpa)] },
   { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", more: () => [] },
   { name: "largest stress", unit: "MPa", value: (f) => f.max_von_mises_mpa, digits: 3,
     more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), known(f.max_von_mises_node) ? `node ${f.max_von_mises_node}` : ""] },
-  { name: "largest displacement", unit: "mm", value: (f) => f.max_displacement_mm, digits: 2,
-    more: (f) => [halfwidthText(f.displacement_halfwidth_mm, 2, "mm")] },
+  { name: "largest displacement", unit: "mm", value: (f) => f.max_displacement_mm, digits: 2, more: (f) => [halfwidthText(f.displacement_halfwidth_mm, 2, "mm")] },
   { name: "latency", unit: "ms", value: (f) => f.latency_ms, digits: 3, none: "–", more: (f) => [known(f.rate_hz) ? `${f.rate_hz.toFixed(0)} readings/s` : ""] },
 ];
 
 const known = (value) => Number.isFinite(value);
-const halfwidthText = (half, digits, unit) => (known(half) ? `± ${half.toFixed(digits)} ${unit}`.trim() : "");
+const signed = (value, digits) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(digits)}`;
+const halfwidthText = (half, digits, unit) => (known(half) ? `± ${half.toFixed(digits + 1)} ${unit}`.trim() : "");
+
+function onsetText(onset_mpa) {
+  if (onset_mpa === "Infinity") return "plate out of reach";
+  if (!known(onset_mpa)) return "";
+  return onset_mpa > 0 ? `contact from ${onset_mpa.toFixed(4)}` : "contact by weight";
+}
+
+// Flags that tell of no trouble: a load cell is there; a model has more coefficients than a state has room for.
+const HARMLESS = ["coefficients-cut", "force-measured"];
 
 export function showNumbers(parent, frame, fps) {
-  const cells = ROWS.map((row) => {
+  const cells = ROWS.filter((row) => row.wanted?.(frame) ?? true).map((row) => {
     const value = row.value(frame);
     const main = known(value) ? [value.toFixed(row.digits), row.unit] : [row.none ?? "–", ""];
-    return cell(row.name, main, row.more(frame).filter(Boolean).join(" · "));
+    return cell(row, main, row.more(frame).filter(Boolean).join(" · "));
   });
-  cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", `${fps.toFixed(0)} frames/s drawn`));
-  const flags = frame.flags.length ? frame.flags.join(", ") : "none";
-  cells.push(words("flags", flags, frame.flags.length ? "warn" : "good", frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : ""));
+  const drawn = `${fps.toFixed(0)} frames/s drawn`;
+  cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
+  const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
+  const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
+  const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;
+  cells.push(words("flags", trouble.join(", ") || "none", trouble.length ? "warn" : "good", outcome));
   parent.replaceChildren(...cells);
 }
 
-function cell(name, [value, unit], more) {
-  const box = element("div", "number");
+function cell({ name, main }, [value, unit], more) {
+  const box = element("div", main ? "number main" : "number");
   const line = element("div", "value", value);
   line.append(" ", element("span", "unit", unit));
   box.append(element("div", "name", name), line, element("div", "more", more));

@@ -24,9 +24,11 @@ export class Recording {
     list.replaceChildren(...opened.names.map((name) => new Option(name, name, false, name === opened.name)));
   }
 
-  // The states of one actuator as the charts draw them.
-  states({ actuator, t_s, ...columns }) {
-    return t_s.map((t, k) => ({ received_ms: 1000 * t, ...Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[k]])) }));
+  // All readings of one actuator, each a bin of its own; stress has times of its own.
+  fill(history, { actuator, t_s, stress_t_s, max_von_mises_mpa, ...columns }) {
+    const bins = (times, named) => times.map((t, k) => Object.fromEntries([["t_ms", 1000 * t],
+      ...Object.entries(named).filter(([, values]) => Number.isFinite(values[k])).map(([name, values]) => [name, [values[k], values[k], values[k]]])]));
+    history.all.bins = [...bins(t_s, columns), ...bins(stress_t_s, { max_von_mises_mpa })].sort((a, b) => a.t_ms - b.t_ms);
   }
 
   // A frame has the time of the recording.

@@ -27,16 +27,17 @@ export function ticks(low, high, count) {
 
 export class Scale {
   constructor(table, changed) {
-    Object.assign(this, { range: [0, 1], mode: "peak", quantity: "von_mises" });
-    this.element = Object.fromEntries(["field", "follow", "bar", "ticks", "range", "low", "high"].map((id) => [id, document.getElementById(id)]));
+    Object.assign(this, { table, range: [0, 1], mode: "most", quantity: "von_mises", largest: NaN });
+    const names = ["field", "follow", "bar", "ticks", "range", "low", "high", "largest"];
+    this.element = Object.fromEntries(names.map((id) => [id, document.getElementById(id)]));
     const { field, follow, low, high, bar } = this.element;
     bar.width = 256;
     const image = new ImageData(256, 1);
     for (let k = 0; k < 256; k++) image.data.set([table[3 * k], table[3 * k + 1], table[3 * k + 2], 255], 4 * k);
     const context = bar.getContext("2d");
     for (let y = 0; y < bar.height; y++) context.putImageData(image, 0, y);
-    field.onchange = () => { this.quantity = field.value; if (this.mode === "fixed") this.mode = "peak"; this.range = [0, 0]; this.show(); changed(); };
-    follow.onclick = () => { this.choose({ peak: "most", most: "fixed", fixed: "peak" }[this.mode]); changed(); };
+    field.onchange = () => { this.quantity = field.value; if (this.mode === "fixed") this.mode = "most"; this.range = [0, 0]; this.show(); changed(); };
+    follow.onchange = () => { this.choose(follow.value); changed(); };
     const typed = () => {
       const range = [parseFloat(low.value), parseFloat(high.value)];
       if (range[1] > range[0]) { this.range = range; this.show(); changed(); }
@@ -45,8 +46,10 @@ export class Scale {
     this.show();
   }
 
-  // "peak": the range follows the largest value; "most": what 99 % of the nodes stay below, which shows more where single
-  // corners stand out; "fixed": it stays.
+  get title() { return this.element.field.selectedOptions[0].textContent; }
+
+  // "most": the range ends where 99 % of the nodes lie, so that single corners do not take all colours; "peak": at the
+  // largest value; "fixed": it stays.
   choose(mode) {
     this.mode = mode;
     this.show();
@@ -54,6 +57,9 @@ export class Scale {
 
   // Follows the values of the bodies shown: up at once, down slowly, in round steps, so that colours do not flicker.
   follow(bodies) {
+    this.largest = Math.max(...bodies.map((body) => body.largest).filter(Number.isFinite));
+    const { unit } = QUANTITIES[this.quantity];
+    this.element.largest.textContent = Number.isFinite(this.largest) ? `largest ${this.largest.toPrecision(3)} ${unit}` : "no value to colour by";
     if (this.mode === "fixed") return;
     const tops = bodies.map(({ values, largest }) => (this.mode === "peak" || !values ? largest : quantile(values, 0.99)));
     const largest = Math.max(...tops.filter(Number.isFinite));
@@ -68,15 +74,16 @@ export class Scale {
 
   show() {
     const { follow, range, low, high, ticks: list } = this.element;
-    follow.textContent = { peak: "follows peak", most: "follows 99 %", fixed: "fixed" }[this.mode];
-    follow.setAttribute("aria-pressed", this.mode !== "fixed");
+    follow.value = this.mode;
     range.hidden = this.mode !== "fixed";
     [low.value, high.value] = this.range;
     const { at, digits } = ticks(...this.range, 5);
     list.replaceChildren(...at.map((value) => {
       const span = document.createElement("span");
+      const share = (value - this.range[0]) / (this.range[1] - this.range[0] || 1);
       span.textContent = value.toFixed(digits);
-      span.style.left = `${(100 * (value - this.range[0])) / (this.range[1] - this.range[0] || 1)}%`;
+      span.className = share > 0.97 ? "end" : "";
+      span.style.left = `${100 * share}%`;
       return span;
     }));
   }

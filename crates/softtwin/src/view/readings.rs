@@ -1,0 +1,131 @@
+//! The newest readings of every actuator, for the strip charts: all of them, however few frames a page draws.
+
+use super::frame::{bits, encode};
+use serde::Serialize;
+use std::collections::{BTreeMap, VecDeque};
+use wire::{FieldHeader, State};
+
+/// Readings of one actuator that wait for pages: eight seconds at 1 kHz.
+const KEPT: usize = 8192;
+/// What is sent of a reading, in this order; not a number where it is not known.
+const COLUMNS: [&str; 6] =
+    ["pressure_mpa", "contact_force_n", "measured_force_n", "gap_mm", "max_von_mises_mpa", "latency_ms"];
+
+/// One published state, or one published field, as the strip charts draw it.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading {
+    t_s: f64,
+    values: [f32; COLUMNS.len()],
+}
+
+impl Reading {
+    /// What a state says.
+    pub fn of_state(state: &State) -> Self {
+        let latency_ns = state.t_publish_ns.saturating_sub(state.t_sensor_ns);
+        let latency_ms = if state.t_sensor_ns > 0 { latency_ns as f64 * 1e-6 } else { f64::NAN };
+        let values = [
+            state.pressure_mpa,
+            state.contact_force_n,
+            state.measured_force_n,
+            state.gap_mm,
+            f64::NAN,
+            latency_ms,
+        ];
+        Self { t_s: state.t_publish_ns as f64 * 1e-9, values: values.map(|value| value as f32) }
+    }
+
+    /// What a field's header says; only its stress where the states say the rest.
+    pub fn of_field(header: &FieldHeader, has_states: bool) -> Self {
+        let known = |value: f64| if has_states { f64::NAN } else { value };
+        let values = [
+            known(header.pressure_mpa),
+            known(header.contact_force_n),
+            f64::NAN,
+            known(header.gap_mm),
+            header.max_von_mises_mpa,
+            f64::NAN,
+        ];
+        Self { t_s: header.t_publish_ns as f64 * 1e-9, values: values.map(|value| value as f32) }
+    }
+}
+
+/// The newest readings by actuator, with how many there were before them.
+#[derive(Debug, Default)]
+pub struct Readings(BTreeMap<String, (u64, VecDeque<Reading>)>);
+
+/// For each actuator how many readings a page has.
+pub type Cursors = BTreeMap<String, u64>;
+
+/// Header of a message of readings: behind it the seconds after `origin_s`, then the columns, `count` numbers each.
+#[derive(Serialize)]
+struct Head<'a> {
+    kind: &'static str,
+    actuator: &'a str,
+    columns: [&'static str; COLUMNS.len()],
+    count: usize,
+    origin_s: f64,
+}
+
+impl Readings {
+    /// Adds a reading; the oldest of a full list goes.
+    pub fn push(&mut self, actuator: &str, reading: Reading) {
+        if !self.0.contains_key(actuator) {
+            self.0.insert(actuator.to_owned(), Default::default());
+        }
+        let Some((gone, kept)) = self.0.get_mut(actuator) else { return };
+        if kept.len() == KEPT {
+            kept.pop_front();
+            *gone += 1;
+        }
+        kept.push_back(reading);
+    }
+
+    /// One message for each actuator that has readings which the page has not, and the page has them.
+    pub fn since(&self, cursors: &mut Cursors) -> Vec<Vec<u8>> {
+        let mut messages = Vec::new();
+        for (actuator, (gone, kept)) in &self.0 {
+            let had = cursors.insert(actuator.clone(), gone + kept.len() as u64).unwrap_or(0);
+            let new: Vec<&Reading> = kept.iter().skip(had.saturating_sub(*gone) as usize).collect();
+            let Some(first) = new.first() else { continue };
+            let head =
+                Head { kind: "readings", actuator, columns: COLUMNS, count: new.len(), origin_s: first.t_s };
+            let times = bits(new.iter().map(|reading| (reading.t_s - first.t_s) as f32));
+            let columns = (0..COLUMNS.len()).flat_map(|k| new.iter().map(move |reading| reading.values[k]));
+            messages.push(encode(&head, &[&times, &bits(columns)]));
+        }
+        messages
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reading(k: u64) -> Reading {
+        let state = State { t_publish_ns: 1_000_000 * k, pressure_mpa: k as f64, ..State::default() };
+        Reading::of_state(&state)
+    }
+
+    fn header(message: &[u8]) -> serde_json::Value {
+        let length = u32::from_le_bytes(message[..4].try_into().expect("four bytes")) as usize;
+        serde_json::from_slice(&message[4..4 + length]).expect("JSON")
+    }
+
+    #[test]
+    fn a_page_gets_every_reading_once_and_a_late_one_the_newest() {
+        let (mut readings, mut page) = (Readings::default(), Cursors::new());
+        (1..=3).for_each(|k| readings.push("left", reading(k)));
+        let messages = readings.since(&mut page);
+        assert_eq!(messages.len(), 1);
+        assert_eq!(header(&messages[0])["count"], 3);
+        assert!(readings.since(&mut page).is_empty(), "nothing twice");
+        (4..4 + 2 * KEPT as u64).for_each(|k| readings.push("left", reading(k)));
+        let messages = readings.since(&mut page);
+        assert_eq!(header(&messages[0])["count"], KEPT, "what a page missed for long is gone");
+        let end = messages[0].len();
+        let newest = f32::from_le_bytes(
+            messages[0][end - 4 * 5 * KEPT - 4..end - 4 * 5 * KEPT].try_into().expect("four bytes"),
+        );
+        assert_eq!(newest, (3 + 2 * KEPT) as f32, "the last pressure is the newest one");
+    }
+}
