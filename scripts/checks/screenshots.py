@@ -3,6 +3,7 @@ picture; how many frames a browser draws. See scripts/check.sh."""
 import io
 import json
 import pathlib
+import subprocess
 
 from browser import wait
 
@@ -164,11 +165,11 @@ def film(stage, program, path, make_page):
     from PIL import Image
     folder = pathlib.Path(stage.folder.name)
     twin, _ = stage.start("softtwind", "twin", "--scene", "config/scenes/finger.toml", ready="ready:")
-    recorder, _ = stage.start("softtwin", "record", "--seconds", "7", "--out", folder / "run.mcap", ready="recording")
-    bridge, _ = stage.start("softtwind", "bridge", "--scene", "config/scenes/finger.toml", ready="ready:")
-    recorder.wait(60)
-    stage.running.remove(recorder)
-    stage.end(bridge, twin)
+    with subprocess.Popen([stage.programs / "softtwin", "record", "--seconds", "8", "--out", folder / "run.mcap"], env=stage.environment) as recorder:
+        wait(lambda: (folder / "run.mcap").exists(), "the recording to begin")
+        stage.start("softtwind", "bridge", "--scene", "config/scenes/finger.toml", ready="ready:")
+        assert recorder.wait(60) == 0, "the recording failed"
+    stage.end(twin)
     view, url = stage.view("--model", MODEL, "--recording", folder / "run.mcap")
     page = make_page(program, url)
     pictures = []

@@ -248,7 +248,10 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
 
 # Presses a button, and again after a while if that is asked for; the name, the first bytes and the size of what is then saved.
 SAVE = """new Promise((done) => {
-  HTMLAnchorElement.prototype.click = function () { fetch(this.href).then((r) => r.arrayBuffer()).then((b) => done([this.download, [...new Uint8Array(b.slice(0, 8))], b.byteLength])); };
+  const make = URL.createObjectURL;
+  let blob;
+  URL.createObjectURL = (made) => { blob = made; return make.call(URL, made); };
+  HTMLAnchorElement.prototype.click = function () { blob.arrayBuffer().then((b) => done([this.download, [...new Uint8Array(b.slice(0, 8))], b.byteLength])); };
   document.getElementById('%s').click();
   const [again, after_ms] = ['%s', %d];
   if (after_ms) setTimeout(() => document.getElementById(again).click(), after_ms);

@@ -36,7 +36,7 @@ Examples:
     softtwin view --model finger.twin --bind 0.0.0.0
 
 The surface is drawn when the model that the twin runs is given; without it, nodes are drawn as points.
-Keys on the page: 1-4 views, F fit, space pause, L light, M mesh lines, T theme.";
+Keys on the page: 1-4 views, F fit, space pause, L shading, M mesh lines, T dark, P picture, R record a film.";
 
 /// Show running twins in a browser: the deformed, stressed body, live.
 #[derive(clap::Args)]
