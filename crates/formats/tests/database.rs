@@ -191,3 +191,44 @@ proptest! {
         prop_assert!(read(dir.path(), ObstacleKind::Plate).is_err());
     }
 }
+
+fn with_parameters(folder: &Path) -> rom::snapshots::Database {
+    use rom::synthetic::design;
+    let states: Vec<_> = design::states(0, 12).into_iter().map(|s| (Split::Train, s)).collect();
+    let made = design::database(&states, true);
+    database::write(folder, &made, &[]).expect("writable");
+    made
+}
+
+#[test]
+fn parameters_and_derivatives_come_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let made = with_parameters(dir.path());
+    let text = std::fs::read_to_string(dir.path().join("cases.csv")).unwrap();
+    let header =
+        "case,regime,split,pressure_mpa,gap_mm,elastomer.law.mu_mpa,chambers.length_mm,contact_force_n";
+    assert_eq!(text.lines().next(), Some(header));
+    let found = read(dir.path(), ObstacleKind::Plate).unwrap();
+    assert_eq!((&found.parameters, &found.cases), (&made.parameters, &made.cases));
+    assert_eq!(found.sensitivities, made.sensitivities);
+    assert_eq!(found.hash, made.hash);
+}
+
+#[test]
+fn parameters_and_derivatives_that_do_not_fit_are_named() {
+    for (file, from, to, part) in [
+        ("cases.csv", "elastomer.law.mu_mpa", "elastomer.law.mu", "expected a column `elastomer.law.mu_mpa`"),
+        ("database.toml", "nominal = 0.8", "", "nominal = a number"),
+        ("database.toml", "chambers.length_mm", "elastomer.law.mu_mpa", "a name used once"),
+        ("database.toml", "\"pressure_mpa\"", "\"gap_mm\"", "[[input]] 1: expected pressure_mpa in MPa"),
+        ("database.toml", "\"sensitivities.npy\"", "\"../sensitivities.npy\"", "a file in the same folder"),
+        ("sensitivities.csv", "11,", "12,", "a case of the table of cases"),
+        ("sensitivities.csv", "chambers.length_mm", "chambers.width_mm", "one of pressure_mpa, gap_mm"),
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        with_parameters(dir.path());
+        replace(&dir.path().join(file), from, to);
+        let text = refusal(dir.path());
+        assert!(text.contains(part), "`{part}` is not in\n{text}");
+    }
+}

@@ -7,6 +7,7 @@
 //! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
 
 use crate::hull::DomainStatus;
+use crate::inputs::PARAMETERS;
 use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
 use crate::model_state::ModelState;
 use crate::snapshots::{Database, FieldKind, RegimeKind};
@@ -156,6 +157,13 @@ pub fn evaluate(
     let found = names(database.fields.iter().map(|f| f.name.as_str()).collect(), database.node_count);
     if expected != found {
         return Err(EvaluateError::Mismatch { expected, found });
+    }
+    let further =
+        model.header.inputs.iter().skip(PARAMETERS).map(|input| input.name.as_str()).collect::<Vec<_>>();
+    let own: Vec<&str> = database.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
+    if !own.is_empty() && own != further {
+        let names = |names: Vec<&str>| format!("parameters {}", names.join(", "));
+        return Err(EvaluateError::Mismatch { expected: names(further), found: names(own) });
     }
     let mut state = ModelState::new(model, &Selection::default())?;
     let cases: Vec<CaseReport> =

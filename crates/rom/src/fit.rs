@@ -6,10 +6,13 @@
 //! `K` kernel values between centres (`n x n`), `P` tail terms at the centres (`n x q`), `s` smoothing, `a` the data
 //! (`n x outputs`). Solved by Bunch-Kaufman; the relative residual is checked, the 2-norm condition number reported.
 //! Leave-one-out residuals follow in closed form (Rippa) from the augmented inverse `C = A^-1`: `e_i = w_i / C_ii`.
+//!
+//! Derivatives are further rows and columns: the kernel's derivatives between centres and the tail's. A state is left out
+//! together with its derivatives, the rows `G`: `e_G = C_GG^-1 w_G`, of which the first is the value's residual.
 
 use crate::config::{KernelSpec, Tail};
 use crate::inputs::{Point, square_distance};
-use crate::interpolant::{Interpolant, Metric};
+use crate::interpolant::{Curvature, Interpolant, Metric, Slope};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use std::cmp::Ordering;
@@ -42,6 +45,12 @@ pub enum FitError {
         /// Inputs.
         dimensions: usize,
     },
+    /// Derivatives were to be fitted with a kernel that has no second ones.
+    #[error("{kernel} takes no derivatives: its second ones do not exist everywhere")]
+    NoDerivatives {
+        /// Kernel.
+        kernel: &'static str,
+    },
     /// The factorisation did not solve the system.
     #[error(
         "{kernel}: relative residual {residual:.1e}, expected at most {MAX_RESIDUAL:.0e} (condition {condition:.1e}); \
@@ -68,6 +77,10 @@ pub struct Samples<'a> {
     pub values: &'a [f64],
     /// Outputs.
     pub outputs: usize,
+    /// Known derivatives, ordered by sample.
+    pub slopes: &'a [Slope],
+    /// `slopes x outputs`, by scaled input.
+    pub slope_values: &'a [f64],
 }
 
 /// A fitted interpolant and what leaving each sample out would have cost.
@@ -77,6 +90,8 @@ pub struct Fit {
     pub interpolant: Interpolant,
     /// `samples x outputs` leave-one-out residuals: data minus prediction without the sample.
     pub residuals: Vec<f64>,
+    /// `slopes x outputs`: the same for the derivatives, left out together with their sample.
+    pub slope_residuals: Vec<f64>,
 }
 
 /// Condition number of the system an interpolant solved. Cost `O(n^3)`.
@@ -84,7 +99,9 @@ pub(crate) fn condition_of(interpolant: &Interpolant) -> f64 {
     let spec = KernelSpec { kernel: interpolant.kernel, tail: interpolant.tail };
     let centre = |row: &[f64]| std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
     let centres: Vec<Point> = interpolant.centres.chunks_exact(interpolant.dimensions).map(centre).collect();
-    condition(&assemble(interpolant.dimensions, &centres, spec, interpolant.smoothing))
+    let points =
+        Points { dimensions: interpolant.dimensions, centres: &centres, slopes: &interpolant.slopes };
+    condition(&assemble(points, spec, &interpolant.metric, interpolant.smoothing))
 }
 
 /// Fits one kernel. `metric` says how distances between inputs are taken; `smoothing` is relative to the largest absolute
@@ -106,10 +123,16 @@ pub(crate) fn fit(
     let centres: Vec<Point> = samples.inputs.iter().map(|x| metric.apply(x)).collect();
     refuse_coincident(&centres, smoothing)?;
     refuse_undetermined(samples.dimensions, &centres, spec.tail)?;
-    let system = assemble(samples.dimensions, &centres, spec, smoothing);
-    let size = system.nrows();
-    let rhs = Mat::from_fn(size, samples.outputs, |i, k| {
-        if i < n { samples.values[i * samples.outputs + k] } else { 0.0 }
+    if !samples.slopes.is_empty() && !spec.kernel.takes_derivatives() {
+        return Err(FitError::NoDerivatives { kernel: spec.kernel.name() });
+    }
+    let points = Points { dimensions: samples.dimensions, centres: &centres, slopes: samples.slopes };
+    let system = assemble(points, spec, &metric, smoothing);
+    let (size, terms) = (system.nrows(), n + samples.slopes.len());
+    let rhs = Mat::from_fn(size, samples.outputs, |i, k| match i {
+        i if i < n => samples.values[i * samples.outputs + k],
+        i if i < terms => samples.slope_values[(i - n) * samples.outputs + k],
+        _ => 0.0,
     });
     let factors = system.lblt(Side::Lower);
     let mut solution = factors.solve(&rhs);
@@ -127,27 +150,57 @@ pub(crate) fn fit(
     let rows = |range: std::ops::Range<usize>| -> Vec<f64> {
         range.flat_map(|i| (0..samples.outputs).map(move |k| (i, k))).map(|(i, k)| solution[(i, k)]).collect()
     };
-    let weights = rows(0..n);
-    let residuals = weights
-        .iter()
-        .enumerate()
-        .map(|(j, w)| w / inverse[(j / samples.outputs, j / samples.outputs)])
-        .collect();
+    let weights = rows(0..terms);
+    let (residuals, slope_residuals) = left_out(samples, &weights, &inverse);
     let interpolant = Interpolant {
         kernel: spec.kernel,
         tail: spec.tail,
         dimensions: samples.dimensions,
         metric,
-        tail_weights: rows(n..size),
+        tail_weights: rows(terms..size),
         weights,
         centres: centres.iter().flat_map(|c| &c[..samples.dimensions]).copied().collect(),
         outputs: samples.outputs,
         smoothing,
         condition: f64::NAN,
         residual,
-        slopes: Vec::new(),
+        slopes: samples.slopes.to_vec(),
     };
-    Ok(Fit { interpolant, residuals })
+    Ok(Fit { interpolant, residuals, slope_residuals })
+}
+
+/// Residuals of every sample left out with its derivatives: of the values, then of the derivatives.
+fn left_out(samples: &Samples, weights: &[f64], inverse: &Mat<f64>) -> (Vec<f64>, Vec<f64>) {
+    let (n, outputs) = (samples.inputs.len(), samples.outputs);
+    let mut residuals: Vec<f64> = (weights[..n * outputs].iter().enumerate())
+        .map(|(j, w)| w / inverse[(j / outputs, j / outputs)])
+        .collect();
+    let mut of_slopes = vec![0.0; samples.slopes.len() * outputs];
+    for group in samples.slopes.chunk_by(|a, b| a.centre == b.centre) {
+        // The slopes are one slice, so the place of the group follows from where it begins in it.
+        let first = samples.slopes.partition_point(|slope| slope.centre < group[0].centre);
+        let sample = group[0].centre as usize;
+        let rows: Vec<usize> =
+            std::iter::once(sample).chain((0..group.len()).map(|j| n + first + j)).collect();
+        let block = Mat::from_fn(rows.len(), rows.len(), |i, j| inverse[(rows[i], rows[j])]);
+        let right = Mat::from_fn(rows.len(), outputs, |i, k| weights[rows[i] * outputs + k]);
+        let error = block.partial_piv_lu().solve(&right);
+        for k in 0..outputs {
+            residuals[sample * outputs + k] = error[(0, k)];
+            for j in 0..group.len() {
+                of_slopes[(first + j) * outputs + k] = error[(1 + j, k)];
+            }
+        }
+    }
+    (residuals, of_slopes)
+}
+
+/// What a system is made of: centres (`M x`) and derivatives at them.
+#[derive(Clone, Copy)]
+struct Points<'a> {
+    dimensions: usize,
+    centres: &'a [Point],
+    slopes: &'a [Slope],
 }
 
 fn refuse_coincident(centres: &[Point], smoothing: f64) -> Result<(), FitError> {
@@ -180,9 +233,10 @@ fn refuse_undetermined(dimensions: usize, centres: &[Point], tail: Tail) -> Resu
     Err(FitError::TailUndetermined { samples: centres.len(), tail: tail.name(), dimensions })
 }
 
-fn assemble(dimensions: usize, centres: &[Point], spec: KernelSpec, smoothing: f64) -> Mat<f64> {
-    let (n, q) = (centres.len(), spec.tail.terms(dimensions));
-    let mut a = Mat::zeros(n + q, n + q);
+fn assemble(points: Points, spec: KernelSpec, metric: &Metric, smoothing: f64) -> Mat<f64> {
+    let Points { dimensions, centres, slopes } = points;
+    let (n, m, q) = (centres.len(), slopes.len(), spec.tail.terms(dimensions));
+    let mut a = Mat::zeros(n + m + q, n + m + q);
     let mut largest = 0.0_f64;
     for j in 0..n {
         for i in j..n {
@@ -192,15 +246,48 @@ fn assemble(dimensions: usize, centres: &[Point], spec: KernelSpec, smoothing: f
             largest = largest.max(g.abs());
         }
         for (k, t) in spec.tail.values(dimensions, &centres[j]).into_iter().enumerate() {
-            a[(n + k, j)] = t;
-            a[(j, n + k)] = t;
+            a[(n + m + k, j)] = t;
+            a[(j, n + m + k)] = t;
         }
     }
     let ridge = smoothing * largest;
     for i in 0..n {
         a[(i, i)] += ridge;
     }
+    assemble_slopes(&mut a, points, spec, metric);
+    let largest = (n..n + m).map(|i| a[(i, i)].abs()).fold(0.0, f64::max);
+    for i in n..n + m {
+        a[(i, i)] += smoothing * largest;
+    }
     a
+}
+
+/// Rows and columns of the derivatives.
+fn assemble_slopes(a: &mut Mat<f64>, points: Points, spec: KernelSpec, metric: &Metric) {
+    let Points { dimensions, centres, slopes } = points;
+    let (n, m) = (centres.len(), slopes.len());
+    for (b, slope) in slopes.iter().enumerate() {
+        let (own, axis) = (&centres[slope.centre as usize], slope.axis as usize);
+        let from = |other: &Point| -> Point { std::array::from_fn(|i| other[i] - own[i]) };
+        for (i, centre) in centres.iter().enumerate() {
+            let value = Curvature::at(spec.kernel, metric, &from(centre)).row(axis).0;
+            a[(i, n + b)] = value;
+            a[(n + b, i)] = value;
+        }
+        for (c, other) in slopes.iter().enumerate().take(b + 1) {
+            let curvature = Curvature::at(spec.kernel, metric, &from(&centres[other.centre as usize]));
+            let value = curvature.row(axis).1[other.axis as usize];
+            a[(n + c, n + b)] = value;
+            a[(n + b, n + c)] = value;
+        }
+        let mut term = 0;
+        spec.tail.each_term(dimensions, own, |_, slopes| {
+            let value = metric.pull_back(slopes)[axis];
+            a[(n + m + term, n + b)] = value;
+            a[(n + b, n + m + term)] = value;
+            term += 1;
+        });
+    }
 }
 
 /// `max |A x - b| / (|A| |x| + |b|)`, in maximum norms.

@@ -68,3 +68,6 @@ mod validate;
 #[cfg(test)]
 #[path = "../tests/unit/numerics.rs"]
 mod numerics;
+#[cfg(test)]
+#[path = "../tests/unit/slopes.rs"]
+mod slopes;

@@ -39,12 +39,13 @@ pub struct Pod {
 }
 
 impl Compact {
-    /// Compacts snapshots given as columns. Cost `O(n m^2)`.
+    /// Compacts snapshots given as columns. The last `directions` columns are derivatives: they belong to the span, and have
+    /// no mean. Cost `O(n m^2)`.
     ///
     /// # Errors
     /// [`PodError::Empty`] without columns.
-    pub fn new(mut y: Mat<f64>, centred: bool) -> Result<Self, PodError> {
-        let (n, m) = (y.nrows(), y.ncols());
+    pub fn new(mut y: Mat<f64>, directions: usize, centred: bool) -> Result<Self, PodError> {
+        let (n, m) = (y.nrows(), y.ncols() - directions);
         if m == 0 || n == 0 {
             return Err(PodError::Empty);
         }

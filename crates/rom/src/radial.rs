@@ -64,6 +64,11 @@ impl KernelKind {
         }
     }
 
+    /// Whether second derivatives exist everywhere: what fitting derivatives needs.
+    pub(crate) const fn takes_derivatives(self) -> bool {
+        !matches!(self, Self::Linear | Self::ThinPlate)
+    }
+
     /// Name in reports.
     pub const fn name(self) -> &'static str {
         match self {

@@ -14,7 +14,7 @@ use crate::datasheet::Candidate;
 use crate::fit::{Fit, FitError, Samples, condition_of, fit};
 use crate::gp::maximum_likelihood;
 use crate::inputs::Point;
-use crate::interpolant::{Interpolant, Metric};
+use crate::interpolant::{Interpolant, Metric, Slope};
 use std::ops::Range;
 
 /// Fewer scored cases than this say nothing about modes: all are kept, so that at least the samples are reproduced.
@@ -46,6 +46,8 @@ pub struct States<'a> {
     pub inputs: &'a [Point],
     /// Per state: weight of its error in the score; 0 leaves it out of the score (not out of the fit).
     pub score: &'a [f64],
+    /// Known derivatives, ordered by state.
+    pub slopes: &'a [Slope],
 }
 
 /// One group's coefficients.
@@ -55,6 +57,8 @@ pub struct Task {
     pub values: Vec<f64>,
     /// Modes that may be kept.
     pub outputs: usize,
+    /// `slopes x outputs`: derivatives of the coefficients by scaled input; empty where a field has none.
+    pub slope_values: Vec<f64>,
     /// Per state: energy in the modes that cannot be kept.
     pub dropped: Vec<f64>,
     /// How many modes.
@@ -99,8 +103,19 @@ const STRETCHES: [f64; 3] = [0.7, 1.0, 1.4];
 /// The last refusal when no candidate could be fitted.
 pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<Vec<Choice>, FitError> {
     let outputs: usize = tasks.iter().map(|t| t.outputs).sum();
-    let values = side_by_side(tasks, states.inputs.len());
-    let samples = Samples { dimensions: states.dimensions, inputs: states.inputs, values: &values, outputs };
+    let values = side_by_side(tasks, states.inputs.len(), |task| &task.values);
+    let samples = Samples {
+        dimensions: states.dimensions,
+        inputs: states.inputs,
+        values: &values,
+        outputs,
+        slopes: &[],
+        slope_values: &[],
+    };
+    let known = |task: &Task| task.slope_values.len() == states.slopes.len() * task.outputs;
+    let differentiated = !states.slopes.is_empty() && tasks.iter().all(known);
+    let rows = if differentiated { states.slopes.len() } else { 0 };
+    let slope_values = side_by_side(tasks, rows, |task| &task.slope_values);
     let floor = DATA_ROUNDING * size(states, tasks);
     let mut search =
         Search { samples, states, tasks, floor, best: None, refusal: FitError::Empty, trials: Vec::new() };
@@ -116,6 +131,9 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
         for input in states.operating..states.dimensions {
             search.stretch(input, &PARAMETER_STRETCHES);
         }
+    }
+    if differentiated {
+        search.with_slopes(&slope_values);
     }
     search.choices()
 }
@@ -135,13 +153,37 @@ fn idle(samples: &Samples, states: States, tasks: &[Task], chosen: &Fit, axis: u
     let inputs: Vec<Point> = samples.inputs.iter().map(without).collect();
     let scale = without(&chosen.interpolant.metric.scale);
     let metric = Metric { scale: scale.map(|s| if s > 0.0 { s } else { 1.0 }), ..chosen.interpolant.metric };
-    let fewer = Samples { dimensions: samples.dimensions - 1, inputs: &inputs, ..samples.clone() };
+    let kept: Vec<usize> =
+        (0..samples.slopes.len()).filter(|j| samples.slopes[*j].axis as usize != axis).collect();
+    let slope = |j: &usize| {
+        let slope = samples.slopes[*j];
+        Slope { axis: slope.axis - u32::from(slope.axis as usize > axis), ..slope }
+    };
+    let row = |j: &usize| samples.slope_values[j * samples.outputs..(j + 1) * samples.outputs].to_vec();
+    let slopes: Vec<Slope> = kept.iter().map(slope).collect();
+    let slope_values: Vec<f64> = kept.iter().flat_map(row).collect();
+    let fewer = Samples {
+        dimensions: samples.dimensions - 1,
+        inputs: &inputs,
+        slopes: &slopes,
+        slope_values: &slope_values,
+        ..samples.clone()
+    };
     // Where two states differ in this parameter alone, nothing can be fitted without it: it is not idle.
     fit(&fewer, KernelSpec { kernel, tail }, metric, chosen.interpolant.smoothing).is_ok_and(|rest| {
         let scores = [&rest, chosen].map(|fit| score(states, tasks, &fit.residuals).score);
         scores[0] <= (1.0 + MISSED) * scores[1]
     })
 }
+
+/// Floating-point operations that may be spent on metrics with derivatives, over the cube of the system's size.
+const SLOPE_BUDGET: f64 = 4e10;
+/// Smoothing that is tried with derivatives beside the kernel's own.
+const SLOPE_SMOOTHING: f64 = 1e-9;
+/// Factors on an input around the metric that was chosen without derivatives.
+const SLOPE_STRETCHES: [f64; 2] = [0.6, 1.6];
+/// A derivative whose prediction by the others is off by so many times the median contradicts them.
+const OUTLIER: f64 = 8.0;
 
 /// How many times better than interpolation smoothing must be: it misses the training states, which truth that is computed
 /// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
@@ -170,12 +212,18 @@ struct Search<'a> {
     trials: Vec<Trial>,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
     fn attempt(&mut self, spec: KernelSpec, metric: Metric, smoothing: f64) {
-        let kernel = format!("{}, {}", spec.kernel.name(), spec.tail.name());
+        let samples = self.samples.clone();
+        self.attempt_on(&samples, spec, metric, smoothing);
+    }
+
+    fn attempt_on(&mut self, samples: &Samples, spec: KernelSpec, metric: Metric, smoothing: f64) {
+        let derivatives = if samples.slopes.is_empty() { "" } else { ", derivatives" };
+        let kernel = format!("{}, {}{derivatives}", spec.kernel.name(), spec.tail.name());
         let mut row = Candidate { kernel, metric, smoothing, modes: 0, error: None, refused: None };
         let mut modes = vec![0; self.tasks.len()];
-        match fit(&self.samples, spec, metric, smoothing) {
+        match fit(samples, spec, metric, smoothing) {
             Ok(fit) => {
                 let scored = score(self.states, self.tasks, &fit.residuals);
                 row.error = Some(scored.score);
@@ -199,6 +247,63 @@ impl Search<'_> {
         };
         let terms = |(_, fit): (&CandidateScore, &Fit)| fit.interpolant.tail.terms(self.samples.dimensions);
         merit(new) < merit(best) || (merit(new) == merit(best) && terms(new) > terms(best))
+    }
+
+    /// The best few kernels again, fitted to the derivatives as well, then other metrics around the best of these. Where
+    /// derivatives contradict their neighbours (a contact set that changes, a state that did not converge) a fit without
+    /// those is tried too. Leave-one-out decides, as between any two candidates.
+    fn with_slopes(&mut self, values: &'a [f64]) {
+        let kernels: Vec<_> =
+            self.best_kernels().into_iter().filter(|(spec, ..)| spec.kernel.takes_derivatives()).collect();
+        (self.samples.slopes, self.samples.slope_values) = (self.states.slopes, values);
+        let size = self.samples.inputs.len() + values.len() / self.samples.outputs.max(1);
+        let tries = (SLOPE_BUDGET / (size as f64).powi(3)) as usize;
+        let smoothings = [0.0, SLOPE_SMOOTHING];
+        for (spec, metric, smoothing) in &kernels {
+            smoothings.iter().for_each(|own| self.attempt(*spec, *metric, own.max(*smoothing)));
+        }
+        let Some((spec, metric, smoothing)) = self.best_with_slopes() else { return };
+        let axes = 1..self.samples.dimensions;
+        let stretches =
+            axes.flat_map(|axis| SLOPE_STRETCHES.map(|f| metric.stretched(axis, metric.scale[axis] * f)));
+        stretches.take(tries).for_each(|metric| self.attempt(spec, metric, smoothing));
+        self.without_outliers();
+    }
+
+    /// The best candidate so far that was fitted to derivatives.
+    fn best_with_slopes(&self) -> Option<(KernelSpec, Metric, f64)> {
+        let fitted = self.trials.iter().filter(|t| t.row.kernel.ends_with("derivatives"));
+        let merit = |t: &&Trial| t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing));
+        let best = fitted.filter(|t| t.row.error.is_some()).min_by(|a, b| merit(a).total_cmp(&merit(b)))?;
+        Some((best.spec, best.row.metric, best.row.smoothing))
+    }
+
+    /// The best fit to derivatives again, without those of states where they are far from what the others predict.
+    fn without_outliers(&mut self) {
+        let Some((spec, metric, smoothing)) = self.best_with_slopes() else { return };
+        let Ok(all) = fit(&self.samples, spec, metric, smoothing) else { return };
+        let outputs = self.samples.outputs;
+        let size = |j: usize| {
+            all.slope_residuals[j * outputs..(j + 1) * outputs].iter().map(|e| e * e).sum::<f64>().sqrt()
+        };
+        let sizes: Vec<f64> = (0..self.samples.slopes.len()).map(size).collect();
+        let mut sorted = sizes.clone();
+        sorted.sort_by(f64::total_cmp);
+        let limit = OUTLIER * sorted[sorted.len() / 2];
+        let worst = |slope: &Slope| {
+            let own = self.samples.slopes.iter().zip(&sizes).filter(|(s, _)| s.centre == slope.centre);
+            own.map(|(_, size)| *size).fold(0.0, f64::max)
+        };
+        let kept: Vec<usize> =
+            (0..sizes.len()).filter(|j| worst(&self.samples.slopes[*j]) <= limit).collect();
+        if kept.len() == sizes.len() || kept.is_empty() {
+            return;
+        }
+        let slopes: Vec<Slope> = kept.iter().map(|&j| self.samples.slopes[j]).collect();
+        let row = |&j: &usize| self.samples.slope_values[j * outputs..(j + 1) * outputs].to_vec();
+        let values: Vec<f64> = kept.iter().flat_map(row).collect();
+        let samples = Samples { slopes: &slopes, slope_values: &values, ..self.samples.clone() };
+        self.attempt_on(&samples, spec, metric, smoothing);
     }
 
     /// Best first; refused ones last.
@@ -243,6 +348,9 @@ impl Search<'_> {
     fn choices(mut self) -> Result<Vec<Choice>, FitError> {
         self.sort();
         let (scored, mut fit) = self.best.ok_or(self.refusal)?;
+        if fit.interpolant.slopes.is_empty() {
+            (self.samples.slopes, self.samples.slope_values) = (&[], &[]);
+        }
         fit.interpolant.condition = condition_of(&fit.interpolant);
         let axes = self.states.operating..self.states.dimensions;
         let idle: Vec<usize> =
@@ -261,11 +369,14 @@ impl Search<'_> {
 }
 
 /// All groups' coefficients of a state in one row: one factorisation serves all.
-fn side_by_side(tasks: &[Task], states: usize) -> Vec<f64> {
-    (0..states)
-        .flat_map(|i| tasks.iter().flat_map(move |t| &t.values[i * t.outputs..(i + 1) * t.outputs]))
-        .copied()
-        .collect()
+fn side_by_side(tasks: &[Task], rows: usize, of: impl Fn(&Task) -> &[f64]) -> Vec<f64> {
+    let mut all = Vec::new();
+    for i in 0..rows {
+        tasks
+            .iter()
+            .for_each(|task| all.extend_from_slice(&of(task)[i * task.outputs..(i + 1) * task.outputs]));
+    }
+    all
 }
 
 /// Metric and smoothing variants of a kernel: fitted lengths for a process, the configured factors otherwise.
@@ -368,5 +479,5 @@ fn keep_outputs(fit: &Fit, kept: Range<usize>) -> Fit {
         outputs: kept.len(),
         ..fit.interpolant.clone()
     };
-    Fit { interpolant, residuals: cut(&fit.residuals) }
+    Fit { interpolant, residuals: cut(&fit.residuals), slope_residuals: Vec::new() }
 }

@@ -244,3 +244,81 @@ fn gap_and_pressure_keep_their_places() {
     let axes: Vec<usize> = contact.inputs.axes.iter().map(|a| a.input).collect();
     assert_eq!(axes, [PRESSURE, GAP, 2, 3]);
 }
+
+/// Mean error of contact forces over the largest, on states no training saw.
+fn force_error(model: &Model) -> f64 {
+    let evaluator = Evaluator::new(&model.header).expect("consistent");
+    let unseen = unseen();
+    let error = |s: &design::State| (ask(&evaluator, *s).contact_force_n - design::force_n(*s)).abs();
+    unseen.iter().map(error).sum::<f64>() / unseen.len() as f64 / 1.2
+}
+
+fn few(count: usize, with_derivatives: bool) -> Database {
+    let states: Vec<_> = design::states(0, count).into_iter().map(|s| (Split::Train, s)).collect();
+    design::database(&states, with_derivatives)
+}
+
+fn uses_derivatives(sheet: &DataSheet) -> bool {
+    let fits = sheet.regimes.iter().flat_map(|r| r.groups.iter().chain(&r.force));
+    fits.clone().any(|fit| fit.candidates[0].kernel.ends_with("derivatives"))
+}
+
+#[test]
+fn derivatives_halve_the_error_of_few_states_and_survive_the_file() {
+    let (plain, _) = train(&few(80, false), &quick(), &mut |_| {}).expect("trains");
+    let (with, sheet) = train(&few(80, true), &quick(), &mut |_| {}).expect("trains");
+    assert!(uses_derivatives(&sheet));
+    let errors = [force_error(&plain), force_error(&with)];
+    println!("80 states: force without derivatives {:.2e}, with {:.2e} of the largest", errors[0], errors[1]);
+    assert!(errors[1] < 0.5 * errors[0], "{errors:?}");
+    let bytes = with.to_bytes().expect("encodes");
+    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(with, Model::from_bytes(&bytes).expect("loads"));
+}
+
+#[test]
+fn derivatives_that_contradict_their_neighbours_do_not_spoil_the_model() {
+    let mut database = few(80, true);
+    let clean = force_error(&train(&database, &quick(), &mut |_| {}).expect("trains").0);
+    let known = database.sensitivities.as_mut().expect("made");
+    let touching = known.rows.iter().position(|row| row.contact_force_n_per_unit != 0.0 && row.input > 1);
+    let case = known.rows[touching.expect("some touch")].case;
+    // The tangent of another set of nodes in contact.
+    for row in known.rows.iter_mut().filter(|row| row.case == case) {
+        row.contact_force_n_per_unit *= -3.0;
+    }
+    let (model, _) = train(&database, &quick(), &mut |_| {}).expect("trains");
+    let spoiled = force_error(&model);
+    println!("force: clean {clean:.2e}, one state with other derivatives {spoiled:.2e}");
+    assert!(spoiled < 3.0 * clean.max(1e-4), "{spoiled} after {clean}");
+}
+
+#[test]
+fn derivatives_without_rank_are_no_obstacle() {
+    let mut database = few(80, true);
+    let known = database.sensitivities.as_mut().expect("made");
+    // Stiffness and length act alike as far as the derivatives say, and pressure not at all.
+    let entries = known.values.len() / known.rows.len();
+    for (row, values) in known.rows.iter_mut().zip(known.values.chunks_exact_mut(entries)) {
+        if row.input == 0 {
+            row.contact_force_n_per_unit = 0.0;
+            values.fill(0.0);
+        }
+    }
+    let (model, _) = train(&database, &quick(), &mut |_| {}).expect("trains");
+    assert!(force_error(&model) < 0.05, "{}", force_error(&model));
+}
+
+#[test]
+fn one_state_twice_with_other_derivatives_is_trained_without_them_and_says_so() {
+    let mut states: Vec<_> = design::states(0, 80).into_iter().map(|s| (Split::Train, s)).collect();
+    let twice = states.iter().position(|(_, s)| design::force_n(*s) > 0.1).expect("some touch");
+    states.push(states[twice]);
+    let mut database = design::database(&states, true);
+    let known = database.sensitivities.as_mut().expect("made");
+    let entries = known.values.len() / known.rows.len();
+    let at = known.rows.iter().position(|row| row.case == 80 && row.input == 2).expect("differentiated");
+    known.values[at * entries..(at + 1) * entries].iter_mut().for_each(|v| *v *= 2.0);
+    let (_, sheet) = train(&database, &quick(), &mut |_| {}).expect("trains");
+    assert!(sheet.remarks.iter().any(|r| r.contains("other derivatives")), "{:?}", sheet.remarks);
+}

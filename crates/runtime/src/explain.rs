@@ -2,7 +2,7 @@
 
 use crate::latency;
 use crate::load::Loaded;
-use rom::inputs::Inputs;
+use rom::inputs::{InputSpec, Inputs};
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
 use std::time::Instant;
@@ -15,6 +15,8 @@ pub struct Explained {
     pub actuator: String,
     /// Gaps that can occur, mm.
     pub gap_mm: (f64, f64),
+    /// The model's parameters and the values they have here.
+    pub inputs: Vec<ExplainedInput>,
     /// Regimes that can occur with these gaps.
     pub regimes: Vec<&'static str>,
     /// Bytes read from the model file.
@@ -27,6 +29,19 @@ pub struct Explained {
     pub state_us: f64,
     /// Field topics.
     pub outputs: Vec<ExplainedOutput>,
+}
+
+/// One parameter of the model, explained.
+#[derive(Debug, Clone, Serialize)]
+pub struct ExplainedInput {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The value used.
+    pub value: f64,
+    /// Whether the scene gives it; otherwise it is the model's nominal value.
+    pub given: bool,
 }
 
 /// One field topic, explained.
@@ -53,9 +68,9 @@ const ROUNDS: usize = 200;
 
 /// Measures one actuator, in the regime that costs most of those that can occur.
 pub fn explain(loaded: &Loaded) -> Explained {
-    let inputs = Inputs::new(0.03, costly_gap_mm(loaded));
+    let state = Inputs::new(0.03, costly_gap_mm(loaded));
     let mut evaluation = loaded.evaluator.evaluation();
-    let state_us = median_us(|| loaded.evaluator.evaluate(inputs, &mut evaluation));
+    let state_us = median_us(|| loaded.evaluator.evaluate(state, &mut evaluation));
     let actuator = loaded.spec.name.clone();
     let outputs = loaded
         .outputs
@@ -79,6 +94,7 @@ pub fn explain(loaded: &Loaded) -> Explained {
     Explained {
         actuator,
         gap_mm: loaded.spec.gap_mm.range_mm(),
+        inputs: inputs(loaded),
         regimes: loaded.regimes.iter().map(|kind| kind.name()).collect(),
         read_bytes: loaded.read.iter().map(|block| block.bytes).sum(),
         file_block_bytes: loaded.file_block_bytes,
@@ -86,6 +102,15 @@ pub fn explain(loaded: &Loaded) -> Explained {
         state_us,
         outputs,
     }
+}
+
+/// The parameters with their values, in the model's order.
+pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
+    let one = |spec: &InputSpec| {
+        let given = loaded.spec.inputs.contains_key(&spec.name);
+        Some(ExplainedInput { name: spec.name.clone(), unit: spec.unit.clone(), value: spec.value?, given })
+    };
+    loaded.evaluator.inputs().iter().filter_map(one).collect()
 }
 
 /// A gap at which the costliest regime of the scene is evaluated: contact where it can occur.

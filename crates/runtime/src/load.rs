@@ -79,8 +79,10 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         file::open(model_path, file::MAX_MODEL_BYTES).map_err(|error| at(format!("cannot open: {error}")))?;
     let model_hash = trailer_hash(&mut file).map_err(|error| at(format!("cannot read: {error}")))?;
     let mut reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
-    let regimes = regimes_in_reach(reader.header(), spec);
     let mut header = reader.header().clone();
+    let given = spec.inputs.iter().map(|(name, value)| (name.as_str(), *value));
+    header.give(given).map_err(|error| at(format!("inputs: {error}")))?;
+    let regimes = regimes_in_reach(&header, spec);
     header.regimes.retain(|regime| regimes.contains(&regime.kind));
     if header.regimes.is_empty() {
         let (min, max) = spec.gap_mm.range_mm();
@@ -142,8 +144,10 @@ fn first<const N: usize>(from: &[u8]) -> [u8; N] {
 /// Contact only where the plate can be reached, free only where it can be left.
 fn regimes_in_reach(header: &ModelHeader, spec: &ActuatorSpec) -> Vec<RegimeKind> {
     let (min_mm, max_mm) = spec.gap_mm.range_mm();
+    let solved = header.clearance.is_some(); // the onset is solved from the free regime: it is always needed
     let possible = |kind: RegimeKind| match (&header.onset, kind) {
         (None, _) => true,
+        _ if solved => true,
         (Some(onset), RegimeKind::Contact) => min_mm <= onset.reach_mm(),
         (Some(onset), RegimeKind::Free) => max_mm > onset.sag_mm(),
     };

@@ -11,6 +11,15 @@ pub struct ActuatorFile {
     pub actuator: PathBuf,
 }
 
+/// `NAME=VALUE`, as `--set` takes it.
+pub fn setting(text: &str) -> Result<(String, f64), String> {
+    let expected =
+        || format!("expected NAME=VALUE with a number, such as elastomer.law.mu_mpa=0.72; found {text:?}");
+    let (name, value) = text.split_once('=').ok_or_else(expected)?;
+    let value = value.trim().parse().map_err(|_| expected())?;
+    Ok((name.trim().to_owned(), value))
+}
+
 /// The obstacle, as `--scene` names it.
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 pub enum SceneArg {

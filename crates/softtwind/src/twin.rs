@@ -116,6 +116,10 @@ fn describe(loaded: &Loaded) {
         loaded.file_block_bytes,
         loaded.spec.model.display()
     );
+    for input in runtime::explain::inputs(loaded) {
+        let from = if input.given { "given" } else { "nominal" };
+        tracing::info!("{}: {} = {} {} ({from})", loaded.spec.name, input.name, input.value, input.unit);
+    }
     for output in &loaded.outputs {
         let topic = output.spec.topic_name().map(|set| format!("/{set}")).unwrap_or_default();
         tracing::info!(

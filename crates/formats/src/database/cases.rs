@@ -51,7 +51,7 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     let parameters: Vec<usize> =
         parameters.iter().filter_map(|p| collect(table.column(&p.name), &mut missing)).collect();
     let strangers = table.header().iter().filter(|name| !COLUMNS.contains(&name.as_str()) && !declared(name));
-    let expected = "standard columns and those declared as [[input]] or [[extra]] in database.toml";
+    let expected = "standard columns, those of [[input]] and those declared as [[extra]] in database.toml";
     let strangers: Vec<Diagnostic> =
         strangers.map(|name| Diagnostic::new("header", expected, format!("`{name}`"))).collect();
     match found {

@@ -23,8 +23,14 @@ pub(super) fn full_leave_one_out(
     let r = &compact.r;
     let (rank, m, all) = (r.nrows(), states.inputs.len(), r.ncols());
     let values: Vec<f64> = (0..m).flat_map(|j| r.col(j).iter().copied().collect::<Vec<_>>()).collect();
-    let samples =
-        Samples { dimensions: states.dimensions, inputs: states.inputs, values: &values, outputs: rank };
+    let samples = Samples {
+        dimensions: states.dimensions,
+        inputs: states.inputs,
+        values: &values,
+        outputs: rank,
+        slopes: &[],
+        slope_values: &[],
+    };
     let spec = KernelSpec { kernel: chosen.kernel, tail: chosen.tail };
     let residuals = fit(&samples, spec, chosen.metric, chosen.smoothing).ok()?.residuals;
     let scored: Vec<usize> = (0..m).filter(|&i| states.score[i] > 0.0).collect();

@@ -76,6 +76,15 @@ pub(super) struct GroupFit {
     pub full_error: Option<f64>,
 }
 
+/// Derivatives among the columns of a decomposition.
+#[derive(Clone, Copy)]
+pub(super) struct Directions {
+    /// How many.
+    pub count: usize,
+    /// What they were multiplied with: a derivative counts as a step of this share of the input's range.
+    pub weight: f64,
+}
+
 /// A decomposed group that waits for its kernel.
 pub(super) struct Decomposed {
     compact: Compact,
@@ -84,17 +93,20 @@ pub(super) struct Decomposed {
 }
 
 impl Decomposed {
-    /// Decomposes `snapshots`, one column a state, of which the first `states` are interpolated between.
+    /// Decomposes `snapshots`, one column a state, of which the first `states` are interpolated between; the last columns are
+    /// `directions`.
     pub fn new(
         group: &Group,
         snapshots: Mat<f64>,
         states: usize,
+        directions: Directions,
         regime: &'static str,
         config: &RegimeConfig,
         centred: bool,
     ) -> Result<Self, TrainError> {
         let pod_error = |source| TrainError::Pod { group: group.name.clone(), regime, source };
-        let compact = Compact::new(snapshots, centred).map_err(pod_error)?;
+        let first = snapshots.ncols() - directions.count;
+        let compact = Compact::new(snapshots, directions.count, centred).map_err(pod_error)?;
         let pod = decompose(compact.r.as_ref()).map_err(pod_error)?;
         let limit = pod.rank.min(config.max_modes);
         let a = pod.u.get(.., ..limit).transpose() * &compact.r;
@@ -103,6 +115,9 @@ impl Decomposed {
         let task = Task {
             values: (0..states).flat_map(|j| a.col_as_slice(j)).copied().collect(),
             outputs: limit,
+            slope_values: (first..a.ncols())
+                .flat_map(|j| a.col_as_slice(j).iter().map(|v| v / directions.weight))
+                .collect(),
             dropped: (0..states).map(dropped).collect(),
             modes,
             modes_for_energy: if let ModeChoice::Energy(e) = modes { pod.modes_for_energy(e) } else { limit },
@@ -135,7 +150,8 @@ pub(super) fn fit_groups(
             choices[g] = Some(choice);
         }
     }
-    let full = options.full_leave_one_out && states.inputs.len() <= MAX_FULL_STATES;
+    let full =
+        options.full_leave_one_out && states.inputs.len() <= MAX_FULL_STATES && states.slopes.is_empty();
     let fits = decomposed.into_iter().zip(choices).filter_map(|(d, choice)| {
         let choice = choice?;
         let fit = &choice.fit.interpolant;

@@ -87,7 +87,7 @@ pub fn train(
     let mut onset = None;
     if !sorted.free.is_empty() {
         progress("free regime: decomposing and choosing kernels");
-        parts.push(regime::free(database, config, &plan, &sorted.free)?);
+        parts.push(regime::free(database, config, &plan, &sorted)?);
     }
     if !sorted.contact.is_empty() {
         let free = parts.first();
@@ -99,7 +99,7 @@ pub fn train(
         }
         progress("contact regime: decomposing and choosing kernels");
         let boundary = free.zip(onset.as_ref());
-        let contact = regime::contact(database, config, &plan, &sorted.contact, boundary)?;
+        let contact = regime::contact(database, config, &plan, &sorted, boundary)?;
         parts.push(contact);
     }
     progress("assembling the model");

@@ -1,15 +1,17 @@
 //! Training one regime: inputs, groups, force, domain, half-widths.
 
 use super::TrainError;
-use super::group::{Decomposed, GroupFit, Plan, fit_groups};
+use super::group::{Decomposed, Directions, Group, GroupFit, Plan, fit_groups};
 use super::onset::OnsetBoundary;
+use super::sort::Sorted;
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::datasheet::{Candidate, CaseError};
 use crate::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
 use crate::inputs::{GAP, InputMap, Inputs, PARAMETERS, PRESSURE, Point};
+use crate::interpolant::Slope;
 use crate::model::{FarOnset, ForceModel};
-use crate::regime::OnsetTable;
+use crate::regime::{OnsetAt, OnsetTable};
 use crate::select::{States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
 use faer::Mat;
@@ -62,17 +64,21 @@ struct Training<'a> {
     domain: Domain,
     /// States on the onset beyond those above: the modes know them, the kernels do not.
     far: Vec<Inputs>,
+    /// Known derivatives by state, and the rows of the database's sensitivities that hold them.
+    slopes: Vec<Slope>,
+    slope_rows: Vec<usize>,
 }
 
 pub(super) fn free(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
-    cases: &[usize],
+    sorted: &Sorted,
 ) -> Result<Part, TrainError> {
+    let cases = &sorted.free;
     let points = cases.iter().map(|&i| database.cases[i].inputs_at_gap(0.0)).collect();
     let varying = varying(database, &[PRESSURE]);
-    let training = Training::new(database, cases, points, &varying, f64::INFINITY);
+    let training = Training::new(database, sorted, RegimeKind::Free, points, &varying, f64::INFINITY);
     let groups = training.groups(RegimeKind::Free, config, &config.free, plan, None)?;
     let errors = training.errors(plan, &groups, None);
     Ok(training.part(RegimeKind::Free, groups, None, errors, config.coverage))
@@ -82,9 +88,10 @@ pub(super) fn contact(
     database: &Database,
     config: &TrainConfig,
     plan: &Plan,
-    cases: &[usize],
+    sorted: &Sorted,
     boundary: Option<(&Part, &OnsetBoundary)>,
 ) -> Result<Part, TrainError> {
+    let cases = &sorted.contact;
     let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
     let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
     let mut far = Vec::new();
@@ -98,8 +105,14 @@ pub(super) fn contact(
         }
         None => {}
     }
-    let mut training =
-        Training::new(database, cases, points, &varying(database, &[PRESSURE, GAP]), largest_gap);
+    let mut training = Training::new(
+        database,
+        sorted,
+        RegimeKind::Contact,
+        points,
+        &varying(database, &[PRESSURE, GAP]),
+        largest_gap,
+    );
     training.far = far.iter().copied().skip(1).step_by(FAR_STRIDE).collect();
     let groups =
         training.groups(RegimeKind::Contact, config, &config.contact, plan, boundary.map(|b| b.0))?;
@@ -151,6 +164,26 @@ fn boundary_with_parameters(
     (0..count).filter_map(state).filter(|state| state.gap_mm() <= limit).collect()
 }
 
+/// Derivatives of the cases by the inputs of a regime, ordered by case and input, with their rows in the database.
+fn slopes(
+    database: &Database,
+    cases: &[usize],
+    inputs: &InputMap,
+    doubtful: &[usize],
+) -> Vec<(Slope, usize)> {
+    let rows = database.sensitivities.iter().flat_map(|known| known.rows.iter().enumerate());
+    let mut slopes: Vec<(Slope, usize)> = rows
+        .filter(|(_, row)| !doubtful.contains(&row.case))
+        .filter_map(|(at, row)| {
+            let centre = cases.iter().position(|case| *case == row.case)? as u32;
+            let axis = inputs.axes.iter().position(|axis| axis.input == row.input)? as u32;
+            Some((Slope { centre, axis }, at))
+        })
+        .collect();
+    slopes.sort_by_key(|(slope, _)| (slope.centre, slope.axis));
+    slopes
+}
+
 /// Inputs that a regime may be interpolated over: those given and the parameters.
 fn varying(database: &Database, first: &[usize]) -> Vec<usize> {
     first.iter().copied().chain((0..database.parameters.len()).map(|i| PARAMETERS + i)).collect()
@@ -175,11 +208,13 @@ type Force = (ForceModel, Vec<Candidate>, f64, Vec<usize>);
 impl<'a> Training<'a> {
     fn new(
         database: &'a Database,
-        cases: &'a [usize],
+        sorted: &'a Sorted,
+        kind: RegimeKind,
         points: Vec<Inputs>,
         varying: &[usize],
         largest_gap: f64,
     ) -> Self {
+        let cases: &[usize] = if kind == RegimeKind::Free { &sorted.free } else { &sorted.contact };
         let inputs = InputMap::of_states(&points, varying);
         let scaled: Vec<Point> = points.iter().map(|p| inputs.scale(p)).collect();
         // The domain is where cases were simulated, plus the onset up to the largest gap simulated.
@@ -199,7 +234,9 @@ impl<'a> Training<'a> {
         if score.iter().sum::<f64>() < 3.0 {
             score[..cases.len()].fill(1.0); // too few inside to judge by: judge by all
         }
-        Self { database, cases, points, inputs, scaled, score, domain, far: Vec::new() }
+        let known = slopes(database, cases, &inputs, &sorted.doubtful);
+        let (slopes, slope_rows) = known.into_iter().unzip();
+        Self { database, cases, points, inputs, scaled, score, domain, far: Vec::new(), slopes, slope_rows }
     }
 
     fn groups(
@@ -211,10 +248,12 @@ impl<'a> Training<'a> {
         free: Option<&Part>,
     ) -> Result<Vec<GroupFit>, TrainError> {
         let states = self.states(&self.scaled, &self.score);
-        let one = |(g, group): (usize, &super::group::Group)| {
+        let one = |(g, group): (usize, &Group)| {
             let nodes = self.database.node_count;
             let all = self.points.iter().chain(&self.far);
-            let mut y = Mat::zeros(nodes * group.fields.len(), self.points.len() + self.far.len());
+            let states = self.points.len() + self.far.len();
+            let directions = self.directions(group);
+            let mut y = Mat::zeros(nodes * group.fields.len(), states + directions.count);
             for (j, &case) in self.cases.iter().enumerate() {
                 for (at, &field) in group.fields.iter().enumerate() {
                     let column = &mut y.col_as_slice_mut(j)[at * nodes..(at + 1) * nodes];
@@ -230,10 +269,36 @@ impl<'a> Training<'a> {
                     y.col_as_slice_mut(j).copy_from_slice(&state);
                 }
             }
-            Decomposed::new(group, y, self.points.len(), kind.name(), choices, config.centred)
+            for j in 0..directions.count {
+                self.derivative(j, group, directions.weight, y.col_as_slice_mut(states + j));
+            }
+            Decomposed::new(group, y, self.points.len(), directions, kind.name(), choices, config.centred)
         };
         let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
         fit_groups(plan, decomposed, states, kind.name(), choices, config)
+    }
+
+    /// How many derivatives a group has: all that are known, or none where one of its fields has none.
+    fn directions(&self, group: &Group) -> Directions {
+        let known = self.database.sensitivities.as_ref().map_or(&[][..], |s| &s.fields);
+        let all = group.fields.iter().all(|field| known.contains(field));
+        // Half the spacing of the states: so far a state speaks for its neighbourhood.
+        let spacing = (self.cases.len() as f64).powf(-1.0 / self.inputs.dimensions() as f64);
+        Directions { count: if all { self.slopes.len() } else { 0 }, weight: 0.5 * spacing }
+    }
+
+    /// A derivative of a group's fields by a scaled input, times `weight`.
+    fn derivative(&self, j: usize, group: &Group, weight: f64, column: &mut [f64]) {
+        let Some(known) = &self.database.sensitivities else { return };
+        let (nodes, count) = (self.database.node_count, known.fields.len());
+        let axis = &self.inputs.axes[self.slopes[j].axis as usize];
+        let row = &known.values[self.slope_rows[j] * nodes * count..][..nodes * count];
+        let factor = weight * (axis.max - axis.min);
+        for (field, column) in group.fields.iter().zip(column.chunks_exact_mut(nodes)) {
+            let at = known.fields.iter().position(|f| f == field).unwrap_or(0);
+            let values = row.iter().skip(at).step_by(count);
+            column.iter_mut().zip(values).for_each(|(y, v)| *y = factor * f64::from(*v));
+        }
     }
 
     /// What makes the contact fields meet the free ones at the onset entries `far`, of which the first is trained on.
@@ -257,9 +322,9 @@ impl<'a> Training<'a> {
         })
     }
 
-    fn states<'b>(&self, inputs: &'b [Point], score: &'b [f64]) -> States<'b> {
+    fn states<'b>(&'b self, inputs: &'b [Point], score: &'b [f64]) -> States<'b> {
         let (operating, dimensions) = (self.inputs.operating(), self.inputs.dimensions());
-        States { operating, dimensions, inputs, score }
+        States { operating, dimensions, inputs, score, slopes: &self.slopes }
     }
 
     /// The contact force and its leave-one-out residuals by case, in N.
@@ -269,10 +334,12 @@ impl<'a> Training<'a> {
         onset: Option<&OnsetBoundary>,
     ) -> Result<(Force, Vec<f64>), TrainError> {
         let forces: Vec<f64> = self.cases.iter().map(|&i| self.database.cases[i].contact_force_n).collect();
-        let excess: Vec<f64> = match onset {
-            Some(onset) => {
-                let excess = |p: &Inputs| p.pressure_mpa() - onset.at(p).pressure_mpa;
-                self.points[..forces.len()].iter().map(excess).collect()
+        let onsets: Option<Vec<OnsetAt>> =
+            onset.map(|onset| self.points[..forces.len()].iter().map(|p| onset.at(p)).collect());
+        let excess: Vec<f64> = match &onsets {
+            Some(onsets) => {
+                let pairs = self.points.iter().zip(onsets);
+                pairs.map(|(p, onset)| p.pressure_mpa() - onset.pressure_mpa).collect()
             }
             None => vec![1.0; forces.len()],
         };
@@ -281,14 +348,29 @@ impl<'a> Training<'a> {
         let inputs: Vec<Point> = used.iter().map(|&i| self.scaled[i]).collect();
         let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess[i]).collect();
         let score: Vec<f64> = used.iter().map(|&i| self.score[i] * excess[i]).collect();
+        let (mut slopes, mut slope_values) = (Vec::new(), Vec::new());
+        for (slope, row) in self.slopes.iter().zip(&self.slope_rows) {
+            let case = slope.centre as usize;
+            let Some(centre) = used.iter().position(|&i| i == case) else { continue };
+            let axis = &self.inputs.axes[slope.axis as usize];
+            let by_input = onsets.as_ref().map_or(0.0, |onsets| onsets[case].gradient[axis.input]);
+            let excess_by = if onsets.is_some() && axis.input == PRESSURE { 1.0 } else { 0.0 } - by_input;
+            let force_by =
+                self.database.sensitivities.as_ref().map_or(0.0, |s| s.rows[*row].contact_force_n_per_unit);
+            let h_by = (force_by - values[centre] * excess_by) / excess[case];
+            slopes.push(Slope { centre: centre as u32, ..*slope });
+            slope_values.push(h_by * (axis.max - axis.min));
+        }
         let task = Task {
             dropped: vec![0.0; values.len()],
             values,
             outputs: 1,
+            slope_values,
             modes: ModeChoice::Fixed(1),
             modes_for_energy: 1,
         };
-        let chosen = choose(self.states(&inputs, &score), &[task], config);
+        let states = States { slopes: &slopes, ..self.states(&inputs, &score) };
+        let chosen = choose(states, &[task], config);
         let error = |source| TrainError::Fit {
             what: "the contact force".into(),
             regime: RegimeKind::Contact.name(),

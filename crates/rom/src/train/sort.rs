@@ -12,6 +12,8 @@ pub(super) struct Sorted {
     /// Largest training pressure of all.
     pub max_pressure_mpa: f64,
     pub remarks: Vec<String>,
+    /// Cases whose derivatives contradict those of a case at the same inputs: their derivatives are not used.
+    pub doubtful: Vec<usize>,
 }
 
 pub(super) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, TrainError> {
@@ -23,7 +25,7 @@ pub(super) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, 
     };
     let (contact, free): (Vec<usize>, Vec<usize>) = train.iter().partition(|&&i| touches(i));
     let max_pressure_mpa = train.iter().map(|&i| database.cases[i].pressure_mpa).fold(0.0, f64::max);
-    let mut sorted = Sorted { free, contact, max_pressure_mpa, remarks: Vec::new() };
+    let mut sorted = Sorted { free, contact, max_pressure_mpa, remarks: Vec::new(), doubtful: Vec::new() };
     let untouched = sorted.free.iter().filter(|&&i| database.cases[i].regime == RegimeKind::Contact).count();
     if untouched > 0 {
         sorted
@@ -31,11 +33,10 @@ pub(super) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, 
             .push(format!("{untouched} contact samples touch nothing and were trained as free states"));
     }
     let free = std::mem::take(&mut sorted.free);
-    sorted.free =
-        merge(database, config, free, |i| database.cases[i].inputs_at_gap(0.0), &mut sorted.remarks)?;
+    sorted.free = merge(database, config, free, |i| database.cases[i].inputs_at_gap(0.0), &mut sorted)?;
     let contact = std::mem::take(&mut sorted.contact);
     let input = |i: usize| database.cases[i].inputs_at_gap(database.cases[i].gap_mm.unwrap_or(0.0));
-    sorted.contact = merge(database, config, contact, input, &mut sorted.remarks)?;
+    sorted.contact = merge(database, config, contact, input, &mut sorted)?;
     Ok(sorted)
 }
 
@@ -45,7 +46,7 @@ fn merge(
     config: &TrainConfig,
     cases: Vec<usize>,
     input: impl Fn(usize) -> Inputs,
-    remarks: &mut Vec<String>,
+    sorted: &mut Sorted,
 ) -> Result<Vec<usize>, TrainError> {
     let width = |axis: usize| {
         let values = || cases.iter().map(|&i| input(i).values()[axis]);
@@ -68,7 +69,14 @@ fn merge(
         let (a, b) = (&database.cases[twin], &database.cases[i]);
         let difference = relative_difference(database.snapshot(twin), database.snapshot(i));
         if difference <= MERGE_TOLERANCE + 10.0 * distance(twin, i) {
-            remarks.push(format!(
+            if derivatives_differ(database, twin, i) {
+                sorted.remarks.push(format!(
+                    "cases {} and {} have the same inputs and other derivatives: those of neither are used",
+                    a.name, b.name
+                ));
+                sorted.doubtful.push(twin);
+            }
+            sorted.remarks.push(format!(
                 "case {} is as good as case {} (inputs {:.0e} of the range apart, fields {difference:.0e}); merged",
                 b.name,
                 a.name,
@@ -83,6 +91,21 @@ fn merge(
         }
     }
     if contradictions.is_empty() { Ok(kept) } else { Err(TrainError::Database(contradictions)) }
+}
+
+/// Derivatives of one state that differ by more than this share are not of one side of the same contact.
+const DERIVATIVE_TOLERANCE: f64 = 0.05;
+
+/// Whether two cases have derivatives by the same input that contradict each other.
+fn derivatives_differ(database: &Database, a: usize, b: usize) -> bool {
+    let Some(known) = &database.sensitivities else { return false };
+    let entries = database.node_count * known.fields.len();
+    let row = |at: usize| &known.values[at * entries..(at + 1) * entries];
+    let of = |case: usize| known.rows.iter().enumerate().filter(move |(_, row)| row.case == case);
+    of(a).any(|(i, first)| {
+        let twin = of(b).find(|(_, second)| second.input == first.input);
+        twin.is_some_and(|(j, _)| relative_difference(row(i), row(j)) > DERIVATIVE_TOLERANCE)
+    })
 }
 
 /// Cases at the same inputs whose fields agree to this are one case: solver tolerance, not contradiction.

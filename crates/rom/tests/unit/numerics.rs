@@ -43,7 +43,7 @@ fn smooth(x: &Point) -> f64 {
 }
 
 fn samples<'a>(inputs: &'a [Point], values: &'a [f64]) -> Samples<'a> {
-    Samples { dimensions: 2, inputs, values, outputs: 1 }
+    Samples { dimensions: 2, inputs, values, outputs: 1, slopes: &[], slope_values: &[] }
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn maximum_likelihood_finds_which_input_matters() {
 fn pod_gives_back_the_snapshots_and_orthonormal_modes() {
     let y =
         Mat::from_fn(300, 12, |i, j| ((i * (j + 1)) as f64 * 0.01).sin() * 10.0_f64.powi(-(j as i32)) + 50.0);
-    let compact = Compact::new(y.clone(), true).expect("decomposes");
+    let compact = Compact::new(y.clone(), 0, true).expect("decomposes");
     let pod = decompose(compact.r.as_ref()).expect("decomposes");
     let modes = compact.modes(&pod, pod.rank);
     let gram = modes.transpose() * &modes - Mat::<f64>::identity(pod.rank, pod.rank);
@@ -155,14 +155,14 @@ fn pod_gives_back_the_snapshots_and_orthonormal_modes() {
 #[test]
 fn small_singular_values_survive() {
     let y = Mat::from_fn(64, 8, |i, j| if i / 8 == j { 10.0_f64.powi(-2 * j as i32) } else { 0.0 });
-    let compact = Compact::new(y, false).expect("decomposes");
+    let compact = Compact::new(y, 0, false).expect("decomposes");
     let pod = decompose(compact.r.as_ref()).expect("decomposes");
     for (k, s) in pod.singular_values.iter().enumerate().take(7) {
         let expected = 8.0_f64.sqrt() * 10.0_f64.powi(-2 * k as i32);
         assert!((s / expected - 1.0).abs() < 1e-2, "{k}: {s:e}");
     }
     assert_eq!(truncation_error(&[], 0), 0.0);
-    assert_eq!(Compact::new(Mat::zeros(4, 0), true).err(), Some(PodError::Empty));
+    assert_eq!(Compact::new(Mat::zeros(4, 0), 0, true).err(), Some(PodError::Empty));
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn three_to_five_inputs_are_interpolated_with_their_gradients() {
     for dimensions in 3..=5 {
         let inputs = cube(dimensions, 220);
         let values: Vec<f64> = inputs.iter().map(formula).collect();
-        let samples = Samples { dimensions, inputs: &inputs, values: &values, outputs: 1 };
+        let samples = Samples { dimensions, ..samples(&inputs, &values) };
         let metric = Metric { scale: [1.2, 0.7, 0.5, 1.1, 0.8, 1.0, 1.0, 1.0], shear: -0.2 };
         for (kernel, tail) in [
             (KernelKind::Cubic, Tail::Linear),
@@ -258,14 +258,16 @@ fn selection_over_four_inputs_finds_the_input_that_does_not_matter() {
     let inputs = cube(4, 90);
     let values: Vec<f64> = inputs.iter().map(|x| (3.0 * x[0]).sin() + x[1] * x[3]).collect();
     let score = vec![1.0; inputs.len()];
-    let states = States { operating: 2, dimensions: 4, inputs: &inputs, score: &score };
+    let states = States { operating: 2, dimensions: 4, inputs: &inputs, score: &score, slopes: &[] };
     let dropped = vec![0.0; inputs.len()];
-    let task = Task { values, outputs: 1, dropped, modes: ModeChoice::Fixed(1), modes_for_energy: 1 };
+    let slope_values = Vec::new();
+    let task =
+        Task { values, outputs: 1, slope_values, dropped, modes: ModeChoice::Fixed(1), modes_for_energy: 1 };
     let spec = KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear };
     let config = RegimeConfig { kernels: vec![spec], smoothing: vec![0.0], ..RegimeConfig::default() };
     let chosen = choose(states, &[task], &config).expect("chooses").remove(0);
     let scale = chosen.fit.interpolant.metric.scale;
-    assert_eq!(scale[2], 0.25, "the third input changes nothing: {scale:?}");
+    assert!(scale[2] < 0.1, "the third input changes nothing: {scale:?}");
     let first = chosen.candidates.first().and_then(|c| c.error).expect("scored");
     let plain = chosen.candidates.iter().find(|c| c.metric == Metric::IDENTITY).and_then(|c| c.error);
     assert!(first < plain.expect("tried"), "stretching did not pay");

@@ -4,7 +4,7 @@ use super::error::{ConfigError, read};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec};
 use crate::source::SourceSpec;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// A scene file.
@@ -37,6 +37,10 @@ pub struct ActuatorSpec {
     /// Which gaps can occur.
     #[serde(default)]
     pub gap_mm: Gap,
+    /// Values of the model's parameters by name (`"elastomer.law.mu_mpa" = 0.72`); those not named keep the model's nominal
+    /// value. Pressure and gap are measured.
+    #[serde(default)]
+    pub inputs: BTreeMap<String, f64>,
     /// So many waiting readings are still answered one by one, oldest first; what waits beyond is superseded. 1: the
     /// newest wins, as a controller wants it. More: every reading gets its field even when the twin was held up.
     #[serde(default = "one")]
@@ -286,6 +290,9 @@ impl ActuatorSpec {
         let (min, max) = self.gap_mm.range_mm();
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
             problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));
+        }
+        for (name, value) in self.inputs.iter().filter(|(_, value)| !value.is_finite()) {
+            problems.push(format!("{place}.inputs.\"{name}\": expected a number, found {value}"));
         }
         let waiting = wire::qos::of(wire::TopicKind::Sensor).buffer;
         if !(1..=waiting).contains(&self.backlog) {

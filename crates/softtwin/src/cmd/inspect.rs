@@ -41,6 +41,9 @@ fn as_json(model: &Model) -> Value {
     json!({
         "actuator": header.actuator,
         "node_count": header.node_count,
+        "inputs": header.inputs.iter().map(|i| json!({
+            "name": i.key(), "unit": i.unit, "min": finite(i.range[0]), "max": finite(i.range[1]), "nominal": i.value }))
+            .collect::<Vec<_>>(),
         "database_hash": hex(&header.database_hash),
         "fields": header.fields.iter().map(|f| json!({
             "name": f.spec.name, "unit": f.spec.unit, "derived": f.magnitude_of.is_some() })).collect::<Vec<_>>(),
@@ -53,6 +56,10 @@ fn as_json(model: &Model) -> Value {
             .collect::<serde_json::Map<_, _>>(),
         "bytes": bytes(model),
     })
+}
+
+fn finite(value: f64) -> Option<f64> {
+    Some(value).filter(|value| value.is_finite())
 }
 
 fn regime_json(header: &ModelHeader, regime: &RegimeModel) -> Value {
@@ -79,6 +86,16 @@ fn text(model: &Model) -> anyhow::Result<()> {
     output!("node sets   {}", if sets.is_empty() { "none".into() } else { sets.join(", ") })?;
     output!("database    blake3 {}", hex(&header.database_hash))?;
     output!("size        {:.1} MB", bytes(model) as f64 / 1e6)?;
+    for input in header.inputs.iter().filter(|input| input.value.is_some()) {
+        let (range, nominal) = (input.range, input.value.unwrap_or(f64::NAN));
+        output!(
+            "parameter   {} = {nominal} {} nominal, trained {} .. {}",
+            input.key(),
+            input.unit,
+            range[0],
+            range[1]
+        )?;
+    }
     if let Some(onset) = &header.onset {
         let (sag, reach) = (onset.sag_mm(), onset.reach_mm());
         output!("onset       by its own weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
@@ -90,6 +107,9 @@ fn text(model: &Model) -> anyhow::Result<()> {
         }
         let domain = match &regime.domain {
             Domain::Interval(_) => "the interval of its samples".into(),
+            Domain::Product { reach, .. } => format!(
+                "the hull of its samples over pressure and gap, the ranges of the parameters, within {reach:.2} of a sample"
+            ),
             hull => format!("the convex hull of its samples, {} vertices", hull.vertex_count()),
         };
         output!("  domain       {domain}")?;

@@ -7,12 +7,12 @@ use anyhow::Context;
 use formats::export::StateFormat;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
-use rom::inputs::Inputs;
+use rom::inputs::{InputSpec, Inputs};
 use rom::kernel::Peaks;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::FieldSpec;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -21,11 +21,14 @@ Examples:
     softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --out state.npy
   For ParaView, with the inside of the body (the model itself knows its surface only):
     softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --mesh mesh.vtu --out state.vtu
+  A softer batch of silicone, with a model that was trained over its stiffness:
+    softtwin predict --model design.twin --pressure-mpa 0.05 --gap-mm 40 --set elastomer.law.mu_mpa=0.7
   No obstacle; only the answer on standard output:
     softtwin predict --model finger.twin --pressure-mpa 0.05
 
-Standard output is one JSON object. `in_domain` is false outside the convex hull of the training states: the answer is
-then an extrapolation and its error bars do not hold.";
+Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by
+each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error
+bars do not hold.";
 
 /// Predict one state: force, regime, onset and, with --out, all fields.
 #[derive(clap::Args)]
@@ -40,6 +43,9 @@ pub struct Args {
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
+    /// Value of a parameter of the model by its name; nominal when left out. Repeat for others.
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = crate::options::setting)]
+    settings: Vec<(String, f64)>,
     /// File for the fields: .npy, .csv, .vtu, .dat (Tecplot ASCII) or .xdmf.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -56,7 +62,9 @@ impl Args {
         if let Some(out) = &self.out {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it
         }
-        let model = files::model(&self.model)?;
+        let mut model = files::model(&self.model)?;
+        let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
+        model.header.give(given).map_err(|error| usage(format!("--set: {error}")))?;
         let mut state = ModelState::new(&model, &Selection::default())?;
         let peaks = state.update(input);
         let regime = state.evaluation().regime;
@@ -68,7 +76,7 @@ impl Args {
         if self.out.is_some() {
             self.write(&model, state.fields())?;
         }
-        output::json(&answer(state.evaluation(), &peaks))
+        output::json(&answer(&model.header.inputs, state.evaluation(), &peaks))
     }
 
     fn write(&self, model: &Model, values: &[f32]) -> anyhow::Result<()> {
@@ -84,8 +92,16 @@ fn regimes(model: &Model) -> String {
     names.join(", ")
 }
 
-fn answer(evaluation: &Evaluation, peaks: &Peaks) -> Value {
+/// One number for each input, by its key; none where it is not finite.
+fn by_input(specs: &[InputSpec], values: &[f64]) -> Map<String, Value> {
+    let finite = |v: &f64| json!(Some(*v).filter(|v| v.is_finite()));
+    specs.iter().zip(values).map(|(spec, value)| (spec.key(), finite(value))).collect()
+}
+
+fn answer(specs: &[InputSpec], evaluation: &Evaluation, peaks: &Peaks) -> Value {
     json!({
+        "inputs": by_input(specs, evaluation.inputs.values()),
+        "dforce": by_input(specs, &evaluation.force_gradient),
         "regime": evaluation.regime.name(),
         "pressure_mpa": evaluation.inputs.pressure_mpa(),
         "gap_mm": Some(evaluation.inputs.gap_mm()).filter(|gap| gap.is_finite()),

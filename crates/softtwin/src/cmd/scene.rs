@@ -56,6 +56,10 @@ fn print(explained: &Explained) -> anyhow::Result<()> {
         explained.actuator,
         explained.regimes.join(" and ")
     )?;
+    for input in &explained.inputs {
+        let from = if input.given { "given" } else { "nominal" };
+        output!("  input {} = {} {} ({from})", input.name, input.value, input.unit)?;
+    }
     output!(
         "  reads {:.2} MB of the model's {:.2} MB ({} blocks)",
         mb(explained.read_bytes),
