@@ -196,7 +196,7 @@ fn with_parameters(folder: &Path) -> rom::snapshots::Database {
     use rom::synthetic::design;
     let states: Vec<_> = design::states(0, 12).into_iter().map(|s| (Split::Train, s)).collect();
     let made = design::database(&states, true);
-    database::write(folder, &made, &[]).expect("writable");
+    write(folder, &made, &[]).expect("writable");
     made
 }
 
