@@ -7,10 +7,11 @@
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
 #   scripts/check.sh clients [pytest arguments]  the Python client against live twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
+#   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
-# Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++
-# and pkg-config; gateway: openssl. scripts/test.sh needs none of this.
+# Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
+# pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl. scripts/test.sh needs none of this.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 target=${CARGO_TARGET_DIR:-target}
@@ -73,7 +74,7 @@ started() {
 }
 
 c() {
-    needs cc c++ pkg-config
+    needs cc c++ pkg-config cmake
     local work program flags
     work=$(mktemp -d)
     # shellcheck disable=SC2064
@@ -82,7 +83,14 @@ c() {
     export PKG_CONFIG_PATH=$work/prefix/lib/pkgconfig LD_LIBRARY_PATH=$work/prefix/lib
     read -ra flags < <(pkg-config --cflags --libs softtwin)
     cc -std=c11 -Wall -Werror clients/c/examples/twin.c "${flags[@]}" -lm -o "$work/twin_c"
-    c++ -std=c++17 -Wall -Werror clients/c/examples/twin.cpp "${flags[@]}" -o "$work/twin_cpp"
+    # C++ by CMake, as a project of its own.
+    cmake -S clients/c/examples -B "$work/cmake" -DCMAKE_PREFIX_PATH="$work/prefix" >/dev/null
+    cmake --build "$work/cmake" >/dev/null
+    cp "$work/cmake/twin_cpp" "$work/"
+    readelf -d "$work/prefix/lib/libsofttwin.so" | grep -q 'SONAME.*libsofttwin.so.0' ||
+        { echo "check.sh: expected the SONAME libsofttwin.so.0 in libsofttwin.so" >&2; exit 1; }
+    ! readelf -S "$work/prefix/lib/libsofttwin.so" | grep -q '\.symtab' ||
+        { echo "check.sh: libsofttwin.so is not stripped" >&2; exit 1; }
     export SOFTTWIN_DOMAIN=cinstall$$ SOFTTWIN_ROOT=$work/iox
     started "$work/twin.log" "$target/debug/softtwind" twin --scene config/scenes/finger.toml
     started "$work/bridge.log" "$target/debug/softtwind" bridge --scene config/scenes/finger.toml --loop
@@ -90,7 +98,13 @@ c() {
         "$work/$program" finger | tee "$work/$program.out"
         grep -q '^field' "$work/$program.out" || { echo "check.sh: $program printed no field" >&2; exit 1; }
     done
-    echo "check.sh: the C and C++ clients were installed, found by pkg-config, compiled and run"
+    echo "check.sh: the C and C++ clients were installed, found by pkg-config and CMake, compiled and run"
+}
+
+# The name avoids the program install.
+install_check() {
+    needs dpkg dpkg-deb systemd-analyze systemd-sysusers python3 git
+    exec scripts/checks/install.sh "$@"
 }
 
 gateway() {
@@ -132,6 +146,7 @@ aarch64() {
 
 case ${1:-} in
     view | exports | clients | c | gateway | aarch64) "$@" ;;
-    -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,14s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    install) install_check "${@:2}" ;;
+    -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

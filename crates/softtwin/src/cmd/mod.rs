@@ -17,6 +17,7 @@ mod import;
 mod info;
 mod inspect;
 mod list;
+mod manual;
 mod mesh;
 mod pack;
 mod plot;
@@ -76,4 +77,5 @@ commands! {
     View => view,
     Bench => bench,
     Stability => stability,
+    Manual => manual,
 }

@@ -1,0 +1,58 @@
+//! `softtwin manual`: the help of the programs as man pages and as completions of shells.
+
+use crate::failure::usage;
+use anyhow::Context;
+use clap::{CommandFactory, Parser, Subcommand};
+use clap_complete::Shell;
+use std::fs::create_dir_all;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  softtwin manual --out build/manual
+  man build/manual/man1/softtwin-predict.1
+
+Writes DIR/man1 and DIR/completions. The Debian package installs both.";
+
+/// Write man pages and shell completions of softtwin, softtwind and softtwin-demo.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Folder to write into; made when it is missing.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// The program `softtwin-demo`, as its own main file declares it.
+#[derive(Parser)]
+#[command(name = "softtwin-demo", version)]
+struct Demo {
+    #[command(flatten)]
+    _demo: cli::demo::Args,
+}
+
+impl Args {
+    /// Writes the files.
+    pub fn run(self) -> anyhow::Result<()> {
+        if self.out.is_file() {
+            return Err(usage(format!("--out: expected a folder, found a file ({})", self.out.display())));
+        }
+        let tool = clap::Command::new("softtwin")
+            .version(env!("CARGO_PKG_VERSION"))
+            .about("Digital twin of a soft pneumatic actuator: from pressure and gap to the whole deformed, stressed body");
+        let programs = [super::Command::augment_subcommands(tool), softtwind::command(), Demo::command()];
+        let [man, completions] = ["man1", "completions"].map(|name| self.out.join(name));
+        create_dir_all(&man).with_context(|| man.display().to_string())?;
+        create_dir_all(&completions).with_context(|| completions.display().to_string())?;
+        programs.into_iter().try_for_each(|program| write(program, &man, &completions))
+    }
+}
+
+fn write(mut program: clap::Command, man: &Path, completions: &Path) -> anyhow::Result<()> {
+    let name = program.get_name().to_owned();
+    for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
+        clap_complete::generate_to(shell, &mut program, &name, completions)?;
+    }
+    // One page a program and one a sub-command: softtwin.1, softtwin-train.1, ...
+    clap_mangen::generate_to(program, man).with_context(|| man.display().to_string())
+}

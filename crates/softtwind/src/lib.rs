@@ -1,0 +1,46 @@
+//! `softtwind`: the daemon. `bridge` feeds readings into shared memory, `twin` answers them with states and fields.
+//!
+//! The start-up order is the order of [`bridge::run`] and [`twin::run`]: banner, whole configuration, domain and topics,
+//! ready, loop, summary. Nothing is bound before the whole configuration has been checked.
+
+mod bridge;
+mod files;
+mod metrics;
+mod options;
+mod reload;
+mod reporter;
+mod side_services;
+mod twin;
+
+use clap::{CommandFactory, Parser};
+use runtime::config::ConfigError;
+use runtime::service;
+use std::process::ExitCode;
+
+/// Run-time failure.
+const EXIT_FAILURE: u8 = 1;
+/// Configuration: no restart will cure it (`EX_CONFIG`, see `RestartPreventExitStatus` in the units).
+const EXIT_CONFIG: u8 = 78;
+
+/// The command line, for the manual.
+pub fn command() -> clap::Command {
+    options::Options::command()
+}
+
+/// The program: reads the command line, logs, runs; returns the exit code.
+pub fn main() -> ExitCode {
+    let options = options::Options::parse(); // clap itself leaves with 2 on wrong usage
+    service::start_logging("info");
+    let ended = match options.command {
+        options::Command::Bridge(options) => bridge::run(&options),
+        options::Command::Twin(options) => twin::run(&options),
+    };
+    match ended {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            tracing::error!("{error:#}");
+            let configuration = error.chain().any(|cause| cause.is::<ConfigError>());
+            ExitCode::from(if configuration { EXIT_CONFIG } else { EXIT_FAILURE })
+        }
+    }
+}

@@ -1,0 +1,79 @@
+#!/usr/bin/env bash
+# The packages as their users meet them: the Debian package in an empty root, the wheel in an empty environment, both used from
+# a folder that knows nothing of the sources. Started by scripts/check.sh install.
+#   --profile dev|package|release      default: dev
+set -euo pipefail
+profile=dev
+if [ "${1:-}" = --profile ]; then profile=${2:?--profile needs a name}; fi
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+fail() { echo "check.sh: $*" >&2; exit 1; }
+work=$(mktemp -d)
+trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
+root=$work/root
+before=$(git status --porcelain --ignored 2>/dev/null || true)
+
+# demonstration PROGRAM... : three seconds, from the root folder; every reading becomes a field.
+demonstration() {
+    local said
+    said=$(cd / && "$@" --seconds 3 --json)
+    python3 - "$said" <<'END' || fail "$1: the demonstration said $said"
+import json, sys
+said = json.loads(sys.argv[1])
+assert said["entries"] == 125110 and said["fields_received"] > 100 and said["lost"] <= said["readings"] // 10, said
+END
+    echo "check.sh: $1: $said"
+}
+
+scripts/package_deb.sh "$work" --profile "$profile"
+mkdir -p "$root/var/lib/dpkg"
+touch "$root/var/lib/dpkg/status"
+# Nothing of Debian is in this root, so nothing that the package depends on; its script runs outside, with DPKG_ROOT.
+dpkg() { command dpkg --root="$root" --log=/dev/null --force-depends --force-script-chrootless "$@" >"$work/dpkg.log" 2>&1 || { cat "$work/dpkg.log"; fail "dpkg $*"; }; }
+dpkg --install "$work"/softtwin_*.deb
+grep -q '^softtwin:' "$root/etc/passwd" || fail "the package made no user softtwin"
+demonstration "$root/usr/bin/softtwin" demo
+systemd-analyze --root="$root" --man=no verify softtwin-{twin,bridge,record}@finger.service 2>"$work/verify.log" || { cat "$work/verify.log"; fail "systemd-analyze verify"; }
+! grep -i softtwin "$work/verify.log" || fail "systemd-analyze verify had something to say"
+for path in $(grep -ho '"/usr/share/softtwin/[^"]*"' "$root"/etc/softtwin/*.toml | tr -d '"'); do
+    [ -f "$root$path" ] || fail "a scene in /etc/softtwin names $path, which the package does not have"
+done
+for file in usr/share/man/man1/softtwin{,-train,d-twin}.1.gz usr/share/bash-completion/completions/softtwin \
+    usr/lib/udev/rules.d/61-softtwin.rules usr/lib/cmake/softtwin/softtwin-config.cmake; do
+    [ -f "$root/$file" ] || fail "the package has no /$file"
+done
+bash -n "$root/usr/share/bash-completion/completions/softtwin"
+# An upgrade keeps what was changed.
+echo '# mine' >> "$root/etc/softtwin/finger.toml"
+dpkg --install "$work"/softtwin_*.deb
+grep -q '^# mine$' "$root/etc/softtwin/finger.toml" || fail "installing again replaced a changed /etc/softtwin/finger.toml"
+
+python3 -m venv "$work/venv"
+"$work/venv/bin/pip" install --quiet --disable-pip-version-check setuptools wheel
+PYTHON=$work/venv/bin/python scripts/package_wheel.sh "$work" --profile "$profile"
+python3 -m venv "$work/clean"
+"$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
+demonstration "$work/clean/bin/softtwin-demo"
+export SOFTTWIN_DOMAIN=install$$ SOFTTWIN_ROOT=$work/iox
+cd /
+scene=$("$work/clean/bin/python" -c 'from softtwin.programs import carried; print(carried("share/config/scenes/finger.toml"))')
+"$work/clean/bin/softtwind" twin --scene "$scene" 2>"$work/twin.log" &
+twin=$!
+until grep -q ready: "$work/twin.log"; do
+    kill -0 "$twin" 2>/dev/null || { cat "$work/twin.log"; fail "the wheel's twin did not start"; }
+    sleep 0.1
+done
+"$work/clean/bin/softtwind" bridge --scene "$scene" --loop 2>"$work/bridge.log" &
+"$work/clean/bin/python" - <<'END' || fail "the Python subscription"
+import ctypes
+import softtwin
+from softtwin.programs import carried
+
+for field in softtwin.subscribe("softtwin/finger/field", timeout_s=20.0):
+    assert len(field.von_mises) == 25022, len(field.von_mises)
+    print(f"check.sh: Python received field {field.header.seq}, largest stress {field.von_mises.max():.3f} MPa")
+    break
+assert ctypes.CDLL(str(carried("lib/libsofttwin.so.0"))).softtwin_bus_open
+END
+cd - >/dev/null
+[ "$before" = "$(git status --porcelain --ignored 2>/dev/null || true)" ] || fail "the packages left files in the checkout: $(git status --porcelain --ignored)"
+echo "check.sh: the Debian package and the wheel were built, installed and used"
