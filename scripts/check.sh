@@ -111,10 +111,8 @@ gateway() {
     needs openssl
     python gateway "eclipse-zenoh==1.10.2" numpy pytest
     build
-    # Its hundreds of dependencies are not optimised here: that would take most of the time, and no test needs it.
-    local cargo=(cargo --config 'profile.dev.package."*".opt-level=0')
-    "${cargo[@]}" clippy --quiet --locked -p gateway --features network --all-targets -- -D warnings
-    "${cargo[@]}" test --locked -p gateway --features network --no-fail-fast -- "$@"
+    cargo clippy --quiet --locked -p gateway --features network --all-targets -- -D warnings
+    cargo test --locked -p gateway --features network --no-fail-fast -- "$@"
     exec "$python" -m pytest -q crates/gateway/tests
 }
 
@@ -147,6 +145,6 @@ aarch64() {
 case ${1:-} in
     view | exports | clients | c | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
-    -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,14s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac
