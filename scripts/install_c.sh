@@ -14,7 +14,10 @@ mkdir -p "${DESTDIR:-}$prefix"
 root=${DESTDIR:-}$prefix
 [[ $root = /* ]] || root=$PWD/$root
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-cargo build --locked --quiet --profile "$profile" -p capi
+packages=(-p capi)
+# Beside other builds with softtwind, whose features it then shares: nothing is compiled twice.
+if [ "$profile" = dev ] || [ -n "${DESTDIR:-}" ]; then packages+=(-p softtwind); fi
+cargo build --locked --quiet --profile "$profile" "${packages[@]}"
 folder=${CARGO_TARGET_DIR:-target}/$([ "$profile" = dev ] && echo debug || echo "$profile")
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 mkdir -p "$root/lib/pkgconfig" "$root/lib/cmake/softtwin" "$root/include"
