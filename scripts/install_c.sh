@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs the C and C++ client: libsofttwin (shared, stripped, and static), softtwin.h, softtwin_layout.h, softtwin.hpp, and
 # what pkg-config (softtwin) and CMake (find_package(softtwin)) need to find them.
-#   scripts/install_c.sh PREFIX [--profile dev|package|release]        default: release
+#   scripts/install_c.sh PREFIX [--profile dev|light|release]        default: release
 #   PKG_CONFIG_PATH=PREFIX/lib/pkgconfig pkg-config --cflags --libs softtwin
 #   cmake -DCMAKE_PREFIX_PATH=PREFIX ...
 # DESTDIR, when it is set, is written in front of PREFIX and into no file, as packages need it.

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the Debian package: softtwin, softtwind, softtwin-demo, services, udev rule, man pages, shell completions, models under
 # /usr/share/softtwin, configuration under /etc/softtwin that an upgrade keeps, the C library with its headers.
-#   scripts/package_deb.sh OUT [--profile dev|package|release] [--gateway]       default: release
+#   scripts/package_deb.sh OUT [--profile dev|light|release] [--gateway]       default: release
 # --gateway builds a second package, softtwin-gateway. Needs Rust, a C compiler, dpkg-deb.
 set -euo pipefail
 out=${1:?package_deb.sh needs a folder: scripts/package_deb.sh OUT}

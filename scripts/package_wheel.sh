@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the Python wheel: the client, libsofttwin, the daemon, the demonstration and its plant, one model with its scenes and
 # traces. Whoever installs it needs no compiler: pip install softtwin-*.whl, then softtwin-demo.
-#   scripts/package_wheel.sh OUT [--profile dev|package|release]       default: release
+#   scripts/package_wheel.sh OUT [--profile dev|light|release]       default: release
 # Needs Rust, a C compiler, and Python 3.9 or newer with pip and setuptools. Writes into OUT and the target folder only.
 set -euo pipefail
 out=${1:?package_wheel.sh needs a folder: scripts/package_wheel.sh OUT}

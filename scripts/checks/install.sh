@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The packages as their users meet them: the Debian package in an empty root, the wheel in an empty environment, both used from
 # a folder that knows nothing of the sources. Started by scripts/check.sh install.
-#   --profile dev|package|release      default: dev
+#   --profile dev|light|release      default: dev
 set -euo pipefail
 profile=dev
 if [ "${1:-}" = --profile ]; then profile=${2:?--profile needs a name}; fi
