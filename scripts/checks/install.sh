@@ -32,6 +32,9 @@ dpkg() { command dpkg --root="$root" --log=/dev/null --force-depends --force-scr
 dpkg --install "$work"/softtwin_*.deb
 grep -q '^softtwin:' "$root/etc/passwd" || fail "the package made no user softtwin"
 demonstration "$root/usr/bin/softtwin" demo
+# The services against the units of this machine's systemd, which an installed package stands beside.
+cp -rn /usr/lib/systemd/system/. "$root/usr/lib/systemd/system/"
+install -D /bin/sh "$root/bin/sh"
 systemd-analyze --root="$root" --man=no verify softtwin-{twin,bridge,record}@finger.service 2>"$work/verify.log" || { cat "$work/verify.log"; fail "systemd-analyze verify"; }
 ! grep -i softtwin "$work/verify.log" || fail "systemd-analyze verify had something to say"
 for path in $(grep -ho '"/usr/share/softtwin/[^"]*"' "$root"/etc/softtwin/*.toml | tr -d '"'); do

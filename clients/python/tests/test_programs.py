@@ -1,0 +1,10 @@
+"""What only the built wheel carries; scripts/check.sh install tries the wheel itself."""
+
+import pytest
+import softtwin
+from softtwin.programs import carried
+
+
+def test_an_installation_of_the_sources_says_that_it_carries_no_programs():
+    with pytest.raises(softtwin.SofttwinError, match="scripts/package_wheel.sh"):
+        carried("bin/softtwind")
