@@ -49,6 +49,11 @@ pub struct Args {
     json: bool,
 }
 
+/// The command line of the program `softtwin-demo`.
+pub fn command() -> clap::Command {
+    <Args as clap::Args>::augment_args(clap::Command::new("softtwin-demo").version(env!("CARGO_PKG_VERSION")))
+}
+
 impl Args {
     /// Runs the demonstration.
     pub fn run(self) -> anyhow::Result<()> {

@@ -2,7 +2,7 @@
 
 use crate::failure::usage;
 use anyhow::Context;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::Subcommand;
 use clap_complete::Shell;
 use std::fs::create_dir_all;
 use std::path::{Path, PathBuf};
@@ -23,14 +23,6 @@ pub struct Args {
     out: PathBuf,
 }
 
-/// The program `softtwin-demo`, as its own main file declares it.
-#[derive(Parser)]
-#[command(name = "softtwin-demo", version)]
-struct Demo {
-    #[command(flatten)]
-    _demo: cli::demo::Args,
-}
-
 impl Args {
     /// Writes the files.
     pub fn run(self) -> anyhow::Result<()> {
@@ -40,7 +32,8 @@ impl Args {
         let tool = clap::Command::new("softtwin")
             .version(env!("CARGO_PKG_VERSION"))
             .about("Digital twin of a soft pneumatic actuator: from pressure and gap to the whole deformed, stressed body");
-        let programs = [super::Command::augment_subcommands(tool), softtwind::command(), Demo::command()];
+        let programs =
+            [super::Command::augment_subcommands(tool), softtwind::command(), cli::demo::command()];
         let [man, completions] = ["man1", "completions"].map(|name| self.out.join(name));
         create_dir_all(&man).with_context(|| man.display().to_string())?;
         create_dir_all(&completions).with_context(|| completions.display().to_string())?;
@@ -49,10 +42,11 @@ impl Args {
 }
 
 fn write(mut program: clap::Command, man: &Path, completions: &Path) -> anyhow::Result<()> {
+    // One page a program and one a sub-command: softtwin.1, softtwin-train.1, ... Before the completions, which add `help`.
+    clap_mangen::generate_to(program.clone(), man).with_context(|| man.display().to_string())?;
     let name = program.get_name().to_owned();
     for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
         clap_complete::generate_to(shell, &mut program, &name, completions)?;
     }
-    // One page a program and one a sub-command: softtwin.1, softtwin-train.1, ...
-    clap_mangen::generate_to(program, man).with_context(|| man.display().to_string())
+    Ok(())
 }
