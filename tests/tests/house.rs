@@ -66,6 +66,27 @@ fn crates_use_what_the_architecture_allows_and_nothing_else() {
     assert!(checked >= 10, "only {checked} dependencies between crates were seen");
 }
 
+/// The crates that a build of these packages takes, each with its version and its features, one a line.
+fn features(selection: &[&str]) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--locked", "--offline", "--prefix", "none", "--no-dedupe", "--format", "{p} {f}"])
+        .args(selection)
+        .current_dir(root())
+        .output()
+        .expect("cargo tree");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("UTF-8").lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn the_demonstration_and_the_tests_share_one_build() {
+    let demo = features(&["-p", "softtwind", "-p", "cli", "--edges", "normal,build"]);
+    let tests = features(&["--workspace", "--edges", "normal,build,dev"]);
+    assert!(demo.len() > 100, "only {} crates were seen", demo.len());
+    let twice: Vec<&String> = demo.difference(&tests).collect();
+    assert!(twice.is_empty(), "compiled again for the tests; name their features in Cargo.toml: {twice:#?}");
+}
+
 /// Circles that are there today; this list only gets shorter.
 const KNOWN_CIRCLES: usize = 3;
 
