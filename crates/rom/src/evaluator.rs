@@ -129,6 +129,18 @@ impl Evaluator {
         }
     }
 
+    /// Largest gap that a state's pressure and parameters close, in mm: at it and below, the actuator touches. None for a model
+    /// of one regime, or where the free model gives no answer. Cost: one evaluation of the free model at most.
+    pub fn closed_gap_mm(&self, inputs: Inputs, room: &mut Evaluation) -> Option<f64> {
+        let inputs = inputs.or(&self.values);
+        self.make_room(room);
+        let gap_mm = match (&self.clearance, &self.onset) {
+            (Some(clearance), _) => clearance.depth_mm(self.free()?, &inputs, room),
+            (None, table) => table.as_ref()?.closed_gap_mm(inputs.pressure_mpa()),
+        };
+        gap_mm.is_finite().then_some(gap_mm)
+    }
+
     /// Evaluates the model at a state; a parameter that the state does not set takes the model's value. Allocates nothing when [`Self::evaluation`] made `out`. Any state is answered without
     /// panic; one that is not a number, or lies outside the samples, is flagged as extrapolated.
     ///

@@ -25,6 +25,7 @@
 
 pub mod bridge;
 pub mod config;
+pub mod estimation;
 pub mod explain;
 pub mod file;
 pub mod grasp;

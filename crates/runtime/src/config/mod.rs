@@ -2,11 +2,13 @@
 //! reported together, each with its key, expected and found.
 
 mod error;
+mod estimate;
 mod grasp;
 mod scene;
 mod settings;
 
 pub use error::{ConfigError, collect, read};
+pub use estimate::{BIASES, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, UnknownSpec};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use scene::{
     ActuatorSpec, FixedNodes, Gap, Measured, NodesSpec, OutputSpec, Precision, Queries, Scene, StateSpec,

@@ -1,6 +1,7 @@
 //! Scenes: what is there, and what is wanted of it. The twin loads and computes exactly that.
 
 use super::error::{ConfigError, read};
+use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec};
 use crate::source::SourceSpec;
 use serde::{Deserialize, Serialize};
@@ -58,6 +59,18 @@ pub struct ActuatorSpec {
     /// Extras of the state topic.
     #[serde(default)]
     pub state: StateSpec,
+    /// What is estimated instead of measured or given; empty: nothing.
+    #[serde(default)]
+    pub estimate: EstimateSpec,
+    /// Uncertainty of the sensors.
+    #[serde(default)]
+    pub sigma: SigmaSpec,
+    /// Markers that a camera follows.
+    #[serde(default, rename = "marker")]
+    pub markers: Vec<MarkerSpec>,
+    /// The camera's frame.
+    #[serde(default)]
+    pub camera: CameraSpec,
     /// Field topics, one for each entry; none: state only, and no basis is loaded.
     #[serde(default, rename = "output")]
     pub outputs: Vec<OutputSpec>,
@@ -287,6 +300,7 @@ impl ActuatorSpec {
             }
         }
         self.place.problems(place, problems);
+        estimate::problems(place, &self.estimate, &self.sigma, &self.markers, &self.camera, problems);
         let (min, max) = self.gap_mm.range_mm();
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
             problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));

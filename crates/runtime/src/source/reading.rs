@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
+use wire::layout::MARKERS_MAX;
 use wire::{SensorSample, now_ns};
 
 /// One reading of an actuator's sensors.
@@ -22,6 +23,10 @@ pub struct Reading {
     pub gap_mm: f64,
     /// Measured contact force, N; NaN when there is no load cell.
     pub measured_force_n: f64,
+    /// Measured x, y, z of each marker in the camera's frame, mm; NaN where there is none.
+    pub markers_mm: [f64; 3 * MARKERS_MAX],
+    /// Coordinates that the source has; 0 without markers.
+    pub marker_values: u32,
     /// 0: good; anything else is the sensor's own fault code.
     pub status: u32,
 }
@@ -43,7 +48,8 @@ impl Reading {
             measured_force_n: self.measured_force_n,
             t_trace_s: self.t_trace_s,
             status: self.status,
-            ..SensorSample::default()
+            markers_mm: self.markers_mm,
+            marker_values: self.marker_values
         }
     }
 }
@@ -58,6 +64,8 @@ impl Default for Reading {
             pressure_mpa: f64::NAN,
             gap_mm: f64::NAN,
             measured_force_n: f64::NAN,
+            markers_mm: [f64::NAN; 3 * MARKERS_MAX],
+            marker_values: 0,
             status: 0,
         }
     }

@@ -50,6 +50,8 @@ pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<Reading>, Vec
             gap_mm: reading.gap_mm,
             measured_force_n: reading.measured_force_n,
             status: reading.status,
+            markers_mm: reading.markers_mm,
+            marker_values: reading.marker_values,
             ..Reading::default()
         };
         if let Some(before) = rows.last().map(|last| last.t_trace_s).filter(|before| row.t_trace_s < *before)

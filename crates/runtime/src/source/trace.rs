@@ -1,4 +1,4 @@
-//! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n]`, comment lines begin with `#`.
+//! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...`, comment lines begin with `#`.
 //!
 //! A trace is read as a whole before anything is sent: a stray text in line 900 is reported at the start, not after 4.5 s.
 //! Recordings (MCAP) are traces as well, see `recorded`.
@@ -10,6 +10,7 @@ use super::recorded;
 use super::trace_error::{MAX_BYTES, TraceError};
 use crate::file;
 use std::path::Path;
+use wire::layout::MARKERS_MAX;
 
 /// A trace in memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,7 +32,17 @@ struct Columns {
     pressure_mpa: usize,
     gap_mm: Option<usize>,
     measured_force_n: Option<usize>,
+    /// By marker coordinate.
+    markers: Vec<Option<usize>>,
 }
+
+/// Names of a marker's columns, by coordinate: `marker1_x_mm`, `marker1_y_mm`, ...
+const MARKER_COLUMNS: [&str; 3 * MARKERS_MAX] = [
+    "marker1_x_mm", "marker1_y_mm", "marker1_z_mm", "marker2_x_mm", "marker2_y_mm", "marker2_z_mm", "marker3_x_mm",
+    "marker3_y_mm", "marker3_z_mm", "marker4_x_mm", "marker4_y_mm", "marker4_z_mm", "marker5_x_mm", "marker5_y_mm",
+    "marker5_z_mm", "marker6_x_mm", "marker6_y_mm", "marker6_z_mm", "marker7_x_mm", "marker7_y_mm", "marker7_z_mm",
+    "marker8_x_mm", "marker8_y_mm", "marker8_z_mm",
+];
 
 impl Trace {
     /// Reads and checks a file: CSV or a recording, recognised by its first bytes.
@@ -127,6 +138,7 @@ impl Columns {
                 pressure_mpa,
                 gap_mm: place("gap_mm"),
                 measured_force_n: place("measured_force_n"),
+                markers: MARKER_COLUMNS.iter().map(|name| place(name)).collect(),
             }),
             (t_s, pressure) => Err([t_s.err(), pressure.err()].into_iter().flatten().collect()),
         }
@@ -142,11 +154,20 @@ impl Columns {
             })
         };
         let optional = |column, place: Option<usize>| place.map_or(Ok(f64::NAN), |place| cell(column, place));
+        let mut markers_mm = [f64::NAN; 3 * MARKERS_MAX];
+        let mut marker_values = 0;
+        for (at, (value, column)) in markers_mm.iter_mut().zip(&self.markers).enumerate() {
+            let (Some(place), Some(name)) = (*column, MARKER_COLUMNS.get(at)) else { continue };
+            *value = cell(name, place)?;
+            marker_values = 3 * (at as u32 / 3) + 3;
+        }
         let row = Reading {
             t_trace_s: cell("t_s", self.t_s)?,
             pressure_mpa: cell("pressure_mpa", self.pressure_mpa)?,
             gap_mm: optional("gap_mm", self.gap_mm)?,
             measured_force_n: optional("measured_force_n", self.measured_force_n)?,
+            markers_mm,
+            marker_values,
             ..Reading::default()
         };
         let before = before.unwrap_or(f64::NEG_INFINITY);

@@ -1,0 +1,147 @@
+//! What an actuator's twin estimates, from which sensors, and how good these are.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use wire::layout::MARKERS_MAX;
+
+/// Estimated quantities by name: a model input (`gap_mm`, `"elastomer.law.mu_mpa"`), `pressure_bias_mpa`, `force_bias_n`.
+pub type EstimateSpec = BTreeMap<String, UnknownSpec>;
+
+/// What is known of an estimated quantity before any reading, in its own unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UnknownSpec {
+    /// Value.
+    pub prior: f64,
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Standard deviation by which it drifts in the first second (in `t` seconds by `drift sqrt(t)`); 0: constant.
+    #[serde(default)]
+    pub drift: f64,
+}
+
+/// Standard deviations of the sensors' noise, and how long the model's own error stays alike.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SigmaSpec {
+    /// Of a pressure reading, MPa.
+    pub pressure_mpa: f64,
+    /// Of a gap reading, mm.
+    pub gap_mm: f64,
+    /// Of a load cell's reading, N.
+    pub force_n: f64,
+    /// Of a marker's coordinate, mm.
+    pub marker_mm: f64,
+    /// Time over which the model's error stays alike, s: readings within it do not average it out.
+    pub model_correlation_s: f64,
+}
+
+impl Default for SigmaSpec {
+    fn default() -> Self {
+        Self { pressure_mpa: 0.0005, gap_mm: 0.2, force_n: 0.005, marker_mm: 0.2, model_correlation_s: 10.0 }
+    }
+}
+
+/// A marker that a camera follows: a node or a point of the undeformed mesh.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MarkerSpec {
+    /// Name, for messages.
+    pub name: String,
+    /// Node number, from 0.
+    pub node: Option<u32>,
+    /// Undeformed place in the actuator's frame, mm.
+    pub at_mm: Option<[f64; 3]>,
+}
+
+/// Where the camera's frame lies in the actuator's frame: `actuator = R camera + position`, with `R` the turns about x, then
+/// y, then z.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraSpec {
+    /// Origin of the camera's frame, mm.
+    pub position_mm: [f64; 3],
+    /// Turns about the actuator's x, y and z axes, in this order, in degrees.
+    pub rotation_deg: [f64; 3],
+}
+
+impl CameraSpec {
+    /// The matrix `R`, row by row.
+    pub fn rotation(&self) -> [[f64; 3]; 3] {
+        let [(sx, cx), (sy, cy), (sz, cz)] = self.rotation_deg.map(|angle| angle.to_radians().sin_cos());
+        [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ]
+    }
+}
+
+/// Names of estimated quantities that are no model input.
+pub const BIASES: [&str; 2] = ["pressure_bias_mpa", "force_bias_n"];
+
+/// What is wrong with the estimation of an actuator, as far as the scene alone can tell.
+pub(super) fn problems(
+    place: &str,
+    estimate: &EstimateSpec,
+    sigma: &SigmaSpec,
+    markers: &[MarkerSpec],
+    camera: &CameraSpec,
+    problems: &mut Vec<String>,
+) {
+    let mut expect = |fits: bool, key: String, expected: &str, found: String| {
+        if !fits {
+            problems.push(format!("{place}.{key}: expected {expected}, found {found}"));
+        }
+    };
+    for (name, unknown) in estimate {
+        let finite = unknown.prior.is_finite();
+        expect(finite, format!("estimate.{name}.prior"), "a finite number", unknown.prior.to_string());
+        let positive = unknown.sigma.is_finite() && unknown.sigma > 0.0;
+        expect(positive, format!("estimate.{name}.sigma"), "a number above 0", unknown.sigma.to_string());
+        let drift = unknown.drift.is_finite() && unknown.drift >= 0.0;
+        expect(drift, format!("estimate.{name}.drift"), "0 or more", unknown.drift.to_string());
+    }
+    for (key, value) in [
+        ("pressure_mpa", sigma.pressure_mpa),
+        ("gap_mm", sigma.gap_mm),
+        ("force_n", sigma.force_n),
+        ("marker_mm", sigma.marker_mm),
+    ] {
+        let fits = value.is_finite() && value > 0.0;
+        expect(fits, format!("sigma.{key}"), "a number above 0", value.to_string());
+    }
+    let correlation = sigma.model_correlation_s;
+    let fits = correlation.is_finite() && correlation >= 0.0;
+    expect(fits, "sigma.model_correlation_s".into(), "0 or more", correlation.to_string());
+    expect(markers.len() <= MARKERS_MAX, "marker".into(), "at most 8 markers", markers.len().to_string());
+    for (at, marker) in markers.iter().enumerate() {
+        let found = match (marker.node, marker.at_mm) {
+            (Some(_), Some(_)) => "both",
+            (None, None) => "neither",
+            _ => continue,
+        };
+        expect(false, format!("marker[{at}]"), "either `node` or `at_mm`", found.into());
+    }
+    let finite = camera.position_mm.iter().chain(&camera.rotation_deg).all(|value| value.is_finite());
+    expect(finite, "camera".into(), "finite numbers", format!("{camera:?}"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::CameraSpec;
+
+    #[test]
+    fn turns_are_about_x_then_y_then_z() {
+        let camera = CameraSpec { position_mm: [0.0; 3], rotation_deg: [90.0, 0.0, 90.0] };
+        let turned = camera.rotation().map(|row| row.map(|v| v.round()));
+        // About x first: y becomes z; then about z: x becomes y, and the old z (now -y) becomes x.
+        assert_eq!(turned, [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        for (i, a) in camera.rotation().iter().enumerate() {
+            for (j, b) in camera.rotation().iter().enumerate() {
+                let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+                assert!((dot - f64::from(u8::from(i == j))).abs() < 1e-12);
+            }
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure.
+
+use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, SigmaSpec};
+use crate::source::Reading;
+use estimate::{InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Unknown};
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
+use rom::model::Model;
+use rom::probe::{MeshPoint, ProbePosition, Probes};
+use rom::snapshots::RegimeKind;
+
+/// Half-widths of the model hold for 90 % of the states: so many standard deviations of a normal distribution.
+const HALFWIDTH_SIGMAS: f64 = 1.645;
+/// Most that a bias may be, far beyond what any sensor has.
+const MAX_BIAS: f64 = 1e3;
+
+/// What the estimator is told before the first reading.
+///
+/// # Errors
+/// All problems of the scene with this model.
+pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
+    let inputs = &model.header.inputs;
+    let keys: Vec<String> = inputs.iter().map(InputSpec::key).collect();
+    let names: Vec<&str> = keys.iter().map(String::as_str).chain(BIASES).collect();
+    let mut problems: Vec<String> = Vec::new();
+    for name in spec.estimate.keys().filter(|name| !names.contains(&name.as_str())) {
+        problems.push(format!("estimate.{name}: expected one of {}, found no such quantity", names.join(", ")));
+    }
+    if spec.estimate.contains_key("pressure_mpa") {
+        problems.push("estimate.pressure_mpa: the pressure is measured; estimate `pressure_bias_mpa`".into());
+    }
+    let estimated: Vec<&str> = names.iter().copied().filter(|name| spec.estimate.contains_key(*name)).collect();
+    let position = |name: &str| estimated.iter().position(|other| *other == name);
+    let range = |name: &str| match keys.iter().position(|key| key == name) {
+        Some(GAP) => [0.0, MAX_BIAS],
+        Some(input) => inputs.get(input).map_or([-MAX_BIAS, MAX_BIAS], |input| input.range),
+        None => [-MAX_BIAS, MAX_BIAS],
+    };
+    let unknowns = estimated.iter().filter_map(|name| {
+        let unknown = spec.estimate.get(*name)?;
+        Some(Unknown {
+            name: (*name).into(),
+            prior: unknown.prior,
+            sigma: unknown.sigma,
+            drift_per_sqrt_s: unknown.drift,
+            range: range(name),
+        })
+    });
+    let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
+        (PRESSURE, ..) => {
+            InputRole::Measured { sigma: spec.sigma.pressure_mpa, bias: position("pressure_bias_mpa") }
+        }
+        (_, Some(unknown), _) => InputRole::Estimated(unknown),
+        (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
+        (GAP, None, _) => InputRole::Measured { sigma: spec.sigma.gap_mm, bias: None },
+        _ => InputRole::Given(inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN)),
+    };
+    let out = Setup {
+        unknowns: unknowns.collect(),
+        inputs: keys.iter().enumerate().map(role).collect(),
+        rows: rows(spec, model, position("force_bias_n")),
+        gap: Some(GAP),
+        model_correlation_s: spec.sigma.model_correlation_s,
+    };
+    if let Err(errors) = out.check() {
+        problems.extend(errors.iter().map(|error| format!("estimate: {error}")));
+    }
+    if problems.is_empty() { Ok(out) } else { Err(problems) }
+}
+
+/// The force, then x, y, z of each marker.
+fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>) -> Vec<Row> {
+    let SigmaSpec { force_n, marker_mm, .. } = spec.sigma;
+    let regimes = model.header.regimes.iter();
+    let (force, displacement) = regimes.fold((0.0_f64, 0.0_f64), |(force, displacement), regime| {
+        (force.max(regime.halfwidths.force_n), displacement.max(regime.halfwidths.displacement_mm))
+    });
+    let force = Row {
+        name: "measured_force_n".into(),
+        block: 0,
+        sigma: force_n,
+        model_sigma: force / HALFWIDTH_SIGMAS,
+        bias: force_bias,
+    };
+    let marker = |(at, marker): (usize, &crate::config::MarkerSpec)| {
+        ["x", "y", "z"].map(|axis| Row {
+            name: format!("{} {axis}", marker.name),
+            block: at + 1,
+            sigma: marker_mm,
+            model_sigma: displacement / HALFWIDTH_SIGMAS,
+            bias: None,
+        })
+    };
+    std::iter::once(force).chain(spec.markers.iter().enumerate().flat_map(marker)).collect()
+}
+
+/// The model's predictions of what the sensors measure.
+#[derive(Debug, Clone)]
+pub struct SensorModel {
+    evaluator: Evaluator,
+    evaluation: Evaluation,
+    probes: Probes,
+    positions: Vec<ProbePosition>,
+    camera: CameraSpec,
+    rotation: [[f64; 3]; 3],
+}
+
+impl SensorModel {
+    /// Takes what it needs from a model: its small part, and the modes at the markers.
+    ///
+    /// # Errors
+    /// All problems of the markers with this model.
+    pub fn new(spec: &ActuatorSpec, model: &Model) -> Result<Self, Vec<String>> {
+        let (mut points, mut problems) = (Vec::new(), Vec::new());
+        for (at, marker) in spec.markers.iter().enumerate() {
+            let point = match (marker.node, marker.at_mm) {
+                (Some(node), _) => MeshPoint::node(model, node),
+                (None, at_mm) => MeshPoint::at(model, at_mm.unwrap_or([f64::NAN; 3])),
+            };
+            match point {
+                Ok(point) => points.push(point),
+                Err(error) => problems.push(format!("marker[{at}] `{}`: {error}", marker.name)),
+            }
+        }
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let fail = |error: rom::model::ModelError| vec![format!("model: {error}")];
+        let evaluator = Evaluator::new(&model.header).map_err(fail)?;
+        let probes = Probes::new(model, &points).map_err(fail)?;
+        Ok(Self {
+            evaluation: evaluator.evaluation(),
+            evaluator,
+            positions: vec![ProbePosition::default(); probes.len()],
+            probes,
+            camera: spec.camera,
+            rotation: spec.camera.rotation(),
+        })
+    }
+
+    fn inputs(values: &[f64; MAX_INPUTS]) -> Inputs {
+        values.iter().enumerate().fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, v)| inputs.with(at, *v))
+    }
+}
+
+impl estimate::Model for SensorModel {
+    fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
+        self.evaluator.evaluate(Self::inputs(inputs), &mut self.evaluation);
+        self.probes.evaluate(&self.evaluation, &mut self.positions);
+        let force = Predicted {
+            value: self.evaluation.contact_force_n,
+            gradient: self.evaluation.force_gradient,
+        };
+        let rotation = &self.rotation;
+        let origin = self.camera.position_mm;
+        // Into the camera's frame: the transposed rotation of the difference.
+        let markers = self.positions.iter().flat_map(|probe| {
+            [0, 1, 2].map(|axis| {
+                let mut predicted = Predicted::default();
+                for (((row, x), o), by) in
+                    rotation.iter().zip(probe.position_mm).zip(origin).zip(&probe.gradient)
+                {
+                    let factor = row.get(axis).copied().unwrap_or(0.0);
+                    predicted.value += factor * (x - o);
+                    predicted.gradient.iter_mut().zip(by).for_each(|(to, from)| *to += factor * from);
+                }
+                predicted
+            })
+        });
+        for (out, predicted) in out.iter_mut().zip(std::iter::once(force).chain(markers)) {
+            *out = predicted;
+        }
+        self.evaluation.regime == RegimeKind::Contact
+    }
+
+    fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
+        self.evaluator.closed_gap_mm(Self::inputs(inputs), &mut self.evaluation)
+    }
+}
+
+/// A reading as the estimator takes it.
+pub fn measurement(t_s: f64, reading: &Reading) -> Measurement {
+    let mut out = Measurement::at(t_s);
+    let [pressure, gap, ..] = &mut out.inputs;
+    (*pressure, *gap) = (reading.pressure_mpa, reading.gap_mm);
+    let values = std::iter::once(reading.measured_force_n).chain(reading.markers_mm);
+    out.rows.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+    out
+}
