@@ -129,6 +129,27 @@ impl Filter {
         self.covariance.get(a, b) / scale
     }
 
+    /// Standard deviation of a quantity with these derivatives by the model inputs, from the errors of the unknowns and the
+    /// noise of the measured inputs.
+    pub fn sigma_of(&self, by_input: &[f64; MAX_INPUTS]) -> f64 {
+        let (mut by_unknown, mut variance) = ([0.0; MAX_STATES], 0.0);
+        for (role, derivative) in self.setup.inputs.iter().zip(by_input) {
+            match *role {
+                InputRole::Given(_) => {}
+                InputRole::Estimated(unknown) => by_unknown[unknown] += derivative,
+                InputRole::Measured { sigma, bias } => {
+                    variance += derivative * derivative * sigma * sigma;
+                    if let Some(bias) = bias {
+                        by_unknown[bias] -= derivative;
+                    }
+                }
+            }
+        }
+        let spread = self.covariance.times(&by_unknown);
+        variance += by_unknown.iter().zip(spread).map(|(a, b)| a * b).sum::<f64>();
+        variance.max(0.0).sqrt()
+    }
+
     /// Takes a reading into account. Allocates nothing.
     ///
     /// Cost: some 3 to 8 evaluations of the model, each with `O(rows x states^2)` operations beside it.

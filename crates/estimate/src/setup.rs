@@ -150,6 +150,13 @@ impl Setup {
         if errors.is_empty() { Ok(()) } else { Err(errors) }
     }
 
+    /// Model inputs of a reading whose measured inputs are exact but for the biases among `unknowns`.
+    pub fn inputs(&self, measurement: &Measurement, unknowns: &[f64]) -> [f64; MAX_INPUTS] {
+        let mut states = [0.0; MAX_STATES];
+        states.iter_mut().zip(unknowns).for_each(|(to, from)| *to = *from);
+        crate::reading::inputs(self, measurement, &states)
+    }
+
     /// Positions and standard deviations of the measured inputs, in order: each adds its noise as a state of its own.
     pub(crate) fn measured_inputs(&self) -> impl Iterator<Item = (usize, f64)> {
         self.inputs.iter().enumerate().filter_map(|(input, role)| match role {

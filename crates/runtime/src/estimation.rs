@@ -2,13 +2,15 @@
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, SigmaSpec};
 use crate::source::Reading;
-use estimate::{InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Unknown};
+use estimate::{Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::snapshots::RegimeKind;
+use wire::layout::estimate_status;
+use wire::{Estimate, SensorSample};
 
 /// Half-widths of the model hold for 90 % of the states: so many standard deviations of a normal distribution.
 const HALFWIDTH_SIGMAS: f64 = 1.645;
@@ -25,12 +27,14 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     let names: Vec<&str> = keys.iter().map(String::as_str).chain(BIASES).collect();
     let mut problems: Vec<String> = Vec::new();
     for name in spec.estimate.keys().filter(|name| !names.contains(&name.as_str())) {
-        problems.push(format!("estimate.{name}: expected one of {}, found no such quantity", names.join(", ")));
+        problems
+            .push(format!("estimate.{name}: expected one of {}, found no such quantity", names.join(", ")));
     }
     if spec.estimate.contains_key("pressure_mpa") {
         problems.push("estimate.pressure_mpa: the pressure is measured; estimate `pressure_bias_mpa`".into());
     }
-    let estimated: Vec<&str> = names.iter().copied().filter(|name| spec.estimate.contains_key(*name)).collect();
+    let estimated: Vec<&str> =
+        names.iter().copied().filter(|name| spec.estimate.contains_key(*name)).collect();
     let position = |name: &str| estimated.iter().position(|other| *other == name);
     let range = |name: &str| match keys.iter().position(|key| key == name) {
         Some(GAP) => [0.0, MAX_BIAS],
@@ -148,10 +152,8 @@ impl estimate::Model for SensorModel {
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
         self.evaluator.evaluate(Self::inputs(inputs), &mut self.evaluation);
         self.probes.evaluate(&self.evaluation, &mut self.positions);
-        let force = Predicted {
-            value: self.evaluation.contact_force_n,
-            gradient: self.evaluation.force_gradient,
-        };
+        let force =
+            Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };
         let rotation = &self.rotation;
         let origin = self.camera.position_mm;
         // Into the camera's frame: the transposed rotation of the difference.
@@ -176,6 +178,89 @@ impl estimate::Model for SensorModel {
 
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
         self.evaluator.closed_gap_mm(Self::inputs(inputs), &mut self.evaluation)
+    }
+}
+
+/// The filter of one actuator with the model that predicts its sensors.
+#[derive(Debug, Clone)]
+pub struct Estimator {
+    filter: Filter,
+    sensors: SensorModel,
+    rejected_total: u64,
+}
+
+impl Estimator {
+    /// Starts from the scene's priors; none when the scene estimates nothing.
+    ///
+    /// # Errors
+    /// All problems of the scene with this model.
+    pub fn new(spec: &ActuatorSpec, model: &Model) -> Result<Option<Self>, Vec<String>> {
+        if spec.estimate.is_empty() {
+            return Ok(None);
+        }
+        let (setup, sensors) = match (setup(spec, model), SensorModel::new(spec, model)) {
+            (Ok(setup), Ok(sensors)) => (setup, sensors),
+            (setup, sensors) => {
+                return Err([setup.err(), sensors.err()].into_iter().flatten().flatten().collect());
+            }
+        };
+        let filter = Filter::new(setup)
+            .map_err(|errors| errors.iter().map(|error| format!("estimate: {error}")).collect::<Vec<_>>())?;
+        Ok(Some(Self { filter, sensors, rejected_total: 0 }))
+    }
+
+    /// Takes a reading into account; allocates nothing.
+    pub(crate) fn update(&mut self, sample: &SensorSample) -> Update {
+        let mut measurement = Measurement::at(sample.t_sensor_ns as f64 * 1e-9);
+        let [pressure, gap, ..] = &mut measurement.inputs;
+        (*pressure, *gap) = (sample.pressure_mpa, sample.gap_mm);
+        let markers = sample.markers_mm.iter().take(sample.marker_values as usize).copied();
+        let values = std::iter::once(sample.measured_force_n).chain(markers);
+        measurement.rows.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+        let update = self.filter.update(&measurement, &mut self.sensors);
+        self.rejected_total += u64::from(update.rejected.count_ones());
+        update
+    }
+
+    /// Standard deviation of the force at an evaluation, N.
+    pub(crate) fn force_sigma_n(&self, evaluation: &Evaluation) -> f64 {
+        self.filter.sigma_of(&evaluation.force_gradient)
+    }
+
+    /// Writes what is estimated, and what the last reading said.
+    pub(crate) fn fill(&self, update: &Update, out: &mut Estimate) {
+        let mut identifiable = 0;
+        let slots = out.values.iter_mut().zip(&mut out.sigmas).enumerate();
+        for (estimate, (at, (value, sigma))) in self.filter.estimates().zip(slots) {
+            (*value, *sigma) = (estimate.value, estimate.sigma);
+            identifiable |= u32::from(estimate.identifiable) << at;
+        }
+        out.identifiable = identifiable;
+        out.status = match update.status {
+            Status::Used => estimate_status::USED,
+            Status::InputMissing => estimate_status::INPUT_MISSING,
+            Status::NotLater => estimate_status::NOT_LATER,
+            Status::NotConverged => estimate_status::NOT_CONVERGED,
+            Status::NotExplained => estimate_status::NOT_EXPLAINED,
+        };
+        out.inputs = update.inputs;
+        (out.nis, [out.nis_low, out.nis_high]) = (update.nis, update.nis_band);
+        (out.used_values, out.rejected) = (update.used as u32, update.rejected);
+        out.rejected_total = self.rejected_total;
+    }
+
+    /// An estimate with everything that stays the same.
+    pub(crate) fn payload(&self) -> Estimate {
+        let setup = self.filter.setup();
+        let mut out = Estimate {
+            unknown_count: setup.unknowns.len() as u32,
+            input_count: setup.inputs.len() as u32,
+            ..Estimate::default()
+        };
+        for (at, unknown) in setup.unknowns.iter().enumerate() {
+            out.set_name(at, &unknown.name);
+        }
+        out
     }
 }
 

@@ -1,6 +1,7 @@
 //! From scene to memory: which regimes, fields and nodes are needed, and nothing else.
 
 use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, OutputSpec, Precision, Scene};
+use crate::estimation::Estimator;
 use crate::file;
 use rom::evaluator::Evaluator;
 use rom::kernel::Precision as KernelPrecision;
@@ -28,6 +29,8 @@ pub struct Loaded {
     pub group_sizes: GroupSizes,
     /// One for each field topic.
     pub outputs: Vec<LoadedOutput>,
+    /// What the scene has estimated, if anything.
+    pub estimator: Option<Estimator>,
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
     /// What was read from the model file.
@@ -89,7 +92,15 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         return Err(at(format!("it has no regime for gaps of {min} .. {max} mm")));
     }
     let selections = selections(spec, &header, &mut reader)?;
-    let needed = needed_blocks(&header, &regimes, &selections);
+    let mut needed = needed_blocks(&header, &regimes, &selections);
+    if !spec.markers.is_empty() {
+        let coordinates =
+            header.fields.iter().filter(|field| matches!(field.spec.kind, FieldKind::Coordinate(_)));
+        let fields = coordinates.map(|field| field.spec.name.clone()).collect();
+        let whole = Selection { fields: Some(fields), nodes: Nodes::All };
+        needed.extend(needed_blocks(&header, &regimes, &[whole]));
+        needed.extend((0..3).map(BlockKind::Undeformed));
+    }
     let mut model = Model { header, blocks: Vec::new() };
     let mut read = Vec::new();
     let file_block_bytes = reader.blocks().iter().map(|entry| entry.values * 4).sum();
@@ -102,6 +113,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     }
     let evaluator = Evaluator::new(&model.header).map_err(|error| at(error.to_string()))?;
     let outputs = outputs(spec, &model, selections)?;
+    let estimator = Estimator::new(spec, &model)?;
     let group_sizes = model
         .header
         .regimes
@@ -117,6 +129,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         evaluator,
         group_sizes,
         outputs,
+        estimator,
         regimes,
         read,
         file_block_bytes,

@@ -49,7 +49,7 @@ impl Reading {
             t_trace_s: self.t_trace_s,
             status: self.status,
             markers_mm: self.markers_mm,
-            marker_values: self.marker_values
+            marker_values: self.marker_values,
         }
     }
 }

@@ -38,10 +38,30 @@ struct Columns {
 
 /// Names of a marker's columns, by coordinate: `marker1_x_mm`, `marker1_y_mm`, ...
 const MARKER_COLUMNS: [&str; 3 * MARKERS_MAX] = [
-    "marker1_x_mm", "marker1_y_mm", "marker1_z_mm", "marker2_x_mm", "marker2_y_mm", "marker2_z_mm", "marker3_x_mm",
-    "marker3_y_mm", "marker3_z_mm", "marker4_x_mm", "marker4_y_mm", "marker4_z_mm", "marker5_x_mm", "marker5_y_mm",
-    "marker5_z_mm", "marker6_x_mm", "marker6_y_mm", "marker6_z_mm", "marker7_x_mm", "marker7_y_mm", "marker7_z_mm",
-    "marker8_x_mm", "marker8_y_mm", "marker8_z_mm",
+    "marker1_x_mm",
+    "marker1_y_mm",
+    "marker1_z_mm",
+    "marker2_x_mm",
+    "marker2_y_mm",
+    "marker2_z_mm",
+    "marker3_x_mm",
+    "marker3_y_mm",
+    "marker3_z_mm",
+    "marker4_x_mm",
+    "marker4_y_mm",
+    "marker4_z_mm",
+    "marker5_x_mm",
+    "marker5_y_mm",
+    "marker5_z_mm",
+    "marker6_x_mm",
+    "marker6_y_mm",
+    "marker6_z_mm",
+    "marker7_x_mm",
+    "marker7_y_mm",
+    "marker7_z_mm",
+    "marker8_x_mm",
+    "marker8_y_mm",
+    "marker8_z_mm",
 ];
 
 impl Trace {

@@ -7,7 +7,8 @@ use super::ingest::Validator;
 use super::reconstruct::{FieldError, FieldOutput};
 use super::record::Record;
 use super::swap::Retired;
-use crate::config::{Limits, OutsideDomain, StateSpec, ms_to_ns};
+use crate::config::{ActuatorSpec, Gap, Limits, OutsideDomain, StateSpec, ms_to_ns};
+use crate::estimation::Estimator;
 use crate::load::{GroupSizes, Loaded};
 use crate::payload;
 use rom::evaluation::Evaluation;
@@ -18,12 +19,26 @@ use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use wire::layout::{VERSION, flags, pack_name};
 use wire::{
-    Bus, Health, HealthWriter, Outcome, SensorReader, SensorSample, State, StateWriter, Topic, WireError,
-    now_ns,
+    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
+    StateWriter, Topic, WireError, now_ns,
 };
 
 /// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.
 const MAX_BATCH: usize = 1024;
+
+/// Half-widths cover 90 %: so many standard deviations of a normal distribution.
+const HALFWIDTH_SIGMAS: f64 = 1.645;
+/// A load cell is within so many standard deviations of the force.
+const WATCH_SIGMAS: f64 = 2.0;
+
+/// An estimated gap is no part of a reading: whatever the reading says about it is not looked at.
+fn gap_of(spec: &ActuatorSpec) -> Gap {
+    spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
+}
+
+fn inputs_of(values: &[f64]) -> Inputs {
+    values.iter().enumerate().fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, v)| inputs.with(at, *v))
+}
 
 /// One actuator of a running twin.
 #[derive(Debug)]
@@ -39,9 +54,13 @@ pub(super) struct ActuatorTwin {
     waiting: VecDeque<(SensorSample, u64)>,
     backlog: usize,
     force_watch: ForceWatch,
+    /// Standard deviation of the load cell, N.
+    force_sigma_n: f64,
     group_sizes: GroupSizes,
     wanted: StateSpec,
     limits: Limits,
+    /// What the scene has estimated: the filter, its topic, the last estimate.
+    estimation: Option<(Estimator, EstimateWriter, Estimate)>,
     /// The last state, sent again with flags when readings are held or stay away.
     state: State,
     record: Record,
@@ -69,6 +88,15 @@ impl ActuatorTwin {
             .into_iter()
             .map(|output| FieldOutput::start(bus, &name, loaded.model_hash, boot_id, output))
             .collect::<Result<_, WireError>>()?;
+        let estimation = loaded
+            .estimator
+            .map(|estimator| {
+                let writer = EstimateWriter::create(bus, &Topic::estimate(&name)?)?;
+                let (model_hash, actuator) = (loaded.model_hash, pack_name(&name));
+                let estimate = Estimate { model_hash, boot_id, actuator, ..estimator.payload() };
+                Ok::<_, WireError>((estimator, writer, estimate))
+            })
+            .transpose()?;
         let reader = SensorReader::attach(bus, &Topic::sensor(loaded.spec.sensor())?)?;
         let (model_hash, actuator) = (loaded.model_hash, pack_name(&name));
         let health = Health { model_hash, boot_id, actuator, ..Health::default() };
@@ -80,11 +108,13 @@ impl ActuatorTwin {
             outputs,
             evaluation: loaded.evaluator.evaluation(),
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
+            estimation,
             label: RegimeLabel { regime: RegimeKind::Free, held: false },
-            validator: Validator::new(limits, loaded.spec.gap_mm),
+            validator: Validator::new(limits, gap_of(&loaded.spec)),
             waiting: VecDeque::with_capacity(loaded.spec.backlog),
             backlog: loaded.spec.backlog,
             force_watch: ForceWatch::default(),
+            force_sigma_n: loaded.spec.sigma.force_n,
             group_sizes: loaded.group_sizes,
             wanted: loaded.spec.state,
             limits,
@@ -100,6 +130,11 @@ impl ActuatorTwin {
         (self.state_writer.topic().actuator(), self.reader.topic().actuator())
     }
 
+    /// Whether it estimates something.
+    pub(super) fn estimates(&self) -> bool {
+        self.estimation.is_some()
+    }
+
     /// Continues with another model; the caller has checked that names and shapes are the same.
     pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Retired) {
         self.evaluation = loaded.evaluator.evaluation();
@@ -108,7 +143,13 @@ impl ActuatorTwin {
         for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {
             retired.reconstructors.push(output.swap(loaded.model_hash, new));
         }
-        self.validator.set_gap(loaded.spec.gap_mm);
+        self.validator.set_gap(gap_of(&loaded.spec));
+        if let (Some((estimator, _, estimate)), Some(new)) = (&mut self.estimation, loaded.estimator) {
+            // Another model, or other priors: what was found with the old one does not hold.
+            let Estimate { boot_id, actuator, seq, .. } = *estimate;
+            *estimate = Estimate { model_hash: loaded.model_hash, boot_id, actuator, seq, ..new.payload() };
+            retired.estimators.push(std::mem::replace(estimator, new));
+        }
         self.backlog = loaded.spec.backlog;
         self.waiting.reserve(self.backlog.saturating_sub(self.waiting.len()));
         self.group_sizes = loaded.group_sizes;
@@ -190,7 +231,14 @@ impl ActuatorTwin {
 
     /// Step 3: coefficients, force, gradients and half-widths of the reading.
     fn evaluate(&mut self, sample: &SensorSample) -> Result<(), Outcome> {
-        let inputs = Inputs::new(sample.pressure_mpa, self.validator.gap_mm(sample));
+        let inputs = match &mut self.estimation {
+            None => Inputs::new(sample.pressure_mpa, self.validator.gap_mm(sample)),
+            Some((estimator, _, estimate)) => {
+                let update = estimator.update(sample);
+                estimator.fill(&update, estimate);
+                inputs_of(&update.inputs)
+            }
+        };
         self.label = self.evaluator.evaluate(inputs, &mut self.evaluation);
         if !payload::is_finite(&self.evaluation) {
             return Err(Outcome::DroppedModel);
@@ -207,6 +255,7 @@ impl ActuatorTwin {
     fn publish(&mut self, sample: &SensorSample, taken_ns: u64) -> Outcome {
         self.describe(sample, taken_ns);
         let mut outcome = if self.send_state() { Outcome::Published } else { Outcome::DroppedNotSent };
+        self.send_estimate(sample);
         for output in self.outputs.iter_mut().filter(|output| output.is_due(sample.t_sensor_ns)) {
             let field = output.reconstruct(&self.evaluation);
             match field.and_then(|field| output.publish(field, &self.state)) {
@@ -233,7 +282,12 @@ impl ActuatorTwin {
 
     /// Fills the state from the evaluation and the reading.
     fn describe(&mut self, sample: &SensorSample, taken_ns: u64) {
-        let (evaluation, state) = (&self.evaluation, &mut self.state);
+        let (evaluation, state) = (&mut self.evaluation, &mut self.state);
+        if let Some((estimator, _, estimate)) = &mut self.estimation {
+            estimate.force_sigma_n = estimator.force_sigma_n(evaluation);
+            let of_estimate_n = HALFWIDTH_SIGMAS * estimate.force_sigma_n;
+            evaluation.halfwidths.force_n = evaluation.halfwidths.force_n.hypot(of_estimate_n);
+        }
         let (regime_before, flags_before) = (state.regime, self.record.health.flags);
         payload::fill_state(state, evaluation, &self.group_sizes, self.wanted);
         payload::fill_label(state, self.label);
@@ -244,8 +298,8 @@ impl ActuatorTwin {
         state.measured_force_n = sample.measured_force_n;
         let residual_n = sample.measured_force_n - evaluation.contact_force_n;
         let after_ns = ms_to_ns(self.limits.force_mismatch_ms);
-        let mismatch =
-            self.force_watch.update(sample.t_sensor_ns, residual_n, evaluation.halfwidths.force_n, after_ns);
+        let allowed_n = evaluation.halfwidths.force_n.hypot(WATCH_SIGMAS * self.force_sigma_n);
+        let mismatch = self.force_watch.update(sample.t_sensor_ns, residual_n, allowed_n, after_ns);
         let late = taken_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(self.limits.late_ms);
         for (bit, set) in [
             (flags::FORCE_MEASURED, sample.measured_force_n.is_finite()),
@@ -279,6 +333,19 @@ impl ActuatorTwin {
             self.record.failed(EventKind::SendFailed);
         }
         sent
+    }
+
+    /// Sends the estimate that belongs to the state.
+    fn send_estimate(&mut self, sample: &SensorSample) {
+        let Some((_, writer, estimate)) = &mut self.estimation else { return };
+        estimate.seq += 1;
+        estimate.sensor_boot_id = sample.boot_id;
+        estimate.sensor_seq = sample.seq;
+        estimate.t_sensor_ns = sample.t_sensor_ns;
+        estimate.t_publish_ns = now_ns();
+        if writer.publish(*estimate).is_err() {
+            self.record.failed(EventKind::SendFailed);
+        }
     }
 
     /// Sends the last good values again, marked as held, with the reason.

@@ -3,6 +3,7 @@
 
 use super::actuator::ActuatorTwin;
 use super::reconstruct::{FieldOutput, shape};
+use crate::estimation::Estimator;
 use crate::load::Loaded;
 use rom::hysteresis::HysteresisEvaluator;
 use rom::reconstructor::Reconstructor;
@@ -40,6 +41,8 @@ pub struct Retired {
     pub(super) evaluators: Vec<HysteresisEvaluator>,
     /// Reconstructors, with their bases.
     pub(super) reconstructors: Vec<Reconstructor>,
+    /// Estimators.
+    pub(super) estimators: Vec<Estimator>,
 }
 
 /// Checks that a running twin can continue with what was loaded: the same actuators and topics, samples of the same size.
@@ -53,10 +56,12 @@ pub(super) fn check(running: &[ActuatorTwin], new: &[Loaded]) -> Result<(), Swap
         return Err(SwapError::Actuators { running: names, new: new_names });
     }
     for (actuator, loaded) in running.iter().zip(new) {
+        let estimate = |wanted: bool| wanted.then(|| String::from("estimate"));
         let running: Vec<String> = actuator.outputs.iter().map(FieldOutput::shape).collect();
+        let running: Vec<String> = running.into_iter().chain(estimate(actuator.estimates())).collect();
         let wanted = loaded.outputs.iter();
-        let new: Vec<String> =
-            wanted.map(|output| shape(output.spec.topic_name(), output.reconstructor.entries())).collect();
+        let new = wanted.map(|output| shape(output.spec.topic_name(), output.reconstructor.entries()));
+        let new: Vec<String> = new.chain(estimate(loaded.estimator.is_some())).collect();
         if running != new {
             let (running, new) = (running.join(", "), new.join(", "));
             return Err(SwapError::Outputs { actuator: loaded.spec.name.clone(), running, new });

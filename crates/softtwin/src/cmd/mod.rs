@@ -6,6 +6,7 @@
 use cli::demo;
 
 pub mod bench;
+mod calibrate;
 mod doctor;
 mod echo;
 mod evaluate;
@@ -72,6 +73,7 @@ commands! {
     Sample => sample,
     Simulate => simulate,
     Evaluate => evaluate,
+    Calibrate => calibrate,
     Plot => plot,
     Render => render,
     View => view,

@@ -31,9 +31,9 @@ payload! {
         64 t_publish_ns: u64 = 0, "ns";
         /// Age of that reading when the state was sent.
         72 age_ns: u64 = 0, "ns";
-        /// Pressure of that reading.
+        /// Pressure of that reading; where the twin estimates the gauge's bias, the estimated one.
         80 pressure_mpa: f64 = f64::NAN, "MPa";
-        /// Gap of that reading.
+        /// Gap of that reading; where the twin estimates the gap, the estimated one.
         88 gap_mm: f64 = f64::NAN, "mm";
         /// Predicted contact force; 0 in the free regime.
         96 contact_force_n: f64 = f64::NAN, "N";

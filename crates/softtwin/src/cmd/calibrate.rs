@@ -1,0 +1,253 @@
+//! `softtwin calibrate`.
+
+use crate::failure::{configuration, usage};
+use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::{files, output};
+use anyhow::{Context, bail};
+use estimate::{Fit, Measurement, Model as _, Predicted, Setup};
+use runtime::config::{ActuatorSpec, Scene};
+use runtime::estimation::{self, SensorModel};
+use runtime::source::{SourceSpec, Trace};
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  What a recording says about gap, gauge bias and stiffness; the scene names the unknowns and the sensors:
+    softtwin calibrate --scene config/scenes/estimate.toml --recording run.mcap
+  The same for a table, with a picture of measured and predicted values, and a scene with the result:
+    softtwin calibrate --scene config/scenes/estimate.toml --recording run.csv --picture fit.svg --out calibrated.toml
+
+A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...; an empty
+cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the
+prior of the scene. With --json the last thing on standard output is one JSON object. Exit code 1: the fit did not converge.";
+
+/// Fit the unknowns of a scene to a whole recording.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Scene with `[actuator.estimate]`.
+    #[arg(long, value_name = "FILE.toml")]
+    scene: PathBuf,
+    /// Recorded readings: CSV, or MCAP of `softtwin record`.
+    #[arg(long, value_name = "FILE")]
+    recording: PathBuf,
+    /// The actuator, where the scene has several with unknowns.
+    #[arg(long, value_name = "NAME")]
+    actuator: Option<String>,
+    /// Sensor topic, where the recording has several.
+    #[arg(long, value_name = "KEY")]
+    topic: Option<String>,
+    /// Scene with the fitted values as priors.
+    #[arg(long, value_name = "FILE.toml")]
+    out: Option<PathBuf>,
+    /// Picture of measured and predicted values and of the residuals (.svg or .png).
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// One JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// Fits, then prints the estimates.
+    pub fn run(self) -> anyhow::Result<()> {
+        let scene = Scene::load(&self.scene).map_err(configuration)?;
+        let spec = self.spec(&scene)?;
+        let model = files::model(&scene.resolve(&spec.model))?;
+        let problems = |texts: Vec<String>| configuration(anyhow::anyhow!("{}", texts.join("\n")));
+        let setup = estimation::setup(spec, &model).map_err(problems)?;
+        let mut sensors = SensorModel::new(spec, &model).map_err(problems)?;
+        let trace = Trace::read_topic(&self.recording, self.topic.as_deref()).map_err(|errors| {
+            let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            configuration(anyhow::anyhow!("{}: {}", self.recording.display(), texts.join("\n")))
+        })?;
+        let good = trace.rows.iter().filter(|reading| reading.status == 0);
+        let readings: Vec<Measurement> =
+            good.map(|reading| estimation::measurement(reading.t_trace_s, reading)).collect();
+        check_recording(&setup, &readings).map_err(configuration)?;
+        let fit = estimate::fit(&setup, &readings, &mut sensors)
+            .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;
+        if let Some(out) = self.out.as_ref().filter(|_| fit.converged) {
+            self.save_scene(&scene, &spec.name, &setup, &fit, out)?;
+        }
+        if let Some(picture) = &self.picture {
+            figure(&setup, &readings, &fit, &mut sensors).save(picture)?;
+        }
+        if self.json {
+            output::json(&summary(&setup, &fit, readings.len()))?;
+        } else {
+            output!("{}", text(&setup, &fit, readings.len()))?;
+        }
+        if !fit.converged {
+            bail!(
+                "the fit did not converge: the model does not explain the recording with these sensors; look at the residuals \
+                 (--picture), at units and marker places, or at the priors"
+            );
+        }
+        Ok(())
+    }
+
+    fn spec<'a>(&self, scene: &'a Scene) -> anyhow::Result<&'a ActuatorSpec> {
+        let with = |spec: &&ActuatorSpec| !spec.estimate.is_empty();
+        let names = || scene.actuators.iter().filter(with).map(|spec| spec.name.as_str()).collect::<Vec<_>>();
+        match (&self.actuator, names().as_slice()) {
+            (Some(name), found) => {
+                scene.actuators.iter().filter(with).find(|spec| spec.name == *name).ok_or_else(|| {
+                    usage(format!("--actuator {name}: the scene estimates something for {found:?} only"))
+                })
+            }
+            (None, [_]) => scene.actuators.iter().find(with).context("an actuator"),
+            (None, []) => Err(configuration(anyhow::anyhow!(
+                "{}: expected [actuator.estimate] with at least one unknown, found none",
+                self.scene.display()
+            ))),
+            (None, several) => {
+                Err(usage(format!("several actuators have unknowns: {several:?}; name one with --actuator")))
+            }
+        }
+    }
+
+    /// The scene with the fitted values as priors. Its paths hold from the new file's folder.
+    fn save_scene(
+        &self,
+        scene: &Scene,
+        name: &str,
+        setup: &Setup,
+        fit: &Fit,
+        out: &Path,
+    ) -> anyhow::Result<()> {
+        let mut new = scene.clone();
+        let absolute = |path: &Path| std::path::absolute(scene.resolve(path));
+        for actuator in &mut new.actuators {
+            actuator.model = absolute(&actuator.model)?;
+            if let Some(SourceSpec::Replay(replay)) = &mut actuator.source {
+                replay.trace = absolute(&replay.trace)?;
+            }
+            if actuator.name != name {
+                continue;
+            }
+            for (unknown, estimate) in setup.unknowns.iter().zip(&fit.estimates) {
+                if let Some(spec) = actuator.estimate.get_mut(&unknown.name) {
+                    (spec.prior, spec.sigma) = (estimate.value, estimate.sigma);
+                }
+            }
+        }
+        let text = toml::to_string(&new).context("the scene as text")?;
+        let head = format!(
+            "# Made by softtwin calibrate from {} and {}.\n",
+            self.scene.display(),
+            self.recording.display()
+        );
+        files::save(out, (head + &text).as_bytes())
+    }
+}
+
+/// A recording that measures nothing that the model predicts is a mistake of the scene or of the table.
+fn check_recording(setup: &Setup, readings: &[Measurement]) -> anyhow::Result<()> {
+    let any = readings.iter().any(|reading| reading.rows.iter().any(|value| value.is_finite()));
+    if !any {
+        let names: Vec<&str> = setup.rows.iter().map(|row| row.name.as_str()).collect();
+        bail!("the recording has no measured value of {}; nothing can be fitted", names.join(", "));
+    }
+    Ok(())
+}
+
+fn summary(setup: &Setup, fit: &Fit, readings: usize) -> Value {
+    let estimates: Map<String, Value> = setup.unknowns.iter().zip(&fit.estimates).map(|(unknown, estimate)| {
+        let value = json!({"value": estimate.value, "sigma": estimate.sigma, "identifiable": estimate.identifiable});
+        (unknown.name.clone(), value)
+    }).collect();
+    let count = setup.unknowns.len();
+    let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+    let correlations: Vec<Value> = pairs
+        .map(|(a, b)| json!([setup.unknowns[a].name, setup.unknowns[b].name, fit.correlation(a, b)]))
+        .collect();
+    json!({
+        "estimates": estimates,
+        "chi2_per_dof": fit.chi2_per_dof,
+        "converged": fit.converged,
+        "correlations": correlations,
+        "readings": readings,
+        "values_used": fit.used,
+        "outliers": fit.outliers,
+        "readings_skipped": fit.skipped,
+    })
+}
+
+fn text(setup: &Setup, fit: &Fit, readings: usize) -> String {
+    let mut out = format!(
+        "{readings} readings, {} values used, {} outliers, {} readings skipped; chi2 per degree of freedom {:.2}\n",
+        fit.used, fit.outliers, fit.skipped, fit.chi2_per_dof
+    );
+    for (unknown, estimate) in setup.unknowns.iter().zip(&fit.estimates) {
+        let told =
+            if estimate.identifiable { "" } else { "  not told by this recording: rests on the prior" };
+        out += &format!(
+            "  {:28} {:12.6} +- {:.6}   (prior {} +- {}){told}\n",
+            unknown.name, estimate.value, estimate.sigma, unknown.prior, unknown.sigma
+        );
+    }
+    for a in 0..setup.unknowns.len() {
+        for b in a + 1..setup.unknowns.len() {
+            let correlation = fit.correlation(a, b);
+            if correlation.abs() > 0.9 {
+                let names = (&setup.unknowns[a].name, &setup.unknowns[b].name);
+                out += &format!(
+                    "  {} and {} can hardly be told apart: correlation {correlation:.3}\n",
+                    names.0, names.1
+                );
+            }
+        }
+    }
+    out.trim_end().to_owned()
+}
+
+/// Measured values, predictions before and after the fit, residuals after it; one row of panels a measured quantity.
+fn figure(setup: &Setup, readings: &[Measurement], fit: &Fit, sensors: &mut SensorModel) -> Figure {
+    let before: Vec<f64> = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
+    let after: Vec<f64> = fit.estimates.iter().map(|estimate| estimate.value).collect();
+    let mut predict = |unknowns: &[f64]| -> Vec<Vec<f64>> {
+        let one = |reading: &Measurement| {
+            let mut rows = vec![Predicted::default(); setup.rows.len()];
+            sensors.predict(&setup.inputs(reading, unknowns), &mut rows);
+            let bias = |at: usize| setup.rows[at].bias.map_or(0.0, |bias| unknowns[bias]);
+            rows.iter().enumerate().map(|(at, row)| row.value + bias(at)).collect()
+        };
+        readings.iter().map(one).collect()
+    };
+    let (before, after) = (predict(&before), predict(&after));
+    let begin_s = readings.first().map_or(0.0, |reading| reading.t_s);
+    let mut panels = Vec::new();
+    for (at, row) in setup.rows.iter().enumerate() {
+        if !readings.iter().any(|reading| reading.rows[at].is_finite()) {
+            continue;
+        }
+        let series = |name: &str, colour, mark, value: &dyn Fn(usize) -> f64| {
+            let points = readings.iter().enumerate().map(|(i, reading)| (reading.t_s - begin_s, value(i)));
+            Series {
+                name: name.into(),
+                colour,
+                mark,
+                points: points.filter(|point| point.1.is_finite()).collect(),
+            }
+        };
+        let panel = |label: &str, series| Panel {
+            title: String::new(),
+            x: Axis::linear("time [s]"),
+            y: Axis::linear(label),
+            series,
+            map: None,
+        };
+        let values = vec![
+            series("measured", 0, Mark::Dots, &|i| readings[i].rows[at]),
+            series("predicted with the priors", 1, Mark::Line, &|i| before[i][at]),
+            series("predicted after the fit", 2, Mark::Line, &|i| after[i][at]),
+        ];
+        panels.push(panel(&row.name, values));
+        let residuals =
+            series("measured - predicted", 0, Mark::Dots, &|i| readings[i].rows[at] - after[i][at]);
+        panels.push(panel(&format!("{}: residual", row.name), vec![residuals]));
+    }
+    Figure { title: format!("Fit to {} readings", readings.len()), panels, columns: 2 }
+}
