@@ -84,7 +84,7 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>) -> Vec<Ro
         name: "measured_force_n".into(),
         block: 0,
         sigma: force_n,
-        model_sigma: force / HALFWIDTH_SIGMAS,
+        model_sigma: spec.sigma.model_force_n.unwrap_or(force / HALFWIDTH_SIGMAS),
         bias: force_bias,
     };
     let marker = |(at, marker): (usize, &crate::config::MarkerSpec)| {
@@ -92,7 +92,7 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>) -> Vec<Ro
             name: format!("{} {axis}", marker.name),
             block: at + 1,
             sigma: marker_mm,
-            model_sigma: displacement / HALFWIDTH_SIGMAS,
+            model_sigma: spec.sigma.model_mm.unwrap_or(displacement / HALFWIDTH_SIGMAS),
             bias: None,
         })
     };

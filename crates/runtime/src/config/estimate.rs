@@ -32,13 +32,25 @@ pub struct SigmaSpec {
     pub force_n: f64,
     /// Of a marker's coordinate, mm.
     pub marker_mm: f64,
+    /// Of the model's force, N; default: from the model's half-width, which does not contain the error of its mesh.
+    pub model_force_n: Option<f64>,
+    /// Of the model's positions, mm; default as above.
+    pub model_mm: Option<f64>,
     /// Time over which the model's error stays alike, s: readings within it do not average it out.
     pub model_correlation_s: f64,
 }
 
 impl Default for SigmaSpec {
     fn default() -> Self {
-        Self { pressure_mpa: 0.0005, gap_mm: 0.2, force_n: 0.005, marker_mm: 0.2, model_correlation_s: 10.0 }
+        Self {
+            pressure_mpa: 0.0005,
+            gap_mm: 0.2,
+            force_n: 0.005,
+            marker_mm: 0.2,
+            model_force_n: None,
+            model_mm: None,
+            model_correlation_s: 10.0,
+        }
     }
 }
 
@@ -107,6 +119,8 @@ pub(super) fn problems(
         ("gap_mm", sigma.gap_mm),
         ("force_n", sigma.force_n),
         ("marker_mm", sigma.marker_mm),
+        ("model_force_n", sigma.model_force_n.unwrap_or(1.0)),
+        ("model_mm", sigma.model_mm.unwrap_or(1.0)),
     ] {
         let fits = value.is_finite() && value > 0.0;
         expect(fits, format!("sigma.{key}"), "a number above 0", value.to_string());

@@ -178,7 +178,9 @@ impl Columns {
         let mut marker_values = 0;
         for (at, (value, column)) in markers_mm.iter_mut().zip(&self.markers).enumerate() {
             let (Some(place), Some(name)) = (*column, MARKER_COLUMNS.get(at)) else { continue };
-            *value = cell(name, place)?;
+            // A marker that was not seen leaves its cells empty.
+            let is_empty = text.split(',').nth(place).is_some_and(|cell| cell.trim().is_empty());
+            *value = if is_empty { f64::NAN } else { cell(name, place)? };
             marker_values = 3 * (at as u32 / 3) + 3;
         }
         let row = Reading {

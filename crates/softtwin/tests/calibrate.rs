@@ -1,0 +1,110 @@
+//! `softtwin calibrate` as a program: readings of a known truth in, estimates out.
+
+use rom::evaluator::Evaluator;
+use rom::inputs::Inputs;
+use rom::model::Model;
+use rom::probe::{MeshPoint, ProbePosition, Probes};
+use rom::rng::Rng;
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// A slow inflation over a plate at a gap, read by a gauge with a bias, a load cell and a camera at the tip: a table.
+fn recording(gap_mm: f64, bias_mpa: f64, with_markers: bool) -> String {
+    let bytes = std::fs::read(format!("{ROOT}/models/pneunet/pneunet.twin")).expect("the committed model");
+    let model = Model::from_bytes(&bytes).expect("a model");
+    let tip = MeshPoint::at(&model, [115.0, 2.0, 16.0]).expect("the tip");
+    let probes = Probes::new(&model, &[tip]).expect("probes");
+    let evaluator = Evaluator::new(&model.header).expect("evaluator");
+    let (mut evaluation, mut at) = (evaluator.evaluation(), [ProbePosition::default()]);
+    let mut random = Rng::new(17);
+    let mut normal = || (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0;
+    let mut text = String::from("t_s,pressure_mpa,measured_force_n");
+    text += if with_markers { ",marker1_x_mm,marker1_y_mm,marker1_z_mm\n" } else { "\n" };
+    for k in 0..400 {
+        let (t_s, pressure_mpa) = (f64::from(k) * 0.025, f64::from(k) * 0.095 / 400.0);
+        evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+        probes.evaluate(&evaluation, &mut at);
+        let measured = pressure_mpa + bias_mpa + 0.0005 * normal();
+        let force = evaluation.contact_force_n + 0.005 * normal();
+        write!(text, "{t_s},{measured},{force}").expect("memory");
+        if with_markers {
+            let [x, y, z] = at[0].position_mm.map(|x| x + 0.2 * normal());
+            let row = if k % 10 == 3 { ",,,".into() } else { format!(",{x},{y},{z}") };
+            text += &row;
+        }
+        text += "\n";
+    }
+    text
+}
+
+fn calibrate(folder: &Path, table: &str, extra: &[&str]) -> Output {
+    let recording = folder.join("run.csv");
+    std::fs::write(&recording, table).expect("a table");
+    Command::new(env!("CARGO_BIN_EXE_softtwin"))
+        .args(["calibrate", "--scene", &format!("{ROOT}/config/scenes/estimate.toml"), "--json", "--recording"])
+        .arg(recording)
+        .args(extra)
+        .output()
+        .expect("softtwin")
+}
+
+fn json(output: &Output) -> Value {
+    let text = String::from_utf8_lossy(&output.stdout);
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}{}", String::from_utf8_lossy(&output.stderr)))
+}
+
+#[test]
+fn gap_and_bias_are_found_and_the_result_is_a_scene_that_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [out, picture] = ["calibrated.toml", "fit.svg"].map(|name| folder.path().join(name));
+    let extra: Vec<&str> = vec!["--out", path(&out), "--picture", path(&picture)];
+    let output = calibrate(folder.path(), &recording(46.0, 0.0012, true), &extra);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found = json(&output);
+    let (gap, bias) = (&found["estimates"]["gap_mm"], &found["estimates"]["pressure_bias_mpa"]);
+    assert_eq!((&found["converged"], &gap["identifiable"], &bias["identifiable"]), (&true.into(), &true.into(), &true.into()), "{found}");
+    let off = |estimate: &Value, truth: f64| (estimate["value"].as_f64().expect("a value") - truth).abs();
+    assert!(off(gap, 46.0) < 0.25 && off(bias, 0.0012) < 0.0006, "{found}");
+    let chi2 = found["chi2_per_dof"].as_f64().expect("a number");
+    assert!((0.8..1.2).contains(&chi2), "{found}");
+    assert!(std::fs::read_to_string(picture).expect("a picture").contains("<svg"));
+    let scene = runtime::config::Scene::load(&out).expect("the scene is valid");
+    assert!((scene.actuators[0].estimate["gap_mm"].prior - 46.0).abs() < 0.25);
+    assert!(scene.resolve(&scene.actuators[0].model).exists());
+}
+
+#[test]
+fn force_alone_does_not_tell_gap_and_bias_apart() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let found = json(&calibrate(folder.path(), &recording(46.0, 0.0012, false), &[]));
+    assert_eq!(found["converged"], true, "{found}");
+    for (name, truth) in [("gap_mm", 46.0), ("pressure_bias_mpa", 0.0012)] {
+        let estimate = &found["estimates"][name];
+        assert_eq!(estimate["identifiable"], false, "{found}");
+        let off = (estimate["value"].as_f64().expect("a value") - truth).abs();
+        assert!(off < 3.0 * estimate["sigma"].as_f64().expect("a number"), "confident and wrong: {found}");
+    }
+}
+
+#[test]
+fn what_cannot_be_fitted_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = calibrate(folder.path(), "t_s,pressure_mpa\n0,0.01\n1,0.02\n", &[]);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(78), "{text}");
+    assert!(text.contains("no measured value of measured_force_n"), "{text}");
+    let finger = format!("{ROOT}/config/scenes/finger.toml");
+    let output = Command::new(env!("CARGO_BIN_EXE_softtwin"))
+        .args(["calibrate", "--scene", &finger, "--recording", "none.csv"])
+        .output()
+        .expect("softtwin");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("[actuator.estimate]"));
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("a path")
+}
