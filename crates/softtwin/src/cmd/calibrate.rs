@@ -54,7 +54,9 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
         let spec = self.spec(&scene)?;
-        let model = files::model(&scene.resolve(&spec.model))?;
+        let mut model = files::model(&scene.resolve(&spec.model))?;
+        let given = spec.inputs.iter().map(|(name, value)| (name.as_str(), *value));
+        model.header.give(given).map_err(configuration)?;
         let problems = |texts: Vec<String>| configuration(anyhow::anyhow!("{}", texts.join("\n")));
         let setup = estimation::setup(spec, &model).map_err(problems)?;
         let mut sensors = SensorModel::new(spec, &model).map_err(problems)?;
