@@ -154,8 +154,11 @@ def empty(stage):
     return (view,), url, ready
 
 
+# From the first reading to the largest pressure, s: states of held readings follow until the recording ends.
+TRACE = """(() => { const b = softtwin.chosen().history.all.bins.filter((bin) => bin.pressure_mpa);
+  return [b[0].t_ms, b.reduce((a, c) => (c.pressure_mpa[1] > a.pressure_mpa[1] ? c : a)).t_ms].map((t) => t / 1000); })()"""
 FILM_SIZE = (1080, 680)
-FILM_STEP_S = 0.1
+FILM_STEP_S = 0.12
 FILM_HOLD_MS = 1500
 FILM_BYTES = 1_500_000
 
@@ -178,8 +181,8 @@ def film(stage, program, path, make_page):
         page.click("pause")
         page.browser.call("Emulation.setDeviceMetricsOverride", width=FILM_SIZE[0], height=FILM_SIZE[1], deviceScaleFactor=1, mobile=False)
         page.run(SHARP)
-        end = page.run("Math.max(...softtwin.chosen().history.all.bins.filter((b) => b.pressure_mpa).map((b) => b.t_ms)) / 1000")
-        steps = [k * FILM_STEP_S for k in range(int(end / FILM_STEP_S) + 1)]
+        begin, end = page.run(TRACE)
+        steps = [begin + k * FILM_STEP_S for k in range(int((end - begin) / FILM_STEP_S) + 1)]
         for t_s in [end, *steps]:  # at the end once before, so that the view fits all shapes from the first picture on
             page.slide("scrub", t_s)
             wait(lambda: abs(page.shown("t_s") - t_s) < 0.02, "the place sought")

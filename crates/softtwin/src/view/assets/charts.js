@@ -54,7 +54,7 @@ export class Charts {
     const [low, high] = rangeOf(shown, place, strip.log);
     const [top, bottom] = [7, height - 7];
     const y = (value) => bottom - ((place(value) - low) / (high - low)) * (bottom - top);
-    const x = (time) => LEFT + (1 - (now - time) / span_ms) * (width - LEFT - 3);
+    const x = (time) => LEFT + (1 - Math.max(0, now - time) / span_ms) * (width - LEFT - 3);
     this.drawGrid(context, strip, { low, high, y, width, height, empty: !shown.length }, { line, faint });
     context.save();
     context.beginPath();
@@ -117,6 +117,7 @@ function drawLine(context, { bins, shift_ms, isSteady, key, colour, dash, wide }
     if (high > low) { context.lineTo(at, y(high)); context.lineTo(at, y(newest)); }
     last = bin.t_ms;
   }
+  if (isSteady) context.lineTo(x(Infinity), y(bins[bins.length - 1][key][2]));
   context.stroke();
   context.setLineDash([]);
   context.globalAlpha = 1;
@@ -133,6 +134,6 @@ function rangeOf(lines, place, log) {
 }
 
 function decades(low, high) {
-  const every = high - low > 3 ? 2 : 1;
+  const every = Math.ceil((high - low) / 3);
   return { at: Array.from({ length: Math.floor((high - low) / every) + 1 }, (_, k) => Number((10 ** (low + every * k)).toPrecision(1))), digits: 0 };
 }

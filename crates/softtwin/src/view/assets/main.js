@@ -125,6 +125,7 @@ function reshow() {
 
 function choose(name) {
   state.chosen = name ?? chosen()?.name ?? null;
+  at("actuators").hidden = whatIf.active; // there is one prediction
   at("actuators").replaceChildren(...visible().map((actuator) => {
     const button = document.createElement("button");
     const dot = Object.assign(document.createElement("span"), { className: "dot" });

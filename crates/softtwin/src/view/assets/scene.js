@@ -19,7 +19,7 @@ const rgb = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 25
 export class Scene {
   // `shown()`: { actuators, blocks, models } that are visible now.
   constructor(painter, camera, marks, shown) {
-    Object.assign(this, { painter, camera, marks, shown, box: null, seen: [], largest_n: 0, labels: [] });
+    Object.assign(this, { painter, camera, marks, shown, box: null, seen: [], touched: 0, largest_n: 0, labels: [] });
     new ResizeObserver(() => { if (!camera.moved) this.fit(); camera.changed(); }).observe(camera.canvas);
   }
 
@@ -40,7 +40,7 @@ export class Scene {
 
   // Other things are shown: forget where the former ones were.
   forget() {
-    Object.assign(this, { box: null, seen: [], largest_n: 0 });
+    Object.assign(this, { box: null, seen: [], touched: 0, largest_n: 0 });
     this.camera.moved = false;
   }
 
@@ -55,8 +55,10 @@ export class Scene {
     const corner = (name, pick) => [0, 1, 2].map((k) => pick(...all.map((box) => box[name][k])));
     const box = { low: corner("low", Math.min), high: corner("high", Math.max) };
     const grown = !this.box || box.low.some((v, k) => this.box.low[k] - v > GROWN_MM) || box.high.some((v, k) => v - this.box.high[k] > GROWN_MM);
-    if (!grown) return;
-    this.box = box;
+    const tips = this.arrows(this.largest_n).map(({ tip }) => tip);
+    if (!grown && tips.length <= this.touched) return;
+    Object.assign(this, { box, touched: Math.max(tips.length, this.touched) });
+    this.seen.push(...tips);
     for (const actuator of actuators) this.seen.push(...actuator.some(SEEN_NODES));
     for (const { low, high } of still) this.seen.push(...cornersOf(low, high));
     if (!this.camera.moved) this.fit();
@@ -64,7 +66,7 @@ export class Scene {
 
   fit() {
     if (!this.box) return;
-    this.camera.fit([...this.seen, ...this.arrows(this.largest_n).map(({ tip }) => tip)]);
+    this.camera.fit(this.seen);
   }
 
   // Force arrows: where they begin, how long they are and where their points are. `all_n`: as if all had this force.
@@ -109,7 +111,8 @@ export class Scene {
     this.labels.forEach(({ at, text }, k) => {
       const mark = this.marks.children[k] ?? this.marks.appendChild(Object.assign(document.createElement("div"), { className: "mark" }));
       if (mark.textContent !== text) mark.textContent = text;
-      mark.style.transform = `translate(${at[0] + 10}px, ${at[1] - 11}px)`;
+      const x = Math.min(at[0] + 10, this.camera.canvas.clientWidth - mark.offsetWidth - 6); // inside the view
+      mark.style.transform = `translate(${x}px, ${at[1] - 11}px)`;
     });
   }
 }
