@@ -31,7 +31,7 @@ export function showNumbers(parent, frame, fps) {
     const main = known(value) ? [value.toFixed(row.digits), row.unit] : [row.none ?? "–", ""];
     return cell(row, main, row.more(frame).filter(Boolean).join(" · "));
   });
-  const drawn = `${fps.toFixed(0)} frames/s drawn`;
+  const drawn = fps > 0 ? `${fps.toFixed(0)} frames/s drawn` : "";
   cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
