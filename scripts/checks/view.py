@@ -238,7 +238,7 @@ def what_if_answers_sliders_without_a_twin_and_its_colours_are_the_published_max
         wait(lambda: "outside-domain" in (page.run("softtwin.chosen().shown.flags.join()") or ""), "the flag of an extrapolation")
         saved = page.run(SAVE % ("save", "save", 0))
         assert saved[0].endswith(".png") and saved[1][:8] == list(b"\x89PNG\r\n\x1a\n") and saved[2] > 20000, saved
-        filmed = page.run(SAVE % ("film", "film", 1500))
+        filmed = page.run(SAVE % ("film", "film", 4000))
         assert filmed[0].endswith(".webm") and filmed[1][:4] == [0x1A, 0x45, 0xDF, 0xA3] and filmed[2] > 5000, filmed
         assert not page.browser.complaints(), page.browser.complaints()
         stage.end(view)
@@ -410,7 +410,7 @@ def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, progr
         wait(lambda: page.badge() == "recording first.mcap", "the recording's name", 60)
         wait(lambda: (page.shown("t_s") or 0) > 0.5, "the recording to run")
         assert page.run("softtwin.chosen().body.corners.length") > 3000, "the model makes the surface"
-        assert page.run("softtwin.chosen().history.states.length") > 100, "the charts know the whole recording"
+        assert page.run("softtwin.chosen().history.all.bins.length") > 100, "the charts know the whole recording"
         page.click("pause")
         wait(lambda: page.shown("playing") is False, "the recording to stand still")
         page.slide("scrub", 3.0)

@@ -283,7 +283,12 @@ at("scene").addEventListener("pointermove", (event) => {
 });
 at("scene").addEventListener("pointerleave", () => { at("tip").hidden = true; });
 
-setInterval(() => { if (!recording.on) link.send({ type: "readings" }); status(); panels(); }, READINGS_EVERY_MS);
+setInterval(() => {
+  if (!recording.on) link.send({ type: "readings" });
+  if (recorder.filming) touch(); // a film of what stands still has pictures too
+  status();
+  panels();
+}, READINGS_EVERY_MS);
 requestAnimationFrame(tick);
 
 // For scripts and tests: what is on the page right now.
