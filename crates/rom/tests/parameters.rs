@@ -322,3 +322,46 @@ fn one_state_twice_with_other_derivatives_is_trained_without_them_and_says_so() 
     let (_, sheet) = train(&database, &quick(), &mut |_| {}).expect("trains");
     assert!(sheet.remarks.iter().any(|r| r.contains("other derivatives")), "{:?}", sheet.remarks);
 }
+
+/// Half-widths promise 90 %: overall and in every quarter of pressure and stiffness.
+#[test]
+fn half_widths_cover_what_they_promise_in_every_quarter() {
+    let evaluator = evaluator();
+    let touching: Vec<_> = unseen().into_iter().filter(|s| design::force_n(*s) > 0.0).collect();
+    let covered = |s: &design::State| {
+        let found = ask(&evaluator, *s);
+        (found.contact_force_n - design::force_n(*s)).abs() <= found.halfwidths.force_n
+    };
+    let share =
+        |states: &[design::State]| states.iter().filter(|s| covered(s)).count() as f64 / states.len() as f64;
+    let quarter = |high_pressure: bool, stiff: bool| -> Vec<design::State> {
+        touching.iter().copied().filter(|s| (s[0] > 0.05) == high_pressure && (s[2] > 0.8) == stiff).collect()
+    };
+    let quarters: Vec<(usize, f64)> = [(false, false), (false, true), (true, false), (true, true)]
+        .map(|(p, q)| quarter(p, q))
+        .map(|states| (states.len(), share(&states)))
+        .to_vec();
+    println!("force covered: {:.3} of {}, by quarter {quarters:?}", share(&touching), touching.len());
+    assert!(share(&touching) >= 0.85, "{}", share(&touching));
+    assert!(quarters.iter().all(|(count, share)| *count > 10 && *share >= 0.8), "{quarters:?}");
+}
+
+/// What an evaluation costs with two parameters and with derivatives, for people: cargo test -- --nocapture.
+#[test]
+fn an_evaluation_answers_repeatedly_and_says_what_it_costs() {
+    let plain = train(&synthetic::plate(), &quick(), &mut |_| {}).expect("trains").0;
+    let with = train(&few(80, true), &quick(), &mut |_| {}).expect("trains").0;
+    for (name, model) in
+        [("pressure and gap", &plain), ("two parameters", &trained().0), ("80 states, derivatives", &with)]
+    {
+        let evaluator = Evaluator::new(&model.header).expect("consistent");
+        let mut evaluation = evaluator.evaluation();
+        let at = |i: usize| Inputs::new(0.05 + 1e-5 * i as f64, 20.0);
+        let begin = std::time::Instant::now();
+        (0..2000).for_each(|i| evaluator.evaluate(at(i), &mut evaluation));
+        let us = begin.elapsed().as_secs_f64() * 1e6 / 2000.0;
+        let terms = model.regime(RegimeKind::Contact).map_or(0, |r| r.groups[0].surrogate.centre_count());
+        println!("{name}: {us:.2} us, {} coefficients, {terms} centres", evaluation.coefficients.len());
+        assert!(evaluation.contact_force_n > 0.0);
+    }
+}

@@ -1,13 +1,13 @@
 //! From trained parts to the model and its data sheet.
 
+use super::boundary::OnsetBoundary;
 use super::group::{GroupFit, Plan};
-use super::onset::OnsetBoundary;
 use super::regime::Part;
 use crate::config::TrainConfig;
 use crate::datasheet::{Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
 use crate::inputs::InputSpec;
 use crate::interpolant::Interpolant;
-use crate::model::{BlockData, BlockKind, GroupModel, Model, ModelHeader, OutputField, RegimeModel};
+use crate::model::{BlockData, BlockKind, Model, ModelHeader, OutputField};
 use crate::snapshots::Database;
 
 pub(super) fn assemble(
@@ -46,7 +46,7 @@ pub(super) fn assemble(
         inputs,
         fields: fields.map(|(spec, axes)| OutputField { spec: spec.clone(), magnitude_of: *axes }).collect(),
         node_count: database.node_count,
-        regimes: parts.iter().map(|part| regime_model(plan, part)).collect(),
+        regimes: parts.iter().map(|part| part.model(plan)).collect(),
         onset: onset.as_ref().map(|onset| onset.table.clone()),
         hysteresis_mpa: config.hysteresis_mpa,
         node_sets: database.node_sets.clone(),
@@ -65,31 +65,6 @@ pub(super) fn assemble(
         blocks.push((BlockKind::Surface, BlockData::U32(database.surface_triangles.concat())));
     }
     (Model { header, blocks }, sheet)
-}
-
-pub(super) fn regime_model(plan: &Plan, part: &Part) -> RegimeModel {
-    let mut next = 0;
-    let groups = plan.groups.iter().zip(&part.groups).map(|(group, fit)| {
-        let coefficients = next..next + fit.choice.modes;
-        next = coefficients.end;
-        GroupModel {
-            name: group.name.clone(),
-            fields: group.fields.clone(),
-            coefficients,
-            surrogate: fit.choice.fit.interpolant.clone(),
-            singular_values: fit.pod.singular_values.clone(),
-        }
-    });
-    RegimeModel {
-        kind: part.kind,
-        inputs: part.inputs.clone(),
-        groups: groups.collect(),
-        force: part.force.as_ref().map(|f| f.0.clone()),
-        domain: part.domain.clone(),
-        halfwidths: part.halfwidths,
-        local_halfwidths: part.local_halfwidths.clone(),
-        far_onset: part.far_onset.clone(),
-    }
 }
 
 fn field_blocks(database: &Database, plan: &Plan, part: &Part) -> Vec<(BlockKind, BlockData)> {

@@ -1,6 +1,6 @@
 //! POD groups: which fields share one, and the fit of one group over one regime's states.
 
-use super::TrainError;
+use super::error::TrainError;
 use super::full::full_leave_one_out;
 use crate::config::{Grouping, ModeChoice, RegimeConfig, TrainConfig};
 use crate::inputs::Point;

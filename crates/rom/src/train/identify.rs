@@ -1,6 +1,6 @@
 //! Whether inputs can be told apart: by where the states are, and by what they do.
 
-use super::TrainError;
+use super::error::TrainError;
 use super::regime::Part;
 use super::sort::Sorted;
 use crate::inputs::{InputMap, InputSpec, Inputs, MAX_INPUTS, PARAMETERS};

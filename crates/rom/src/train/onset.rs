@@ -1,16 +1,15 @@
 //! Onset pressure, read off the free model: when does its lowest node above the obstacle reach it? Without parameters a table
 //! over the gap, with parameters what the pressure is solved from at every state.
 
-use super::TrainError;
-use super::assemble::regime_model;
+use super::boundary::OnsetBoundary;
+use super::error::TrainError;
 use super::group::Plan;
 use super::regime::Part;
 use super::sort::Sorted;
 use crate::config::TrainConfig;
-use crate::evaluation::Evaluation;
 use crate::inputs::{Inputs, PARAMETERS, PRESSURE};
-use crate::model::{Clearance, RegimeModel};
-use crate::regime::{OnsetAt, OnsetTable};
+use crate::model::Clearance;
+use crate::regime::OnsetTable;
 use crate::snapshots::{Database, Footprint};
 
 /// Pressures the free model is asked at.
@@ -21,51 +20,6 @@ const COARSE_STEPS: usize = 12;
 const NEAR_MM: f64 = 0.05;
 /// No more nodes than this are looked at when the onset is solved.
 const MAX_NODES: usize = 512;
-
-/// The onset as training needs it.
-pub(super) struct OnsetBoundary {
-    /// Over the gap; with parameters at their nominal values.
-    pub table: OnsetTable,
-    solver: Option<(Clearance, RegimeModel)>,
-    crossings: usize,
-}
-
-impl OnsetBoundary {
-    /// Whether the onset depends on parameters.
-    pub fn has_parameters(&self) -> bool {
-        self.solver.is_some()
-    }
-
-    /// The onset at a state.
-    pub fn at(&self, inputs: &Inputs) -> OnsetAt {
-        match &self.solver {
-            Some((clearance, free)) => clearance.onset(free, inputs, None, &mut Evaluation::room(free)),
-            None => self.table.at(inputs.gap_mm()),
-        }
-    }
-
-    /// Depth of the lowest node at pressure and parameters, mm; none without parameters.
-    pub fn depth_mm(&self, inputs: &Inputs) -> Option<f64> {
-        let (clearance, free) = self.solver.as_ref()?;
-        Some(clearance.depth_mm(free, inputs, &mut Evaluation::room(free)))
-    }
-
-    /// What the data sheet says about it.
-    pub fn remarks(&self) -> Option<String> {
-        (self.crossings > 0).then(|| {
-            format!(
-                "in {} sampled states a node beside the obstacle lies lower than those above it: the onset looks at the \
-                 nodes that were lowest above it in some state",
-                self.crossings
-            )
-        })
-    }
-
-    /// What the model keeps.
-    pub fn into_clearance(self) -> Option<Clearance> {
-        self.solver.map(|(clearance, _)| clearance)
-    }
-}
 
 /// The onset for pressures from 0 to the largest one sampled.
 pub(super) fn derive(
@@ -128,7 +82,7 @@ pub(super) fn derive(
     nodes.sort_by(|a, b| near[*a].total_cmp(&near[*b]).then(a.cmp(b)));
     nodes.truncate(MAX_NODES);
     let clearance = heights_of_nodes(plan, free, coordinates[1], &nodes, max_mpa, table.bend_per_mm);
-    Ok(OnsetBoundary { table, solver: Some((clearance, regime_model(plan, free))), crossings })
+    Ok(OnsetBoundary { table, solver: Some((clearance, free.model(plan))), crossings })
 }
 
 fn heights_of_nodes(

@@ -1,8 +1,8 @@
 //! Training one regime: inputs, groups, force, domain, half-widths.
 
-use super::TrainError;
+use super::boundary::OnsetBoundary;
+use super::error::TrainError;
 use super::group::{Decomposed, Directions, Group, GroupFit, Plan, fit_groups};
-use super::onset::OnsetBoundary;
 use super::sort::Sorted;
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::datasheet::{Candidate, CaseError};
@@ -10,7 +10,7 @@ use crate::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
 use crate::inputs::{GAP, InputMap, Inputs, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Slope;
-use crate::model::{FarOnset, ForceModel};
+use crate::model::{FarOnset, ForceModel, GroupModel, RegimeModel};
 use crate::regime::{OnsetAt, OnsetTable};
 use crate::select::{States, Task, choose};
 use crate::snapshots::{Database, FieldKind, RegimeKind};
@@ -42,6 +42,32 @@ pub(super) struct Part {
 }
 
 impl Part {
+    /// What the model keeps of it.
+    pub fn model(&self, plan: &Plan) -> RegimeModel {
+        let mut next = 0;
+        let groups = plan.groups.iter().zip(&self.groups).map(|(group, fit)| {
+            let coefficients = next..next + fit.choice.modes;
+            next = coefficients.end;
+            GroupModel {
+                name: group.name.clone(),
+                fields: group.fields.clone(),
+                coefficients,
+                surrogate: fit.choice.fit.interpolant.clone(),
+                singular_values: fit.pod.singular_values.clone(),
+            }
+        });
+        RegimeModel {
+            kind: self.kind,
+            inputs: self.inputs.clone(),
+            groups: groups.collect(),
+            force: self.force.as_ref().map(|f| f.0.clone()),
+            domain: self.domain.clone(),
+            halfwidths: self.halfwidths,
+            local_halfwidths: self.local_halfwidths.clone(),
+            far_onset: self.far_onset.clone(),
+        }
+    }
+
     /// A field at a state, node by node.
     pub fn field(&self, plan: &Plan, field: usize, inputs: &Inputs) -> Vec<f64> {
         let Some((g, at)) = plan.find(field) else { return Vec::new() };

@@ -1,6 +1,6 @@
 //! Which training case teaches which regime.
 
-use super::TrainError;
+use super::error::TrainError;
 use crate::config::TrainConfig;
 use crate::inputs::{Inputs, PARAMETERS};
 use crate::snapshots::{Database, RegimeKind, Split};

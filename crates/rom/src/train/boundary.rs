@@ -1,0 +1,53 @@
+//! The onset pressure while a model is trained.
+
+use crate::evaluation::Evaluation;
+use crate::inputs::Inputs;
+use crate::model::{Clearance, RegimeModel};
+use crate::regime::{OnsetAt, OnsetTable};
+
+/// The onset as training needs it.
+pub(super) struct OnsetBoundary {
+    /// Over the gap; with parameters at their nominal values.
+    pub table: OnsetTable,
+    /// What it is solved from where it depends on parameters.
+    pub solver: Option<(Clearance, RegimeModel)>,
+    /// Sampled states in which a node beside the obstacle is the lowest.
+    pub crossings: usize,
+}
+
+impl OnsetBoundary {
+    /// Whether the onset depends on parameters.
+    pub fn has_parameters(&self) -> bool {
+        self.solver.is_some()
+    }
+
+    /// The onset at a state.
+    pub fn at(&self, inputs: &Inputs) -> OnsetAt {
+        match &self.solver {
+            Some((clearance, free)) => clearance.onset(free, inputs, None, &mut Evaluation::room(free)),
+            None => self.table.at(inputs.gap_mm()),
+        }
+    }
+
+    /// Depth of the lowest node at pressure and parameters, mm; none without parameters.
+    pub fn depth_mm(&self, inputs: &Inputs) -> Option<f64> {
+        let (clearance, free) = self.solver.as_ref()?;
+        Some(clearance.depth_mm(free, inputs, &mut Evaluation::room(free)))
+    }
+
+    /// What the data sheet says about it.
+    pub fn remarks(&self) -> Option<String> {
+        (self.crossings > 0).then(|| {
+            format!(
+                "in {} sampled states a node beside the obstacle lies lower than those above it: the onset looks at the \
+                 nodes that were lowest above it in some state",
+                self.crossings
+            )
+        })
+    }
+
+    /// What the model keeps.
+    pub fn into_clearance(self) -> Option<Clearance> {
+        self.solver.map(|(clearance, _)| clearance)
+    }
+}
