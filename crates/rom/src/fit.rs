@@ -20,8 +20,6 @@ use thiserror::Error;
 
 /// Largest relative residual (backward error) a solution may have.
 const MAX_RESIDUAL: f64 = 1e-9;
-/// Largest share of a mode's largest coefficient by which its samples may be missed.
-const MAX_DEFECT: f64 = 1e-6;
 
 /// Why an interpolant could not be fitted.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -46,19 +44,6 @@ pub enum FitError {
         tail: &'static str,
         /// Inputs.
         dimensions: usize,
-    },
-    /// The solution does not go through the samples.
-    #[error(
-        "{kernel}: a mode misses its samples by {defect:.1e} of its largest coefficient, expected at most {MAX_DEFECT:.0e} \
-             (condition {condition:.1e}); choose another kernel or smooth"
-    )]
-    Defect {
-        /// Kernel.
-        kernel: &'static str,
-        /// Share found.
-        defect: f64,
-        /// Condition number.
-        condition: f64,
     },
     /// Derivatives were to be fitted with a kernel that has no second ones.
     #[error("{kernel} takes no derivatives: its second ones do not exist everywhere")]
@@ -160,10 +145,6 @@ pub(crate) fn fit(
             residual,
             condition: condition(&system),
         });
-    }
-    let defect = defect(&system, &solution, &rhs);
-    if defect.is_nan() || defect > MAX_DEFECT {
-        return Err(FitError::Defect { kernel: spec.kernel.name(), defect, condition: condition(&system) });
     }
     let inverse = factors.solve(Mat::<f64>::identity(size, size));
     let rows = |range: std::ops::Range<usize>| -> Vec<f64> {
@@ -314,17 +295,6 @@ fn backward_error(a: &Mat<f64>, x: &Mat<f64>, b: &Mat<f64>) -> f64 {
     let r = b - a * x;
     let scale = a.norm_max() * a.nrows() as f64 * x.norm_max() + b.norm_max();
     if scale > 0.0 { r.norm_max() / scale } else { r.norm_max() }
-}
-
-/// The mode that misses its samples most: `max |A x - b| / max |b|` by column. The backward error does not see it where
-/// huge weights cancel.
-fn defect(a: &Mat<f64>, x: &Mat<f64>, b: &Mat<f64>) -> f64 {
-    let r = b - a * x;
-    let of_mode = |k: usize| {
-        let (missed, size) = (r.col(k).norm_max(), b.col(k).norm_max());
-        if size > 0.0 { missed / size } else { missed }
-    };
-    (0..b.ncols()).map(of_mode).fold(0.0, |most, d| if d > most || d.is_nan() { d } else { most })
 }
 
 /// 2-norm condition number of a symmetric matrix, infinite when singular to rounding.

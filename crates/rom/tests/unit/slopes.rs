@@ -147,21 +147,3 @@ fn derivatives_pay_and_kernels_without_second_ones_refuse_them() {
     let refused = fit(&known.samples(), linear, Metric::IDENTITY, 0.0).expect_err("refused");
     assert_eq!(refused, FitError::NoDerivatives { kernel: "linear" });
 }
-
-/// Every backward error is small here; what a mode misses is not.
-#[test]
-fn an_interpolant_that_misses_its_samples_is_refused() {
-    let inputs = points(60);
-    let values: Vec<f64> = inputs.iter().map(|x| (40.0 * x[0]).sin()).collect();
-    let samples = Samples {
-        inputs: &inputs,
-        values: &values,
-        slopes: &[],
-        slope_values: &[],
-        dimensions: 3,
-        outputs: 1,
-    };
-    let flat = KernelSpec { kernel: KernelKind::Gaussian { shape: 0.02 }, tail: Tail::None };
-    let refused = fit(&samples, flat, Metric::IDENTITY, 0.0).expect_err("refused");
-    assert!(matches!(refused, FitError::Defect { defect, .. } if defect > 1e-6), "{refused}");
-}
