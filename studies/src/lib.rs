@@ -3,7 +3,6 @@
 #![warn(clippy::print_stdout)]
 
 mod hard_cases;
-mod learning;
 mod measure;
 mod peers;
 mod python;
@@ -25,7 +24,6 @@ pub enum Command {
     Validate(validate::Args),
     Trace(trace::Args),
     HardCases(hard_cases::Args),
-    Learning(learning::Args),
     Scale(scale::Args),
     Sweep(sweep::Args),
     Measure(measure::Args),
@@ -45,7 +43,6 @@ impl Command {
             Self::Validate(args) => args.run(),
             Self::Trace(args) => args.run(),
             Self::HardCases(args) => args.run(),
-            Self::Learning(args) => args.run(),
             Self::Scale(args) => args.run(),
             Self::Sweep(args) => args.run(),
             Self::Measure(args) => args.run(),
