@@ -1,16 +1,14 @@
 //! A program's place in a domain, and what else is there.
 
 use crate::leftover::{Places, Watch};
-use crate::port::require_headroom;
-use crate::port::service::{self, Refusal};
+use crate::port::retry::{self, Refusal};
+use crate::port::segment::require_headroom;
+use crate::transport::Ipc;
 use crate::{Domain, KeyExpr, OwnFiles, Removed, Topic, WireError};
 use iceoryx2::prelude::*;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
-
-/// The transport: inter-process, single-threaded ports.
-pub(crate) type Ipc = ipc::Service;
 
 /// A program's membership in a [`Domain`]. Cheap to clone; not `Send`: ports live in the thread that made them.
 ///
@@ -37,7 +35,7 @@ impl Drop for Member {
 }
 
 /// How long joining waits for others that are just creating something, before it goes on without a full clean-up. Needed
-/// space is then made when it is missing, see `service::retry`.
+/// space is then made when it is missing, see `port::retry`.
 const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
 
 /// One topic as found in the domain.
@@ -70,7 +68,7 @@ impl Bus {
         require_headroom("the shared-memory domain", 0)?;
         let watch = Watch::start(places.clone());
         let removed = places.sweep(SWEEP_PATIENCE);
-        let node = service::retry_in(&places, "the shared-memory domain", || {
+        let node = retry::within(&places, "the shared-memory domain", || {
             NodeBuilder::new()
                 .config(&places.config)
                 .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -98,25 +96,8 @@ impl Bus {
         Ok(self.listed(key)?.into_iter().map(|info| info.topic).collect())
     }
 
-    /// All topics whose name `key` matches, sorted by name, and who takes part. To see that, each is opened for a moment, which
-    /// writes to the domain's folder: a busy disk below it holds the caller up, for seconds at worst.
-    ///
-    /// # Errors
-    /// As [`Self::names`].
-    pub fn topics(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
-        let mut found = self.listed(key)?;
-        for info in &mut found {
-            // A topic may vanish between listing and looking: then it simply has nobody.
-            if let Ok((writers, readers)) = service::participants(self, &info.topic) {
-                info.writers = writers;
-                info.readers = readers;
-            }
-        }
-        Ok(found)
-    }
-
     /// Topics without those who take part.
-    fn listed(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
+    pub(crate) fn listed(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
         let mut found = Vec::new();
         let listed = Ipc::list(&self.places.config, |details| {
             let config = &details.static_details;

@@ -42,6 +42,7 @@ mod port;
 pub mod qos;
 mod selector;
 mod topic;
+mod transport;
 mod wake;
 
 pub use bus::{Bus, TopicInfo};

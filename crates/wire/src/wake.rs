@@ -1,6 +1,6 @@
 //! Waiting until one of several readers has something.
 
-use crate::bus::Ipc;
+use crate::transport::Ipc;
 use crate::error::WireError;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::FileDescriptorBased;

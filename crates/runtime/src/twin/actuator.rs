@@ -6,7 +6,7 @@ use super::force_watch::ForceWatch;
 use super::ingest::Validator;
 use super::reconstruct::{FieldError, FieldOutput};
 use super::record::Record;
-use super::swap::Retired;
+use super::swap::{Retired, Running};
 use crate::config::{ActuatorSpec, Gap, Limits, OutsideDomain, StateSpec, ms_to_ns};
 use crate::estimation::Estimator;
 use crate::load::{GroupSizes, Loaded};
@@ -125,14 +125,14 @@ impl ActuatorTwin {
         })
     }
 
-    /// Its name and that of the sensor it reads.
-    pub(super) fn names(&self) -> (&str, &str) {
-        (self.state_writer.topic().actuator(), self.reader.topic().actuator())
-    }
-
-    /// Whether it estimates something.
-    pub(super) fn estimates(&self) -> bool {
-        self.estimation.is_some()
+    /// What its readers hold on to.
+    pub(super) fn running(&self) -> Running<'_> {
+        Running {
+            name: self.state_writer.topic().actuator(),
+            sensor: self.reader.topic().actuator(),
+            outputs: self.outputs.iter().map(FieldOutput::shape).collect(),
+            estimates: self.estimation.is_some(),
+        }
     }
 
     /// Continues with another model; the caller has checked that names and shapes are the same.

@@ -105,7 +105,8 @@ impl Twin {
     /// # Errors
     /// [`SwapError`]; the twin is as before.
     pub fn swap(&mut self, loaded: Vec<Loaded>) -> Result<Retired, SwapError> {
-        swap::check(&self.actuators, &loaded)?;
+        let running: Vec<_> = self.actuators.iter().map(ActuatorTwin::running).collect();
+        swap::check(&running, &loaded)?;
         let mut retired = Retired::default();
         for (actuator, loaded) in self.actuators.iter_mut().zip(loaded) {
             actuator.swap(loaded, &mut retired);

@@ -1,8 +1,7 @@
 //! Another model, or another scene, between two readings. Topics, sequence numbers and counters continue; readers see a new
 //! model hash and nothing else.
 
-use super::actuator::ActuatorTwin;
-use super::reconstruct::{FieldOutput, shape};
+use super::reconstruct::shape;
 use crate::estimation::Estimator;
 use crate::load::Loaded;
 use rom::hysteresis::HysteresisEvaluator;
@@ -45,20 +44,31 @@ pub struct Retired {
     pub(super) estimators: Vec<Estimator>,
 }
 
+/// What readers of a running actuator hold on to.
+pub(super) struct Running<'a> {
+    pub(super) name: &'a str,
+    /// The actuator whose sensor it reads.
+    pub(super) sensor: &'a str,
+    /// Topic and size of each output.
+    pub(super) outputs: Vec<String>,
+    /// Whether it has an estimate topic.
+    pub(super) estimates: bool,
+}
+
 /// Checks that a running twin can continue with what was loaded: the same actuators and topics, samples of the same size.
 ///
 /// # Errors
 /// [`SwapError`] with both.
-pub(super) fn check(running: &[ActuatorTwin], new: &[Loaded]) -> Result<(), SwapError> {
-    let names = list(running.iter().map(ActuatorTwin::names));
+pub(super) fn check(running: &[Running<'_>], new: &[Loaded]) -> Result<(), SwapError> {
+    let names = list(running.iter().map(|actuator| (actuator.name, actuator.sensor)));
     let new_names = list(new.iter().map(|loaded| (loaded.spec.name.as_str(), loaded.spec.sensor())));
     if names != new_names {
         return Err(SwapError::Actuators { running: names, new: new_names });
     }
     for (actuator, loaded) in running.iter().zip(new) {
         let estimate = |wanted: bool| wanted.then(|| String::from("estimate"));
-        let running: Vec<String> = actuator.outputs.iter().map(FieldOutput::shape).collect();
-        let running: Vec<String> = running.into_iter().chain(estimate(actuator.estimates())).collect();
+        let running: Vec<String> =
+            actuator.outputs.iter().cloned().chain(estimate(actuator.estimates)).collect();
         let wanted = loaded.outputs.iter();
         let new = wanted.map(|output| shape(output.spec.topic_name(), output.reconstructor.entries()));
         let new: Vec<String> = new.chain(estimate(loaded.estimator.is_some())).collect();

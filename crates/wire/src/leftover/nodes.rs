@@ -3,7 +3,7 @@
 use super::half_made::service_is_half_made;
 use super::places::{Places, files, name};
 use super::unused;
-use crate::bus::Ipc;
+use crate::transport::Ipc;
 use iceoryx2::node::{DeadNodeView, Node, NodeDetails, NodeState, NodeView};
 use iceoryx2::prelude::CallbackProgression;
 use std::collections::BTreeSet;

@@ -1,8 +1,11 @@
 //! Where the files of a domain are, and which of them belong to it.
 
-use crate::port::SHM_DIR;
+use crate::transport::SHM_DIR;
 use iceoryx2::prelude::{Config, SemanticString};
 use std::path::{Path, PathBuf};
+
+/// Ending of the writers' lock files.
+const WRITER_LOCK: &str = ".writer";
 
 /// The folders and names of one domain.
 #[derive(Debug, Clone)]
@@ -82,6 +85,32 @@ pub(super) fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf
 /// The last part of a path, empty if it is not UTF-8.
 pub(super) fn name(path: &Path) -> &str {
     path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
+}
+
+impl Places {
+    /// The beginning of the paths of all writers' locks of this domain. Domains of the same prefix with different folders
+    /// are told apart by a number made of the folder's path.
+    pub(crate) fn writer_locks(&self) -> String {
+        let folder = number(self.root.as_os_str().as_encoded_bytes());
+        format!("{SHM_DIR}/{}softtwin_{folder:016x}_", self.prefix)
+    }
+
+    pub(crate) fn writer_lock(&self, topic: &str) -> PathBuf {
+        PathBuf::from(format!("{}{:016x}{WRITER_LOCK}", self.writer_locks(), number(topic.as_bytes())))
+    }
+
+    /// Whether a file in /dev/shm is a writer's lock of this domain.
+    pub(crate) fn is_writer_lock(&self, file: &str) -> bool {
+        let path = Path::new(SHM_DIR).join(file);
+        path.to_str().is_some_and(|path| path.starts_with(&self.writer_locks()) && path.ends_with(WRITER_LOCK))
+    }
+}
+
+/// FNV-1a, 64 bits: the same in every version of softtwin.
+fn number(bytes: &[u8]) -> u64 {
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! What the system has run out of when a port cannot be made. iceoryx2 reports all of it as an internal failure.
 
-use super::SHM_DIR;
 use crate::WireError;
 use crate::leftover::Places;
+use crate::transport::SHM_DIR;
 use std::path::Path;
 
 /// Names what is used up; `None`: it was something else.

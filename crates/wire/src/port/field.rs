@@ -3,12 +3,13 @@
 use super::segment;
 use super::service::{self, Missing};
 use super::writer_lock::WriterLock;
-use crate::bus::{Bus, Ipc};
+use crate::bus::Bus;
 use crate::clock::now_ns;
 use crate::error::WireError;
 use crate::layout::{self, FieldHeader};
 use crate::qos;
 use crate::topic::Topic;
+use crate::transport::Ipc;
 use crate::wake::{Wakeable, Waker, Waking};
 use iceoryx2::port::{notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
@@ -65,7 +66,7 @@ impl FieldWriter {
     /// full, [`WireError::Incompatible`] when a program of another version made the topic.
     pub fn create(bus: &Bus, topic: &Topic, entries: usize) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
-        let right = service::retry(bus, topic.name(), || WriterLock::take(bus, topic.name()))?;
+        let right = service::retry(bus, topic.name(), || WriterLock::take(&bus.places, topic.name()))?;
         let service = service::slices(bus, topic, Missing::Create)?;
         let publisher = service::retry(bus, topic.name(), || {
             service
@@ -78,7 +79,7 @@ impl FieldWriter {
                 .create()
                 .map_err(|error| service::writer_failed(bus, topic, error))
         })?;
-        segment::reserve(bus, topic, publisher.id().value())?;
+        segment::reserve(&bus.places, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
         let port = Port { topic: topic.clone(), entries, publisher, notifier, _right: right };
         Ok(Self { bus: bus.clone(), port: Rc::new(port) })
@@ -105,7 +106,7 @@ impl FieldWriter {
     /// # Errors
     /// The system's refusal to show the mapping.
     pub fn prefault(&self) -> std::io::Result<u64> {
-        segment::prefault(&self.bus, self.port.publisher.id().value())
+        segment::prefault(&self.bus.places, self.port.publisher.id().value())
     }
 
     /// The topic.

@@ -4,7 +4,8 @@ mod any;
 mod exhausted;
 mod field;
 mod query;
-mod segment;
+pub(crate) mod retry;
+pub(crate) mod segment;
 pub(crate) mod service;
 mod sized;
 mod writer_lock;
@@ -12,7 +13,6 @@ mod writer_lock;
 pub use any::{AnyReader, AnySample, Stamp};
 pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
 pub use query::{AnswerSample, QueryClient, QueryServer, Question};
-pub(crate) use segment::{SHM_DIR, require_headroom};
 pub use sized::{
     CommandReader, CommandWriter, EstimateReader, EstimateWriter, GraspReader, GraspWriter, HealthReader,
     HealthWriter, Reader, SensorReader, SensorWriter, StateReader, StateWriter, Writer,

@@ -1,12 +1,14 @@
 //! Questions and answers: one server a twin, many clients. Nothing here is on the real-time path.
 
 use super::segment;
-use super::service::{self, EventShape, Missing, Refusal};
-use crate::bus::{Bus, Ipc};
+use super::retry::Refusal;
+use super::service::{self, EventShape, Missing};
+use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{Answer, Query};
 use crate::qos;
 use crate::topic::{ROOT, check_name};
+use crate::transport::Ipc;
 use crate::wake::{Wake, WakeSet, Wakeable, Waker};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;

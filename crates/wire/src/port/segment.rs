@@ -4,26 +4,25 @@
 //! Reserving all pages right after creation turns that into a clean error at start-up.
 
 use super::exhausted;
-use crate::bus::Bus;
+use crate::leftover::Places;
+use crate::transport::SHM_DIR;
 use crate::{Topic, WireError};
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Where the system keeps POSIX shared memory.
-pub(crate) const SHM_DIR: &str = "/dev/shm";
 /// The smallest page of any machine we run on.
 const PAGE_BYTES: usize = 4096;
 
 /// Reserves all pages of the data segment of the writer with id `writer_id`.
-pub(crate) fn reserve(bus: &Bus, topic: &Topic, writer_id: u128) -> Result<(), WireError> {
+pub(crate) fn reserve(places: &Places, topic: &Topic, writer_id: u128) -> Result<(), WireError> {
     let no_memory = |needed_bytes: u64, cause: String| WireError::NoMemory {
         topic: topic.name().to_owned(),
         needed_bytes,
         cause,
     };
-    let path = find(bus, writer_id)
+    let path = find(places, writer_id)
         .ok_or_else(|| no_memory(0, format!("the writer's data segment is not in {SHM_DIR}")))?;
     let file = open(&path).map_err(|error| no_memory(0, format!("{error} ({})", path.display())))?;
     let length = file.metadata().map_err(|error| no_memory(0, error.to_string()))?.len();
@@ -70,8 +69,8 @@ fn free_bytes() -> Option<u64> {
 
 /// Maps the pages of the writer's data segment into this process ahead of their first use, so that no page fault falls
 /// into the loop. Returns the bytes mapped.
-pub(crate) fn prefault(bus: &Bus, writer_id: u128) -> std::io::Result<u64> {
-    let path = find(bus, writer_id).ok_or(std::io::ErrorKind::NotFound)?;
+pub(crate) fn prefault(places: &Places, writer_id: u128) -> std::io::Result<u64> {
+    let path = find(places, writer_id).ok_or(std::io::ErrorKind::NotFound)?;
     let maps = std::fs::read_to_string("/proc/self/maps")?;
     let mut mapped = 0;
     for line in maps.lines().filter(|line| line.ends_with(&*path.to_string_lossy())) {
@@ -94,9 +93,9 @@ fn open(path: &Path) -> std::io::Result<File> {
     OpenOptions::new().read(true).write(true).open(path)
 }
 
-fn find(bus: &Bus, writer_id: u128) -> Option<PathBuf> {
-    let (prefix, id) = (&bus.places.prefix, writer_id.to_string());
-    let suffix = bus.places.config.global.service.data_segment_suffix;
+fn find(places: &Places, writer_id: u128) -> Option<PathBuf> {
+    let (prefix, id) = (&places.prefix, writer_id.to_string());
+    let suffix = places.config.global.service.data_segment_suffix;
     let suffix = String::from_utf8_lossy(suffix.as_bytes()).into_owned();
     let entries = std::fs::read_dir(SHM_DIR).ok()?;
     entries.flatten().map(|entry| entry.path()).find(|path| {

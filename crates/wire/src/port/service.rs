@@ -1,10 +1,10 @@
 //! Opening services: one builder per kind of topic, bounded retries, errors a person understands.
 
-use super::exhausted;
-use crate::bus::{Bus, Ipc};
-use crate::leftover::Places;
+use super::retry::{self, Refusal};
+use crate::bus::Bus;
+use crate::transport::Ipc;
 use crate::wake::{Waker, Waking};
-use crate::{Topic, TopicKind, WireError, layout, qos};
+use crate::{KeyExpr, Topic, TopicInfo, TopicKind, WireError, layout, qos};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
@@ -15,14 +15,6 @@ use iceoryx2::service::builder::publish_subscribe::{
 };
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::fmt::Debug;
-use std::time::{Duration, Instant};
-
-/// How long to wait for others who create or remove the same topic.
-const FLUX_TIMEOUT: Duration = Duration::from_secs(2);
-/// How long a program whose place is taken waits for others that are just creating something, to remove leftovers then.
-const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
-/// Pause between tries; the others need a few hundred microseconds.
-const FLUX_PAUSE: Duration = Duration::from_millis(2);
 
 /// Whether a missing topic is made or reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -145,82 +137,13 @@ pub(crate) fn service_name(name: &str) -> Result<ServiceName, WireError> {
         .map_err(|error| WireError::Open { topic: name.into(), cause: format!("{error:?}") })
 }
 
-/// Why a try failed.
-pub(crate) enum Refusal {
-    /// For good.
-    Final(WireError),
-    /// For good, unless the places that are taken are those of dead programs.
-    Full(WireError),
-    /// Because somebody is in the middle of something, or died there.
-    Passing(String),
-}
-
-/// Tries until success, a final refusal, or [`FLUX_TIMEOUT`]. What dead programs left is removed between two tries.
+/// As [`retry::within`], for a program that is in the domain.
 pub(crate) fn retry<T>(
     bus: &Bus,
     name: &str,
     attempt: impl FnMut() -> Result<T, Refusal>,
 ) -> Result<T, WireError> {
-    retry_in(&bus.places, name, attempt)
-}
-
-/// As [`retry`], before there is a bus.
-pub(crate) fn retry_in<T>(
-    places: &Places,
-    name: &str,
-    mut attempt: impl FnMut() -> Result<T, Refusal>,
-) -> Result<T, WireError> {
-    let begin = Instant::now();
-    let mut tries = 0;
-    loop {
-        tries += 1;
-        let tried = locked(places, &mut attempt)?;
-        let refusal = match tried {
-            Ok(done) => return Ok(done),
-            Err(Refusal::Final(WireError::NoSuchTopic { topic })) => {
-                return Err(WireError::NoSuchTopic { topic });
-            }
-            Err(refusal) => refusal,
-        };
-        if let Some(error) = exhausted::named(name, places) {
-            return Err(error);
-        }
-        let over = begin.elapsed() > FLUX_TIMEOUT;
-        match refusal {
-            Refusal::Final(error) => return Err(error),
-            Refusal::Full(error) if over || !places.sweep(SWEEP_PATIENCE).any() => return Err(error),
-            Refusal::Passing(cause) if over => {
-                return Err(WireError::InFlux { topic: name.into(), tries, cause });
-            }
-            Refusal::Full(_) => {}
-            Refusal::Passing(_) => {
-                places.sweep(FLUX_PAUSE);
-                std::thread::sleep(FLUX_PAUSE);
-            }
-        }
-    }
-}
-
-/// One try, under the start lock: as long as it is held nobody takes what we make for a leftover.
-fn locked<T>(
-    places: &Places,
-    attempt: impl FnOnce() -> Result<T, Refusal>,
-) -> Result<Result<T, Refusal>, WireError> {
-    let path = || places.lock_path().display().to_string();
-    let lock = places.lock_to_create(FLUX_TIMEOUT).map_err(|error| {
-        let cause = format!("{}: {error}", path());
-        exhausted::named(&path(), places).unwrap_or(WireError::Node { cause })
-    })?;
-    let waited_ms = FLUX_TIMEOUT.as_millis() as u64;
-    let _lock = lock.ok_or_else(|| WireError::StartLocked { path: path(), waited_ms })?;
-    Ok(match places.empty_segment() {
-        // iceoryx2 would wait for ever for this file.
-        Some(empty) => Err(Refusal::Passing(format!(
-            "{} has no size: it is being made, or was truncated",
-            empty.display()
-        ))),
-        None => attempt(),
-    })
+    retry::within(&bus.places, name, attempt)
 }
 
 fn open_or_create_failed(topic: &Topic, error: OpenOrCreateError) -> Refusal {
@@ -279,8 +202,27 @@ fn too_many_readers(topic: &Topic) -> WireError {
     WireError::TooManyReaders { topic: topic.name().into(), limit: qos::of(topic.kind()).max_readers }
 }
 
+impl Bus {
+    /// All topics whose name `key` matches, sorted by name, and who takes part. To see that, each is opened for a moment, which
+    /// writes to the domain's folder: a busy disk below it holds the caller up, for seconds at worst.
+    ///
+    /// # Errors
+    /// As [`Self::names`].
+    pub fn topics(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
+        let mut found = self.listed(key)?;
+        for info in &mut found {
+            // A topic may vanish between listing and looking: then it simply has nobody.
+            if let Ok((writers, readers)) = participants(self, &info.topic) {
+                info.writers = writers;
+                info.readers = readers;
+            }
+        }
+        Ok(found)
+    }
+}
+
 /// Process ids of writers and readers of a topic.
-pub(crate) fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireError> {
+fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireError> {
     fn of<P, H>(service: &PubSub<P, H>) -> (Vec<u32>, Vec<u32>)
     where
         P: Debug + IceoryxSend + ?Sized,

@@ -3,11 +3,12 @@
 use super::segment;
 use super::service::{self, Missing};
 use super::writer_lock::WriterLock;
-use crate::bus::{Bus, Ipc};
+use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, State};
 use crate::qos;
 use crate::topic::Topic;
+use crate::transport::Ipc;
 use crate::wake::{Wakeable, Waker, Waking};
 use iceoryx2::port::{notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::BackpressureStrategy;
@@ -63,7 +64,7 @@ impl<P: Payload> Writer<P> {
     /// full, [`WireError::Incompatible`] when a program of another version made the topic.
     pub fn create(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
-        let right = service::retry(bus, topic.name(), || WriterLock::take(bus, topic.name()))?;
+        let right = service::retry(bus, topic.name(), || WriterLock::take(&bus.places, topic.name()))?;
         let service = service::sized::<P>(bus, topic, Missing::Create)?;
         let publisher = service::retry(bus, topic.name(), || {
             service
@@ -74,7 +75,7 @@ impl<P: Payload> Writer<P> {
                 .create()
                 .map_err(|error| service::writer_failed(bus, topic, error))
         })?;
-        segment::reserve(bus, topic, publisher.id().value())?;
+        segment::reserve(&bus.places, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
         Ok(Self { topic: topic.clone(), publisher, notifier, _right: right })
     }

@@ -1,17 +1,14 @@
 //! One lock file for each topic that is written, in /dev/shm: it keeps a second writer away even when the domain's folder
 //! was emptied and iceoryx2 no longer knows of the first one.
 
-use super::SHM_DIR;
-use super::service::Refusal;
+use super::retry::Refusal;
+use crate::WireError;
 use crate::leftover::{Places, names_this_file};
-use crate::{Bus, WireError};
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::{Path, PathBuf};
-
-const SUFFIX: &str = ".writer";
+use std::path::PathBuf;
 
 /// The right to write a topic. Given back when dropped; the kernel takes it back from a program that is killed.
 #[derive(Debug)]
@@ -22,8 +19,8 @@ pub(crate) struct WriterLock {
 
 impl WriterLock {
     /// Takes the right to write `topic`.
-    pub(crate) fn take(bus: &Bus, topic: &str) -> Result<Self, Refusal> {
-        let path = bus.places.writer_lock(topic);
+    pub(crate) fn take(places: &Places, topic: &str) -> Result<Self, Refusal> {
+        let path = places.writer_lock(topic);
         let refused = |error: std::io::Error| {
             let cause = format!("{}: {error}", path.display());
             Refusal::Final(WireError::Open { topic: topic.to_owned(), cause })
@@ -61,30 +58,4 @@ fn already_published(topic: &str, file: &mut File) -> WireError {
     let number = file.read_to_string(&mut text).ok().and_then(|_| text.trim().parse::<u32>().ok());
     let holder = number.map(|pid| format!(" (process {pid})")).unwrap_or_default();
     WireError::AlreadyPublished { topic: topic.to_owned(), holder }
-}
-
-impl Places {
-    /// The beginning of the paths of all writers' locks of this domain. Domains of the same prefix with different folders
-    /// are told apart by a number made of the folder's path.
-    pub(crate) fn writer_locks(&self) -> String {
-        let folder = number(self.root.as_os_str().as_encoded_bytes());
-        format!("{SHM_DIR}/{}softtwin_{folder:016x}_", self.prefix)
-    }
-
-    fn writer_lock(&self, topic: &str) -> PathBuf {
-        PathBuf::from(format!("{}{:016x}{SUFFIX}", self.writer_locks(), number(topic.as_bytes())))
-    }
-
-    /// Whether a file in /dev/shm is a writer's lock of this domain.
-    pub(crate) fn is_writer_lock(&self, file: &str) -> bool {
-        let path = Path::new(SHM_DIR).join(file);
-        path.to_str().is_some_and(|path| path.starts_with(&self.writer_locks()) && path.ends_with(SUFFIX))
-    }
-}
-
-/// FNV-1a, 64 bits: the same in every version of softtwin.
-fn number(bytes: &[u8]) -> u64 {
-    bytes
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
