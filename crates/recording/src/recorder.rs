@@ -12,6 +12,7 @@ mod queue;
 mod scan;
 mod summary;
 #[cfg(test)]
+#[path = "../tests/unit/recorder.rs"]
 mod tests;
 mod topic;
 

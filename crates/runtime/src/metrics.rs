@@ -173,49 +173,5 @@ fn answer(request: &Request<Incoming>, page: &mut impl FnMut() -> String) -> Res
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use wire::layout::pack_name;
-
-    #[test]
-    fn a_page_has_every_counter_of_every_twin_in_the_format() {
-        let mut health =
-            Health { actuator: pack_name("finger"), received: 7, age_ns: 1_500_000_000, ..Health::default() };
-        health.outcomes[Outcome::HeldAbsurd.code() as usize] = 3;
-        let page = twins(&[health, Health { actuator: pack_name("thumb"), ..health }]);
-        for line in [
-            "# TYPE softtwin_readings counter",
-            "softtwin_readings_total{actuator=\"finger\"} 7",
-            "softtwin_readings_total{actuator=\"thumb\"} 7",
-            "softtwin_age_seconds{actuator=\"finger\"} 1.5",
-            "softtwin_outcomes_total{actuator=\"finger\",outcome=\"held: absurd value\"} 3",
-            "softtwin_flag{actuator=\"finger\",flag=\"no-data\"} 1.0",
-        ] {
-            assert!(page.lines().any(|found| found == line), "{line}\n{page}");
-        }
-        for line in page.lines().filter(|line| !line.starts_with('#')) {
-            let (_, value) = line.rsplit_once(' ').unwrap();
-            assert!(value.parse::<f64>().is_ok(), "{line}");
-        }
-        // No metric of the pages before this format is missing.
-        for name in ["missed_total", "sensor_restarts_total", "deadline_misses_total", "fields_total"]
-            .into_iter()
-            .chain(["states_total", "late_total", "uptime_seconds", "rate_hertz", "latency_max_seconds"])
-            .chain(["compute_max_seconds"])
-        {
-            assert!(page.contains(&format!("\nsofttwin_{name}{{actuator=\"finger\"}} ")), "{name}\n{page}");
-        }
-        let quantile = "softtwin_latency_seconds{actuator=\"thumb\",quantile=\"0.99\"} ";
-        assert!(page.contains(quantile), "{page}");
-    }
-
-    #[test]
-    fn labels_are_escaped_and_a_bridge_has_its_devices() {
-        let device = Arc::new(SensorCounters::default());
-        device.timeouts.store(2, Ordering::Relaxed);
-        let page = bridge(&BridgeCounters::default(), &[("q\"\\\n".into(), device)]);
-        let event = "softtwin_sensor_events_total{actuator=\"q\\\"\\\\\\n\",event=\"timeouts\"} 2\n";
-        assert!(page.contains(event), "{page}");
-        assert!(page.contains("\nsofttwin_bridge_sent_total 0\n"), "{page}");
-    }
-}
+#[path = "../tests/unit/metrics.rs"]
+mod tests;

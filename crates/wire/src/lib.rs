@@ -1,6 +1,8 @@
-//! The shared-memory contract of softtwin: key expressions, topics, payload layouts, quality of service, events.
+#![doc = include_str!("../README.md")]
 //!
-//! This is the only crate that names iceoryx2. A program that wants to talk to a twin needs four things:
+//! # Parts
+//!
+//! A program that wants to talk to a twin needs four things:
 //!
 //! 1. a [`Bus`] in a [`Domain`] (programs in different domains do not see one another),
 //! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health|command` or `softtwin/<scene>/grasp`,
@@ -9,18 +11,6 @@
 //! 4. a [`WakeSet`] to sleep until one of several readers has something.
 //!
 //! Questions that no topic answers go through a [`QueryClient`]; [`Selector`] is their text form.
-//!
-//! ```
-//! use wire::{Bus, Domain, SensorReader, SensorSample, SensorWriter, Topic};
-//!
-//! let bus = Bus::open(&Domain::isolated("doc"))?;
-//! let topic = Topic::sensor("finger")?;
-//! let reader = SensorReader::attach(&bus, &topic)?;
-//! let mut writer = SensorWriter::create(&bus, &topic)?;
-//! writer.publish(SensorSample { pressure_mpa: 0.03, gap_mm: 40.0, ..SensorSample::default() })?;
-//! assert_eq!(reader.newest()?.map(|sample| sample.pressure_mpa), Some(0.03));
-//! # Ok::<(), wire::WireError>(())
-//! ```
 //!
 //! All payloads are plain `#[repr(C)]` data whose size and offsets are checked at compile time; the layout version is
 //! part of the type name, so that programs of different layouts refuse each other instead of misreading bytes.
@@ -34,7 +24,7 @@ mod bus;
 mod clock;
 mod domain;
 mod error;
-pub mod keyexpr;
+mod keyexpr;
 pub mod layout;
 mod leftover;
 mod own_files;
@@ -49,7 +39,7 @@ pub use bus::{Bus, TopicInfo};
 pub use clock::{boot_id, now_ns};
 pub use domain::Domain;
 pub use error::WireError;
-pub use keyexpr::KeyExpr;
+pub use keyexpr::{KeyExpr, KeyExprError};
 pub use layout::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus,
     SensorSample, State,

@@ -24,7 +24,7 @@ pub struct Qos {
 }
 
 /// Writers of a topic at the same time. One: two twins for one actuator would contradict each other.
-pub const MAX_WRITERS: usize = 1;
+pub(crate) const MAX_WRITERS: usize = 1;
 
 /// The settings of a kind of topic.
 pub const fn of(kind: TopicKind) -> Qos {

@@ -1,7 +1,7 @@
 //! Key expressions against Zenoh's published rules, its implementation, and a brute-force oracle.
 
 use proptest::prelude::*;
-use wire::keyexpr::{KeyExpr, KeyExprError};
+use wire::{KeyExpr, KeyExprError};
 use zenoh_keyexpr::OwnedKeyExpr;
 
 fn key(text: &str) -> KeyExpr {

@@ -16,20 +16,20 @@
 //! once, in order, and all fields of a node are at hand together, so that derived fields cost no second pass.
 //! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape).
 //!
-//! The module knows nothing of the model: [`Spec`] describes what to build from plain slices. [`reference`] computes
-//! the same in the plainest way and in f64; tests hold every instruction set to it.
+//! The module knows nothing of the model: [`Spec`] describes what to build from plain slices. The tests
+//! hold every instruction set to the same equations computed in the plainest way and in f64.
 
 mod basis;
 mod isa;
 mod lanes;
 mod plan;
-pub mod reference;
 mod spec;
 mod sweep;
 mod tiles;
 pub(crate) mod weigh;
 
 #[cfg(test)]
+#[path = "../../tests/unit/kernel/mod.rs"]
 mod tests;
 
 pub use basis::{Basis, Peak, Peaks, ReconstructError};

@@ -262,11 +262,10 @@ fn answer_batch(server: &QueryServer, answerer: &mut Answerer) -> Result<bool, W
         let Some(question) = server.next()? else { return Ok(false) };
         let query = *question.query();
         let entries = answerer.entries(&query);
-        let sent =
-            server.answer(&question, entries, |values, answer| *answer = answerer.answer(&query, values));
+        let sent = question.answer(entries, |values, answer| *answer = answerer.answer(&query, values));
         if let Err(WireError::NoMemory { needed_bytes, .. }) = sent {
             let plain = Query { want_field: 0, ..query };
-            server.answer(&question, 0, |values, answer| {
+            question.answer(0, |values, answer| {
                 *answer = answerer.answer(&plain, values);
                 (answer.status, answer.limit) = (QueryStatus::NoMemory.code(), needed_bytes as f64);
             })?;

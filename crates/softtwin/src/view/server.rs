@@ -156,7 +156,8 @@ mod tests {
         let page = "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
         let begin = Instant::now();
         let answer = answer(page, 7 * MAX_CONNECTIONS);
-        assert!(begin.elapsed() < HEADER_TIMEOUT, "{:?}", begin.elapsed());
+        // In turns it would be 14 s; making the connections takes time on a busy machine.
+        assert!(begin.elapsed() < 3 * HEADER_TIMEOUT, "{:?}", begin.elapsed());
         assert!(
             answer.starts_with("HTTP/1.1 200") && answer.contains("<title>softtwin view"),
             "{answer:.200}"

@@ -1,7 +1,7 @@
 //! Questions and answers: one server a twin, many clients. Nothing here is on the real-time path.
 
-use super::segment;
 use super::retry::Refusal;
+use super::segment;
 use super::service::{self, EventShape, Missing};
 use crate::bus::Bus;
 use crate::error::WireError;
@@ -49,9 +49,10 @@ pub struct QueryClient {
     answered: WakeSet,
 }
 
-/// A question that waits for its answer.
+/// A question that waits for its answer from the server that took it.
 #[derive(Debug)]
-pub struct Question {
+pub struct Question<'a> {
+    server: &'a QueryServer,
     request: ActiveRequest<Ipc, Query, (), [f32], Answer>,
 }
 
@@ -111,11 +112,24 @@ impl QueryServer {
     ///
     /// # Errors
     /// [`WireError::Receive`] when a connection broke.
-    pub fn next(&self) -> Result<Option<Question>, WireError> {
+    pub fn next(&self) -> Result<Option<Question<'_>>, WireError> {
         let received = self.server.receive();
         let request = received
             .map_err(|error| WireError::Receive { topic: self.name.clone(), cause: format!("{error:?}") })?;
-        Ok(request.map(|request| Question { request }))
+        Ok(request.map(|request| Question { server: self, request }))
+    }
+}
+
+impl Wakeable for QueryServer {
+    fn waker(&self) -> Waker {
+        self.waker.clone()
+    }
+}
+
+impl Question<'_> {
+    /// What is asked.
+    pub fn query(&self) -> &Query {
+        self.request.payload()
     }
 
     /// Answers; `fill` writes the field into the memory that the asker maps and may still change the answer. An answer
@@ -126,39 +140,26 @@ impl QueryServer {
     /// [`WireError::Send`] when the port broke.
     pub fn answer(
         &self,
-        question: &Question,
         entries: usize,
         fill: impl FnOnce(&mut [f32], &mut Answer),
     ) -> Result<(), WireError> {
         let needed_bytes = entries as u64 * size_of::<f32>() as u64;
-        segment::require_room(&self.name, needed_bytes)?;
-        let loan = question
+        let server = self.server;
+        segment::require_room(&server.name, needed_bytes)?;
+        let loan = self
             .request
             .loan_slice_uninit(entries)
-            .map_err(|error| WireError::Loan { topic: self.name.clone(), cause: format!("{error:?}") })?;
+            .map_err(|error| WireError::Loan { topic: server.name.clone(), cause: format!("{error:?}") })?;
         // SAFETY: the memory is a shared mapping that the kernel handed out zeroed and that only `f32` are written to;
         // every bit pattern is a valid `f32`.
         let mut response = unsafe { loan.assume_init() };
         let mut answer = Answer::default();
         fill(response.payload_mut(), &mut answer);
         *response.user_header_mut() = answer;
-        let failed = |cause: String| WireError::Send { topic: self.name.clone(), cause };
+        let failed = |cause: String| WireError::Send { topic: server.name.clone(), cause };
         response.send().map_err(|error| failed(format!("{error:?}")))?;
-        self.answered.notify().map_err(|error| failed(format!("{error:?}")))?;
+        server.answered.notify().map_err(|error| failed(format!("{error:?}")))?;
         Ok(())
-    }
-}
-
-impl Wakeable for QueryServer {
-    fn waker(&self) -> Waker {
-        self.waker.clone()
-    }
-}
-
-impl Question {
-    /// What is asked.
-    pub fn query(&self) -> &Query {
-        self.request.payload()
     }
 }
 

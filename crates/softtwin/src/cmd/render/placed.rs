@@ -51,26 +51,5 @@ fn add(whole: &mut Body, body: &Body, place: &PlaceSpec) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::picture::camera::{cross, minus};
-
-    #[test]
-    fn a_mirrored_body_still_looks_outwards() {
-        let body = Body {
-            nodes_mm: vec![[0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]],
-            facets: vec![[0, 1, 2]],
-            values: vec![1.0, 2.0, 3.0],
-        };
-        let mut whole = Body::default();
-        add(&mut whole, &body, &PlaceSpec::default());
-        add(&mut whole, &body, &PlaceSpec { mirrored: true, offset_mm: [0.0, -70.0, 0.0] });
-        assert_eq!(whole.nodes_mm[3], [0.0, -71.0, 0.0]);
-        let up = |facet: [u32; 3]| {
-            let [a, b, c] = facet.map(|node| whole.nodes_mm[node as usize]);
-            cross(minus(b, a), minus(c, a))[1]
-        };
-        assert!(up(whole.facets[0]) > 0.0 && up(whole.facets[1]) < 0.0, "top of one, bottom of the other");
-        assert_eq!(whole.values.len(), 6);
-    }
-}
+#[path = "../../../tests/unit/cmd_render_placed.rs"]
+mod tests;

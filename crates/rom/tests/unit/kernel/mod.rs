@@ -3,3 +3,4 @@
 mod cases;
 mod edges;
 mod properties;
+mod reference;

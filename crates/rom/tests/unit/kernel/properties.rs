@@ -5,7 +5,8 @@ use std::mem::MaybeUninit;
 use proptest::prelude::*;
 
 use super::cases::{Body, available};
-use crate::kernel::{Basis, Isa, Peak, Precision, Spec, reference};
+use super::reference;
+use crate::kernel::{Basis, Isa, Peak, Precision, Spec};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / (1u64 << 24) as f64;

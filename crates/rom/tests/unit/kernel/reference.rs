@@ -1,12 +1,12 @@
 //! The same in the plainest way: the oracle of the tests and the definition of what the kernel computes.
 
-use super::spec::{Affine, Role, Source, Spec};
+use crate::kernel::{Affine, Field, Role, Source, Spec};
 
 /// All published fields, field-major, in f64, straight from the equations; with each value the sum of the magnitudes
 /// of its terms, from which the bound of any order of summation in f32 follows.
 ///
 /// # Panics
-/// When the spec's slices do not fit each other ([`Basis::build`](super::Basis::build) says which) or `coefficients`
+/// When the spec's slices do not fit each other (`Basis::build` says which) or `coefficients`
 /// is too short.
 pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
     let mut out = Vec::new();
@@ -51,7 +51,7 @@ pub struct Reference {
 
 /// Magnitude of the undeformed coordinate that a published magnitude measures field `index` against, or 0.
 fn rest_of(spec: &Spec<'_>, index: usize, node: usize) -> f64 {
-    let of_magnitude = |field: &super::Field<'_>| match &field.source {
+    let of_magnitude = |field: &Field<'_>| match &field.source {
         Source::Magnitude { coordinates, rest } if field.published => {
             let axis = coordinates.iter().position(|&coordinate| coordinate == index)?;
             Some(rest[axis].get(node).abs())

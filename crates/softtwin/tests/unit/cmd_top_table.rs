@@ -1,0 +1,68 @@
+//! Tests of `src/cmd/top/table.rs` that need its private parts.
+
+use super::*;
+use wire::layout::grasp_status;
+
+fn state() -> State {
+    State {
+        t_sensor_ns: 1_000_000_000,
+        t_publish_ns: 1_000_100_000,
+        pressure_mpa: 0.045,
+        contact_force_n: 1.25,
+        regime: regime::CONTACT,
+        flags: 0,
+        ..State::default()
+    }
+}
+
+fn health() -> Health {
+    let mut health = Health {
+        rate_hz: 999.6,
+        latency_p50_ns: 61_000,
+        latency_p99_ns: 240_400,
+        t_publish_ns: 1_000_000_000,
+        ..Health::default()
+    };
+    health.outcomes[Outcome::HeldAbsurd.code() as usize] = 3;
+    health.outcomes[Outcome::DroppedDuplicate.code() as usize] = 1;
+    health.outcomes[Outcome::DroppedSuperseded.code() as usize] = 50;
+    health
+}
+
+#[test]
+fn a_row_fits_into_eighty_columns() {
+    let row = row("finger", Some(&state()), Some(&health()), 1_001_000_000);
+    let cells: Vec<&str> = row.split_whitespace().collect();
+    assert_eq!(cells, ["finger", "1000", "61", "240", "1.0ms", "contact", "0.0450", "1.250", "3/1"]);
+    assert!(row.len() <= 80 && head().len() <= 90, "{row}");
+}
+
+#[test]
+fn a_grasp_has_a_row_of_its_own() {
+    let grasp = Grasp {
+        grasp_status: grasp_status::HELD,
+        least_force_n: 0.5862,
+        needed_force_n: 0.4169,
+        stop_pressure_mpa: 0.0651,
+        stop_pressure_halfwidth_mpa: 0.0012,
+        ..Grasp::default()
+    };
+    let row = grasp_row("gripper", &grasp);
+    assert_eq!(
+        row,
+        "gripper        grasp: held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa"
+    );
+}
+
+#[test]
+fn a_twin_that_is_gone_and_a_stale_state_are_marked() {
+    let stale = State { flags: flags::STALE | flags::HELD, ..state() };
+    let row = row("finger", Some(&stale), Some(&health()), 60_000_000_000);
+    assert!(row.contains("gone stale held 3/1") && row.contains("59s"), "{row}");
+}
+
+#[test]
+fn a_twin_of_which_nothing_is_known_has_a_row() {
+    let row = row("finger", None, None, 60_000_000_000);
+    assert!(row.contains("unknown") && row.contains("gone"), "{row}");
+}
