@@ -12,7 +12,7 @@ studies() { if [ -n "${SOFTTWIN:-}" ]; then "$SOFTTWIN-studies" "$@"; else cargo
 for name in "$@"; do
     if [ "$name" = traces ]; then
         # Volumes at the paper's three gaps (about 45 states), then the gas law and a gauge: config/traces/.
-        softtwin simulate --cases models/pneunet/trace_cases.csv --out target/traces
+        softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/trace_cases.csv --out target/traces
         seed=1
         for gap in 80 40 15; do
             studies trace --volumes target/traces/volumes.csv --gap-mm "$gap" --seed "$seed" --out "config/traces/gap$gap.csv"

@@ -85,7 +85,8 @@ impl Hyperelastic {
     }
 
     /// Initial shear modulus (MPa).
-    pub(crate) fn shear_modulus_mpa(&self) -> f64 {
+    #[must_use]
+    pub fn shear_modulus_mpa(&self) -> f64 {
         match *self {
             Self::Gent { mu_mpa, .. } | Self::NeoHookean { mu_mpa } => mu_mpa,
             Self::Yeoh { c10_mpa, .. } => 2.0 * c10_mpa,

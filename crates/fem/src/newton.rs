@@ -17,7 +17,7 @@ use crate::linear::{Factor, LinearError};
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
-use crate::system::{InvalidState, System, face};
+use crate::system::{Ahead, InvalidState, System, face};
 
 /// Why the iteration at one load stopped.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -191,20 +191,20 @@ impl Newton {
         problem.config.contact.obstacle_penalty_n_per_mm * sum
     }
 
-    /// First system of a step: the tangent of the obstacle where it *was*, the loads of the new state, and the
-    /// obstacle's advance acting on the nodes it touches now. Were the obstacle moved first, a retreat would lose all
-    /// contact in the first iteration and the actuator would swing away.
+    /// First system of a step: the tangent of pressure and obstacle as they *were*, with the new pressure's force, and the
+    /// obstacle's advance acting on the nodes it touches now. Were the obstacle moved first, a retreat would lose all contact in
+    /// the first iteration and the actuator would swing away.
     fn predict(&mut self, state: &State, load: &Load) -> Result<(), NewtonError> {
-        let mut linearised = *load;
-        let mut advance_mm = 0.0;
+        let mut linearised = Load { pressure_mpa: state.load.pressure_mpa, ..*load };
+        let mut ahead = Ahead { pressure_mpa: load.pressure_mpa - state.load.pressure_mpa, advance_mm: 0.0 };
         if state.load.obstacle.same_body(load.obstacle) {
             linearised.obstacle = state.load.obstacle;
             if let (Some(was), Some(is)) = (state.load.obstacle.gap_mm(), load.obstacle.gap_mm()) {
-                advance_mm = was - is;
+                ahead.advance_mm = was - is;
             }
         }
         let problem = Arc::clone(&self.problem);
-        self.system.assemble(&problem, state, &linearised, advance_mm, true)?;
+        self.system.assemble(&problem, state, &linearised, ahead, true)?;
         Ok(())
     }
 
@@ -213,7 +213,7 @@ impl Newton {
         let problem = Arc::clone(&self.problem);
         let mut share = 1.0;
         for _ in 0..MAX_HALVINGS {
-            match self.system.assemble(&problem, state, load, 0.0, true) {
+            match self.system.assemble(&problem, state, load, Ahead::default(), true) {
                 Ok(()) => return Ok(()),
                 Err(_) => {
                     share *= 0.5;
@@ -221,7 +221,7 @@ impl Newton {
                 }
             }
         }
-        self.system.assemble(&problem, state, load, 0.0, true)?;
+        self.system.assemble(&problem, state, load, Ahead::default(), true)?;
         Ok(())
     }
 

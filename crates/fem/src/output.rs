@@ -5,7 +5,7 @@ use crate::element::tet10;
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
-use crate::system::{System, face};
+use crate::system::{Ahead, System, face};
 
 /// Fields and figures of one state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,7 +38,7 @@ pub(crate) fn clearance_mm(problem: &Problem, state: &State) -> f64 {
 
 /// Largest force out of balance at a free node (N), with the carried stresses.
 pub(crate) fn residual_n(problem: &Problem, state: &State, system: &mut System) -> f64 {
-    if system.assemble(problem, state, &state.load, 0.0, false).is_err() {
+    if system.assemble(problem, state, &state.load, Ahead::default(), false).is_err() {
         return f64::INFINITY;
     }
     let free = system.mixed.iter().zip(&problem.free).filter(|(_, free)| **free != CONSTRAINED);

@@ -89,7 +89,7 @@ pub fn onset(n: usize, clearances: &[(f64, f64)], gaps: [f64; 2]) -> Vec<Vec<f64
         return Vec::new();
     }
     let gaps = grid(&[n], &[[low, high]]);
-    gaps.iter().filter_map(|gap| Some(vec![crossing(&table, gap[0])?, gap[0]])).collect()
+    gaps.iter().filter_map(|gap| Some(vec![onset_pressure_mpa(&table, gap[0])?, gap[0]])).collect()
 }
 
 /// A sample and the error there of a model trained without it, in any unit.
@@ -127,8 +127,9 @@ pub fn infill(n: usize, samples: &[InfillError], candidates: &[[f64; 2]]) -> Vec
     chosen
 }
 
-/// Lowest pressure at which the clearance reaches `gap`.
-fn crossing(table: &[(f64, f64)], gap: f64) -> Option<f64> {
+/// Lowest pressure (MPa) at which the clearance reaches `gap` (mm); `table` as the clearances of [`onset`], by rising pressure.
+#[must_use]
+pub fn onset_pressure_mpa(table: &[(f64, f64)], gap: f64) -> Option<f64> {
     let pair = table.windows(2).find(|w| w[0].1 <= gap && gap <= w[1].1)?;
     let [(p0, c0), (p1, c1)] = [pair[0], pair[1]];
     Some(if c1 > c0 { p0 + (p1 - p0) * (gap - c0) / (c1 - c0) } else { p0 })

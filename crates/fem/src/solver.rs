@@ -91,7 +91,7 @@ pub enum SolveError {
 
 /// Version of the formulation. Raise it with every change that moves a result by more than the solver's tolerance:
 /// checkpoints of another version are then solved again instead of mixed with new ones.
-pub const FORMULATION: u32 = 2;
+pub const FORMULATION: u32 = 3;
 
 /// Number of steps in which gravity is applied to the undeformed body.
 const GRAVITY_STEPS: u32 = 3;

@@ -62,8 +62,7 @@ impl System {
 
     /// Assembles at `state` under `load` (the state's own load is not used).
     ///
-    /// `advance_mm` linearises the contact for an obstacle that moves from where `load` has it towards the base:
-    /// the touching nodes feel its stiffness times the advance.
+    /// `ahead` predicts the step to other loads with the tangent of `load`.
     ///
     /// # Errors
     /// [`InvalidState`] names the element that collapsed or passed its material's limit.
@@ -72,7 +71,7 @@ impl System {
         problem: &Problem,
         state: &State,
         load: &Load,
-        advance_mm: f64,
+        ahead: Ahead,
         with_tangent: bool,
     ) -> Result<(), InvalidState> {
         self.condensed.fill([0.0; 3]);
@@ -87,9 +86,9 @@ impl System {
         // The remaining forces follow from the displacements alone and are the same in both residuals.
         let mut shared = vec![[0.0; 3]; x.len()];
         self.add_bending(problem, &x, &mut shared, with_tangent);
-        self.add_cavity(problem, load.pressure_mpa, &x, &mut shared, with_tangent);
+        self.add_cavity(problem, load.pressure_mpa, ahead.pressure_mpa, &x, &mut shared, with_tangent);
         self.add_slots(problem, &x, &mut shared, with_tangent);
-        self.add_obstacle(problem, load.obstacle, advance_mm, &x, &mut shared, with_tangent);
+        self.add_obstacle(problem, load.obstacle, ahead.advance_mm, &x, &mut shared, with_tangent);
         for ((c, m), s) in self.condensed.iter_mut().zip(&mut self.mixed).zip(&shared) {
             axpy(1.0, *s, c);
             axpy(1.0, *s, m);
@@ -198,6 +197,7 @@ impl System {
         &mut self,
         problem: &Problem,
         pressure_mpa: f64,
+        ahead_mpa: f64,
         x: &[Vec3],
         residual: &mut [Vec3],
         with_tangent: bool,
@@ -207,7 +207,7 @@ impl System {
             let terms = face_terms(&nodes.map(|n| x[n as usize]), problem.config.cavity_load);
             self.cavity_volume_mm3 += terms.volume_mm3;
             for (n, gradient) in nodes.iter().zip(&terms.gradient) {
-                axpy(pressure_mpa, *gradient, &mut residual[*n as usize]);
+                axpy(pressure_mpa + ahead_mpa, *gradient, &mut residual[*n as usize]);
             }
             if with_tangent && pressure_mpa != 0.0 {
                 let mut blocks = [[[0.0; 3]; 3]; 21];
@@ -273,6 +273,18 @@ impl System {
             }
         }
     }
+}
+
+/// How far the loads of a step are ahead of those whose tangent predicts it.
+///
+/// The tangent must be that of an equilibrium: with the pressure of the step's end and the shape of its beginning it is no one's,
+/// and for a thin-walled actuator soon singular.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ahead {
+    /// Further pressure (MPa).
+    pub pressure_mpa: f64,
+    /// Way of the obstacle towards the base (mm): the touching nodes feel its stiffness times this.
+    pub advance_mm: f64,
 }
 
 /// The rigid face that a load places below the base.

@@ -1,28 +1,42 @@
 //! The program `softtwin`: trains, inspects, predicts, evaluates, listens and draws.
 #![forbid(unsafe_code)]
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
-Examples:
-  softtwin train --database models/pneunet/database --out finger.twin
-  softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --out state.vtu
-  softtwin <COMMAND> --help    worked examples of every command
+Example: a recorded pressure trace becomes live fields
+  softtwin demo --seconds 10
+  softtwin COMMAND --help      worked examples of every command";
 
+const CODES: &str = "\
 Exit codes: 0 done, 1 run-time failure, 2 usage, 78 configuration.
 Results go to standard output, everything else to standard error (RUST_LOG=debug for more).";
 
 /// Digital twin of a soft pneumatic actuator: from pressure and gap to the whole deformed, stressed body.
 #[derive(Parser)]
-#[command(name = "softtwin", version, about, after_help = EXAMPLES, propagate_version = true)]
+#[command(name = "softtwin", version, about, before_help = EXAMPLES, after_help = CODES, propagate_version = true)]
 struct Cli {
     #[command(subcommand)]
     command: softtwin::Command,
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse(); // exits with 2 on wrong usage
+    let cli = parse();
     runtime::service::start_logging("warn");
     softtwin::failure::exit_code("softtwin", cli.command.run())
+}
+
+/// Reads the command line; wrong usage ends the program with 2, help with 0.
+fn parse() -> Cli {
+    let command = Cli::command();
+    let groups = softtwin::Command::groups(&command);
+    let template = format!(
+        "{{before-help}}{{about}}\n\n{{usage-heading}} {{usage}}\n\n{groups}\nOptions:\n{{options}}{{after-help}}"
+    );
+    let mut command = command.help_template(template);
+    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    parsed
+        .and_then(|found| Cli::from_arg_matches(&found))
+        .unwrap_or_else(|error| error.format(&mut command).exit())
 }

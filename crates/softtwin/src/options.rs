@@ -6,8 +6,8 @@ use std::path::PathBuf;
 /// The actuator that is simulated.
 #[derive(clap::Args, Debug)]
 pub struct ActuatorFile {
-    /// Geometry, materials, loads, supports and mesh.
-    #[arg(long, value_name = "FILE.toml", default_value = "models/pneunet/actuator.toml")]
+    /// Geometry, materials, loads, supports and mesh, such as models/pneunet/actuator.toml.
+    #[arg(long, value_name = "FILE.toml")]
     pub actuator: PathBuf,
 }
 

@@ -17,7 +17,7 @@ Examples:
   Simulate the volumes, then make the trace:
     softtwin-studies trace --gap-mm 40 --out gap40.csv
   The three traces of the paper's scenes, from one run of the simulator (scripts/make_model.sh traces):
-    softtwin simulate --cases models/pneunet/trace_cases.csv --out target/traces
+    softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/trace_cases.csv --out target/traces
     softtwin-studies trace --volumes target/traces/volumes.csv --gap-mm 40 --seed 2 --out config/traces/gap40.csv
   Half the flow through a long tube:
     softtwin-studies trace --gap-mm 40 --flow-ml-per-min 62.5 --dead-volume-mm3 3000 --out slow.csv

@@ -27,7 +27,7 @@ Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of thei
 
 /// Watch a recorded pressure trace become live fields through two real processes.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Scene with one actuator [default: config/scenes/finger.toml, which comes with softtwin].
     #[arg(long, value_name = "FILE")]

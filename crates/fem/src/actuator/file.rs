@@ -206,6 +206,25 @@ impl Actuator {
         self.base.lower_mm + self.base.upper_mm
     }
 
+    /// Thickness of the thinnest wall of a chamber: towards a slot, outwards, at the top (mm).
+    #[must_use]
+    pub fn thinnest_wall_mm(&self) -> f64 {
+        let (body, chambers) = (&self.body, &self.chambers);
+        let end = chambers.first_mm + (chambers.count - 1) as f64 * chambers.pitch_mm + chambers.length_mm;
+        let slot = match chambers.count {
+            1 => f64::INFINITY,
+            _ => 0.5 * (chambers.pitch_mm - chambers.length_mm - self.slots.width_mm),
+        };
+        let walls = [
+            slot,
+            chambers.first_mm - body.start_mm,
+            body.start_mm + body.length_mm - end,
+            0.5 * (body.width_mm - chambers.width_mm),
+            body.top_mm - chambers.top_mm,
+        ];
+        walls.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
     /// y of the cavities' floor (mm).
     #[must_use]
     pub fn cavity_floor_mm(&self) -> f64 {

@@ -5,7 +5,9 @@
 //! `D/2 integral (1 - nu) x,ab . x,ab + nu x,aa . x,bb` is then quadratic in the positions, exactly invariant under
 //! rigid motion, and its stiffness is one constant scalar matrix for all three components. Quadratic triangles are
 //! only C0, so each interior edge adds, with `[.]` jump, `{.}` mean, `M = D (x,nn + nu x,tt)`:
-//! `- {M} . [x,n]` (consistency, both ways) and `eta D / |e| [x,n] . [x,n]` (stability).
+//! `- {M} . [x,n]` (consistency, both ways) and `eta D / h [x,n] . [x,n]` (stability). `h` is the edge's length, or twice the
+//! height of the flatter triangle over it where that is less: what the consistency terms take grows as `|e| / area`, so with the
+//! length alone flat triangles would make the sheet's energy negative.
 
 use std::collections::BTreeMap;
 
@@ -153,6 +155,8 @@ fn add_edge(
     let nodes: Vec<u32> = pair.iter().flat_map(|(nodes, _)| nodes.iter().copied()).collect();
     let moment: Vec<f64> =
         pair.iter().flat_map(|(_, flat)| (0..6).map(|a| 0.5 * flat.moment(a, n, poisson))).collect();
+    let height = 2.0 * pair[0].1.area.min(pair[1].1.area) / length;
+    let h = length.min(2.0 * height);
     for t in [0.5 - 0.5 / 3.0_f64.sqrt(), 0.5 + 0.5 / 3.0_f64.sqrt()] {
         let point = [ends[0][0] + t * along[0], ends[0][1] + t * along[1]];
         let plus = pair[0].1.slopes(point, n);
@@ -161,7 +165,7 @@ fn add_edge(
         for a in 0..12 {
             for b in 0..12 {
                 let consistency = moment[a] * jump[b] + jump[a] * moment[b];
-                let value = eta / length * jump[a] * jump[b] - consistency;
+                let value = eta / h * jump[a] * jump[b] - consistency;
                 add(sum, nodes[a], nodes[b], 0.5 * length * stiffness * value);
             }
         }

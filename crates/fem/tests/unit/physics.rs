@@ -10,7 +10,7 @@ use crate::element::{membrane, tet10};
 use crate::mesh::{Mesh, Slot};
 use crate::ordering::nested_dissection;
 use crate::sparse::CONSTRAINED;
-use crate::system::System;
+use crate::system::{Ahead, System};
 use crate::{Load, Obstacle, Problem, ProblemConfig, ProblemError, SolveError, Solver, State};
 use rom::snapshots::Footprint;
 
@@ -83,7 +83,7 @@ fn follow(problem: &Problem, u: Vec<Vec3>, load: Load) -> State {
 
 fn residual(problem: &Problem, state: &State, load: &Load) -> Vec<Vec3> {
     let mut system = System::new(problem);
-    system.assemble(problem, state, load, 0.0, false).unwrap();
+    system.assemble(problem, state, load, Ahead::default(), false).unwrap();
     system.condensed
 }
 
@@ -145,7 +145,7 @@ fn residual_is_the_derivative_of_the_energy_and_the_tangent_that_of_the_residual
     let energy = |s: &State| potential_n_mm(&problem, s, &load).unwrap();
     let slope = (energy(&up) - energy(&down)) / (2.0 * step);
     let mut system = System::new(&problem);
-    system.assemble(&problem, &state, &load, 0.0, true).unwrap();
+    system.assemble(&problem, &state, &load, Ahead::default(), true).unwrap();
     assert!(system.contact_force_n > 0.0, "the plate must touch for the test to mean anything");
     let work: f64 = system.condensed.iter().zip(&direction).map(|(f, d)| dot(*f, *d)).sum();
     println!("energy: derivative {slope:.9e} N, force {:.9e} N along the same direction", -work);
@@ -211,7 +211,7 @@ fn internal_pressure_and_wall_forces_balance_and_the_plate_reacts() {
     assert!(norm(total(&residual(&finger, &state, &free))) < 1.0e-9, "a closed cavity exerts no net force");
     let plate = Load { obstacle: Obstacle::Plate { gap_mm: 0.02 }, ..free };
     let mut system = System::new(&finger);
-    system.assemble(&finger, &state, &plate, 0.0, false).unwrap();
+    system.assemble(&finger, &state, &plate, Ahead::default(), false).unwrap();
     let sum = total(&system.condensed);
     assert!(close(sum[1], system.contact_force_n, 1.0e-9) && sum[0].abs() + sum[2].abs() < 1.0e-9);
 
@@ -358,7 +358,7 @@ fn wall_contact_has_the_tangent_of_its_force_where_the_walls_do_not_turn() {
     for by in [0.1, 0.4] {
         let stated = contact(&|problem| {
             let mut system = System::new(problem);
-            system.assemble(problem, &shifted(by), &load, 0.0, true).unwrap();
+            system.assemble(problem, &shifted(by), &load, Ahead::default(), true).unwrap();
             problem.pattern.multiply(&system.tangent, &v)
         });
         let force = |by: f64| contact(&|p| residual(p, &shifted(by), &load).into_flattened());

@@ -205,12 +205,9 @@ fn penalty_is_smooth_and_linear_beyond_its_rounding() {
     assert_eq!(penalty(-0.02, w).force, 0.0);
 }
 
-/// Bent to a cylinder of radius R, a plate stores `D / (2 R^2)` per area whatever its mesh.
-#[test]
-fn bending_energy_of_a_cylinder_is_the_plate_theory_value() {
-    let (cells, side) = (4, 10.0);
-    let at =
-        |i: usize, j: usize| [side * i as f64 / (2 * cells) as f64, side * j as f64 / (2 * cells) as f64];
+/// A rectangle of `cells x cells` cells of two triangles each: node numbers, positions in the plane, number of nodes.
+fn sheet_grid(cells: usize, sides: [f64; 2]) -> (Vec<[u32; 6]>, Vec<[[f64; 2]; 6]>, usize) {
+    let part = |side: f64, i: usize| side * i as f64 / (2 * cells) as f64;
     let node = |i: usize, j: usize| u32::try_from(i * (2 * cells + 1) + j).unwrap();
     let mut triangles = Vec::new();
     for i in (0..2 * cells).step_by(2) {
@@ -222,11 +219,36 @@ fn bending_energy_of_a_cylinder_is_the_plate_theory_value() {
             }
         }
     }
-    let plane: Vec<[[f64; 2]; 6]> = triangles.iter().map(|t| t.map(|(i, j)| at(i, j))).collect();
-    let nodes: Vec<[u32; 6]> = triangles.iter().map(|t| t.map(|(i, j)| node(i, j))).collect();
+    let plane = triangles.iter().map(|t| t.map(|(i, j)| [part(sides[0], i), part(sides[1], j)])).collect();
+    let nodes = triangles.iter().map(|t| t.map(|(i, j)| node(i, j))).collect();
+    (nodes, plane, (2 * cells + 1) * (2 * cells + 1))
+}
+
+/// Energy is never negative, however flat the triangles are: what a grid makes of a slot between two chambers.
+#[test]
+fn bending_energy_is_never_negative() {
+    for width in [10.0, 3.0, 1.0, 0.3] {
+        let (nodes, plane, total) = sheet_grid(4, [10.0, width]);
+        let entries = bending::assemble(&nodes, &plane, 1.0, 0.2, 5.0).unwrap();
+        let mut matrix = faer::Mat::<f64>::zeros(total, total);
+        for e in &entries {
+            matrix[(e.row as usize, e.col as usize)] = e.value;
+            matrix[(e.col as usize, e.row as usize)] = e.value;
+        }
+        let values = matrix.self_adjoint_eigenvalues(faer::Side::Lower).unwrap();
+        let (least, most) = (values[0], values[total - 1]);
+        println!("width {width}: eigenvalues {least:.2e} to {most:.2e}");
+        assert!(least > -1.0e-10 * most, "triangles of 10 x {width} mm: {least} of {most}");
+    }
+}
+
+/// Bent to a cylinder of radius R, a plate stores `D / (2 R^2)` per area whatever its mesh.
+#[test]
+fn bending_energy_of_a_cylinder_is_the_plate_theory_value() {
+    let side = 10.0;
+    let (nodes, plane, total) = sheet_grid(4, [side; 2]);
     let (stiffness, poisson, radius) = (0.56, 0.2, 400.0);
     let entries = bending::assemble(&nodes, &plane, stiffness, poisson, 5.0).unwrap();
-    let total = (2 * cells + 1) * (2 * cells + 1);
     let mut x = vec![[0.0; 3]; total];
     for (t, p) in nodes.iter().zip(&plane) {
         for (n, p) in t.iter().zip(p) {

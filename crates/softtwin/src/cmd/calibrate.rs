@@ -24,7 +24,7 @@ prior of the scene. With --json the last thing on standard output is one JSON ob
 
 /// Fit the unknowns of a scene to a whole recording.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Scene with `[actuator.estimate]`.
     #[arg(long, value_name = "FILE.toml")]

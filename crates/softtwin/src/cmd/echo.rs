@@ -24,28 +24,28 @@ const COLUMNS: usize = 80;
 
 /// Show what is published: one line a sample.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Topic or key expression.
     #[arg(value_name = "KEY")]
     key: String,
     /// End after one sample.
-    #[arg(long, conflicts_with = "count")]
+    #[arg(long, conflicts_with = "count", help_heading = "Selection")]
     once: bool,
     /// End after so many samples (1 to 1000000000000).
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000), help_heading = "Selection")]
     count: Option<u64>,
     /// End after so many seconds; an error when nothing came.
-    #[arg(long, value_name = "S", value_parser = crate::range::seconds)]
+    #[arg(long, value_name = "S", value_parser = crate::range::seconds, help_heading = "Selection")]
     seconds: Option<f64>,
     /// All values of this field (x, y, z, displacement, von_mises) of field topics.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Selection")]
     field: Option<String>,
     /// The values of this node of field topics, numbered within the topic's node set.
-    #[arg(long, value_name = "N", value_parser = crate::range::count(0, 1_000_000_000))]
+    #[arg(long, value_name = "N", value_parser = crate::range::count(0, 1_000_000_000), help_heading = "Selection")]
     node: Option<usize>,
     /// One JSON object a line.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     #[command(flatten)]
     domain: DomainArgs,

@@ -32,7 +32,7 @@ the reason is printed and the exit code is 1.";
 
 /// Ask a running twin: what if, which pressure, which gap.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Selector: softtwin/<actuator>/whatif|pressure|gap?name=value;... with pressure_mpa, gap_mm, force_n, force_halfwidth_n, field.
     #[arg(value_name = "SELECTOR")]

@@ -23,16 +23,16 @@ as softtwin/<scene>/grasp.";
 
 /// Show whether a gripper holds its object at a pressure, and from which pressure on it does.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Scene file with a [grasp].
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
     /// Pressure of all fingers in MPa.
-    #[arg(long, value_name = "MPA", value_parser = crate::range::pressure_mpa)]
+    #[arg(long, value_name = "MPA", value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: f64,
     /// Gap of all fingers in mm, where neither scene nor model fixes it.
-    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
     /// Mass of the object in g instead of the scene's.
     #[arg(long, value_name = "G", value_parser = crate::range::number(0.0, 1e9))]
@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long)]
     paper: bool,
     /// One JSON object.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -17,7 +17,7 @@ Latency is the time from the reading's stamp until this program has received the
 
 /// Measure rate, loss and latency of topics, second by second.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Topic or key expression.
     #[arg(value_name = "KEY")]

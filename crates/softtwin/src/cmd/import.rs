@@ -21,7 +21,7 @@ exchange of Ansys' static reduced-order models (folders with settings.json, poin
 
 /// Import a mesh (.inp, .msh, .vtu) as a .vtu file.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// The mesh.
     #[arg(value_name = "FILE")]

@@ -16,7 +16,7 @@ Examples:
 
 /// Everything about topics: type, writer, readers, memory, quality of service, the newest sample.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Topic or key expression.
     #[arg(value_name = "KEY")]

@@ -18,7 +18,7 @@ training case when it was left out.";
 
 /// Show what a model file holds; every checksum is verified on the way.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file.
     #[arg(value_name = "FILE.twin")]

@@ -15,7 +15,7 @@ Key expressions are Zenoh's: `*` is one chunk, `**` any number, `$*` any part of
 
 /// List the topics of the domain: what is there, who writes, who reads.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Key expression.
     #[arg(value_name = "KEY", default_value = "softtwin/**")]

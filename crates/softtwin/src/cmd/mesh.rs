@@ -25,7 +25,7 @@ fewer elements for the same accuracy.";
 
 /// Mesh an actuator with second-order tetrahedra on a grid.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
     geometry: ActuatorFile,
@@ -40,6 +40,21 @@ pub struct Args {
     json: bool,
 }
 
+/// Meshes an actuator on a grid into a `.vtu` file; returns the numbers of nodes and tetrahedra.
+///
+/// # Errors
+/// A size that does not suit the actuator, the system's refusal.
+pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Result<(usize, usize)> {
+    let mesh = actuator.grid_mesh(size_mm, 1).map_err(|list| {
+        let list: Vec<String> = list.iter().map(ToString::to_string).collect();
+        usage(format!("--size-mm: {}", list.join("\n  ")))
+    })?;
+    let cells = vtu::Cells::QuadraticTets(&mesh.tets);
+    vtu::write(out, &vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] })
+        .context("the mesh was not written")?;
+    Ok((mesh.nodes_mm.len(), mesh.tets.len()))
+}
+
 impl Args {
     /// Meshes, checks, writes.
     pub fn run(self) -> anyhow::Result<()> {
@@ -52,14 +67,7 @@ impl Args {
                 out.display()
             )));
         }
-        let mesh = actuator.grid_mesh(self.size_mm, 1).map_err(|list| {
-            let list: Vec<String> = list.iter().map(ToString::to_string).collect();
-            usage(format!("--size-mm: {}", list.join("\n  ")))
-        })?;
-        let cells = vtu::Cells::QuadraticTets(&mesh.tets);
-        vtu::write(&out, &vtu::Grid { points_mm: &mesh.nodes_mm, cells, point_data: &[] })
-            .context("the mesh was not written")?;
-        let (nodes, tets) = (mesh.nodes_mm.len(), mesh.tets.len());
+        let (nodes, tets) = write_grid(&actuator, self.size_mm, &out)?;
         if self.json {
             return output::json(&json!({"mesh": out, "nodes": nodes, "tetrahedra": tets}));
         }

@@ -7,6 +7,7 @@ use cli::demo;
 
 pub mod bench;
 mod calibrate;
+mod build;
 mod doctor;
 mod echo;
 mod evaluate;
@@ -20,6 +21,7 @@ mod inspect;
 mod list;
 mod manual;
 mod mesh;
+mod new;
 mod pack;
 mod plot;
 mod predict;
@@ -34,50 +36,45 @@ mod top;
 mod train;
 mod view;
 
-/// Declares the enum clap parses into and its dispatch.
+/// Declares the enum clap parses into, its dispatch, and the groups in which help lists the commands.
 macro_rules! commands {
-    ($($variant:ident => $module:ident),* $(,)?) => {
+    ($($heading:literal: $($variant:ident => $module:ident),* $(,)?;)*) => {
         /// Sub-command; each variant's text is the doc comment of its `Args`.
         #[derive(clap::Subcommand)]
-        pub enum Command { $(#[allow(missing_docs)] $variant($module::Args),)* }
+        pub enum Command { $($(#[allow(missing_docs)] $variant($module::Args),)*)* }
 
         impl Command {
+            /// Headings and the names of their commands, in the order of the help.
+            const GROUPS: &[(&str, &[&str])] = &[$(($heading, &[$(stringify!($module)),*])),*];
+
             /// Runs the chosen command.
             pub fn run(self) -> anyhow::Result<()> {
-                match self { $(Self::$variant(args) => args.run(),)* }
+                match self { $($(Self::$variant(args) => args.run(),)*)* }
             }
         }
     };
 }
 
 commands! {
-    Record => record,
-    Replay => replay,
-    Top => top,
-    Doctor => doctor,
-    Train => train,
-    Inspect => inspect,
-    Pack => pack,
-    Predict => predict,
-    Export => export,
-    Import => import,
-    Demo => demo,
-    List => list,
-    Info => info,
-    Echo => echo,
-    Hz => hz,
-    Get => get,
-    Grasp => grasp,
-    Scene => scene,
-    Mesh => mesh,
-    Sample => sample,
-    Simulate => simulate,
-    Evaluate => evaluate,
-    Calibrate => calibrate,
-    Plot => plot,
-    Render => render,
-    View => view,
-    Bench => bench,
-    Stability => stability,
-    Manual => manual,
+    "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor, Bench => bench,
+        Manual => manual;
+    "Look": View => view, Top => top, List => list, Info => info, Echo => echo, Hz => hz, Get => get, Export => export,
+        Plot => plot, Render => render;
+    "Model": Predict => predict, Calibrate => calibrate, Train => train, Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;
+    "Simulate": New => new, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
+}
+
+impl Command {
+    /// The commands of a program in their groups, one line each, for its help.
+    pub fn groups(program: &clap::Command) -> String {
+        let about = |name: &str| {
+            let found = program.get_subcommands().find(|command| command.get_name() == name);
+            found.and_then(|command| command.get_about()).map_or_else(String::new, ToString::to_string)
+        };
+        let line = |name: &&str| format!("  {name:<10} {}\n", about(name));
+        let group = |(heading, names): &(&str, &[&str])| {
+            format!("{heading}:\n{}", names.iter().map(line).collect::<String>())
+        };
+        Self::GROUPS.iter().map(group).collect::<Vec<_>>().join("\n")
+    }
 }

@@ -21,13 +21,13 @@ from the coordinates and the mesh.";
 
 /// Pack a database's snapshots: every value within a stated error, a fraction of the size.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Database folder with snapshots.npy (with --unpack: with packed snapshots).
     #[arg(long, value_name = "DIR")]
     database: PathBuf,
     /// Folder to write.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
     out: PathBuf,
     /// Largest error of a coordinate in mm.
     #[arg(long, value_name = "MM", default_value_t = 1e-3, value_parser = crate::range::number(1e-9, 1e6))]
@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long)]
     unpack: bool,
     /// Print one JSON object instead of text.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

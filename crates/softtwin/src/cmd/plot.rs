@@ -33,7 +33,7 @@ const LEADING: usize = 4;
 
 /// Draw what a model has learnt, or what a recording holds.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// What to draw.
     #[arg(value_enum)]

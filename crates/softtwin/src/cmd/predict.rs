@@ -32,7 +32,7 @@ bars do not hold.";
 
 /// Predict one state: force, regime, onset and, with --out, all fields.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
@@ -52,6 +52,9 @@ pub struct Args {
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the output shall have; the model's surface when left out.
     #[arg(long, value_name = "FILE", requires = "out")]
     mesh: Option<PathBuf>,
+    /// Accepted everywhere; the answer is one JSON object anyway.
+    #[arg(long)]
+    json: bool,
 }
 
 impl Args {

@@ -28,19 +28,19 @@ file is deleted, and when a topic could not be recorded to the end. A closed ter
 
 /// Record readings, states, health and, if asked, fields into MCAP files.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Topics, as key expressions (`*` one chunk, `**` any)
     #[arg(value_name = "KEY", default_value = "softtwin/**")]
     keys: Vec<String>,
     /// File to write; an existing one is never overwritten
-    #[arg(long, value_name = "MCAP")]
+    #[arg(long, value_name = "MCAP", help_heading = "Output")]
     out: PathBuf,
     /// Record whole fields too (half a megabyte a sample at full size)
-    #[arg(long)]
+    #[arg(long, help_heading = "Selection")]
     fields: bool,
     /// Stop after so many seconds
-    #[arg(long, value_name = "SECONDS", value_parser = crate::range::seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = crate::range::seconds, help_heading = "Selection")]
     seconds: Option<f64>,
     /// Begin a new file at this size, MB
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
@@ -55,7 +55,7 @@ pub struct Args {
     #[arg(long, value_name = "MB", default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     queue_mb: u64,
     /// End with one JSON object
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     #[command(flatten)]
     domain: DomainArgs,

@@ -27,13 +27,13 @@ A running bridge of the same actuator must be stopped first: there is one sensor
 
 /// Play readings of a recording (MCAP) or a trace (CSV) to a twin.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Recording or trace
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Actuator whose sensor to be
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Selection")]
     actuator: String,
     /// Sensor topic of a recording that holds several
     #[arg(long, value_name = "TOPIC")]
@@ -42,19 +42,19 @@ pub struct Args {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = crate::range::number(1e-6, 1e9))]
     speed: f64,
     /// Begin at this time of the recording
-    #[arg(long, value_name = "SECONDS", default_value_t = -1e12, hide_default_value = true, value_parser = crate::range::number(-1e12, 1e12))]
+    #[arg(long, value_name = "SECONDS", default_value_t = -1e12, hide_default_value = true, value_parser = crate::range::number(-1e12, 1e12), help_heading = "Selection")]
     from_s: f64,
     /// End at this time of the recording
-    #[arg(long, value_name = "SECONDS", default_value_t = 1e12, hide_default_value = true, value_parser = crate::range::number(-1e12, 1e12))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 1e12, hide_default_value = true, value_parser = crate::range::number(-1e12, 1e12), help_heading = "Selection")]
     to_s: f64,
     /// Begin again at the end, for ever
-    #[arg(long = "loop")]
+    #[arg(long = "loop", help_heading = "Computing")]
     repeat: bool,
     /// Send one reading for each line on standard input, whatever it says
     #[arg(long, conflicts_with_all = ["speed", "repeat"])]
     step: bool,
     /// End with one JSON object
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     #[command(flatten)]
     domain: DomainArgs,

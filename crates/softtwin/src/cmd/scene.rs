@@ -14,7 +14,7 @@ Examples:
 
 /// Look at scenes before they run.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
@@ -23,7 +23,7 @@ pub struct Args {
 #[derive(clap::Subcommand)]
 enum Action {
     /// Say what a scene will load, how many bytes, and how long a sample takes, measured here and now.
-    #[command(after_help = EXAMPLES)]
+    #[command(before_help = EXAMPLES)]
     Explain {
         /// Scene file.
         #[arg(value_name = "FILE")]

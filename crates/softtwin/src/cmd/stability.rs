@@ -15,7 +15,7 @@ the onset of contact coordinates and force of both regimes must meet. Ends with 
 
 /// Check a model at thousands of random states: force, continuity at the onset of contact, conditioning.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
@@ -23,7 +23,7 @@ pub struct Args {
     #[command(flatten)]
     extent: Extent,
     /// Print one JSON object instead of text.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
@@ -37,7 +37,7 @@ pub struct Extent {
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = range::count(2, 100_000))]
     pub gaps: usize,
     /// Seed of the random states.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Computing")]
     pub seed: u64,
     /// Largest jump of a coordinate at the onset that is accepted, in mm.
     #[arg(long, value_name = "MM", default_value_t = 0.05, value_parser = range::number(0.0, 1e3))]

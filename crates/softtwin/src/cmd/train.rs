@@ -28,13 +28,13 @@ Only cases with split = train are looked at; test and check cases are kept for `
 
 /// Train a model from a database of finite-element states.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Database folder (database.toml, cases.csv, snapshots.npy, mesh.vtu).
     #[arg(long, value_name = "DIR")]
     database: PathBuf,
     /// Model file to write; the data sheet goes beside it with the ending .json.
-    #[arg(long, value_name = "FILE.twin")]
+    #[arg(long, value_name = "FILE.twin", help_heading = "Output")]
     out: PathBuf,
     /// Training configuration; keys left out keep their defaults.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "paper")]
@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_enum)]
     scene: Option<SceneArg>,
     /// Print one JSON object instead of text.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -40,7 +40,7 @@ Keys on the page: 1-4 views, F fit, space pause, L shading, M mesh lines, T dark
 
 /// Show running twins in a browser: the deformed, stressed body, live.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file of an actuator to show; repeat for several.
     #[arg(long, value_name = "FILE")]
@@ -49,16 +49,16 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml")]
     scene: Option<PathBuf>,
     /// Topics to show, as a key expression (`*` one chunk, `**` any).
-    #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
+    #[arg(long, value_name = "KEY", default_value = "softtwin/**", help_heading = "Selection")]
     key: String,
     /// Play this recording, or those of this folder, instead of live topics.
     #[arg(long, value_name = "PATH", conflicts_with = "key")]
     recording: Option<PathBuf>,
     /// Address to listen on; visitors of any address but loopback need a token.
-    #[arg(long, value_name = "IP", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    #[arg(long, value_name = "IP", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Network")]
     bind: IpAddr,
     /// Port to listen on; 0 takes any free one.
-    #[arg(long, value_name = "PORT", default_value_t = 7411)]
+    #[arg(long, value_name = "PORT", default_value_t = 7411, help_heading = "Network")]
     port: u16,
     /// Token that visitors must have (8 to 64 letters and digits); made at random when needed and left out.
     #[arg(long, value_name = "TEXT", value_parser = parse_token)]

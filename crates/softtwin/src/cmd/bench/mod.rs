@@ -28,7 +28,7 @@ Use a release build: cargo build --release -p softtwin -p softtwind";
 
 /// Measure kernel, prediction and the way from sensor to reader on this machine.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model to measure; a synthetic one of full size when left out.
     #[arg(long, value_name = "FILE.twin")]
@@ -37,16 +37,16 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = crate::range::count(10, 1_000_000))]
     samples: usize,
     /// Seconds of each end-to-end row (0.5 to 3600).
-    #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = crate::range::number(0.5, 3600.0))]
+    #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = crate::range::number(0.5, 3600.0), help_heading = "Selection")]
     seconds: f64,
     /// Leave the end-to-end rows out.
     #[arg(long)]
     no_live: bool,
     /// One JSON object on standard output.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     /// Write the distributions as a picture.
-    #[arg(long, value_name = "FILE.svg|png")]
+    #[arg(long, value_name = "FILE.svg|png", help_heading = "Output")]
     picture: Option<PathBuf>,
 }
 

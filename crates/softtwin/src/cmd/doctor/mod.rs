@@ -24,7 +24,7 @@ bridge holds cannot be read.";
 
 /// Check shared memory, rights, versions, scene, models and sensors; each finding comes with its remedy.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Scene file whose models and sensors to check
     #[arg(long, value_name = "FILE")]

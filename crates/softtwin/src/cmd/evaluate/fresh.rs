@@ -9,6 +9,7 @@ use formats::database::ObstacleKind;
 use rom::inputs::Inputs;
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
+use std::path::Path;
 
 /// Draws within the box of a domain that may fall outside it: a domain of a hundredth of its box is still found.
 const TRIES: usize = 100_000;
@@ -16,12 +17,13 @@ const TRIES: usize = 100_000;
 impl Args {
     /// Simulates `count` random contact states into the database folder. States already there are not solved again.
     pub(super) fn simulate(&self, model: &Model, count: usize) -> anyhow::Result<()> {
-        let (actuator, problem) = files::actuator(&self.actuator)?;
+        let path = self.actuator.as_deref().unwrap_or(Path::new(""));
+        let (actuator, problem) = files::actuator(path)?;
         let nodes = problem.mesh().nodes_mm.len();
         if nodes != model.header.node_count {
             return Err(crate::failure::usage(format!(
                 "--actuator {}: its mesh has {nodes} nodes, expected the model's {}; the model was trained on another mesh",
-                self.actuator.display(),
+                path.display(),
                 model.header.node_count
             )));
         }

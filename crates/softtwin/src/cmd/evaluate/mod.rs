@@ -20,7 +20,8 @@ Examples:
     softtwin evaluate --model finger.twin --database models/pneunet/database --split held-out --json --picture errors.svg
   On 12 states that nobody has seen, drawn at random inside the model's domain and simulated now (about 10 s each) into a
   folder of their own:
-    softtwin evaluate --model models/pneunet/pneunet.twin --simulate 12 --seed 7 --database fresh
+    softtwin evaluate --model models/pneunet/pneunet.twin --actuator models/pneunet/actuator.toml \\
+      --simulate 12 --seed 7 --database fresh
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent;
@@ -28,7 +29,7 @@ interpolation: what the kernels get wrong within the modes.";
 
 /// Measure a model's errors on cases of a database, truncation and interpolation apart.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
@@ -37,25 +38,20 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     database: PathBuf,
     /// Draw so many contact states at random inside the model's domain, simulate them and evaluate on them.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(long, value_name = "N", requires = "actuator", value_parser = clap::value_parser!(u64).range(1..=10_000), help_heading = "Sampling")]
     simulate: Option<u64>,
     /// Seed of the random states.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "simulate")]
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "simulate", help_heading = "Computing")]
     seed: u64,
     /// Actuator that is simulated.
-    #[arg(
-        long,
-        value_name = "FILE.toml",
-        default_value = "models/pneunet/actuator.toml",
-        requires = "simulate"
-    )]
-    actuator: PathBuf,
+    #[arg(long, value_name = "FILE.toml", requires = "simulate")]
+    actuator: Option<PathBuf>,
     /// States simulated at the same time; about 1 GB each (1 to 256).
-    #[arg(long, value_name = "N", default_value_t = 2, requires = "simulate", value_parser = crate::range::threads)]
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "simulate", value_parser = crate::range::threads, help_heading = "Computing")]
     threads: usize,
-    /// Cases to evaluate on.
-    #[arg(long, value_enum, default_value_t, conflicts_with = "simulate")]
-    split: SplitArg,
+    /// Cases to evaluate on; when left out those of split test, or of check where there are none.
+    #[arg(long, value_enum, conflicts_with = "simulate", help_heading = "Sampling")]
+    split: Option<SplitArg>,
     /// Whose cases are used.
     #[arg(long, value_enum, default_value_t)]
     scene: SceneArg,
@@ -63,18 +59,17 @@ pub struct Args {
     #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR, value_parser = crate::range::number(0.0, 1.0))]
     floor: f64,
     /// Picture of the errors by case: .svg or .png.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
     picture: Option<PathBuf>,
     /// Print one JSON object instead of text.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
 /// Cases to evaluate on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum SplitArg {
     /// The paper's test cases.
-    #[default]
     Test,
     /// Further states, some outside the domain.
     Check,
@@ -102,19 +97,23 @@ impl Args {
     /// Evaluates and prints.
     pub fn run(self) -> anyhow::Result<()> {
         let model = files::model(&self.model)?;
-        let split = match self.simulate {
-            Some(count) => {
-                self.simulate(&model, count as usize)?;
-                SplitArg::Check
-            }
-            None => self.split,
-        };
+        if let Some(count) = self.simulate {
+            self.simulate(&model, count as usize)?;
+        }
         let database = files::database(&self.database, ObstacleKind::from(self.scene))?;
+        let split = match self.split {
+            Some(split) => split,
+            None if self.simulate.is_none() && database.of_split(Split::Test).next().is_some() => {
+                SplitArg::Test
+            }
+            None => SplitArg::Check,
+        };
         let cases: Vec<usize> =
             (0..database.cases.len()).filter(|i| split.has(database.cases[*i].split)).collect();
         if cases.is_empty() {
             return Err(crate::failure::usage(format!(
-                "--split: {} has no such cases; it has {}",
+                "--split: {} has no such cases; it has {}. Hold states back (split check in its list of cases), take new ones \
+                 (--simulate 12 --actuator FILE.toml --database fresh), or look at those trained on (--split train)",
                 self.database.display(),
                 splits(&database)
             )));
@@ -145,18 +144,22 @@ struct Printed<'a> {
 }
 
 /// Leave-one-out errors of a regime's training cases: mean, 95th percentile, maximum over cases of the worst node's.
-#[derive(Serialize)]
-struct LeftOut {
-    regime: RegimeKind,
+#[derive(Debug, Serialize)]
+pub struct LeftOut {
+    /// Which.
+    pub regime: RegimeKind,
     /// Cases inside the hull of the others; leaving a corner out measures extrapolation.
-    cases: usize,
-    displacement_mm: [f64; 3],
-    stress_mpa: [f64; 3],
-    force_n: [f64; 3],
+    pub cases: usize,
+    /// In mm.
+    pub displacement_mm: [f64; 3],
+    /// In MPa.
+    pub stress_mpa: [f64; 3],
+    /// In N.
+    pub force_n: [f64; 3],
 }
 
 /// From the data sheet beside the model; none without one.
-fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
+pub fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
     let sheet = std::fs::read(sheet).ok().and_then(|bytes| serde_json::from_slice::<DataSheet>(&bytes).ok());
     let Some(sheet) = sheet else {
         tracing::warn!("no data sheet beside the model: leave-one-out errors are not shown");
@@ -265,7 +268,7 @@ fn percent(share: f64) -> String {
 }
 
 /// Normalised errors by case, one panel a regime.
-fn picture(report: &Report) -> Figure {
+pub fn picture(report: &Report) -> Figure {
     let panel = |regime: RegimeKind| {
         let cases: Vec<&CaseReport> =
             report.cases.iter().filter(|c| c.gap_mm.is_some() == (regime == RegimeKind::Contact)).collect();

@@ -34,7 +34,7 @@ Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// What to export: a model (.twin), a database folder, or a recording (.mcap).
     #[arg(value_name = "SOURCE")]

@@ -18,22 +18,22 @@ use wire::layout::field_id;
 #[derive(clap::Args)]
 pub struct Options {
     /// Of a model: pressures to predict, in MPa.
-    #[arg(long, value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa)]
+    #[arg(long, value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Vec<f64>,
     /// Of a model: the gap in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
     /// Of a database: the names of cases; all when left out.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "State")]
     case: Vec<String>,
     /// Of a recording: the model that makes its fields; left out, recorded fields are exported.
     #[arg(long, value_name = "FILE.twin")]
     model: Option<PathBuf>,
     /// Of a recording: the actuator, when there are several.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Selection")]
     actuator: Option<String>,
     /// Take every n-th state only (1 to 1000000000).
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, 1_000_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, 1_000_000_000), help_heading = "Selection")]
     every: usize,
 }
 

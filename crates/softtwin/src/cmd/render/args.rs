@@ -28,7 +28,7 @@ const MAX_GAP_MM: f64 = 10_000.0;
 
 /// Draw states or modes as PNG pictures, without a display.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Trained model.
     #[arg(long, value_name = "FILE", required_unless_present_any = ["database", "scene"])]
@@ -40,37 +40,37 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with = "model", requires = "case")]
     pub database: Option<PathBuf>,
     /// Case of the database, by its name.
-    #[arg(long, value_name = "NAME", requires = "database")]
+    #[arg(long, value_name = "NAME", requires = "database", help_heading = "State")]
     pub case: Option<String>,
     /// Pressure in the chambers, MPa (0 to 100).
-    #[arg(long, value_name = "MPA", value_parser = crate::range::pressure_mpa)]
+    #[arg(long, value_name = "MPA", value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pub pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the plate, mm (0 to 10000); no plate when left out.
-    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm)]
+    #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     pub gap_mm: Option<f64>,
     /// Draw the POD modes of a regime.
-    #[arg(long, value_enum, conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"])]
+    #[arg(long, value_enum, conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"], help_heading = "State")]
     pub modes: Option<Regime>,
     /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa; of a model trained elsewhere, states of its own.
-    #[arg(long, conflicts_with_all = ["pressure_mpa", "gap_mm", "database"])]
+    #[arg(long, conflicts_with_all = ["pressure_mpa", "gap_mm", "database"], help_heading = "State")]
     pub fig9: bool,
     /// What is shown as colour.
-    #[arg(long, value_enum, default_value = "stress")]
+    #[arg(long, value_enum, default_value = "stress", help_heading = "Drawing")]
     pub field: Shown,
     /// Ends of the colour scale in the field's unit, LOW:HIGH; fitted to the picture when left out.
-    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range)]
+    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range, help_heading = "Drawing")]
     pub range: Option<[f32; 2]>,
     /// Direction of view.
-    #[arg(long, value_enum, default_value = "oblique")]
+    #[arg(long, value_enum, default_value = "oblique", help_heading = "Drawing")]
     pub view: View,
     /// Colours of the page.
-    #[arg(long, value_enum, default_value = "light")]
+    #[arg(long, value_enum, default_value = "light", help_heading = "Drawing")]
     pub theme: ThemeName,
     /// Width of one drawing, pixels (100 to 4000); the whole picture has at most 100 megapixels.
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=4000))]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u16).range(100..=4000), help_heading = "Drawing")]
     pub width: Option<u16>,
     /// Picture to write.
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     pub out: PathBuf,
 }
 

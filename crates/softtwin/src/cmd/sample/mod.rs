@@ -27,9 +27,9 @@ Examples:
   States on the onset of contact, read off the free states of a database:
     softtwin sample --kind onset --n 20 --database database --out onset.csv
 Then:
-    softtwin simulate --cases cases.csv --out database
+    softtwin simulate --actuator actuator.toml --cases cases.csv --out database
   Eight more states where the model trained on a database is least sure: simulated, added, retrained, compared:
-    softtwin sample --refine 8 --database models/pneunet/database --out refined
+    softtwin sample --refine 8 --database models/pneunet/database --actuator models/pneunet/actuator.toml --out refined
 
 Refinement picks, one after another, the state with the largest product of the nearest sample's leave-one-out error (by the
 model's own error bars) and the distance to it. It writes a database folder with the trained model in it; stopped and
@@ -57,40 +57,40 @@ enum Split {
 
 /// Choose states to simulate: Latin hypercubes, grids, points on the onset of contact.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// How states are chosen.
-    #[arg(long, value_enum, required_unless_present = "refine")]
+    #[arg(long, value_enum, required_unless_present = "refine", help_heading = "Sampling")]
     kind: Option<Kind>,
     /// Number of states; of a grid: number of pressures (1 to 100000).
-    #[arg(long, value_name = "N", required_unless_present = "refine", value_parser = crate::range::count(1, MAX_STATES))]
+    #[arg(long, value_name = "N", required_unless_present = "refine", value_parser = crate::range::count(1, MAX_STATES), help_heading = "Sampling")]
     n: Option<usize>,
     /// Number of gaps of a grid.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, MAX_STATES))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, MAX_STATES), help_heading = "Sampling")]
     n_gaps: usize,
     /// Regime of the states.
-    #[arg(long, value_enum, default_value = "contact")]
+    #[arg(long, value_enum, default_value = "contact", help_heading = "Sampling")]
     regime: Regime,
     /// What the states are for.
-    #[arg(long, value_enum, default_value = "train")]
+    #[arg(long, value_enum, default_value = "train", help_heading = "Sampling")]
     split: Split,
     /// Lower and upper pressure in MPa.
-    #[arg(long, value_name = "MPA", num_args = 2, default_values_t = [0.0, 0.09], value_parser = crate::range::pressure_mpa)]
+    #[arg(long, value_name = "MPA", num_args = 2, default_values_t = [0.0, 0.09], value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Vec<f64>,
     /// Lower and upper gap in mm.
-    #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm)]
+    #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Vec<f64>,
     /// Seed of the hypercube.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Computing")]
     seed: u64,
     /// Database whose free states give the onset of contact, or which is refined.
     #[arg(long, value_name = "DIR", required_if_eq("kind", "onset"))]
     database: Option<PathBuf>,
-    /// First part of the cases' names.
-    #[arg(long, value_name = "NAME", default_value = "s")]
-    prefix: String,
+    /// First part of the cases' names; when left out it says kind, regime and purpose, so that lists can be joined.
+    #[arg(long, value_name = "NAME", help_heading = "Sampling")]
+    prefix: Option<String>,
     /// The list: case,regime,split,pressure_mpa,gap_mm. Of a refinement: the new database's folder.
-    #[arg(long, value_name = "FILE.csv|DIR")]
+    #[arg(long, value_name = "FILE.csv|DIR", help_heading = "Output")]
     out: PathBuf,
     #[command(flatten)]
     refinement: Refinement,
@@ -164,9 +164,20 @@ impl Args {
         Ok(points)
     }
 
+    /// `free`, `contact-grid`, `contact-check` and so on.
+    fn prefix(&self) -> String {
+        let kind = match self.kind {
+            Some(Kind::Grid) => "-grid",
+            Some(Kind::Onset) => "-onset",
+            _ => "",
+        };
+        let purpose = if self.split == Split::Check { "-check" } else { "" };
+        self.prefix.clone().unwrap_or_else(|| format!("{}{kind}{purpose}", self.regime.name()))
+    }
+
     fn case(&self, index: usize, point: &[f64]) -> Case {
         let split = if self.split == Split::Train { "train" } else { "check" };
-        let name = format!("{}{:03}", self.prefix, index + 1);
+        let name = format!("{}{:03}", self.prefix(), index + 1);
         self.regime.case(name, split, (point[0], point.get(1).copied()))
     }
 }

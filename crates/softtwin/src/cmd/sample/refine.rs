@@ -5,7 +5,6 @@ use super::regime::Regime;
 use crate::draws::Draws;
 use crate::failure::{configuration, usage};
 use crate::files::{self, refusal};
-use crate::options::ActuatorFile;
 use crate::progress::Progress;
 use crate::{output, range};
 use anyhow::Context;
@@ -19,7 +18,7 @@ use rom::datasheet::RegimeSheet;
 use rom::inputs::Inputs;
 use rom::model::RegimeModel;
 use rom::snapshots::{Database, RegimeKind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Places among which the next states are chosen.
@@ -32,10 +31,11 @@ const MAX_STATES: usize = CANDIDATES / 10;
 #[derive(clap::Args)]
 pub struct Refinement {
     /// Instead: simulate this many more states where the model of --database is least sure, and retrain (1 to 150).
-    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires = "database", value_parser = range::count(1, MAX_STATES))]
+    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires_all = ["database", "actuator"], value_parser = range::count(1, MAX_STATES))]
     refine: Option<usize>,
-    #[command(flatten)]
-    geometry: ActuatorFile,
+    /// Actuator that is simulated.
+    #[arg(long, value_name = "FILE.toml", requires = "refine")]
+    actuator: Option<PathBuf>,
     /// Cases a refinement solves at the same time (1 to 256).
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = range::threads)]
     threads: usize,
@@ -70,7 +70,7 @@ impl Refinement {
             ));
         }
         let mut progress = Progress::new(self.json);
-        let (actuator, problem) = files::actuator(&self.geometry.actuator)?;
+        let (actuator, problem) = files::actuator(self.actuator.as_deref().unwrap_or(Path::new("")))?;
         let (scene, kind) = target.regime.kinds();
         progress.step("training on the database as it is");
         let database = files::database(target.database, scene)?;

@@ -17,7 +17,7 @@ pub enum Regime {
 
 impl Regime {
     /// Its name in lists and databases.
-    fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Self::Free => "free",
             Self::Contact => "contact",

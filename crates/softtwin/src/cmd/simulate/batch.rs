@@ -8,8 +8,9 @@ use fem::cases::{self, Case};
 use fem::run::{self, Event, Outcome, Run, Store, fingerprint};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
+use std::io::{IsTerminal, Write};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// Solves what is not yet there, writes the folder and reports. Fails at the end when a case has failed.
@@ -52,12 +53,17 @@ pub fn solve(
     threads: usize,
 ) -> anyhow::Result<Outcome> {
     let store = Store::new(&out.join("states"), fingerprint(&problem))?;
+    // A log gets lines instead of a bar.
     let bar = ProgressBar::new(cases.len() as u64);
+    let lines = Lines::new(cases.len(), !std::io::stderr().is_terminal());
     bar.set_style(ProgressStyle::with_template(
         "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
     )?);
     let run = Run { actuator, problem: Arc::clone(&problem), store, threads };
-    let outcome = run.solve(cases, &|event| show(&bar, &event))?;
+    let outcome = run.solve(cases, &|event| {
+        show(&bar, &event);
+        lines.show(&event);
+    })?;
     bar.finish_and_clear();
     run::write(out, &actuator.name, problem.mesh(), cases, &outcome.solved).map_err(refusal)?;
     Ok(outcome)
@@ -73,11 +79,49 @@ fn show(bar: &ProgressBar, event: &Event<'_>) {
             bar.inc(1);
             let (factorisations, seconds) = (solved.report.factorisations, solved.report.seconds);
             bar.set_message(format!("{} in {factorisations} factorisations", case.name));
-            tracing::info!(case = case.name, factorisations, seconds, "solved");
+            tracing::info!("case {} solved in {factorisations} factorisations, {seconds:.1} s", case.name);
         }
         Event::Failed { case, reason, again } => {
             let next = if *again { "will be tried from another state" } else { "given up" };
-            bar.println(format!("case {}: {reason} ({next})", case.name));
+            let line = format!("case {}: {reason} ({next})", case.name);
+            if bar.is_hidden() { tracing::warn!("{line}") } else { bar.println(line) }
+        }
+    }
+}
+
+/// A line on standard error for about every tenth of the work: how far it is, and how long the rest takes.
+struct Lines {
+    cases: usize,
+    wanted: bool,
+    began: Instant,
+    /// Reused and solved.
+    done: Mutex<[usize; 2]>,
+}
+
+impl Lines {
+    fn new(cases: usize, wanted: bool) -> Self {
+        Self { cases, wanted, began: Instant::now(), done: Mutex::new([0; 2]) }
+    }
+
+    fn show(&self, event: &Event<'_>) {
+        let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
+        match event {
+            Event::Reused(_) => return done[0] += 1,
+            Event::Solved(..) => done[1] += 1,
+            Event::Failed { again: true, .. } => return,
+            Event::Failed { .. } => {}
+        }
+        let ([reused, solved], every) = (*done, self.cases.div_ceil(10));
+        let left = self.cases.saturating_sub(reused + solved);
+        if self.wanted && solved > 0 && (solved % every == 0 || left == 0) {
+            let rest_s = self.began.elapsed().as_secs_f64() / solved as f64 * left as f64;
+            // Progress that cannot be written must not end the work.
+            let _ = writeln!(
+                std::io::stderr(),
+                "{} of {} cases, about {rest_s:.0} s left",
+                reused + solved,
+                self.cases
+            );
         }
     }
 }
@@ -118,11 +162,14 @@ fn print(report: &Value, cases: &[Case], outcome: &Outcome, out: &Path) -> anyho
         outcome.failed.len()
     )?;
     output!(
-        "{} load steps, {} factorisations (one a Newton iteration), {} steps cut; median of a contact case: {} factorisations",
+        "{} load steps, {} factorisations (one a Newton iteration), {} steps cut{}",
         report["steps"],
         report["factorisations"],
         report["cuts"],
-        report["median_factorisations_contact"]
+        match report["median_factorisations_contact"].as_u64() {
+            Some(median) => format!("; median of a contact case: {median} factorisations"),
+            None => String::new(),
+        }
     )?;
     output!(
         "{:.0} s elapsed, {:.0} s of processor time, {} MB at most; {:.0} s of solver time in all cases",

@@ -11,11 +11,11 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   One state as an array, nodes x (x, y, z, displacement, von Mises); force and volume as JSON:
-    softtwin simulate --pressure-mpa 0.05 --gap-mm 40 --out state.npy
+    softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.05 --gap-mm 40 --out state.npy
   No obstacle, for ParaView:
-    softtwin simulate --pressure-mpa 0.05 --out state.vtu
+    softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.05 --out state.vtu
   A path from rest in 10 steps, one JSON line a step:
-    softtwin simulate --pressure-mpa 0.07 --gap-mm 40 --steps 10
+    softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.07 --gap-mm 40 --steps 10
   A whole database, two cases at a time; stop it and start it again as you like:
     softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/cases.csv --out database
     softtwin train --database database --out finger.twin
@@ -24,30 +24,30 @@ A database run keeps every solved state in OUT/states: what is there is not comp
 
 /// Compute states of an actuator with the finite-element solver.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
     geometry: ActuatorFile,
     /// Cavity pressure in MPa, at least 0.
-    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present = "cases", value_parser = crate::range::pressure_mpa)]
+    #[arg(long, value_name = "MPA", allow_negative_numbers = true, required_unless_present = "cases", value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases", value_parser = crate::range::gap_mm)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
     /// Steps of the path from rest to the pressure; each is printed (1 to 100000).
-    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "cases", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "cases", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
     steps: u32,
     /// List of cases: case,regime,split,pressure_mpa,gap_mm.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "pressure_mpa", requires = "out")]
     cases: Option<PathBuf>,
     /// One state: .npy, .csv or .vtu. A list of cases: the database's folder.
-    #[arg(long, value_name = "FILE|DIR")]
+    #[arg(long, value_name = "FILE|DIR", help_heading = "Output")]
     out: Option<PathBuf>,
     /// Cases solved at the same time (1 to 256).
-    #[arg(long, value_name = "N", default_value_t = 2, requires = "cases", value_parser = crate::range::threads)]
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "cases", value_parser = crate::range::threads, help_heading = "Computing")]
     threads: usize,
     /// The report of a database run as one JSON object. One state or a path is JSON anyway: adds the nodes that touch.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -26,7 +26,7 @@ HELD/DROP readings held and dropped since the start. A twin that has published n
 
 /// Watch all twins: rate, latency, age, regime, force, flags, faults.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// Which twins, as a key expression
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]

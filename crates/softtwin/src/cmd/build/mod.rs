@@ -1,0 +1,184 @@
+//! `softtwin build`: from the geometry to a twin that can be started, in one command.
+
+mod plan;
+mod pressures;
+mod quality;
+mod scene;
+
+use super::mesh::write_grid;
+use super::simulate::batch;
+use crate::failure::usage;
+use crate::files::{self, refusal, save};
+use crate::{output, range, resources};
+use anyhow::{Context, Result};
+use fem::Problem;
+use fem::actuator::Actuator;
+use fem::cases::to_csv;
+use fem::run::{Run, Store, fingerprint};
+use plan::{Counts, Plan};
+use pressures::Pressures;
+use quality::Quality;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+const EXAMPLES: &str = "\
+Example: a first look at a new finger, then the twin for use
+  softtwin new finger6 --chambers 6 --length-mm 100
+  softtwin build finger6 --quick
+  softtwin build finger6
+
+Reads DIR/actuator.toml. Makes the mesh, finds the pressures that suit the actuator, simulates free and touching states,
+trains, measures the model on states it was not trained on, and writes a scene. Solved states are kept: stopped and started
+again it goes on where it was, and what --quick has solved is used again.";
+
+/// Make a twin from DIR/actuator.toml: mesh, states, model, its errors, scene.
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
+pub struct Args {
+    /// Folder with actuator.toml (`softtwin new` makes one).
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Few states, for a first look; how good the model then is, is printed.
+    #[arg(long)]
+    quick: bool,
+    /// Longest edge of an element in mm; mesh.size_mm of actuator.toml when left out.
+    #[arg(long, value_name = "MM", value_parser = range::number(1e-3, 1e6), help_heading = "Computing")]
+    size_mm: Option<f64>,
+    /// States solved at the same time; about 1 GB each on a fine mesh (1 to 256).
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = range::threads, help_heading = "Computing")]
+    threads: usize,
+    /// End with one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The mesh file that this command makes; one of another name is the user's own.
+const OWN_MESH: &str = "mesh.vtu";
+/// Longest edge of an element by the thinnest wall of a chamber: elements that are longer and flatter fold before they bend.
+const COARSEST: f64 = 5.0;
+
+impl Args {
+    /// Builds and says how good the twin is and how it is started.
+    ///
+    /// # Errors
+    /// An actuator that cannot be built or solved, with what to change; the system's refusal.
+    pub fn run(self) -> Result<()> {
+        let began = Instant::now();
+        let path = self.folder.join("actuator.toml");
+        if !path.is_file() {
+            let folder = self.folder.display();
+            return Err(usage(format!(
+                "{folder}: expected a folder with actuator.toml; `softtwin new {folder}` makes one"
+            )));
+        }
+        let actuator = Actuator::read(&path).map_err(refusal)?;
+        self.say("mesh", &self.mesh(&actuator)?)?;
+        let (actuator, problem) = files::actuator(&path)?;
+        let pressures = self.pressures(&actuator, &problem)?;
+        let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
+        let plan = Plan::new(&pressures, counts)?;
+        let [low, high] = plan.gaps_mm;
+        let list = self.folder.join("cases.csv");
+        save(&list, to_csv(&plan.cases).as_bytes())?;
+        self.say("states", &format!("{} in {}, gaps {low} to {high} mm", plan.cases.len(), list.display()))?;
+        let database = self.folder.join("database");
+        let outcome = batch::solve(&actuator, problem, &plan.cases, &database, self.threads)?;
+        for (index, reason) in &outcome.failed {
+            self.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
+        }
+        let model = self.train(&actuator, &database)?;
+        let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
+        let scene = self.folder.join("scene.toml");
+        save(&scene, scene::text(&actuator, &plan, &pressures).as_bytes())?;
+        let seconds = began.elapsed().as_secs_f64();
+        let cpu_s = resources::cpu_s("self");
+        if self.json {
+            return output::json(&json!({
+                "model": model, "scene": scene, "states": plan.cases.len(), "failed": outcome.failed.len(),
+                "reused": outcome.reused, "pressure_mpa": pressures.largest_mpa(), "pressure_reason": pressures.reason,
+                "displacement_mm": pressures.displacement_mm, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
+            }));
+        }
+        quality.print(self.quick, &self.folder)?;
+        self.commands(&model, &scene, &pressures, &plan)?;
+        output!("done in {seconds:.0} s, {:.0} s of processor time", cpu_s.unwrap_or(f64::NAN))?;
+        Ok(())
+    }
+
+    fn say(&self, step: &str, text: &str) -> Result<()> {
+        if !self.json {
+            output!("{step:<10} {text}")?;
+        }
+        Ok(())
+    }
+
+    /// Makes the mesh, unless the actuator names one of the user's own.
+    fn mesh(&self, actuator: &Actuator) -> Result<String> {
+        let file = self.folder.join(&actuator.mesh.file);
+        if actuator.mesh.file != Path::new(OWN_MESH) {
+            if self.size_mm.is_some() {
+                return Err(usage(format!(
+                    "--size-mm: the mesh is your own ({}); set mesh.file = \"{OWN_MESH}\" to have one made",
+                    file.display()
+                )));
+            }
+            return Ok(format!("{}, as it is", file.display()));
+        }
+        let (size, wall) = (self.size_mm.unwrap_or(actuator.mesh.size_mm), actuator.thinnest_wall_mm());
+        if size > COARSEST * wall {
+            return Err(usage(format!(
+                "mesh.size_mm (--size-mm): expected at most {:.1} mm, {COARSEST} times the thinnest wall of a chamber, found {size} mm; \
+                 flatter elements fold before they bend. {:.1} mm suits this wall",
+                COARSEST * wall,
+                2.0 * wall
+            )));
+        }
+        let (nodes, tets) = write_grid(actuator, size, &file)?;
+        Ok(format!(
+            "{}: {nodes} nodes, {tets} elements of at most {size} mm (thinnest wall {wall:.2} mm)",
+            file.display()
+        ))
+    }
+
+    fn pressures(&self, actuator: &Actuator, problem: &Arc<Problem>) -> Result<Pressures> {
+        let store = Store::new(&self.folder.join("database/states"), fingerprint(problem))?;
+        let run = Run { actuator, problem: Arc::clone(problem), store, threads: 1 };
+        let found = pressures::find(&run, |text| {
+            // What a reader of the output misses when it is closed is a progress line.
+            let _ = self.say("pressures", text);
+        })?;
+        self.say("pressures", &format!("0 to {} MPa: {}", found.largest_mpa(), found.reason))?;
+        Ok(found)
+    }
+
+    fn train(&self, actuator: &Actuator, database: &Path) -> Result<PathBuf> {
+        let scene = actuator.obstacle.kind;
+        let data = files::database(database, scene)?;
+        let (model, sheet) = rom::train::train(&data, &rom::config::TrainConfig::default(), &mut |_| ())
+            .with_context(|| format!("training on {}", database.display()))?;
+        let path = self.folder.join(&actuator.name).with_extension("twin");
+        let bytes = model.to_bytes()?;
+        save(&path, &bytes)?;
+        files::save_data_sheet(&path, &sheet)?;
+        self.say("model", &format!("{} ({:.1} MB)", path.display(), bytes.len() as f64 / 1e6))?;
+        Ok(path)
+    }
+
+    fn commands(&self, model: &Path, scene: &Path, pressures: &Pressures, plan: &Plan) -> Result<()> {
+        let (model, scene) = (model.display(), scene.display());
+        let (pressure, gap) = (0.7 * pressures.largest_mpa(), 0.5 * (plan.gaps_mm[0] + plan.gaps_mm[1]));
+        let state = format!("--model {model} --pressure-mpa {pressure:.4} --gap-mm {gap:.1}");
+        output!("\nstart it, with readings by formula until a sensor stands in the scene:")?;
+        output!("  softtwind twin --scene {scene}")?;
+        output!("  softtwind bridge --scene {scene}")?;
+        output!(
+            "  softtwin view                      in a browser; or: softtwin demo --scene {scene} --seconds 10"
+        )?;
+        output!("ask it without starting it, and draw it:")?;
+        output!("  softtwin predict {state}")?;
+        output!("  softtwin render {state} --out {}", self.folder.join("state.png").display())?;
+        Ok(())
+    }
+}

@@ -1,0 +1,155 @@
+//! One complete list of states: rest, maximum, free, contact from the onset to the maximum, and states held back for checking.
+
+use super::pressures::{Pressures, free_case};
+use anyhow::{Context, Result};
+use fem::cases::Case;
+use fem::sample::{latin_hypercube, onset_pressure_mpa};
+
+/// How many states of each kind.
+#[derive(Clone, Copy, Debug)]
+pub struct Counts {
+    /// Further pressures between two of those with which the range was found.
+    between: usize,
+    /// Gaps at which the states right behind the onset and those at the largest pressure are solved.
+    edge: usize,
+    /// Contact states in between.
+    inner: usize,
+    /// Contact states held back.
+    check: usize,
+}
+
+impl Counts {
+    /// Enough for use.
+    pub const FULL: Self = Self { between: 1, edge: 8, inner: 44, check: 16 };
+    /// For a first look.
+    pub const QUICK: Self = Self { between: 0, edge: 4, inner: 9, check: 5 };
+}
+
+/// Share of the way from the onset to the largest pressure at which the first states behind the onset lie: at the onset itself
+/// there is no force to learn from.
+const BEHIND_ONSET: f64 = 0.05;
+
+/// The list and the gaps it covers.
+#[derive(Debug)]
+pub struct Plan {
+    /// All states, each name and each pair of loads once.
+    pub cases: Vec<Case>,
+    /// Smallest and largest gap, mm.
+    pub gaps_mm: [f64; 2],
+}
+
+impl Plan {
+    /// The states for the pressures found. The gaps reach from a clear press on the plate at rest (or, where the actuator hardly
+    /// sags, a tenth of its reach) to four fifths of the way that the largest pressure bends it.
+    ///
+    /// # Errors
+    /// An actuator that never comes nearer to a plate.
+    pub fn new(pressures: &Pressures, counts: Counts) -> Result<Self> {
+        let clearances = rising(&pressures.states);
+        let (sag, reach) = (clearances[0].1, clearances[clearances.len() - 1].1);
+        let largest = pressures.largest_mpa();
+        let gaps_mm = [(0.4 * sag).max(0.1 * reach), sag + 0.8 * (reach - sag)].map(|gap| rounded(gap, 1e3));
+        anyhow::ensure!(
+            gaps_mm[1] - gaps_mm[0] > 0.1,
+            "pressure moves its underside by {:.2} mm only, so no plate can be reached; check sheet and support",
+            reach - sag
+        );
+        let at = |gap: f64, share: f64| -> Result<(f64, f64)> {
+            let onset =
+                if gap <= sag { 0.0 } else { onset_pressure_mpa(&clearances, gap).context("no onset")? };
+            Ok((rounded(onset + share * (largest - onset), 1e7), gap))
+        };
+        let mut cases = free(pressures, counts);
+        let mut add = |name: &str, split: &str, points: Vec<(f64, f64)>| {
+            cases.extend(points.into_iter().enumerate().map(|(k, (pressure_mpa, gap))| Case {
+                name: format!("{name}{:02}", k + 1),
+                regime: "contact".into(),
+                split: split.into(),
+                pressure_mpa,
+                gap_mm: Some(gap),
+            }));
+        };
+        let gap = |share: f64| rounded(gaps_mm[0] + share * (gaps_mm[1] - gaps_mm[0]), 1e4);
+        let edge = |share: f64| -> Result<Vec<(f64, f64)>> {
+            (0..counts.edge).map(|k| at(gap(k as f64 / (counts.edge - 1) as f64), share)).collect()
+        };
+        let cube = |n: usize, seed: u64| -> Result<Vec<(f64, f64)>> {
+            let bounds = [[BEHIND_ONSET, 1.0], [0.0, 1.0]];
+            latin_hypercube(n, &bounds, seed).into_iter().map(|p| at(gap(p[1]), p[0])).collect()
+        };
+        // Below the sag its weight alone presses it on the plate: there the first state is the one without pressure.
+        let onset =
+            edge(BEHIND_ONSET)?.into_iter().map(|(p, gap)| (if gap < sag { 0.0 } else { p }, gap)).collect();
+        add("onset", "train", onset);
+        add("contact", "train", cube(counts.inner, 1)?);
+        add("maximum", "train", edge(1.0)?);
+        add("check", "check", cube(counts.check, 2)?);
+        Ok(Self { cases, gaps_mm })
+    }
+}
+
+/// Rest and all pressures found, more in between, and two that are held back.
+fn free(pressures: &Pressures, counts: Counts) -> Vec<Case> {
+    let states = &pressures.states;
+    let mut found: Vec<f64> = states.iter().map(|state| state.0).collect();
+    for pair in states.windows(2) {
+        let parts = counts.between + 1;
+        found.extend((1..parts).map(|k| pair[0].0 + (pair[1].0 - pair[0].0) * k as f64 / parts as f64));
+    }
+    found.sort_by(f64::total_cmp);
+    let last = found.len() - 1;
+    let name = |k: usize| match k {
+        0 => "rest".to_owned(),
+        k if k == last => "largest".to_owned(),
+        k => format!("free{k:02}"),
+    };
+    let mut cases: Vec<Case> =
+        found.iter().enumerate().map(|(k, p)| free_case(&name(k), rounded(*p, 1e7))).collect();
+    for (k, at) in [last / 3, 2 * last / 3].into_iter().enumerate() {
+        let between = rounded(0.5 * (found[at] + found[at + 1]), 1e7);
+        cases.push(Case { split: "check".into(), ..free_case(&format!("freecheck{:02}", k + 1), between) });
+    }
+    cases
+}
+
+/// The part in which a plate is met ever farther away: past it the tip lifts off again.
+fn rising(states: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut rising: Vec<(f64, f64)> = Vec::new();
+    for state in states {
+        if rising.last().is_none_or(|before| state.1 > before.1) {
+            rising.push(*state);
+        }
+    }
+    rising
+}
+
+fn rounded(value: f64, per_unit: f64) -> f64 {
+    (value * per_unit).round() / per_unit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn names_and_states_occur_once_and_every_contact_state_lies_behind_its_onset() {
+        for sag in [0.05, 3.0, 27.0] {
+            let states: Vec<(f64, f64)> =
+                (0..8).map(|k| (0.01 * f64::from(k), sag + 5.0 * f64::from(k))).collect();
+            let pressures = Pressures { states, displacement_mm: 40.0, reason: String::new() };
+            for counts in [Counts::FULL, Counts::QUICK] {
+                let plan = Plan::new(&pressures, counts).unwrap();
+                let text = fem::cases::to_csv(&plan.cases);
+                assert_eq!(fem::cases::parse(&text).unwrap(), plan.cases, "names or loads collide");
+                let names: HashSet<&str> = plan.cases.iter().map(|case| case.name.as_str()).collect();
+                assert!(names.contains("rest") && names.contains("largest") && names.contains("check01"));
+                for case in plan.cases.iter().filter(|case| case.gap_mm.is_some()) {
+                    let onset_mpa = 0.002 * (case.gap_mm.unwrap() - sag);
+                    let touches = case.pressure_mpa > onset_mpa && case.pressure_mpa <= 0.07 + 1e-12;
+                    assert!(touches, "sag {sag}: {case:?} has its onset at {onset_mpa}");
+                }
+            }
+        }
+    }
+}

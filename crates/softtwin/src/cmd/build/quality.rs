@@ -1,0 +1,97 @@
+//! How good a new twin is, in figures that say what they mean.
+
+use crate::cmd::evaluate;
+use crate::{files, output};
+use anyhow::Result;
+use rom::evaluate::{DEFAULT_FLOOR, Summary};
+use rom::snapshots::{RegimeKind, Split};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Errors of one regime in percent of the largest value of a state, mean and largest over the states.
+#[derive(Debug, Serialize)]
+struct Errors {
+    regime: &'static str,
+    states: usize,
+    displacement_percent: [f64; 2],
+    stress_percent: [f64; 2],
+    /// Percent of the largest force.
+    force_percent: Option<[f64; 2]>,
+}
+
+/// On states held back, and by leaving out each training state in turn.
+#[derive(Debug, Serialize)]
+pub struct Quality {
+    held_back: Vec<Errors>,
+    leave_one_out: Vec<evaluate::LeftOut>,
+    picture: PathBuf,
+}
+
+impl Quality {
+    /// Measures a model on the states of its database that were held back, and draws the errors by state.
+    ///
+    /// # Errors
+    /// Files that cannot be read or written.
+    pub fn of(model: &Path, database: &Path, picture: &Path) -> Result<Self> {
+        let loaded = files::model(model)?;
+        let kinds = formats::database::obstacle_kinds(database).map_err(files::refusal)?;
+        let data = files::database(database, kinds[0])?;
+        let cases: Vec<usize> = data.of_split(Split::Check).collect();
+        let report = rom::evaluate::evaluate(&loaded, &data, &cases, DEFAULT_FLOOR)?;
+        evaluate::picture(&report).save(picture)?;
+        Ok(Self {
+            held_back: report.regimes.iter().map(errors).collect(),
+            leave_one_out: evaluate::leave_one_out(&files::data_sheet(model)),
+            picture: picture.into(),
+        })
+    }
+
+    /// As text.
+    pub fn print(&self, quick: bool, folder: &Path) -> Result<()> {
+        output!("\nhow far it is from the finite elements it was trained on, at the worst node of a state:")?;
+        output!("  {:<38}{:>16}{:>16}{:>16}", "mean and largest error", "displacement", "stress", "force")?;
+        let pair = |[mean, largest]: [f64; 2]| format!("{mean:.2}, {largest:.2} %");
+        for e in &self.held_back {
+            let states = format!("{} {} states never trained on", e.states, e.regime);
+            let force = e.force_percent.map_or("-".into(), pair);
+            output!(
+                "  {states:<38}{:>16}{:>16}{force:>16}",
+                pair(e.displacement_percent),
+                pair(e.stress_percent)
+            )?;
+        }
+        for left in self.leave_one_out.iter().filter(|left| left.cases > 0) {
+            let states = format!("{} {} states, left out in turn", left.cases, left.regime.name());
+            let pair = |[mean, _, largest]: [f64; 3], unit: &str| format!("{mean:.1e}, {largest:.1e} {unit}");
+            let (displacement, stress) = (pair(left.displacement_mm, "mm"), pair(left.stress_mpa, "MPa"));
+            let force = if left.regime == RegimeKind::Contact { pair(left.force_n, "N") } else { "-".into() };
+            output!("  {states:<34}{displacement:>20}{stress:>21}{force:>19}")?;
+        }
+        output!(
+            "  percent of the state's largest displacement or stress, and of the largest force; {}",
+            self.picture.display()
+        )?;
+        output!(
+            "  the finite elements themselves: mesh about 4 % (docs/fem.md), and whatever the silicone's constants are off"
+        )?;
+        if quick {
+            output!("  few states, few checks: a first look. For use: softtwin build {}", folder.display())?;
+        }
+        Ok(())
+    }
+}
+
+fn errors(summary: &Summary) -> Errors {
+    let of = |name: &str| {
+        let field = summary.fields.iter().find(|field| field.field == name);
+        field.map_or([f64::NAN; 2], |field| [100.0 * field.normalised[0], 100.0 * field.normalised[2]])
+    };
+    let contact = summary.regime == RegimeKind::Contact;
+    Errors {
+        regime: summary.regime.name(),
+        states: summary.cases,
+        displacement_percent: of("displacement"),
+        stress_percent: of("von_mises"),
+        force_percent: contact.then(|| [0, 2].map(|k| 100.0 * summary.force_normalised[k])),
+    }
+}

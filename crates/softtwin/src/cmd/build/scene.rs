@@ -1,0 +1,35 @@
+//! The scene file of a new twin.
+
+use super::plan::Plan;
+use super::pressures::Pressures;
+use fem::actuator::Actuator;
+
+/// Its text: readings by formula through the whole range of pressures, until a sensor takes their place.
+pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
+    let name = &actuator.name;
+    let (length, width, top) = (actuator.base.length_mm, actuator.base.width_mm, actuator.base_top_mm());
+    let middle = 0.5 * pressures.largest_mpa();
+    let gap = (5.0 * (plan.gaps_mm[0] + plan.gaps_mm[1])).round() / 10.0;
+    format!(
+        "# Scene of {name}, made by `softtwin build`. Every key is explained in OPERATIONS.md.\n\
+         #   softtwind twin --scene scene.toml, and the same with bridge; softtwin view\n\
+         name = \"{name}\"\n\n\
+         [[actuator]]\n\
+         name = \"{name}\"\n\
+         model = \"{name}.twin\"\n\
+         queries = \"fields\"\n\n\
+         [actuator.source]                # readings by formula; put your sensor here (kind = \"modbus\" or \"lines\")\n\
+         kind = \"simulate\"\n\
+         rate_hz = 100.0\n\
+         gap_mm = {gap:?}\n\
+         profile = {{ shape = \"sine\", mean_mpa = {middle:?}, amplitude_mpa = {middle:?}, frequency_hz = 0.25 }}\n\n\
+         [[actuator.output]]              # softtwin/{name}/field\n\
+         nodes = \"all\"\n\n\
+         [[actuator.output]]              # softtwin/{name}/field/tip: the free end of the base\n\
+         name = \"tip\"\n\
+         nodes = {{ box = {{ min = [{:?}, 0.0, 0.0], max = [{:?}, {top:?}, {width:?}] }} }}\n\
+         fields = [\"x\", \"y\", \"z\"]\n",
+        length - 0.001,
+        length + 0.001,
+    )
+}

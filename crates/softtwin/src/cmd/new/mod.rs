@@ -1,0 +1,169 @@
+//! `softtwin new`: a folder with a commented actuator file.
+
+mod shape;
+mod silicone;
+mod text;
+
+use crate::failure::usage;
+use crate::files::{refusal, save};
+use crate::output;
+use anyhow::Result;
+use fem::actuator::Actuator;
+use shape::{Entry, Shape};
+use silicone::{SILICONES, Silicone};
+use std::fmt::Display;
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+const EXAMPLES: &str = "\
+Example: a finger of six chambers, 100 mm long, and its twin
+  softtwin new finger6 --chambers 6 --length-mm 100 --silicone elastosil-m4601
+  softtwin build finger6 --quick
+
+Without options on a terminal it asks for chambers, length, wall and silicone. Every other length follows the proportions of
+the reference actuator; actuator.toml explains each, and all of them may be changed there.";
+
+/// Begin an actuator of your own: a folder with a commented actuator.toml.
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
+pub struct Args {
+    /// Folder to make.
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Name of files and topics; the folder's own when left out.
+    #[arg(long, value_name = "NAME")]
+    name: Option<String>,
+    /// Number of chambers (1 to 100) [default: 11].
+    #[arg(long, value_name = "N", value_parser = crate::range::count(1, 100), help_heading = "Shape")]
+    chambers: Option<usize>,
+    /// Whole length in mm (10 to 2000) [default: 9 mm a chamber].
+    #[arg(long, value_name = "MM", value_parser = crate::range::number(10.0, 2000.0), help_heading = "Shape")]
+    length_mm: Option<f64>,
+    /// Width of the base in mm (8 to 1000) [default: 32].
+    #[arg(long, value_name = "MM", value_parser = crate::range::number(8.0, 1000.0), help_heading = "Shape")]
+    width_mm: Option<f64>,
+    /// Wall between cavity and slot in mm (0.5 to 20); the top is 0.8 and a side 1.2 of it [default: 2.5].
+    #[arg(long, value_name = "MM", value_parser = crate::range::number(0.5, 20.0), help_heading = "Shape")]
+    wall_mm: Option<f64>,
+    /// Silicone, with published constants: reference, elastosil-m4601, dragon-skin-30, ecoflex-00-50 or ecoflex-00-30.
+    #[arg(long, value_name = "NAME", value_parser = silicone::named, help_heading = "Material")]
+    silicone: Option<&'static Silicone>,
+    /// Instead: a neo-Hookean silicone of this shear modulus in MPa (0.005 to 10).
+    #[arg(long, value_name = "MPA", conflicts_with = "silicone", value_parser = crate::range::number(0.005, 10.0), help_heading = "Material")]
+    shear_modulus_mpa: Option<f64>,
+    /// Hangs down, base along the wall it is to touch; level when left out. Soft long fingers carry their weight only so.
+    #[arg(long, help_heading = "Shape")]
+    hanging: bool,
+}
+
+impl Args {
+    /// Makes the folder and says what to do next.
+    ///
+    /// # Errors
+    /// A folder with something in it, a shape that cannot be built, the system's refusal.
+    pub fn run(mut self) -> Result<()> {
+        let name = self.name()?;
+        if std::fs::read_dir(&self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
+            return Err(usage(format!(
+                "{}: expected a new or an empty folder, found one with files; choose another, or change its actuator.toml and run \
+                 `softtwin build {0}`",
+                self.folder.display()
+            )));
+        }
+        self.ask()?;
+        let text = self.text(&name)?;
+        // The same checks as when it is read: a shape that cannot be built never reaches the disk.
+        let path = self.folder.join("actuator.toml");
+        let actuator = Actuator::parse(&text).map_err(|diagnostics| {
+            refusal(formats::FormatError::Content { path: path.clone(), diagnostics })
+        })?;
+        formats::file::create_folder(&self.folder)?;
+        save(&path, text.as_bytes())?;
+        output!(
+            "{}: {} chambers, {} mm long, thinnest wall {:.2} mm",
+            path.display(),
+            actuator.chambers.count,
+            actuator.base.length_mm,
+            actuator.thinnest_wall_mm()
+        )?;
+        output!("look at it and change what you like, then make its twin:")?;
+        output!("  softtwin build {} --quick    few states, for a first look", self.folder.display())?;
+        output!("  softtwin build {}            for use", self.folder.display())?;
+        Ok(())
+    }
+
+    fn name(&self) -> Result<String> {
+        let folder = || self.folder.file_name().map(|name| name.to_string_lossy().into_owned());
+        let name = self.name.clone().or_else(folder).unwrap_or_default();
+        let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if name.is_empty() || name.len() > 64 || !name.chars().all(fits) {
+            let expected = "1 to 64 letters, digits, - and _ (it names files and topics)";
+            return Err(usage(format!("--name: expected {expected}, found `{name}`; give --name")));
+        }
+        Ok(name)
+    }
+
+    /// Asks on a terminal for what was not given, unless something was.
+    fn ask(&mut self) -> Result<()> {
+        let given = self.chambers.is_some() || self.length_mm.is_some() || self.wall_mm.is_some();
+        let material = self.silicone.is_some() || self.shear_modulus_mpa.is_some();
+        if given || material || !std::io::stdin().is_terminal() {
+            return Ok(());
+        }
+        self.chambers = Some(ask("number of chambers", 11)?);
+        self.length_mm = ask("length in mm, 0 for 9 mm a chamber", 0.0).map(|mm| (mm > 0.0).then_some(mm))?;
+        self.wall_mm = Some(ask("wall between cavity and slot in mm", 2.5)?);
+        for silicone in &SILICONES {
+            output!("  {:<16} shear modulus {} MPa; {}", silicone.name, silicone.shear_mpa, silicone.source)?;
+        }
+        let name: String = ask("silicone", SILICONES[0].name.to_owned())?;
+        self.silicone = Some(silicone::named(&name).map_err(usage)?);
+        Ok(())
+    }
+
+    fn text(&self, name: &str) -> Result<String> {
+        let shape = Shape {
+            chambers: self.chambers.unwrap_or(11),
+            length_mm: self.length_mm,
+            width_mm: self.width_mm.unwrap_or(32.0),
+            wall_mm: self.wall_mm.unwrap_or(2.5),
+        };
+        let mut entries: Vec<Entry> = shape.entries().map_err(usage)?;
+        let silicone = self.silicone.unwrap_or(&SILICONES[0]);
+        let law = match self.shear_modulus_mpa {
+            Some(mu) => {
+                format!("# Own constant: a neo-Hookean silicone.\nlaw = \"neo-hookean\"\nmu_mpa = {mu:?}\n")
+            }
+            None => {
+                let lines: String =
+                    silicone.law.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
+                entries.push(("elastomer", "density_t_per_mm3", silicone.density_t_per_mm3.into()));
+                format!("# {}: {}.\n{lines}", silicone.name, silicone.source)
+            }
+        };
+        entries.push(("", "name", format!("\"{name}\"")));
+        if self.hanging {
+            entries.push(("loads", "gravity_mm_s2", "[9810.0, 0.0, 0.0]".into()));
+        }
+        let folder = self.folder.display();
+        let heading = format!(
+            "# {name}: a soft pneumatic actuator, begun by `softtwin new`. `softtwin build {folder}` makes its mesh, its states and its\n\
+             # twin. After a change here run it again.\n#\n"
+        );
+        Ok(text::compose(&heading, &entries, &law, 2.0 * shape.wall_mm))
+    }
+}
+
+/// Asks for a value on the terminal; an empty line takes the one in brackets.
+fn ask<T: FromStr<Err: Display> + Display>(what: &str, default: T) -> Result<T> {
+    let mut error = std::io::stderr();
+    write!(error, "{what} [{default}]: ")?;
+    error.flush()?;
+    let mut line = String::new();
+    std::io::stdin().lock().read_line(&mut line)?;
+    match line.trim() {
+        "" => Ok(default),
+        text => text.parse().map_err(|e| usage(format!("{what}: {e}, found `{text}`"))),
+    }
+}
