@@ -205,6 +205,12 @@ def main():
     parser.add_argument("--search", type=float, metavar="SECONDS", help="look for parameters that give mesh.nodes")
     args = parser.parse_args()
     a = tomllib.loads(args.actuator.read_text())
+    out = args.out or args.actuator.parent / a["mesh"]["file"]
+    if out.suffix != ".msh":
+        sys.exit(
+            f"{args.actuator}: mesh.file: expected a name with the ending .msh, found {out.name}; give --out FILE.msh and set mesh.file "
+            "to it. A .vtu is made by `softtwin mesh`, without gmsh"
+        )
     gmsh.initialize()
     gmsh.option.setNumber("General.Verbosity", 2)
     build_geometry(a)
@@ -222,7 +228,6 @@ def main():
     count = len(gmsh.model.mesh.getNodes()[0])
     if wanted and count != wanted:
         sys.exit(f"mesh: expected {wanted} nodes, found {count}; search for a size_mm with --search 600")
-    out = args.out or args.actuator.parent / a["mesh"]["file"]
     gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
     gmsh.option.setNumber("Mesh.Binary", 1)
     gmsh.write(str(out))

@@ -1,5 +1,5 @@
 /* Reads one state and one field of a running twin, then asks it two questions.
- *   cc twin.c $(pkg-config --cflags --libs softtwin) -o twin && ./twin finger
+ *   cc twin.c $(pkg-config --cflags --libs softtwin) -lm -o twin && ./twin finger
  */
 #include <math.h>
 #include <softtwin.h>

@@ -57,7 +57,7 @@ class Stage:
             nodes = "all"
             [[actuator.output]]
             name = "tip"
-            nodes = {{ box = {{ min = [100.0, 0.0, 0.0], max = [115.0, 20.0, 32.0] }} }}
+            nodes = {{ box = {{ min = [114.9, 1.9, 15.9], max = [115.1, 2.1, 16.1] }} }}
             fields = ["x", "y", "z"]
             """
         )

@@ -103,6 +103,17 @@ fn three_chambers_bend_press_and_touch() {
     assert!(output.cavity_volume_mm3 > 1.1 * cavity_mm3(&actuator));
 }
 
+/// Flat elements and a soft silicone: pressure softens thin walls, so a step must be predicted with the tangent it begins at.
+#[test]
+fn a_soft_finger_on_a_coarse_grid_takes_few_factorisations() {
+    let (actuator, problem) = problem(&with(&chambers(3), "elastomer.law", "mu_mpa", "0.3"), 9.0);
+    let mut solver = Solver::new(problem).unwrap();
+    let (start, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2).unwrap();
+    let (_, report) = solver.solve_to(&start, &actuator.load(0.05, None)).unwrap();
+    println!("{report:?}");
+    assert!(report.cuts == 0 && report.factorisations <= 40, "{report:?}");
+}
+
 /// Figures of one small state. Should they change on purpose, raise `FORMULATION` too, so that no checkpoint of the old
 /// solver is mixed with states of the new one.
 #[test]
@@ -113,8 +124,8 @@ fn the_formulation_has_the_version_it_says() {
     let stress = output.von_mises_mpa.iter().copied().fold(0.0, f64::max);
     let found = [largest, output.cavity_volume_mm3, output.contact_force_n, stress];
     println!("formulation {FORMULATION}: {found:?}");
-    let expected = [2.002_305_16, 1_490.029_77, 1.326_846_11, 0.489_674_11];
-    assert_eq!(FORMULATION, 2);
+    let expected = [2.003_395_49, 1_490.106_82, 1.333_047_98, 0.489_755_53];
+    assert_eq!(FORMULATION, 3);
     for (found, expected) in found.iter().zip(expected) {
         assert!((found / expected - 1.0).abs() < 1.0e-4, "{found} against {expected}");
     }

@@ -22,6 +22,10 @@ const FAILURES: usize = 3;
 /// More states than this mean that pressure hardly bends the actuator.
 const MOST_STATES: usize = 30;
 
+/// What helps an actuator that sags too far.
+const LIGHTER: &str = "let it hang (loads.gravity_mm_s2 = [9810.0, 0.0, 0.0], `softtwin new --hanging`), make it shorter or take a \
+                       stiffer silicone";
+
 /// What was found.
 #[derive(Debug)]
 pub struct Pressures {
@@ -62,14 +66,14 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
     let length = free_length_mm(run.actuator);
     let wanted = WANTED_SHARE * length;
     let mut list = vec![free_case("rest", 0.0)];
-    let outcome = run.solve(&list, &quiet).map_err(configuration)?;
-    let rest =
-        last(&outcome, 0).context("no equilibrium under gravity alone; make it stiffer or let it hang")?;
+    let outcome = run.solve(&list, &quiet).map_err(|error| {
+        configuration(anyhow::anyhow!("{error}. It may be too soft to carry its weight: {LIGHTER}"))
+    })?;
+    let rest = last(&outcome, 0).context("the state at rest is missing")?;
     let sag = largest_mm(rest);
     if sag > MOST_SAG_SHARE * length {
         return Err(configuration(anyhow::anyhow!(
-            "loads.gravity_mm_s2: it sags by {sag:.0} mm of {length:.0} mm under its own weight, which leaves nothing to bend; let it \
-             hang ([9810.0, 0.0, 0.0], `softtwin new --hanging`), make it shorter or take a stiffer silicone"
+            "it sags by {sag:.0} mm of {length:.0} mm under its own weight, which leaves nothing to bend: {LIGHTER}"
         )));
     }
     say(&format!("rest: sags by {sag:.1} mm"));
@@ -106,7 +110,7 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
             break format!("{MOST_STATES} states were solved and it bends by {now:.1} mm only");
         }
         // A little more than what is left, so that the last step is not followed by a tiny one.
-        let way = (wanted / STEPS).min(1.05 * (wanted - now));
+        let way = ((wanted - sag) / STEPS).min(1.05 * (wanted - now));
         step = if slope > 0.0 { (way / slope).min(3.0 * step) } else { 2.0 * step };
     };
     anyhow::ensure!(states.len() > 2, "only {} pressures could be solved ({reason})", states.len() - 1);

@@ -7,7 +7,8 @@ use fem::actuator::Actuator;
 /// Its text: readings by formula through the whole range of pressures, until a sensor takes their place.
 pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
     let name = &actuator.name;
-    let (length, width, top) = (actuator.base.length_mm, actuator.base.width_mm, actuator.base_top_mm());
+    // On the sheet, where every mesh has a node if it has one on the middle line.
+    let tip = [actuator.base.length_mm, actuator.base.lower_mm, 0.5 * actuator.base.width_mm];
     let middle = 0.5 * pressures.largest_mpa();
     let gap = (5.0 * (plan.gaps_mm[0] + plan.gaps_mm[1])).round() / 10.0;
     format!(
@@ -25,11 +26,11 @@ pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
          profile = {{ shape = \"sine\", mean_mpa = {middle:?}, amplitude_mpa = {middle:?}, frequency_hz = 0.25 }}\n\n\
          [[actuator.output]]              # softtwin/{name}/field\n\
          nodes = \"all\"\n\n\
-         [[actuator.output]]              # softtwin/{name}/field/tip: the free end of the base\n\
+         [[actuator.output]]              # softtwin/{name}/field/tip: the middle of the base's free end\n\
          name = \"tip\"\n\
-         nodes = {{ box = {{ min = [{:?}, 0.0, 0.0], max = [{:?}, {top:?}, {width:?}] }} }}\n\
+         nodes = {{ box = {{ min = {:?}, max = {:?} }} }}\n\
          fields = [\"x\", \"y\", \"z\"]\n",
-        length - 0.001,
-        length + 0.001,
+        tip.map(|mm| mm - 0.01),
+        tip.map(|mm| mm + 0.01),
     )
 }

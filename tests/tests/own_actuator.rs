@@ -1,0 +1,138 @@
+//! One's own actuator, as a user makes it: `new`, `build --quick`, then twin, readings and prediction, in real processes.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::process::binary;
+use tests::{Program, Stage};
+
+/// A build takes about a minute of processor time, and other tests run beside it.
+const DEADLINE: Duration = Duration::from_secs(1800);
+
+fn softtwin(stage: &Stage, line: &str) -> Command {
+    let mut command = Command::new(binary("softtwin"));
+    command.args(line.split_whitespace()).current_dir(stage.folder.path()).env_remove("RUST_LOG");
+    command.stdin(Stdio::null());
+    command
+}
+
+/// Exit code, standard output, standard error.
+fn run(stage: &Stage, line: &str) -> (Option<i32>, String, String) {
+    let output = softtwin(stage, line).output().expect("the program starts");
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+fn done(stage: &Stage, line: &str) -> String {
+    let (code, out, error) = run(stage, line);
+    assert_eq!(code, Some(0), "{line}: {out}{error}");
+    out
+}
+
+/// Makes the twin of a shape, then runs it: from the folder to an answer.
+fn story(label: &str, options: &str) -> Value {
+    let stage = Stage::new(label);
+    done(&stage, &format!("new finger {options}"));
+    let built: Value = serde_json::from_str(&done(&stage, "build finger --quick --size-mm 9 --json"))
+        .expect("one JSON object");
+    println!("{label}: {built:#}");
+    let [low, high] = [0, 1].map(|k| built["gap_mm"][k].as_f64().expect("a gap"));
+    let pressure = built["pressure_mpa"].as_f64().expect("a pressure");
+    assert_eq!(built["failed"], 0, "{built}");
+    // The pictures and the model must be good enough to be called a first look.
+    let held_back = built["quality"]["held_back"].as_array().expect("a list");
+    assert_eq!(held_back.len(), 2, "free and contact: {built}");
+    for errors in held_back {
+        let mean = |name: &str| errors[name][0].as_f64();
+        assert!(mean("displacement_percent").is_some_and(|e| e < 1.0), "{errors}");
+        assert!(mean("stress_percent").is_some_and(|e| e < 5.0), "{errors}");
+        assert!(mean("force_percent").is_none_or(|e| e < 2.0), "{errors}");
+    }
+    assert!(stage.path("finger/errors.png").exists());
+
+    // The printed commands: ask the model, run the scene.
+    let gap = 0.5 * (low + high);
+    let state = format!("--model finger/finger.twin --pressure-mpa {} --gap-mm {gap}", 0.7 * pressure);
+    let answer: Value =
+        serde_json::from_str(&done(&stage, &format!("predict {state} --json"))).expect("JSON");
+    assert_eq!((&answer["regime"], &answer["in_domain"]), (&"contact".into(), &true.into()), "{answer}");
+    let scene = stage.path("finger/scene.toml");
+    let _twin = Program::twin(&stage, &scene);
+    let _bridge = Program::bridge(&stage, &scene);
+    let (status, said) =
+        Program::tool(&stage, &["echo", "softtwin/finger/field/tip", "--once", "--json"]).end();
+    assert!(status.success(), "{said:?}");
+    let tip: Value = serde_json::from_str(&said[0]).expect("JSON");
+    assert_eq!(tip["sample"]["entries"], 3, "the tip is one node: {tip}");
+    built
+}
+
+#[test]
+fn six_chambers_fifteen_millimetres_shorter() {
+    story("six", "--chambers 6 --length-mm 100");
+}
+
+#[test]
+fn thicker_walls_of_a_softer_silicone() {
+    story("soft", "--chambers 4 --wall-mm 3 --shear-modulus-mpa 0.3");
+}
+
+#[test]
+fn a_short_wide_one() {
+    story("wide", "--chambers 3 --length-mm 50 --width-mm 48 --silicone elastosil-m4601");
+}
+
+/// Checkpoints that are whole.
+fn states(folder: &Path) -> usize {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter(|entry| entry.path().extension().is_some_and(|ending| ending == "state")).count()
+}
+
+#[test]
+fn a_killed_build_goes_on_where_it_was() {
+    let stage = Stage::new("killed");
+    done(&stage, "new finger --chambers 2 --silicone elastosil-m4601");
+    let folder = stage.path("finger/database/states");
+    let mut child = softtwin(&stage, "build finger --quick --size-mm 9 --json")
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let end = Instant::now() + DEADLINE;
+    while states(&folder) < 10 {
+        assert!(Instant::now() < end && child.try_wait().expect("our child").is_none(), "it ended before");
+        std::thread::yield_now();
+    }
+    child.kill().expect("killed");
+    child.wait().expect("gone");
+    let kept = states(&folder);
+    let built: Value = serde_json::from_str(&done(&stage, "build finger --quick --size-mm 9 --json"))
+        .expect("one JSON object");
+    assert!(built["reused"].as_u64().is_some_and(|reused| reused + 1 >= kept as u64), "{kept} kept: {built}");
+}
+
+#[test]
+fn mistakes_are_named_with_what_would_work() {
+    let stage = Stage::new("mistakes");
+    done(&stage, "new finger --chambers 2");
+    let refused = |line: &str, code: i32, part: &str| {
+        let (found, out, error) = run(&stage, line);
+        assert!(found == Some(code) && error.contains(part), "{line}: {found:?} {out}{error}");
+    };
+    refused("new finger", 2, "expected a new or an empty folder");
+    refused("new other --chambers 6 --length-mm 40", 2, "need at least 59.0 mm");
+    refused("new other --wall-mm 9", 2, "give thinner walls");
+    refused("new other --silicone rubber", 2, "expected one of reference");
+    refused("new bad.name", 2, "give --name");
+    assert!(!stage.path("other").exists(), "what is refused leaves nothing");
+    refused("build nowhere", 2, "`softtwin new nowhere` makes one");
+    refused("build finger --size-mm 30", 2, "flatter elements fold");
+    let text = std::fs::read_to_string(stage.path("finger/actuator.toml")).expect("just made");
+    stage.write("finger/actuator.toml", &text.replace("floor_mm = 7.0 ", "floor_mm = 5.0 "));
+    refused("build finger", 78, "slots.floor_mm");
+    stage.write("finger/actuator.toml", &text.replace("count = 2", "count = two"));
+    refused("build finger", 78, "actuator.toml");
+    stage.write("finger/actuator.toml", &text.replace("mu_mpa = 0.8", "mu_mpa = 0.002"));
+    refused("build finger --size-mm 9", 78, "--hanging");
+    refused("simulate --pressure-mpa 0.01", 2, "--actuator");
+}
