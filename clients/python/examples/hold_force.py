@@ -2,7 +2,7 @@
 
     softtwind twin --scene config/scenes/force.toml
     softtwin-plant --scene config/scenes/force.toml --true-gap-mm 33 --target-n 0.3
-    python hold_force.py --target-n 0.3
+    python hold_force.py --target-n 0.3 --plot force.png     # the plot needs matplotlib
 
 The law is u = P(F*) + kp e/g + ki * integral(e/g): P(F*) is the twin's inverse at the gap that is assumed, g its gradient
 dF/dP at the present state, e the force's error. The integral takes up what the model does not know.
@@ -38,19 +38,37 @@ class Controller:
         return command
 
 
+def plot(path, points, target_n):
+    """Draws force and commanded pressure over time."""
+    from matplotlib.figure import Figure
+
+    times, forces, commands = zip(*[(t - points[0][0], force, command) for t, force, command in points])
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    force, pressure = figure.subplots(2, 1, sharex=True)
+    force.plot(times, forces)
+    force.axhline(target_n, linestyle="--", color="gray")
+    force.set_ylabel("contact force (N)")
+    pressure.plot(times, commands)
+    pressure.set_ylabel("commanded pressure (MPa)")
+    pressure.set_xlabel("time (s)")
+    figure.savefig(path)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--actuator", default="finger")
     parser.add_argument("--target-n", type=float, default=0.3)
     parser.add_argument("--gap-mm", type=float, default=30.0, help="gap that is assumed, mm")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--plot", metavar="FILE", help="force and commanded pressure over time, .png or .svg")
+    parser.add_argument("--json", action="store_true", help="end with one JSON object instead of a line")
     args = parser.parse_args()
 
     feed_forward_mpa = softtwin.Client(args.actuator).pressure(args.target_n, args.gap_mm).pressure_mpa
     controller = Controller(args.target_n, feed_forward_mpa)
     valve = softtwin.CommandPublisher(args.actuator)
     states = softtwin.subscribe(f"softtwin/{args.actuator}/state", timeout_s=SILENCE_S)
-    last_ns, turns_ns, end = None, [], time.monotonic() + args.seconds
+    last_ns, turns_ns, points, end = None, [], [], time.monotonic() + args.seconds
     try:
         while time.monotonic() < end:
             state = states.newest()
@@ -62,16 +80,29 @@ def main():
             last_ns = state.t_sensor_ns
             measured = state.measured_force_n
             force_n = state.contact_force_n if math.isnan(measured) else measured
-            valve.send(controller.update(force_n, state.force_by_pressure_n_per_mpa, dt_s), state.t_sensor_ns)
+            command_mpa = controller.update(force_n, state.force_by_pressure_n_per_mpa, dt_s)
+            valve.send(command_mpa, state.t_sensor_ns)
             turns_ns.append(softtwin.now_ns() - state.t_sensor_ns)
+            points.append((state.t_sensor_ns * 1e-9, force_n, command_mpa))
     except softtwin.TwinSilent:
         pass  # the twin has gone: the pressure is let off below
     finally:
         valve.send(0.0)
+    if not points:
+        raise SystemExit("no reading came; is softtwin-plant running?")
     turns_ns.sort()
     p50_us, p99_us = (turns_ns[int(share * (len(turns_ns) - 1))] / 1e3 for share in (0.5, 0.99))
     report = {"feed_forward_mpa": feed_forward_mpa, "commands": len(turns_ns)}
-    print(json.dumps({**report, "reading_to_command_sent": {"p50_us": p50_us, "p99_us": p99_us}}))
+    if args.plot:
+        plot(args.plot, points, args.target_n)
+    if args.json:
+        print(json.dumps({**report, "reading_to_command_sent": {"p50_us": p50_us, "p99_us": p99_us}}))
+        return
+    (first_s, _, _), (last_s, force_n, command_mpa) = points[0], points[-1]
+    print(
+        f"{last_s - first_s:.1f} s: {force_n:.3f} N at the end, wanted {args.target_n:.3f} N, at {command_mpa:.4f} MPa; "
+        f"{len(points)} commands, {p50_us:.0f} us after the reading ({p99_us:.0f} us at the 99th percentile)"
+    )
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 //! Reads a recording from start to end, whatever state it is in.
 
+use std::fmt;
 use std::io::{self, Read};
 
 use mcap::records::op;
@@ -62,6 +63,18 @@ pub enum Ending {
         /// How many were left out.
         skipped: u64,
     },
+}
+
+impl fmt::Display for Ending {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Complete => f.write_str("complete"),
+            Self::Truncated { at_byte, reason } => {
+                write!(f, "cut short at byte {at_byte} ({reason}); everything before can be read")
+            }
+            Self::Damaged { skipped } => write!(f, "damaged: {skipped} chunks or records were left out"),
+        }
+    }
 }
 
 /// Reads a recording record by record. Memory: one record and one chunk, each of at most [`MAX_RECORD_BYTES`].

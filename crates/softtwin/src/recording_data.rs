@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::io::BufReader;
 use std::ops::Deref;
 use std::path::Path;
-use wire::{FieldHeader, State, Topic, TopicKind};
+use wire::{FieldHeader, KeyExpr, State, Topic, TopicKind};
 
 /// Fields that are kept of one actuator; of more, every second one is dropped until they fit.
 const MAX_FIELDS: usize = 600;
@@ -123,11 +123,11 @@ impl RecordedField {
 
 impl RecordingData {
     /// Reads a recording; of each actuator at most `max_states` states, all peaks among them, and of fields at most some
-    /// hundreds, none unless wanted.
+    /// hundreds, those of the topics that `fields` names.
     ///
     /// # Errors
     /// A file that is no recording, or one without a state or field in it.
-    pub fn read(path: &Path, with_fields: bool, max_states: usize) -> Result<Self> {
+    pub fn read(path: &Path, fields: Option<&KeyExpr>, max_states: usize) -> Result<Self> {
         let place = || path.display().to_string();
         let file = runtime::file::open(path, u64::MAX).with_context(place)?;
         let mut reader = Reader::new(BufReader::new(file)).with_context(place).map_err(configuration)?;
@@ -146,7 +146,7 @@ impl RecordingData {
                         track.add_state(state, max_states);
                     }
                 }
-                TopicKind::Field if with_fields => {
+                TopicKind::Field if fields.is_some_and(|wanted| wanted.matches(&message.channel.topic)) => {
                     track.fields.offer(|| RecordedField::read(&message.data, t_s));
                 }
                 _ => {}
@@ -162,7 +162,7 @@ impl RecordingData {
             tracing::warn!("{actuator}: {used} of {recorded} recorded states are used, all peaks among them");
         }
         if let Some(ending) = reader.ending().filter(|ending| **ending != Ending::Complete) {
-            tracing::warn!("{} is not whole, what can be read is used: {ending:?}", place());
+            tracing::warn!("{} is not whole, what can be read is used: {ending}", place());
         }
         Ok(Self {
             name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),

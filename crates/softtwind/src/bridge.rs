@@ -30,7 +30,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     let specs =
         scene.actuators.iter().filter_map(|actuator| Some((&actuator.name, actuator.source.as_ref()?)));
     for (name, spec) in specs {
-        tracing::info!("{}: from {spec:?}", Topic::sensor(name)?);
+        tracing::info!("{}: from {}", Topic::sensor(name)?, spec.describe());
     }
     let sources = open(&scene, &options.scene)?;
     let listener = options.metrics.open()?;

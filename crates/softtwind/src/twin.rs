@@ -20,8 +20,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let scene = configure(options)?;
     let loaded = load_scene(&scene, &options.scene)?;
     let side_services = SideServices::load(&scene, &options.scene)?;
-    tracing::info!("limits: {:?}", settings.limits);
-    tracing::info!("real time: {:?}", settings.realtime);
+    say_settings(&settings);
     loaded.iter().for_each(describe);
     let names: Vec<String> = loaded.iter().map(|actuator| actuator.spec.name.clone()).collect();
 
@@ -103,6 +102,29 @@ fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<realtime::Granted
         tracing::warn!("REAL TIME IS NOT WHAT WAS ASKED FOR: {text}");
     }
     Ok(granted)
+}
+
+/// The settings in force that an operator asks for first.
+fn say_settings(settings: &Settings) {
+    let (limits, realtime) = (&settings.limits, &settings.realtime);
+    tracing::info!(
+        "readings of {} to {} MPa and at most {} mm are taken; without a good one for {} ms the state is stale",
+        limits.pressure_min_mpa,
+        limits.pressure_max_mpa,
+        limits.gap_max_mm,
+        limits.deadline_ms
+    );
+    let scheduler = match realtime.fifo_priority {
+        0 => "ordinary scheduler".to_owned(),
+        priority => format!("real-time priority {priority}"),
+    };
+    let cores = match realtime.cores.as_slice() {
+        [] => "any core".to_owned(),
+        cores => format!("cores {cores:?}"),
+    };
+    let memory = if realtime.lock_memory { "memory locked" } else { "memory not locked" };
+    let wake = if realtime.busy_poll { "spins" } else { "sleeps until woken" };
+    tracing::info!("{scheduler}, {cores}, {memory}; between readings it {wake}");
 }
 
 fn describe(loaded: &Loaded) {

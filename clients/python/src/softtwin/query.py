@@ -2,7 +2,7 @@
 
 import math
 import time
-from typing import Any, Optional, Union
+from typing import Any, Optional, Union, overload
 
 import iceoryx2 as iox2
 
@@ -32,17 +32,35 @@ class Client:
                 service.client_builder().backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
             )
 
+    @overload
+    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: None = None) -> layout.Answer: ...
+
+    @overload
+    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: str) -> Field: ...
+
     def whatif(
         self, pressure_mpa: float, gap_mm: float = math.nan, *, field: Optional[str] = None
     ) -> Union[layout.Answer, Field]:
         """State and force at a pressure (MPa) and a gap (mm; NaN: the scene's); with `field`, the node set's field too."""
         return self._ask("whatif", field, pressure_mpa=pressure_mpa, gap_mm=gap_mm)
 
+    @overload
+    def pressure(self, force_n: float, gap_mm: float = ..., *, field: None = None) -> layout.Answer: ...
+
+    @overload
+    def pressure(self, force_n: float, gap_mm: float = ..., *, field: str) -> Field: ...
+
     def pressure(
         self, force_n: float, gap_mm: float = math.nan, *, field: Optional[str] = None
     ) -> Union[layout.Answer, Field]:
         """The lowest pressure with this contact force (N) at this gap (mm): `pressure_mpa` +- `uncertainty`."""
         return self._ask("pressure", field, force_n=force_n, gap_mm=gap_mm)
+
+    @overload
+    def gap(self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = ..., *, field: None = None) -> layout.Answer: ...
+
+    @overload
+    def gap(self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = ..., *, field: str) -> Field: ...
 
     def gap(
         self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = 0.0, *, field: Optional[str] = None

@@ -126,13 +126,20 @@ class Subscription:
             )
 
 
-def subscribe(topic: str, **options: Any) -> Subscription:
+def subscribe(
+    topic: str,
+    *,
+    timeout_s: Optional[float] = None,
+    wait_for_twin: bool = False,
+    on_restart: str = "raise",
+    bus: Optional[Bus] = None,
+) -> Subscription:
     """Reads a topic: `for field in softtwin.subscribe("softtwin/finger/field"): ...`.
 
     Options: `timeout_s` (None: wait for ever), `wait_for_twin` (True: the topic may come into being later),
     `on_restart` ("raise" or "continue"), `bus`. Raises `TwinAbsent` and `VersionMismatch`.
     """
-    return Subscription(topic, **options)
+    return Subscription(topic, timeout_s=timeout_s, wait_for_twin=wait_for_twin, on_restart=on_restart, bus=bus)
 
 
 def newest(topic: str, timeout_s: float = 5.0, bus: Optional[Bus] = None) -> Any:

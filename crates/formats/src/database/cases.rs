@@ -36,13 +36,17 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind
 
 /// Where the columns are.
 struct Columns {
-    standard: [usize; 6],
+    standard: [usize; 5],
+    /// The force; a table of free states alone needs none.
+    force: Option<usize>,
     parameters: Vec<usize>,
 }
 
 /// Where each standard column and each parameter is; all others must be declared.
 fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic>> {
-    let found = table.columns(COLUMNS);
+    let [loads @ .., _] = COLUMNS;
+    let found = table.columns(loads);
+    let force = table.column(COLUMNS[5]).ok();
     let parameters = manifest.parameters();
     let declared = |name: &str| {
         manifest.extra.iter().any(|extra| extra.name == name) || parameters.iter().any(|p| p.name == name)
@@ -55,7 +59,9 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     let strangers: Vec<Diagnostic> =
         strangers.map(|name| Diagnostic::new("header", expected, format!("`{name}`"))).collect();
     match found {
-        Ok(standard) if strangers.is_empty() && missing.is_empty() => Ok(Columns { standard, parameters }),
+        Ok(standard) if strangers.is_empty() && missing.is_empty() => {
+            Ok(Columns { standard, force, parameters })
+        }
         found => Err(found.err().into_iter().flatten().chain(missing).chain(strangers).collect()),
     }
 }
@@ -65,15 +71,20 @@ fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Optio
     let parameters: Vec<f64> =
         at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();
     let all_given = parameters.len() == at.parameters.len();
-    let at = &at.standard;
+    let (at, force) = (&at.standard, at.force);
     let regime = collect(row.choice(at[1], &REGIMES), diagnostics);
     let split = collect(row.choice(at[2], &SPLITS), diagnostics);
     let pressure_mpa = collect(row.number(at[3]), diagnostics);
     let gap_mm = collect(row.optional_number(at[4]), diagnostics);
-    let contact_force_n = collect(row.number(at[5]), diagnostics);
+    let contact_force_n = force.map_or(Some(0.0), |force| collect(row.number(force), diagnostics));
     let (obstacle, regime) = regime.filter(|_| all_given)?;
     if regime == RegimeKind::Contact && gap_mm == Some(None) {
         diagnostics.push(row.diagnostic(at[4], "a gap in mm for a case with an obstacle"));
+        return None;
+    }
+    if regime == RegimeKind::Contact && force.is_none() {
+        let expected = "a column contact_force_n for a case with an obstacle (0 where nothing touches)";
+        diagnostics.push(Diagnostic::new(row.place(), expected, "none"));
         return None;
     }
     let case = Case {

@@ -49,6 +49,24 @@ impl SourceSpec {
         }
     }
 
+    /// The source in words, for logs.
+    pub fn describe(&self) -> String {
+        let port = |serial: &Option<SerialSpec>, without: &str| {
+            serial.as_ref().map_or_else(|| without.to_owned(), |serial| serial.port.display().to_string())
+        };
+        match self {
+            Self::Replay(spec) => {
+                format!("the trace {} at {} times its speed", spec.trace.display(), spec.speed)
+            }
+            Self::Simulate(spec) => format!("a formula, {} readings a second", spec.rate_hz),
+            Self::Modbus(spec) => {
+                let place = spec.tcp.clone().unwrap_or_else(|| port(&spec.serial, "no port"));
+                format!("Modbus at {place}, {} polls a second", spec.poll_hz)
+            }
+            Self::Lines(spec) => format!("lines of text from {}", port(&spec.serial, "standard input")),
+        }
+    }
+
     /// The source that replays `trace` as it was recorded.
     pub fn replay_of(trace: PathBuf) -> Self {
         Self::Replay(ReplaySpec { trace, ..ReplaySpec::default() })

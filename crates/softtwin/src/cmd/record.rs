@@ -36,7 +36,7 @@ pub struct Args {
     /// File to write; an existing one is never overwritten
     #[arg(long, value_name = "MCAP", help_heading = "Output")]
     out: PathBuf,
-    /// Record whole fields too (half a megabyte a sample at full size)
+    /// Record whole fields too: 5.3 bytes a value before compression, so 0.67 MB a sample of 5 fields at 25,022 nodes
     #[arg(long, help_heading = "Selection")]
     fields: bool,
     /// Stop after so many seconds

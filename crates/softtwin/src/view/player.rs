@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
+use wire::KeyExpr;
 use wire::layout::field_id;
 
 /// Frames at most this often: a screen's rate.
@@ -194,7 +195,7 @@ impl Player {
             };
             match message {
                 Ok(message) => self.hub.put(actuator, message),
-                Err(error) => tracing::warn!(actuator, "a recorded state cannot be shown: {error:#}"),
+                Err(error) => tracing::warn!("{actuator}: a recorded state cannot be shown: {error:#}"),
             }
         }
     }
@@ -210,11 +211,15 @@ impl Player {
 
 /// Recorded fields are only needed where no model can make them again.
 fn read(path: &Path, catalogue: &Catalogue) -> Result<RecordingData> {
-    let data = RecordingData::read(path, false, MAX_STATES)?;
+    let data = RecordingData::read(path, None, MAX_STATES)?;
     let mut states = data.tracks.values().flat_map(|track| track.states.last());
     let all_known = !data.tracks.values().any(|track| track.states.is_empty())
         && states.all(|state| catalogue.find(state.values.model_hash).is_some());
-    if all_known { Ok(data) } else { RecordingData::read(path, true, MAX_STATES) }
+    if all_known {
+        Ok(data)
+    } else {
+        RecordingData::read(path, Some(&KeyExpr::new("softtwin/**")?), MAX_STATES)
+    }
 }
 
 impl<'a> Strip<'a> {

@@ -79,7 +79,7 @@ impl Reader {
             grasps.update(&self.hub);
             for (actuator, source) in &mut sources {
                 if let Err(error) = source.update(actuator, &self.catalogue, &self.hub) {
-                    tracing::warn!(actuator, "reading failed; the topic is opened again: {error}");
+                    tracing::warn!("{actuator}: reading failed; the topic is opened again: {error}");
                     (source.field, source.state) = (None, None);
                 }
             }

@@ -34,7 +34,7 @@ fn a_row_fits_into_eighty_columns() {
     let row = row("finger", Some(&state()), Some(&health()), 1_001_000_000);
     let cells: Vec<&str> = row.split_whitespace().collect();
     assert_eq!(cells, ["finger", "1000", "61", "240", "1.0ms", "contact", "0.0450", "1.250", "3/1"]);
-    assert!(row.len() <= 80 && head().len() <= 90, "{row}");
+    assert!(row.len() <= 80 && head().len() <= 80, "{row}");
 }
 
 #[test]
@@ -50,7 +50,7 @@ fn a_grasp_has_a_row_of_its_own() {
     let row = grasp_row("gripper", &grasp);
     assert_eq!(
         row,
-        "gripper        grasp: held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa"
+        "gripper   grasp: held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa"
     );
 }
 

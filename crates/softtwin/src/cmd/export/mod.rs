@@ -25,6 +25,7 @@ Examples:
     softtwin export models/pneunet/database --out all.npy
   A recording: its fields as they were recorded, or made again from its states by the model, every tenth:
     softtwin export run.mcap --out run.pvd
+    softtwin export run.mcap --key softtwin/finger/field/tip --out tip.csv
     softtwin export run.mcap --model finger.twin --every 10 --out run.pvd
   A recording as CSV tables, one for each topic (tables/softtwin.finger.state.csv and so on), or its states only:
     softtwin export run.mcap --out tables
@@ -44,7 +45,7 @@ pub struct Args {
     out: PathBuf,
     #[command(flatten)]
     states: Options,
-    /// Of a recording, for tables: topics, as a key expression.
+    /// Of a recording: topics, as a key expression; of several field topics it chooses one.
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the states shall have; the surface when left out.
@@ -66,7 +67,10 @@ impl Args {
             return tables::write(&self.source, &self.out, &self.key, self.json);
         }
         SeriesFormat::of(&self.out).map_err(usage)?; // before the work, not after it
-        let source = Source::open(&self.source, &self.states)?;
+        if let Some(folder) = self.out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            formats::file::create_folder(folder)?;
+        }
+        let source = Source::open(&self.source, &self.states, &self.key)?;
         let body = source.body(self.mesh.as_deref())?;
         let series = body.series(source.fields(), source.count());
         let written = series.write(&self.out, source.moments()).map_err(|error: anyhow::Error| {

@@ -1,7 +1,7 @@
 //! Where exported states come from: a model asked for readings, a database, the fields of a recording.
 
 use super::body::Body;
-use crate::failure::{configuration, usage};
+use crate::failure::usage;
 use crate::files;
 use crate::recording_data::{RecordedField, RecordingData, Track};
 use anyhow::Result;
@@ -12,6 +12,7 @@ use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
 use std::path::{Path, PathBuf};
+use wire::KeyExpr;
 use wire::layout::field_id;
 
 /// Which states of a source.
@@ -52,7 +53,7 @@ impl Source {
     ///
     /// # Errors
     /// A path that is none of the three, or options that belong to another kind.
-    pub fn open(path: &Path, options: &Options) -> Result<Self> {
+    pub fn open(path: &Path, options: &Options, key: &str) -> Result<Self> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         let kind = match ending {
             _ if path.is_dir() => "database",
@@ -78,7 +79,7 @@ impl Source {
         match kind {
             "model" => Self::sweep(options, path),
             "database" => Self::cases(options, path),
-            _ => Self::recording(options, path),
+            _ => Self::recording(options, path, key),
         }
     }
 
@@ -117,8 +118,10 @@ impl Source {
         Ok(Self::Cases { database, chosen: chosen.into_iter().step_by(options.every).collect() })
     }
 
-    fn recording(options: &Options, path: &Path) -> Result<Self> {
-        let mut data = RecordingData::read(path, options.model.is_none(), usize::MAX)?;
+    fn recording(options: &Options, path: &Path, key: &str) -> Result<Self> {
+        let topics = KeyExpr::new(key).map_err(usage)?;
+        let fields = options.model.is_none().then_some(&topics);
+        let mut data = RecordingData::read(path, fields, usize::MAX)?;
         let names: Vec<String> = data.tracks.keys().cloned().collect();
         let name = match (&options.actuator, names.as_slice()) {
             (Some(name), _) => name.clone(),
@@ -142,8 +145,9 @@ impl Source {
         let fields = first.header.fields().map(|id| spec(field_id::as_str(id))).collect();
         let shape = |field: &RecordedField| (field.header.node_count, field.header.field_ids);
         if track.fields.iter().any(|field| shape(field) != shape(first)) {
-            let expected = "expected fields of one shape in the recording, found several; use --model";
-            return Err(configuration(anyhow::anyhow!(expected)));
+            let expected = "expected fields of one topic, found several shapes; choose one with --key (`softtwin export RECORDING --out \
+                            tables` lists the topics), or make the fields with --model";
+            return Err(usage(expected));
         }
         Ok(Self::Recorded { track, fields, every })
     }

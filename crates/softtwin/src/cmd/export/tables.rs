@@ -3,7 +3,7 @@
 use crate::failure::{configuration, usage};
 use crate::output;
 use anyhow::{Context, Result};
-use recording::{Ending, Exported, Reader, export_csv};
+use recording::{Exported, Reader, export_csv};
 use serde_json::json;
 use std::io::BufReader;
 use std::path::Path;
@@ -21,7 +21,7 @@ pub fn write(recording: &Path, folder: &Path, key: &str, json: bool) -> Result<(
     let reader = Reader::new(BufReader::new(file)).map_err(configuration)?;
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let exported = export_csv(reader, folder, &topics)?;
-    let ending = describe(&exported.ending);
+    let ending = exported.ending.to_string();
     if json {
         let rows: serde_json::Map<String, serde_json::Value> =
             exported.rows.iter().map(|(path, rows)| (path.display().to_string(), json!(rows))).collect();
@@ -42,14 +42,4 @@ fn report(exported: &Exported, key: &str, ending: &str) -> Result<()> {
     }
     output!("the recording is {ending}")?;
     Ok(())
-}
-
-fn describe(ending: &Ending) -> String {
-    match ending {
-        Ending::Complete => "complete".into(),
-        Ending::Truncated { at_byte, reason } => {
-            format!("cut short at byte {at_byte} ({reason}); everything before is exported")
-        }
-        Ending::Damaged { skipped } => format!("damaged: {skipped} chunks or records were left out"),
-    }
 }

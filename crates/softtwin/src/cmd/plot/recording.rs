@@ -30,7 +30,7 @@ const LATENCY: &str = "latency, sensor to published [ms]";
 /// # Errors
 /// What is wrong with the recording or the model.
 pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
-    let data = RecordingData::read(path, false, MAX_STATES)?;
+    let data = RecordingData::read(path, None, MAX_STATES)?;
     let mut panels: Vec<Panel> = Vec::new();
     for (label, value) in QUANTITIES {
         let series = data.tracks.iter().enumerate().map(|(colour, (name, track))| {

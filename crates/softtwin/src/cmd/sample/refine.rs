@@ -156,9 +156,13 @@ impl Refinement {
         let run = Run { actuator, problem: Arc::clone(problem), store, threads: self.threads };
         let outcome = run.solve(&list, &|event| match event {
             Event::Solved(case, solved) => {
-                tracing::info!(case = case.name, factorisations = solved.report.factorisations, "solved");
+                tracing::info!(
+                    "case {} solved in {} factorisations",
+                    case.name,
+                    solved.report.factorisations
+                );
             }
-            Event::Failed { case, reason, .. } => tracing::warn!(case = case.name, reason, "failed"),
+            Event::Failed { case, reason, .. } => tracing::warn!("case {} failed: {reason}", case.name),
             Event::Reused(_) => {}
         })?;
         Ok(outcome.solved.into_iter().filter_map(|(i, s)| Some((i.checked_sub(old)?, s))).collect())

@@ -12,12 +12,12 @@ const GONE_NS: u64 = 3_000_000_000;
 /// The names of the columns.
 pub fn head() -> String {
     format!(
-        "{:<14}{:>7}{:>7}{:>8}{:>8} {:<8}{:>8}{:>8}  {}",
-        "ACTUATOR", "RATE", "P50us", "P99us", "AGE", "REGIME", "P/MPa", "F/N", "FLAGS, HELD/DROP"
+        "{:<10}{:>5}{:>6}{:>7}{:>7} {:<7}{:>7}{:>7}  {}",
+        "ACTUATOR", "Hz", "P50us", "P99us", "AGE", "REGIME", "P/MPa", "F/N", "FLAGS, HELD/DROP"
     )
 }
 
-/// One line of the table; 80 columns for a healthy twin.
+/// One line of the table: 58 columns, and 22 for what is wrong.
 pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64) -> String {
     let number = |value: Option<f64>, digits: usize| match value {
         Some(value) if value.is_finite() => format!("{value:.digits$}"),
@@ -36,7 +36,7 @@ pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64)
     let age_ns =
         state.filter(|state| state.t_sensor_ns > 0).map(|state| now.saturating_sub(state.t_sensor_ns));
     format!(
-        "{name:<14.14}{:>7}{:>7}{:>8}{:>8} {:<8}{:>8}{:>8}  {}",
+        "{name:<9.9} {:>5}{:>6}{:>7}{:>7} {:<7}{:>7}{:>7}  {}",
         number(health.map(|health| health.rate_hz), 0),
         micros(health.map(|health| health.latency_p50_ns)),
         micros(health.map(|health| health.latency_p99_ns)),
@@ -50,7 +50,7 @@ pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64)
 
 /// One line for a grasp, below the fingers.
 pub fn grasp_row(scene: &str, grasp: &Grasp) -> String {
-    format!("{scene:<14.14} grasp: {}", live::text::grasp(grasp))
+    format!("{scene:<9.9} grasp: {}", live::text::grasp(grasp))
 }
 
 /// Whether nothing has been published for [`GONE_NS`].
