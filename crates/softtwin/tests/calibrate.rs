@@ -45,7 +45,13 @@ fn calibrate(folder: &Path, table: &str, extra: &[&str]) -> Output {
     let recording = folder.join("run.csv");
     std::fs::write(&recording, table).expect("a table");
     Command::new(env!("CARGO_BIN_EXE_softtwin"))
-        .args(["calibrate", "--scene", &format!("{ROOT}/config/scenes/estimate.toml"), "--json", "--recording"])
+        .args([
+            "calibrate",
+            "--scene",
+            &format!("{ROOT}/config/scenes/estimate.toml"),
+            "--json",
+            "--recording",
+        ])
         .arg(recording)
         .args(extra)
         .output()
@@ -54,7 +60,8 @@ fn calibrate(folder: &Path, table: &str, extra: &[&str]) -> Output {
 
 fn json(output: &Output) -> Value {
     let text = String::from_utf8_lossy(&output.stdout);
-    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}{}", String::from_utf8_lossy(&output.stderr)))
+    serde_json::from_str(&text)
+        .unwrap_or_else(|e| panic!("{e}: {text}{}", String::from_utf8_lossy(&output.stderr)))
 }
 
 #[test]
@@ -66,7 +73,11 @@ fn gap_and_bias_are_found_and_the_result_is_a_scene_that_runs() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let found = json(&output);
     let (gap, bias) = (&found["estimates"]["gap_mm"], &found["estimates"]["pressure_bias_mpa"]);
-    assert_eq!((&found["converged"], &gap["identifiable"], &bias["identifiable"]), (&true.into(), &true.into(), &true.into()), "{found}");
+    assert_eq!(
+        (&found["converged"], &gap["identifiable"], &bias["identifiable"]),
+        (&true.into(), &true.into(), &true.into()),
+        "{found}"
+    );
     let off = |estimate: &Value, truth: f64| (estimate["value"].as_f64().expect("a value") - truth).abs();
     assert!(off(gap, 46.0) < 0.25 && off(bias, 0.0012) < 0.0006, "{found}");
     let chi2 = found["chi2_per_dof"].as_f64().expect("a number");

@@ -6,8 +6,8 @@
 use cli::demo;
 
 pub mod bench;
-mod calibrate;
 mod build;
+mod calibrate;
 mod doctor;
 mod echo;
 mod evaluate;
