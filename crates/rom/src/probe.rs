@@ -95,7 +95,7 @@ impl MeshPoint {
         if distance_mm < SAME_NODE_MM {
             return Self::node(model, node as u32);
         }
-        if !(distance_mm <= MAX_DISTANCE_MM) {
+        if distance_mm.is_nan() || distance_mm > MAX_DISTANCE_MM {
             return Err(PointError::OffMesh { at_mm, nearest_mm: place(node), distance_mm });
         }
         let weights = linear_weights(&nodes, place, at_mm);
@@ -103,7 +103,7 @@ impl MeshPoint {
             weights.iter().map(|(n, w)| w * f64::from(mesh[axis][*n as usize])).sum()
         };
         let found_mm = (0..3).map(|a| (mean(a) - at_mm[a]).powi(2)).sum::<f64>().sqrt();
-        if !(found_mm < SAME_NODE_MM) {
+        if found_mm.is_nan() || found_mm >= SAME_NODE_MM {
             return Err(PointError::NotSpanned { at_mm, found_mm });
         }
         Ok(Self { weights })

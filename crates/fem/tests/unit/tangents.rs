@@ -206,7 +206,10 @@ fn penalty_is_smooth_and_linear_beyond_its_rounding() {
 }
 
 /// A rectangle of `cells x cells` cells of two triangles each: node numbers, positions in the plane, number of nodes.
-fn sheet_grid(cells: usize, sides: [f64; 2]) -> (Vec<[u32; 6]>, Vec<[[f64; 2]; 6]>, usize) {
+/// Triangles, their corners in the plane, nodes.
+type SheetGrid = (Vec<[u32; 6]>, Vec<[[f64; 2]; 6]>, usize);
+
+fn sheet_grid(cells: usize, sides: [f64; 2]) -> SheetGrid {
     let part = |side: f64, i: usize| side * i as f64 / (2 * cells) as f64;
     let node = |i: usize, j: usize| u32::try_from(i * (2 * cells + 1) + j).unwrap();
     let mut triangles = Vec::new();

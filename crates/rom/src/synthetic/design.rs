@@ -76,7 +76,7 @@ pub fn states(first: usize, count: usize) -> Vec<State> {
     let one = |i: usize| {
         let share: [f64; 4] = std::array::from_fn(|k| ((i + 1) as f64 * roots[k]).fract());
         let within = |k: usize, [low, high]: [f64; 2]| low + share[k] * (high - low);
-        let gap = if i % 4 == 0 { f64::INFINITY } else { within(1, [8.0, 38.0]) };
+        let gap = if i.is_multiple_of(4) { f64::INFINITY } else { within(1, [8.0, 38.0]) };
         let ranges = parameters();
         [within(0, [0.0, 0.09]), gap, within(2, ranges[0].1), within(3, ranges[1].1)]
     };

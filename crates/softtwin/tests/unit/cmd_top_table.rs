@@ -48,10 +48,7 @@ fn a_grasp_has_a_row_of_its_own() {
         ..Grasp::default()
     };
     let row = grasp_row("gripper", &grasp);
-    assert_eq!(
-        row,
-        "gripper   grasp: held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa"
-    );
+    assert_eq!(row, "gripper   grasp: held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa");
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub enum Source {
     /// Readings that a model answers: time, pressure and gap.
     Readings { model: Box<Model>, fields: Vec<FieldSpec>, readings: Vec<(f64, Inputs)> },
     /// Cases of a database.
-    Cases { database: Database, chosen: Vec<usize> },
+    Cases { database: Box<Database>, chosen: Vec<usize> },
     /// Recorded fields.
     Recorded { track: Track, fields: Vec<FieldSpec>, every: usize },
 }
@@ -115,7 +115,8 @@ impl Source {
             [] => (0..database.cases.len()).collect(),
             names => names.iter().map(place).collect::<Result<_>>()?,
         };
-        Ok(Self::Cases { database, chosen: chosen.into_iter().step_by(options.every).collect() })
+        let chosen = chosen.into_iter().step_by(options.every).collect();
+        Ok(Self::Cases { database: Box::new(database), chosen })
     }
 
     fn recording(options: &Options, path: &Path, key: &str) -> Result<Self> {
