@@ -112,7 +112,7 @@ fn derivatives_by_every_input_are_those_of_two_solved_neighbours() {
                 off(stated.von_mises_mpa.iter().copied(), found_s.into_iter()),
                 (stated.contact_force_n - found_f).abs() / found_f.abs().max(1.0e-9),
             ];
-            println!("  {name}: {errors:.1e?}, force {found_f:.6} N per unit");
+            println!("  {name}: {errors:?}, force {found_f:.6} N per unit");
             assert!(errors[0] < 1.0e-4 && errors[1] < 1.0e-4, "{name}: {errors:?}");
             assert!(errors[2] < 1.0e-4 || found_f.abs() < 1.0e-9, "{name}: {errors:?}");
         }
