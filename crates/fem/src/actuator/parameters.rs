@@ -39,7 +39,7 @@ impl Actuator {
                     format!("`{name}`: another mesh and another model"),
                 );
             }
-            let nearest = known.iter().min_by_key(|(key, _)| distance(key, name));
+            let nearest = known.iter().min_by_key(|(key, _)| (!key.starts_with(name), distance(key, name)));
             let nearest = nearest.map_or(String::new(), |(key, _)| format!(", such as {key}"));
             Diagnostic::new(
                 "parameter",
