@@ -33,10 +33,10 @@ pub use family::{Family, Variant, VariantError};
 pub use linear::LinearError;
 pub use mesh::{Mesh, Slot};
 pub use newton::NewtonError;
-pub use output::Output;
+pub use output::{MAX_RESIDUAL, Output};
 pub use problem::{Problem, ProblemError};
 pub use sensitivity::{Change, Sensitivity};
-pub use solver::{Bodies, FORMULATION, MAX_RESIDUAL, NotConverged, Report, SolveError, Solver};
+pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
 pub use state::State;
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
 use crate::family::VariantError;
 use crate::linear::LinearError;
+use crate::output::{MAX_RESIDUAL, balance};
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
@@ -175,7 +176,10 @@ impl Newton {
             self.last_mm = correction;
             let settled = next < settings.correction_tolerance_mm;
             if settled && self.force_error_n(state, load) < settings.force_tolerance_n {
-                return Ok(());
+                let problem = Arc::clone(&self.problem);
+                if balance(&problem, state, &mut self.system).relative() <= MAX_RESIDUAL {
+                    return Ok(());
+                }
             }
         }
         Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })

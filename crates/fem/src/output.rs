@@ -45,6 +45,9 @@ pub(crate) struct Balance {
     contact_force_n: f64,
 }
 
+/// Largest force out of balance of a solved state, relative to the larger of support reaction and obstacle force.
+pub const MAX_RESIDUAL: f64 = 1.0e-5;
+
 /// A state that nothing loads is measured against this force (N).
 const LEAST_REACTION_N: f64 = 1.0e-3;
 

@@ -18,6 +18,9 @@ use std::sync::Arc;
 /// Largest displacement of the differences that follow the fields along a derivative (mm).
 const DIFFERENCE_MM: f64 = 1.0e-5;
 
+/// A node that feels less than this share of the penalty's stiffness has just begun to touch.
+const EDGE_STIFFNESS: f64 = 0.05;
+
 /// An input and its surroundings: bodies and loads a step below and above the state's.
 #[derive(Clone, Debug)]
 pub struct Change {
@@ -42,7 +45,7 @@ pub struct Sensitivity {
 
 impl Solver {
     /// Derivatives by each of the inputs. `None` where the set of touching nodes is about to change: every node that
-    /// touches the obstacle lies within the rounding of its penalty, so that the derivative holds for that state alone.
+    /// touches the obstacle has just begun to, so that the derivative holds for that state alone.
     ///
     /// Cost: one factorisation, one solve and six residuals an input.
     ///
@@ -130,10 +133,10 @@ fn contact_force_n(problem: &Problem, u: &[Vec3], load: &Load) -> f64 {
     nodes.filter_map(|(n, k)| Some(k * face.touch(at(n))?.force)).sum()
 }
 
-/// Whether something touches the obstacle, but nothing beyond the rounding of its penalty.
+/// Whether something touches the obstacle, but every touching node has just begun to.
 fn on_the_edge(problem: &Problem, state: &State) -> bool {
     let Some(face) = face(problem, state.load.obstacle) else { return false };
     let at = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], state.displacement_mm[*n as usize]);
     let mut touching = problem.contact_nodes.iter().filter_map(|n| face.touch(at(n))).peekable();
-    touching.peek().is_some() && touching.all(|touch| touch.stiffness < 1.0)
+    touching.peek().is_some() && touching.all(|touch| touch.stiffness < EDGE_STIFFNESS)
 }

@@ -10,7 +10,7 @@ use crate::contact::obstacle::Obstacle;
 use crate::family::VariantError;
 use crate::linear::LinearError;
 use crate::newton::{Effort, Newton, NewtonError};
-use crate::output::{self, Output};
+use crate::output::{self, MAX_RESIDUAL, Output};
 use crate::problem::Problem;
 use crate::state::State;
 
@@ -108,9 +108,6 @@ pub enum SolveError {
 /// Version of the formulation. Raise it with every change that moves a result by more than the solver's tolerance:
 /// checkpoints of another version are then solved again instead of mixed with new ones.
 pub const FORMULATION: u32 = 3;
-
-/// Largest force out of balance of a solved state, relative to the larger of support reaction and obstacle force.
-pub const MAX_RESIDUAL: f64 = 1.0e-5;
 
 /// Number of steps in which gravity is applied to the undeformed body.
 const GRAVITY_STEPS: u32 = 3;

@@ -274,8 +274,7 @@ fn a_plate_state_does_not_depend_on_the_path_and_is_in_equilibrium() {
     }
 }
 
-/// Loose tolerances leave forces that nothing balances: such a state is refused, and with the usual ones the force is
-/// that of the tightest.
+/// Small corrections alone would accept forces that nothing balances: the iteration goes on until they balance.
 #[test]
 fn a_state_is_accepted_only_where_its_forces_balance() {
     let forces = |newton: NewtonSettings| -> Result<Vec<f64>, SolveError> {
@@ -308,7 +307,9 @@ fn a_state_is_accepted_only_where_its_forces_balance() {
         force_tolerance_n: f64::INFINITY,
         ..NewtonSettings::default()
     };
-    assert!(matches!(forces(loose), Err(SolveError::Unbalanced { found }) if found > crate::MAX_RESIDUAL));
+    let watched = forces(loose).unwrap().iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("with loose tolerances: {watched:.1e} N");
+    assert!(watched < 1.0e-3, "{watched:e}");
 }
 
 #[test]
