@@ -1,6 +1,6 @@
 #!/bin/sh
 # Makes databases, models and gauge traces from nothing: mesh -> states -> database -> trained model; cavity volumes -> traces.
-#   scripts/make_model.sh [pneunet|gripper|traces ...]     default: pneunet gripper
+#   scripts/make_model.sh [pneunet|gripper|design|traces ...]     default: pneunet gripper
 #   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.sh)
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
@@ -20,10 +20,22 @@ for name in "$@"; do
         done
         continue
     fi
+    if [ "$name" = design ]; then
+        # Pressure, gap and five parameters of the reference actuator; any first part of the list is a design too.
+        set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 \
+            --parameter chambers.width_mm=13:15 --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
+        mkdir -p target/database
+        softtwin sample --kind sequence --regime both --n 400 --seed 1 --prefix d "$@" --out target/database/design.csv
+        softtwin simulate --cases target/database/design.csv --sensitivities --out target/database/design
+        # States that no training sees.
+        softtwin sample --kind hypercube --regime contact --n 60 --seed 20261122 --split check --prefix sealed "$@" --out target/database/design-sealed.csv
+        softtwin simulate --cases target/database/design-sealed.csv --out target/database/design-sealed
+        continue
+    fi
     model="models/$name"
     database="target/database/$name"
     if [ "${MESH:-0}" = 1 ] && [ "$name" = pneunet ]; then scripts/mesh.sh "$model/actuator.toml"; fi
-    softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" --out "$database"
+    softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" --sensitivities --out "$database"
     softtwin pack --database "$database" --out "$model/database"
     case $name in gripper) scene=gripper ;; *) scene=plate ;; esac
     softtwin train --database "$model/database" --scene "$scene" --out "$model/$name.twin"

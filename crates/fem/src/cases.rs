@@ -1,5 +1,7 @@
 //! Lists of cases: `case,regime,split,pressure_mpa,gap_mm`, one row a state to compute; and tables of cavity volumes.
+//! Behind them a list may have a column for each parameter, headed by its dotted key in `actuator.toml`.
 
+use crate::actuator::Setting;
 use formats::database::{REGIMES, SPLITS};
 use formats::table::{Row, Table, to_text};
 use formats::{Diagnostic, FormatError, collect};
@@ -26,24 +28,29 @@ pub struct Case {
     pub pressure_mpa: f64,
     /// Distance of the obstacle from the undeformed base (mm); none when free.
     pub gap_mm: Option<f64>,
+    /// Parameters in the order of their columns: dotted key of `actuator.toml` and value; the same keys in all cases.
+    pub settings: Vec<Setting>,
 }
 
 impl Case {
-    /// The order in which cases are computed: training first, checks last.
-    pub(crate) fn urgency(&self) -> usize {
-        SPLITS.iter().position(|(name, _)| *name == self.split).unwrap_or(SPLITS.len())
-    }
-
     /// The gap as a cell of a table: empty when free.
     pub(crate) fn gap_cell(&self) -> String {
         self.gap_mm.map_or(String::new(), |gap| gap.to_string())
     }
 
-    /// The cells of [`COLUMNS`].
-    pub(crate) fn cells(&self) -> [String; 5] {
+    /// The cells of [`COLUMNS`], then one for each parameter.
+    pub(crate) fn cells(&self) -> Vec<String> {
         let Self { name, regime, split, pressure_mpa, .. } = self.clone();
-        [name, regime, split, pressure_mpa.to_string(), self.gap_cell()]
+        let mut cells = vec![name, regime, split, pressure_mpa.to_string(), self.gap_cell()];
+        cells.extend(self.settings.iter().map(|(_, value)| value.to_string()));
+        cells
     }
+}
+
+/// [`COLUMNS`] and the parameters of these cases.
+pub(crate) fn columns(cases: &[Case]) -> Vec<&str> {
+    let parameters = cases.first().map_or(&[][..], |case| &case.settings);
+    COLUMNS.into_iter().chain(parameters.iter().map(|(name, _)| name.as_str())).collect()
 }
 
 /// Reads a list; everything that is wrong with it at once.
@@ -66,7 +73,16 @@ pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Diagnostic>> {
 fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
     let columns = table.columns(COLUMNS)?;
     let mut diagnostics = Vec::new();
-    let cases: Vec<Case> = table.rows().filter_map(|row| case(&row, &columns, &mut diagnostics)).collect();
+    // Only quantities of actuator.toml have a dot in their name; other columns are passed over.
+    let header = table.header().iter().enumerate();
+    let parameters: Vec<(usize, &String)> = header.filter(|(_, name)| name.contains('.')).collect();
+    for (k, (_, name)) in parameters.iter().enumerate() {
+        if parameters[..k].iter().any(|(_, other)| other == name) {
+            diagnostics.push(Diagnostic::new("header", "every parameter once", format!("{name} twice")));
+        }
+    }
+    let rows = table.rows().filter_map(|row| case(&row, &columns, &parameters, &mut diagnostics));
+    let cases: Vec<Case> = rows.collect();
     diagnostics.extend(repeated(&cases));
     if cases.is_empty() && diagnostics.is_empty() {
         diagnostics.push(Diagnostic::new("rows", "at least one case", "none"));
@@ -74,7 +90,12 @@ fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
     if diagnostics.is_empty() { Ok(cases) } else { Err(diagnostics) }
 }
 
-fn case(row: &Row<'_>, at: &[usize; 5], diagnostics: &mut Vec<Diagnostic>) -> Option<Case> {
+fn case(
+    row: &Row<'_>,
+    at: &[usize; 5],
+    parameters: &[(usize, &String)],
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Case> {
     let before = diagnostics.len();
     let mut expect = |fits: bool, column: usize, expected: &str| {
         if !fits {
@@ -100,12 +121,19 @@ fn case(row: &Row<'_>, at: &[usize; 5], diagnostics: &mut Vec<Diagnostic>) -> Op
         }
         Err(_) => {}
     }
+    let value = |(column, name): &(usize, &String)| {
+        let value = row.number(*column).ok();
+        expect(value.is_some(), *column, "the parameter's value (every case has one)");
+        Some(((*name).clone(), value?))
+    };
+    let settings: Vec<Setting> = parameters.iter().filter_map(value).collect();
     (diagnostics.len() == before).then(|| Case {
         name: name.into(),
         regime: row.text(at[1]).into(),
         split: row.text(at[2]).into(),
         pressure_mpa: pressure_mpa.unwrap_or_default(),
         gap_mm,
+        settings,
     })
 }
 
@@ -117,7 +145,8 @@ fn repeated(cases: &[Case]) -> Vec<Diagnostic> {
         if names.insert(&case.name, ()).is_some() {
             diagnostics.push(Diagnostic::new(&place, "every name once", "it twice"));
         }
-        let load = (case.pressure_mpa.to_bits(), case.gap_mm.map(f64::to_bits));
+        let values: Vec<u64> = case.settings.iter().map(|(_, value)| value.to_bits()).collect();
+        let load = (case.pressure_mpa.to_bits(), case.gap_mm.map(f64::to_bits), values);
         if let Some(other) = loads.insert(load, &case.name) {
             diagnostics.push(Diagnostic::new(place, "every state once", format!("that of case {other}")));
         }
@@ -128,7 +157,7 @@ fn repeated(cases: &[Case]) -> Vec<Diagnostic> {
 /// The list as text that [`parse`] reads.
 #[must_use]
 pub fn to_csv(cases: &[Case]) -> String {
-    to_text(&COLUMNS, cases.iter().map(Case::cells))
+    to_text(&columns(cases), cases.iter().map(Case::cells))
 }
 
 /// Columns of a table of cavity volumes.

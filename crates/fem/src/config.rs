@@ -21,8 +21,13 @@ pub struct ContactSettings {
     pub slot_penalty_mpa_per_mm: f64,
     /// Chamber walls: overlap over which the penalty is rounded (mm).
     pub slot_smoothing_mm: f64,
-    /// Plate or block: force per overlap at each surface node (N/mm).
-    pub obstacle_penalty_n_per_mm: f64,
+    /// Plate or block: pressure per overlap (MPa/mm), given to the surface nodes by their areas.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obstacle_penalty_mpa_per_mm: Option<f64>,
+    /// The same as a force per overlap at each surface node (N/mm), as older files have it: spread over the surface
+    /// with the same total. One of both is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obstacle_penalty_n_per_mm: Option<f64>,
     /// Plate or block: overlap over which the penalty is rounded (mm).
     pub obstacle_smoothing_mm: f64,
 }
@@ -32,7 +37,8 @@ impl Default for ContactSettings {
         Self {
             slot_penalty_mpa_per_mm: 1.38,
             slot_smoothing_mm: 0.002,
-            obstacle_penalty_n_per_mm: 15.0,
+            obstacle_penalty_mpa_per_mm: Some(6.63),
+            obstacle_penalty_n_per_mm: None,
             obstacle_smoothing_mm: 0.015,
         }
     }
@@ -62,8 +68,8 @@ impl Default for NewtonSettings {
             max_iterations: 14,
             step_length_mm: 8.0,
             displacement_cap_mm: 12.0,
-            correction_tolerance_mm: 1.0e-3,
-            force_tolerance_n: 2.0e-4,
+            correction_tolerance_mm: 1.0e-5,
+            force_tolerance_n: 1.0e-6,
             smallest_step: 1.0 / 256.0,
         }
     }

@@ -7,6 +7,7 @@ pub mod cases;
 mod config;
 mod contact;
 mod element;
+mod family;
 mod linear;
 pub mod material;
 mod mesh;
@@ -16,22 +17,26 @@ mod output;
 mod problem;
 pub mod run;
 pub mod sample;
+mod sensitivity;
 mod solver;
 mod sparse;
 mod state;
 mod system;
+mod tangent;
 
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
 };
 pub use contact::obstacle::Obstacle;
 pub use element::cavity::CavityLoad;
+pub use family::{Family, Variant, VariantError};
 pub use linear::LinearError;
 pub use mesh::{Mesh, Slot};
 pub use newton::NewtonError;
-pub use output::Output;
+pub use output::{MAX_RESIDUAL, Output};
 pub use problem::{Problem, ProblemError};
-pub use solver::{FORMULATION, NotConverged, Report, SolveError, Solver};
+pub use sensitivity::{Change, Sensitivity};
+pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
 pub use state::State;
 
 #[cfg(test)]

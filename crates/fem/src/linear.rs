@@ -69,6 +69,9 @@ impl Analysis {
     }
 }
 
+/// Right-hand sides solved at once.
+const SIDES: usize = 8;
+
 /// Which factor the values hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
@@ -94,7 +97,7 @@ impl Factor {
         let request = StackReq::any_of(&[
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
             symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()),
-            symbolic.solve_in_place_scratch::<f64>(1, Par::Seq),
+            symbolic.solve_in_place_scratch::<f64>(SIDES, Par::Seq),
         ]);
         let unknowns = analysis.unknowns;
         let memory = MemBuffer::try_new(request).map_err(|_| LinearError::Memory { unknowns })?;
@@ -141,10 +144,15 @@ impl Factor {
         self.kind == Kind::Definite
     }
 
-    /// Solves in place with the last factor.
-    pub(crate) fn solve(&mut self, rhs: &mut [f64]) {
+    /// Solves in place with the last factor, for any number of right-hand sides, one behind the other.
+    pub(crate) fn solve(&mut self, sides: &mut [f64]) {
+        sides.chunks_mut(SIDES * self.analysis.unknowns).for_each(|sides| self.solve_few(sides));
+    }
+
+    fn solve_few(&mut self, sides: &mut [f64]) {
         let symbolic = &self.analysis.symbolic;
-        let rhs = MatMut::from_column_major_slice_mut(rhs, self.analysis.unknowns, 1);
+        let unknowns = self.analysis.unknowns;
+        let rhs = MatMut::from_column_major_slice_mut(sides, unknowns, sides.len() / unknowns);
         let stack = MemStack::new(&mut self.memory);
         match self.kind {
             Kind::Definite => {

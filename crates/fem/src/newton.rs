@@ -13,11 +13,14 @@ use crate::algebra::{Vec3, add, axpy, dot, norm, sub};
 use crate::config::Load;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
-use crate::linear::{Factor, LinearError};
+use crate::family::VariantError;
+use crate::linear::LinearError;
+use crate::output::{MAX_RESIDUAL, balance};
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
 use crate::system::{Ahead, InvalidState, System, face};
+use crate::tangent::Tangent;
 
 /// Why the iteration at one load stopped.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -41,6 +44,9 @@ pub enum NewtonError {
     /// The linear solver failed.
     #[error(transparent)]
     Linear(#[from] LinearError),
+    /// There is no body on the way from one variant to another.
+    #[error(transparent)]
+    Body(#[from] VariantError),
 }
 
 impl From<InvalidState> for NewtonError {
@@ -103,7 +109,7 @@ impl Increment {
 pub(crate) struct Newton {
     problem: Arc<Problem>,
     pub(crate) system: System,
-    factor: Factor,
+    pub(crate) tangent: Tangent,
     rhs: Vec<f64>,
     increment: Increment,
     /// Length of the last correction (mm).
@@ -116,10 +122,15 @@ impl Newton {
     /// # Errors
     /// [`LinearError::Memory`].
     pub(crate) fn new(problem: Arc<Problem>) -> Result<Self, LinearError> {
-        let factor = Factor::new(Arc::clone(&problem.analysis))?;
+        let tangent = Tangent::new(&problem)?;
         let system = System::new(&problem);
         let rhs = vec![0.0; problem.pattern.unknowns()];
-        Ok(Self { problem, system, factor, rhs, increment: Increment::default(), last_mm: 0.0 })
+        Ok(Self { problem, system, tangent, rhs, increment: Increment::default(), last_mm: 0.0 })
+    }
+
+    /// The body that the next steps deform: the one before, or one that [`Problem::varied`] made of it.
+    pub(crate) fn set_problem(&mut self, problem: Arc<Problem>) {
+        self.problem = problem;
     }
 
     /// Starts a step towards `load`: predicts its correction, shortens the step where that is too long, applies it.
@@ -165,7 +176,10 @@ impl Newton {
             self.last_mm = correction;
             let settled = next < settings.correction_tolerance_mm;
             if settled && self.force_error_n(state, load) < settings.force_tolerance_n {
-                return Ok(());
+                let problem = Arc::clone(&self.problem);
+                if balance(&problem, state, &mut self.system).relative() <= MAX_RESIDUAL {
+                    return Ok(());
+                }
             }
         }
         Err(NewtonError::Stalled { iterations: settings.max_iterations, correction_mm: self.last_mm })
@@ -179,16 +193,15 @@ impl Newton {
     fn force_error_n(&self, state: &State, load: &Load) -> f64 {
         let problem = &self.problem;
         let Some(face) = face(problem, load.obstacle) else { return 0.0 };
-        let error = |n: &u32| {
+        let error = |(n, k): (&u32, &f64)| {
             let n = *n as usize;
             let now = add(problem.mesh.nodes_mm[n], state.displacement_mm[n]);
             let correction = self.increment.displacement[n];
             let touch = |p| face.touch(p).map_or((0.0, 0.0), |t| (t.force, t.stiffness));
             let (force, stiffness) = touch(sub(now, correction));
-            (touch(now).0 - (force - stiffness * correction[1])).abs()
+            k * (touch(now).0 - (force - stiffness * correction[1])).abs()
         };
-        let sum: f64 = problem.contact_nodes.iter().map(error).sum();
-        problem.config.contact.obstacle_penalty_n_per_mm * sum
+        problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm).map(error).sum()
     }
 
     /// First system of a step: the tangent of pressure and obstacle as they *were*, with the new pressure's force, and the
@@ -228,20 +241,20 @@ impl Newton {
     /// Factorises the assembled tangent and solves for the displacement correction.
     fn solve(&mut self, effort: &mut Effort) -> Result<(), NewtonError> {
         let problem = &self.problem;
-        self.factor.factorise(&problem.pattern, &self.system.tangent)?;
+        self.tangent.factorise(problem, &self.system)?;
         effort.factorisations += 1;
-        for (r, free) in self.system.condensed.iter().zip(&problem.free) {
+        for (r, free) in self.system.condensed.iter().zip(problem.free.iter()) {
             if *free != CONSTRAINED {
                 self.rhs[3 * *free as usize..][..3].copy_from_slice(r);
             }
         }
-        self.factor.solve(&mut self.rhs);
+        self.tangent.solve(&mut self.rhs);
         let at = |free: u32| {
             let k = 3 * free as usize;
             if free == CONSTRAINED { [0.0; 3] } else { [self.rhs[k], self.rhs[k + 1], self.rhs[k + 2]] }
         };
         self.increment.displacement = problem.free.iter().map(|f| at(*f)).collect();
-        let (correction_mm, definite) = (self.increment.largest_mm(), self.factor.positive_definite());
+        let (correction_mm, definite) = (self.increment.largest_mm(), self.tangent.positive_definite());
         tracing::debug!(correction_mm, definite, "Newton iteration");
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Fields, forces and contact sets of a solved state.
 
-use crate::algebra::{Vec3, norm};
+use crate::algebra::{Vec3, axpy, norm};
 use crate::element::tet10;
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
@@ -36,18 +36,47 @@ pub(crate) fn clearance_mm(problem: &Problem, state: &State) -> f64 {
     problem.contact_nodes.iter().map(lowest).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Largest force out of balance at a free node (N), with the carried stresses.
-pub(crate) fn residual_n(problem: &Problem, state: &State, system: &mut System) -> f64 {
-    if system.assemble(problem, state, &state.load, Ahead::default(), false).is_err() {
-        return f64::INFINITY;
+/// Forces (N) of a state, with the carried stresses.
+pub(crate) struct Balance {
+    /// Largest force out of balance at a free node.
+    pub(crate) residual_n: f64,
+    /// Resultant of the support.
+    reaction_n: f64,
+    contact_force_n: f64,
+}
+
+/// Largest force out of balance of a solved state, relative to the larger of support reaction and obstacle force.
+pub const MAX_RESIDUAL: f64 = 1.0e-5;
+
+/// A state that nothing loads is measured against this force (N).
+const LEAST_REACTION_N: f64 = 1.0e-3;
+
+impl Balance {
+    /// The largest force out of balance relative to the larger of support reaction and obstacle force.
+    pub(crate) fn relative(&self) -> f64 {
+        self.residual_n / self.reaction_n.max(self.contact_force_n).max(LEAST_REACTION_N)
     }
-    let free = system.mixed.iter().zip(&problem.free).filter(|(_, free)| **free != CONSTRAINED);
-    free.map(|(r, _)| norm(*r)).fold(0.0, f64::max)
+}
+
+/// The balance of a state under its loads.
+pub(crate) fn balance(problem: &Problem, state: &State, system: &mut System) -> Balance {
+    if system.assemble(problem, state, &state.load, Ahead::default(), false).is_err() {
+        return Balance { residual_n: f64::INFINITY, reaction_n: 0.0, contact_force_n: 0.0 };
+    }
+    let (mut residual_n, mut reaction) = (0.0_f64, [0.0; 3]);
+    for (r, free) in system.mixed.iter().zip(problem.free.iter()) {
+        if *free == CONSTRAINED {
+            axpy(1.0, *r, &mut reaction);
+        } else {
+            residual_n = residual_n.max(norm(*r));
+        }
+    }
+    Balance { residual_n, reaction_n: norm(reaction), contact_force_n: system.contact_force_n }
 }
 
 /// Output of a state; `system` is work space.
 pub(crate) fn output(problem: &Problem, state: &State, system: &mut System) -> Output {
-    let residual_n = residual_n(problem, state, system);
+    let residual_n = balance(problem, state, system).residual_n;
     let coordinates_mm = problem.positions(&state.displacement_mm);
     let (von_mises_mpa, von_mises_owner_mpa) = von_mises(problem, state);
     let mut contact_nodes = Vec::new();
@@ -79,11 +108,19 @@ fn slot_contact_nodes(problem: &Problem, x: &[Vec3]) -> Vec<u32> {
 
 /// Nodal von Mises stress: mean over the elements, and by owner where the mesh names one.
 fn von_mises(problem: &Problem, state: &State) -> (Vec<f64>, Vec<f64>) {
+    let (mean, elements) = mean_von_mises(problem, &state.displacement_mm);
+    let owner = |o: &Option<(u32, u8)>| o.map_or(0.0, |(e, local)| elements[e as usize][usize::from(local)]);
+    let owned = problem.mesh.mises_owner.as_ref().map_or_else(Vec::new, |o| o.iter().map(owner).collect());
+    (mean, owned)
+}
+
+/// Nodal von Mises stress (MPa) of displacements `u`: the mean over the elements at a node, and each element's own.
+pub(crate) fn mean_von_mises(problem: &Problem, displacement_mm: &[Vec3]) -> (Vec<f64>, Vec<[f64; 10]>) {
     let nodes = problem.mesh.nodes_mm.len();
     let (mut sum, mut count) = (vec![0.0; nodes], vec![0.0; nodes]);
     let mut elements = Vec::with_capacity(problem.mesh.tets.len());
     for (e, tet) in problem.mesh.tets.iter().enumerate() {
-        let u = tet.map(|n| state.displacement_mm[n as usize]);
+        let u = tet.map(|n| displacement_mm[n as usize]);
         let law = &problem.elastomer(e).law;
         let stress = tet10::deviatoric_stress(&problem.tets[e], &u, law).unwrap_or([[f64::NAN; 6]; 4]);
         let values = tet10::extrapolate(stress).map(tet10::von_mises);
@@ -96,7 +133,5 @@ fn von_mises(problem: &Problem, state: &State) -> (Vec<f64>, Vec<f64>) {
     for (s, c) in sum.iter_mut().zip(count) {
         *s /= c;
     }
-    let owner = |o: &Option<(u32, u8)>| o.map_or(0.0, |(e, local)| elements[e as usize][usize::from(local)]);
-    let owned = problem.mesh.mises_owner.as_ref().map_or_else(Vec::new, |o| o.iter().map(owner).collect());
-    (sum, owned)
+    (sum, elements)
 }

@@ -98,17 +98,19 @@ pub struct Problem {
     pub(crate) config: ProblemConfig,
     pub(crate) mesh: Mesh,
     /// Unknown block of each node, or [`CONSTRAINED`].
-    pub(crate) free: Vec<u32>,
-    pub(crate) pattern: SymmetricBlocks,
+    pub(crate) free: Arc<Vec<u32>>,
+    pub(crate) pattern: Arc<SymmetricBlocks>,
     pub(crate) analysis: Arc<Analysis>,
     pub(crate) tets: Vec<TetGeometry>,
-    pub(crate) tet_ranks: Vec<Ranks<{ tet10::PAIRS }>>,
+    pub(crate) tet_ranks: Arc<Vec<Ranks<{ tet10::PAIRS }>>>,
     pub(crate) sheet: Sheet,
     /// Cavity faces, normals out of the cavity (into the solid).
     pub(crate) cavity: Vec<Tri6>,
     pub(crate) cavity_ranks: Vec<Ranks<{ membrane::PAIRS }>>,
     pub(crate) slots: Vec<SlotWalls>,
     pub(crate) contact_nodes: Vec<u32>,
+    /// Stiffness of the obstacle at each of them (N/mm).
+    pub(crate) contact_stiffness_n_per_mm: Vec<f64>,
     /// Elastomer mass at each node (t): consistent with the shape functions, negative at corners.
     pub(crate) node_mass_t: Vec<f64>,
 }
@@ -138,7 +140,7 @@ impl Problem {
         }
         let order = nested_dissection(&pattern.graph(), &blocks);
         let analysis = Arc::new(Analysis::new(&pattern, &order)?);
-        let tet_ranks = mesh.tets.iter().map(|t| ranks(&pattern, &free, t)).collect();
+        let tet_ranks = Arc::new(mesh.tets.iter().map(|t| ranks(&pattern, &free, t)).collect());
         sheet.ranks = mesh.sheet.iter().map(|t| ranks(&pattern, &free, t)).collect();
         let rank = |e: &BendingEntry| pattern.rank(free[e.row as usize], free[e.col as usize]);
         sheet.bending_ranks = sheet.bending.iter().map(rank).collect();
@@ -146,12 +148,13 @@ impl Problem {
         let mut contact_nodes: Vec<u32> = mesh.bottom.iter().flatten().copied().collect();
         contact_nodes.sort_unstable();
         contact_nodes.dedup();
+        let contact_stiffness_n_per_mm = contact_stiffness(&mesh, &config, &contact_nodes);
         let node_mass_t = masses(&mesh, &config, &tets);
         Ok(Self {
             config,
             mesh,
-            free,
-            pattern,
+            free: Arc::new(free),
+            pattern: Arc::new(pattern),
             analysis,
             tets,
             tet_ranks,
@@ -160,7 +163,52 @@ impl Problem {
             cavity_ranks,
             slots,
             contact_nodes,
+            contact_stiffness_n_per_mm,
             node_mass_t,
+        })
+    }
+
+    /// The same body with its nodes elsewhere and of other materials: topology, pattern, elimination order and the
+    /// pairs of points across the slots are kept, so that states of one are starts of the other and a result depends
+    /// smoothly on both arguments. Cost: a tenth of [`Problem::new`].
+    ///
+    /// # Errors
+    /// [`ProblemError`], as where another number of nodes or an inverted element is given.
+    pub fn varied(&self, nodes_mm: Vec<Vec3>, config: ProblemConfig) -> Result<Self, ProblemError> {
+        let (found, count) = (nodes_mm.len(), self.mesh.nodes_mm.len());
+        if found != count {
+            return Err(ProblemError::OutOfRange {
+                what: "nodes of the varied mesh",
+                index: 0,
+                found,
+                count,
+            });
+        }
+        let mesh = Mesh { nodes_mm, ..self.mesh.clone() };
+        check_config(&mesh, &config)?;
+        check_indices(&mesh, &config)?;
+        let tets = tet_geometry(&mesh)?;
+        let mut sheet = sheet_geometry(&mesh, &config)?;
+        sheet.ranks.clone_from(&self.sheet.ranks);
+        sheet.bending_ranks.clone_from(&self.sheet.bending_ranks);
+        let slots = self.slots.iter().map(|walls| walls.moved(&mesh.nodes_mm)).collect();
+        let contact_stiffness_n_per_mm = contact_stiffness(&mesh, &config, &self.contact_nodes);
+        let node_mass_t = masses(&mesh, &config, &tets);
+        Ok(Self {
+            config,
+            free: Arc::clone(&self.free),
+            pattern: Arc::clone(&self.pattern),
+            analysis: Arc::clone(&self.analysis),
+            tets,
+            tet_ranks: Arc::clone(&self.tet_ranks),
+            sheet,
+            cavity: self.cavity.clone(),
+            cavity_ranks: self.cavity_ranks.clone(),
+            slots,
+            contact_nodes: self.contact_nodes.clone(),
+            contact_stiffness_n_per_mm,
+            node_mass_t,
+            mesh,
         })
     }
 
@@ -205,7 +253,15 @@ fn check_config(mesh: &Mesh, config: &ProblemConfig) -> Result<(), ProblemError>
     let contact = &config.contact;
     at_least_zero("contact", "slot_penalty_mpa_per_mm", contact.slot_penalty_mpa_per_mm)?;
     positive("contact", "slot_smoothing_mm", contact.slot_smoothing_mm)?;
-    positive("contact", "obstacle_penalty_n_per_mm", contact.obstacle_penalty_n_per_mm)?;
+    match (contact.obstacle_penalty_mpa_per_mm, contact.obstacle_penalty_n_per_mm) {
+        (Some(value), None) => positive("contact", "obstacle_penalty_mpa_per_mm", value)?,
+        (None, Some(value)) => positive("contact", "obstacle_penalty_n_per_mm", value)?,
+        _ => {
+            return Err(ProblemError::Missing(
+                "contact: give obstacle_penalty_mpa_per_mm or, as older files do, obstacle_penalty_n_per_mm, and not both",
+            ));
+        }
+    }
     positive("contact", "obstacle_smoothing_mm", contact.obstacle_smoothing_mm)?;
     if config.elastomers.is_empty() {
         return Err(ProblemError::Missing("no elastomer is given; name at least one"));
@@ -364,6 +420,24 @@ fn ranks<const N: usize, const PAIRS: usize>(
 
 fn elastomer<'a>(mesh: &Mesh, config: &'a ProblemConfig, e: usize) -> &'a Elastomer {
     &config.elastomers[mesh.tet_material.get(e).map_or(0, |material| usize::from(*material))]
+}
+
+/// The obstacle's stiffness at each contact node: its share of the surface's area (four facets a face, a third of each
+/// a vertex) times the penalty. A penalty given per node is spread with the same total.
+fn contact_stiffness(mesh: &Mesh, config: &ProblemConfig, contact_nodes: &[u32]) -> Vec<f64> {
+    let mut area_mm2 = vec![0.0; mesh.nodes_mm.len()];
+    for t in &mesh.bottom {
+        let [a, b, c] = [t[0], t[1], t[2]].map(|n| mesh.nodes_mm[n as usize]);
+        let area = 0.5 * norm(cross(sub(b, a), sub(c, a)));
+        for (k, n) in t.iter().enumerate() {
+            area_mm2[*n as usize] += area * if k < 3 { 1.0 / 12.0 } else { 0.25 };
+        }
+    }
+    let total: f64 = contact_nodes.iter().map(|n| area_mm2[*n as usize]).sum();
+    let contact = &config.contact;
+    let per_node = contact.obstacle_penalty_n_per_mm.map(|k| k * contact_nodes.len() as f64 / total);
+    let penalty_mpa_per_mm = contact.obstacle_penalty_mpa_per_mm.or(per_node).unwrap_or(0.0);
+    contact_nodes.iter().map(|n| penalty_mpa_per_mm * area_mm2[*n as usize]).collect()
 }
 
 fn masses(mesh: &Mesh, config: &ProblemConfig, tets: &[TetGeometry]) -> Vec<f64> {

@@ -39,6 +39,22 @@ pub fn latin_hypercube(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
     points.into_iter().map(|p| scaled(&p, bounds)).collect()
 }
 
+/// The first `n` points of a sequence of low discrepancy: every first part of it fills the box evenly too.
+///
+/// The additive recurrence with the powers of the generalised golden ratio `phi^(d+1) = phi + 1` (Roberts 2018), from a
+/// random first point. `O(n)`.
+#[must_use]
+pub fn sequence(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
+    let mut ratio = 2.0_f64;
+    for _ in 0..64 {
+        ratio = (1.0 + ratio).powf(1.0 / (bounds.len() as f64 + 1.0));
+    }
+    let mut rng = Rng::new(seed);
+    let first: Vec<f64> = bounds.iter().map(|_| rng.uniform()).collect();
+    let coordinate = |i: usize, d: usize| (first[d] + i as f64 * ratio.powi(-(d as i32) - 1)).fract();
+    (0..n).map(|i| scaled(&(0..bounds.len()).map(|d| coordinate(i, d)).collect::<Vec<_>>(), bounds)).collect()
+}
+
 fn exchange(points: &mut [Vec<f64>], a: usize, b: usize, dimension: usize) {
     let value = points[a][dimension];
     points[a][dimension] = points[b][dimension];
@@ -155,6 +171,23 @@ mod tests {
                 prop_assert_eq!(slices, (0..n).collect::<Vec<_>>());
             }
             prop_assert_eq!(&points, &latin_hypercube(n, &bounds, seed));
+        }
+    }
+
+    #[test]
+    fn every_first_part_of_a_sequence_fills_the_box() {
+        let bounds = [[0.0, 1.0]; 7];
+        let points = sequence(400, &bounds, 3);
+        assert_eq!(points[..100], sequence(100, &bounds, 3)[..]);
+        assert_ne!(points[0], sequence(1, &bounds, 4)[0]);
+        for n in [16, 50, 100, 400] {
+            for d in 0..7 {
+                let below = points[..n].iter().filter(|p| p[d] < 0.5).count();
+                assert!(
+                    below.abs_diff(n / 2) <= 2 + n / 50,
+                    "{below} of {n} in the lower half of dimension {d}"
+                );
+            }
         }
     }
 

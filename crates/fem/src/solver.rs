@@ -7,9 +7,10 @@ use thiserror::Error;
 
 use crate::config::Load;
 use crate::contact::obstacle::Obstacle;
+use crate::family::VariantError;
 use crate::linear::LinearError;
 use crate::newton::{Effort, Newton, NewtonError};
-use crate::output::{self, Output};
+use crate::output::{self, MAX_RESIDUAL, Output};
 use crate::problem::Problem;
 use crate::state::State;
 
@@ -24,6 +25,8 @@ pub struct Report {
     pub cuts: usize,
     /// Largest nodal force out of balance at the end (N).
     pub residual_n: f64,
+    /// The same relative to the larger of support reaction and obstacle force.
+    pub residual: f64,
     /// Wall time (s).
     pub seconds: f64,
 }
@@ -59,6 +62,7 @@ fn advice(reason: &NewtonError) -> &'static str {
         NewtonError::Stalled { .. } => {
             "Start from a solved state nearer to it, or check that the loads are meant"
         }
+        NewtonError::Body(_) => "Start from a state whose measures are nearer",
         NewtonError::Linear(_) => "Check the supports; past a limit point no neighbouring equilibrium exists",
     }
 }
@@ -69,6 +73,15 @@ pub enum SolveError {
     /// The continuation stopped before the loads were reached.
     #[error(transparent)]
     NotConverged(Box<NotConverged>),
+    /// The iteration ended but forces are not in balance.
+    #[error(
+        "the largest force out of balance is {found:.1e} of the reaction, expected at most {limit:.0e}; lower newton.correction_tolerance_mm",
+        limit = MAX_RESIDUAL
+    )]
+    Unbalanced {
+        /// Largest nodal force out of balance, relative to the larger of support reaction and obstacle force.
+        found: f64,
+    },
     /// A load is not a number the formulation takes.
     #[error("{name} = {found}, expected {expected}")]
     Load {
@@ -79,6 +92,9 @@ pub enum SolveError {
         /// What would be accepted.
         expected: &'static str,
     },
+    /// There is no body at the start or the end of the path.
+    #[error(transparent)]
+    Body(VariantError),
     /// The start does not belong to this problem.
     #[error("the start has {found} nodes, this mesh has {expected}; start from a state of the same mesh")]
     ForeignState {
@@ -91,7 +107,7 @@ pub enum SolveError {
 
 /// Version of the formulation. Raise it with every change that moves a result by more than the solver's tolerance:
 /// checkpoints of another version are then solved again instead of mixed with new ones.
-pub const FORMULATION: u32 = 3;
+pub const FORMULATION: u32 = 4;
 
 /// Number of steps in which gravity is applied to the undeformed body.
 const GRAVITY_STEPS: u32 = 3;
@@ -101,6 +117,24 @@ const EASY_STEP: usize = 9;
 
 /// How far a plate is withdrawn before it is taken away (mm).
 const WITHDRAWAL_MM: f64 = 100.0;
+
+/// The bodies along a path, from a share of 0 to 1.
+pub trait Bodies {
+    /// The body at a share of the path.
+    ///
+    /// # Errors
+    /// The measures there cannot be had.
+    fn at(&self, share: f64) -> Result<Arc<Problem>, VariantError>;
+}
+
+/// A path on which the body stays what it is.
+struct Stays(Arc<Problem>);
+
+impl Bodies for Stays {
+    fn at(&self, _: f64) -> Result<Arc<Problem>, VariantError> {
+        Ok(Arc::clone(&self.0))
+    }
+}
 
 /// One thread's solver for a problem.
 pub struct Solver {
@@ -123,6 +157,12 @@ impl Solver {
         &self.problem
     }
 
+    /// Works on another body from now on: one that [`Problem::varied`] made of the first.
+    pub fn set_problem(&mut self, problem: Arc<Problem>) {
+        self.newton.set_problem(Arc::clone(&problem));
+        self.problem = problem;
+    }
+
     /// The undeformed, unloaded state.
     #[must_use]
     pub fn undeformed(&self) -> State {
@@ -140,7 +180,12 @@ impl Solver {
     /// [`SolveError`].
     pub fn gravity_equilibrium(&mut self, gravity_mm_s2: [f64; 3]) -> Result<(State, Report), SolveError> {
         let load = Load { gravity_mm_s2, ..Load::default() };
-        self.continuation(&self.undeformed(), &load, 1.0 / f64::from(GRAVITY_STEPS))
+        self.continuation(
+            &self.undeformed(),
+            &load,
+            1.0 / f64::from(GRAVITY_STEPS),
+            &Stays(self.problem.clone()),
+        )
     }
 
     /// Follows the path from a solved state to `load`: pressure, gravity and obstacle move together.
@@ -151,18 +196,32 @@ impl Solver {
     /// # Errors
     /// [`SolveError`]; the start is untouched.
     pub fn solve_to(&mut self, from: &State, load: &Load) -> Result<(State, Report), SolveError> {
+        let body = Stays(Arc::clone(&self.problem));
+        self.solve_along(from, load, &body)
+    }
+
+    /// [`Solver::solve_to`] while the body changes too; the solver works on the body at the path's end afterwards.
+    ///
+    /// # Errors
+    /// [`SolveError`]; the start is untouched.
+    pub fn solve_along(
+        &mut self,
+        from: &State,
+        load: &Load,
+        path: &dyn Bodies,
+    ) -> Result<(State, Report), SolveError> {
         self.check(from, load)?;
         let mut start = from.clone();
         let mut before = Report::default();
         if from.load.obstacle != Obstacle::None && !from.load.obstacle.same_body(load.obstacle) {
-            (start, before) = self.withdraw(from)?;
+            (start, before) = self.withdraw(from, path)?;
         }
         if start.load.obstacle == Obstacle::None && load.obstacle != Obstacle::None {
             let clear = output::clearance_mm(&self.problem, &start);
             let gap = load.obstacle.gap_mm().map_or(clear, |gap| gap.max(clear));
             start.load.obstacle = load.obstacle.at(gap);
         }
-        let (state, report) = self.continuation(&start, load, 1.0)?;
+        let (state, report) = self.continuation(&start, load, 1.0, path)?;
         Ok((state, before.and(&report)))
     }
 
@@ -178,10 +237,16 @@ impl Solver {
         output::output(&self.problem, state, &mut self.newton.system)
     }
 
-    fn withdraw(&mut self, from: &State) -> Result<(State, Report), SolveError> {
+    /// The iteration's work space.
+    pub(crate) fn newton(&mut self) -> &mut Newton {
+        &mut self.newton
+    }
+
+    fn withdraw(&mut self, from: &State, path: &dyn Bodies) -> Result<(State, Report), SolveError> {
+        let first = path.at(0.0).map_err(SolveError::Body)?;
         let gap = from.load.obstacle.gap_mm().unwrap_or(0.0) + WITHDRAWAL_MM;
         let away = Load { obstacle: from.load.obstacle.at(gap), ..from.load };
-        let (mut state, report) = self.continuation(from, &away, 1.0)?;
+        let (mut state, report) = self.continuation(from, &away, 1.0, &Stays(first))?;
         state.load.obstacle = Obstacle::None;
         Ok((state, report))
     }
@@ -215,11 +280,16 @@ impl Solver {
         state: &mut State,
         (from, to): (&Load, &Load),
         (done, length): (f64, f64),
+        path: &dyn Bodies,
         effort: &mut Effort,
     ) -> Result<f64, NewtonError> {
         let aim = (done + length).min(1.0);
+        self.set_problem(path.at(aim)?);
         let taken = self.newton.start(state, &between(from, to, aim), effort)?;
         let reached = if taken < 1.0 { done + taken * (aim - done) } else { aim };
+        if reached < aim {
+            self.set_problem(path.at(reached)?);
+        }
         state.load = between(from, to, reached);
         let load = state.load;
         self.newton.iterate(state, &load, effort)?;
@@ -232,6 +302,7 @@ impl Solver {
         from: &State,
         to: &Load,
         first_step: f64,
+        path: &dyn Bodies,
     ) -> Result<(State, Report), SolveError> {
         let began = Instant::now();
         let mut state = from.clone();
@@ -240,7 +311,7 @@ impl Solver {
         loop {
             let mut trial = state.clone();
             let mut effort = Effort::default();
-            let outcome = self.step(&mut trial, (&from.load, to), (done, step), &mut effort);
+            let outcome = self.step(&mut trial, (&from.load, to), (done, step), path, &mut effort);
             report.factorisations += effort.factorisations;
             report.seconds = began.elapsed().as_secs_f64();
             match outcome {
@@ -269,8 +340,12 @@ impl Solver {
             }
             if done >= 1.0 {
                 state.load = *to;
-                report.residual_n = output::residual_n(&self.problem, &state, &mut self.newton.system);
+                let balance = output::balance(&self.problem, &state, &mut self.newton.system);
+                (report.residual_n, report.residual) = (balance.residual_n, balance.relative());
                 report.seconds = began.elapsed().as_secs_f64();
+                if report.residual > MAX_RESIDUAL {
+                    return Err(SolveError::Unbalanced { found: report.residual });
+                }
                 return Ok((state, report));
             }
         }
@@ -286,6 +361,7 @@ impl Report {
             steps: self.steps + later.steps,
             cuts: self.cuts + later.cuts,
             residual_n: later.residual_n,
+            residual: later.residual,
             seconds: self.seconds + later.seconds,
         }
     }

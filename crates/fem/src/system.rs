@@ -7,6 +7,7 @@
 use crate::algebra::{Mat3, Vec3, axpy, outer, scale, skew};
 use crate::config::Load;
 use crate::contact::obstacle::{Face, Obstacle};
+use crate::contact::slot::Turning;
 use crate::element::bending;
 use crate::element::cavity::face_terms;
 use crate::element::membrane::{self, Plane};
@@ -41,6 +42,8 @@ pub(crate) struct System {
     pub(crate) cavity_volume_mm3: f64,
     /// Total force of the base on the obstacle (N).
     pub(crate) contact_force_n: f64,
+    /// What the turning normals of touching slots add to the tangent.
+    pub(crate) turning: Vec<Turning>,
     terms: TetTerms,
 }
 
@@ -56,6 +59,7 @@ impl System {
             volume_change: vec![0.0; tets],
             cavity_volume_mm3: 0.0,
             contact_force_n: 0.0,
+            turning: Vec::new(),
             terms: TetTerms::default(),
         }
     }
@@ -225,7 +229,12 @@ impl System {
 
     fn add_slots(&mut self, problem: &Problem, x: &[Vec3], residual: &mut [Vec3], with_tangent: bool) {
         let settings = &problem.config.contact;
+        self.turning.clear();
         for walls in &problem.slots {
+            if with_tangent {
+                let penalty = settings.slot_penalty_mpa_per_mm;
+                self.turning.extend(walls.turning(x, settings.slot_smoothing_mm, penalty));
+            }
             for contact in walls.contacts(x, settings.slot_smoothing_mm) {
                 let stiffness = settings.slot_penalty_mpa_per_mm * contact.pair.area_mm2;
                 let force = stiffness * contact.penalty.force;
@@ -259,8 +268,7 @@ impl System {
     ) {
         self.contact_force_n = 0.0;
         let Some(face) = face(problem, obstacle) else { return };
-        let stiffness = problem.config.contact.obstacle_penalty_n_per_mm;
-        for n in &problem.contact_nodes {
+        for (n, stiffness) in problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm) {
             let Some(touch) = face.touch(x[*n as usize]) else { continue };
             let force = stiffness * (touch.force + touch.stiffness * advance_mm);
             residual[*n as usize][1] += force;

@@ -2,8 +2,8 @@
 
 use crate::failure::configuration;
 use anyhow::Context;
-use fem::Problem;
 use fem::actuator::Actuator;
+use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 use formats::{FormatError, file};
 use rom::datasheet::DataSheet;
@@ -42,6 +42,12 @@ pub fn actuator(path: &Path) -> anyhow::Result<(Actuator, Arc<Problem>)> {
     let mesh = actuator.read_mesh(path).map_err(refusal)?;
     let problem = Problem::new(mesh, actuator.problem_config()).map_err(configuration)?;
     Ok((actuator, Arc::new(problem)))
+}
+
+/// Loads an actuator with the problem on its own mesh, from which variants are made.
+pub fn family(path: &Path) -> anyhow::Result<Family> {
+    let (actuator, problem) = actuator(path)?;
+    Ok(Family { actuator, problem })
 }
 
 /// Content the user can mend is a configuration error; the operating system's refusal is not.

@@ -13,10 +13,11 @@ pub struct ActuatorFile {
 
 /// `NAME=VALUE`, as `--set` takes it.
 pub fn setting(text: &str) -> Result<(String, f64), String> {
-    let expected =
-        || format!("expected NAME=VALUE with a number, such as elastomer.law.mu_mpa=0.72; found {text:?}");
+    let expected = || {
+        format!("expected NAME=VALUE with a finite number, such as elastomer.law.mu_mpa=0.72; found {text:?}")
+    };
     let (name, value) = text.split_once('=').ok_or_else(expected)?;
-    let value = value.trim().parse().map_err(|_| expected())?;
+    let value = value.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(expected)?;
     Ok((name.trim().to_owned(), value))
 }
 

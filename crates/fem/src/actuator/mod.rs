@@ -7,12 +7,17 @@ mod check;
 mod file;
 mod grid;
 mod meshing;
+mod parameters;
 mod reading;
+mod shape;
 mod surfaces;
 
 pub use file::{
     Actuator, Base, Body, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, Slots, Support,
 };
+
+pub use parameters::{Setting, unit};
+pub use shape::{mesh_quality, moved_nodes};
 
 #[cfg(test)]
 pub(crate) use {meshing::named, surfaces::locate};

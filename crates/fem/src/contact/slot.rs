@@ -2,8 +2,9 @@
 //!
 //! Each quadrature point of the lower wall is paired once with the point opposite it on the upper wall of the
 //! undeformed slot (small sliding: neighbouring chambers deform alike, so opposite points stay opposite), and the
-//! overlap is measured along the mean normal of both walls as they are now. Force and tangent hold that normal while
-//! they are formed: the pair forces are equal and opposite, and the tangent is symmetric with a fixed pattern.
+//! overlap is measured along the mean normal of both walls as they are now. The pair forces act along that normal, equal
+//! and opposite. Their tangent at a held normal is symmetric with a fixed pattern; what the turning of the normal adds
+//! couples all nodes of both walls, but only through the normal's two components ([`Turning`]).
 
 use super::penalty::{Penalty, penalty};
 use crate::algebra::{Vec3, axpy, cross, dot, norm, scale, sub};
@@ -22,6 +23,8 @@ pub(crate) struct Pair {
     pub(crate) coefficients: [f64; 12],
     /// Undeformed area the pair stands for (mm2).
     pub(crate) area_mm2: f64,
+    /// Position of the lower triangle in its wall, and the share of its area.
+    lower: (usize, f64),
 }
 
 /// The two oriented walls of one slot and their pairs of points.
@@ -41,6 +44,16 @@ pub(crate) struct SlotContact<'a> {
     pub(crate) normal: Vec3,
     /// Penalty terms at the overlap.
     pub(crate) penalty: Penalty,
+}
+
+/// The part of a slot's tangent that comes from the turning of its normal: `force . turn^T`, of rank two.
+#[derive(Clone, Debug)]
+pub(crate) struct Turning {
+    /// Node, and the internal force (N) on it for a unit turn of the normal along each of two directions; a node may
+    /// stand several times.
+    pub(crate) force: Vec<(u32, [Vec3; 2])>,
+    /// Node, and the turn along each direction for a unit displacement of it (1/mm); a node may stand several times.
+    pub(crate) turn: Vec<(u32, [Vec3; 2])>,
 }
 
 /// Two in-plane coordinates and the height of points seen along a normal.
@@ -103,7 +116,7 @@ impl SlotWalls {
         let view = View::new(mean_normal(&lower, &upper, x));
         let seen: Vec<[Vec3; 6]> = upper.iter().map(|t| view.of(t, x)).collect();
         let mut pairs = Vec::new();
-        for t in &lower {
+        for (place, t) in lower.iter().enumerate() {
             let (nodes, area) = (view.of(t, x), norm(area_vector(std::slice::from_ref(t), x)));
             for [r, s, w] in tri6::SIX_POINTS {
                 let weights = tri6::shape(r, s);
@@ -116,11 +129,62 @@ impl SlotWalls {
                         nodes: std::array::from_fn(node),
                         coefficients: std::array::from_fn(coefficient),
                         area_mm2: w * area,
+                        lower: (place, w),
                     });
                 }
             }
         }
         Self { lower, upper, pairs }
+    }
+
+    /// The same pairs on walls that lie elsewhere when undeformed, with the areas they stand for there.
+    pub(crate) fn moved(&self, x: &[Vec3]) -> Self {
+        let mut walls = self.clone();
+        for pair in &mut walls.pairs {
+            let (place, share) = pair.lower;
+            pair.area_mm2 = share * norm(area_vector(&self.lower[place..=place], x));
+        }
+        walls
+    }
+
+    /// What the turning of the normal adds to the tangent at deformed positions `x`; none where nothing touches.
+    pub(crate) fn turning(&self, x: &[Vec3], smoothing_mm: f64, penalty_mpa_per_mm: f64) -> Option<Turning> {
+        let View([first, second, normal]) = View::new(mean_normal(&self.lower, &self.upper, x));
+        let mut force = Vec::new();
+        for contact in self.contacts(x, smoothing_mm) {
+            let pair = contact.pair;
+            let stiffness = penalty_mpa_per_mm * pair.area_mm2;
+            let mut apart = [0.0; 3];
+            for (n, c) in pair.nodes.iter().zip(pair.coefficients) {
+                axpy(c, x[*n as usize], &mut apart);
+            }
+            let along = [first, second].map(|t| {
+                let mut f = scale(stiffness * contact.penalty.stiffness * dot(apart, t), normal);
+                axpy(stiffness * contact.penalty.force, t, &mut f);
+                f
+            });
+            force.extend(
+                pair.nodes.iter().zip(pair.coefficients).map(|(n, c)| (*n, along.map(|f| scale(c, f)))),
+            );
+        }
+        if force.is_empty() {
+            return None;
+        }
+        let facing = sub(area_vector(&self.lower, x), area_vector(&self.upper, x));
+        let mut turn = Vec::new();
+        for (wall, side) in [(&self.lower, 0.5), (&self.upper, -0.5)] {
+            let share = side / norm(facing);
+            for t in wall {
+                for facet in TRI_FACETS {
+                    for k in 0..3 {
+                        let [a, b, c] = [0, 1, 2].map(|i| t[facet[(k + i) % 3]]);
+                        let opposite = sub(x[b as usize], x[c as usize]);
+                        turn.push((a, [first, second].map(|t| scale(share, cross(opposite, t)))));
+                    }
+                }
+            }
+        }
+        Some(Turning { force, turn })
     }
 
     /// All pairs: the node groups that may couple.

@@ -1,16 +1,20 @@
-//! Solves a list of cases on several threads.
+//! Solves a list of cases on several threads, and on several machines that share a folder.
 
-use super::schedule::{Next, Schedule};
+use super::board::{Board, Next};
+use super::claims::{Claim, Claims};
+use super::derivatives::{self, DerivativeError};
+use super::schedule::{Start, starts};
 use super::store::{Sizes, Solved, Store};
-use crate::actuator::Actuator;
 use crate::cases::Case;
 use crate::config::Load;
+use crate::family::{Family, Variant, VariantError};
 use crate::linear::LinearError;
 use crate::problem::Problem;
-use crate::solver::{FORMULATION, Report, SolveError, Solver};
+use crate::solver::{Bodies, FORMULATION, Report, SolveError, Solver};
 use crate::state::State;
 use formats::FormatError;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
 
 /// What happens during a run, for progress bars and logs.
 #[derive(Debug)]
@@ -53,59 +57,100 @@ pub enum RunError {
     /// The factor does not fit into memory.
     #[error(transparent)]
     Memory(#[from] LinearError),
+    /// A case has parameters that cannot be had.
+    #[error("case {case}: {reason}")]
+    Variant {
+        /// The case.
+        case: String,
+        /// Why.
+        reason: VariantError,
+    },
+    /// A state's derivatives could not be computed.
+    #[error("derivatives of case {case}: {reason}")]
+    Derivatives {
+        /// The case.
+        case: String,
+        /// Why.
+        reason: Box<DerivativeError>,
+    },
 }
 
-/// Solves a list of cases of one actuator.
+/// How long to wait before looking again for what other machines have solved.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
+
+/// Solves a list of cases of one actuator and its variants.
 pub struct Run<'a> {
-    /// The actuator, which turns a case into loads.
-    pub actuator: &'a Actuator,
-    /// Its problem.
-    pub problem: Arc<Problem>,
+    /// The actuator and its variants.
+    pub family: &'a Family,
     /// Where states are kept.
     pub store: Store,
     /// Cases solved at the same time, 1 or more; about 1 GB each.
     pub threads: usize,
+    /// Whether derivatives by all inputs are kept with each state.
+    pub sensitivities: bool,
+    /// This machine's number, from 0, and how many share the list through the store's folder.
+    pub shard: Option<(usize, usize)>,
+}
+
+/// A case with what follows from its row.
+pub(super) struct Task<'a> {
+    pub(super) case: &'a Case,
+    pub(super) variant: Variant,
+    pub(super) load: Load,
+    pub(super) store: Store,
+    pub(super) starts: Vec<Start>,
 }
 
 /// What threads share.
 struct Shared {
-    schedule: Schedule,
+    board: Board,
     outcome: Outcome,
     broken: Option<RunError>,
 }
 
+/// A list ready to be worked on.
+struct Work<'a> {
+    run: &'a Run<'a>,
+    tasks: Vec<Task<'a>>,
+    rest: Arc<Solved>,
+    claims: Option<Claims>,
+    shared: Mutex<Shared>,
+    changed: Condvar,
+    notify: &'a (dyn Fn(Event<'_>) + Sync),
+}
+
 impl Run<'_> {
-    /// Solves all cases; a failed one never stops the others. `notify` is called from any thread, one call at a
-    /// time.
+    /// Solves all cases; a failed one never stops the others. Two runs of one list give the same bytes, whatever the
+    /// number of threads and machines. `notify` is called from any thread, one call at a time.
     ///
     /// # Errors
     /// [`RunError`] where nothing more can be done; what was solved is kept.
     pub fn solve(&self, cases: &[Case], notify: &(dyn Fn(Event<'_>) + Sync)) -> Result<Outcome, RunError> {
+        let tasks = self.tasks(cases)?;
+        let mut board = Board::new(tasks.iter().map(|task| task.starts.clone()).collect());
         let mut outcome = Outcome::default();
-        let mut waiting = Vec::new();
-        for (index, case) in cases.iter().enumerate() {
-            match self.store.load(&self.load(case), self.sizes()) {
-                Some(solved) => {
-                    notify(Event::Reused(case));
-                    outcome.solved.push((index, Arc::new(solved)));
-                }
-                None => waiting.push(index),
+        for (index, task) in tasks.iter().enumerate() {
+            if let Some(solved) = self.stored(task) {
+                notify(Event::Reused(task.case));
+                board.solved(index, Arc::clone(&solved));
+                outcome.solved.push((index, solved));
             }
         }
         outcome.reused = outcome.solved.len();
-        if !waiting.is_empty() {
-            let gravity_only = self.gravity_only()?;
-            let mut starts = outcome.solved.clone();
-            starts.push((cases.len(), Arc::new(gravity_only)));
-            let shared =
-                Mutex::new(Shared { schedule: Schedule::new(waiting, starts), outcome, broken: None });
-            let changed = Condvar::new();
+        if !board.is_done() {
+            let claims = match self.shard {
+                Some(_) => Some(Claims::new(&self.store.folder().join("claims"))?),
+                None => None,
+            };
+            let shared = Mutex::new(Shared { board, outcome, broken: None });
+            let rest = Arc::new(self.rest()?);
+            let work = Work { run: self, tasks, rest, claims, shared, changed: Condvar::new(), notify };
             std::thread::scope(|scope| {
                 for _ in 0..self.threads.max(1) {
-                    scope.spawn(|| self.work(cases, &shared, &changed, notify));
+                    scope.spawn(|| work.work());
                 }
             });
-            let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+            let shared = work.shared.into_inner().unwrap_or_else(PoisonError::into_inner);
             if let Some(error) = shared.broken {
                 return Err(error);
             }
@@ -116,88 +161,236 @@ impl Run<'_> {
         Ok(outcome)
     }
 
-    /// The state under gravity alone, from its checkpoint where there is one.
-    fn gravity_only(&self) -> Result<Solved, RunError> {
-        let load = self.actuator.load(0.0, None);
+    /// A solved case's derivatives, inputs as its row has them; empty where there are none to have, none where they were
+    /// not computed.
+    #[must_use]
+    pub fn derivatives(&self, case: &Case) -> Option<Vec<super::Derivative>> {
+        let variant = self.family.variant(&case.settings).ok()?;
+        let load = self.load(case, &variant).ok()?;
+        derivatives::load(&self.store.marked(self.family.mark(&variant)), case, &load, self.sizes())
+    }
+
+    fn tasks<'c>(&self, cases: &'c [Case]) -> Result<Vec<Task<'c>>, RunError> {
+        let wrong = |case: &Case, reason| RunError::Variant { case: case.name.clone(), reason };
+        let names = cases.first().map_or(&[][..], |case| &case.settings);
+        let nominal: Vec<f64> =
+            names.iter().map(|(name, _)| self.family.value(&Variant::default(), name)).collect();
+        let variants =
+            cases.iter().map(|case| self.family.variant(&case.settings).map_err(|e| wrong(case, e)));
+        let variants = variants.collect::<Result<Vec<Variant>, _>>()?;
+        let rows = cases.iter().zip(variants).zip(starts(cases, &nominal));
+        let task = |((case, variant), starts)| {
+            let load = self.load(case, &variant).map_err(|e| wrong(case, e))?;
+            let store = self.store.marked(self.family.mark(&variant));
+            Ok(Task { case, variant, load, store, starts })
+        };
+        rows.map(task).collect()
+    }
+
+    /// A case's state where it is solved, and its derivatives with it where they are wanted.
+    fn stored(&self, task: &Task<'_>) -> Option<Arc<Solved>> {
+        let solved = task.store.load(&task.load, self.sizes())?;
+        let whole = !self.sensitivities
+            || derivatives::load(&task.store, task.case, &task.load, self.sizes()).is_some();
+        whole.then(|| Arc::new(solved))
+    }
+
+    /// The actuator as its file has it under gravity alone, from its checkpoint where there is one.
+    fn rest(&self) -> Result<Solved, RunError> {
+        let load = self.family.actuator.load(0.0, None);
         if let Some(solved) = self.store.load(&load, self.sizes()) {
             return Ok(solved);
         }
-        let mut solver = Solver::new(Arc::clone(&self.problem))?;
+        let mut solver = Solver::new(Arc::clone(&self.family.problem))?;
         let (state, report) = solver.gravity_equilibrium(load.gravity_mm_s2).map_err(RunError::Gravity)?;
-        let solved = describe(&mut solver, state, report);
-        self.store.save(&solved)?;
-        Ok(solved)
+        Ok(describe(&mut solver, state, report))
     }
 
-    /// The loop of one thread: takes the nearest case, solves it, stores and reports the state.
-    fn work(
-        &self,
-        cases: &[Case],
-        shared: &Mutex<Shared>,
-        changed: &Condvar,
-        notify: &(dyn Fn(Event<'_>) + Sync),
-    ) {
-        let lock = || shared.lock().unwrap_or_else(PoisonError::into_inner);
-        let stop = |error: RunError| {
-            lock().broken = Some(error);
-            changed.notify_all();
-        };
-        let mut solver = match Solver::new(Arc::clone(&self.problem)) {
-            Ok(solver) => solver,
-            Err(error) => return stop(error.into()),
-        };
-        while let Some((case, start, tries)) = take(lock(), changed, cases) {
-            let result = solver.solve_to(&start.state, &self.load(&cases[case]));
-            match result {
-                Ok((state, report)) => {
-                    let solved = Arc::new(describe(&mut solver, state, report));
-                    if let Err(error) = self.store.save(&solved) {
-                        return stop(error.into());
-                    }
-                    let mut shared = lock();
-                    shared.outcome.solved.push((case, Arc::clone(&solved)));
-                    notify(Event::Solved(&cases[case], &solved));
-                    shared.schedule.finished(case, solved);
-                }
-                Err(error) => {
-                    let reason = error.to_string();
-                    let mut shared = lock();
-                    let again = shared.schedule.failed(case, tries);
-                    notify(Event::Failed { case: &cases[case], reason: &reason, again });
-                    if !again {
-                        shared.outcome.failed.push((case, reason));
-                    }
-                }
-            }
-            changed.notify_all();
-        }
-    }
-
-    fn load(&self, case: &Case) -> Load {
-        self.actuator.load(case.pressure_mpa, case.gap_mm)
+    fn load(&self, case: &Case, variant: &Variant) -> Result<Load, VariantError> {
+        Ok(self.family.actuator_of(variant)?.load(case.pressure_mpa, case.gap_mm))
     }
 
     fn sizes(&self) -> Sizes {
-        let mesh = self.problem.mesh();
+        let mesh = self.family.problem.mesh();
         Sizes { nodes: mesh.nodes_mm.len(), tets: mesh.tets.len(), sheet: mesh.sheet.len() }
     }
 }
 
-/// The next case to solve; waits while there is none but other threads may add one.
-fn take(
-    mut shared: MutexGuard<'_, Shared>,
-    changed: &Condvar,
-    cases: &[Case],
-) -> Option<(usize, Arc<Solved>, usize)> {
-    loop {
-        if shared.broken.is_some() {
-            return None;
+/// The bodies between two variants.
+struct Between<'a> {
+    family: &'a Family,
+    from: &'a Variant,
+    to: &'a Variant,
+    end: Arc<Problem>,
+}
+
+impl Bodies for Between<'_> {
+    fn at(&self, share: f64) -> Result<Arc<Problem>, VariantError> {
+        if share >= 1.0 || self.from == self.to {
+            return Ok(Arc::clone(&self.end));
         }
-        match shared.schedule.next(cases) {
-            Next::Solve(case, start, tries) => return Some((case, start, tries)),
-            Next::Done => return None,
-            Next::Wait => shared = changed.wait(shared).unwrap_or_else(PoisonError::into_inner),
+        self.family.problem_of(&self.family.between(self.from, self.to, share))
+    }
+}
+
+impl Work<'_> {
+    /// The loop of one thread.
+    fn work(&self) {
+        let lock = || self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        let result = Solver::new(Arc::clone(&self.run.family.problem)).map_err(RunError::from);
+        let result = result.and_then(|mut solver| {
+            while let Some((case, start, claim)) = self.take()? {
+                self.solve(&mut solver, case, start)?;
+                drop(claim);
+                self.changed.notify_all();
+            }
+            Ok(())
+        });
+        if let Err(error) = result {
+            lock().broken.get_or_insert(error);
         }
+        self.changed.notify_all();
+    }
+
+    /// The next case to solve, its start and the claim on it; waits while others may add one.
+    fn take(&self) -> Result<Option<(usize, Start, Option<Claim>)>, RunError> {
+        let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if shared.broken.is_some() {
+                return Ok(None);
+            }
+            let ready = match shared.board.next(self.run.shard) {
+                Next::Done => return Ok(None),
+                Next::Ready(ready) => ready,
+            };
+            for (case, start) in ready {
+                let Some(claims) = &self.claims else {
+                    shared.board.begin(case);
+                    return Ok(Some((case, start, None)));
+                };
+                let Some(claim) =
+                    claims.take(&self.tasks[case].store.beside(&self.tasks[case].load, "claim"))?
+                else {
+                    continue;
+                };
+                // Another machine may have finished it since.
+                if let Some(ended) = self.ended_elsewhere(case) {
+                    self.end(&mut shared, case, ended);
+                    continue;
+                }
+                shared.board.begin(case);
+                return Ok(Some((case, start, Some(claim))));
+            }
+            if self.claims.is_some() {
+                for case in shared.board.open() {
+                    if let Some(ended) = self.ended_elsewhere(case) {
+                        self.end(&mut shared, case, ended);
+                    }
+                }
+                if matches!(shared.board.next(self.run.shard), Next::Done) {
+                    return Ok(None);
+                }
+                shared =
+                    self.changed.wait_timeout(shared, LOOK_AGAIN).unwrap_or_else(PoisonError::into_inner).0;
+            } else {
+                shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+    }
+
+    /// What another machine has left of a case: its state, or why it failed.
+    fn ended_elsewhere(&self, case: usize) -> Option<Result<Arc<Solved>, String>> {
+        let task = &self.tasks[case];
+        if let Some(solved) = self.run.stored(task) {
+            return Some(Ok(solved));
+        }
+        let failed = task.store.beside(&task.load, "failed");
+        formats::file::read_text(&failed, formats::file::MAX_TEXT_BYTES).ok().map(Err)
+    }
+
+    fn end(&self, shared: &mut Shared, case: usize, ended: Result<Arc<Solved>, String>) {
+        match ended {
+            Ok(solved) => {
+                (self.notify)(Event::Reused(self.tasks[case].case));
+                shared.outcome.reused += 1;
+                shared.outcome.solved.push((case, Arc::clone(&solved)));
+                shared.board.solved(case, solved);
+            }
+            Err(reason) => {
+                shared.outcome.failed.push((case, reason));
+                shared.board.failed(case);
+            }
+        }
+    }
+
+    fn solve(&self, solver: &mut Solver, case: usize, start: Start) -> Result<(), RunError> {
+        let task = &self.tasks[case];
+        let lock = || self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        let end = self.run.family.problem_of(&task.variant);
+        let end = end.map_err(|reason| RunError::Variant { case: task.case.name.clone(), reason })?;
+        let stored = task.store.load(&task.load, self.run.sizes());
+        let result = match stored {
+            Some(solved) => Ok(solved),
+            None => {
+                let nominal = Variant::default();
+                let (from, variant) = match start {
+                    Start::Rest => (Arc::clone(&self.rest), &nominal),
+                    Start::Case(index) => {
+                        let from = lock().board.state(index).unwrap_or_else(|| Arc::clone(&self.rest));
+                        (from, &self.tasks[index].variant)
+                    }
+                };
+                let path = Between {
+                    family: self.run.family,
+                    from: variant,
+                    to: &task.variant,
+                    end: Arc::clone(&end),
+                };
+                if let Ok(body) = path.at(0.0) {
+                    solver.set_problem(body);
+                }
+                let result = solver.solve_along(&from.state, &task.load, &path);
+                result.map(|(state, report)| describe(solver, state, report))
+            }
+        };
+        match result {
+            Ok(solved) => {
+                solver.set_problem(end);
+                task.store.save(&solved)?;
+                if self.run.sensitivities {
+                    derivatives::compute(
+                        self.run.family,
+                        solver,
+                        (task.case, &task.variant),
+                        &solved.state,
+                        &task.store,
+                    )
+                    .map_err(|e| RunError::Derivatives {
+                        case: task.case.name.clone(),
+                        reason: Box::new(e),
+                    })?;
+                }
+                let solved = Arc::new(solved);
+                let mut shared = lock();
+                shared.outcome.solved.push((case, Arc::clone(&solved)));
+                (self.notify)(Event::Solved(task.case, &solved));
+                shared.board.solved(case, solved);
+            }
+            Err(error) => {
+                let reason = error.to_string();
+                let mut shared = lock();
+                let again = shared.board.try_next(case);
+                (self.notify)(Event::Failed { case: task.case, reason: &reason, again });
+                if !again {
+                    if self.claims.is_some() {
+                        formats::file::replace(&task.store.beside(&task.load, "failed"), reason.as_bytes())?;
+                    }
+                    shared.outcome.failed.push((case, reason));
+                    shared.board.failed(case);
+                }
+            }
+        }
+        Ok(())
     }
 }
 
@@ -214,7 +407,7 @@ fn describe(solver: &mut Solver, state: State, report: Report) -> Solved {
     }
 }
 
-/// What notifys one problem from another: blake3 of the formulation's version, the mesh and the configuration.
+/// What tells one problem from another: blake3 of the formulation's version, the mesh and the configuration.
 #[must_use]
 pub fn fingerprint(problem: &Problem) -> [u8; 32] {
     let mesh = problem.mesh();

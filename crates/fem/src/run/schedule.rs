@@ -1,95 +1,100 @@
-//! Which case comes next and where it starts from: the nearest solved state in scaled (pressure, gap).
+//! Where each case starts from, decided from the list alone: the nearest cases before it, in all inputs, scaled.
 //!
-//! The problem is conservative and frictionless, so the path does not matter and the shortest is the cheapest. Cases and
-//! solved states grow into a minimum spanning tree (Prim 1957): a free thread takes the shortest branch.
+//! The problem is conservative and frictionless, so the path does not matter and the shortest is the cheapest. What is
+//! solved in which order, by how many threads or machines, changes no start and therefore no byte; a list continued at
+//! its end leaves the states before as they are; and the first rows of a list need no later ones.
 
-use super::store::Solved;
 use crate::cases::Case;
-use std::sync::Arc;
 
 /// One unit of distance in pressure and in gap: about the extent of the paper's domain.
 const PRESSURE_UNIT_MPA: f64 = 0.09;
 const GAP_UNIT_MM: f64 = 40.0;
-/// How often a case is tried.
-const TRIES: usize = 2;
+/// Distance of a case with an obstacle from one without: coming to touch takes about as many steps as crossing the domain.
+const TOUCHING: f64 = 1.0;
+/// Starts tried for a case, one after the other.
+const STARTS: usize = 3;
 
-/// The branches still to grow.
-#[derive(Debug, Default)]
-pub(super) struct Schedule {
-    /// Indices of cases not yet taken, with the number of failed tries.
-    waiting: Vec<(usize, usize)>,
-    solved: Vec<(usize, Arc<Solved>)>,
-    /// Cases in work.
-    pub(super) running: usize,
+/// Where a case may start from: another case, or the actuator as its file has it under gravity alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Start {
+    /// Index in the list.
+    Case(usize),
+    /// Gravity alone.
+    Rest,
 }
 
-/// What a thread is to do.
-pub(super) enum Next {
-    /// Solve this case from that state; the last number counts its failed tries.
-    Solve(usize, Arc<Solved>, usize),
-    /// Nothing to start from yet, or only cases that may profit from what is in work.
-    Wait,
-    /// All done.
-    Done,
-}
-
-impl Schedule {
-    pub fn new(waiting: Vec<usize>, solved: Vec<(usize, Arc<Solved>)>) -> Self {
-        Self { waiting: waiting.into_iter().map(|case| (case, 0)).collect(), solved, running: 0 }
-    }
-
-    /// Takes the shortest branch among the most urgent cases; failed ones come last.
-    pub fn next(&mut self, cases: &[Case]) -> Next {
-        let rank = |&(case, tries): &(usize, usize)| (tries, cases[case].urgency());
-        let Some(first) = self.waiting.iter().map(rank).min() else {
-            return if self.running == 0 { Next::Done } else { Next::Wait };
-        };
-        // A second try is worth its time only from what all others have left.
-        if first.0 > 0 && self.running > 0 {
-            return Next::Wait;
-        }
-        let mut best: Option<(f64, usize, usize)> = None;
-        for (place, entry) in self.waiting.iter().enumerate().filter(|(_, e)| rank(e) == first) {
-            for (at, (_, solved)) in self.solved.iter().enumerate() {
-                let distance = distance(&cases[entry.0], solved);
-                if distance.is_finite() && best.is_none_or(|b| distance < b.0) {
-                    best = Some((distance, place, at));
-                }
-            }
-        }
-        let Some((_, place, at)) = best else { return Next::Wait };
-        let (case, tries) = self.waiting.swap_remove(place);
-        self.running += 1;
-        Next::Solve(case, Arc::clone(&self.solved[at].1), tries)
-    }
-
-    pub fn finished(&mut self, case: usize, solved: Arc<Solved>) {
-        self.running -= 1;
-        self.solved.push((case, solved));
-    }
-
-    /// Puts a failed case back once; returns whether it will be tried again.
-    pub fn failed(&mut self, case: usize, tries: usize) -> bool {
-        self.running -= 1;
-        let again = tries + 1 < TRIES;
-        if again {
-            self.waiting.push((case, tries + 1));
-        }
-        again
-    }
-}
-
-/// Scaled distance from a solved state to a case; infinite where no path should be tried.
-fn distance(case: &Case, solved: &Solved) -> f64 {
-    let pressure = (case.pressure_mpa - solved.state.load.pressure_mpa) / PRESSURE_UNIT_MPA;
-    let from_gap = solved.state.load.obstacle.gap_mm();
-    let gap = match (case.gap_mm, from_gap) {
-        (None, None) => 0.0,
-        // A plate would have to be withdrawn first, and there is always a free state.
-        (None, Some(_)) => return f64::INFINITY,
-        // The obstacle comes up from where it just clears the free state.
-        (Some(gap), None) => gap.max(solved.clearance_mm) - gap,
-        (Some(gap), Some(from)) => gap - from,
+/// Starts of every case, the nearest first; never empty.
+pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
+    let scale = Scale::of(cases, nominal);
+    let rest = scale.place(0.0, None, nominal);
+    let places: Vec<Place> = cases
+        .iter()
+        .map(|case| {
+            let values: Vec<f64> = case.settings.iter().map(|(_, value)| *value).collect();
+            scale.place(case.pressure_mpa, case.gap_mm, &values)
+        })
+        .collect();
+    let of = |i: usize| -> Vec<Start> {
+        let before = places[..i].iter().enumerate().map(|(j, place)| (Start::Case(j), place));
+        let all = std::iter::once((Start::Rest, &rest)).chain(before);
+        let distances = all.map(|(start, place)| (scale.distance(place, &places[i]), start));
+        let mut nearest: Vec<(f64, Start)> = distances.filter(|(d, _)| d.is_finite()).collect();
+        // Stable: of equally near ones the first in the list.
+        nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.into_iter().take(STARTS).map(|(_, start)| start).collect()
     };
-    pressure.hypot(gap / GAP_UNIT_MM)
+    (0..cases.len()).map(of).collect()
+}
+
+/// A case in scaled inputs.
+struct Place {
+    pressure: f64,
+    gap: Option<f64>,
+    parameters: Vec<f64>,
+}
+
+struct Scale {
+    /// Extent of each parameter over the list.
+    extents: Vec<f64>,
+    /// The largest gap of the list, scaled.
+    largest_gap: f64,
+}
+
+impl Scale {
+    fn of(cases: &[Case], nominal: &[f64]) -> Self {
+        let extent = |k: usize| {
+            let values = || cases.iter().map(|case| case.settings[k].1).chain([nominal[k]]);
+            let (low, high) =
+                values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (v.min(l), v.max(h)));
+            if high > low { high - low } else { 1.0 }
+        };
+        let gaps = cases.iter().filter_map(|case| case.gap_mm);
+        Self {
+            extents: (0..nominal.len()).map(extent).collect(),
+            largest_gap: gaps.fold(0.0, f64::max) / GAP_UNIT_MM,
+        }
+    }
+
+    fn place(&self, pressure_mpa: f64, gap_mm: Option<f64>, values: &[f64]) -> Place {
+        Place {
+            pressure: pressure_mpa / PRESSURE_UNIT_MPA,
+            gap: gap_mm.map(|gap| gap / GAP_UNIT_MM),
+            parameters: values.iter().zip(&self.extents).map(|(value, extent)| value / extent).collect(),
+        }
+    }
+
+    /// Distance of a start from a case; infinite where no path should be tried.
+    fn distance(&self, from: &Place, to: &Place) -> f64 {
+        let (gap, touching) = match (from.gap, to.gap) {
+            (None, None) => (0.0, 0.0),
+            // An obstacle would have to be withdrawn first, and there is always the state under gravity alone.
+            (Some(_), None) => return f64::INFINITY,
+            // The obstacle comes up from where it just clears the free state.
+            (None, Some(gap)) => (self.largest_gap - gap, TOUCHING),
+            (Some(from), Some(to)) => (from - to, 0.0),
+        };
+        let parameters = from.parameters.iter().zip(&to.parameters).map(|(a, b)| (a - b).powi(2));
+        let squares = (from.pressure - to.pressure).powi(2) + gap.powi(2) + parameters.sum::<f64>();
+        squares.sqrt() + touching
+    }
 }

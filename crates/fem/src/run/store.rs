@@ -7,7 +7,7 @@ use formats::{Diagnostic, FormatError, file};
 use std::path::{Path, PathBuf};
 
 /// First bytes of a checkpoint.
-const MAGIC: [u8; 8] = *b"STWNFEM1";
+const MAGIC: [u8; 8] = *b"STWNFEM2";
 const HASH: usize = 32;
 
 /// A solved state with the values that the database needs.
@@ -56,6 +56,24 @@ impl Store {
         Ok(Self { folder: folder.into(), problem })
     }
 
+    /// The folder.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Checkpoints of another problem in the same folder: one that the mark tells from this.
+    #[must_use]
+    pub(crate) fn marked(&self, mark: Option<[u8; HASH]>) -> Self {
+        let Some(mark) = mark else { return self.clone() };
+        let problem = *blake3::hash(&[self.problem, mark].concat()).as_bytes();
+        Self { folder: self.folder.clone(), problem }
+    }
+
+    /// A file that goes with a state, by its ending.
+    pub(crate) fn beside(&self, load: &Load, ending: &str) -> PathBuf {
+        self.path(load).with_extension(ending)
+    }
+
     /// The file of a state; it is named by its loads, so that lists may be renamed and extended.
     fn path(&self, load: &Load) -> PathBuf {
         let mut hasher = blake3::Hasher::new();
@@ -86,7 +104,7 @@ impl Store {
         let mut values = load_values(&solved.state.load);
         values.extend([solved.contact_force_n, solved.cavity_volume_mm3, solved.clearance_mm]);
         values.extend([r.factorisations, r.steps, r.cuts].map(|n| n as f64));
-        values.extend([r.residual_n, r.seconds]);
+        values.extend([r.residual_n, r.residual, r.seconds]);
         values.extend(solved.state.displacement_mm.as_flattened());
         values.extend(&solved.state.element_pressure_mpa);
         values.extend(solved.state.sheet_resultants_n_per_mm.as_flattened().as_flattened());
@@ -122,7 +140,7 @@ impl Store {
         }
         let (displacement, rest) = rest.split_at(counts[1]);
         let (pressure, sheet) = rest.split_at(counts[2]);
-        let [force, volume, clearance, factorisations, steps, cuts, residual_n, seconds] =
+        let [force, volume, clearance, factorisations, steps, cuts, residual_n, residual, seconds] =
             std::array::from_fn(|i| head[LOAD + i]);
         Ok(Solved {
             state: State {
@@ -140,6 +158,7 @@ impl Store {
                 steps: steps as usize,
                 cuts: cuts as usize,
                 residual_n,
+                residual,
                 seconds,
             },
         })
@@ -148,7 +167,7 @@ impl Store {
 
 /// Numbers of a load, and of everything before the arrays.
 const LOAD: usize = 5;
-const HEAD: usize = LOAD + 8;
+const HEAD: usize = LOAD + 9;
 
 /// Pressure, gap (-1 when free) and gravity.
 fn load_values(load: &Load) -> Vec<f64> {

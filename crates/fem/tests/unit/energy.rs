@@ -46,8 +46,9 @@ pub fn potential_n_mm(problem: &Problem, state: &State, load: &Load) -> Result<f
         sum -= mass * dot(load.gravity_mm_s2, *u);
     }
     if let Some(face) = face(problem, load.obstacle) {
-        let touching = problem.contact_nodes.iter().filter_map(|n| face.touch(x[*n as usize]));
-        sum += problem.config.contact.obstacle_penalty_n_per_mm * touching.map(|t| t.energy).sum::<f64>();
+        let nodes = problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm);
+        let touching = nodes.filter_map(|(n, k)| Some(k * face.touch(x[*n as usize])?.energy));
+        sum += touching.sum::<f64>();
     }
     Ok(sum)
 }

@@ -8,3 +8,4 @@ mod energy;
 mod inputs;
 mod physics;
 mod tangents;
+mod variants;

@@ -45,7 +45,8 @@ impl Writer {
 pub(super) struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
-    pub(crate) fn new(bytes: &'a [u8], magic: &[u8; 8], version: u32) -> Result<Self, Diagnostic> {
+    /// A reader behind the head, and the version found there.
+    pub(crate) fn new(bytes: &'a [u8], magic: &[u8; 8], versions: &[u32]) -> Result<(Self, u32), Diagnostic> {
         let rest = bytes
             .strip_prefix(magic)
             .ok_or_else(|| Diagnostic::new("first bytes", "those of packed snapshots", "others"))?;
@@ -62,10 +63,10 @@ impl<'a> Reader<'a> {
         }
         let mut reader = Self(body);
         let found = u32::from_le_bytes(reader.take("version")?);
-        if found != version {
-            return Err(Diagnostic::new("version", version, found));
+        if !versions.contains(&found) {
+            return Err(Diagnostic::new("version", format!("one of {versions:?}"), found));
         }
-        Ok(reader)
+        Ok((reader, found))
     }
 
     pub(crate) fn count(&mut self, what: &str) -> Result<usize, Diagnostic> {

@@ -16,6 +16,8 @@ use std::path::Path;
 /// First bytes of a file.
 const MAGIC: [u8; 8] = *b"STWNPACK";
 const VERSION: u32 = 1;
+/// Version of files whose steps differ from case to case.
+const SHARES_VERSION: u32 = 2;
 /// Earlier cases a case is predicted from.
 const BASIS: usize = 16;
 /// Largest number of values in a file (8 GB as f32).
@@ -26,6 +28,8 @@ const MAX_VALUES: usize = 1 << 31;
 pub enum Stored {
     /// Rounded to steps of this size; the error is at most half of it.
     Steps(f64),
+    /// Rounded, in each case, to steps that keep this share of the case's largest value as the error.
+    Share(f64),
     /// Not stored: the distance between fields 0 to 2 and the undeformed coordinates.
     Distance,
 }
@@ -50,20 +54,45 @@ pub fn pack(snapshots: &Snapshots, fields: &[Stored]) -> Result<Vec<u8>, Diagnos
         let found = format!("{} values, {} fields", snapshots.values.len(), fields.len());
         return Err(Diagnostic::new("snapshots", format!("{:?}", snapshots.shape), found));
     }
-    let mut out = Writer::new(&MAGIC, VERSION);
+    let shares = fields.iter().any(|stored| matches!(stored, Stored::Share(_)));
+    let mut out = Writer::new(&MAGIC, if shares { SHARES_VERSION } else { VERSION });
     [cases, nodes, count].iter().for_each(|n| out.count(*n));
-    for stored in fields {
-        out.number(if let Stored::Steps(step) = stored { *step } else { 0.0 });
+    let steps: Vec<Vec<f64>> =
+        fields.iter().enumerate().map(|(f, stored)| steps(snapshots, f, stored)).collect();
+    for steps in &steps {
+        let written = if shares { &steps[..] } else { &steps[..1] };
+        written.iter().for_each(|step| out.number(*step));
     }
-    for (f, stored) in fields.iter().enumerate() {
-        if let Stored::Steps(step) = stored {
-            pack_field(&mut out, snapshots, f, *step)?;
-        }
+    for (f, steps) in steps.iter().enumerate().filter(|(f, _)| fields[*f] != Stored::Distance) {
+        pack_field(&mut out, snapshots, f, steps)?;
     }
     Ok(out.finish())
 }
 
-fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) -> Result<(), Diagnostic> {
+/// Step of each case of a field, at least one; 0 where the field is not stored.
+fn steps(snapshots: &Snapshots, field: usize, stored: &Stored) -> Vec<f64> {
+    let [cases, nodes, count] = snapshots.shape;
+    let share = match stored {
+        Stored::Steps(step) => return vec![*step; cases.max(1)],
+        Stored::Distance => return vec![0.0; cases.max(1)],
+        Stored::Share(share) => share,
+    };
+    let largest = |case: usize| {
+        let values =
+            snapshots.values[case * nodes * count..][..nodes * count].iter().skip(field).step_by(count);
+        values.fold(0.0_f32, |largest, v| largest.max(v.abs()))
+    };
+    // A case of nothing but zeros has any step.
+    let step = |largest: f32| if largest > 0.0 { 2.0 * share * f64::from(largest) } else { 1.0 };
+    (0..cases).map(|case| step(largest(case))).collect()
+}
+
+fn pack_field(
+    out: &mut Writer,
+    snapshots: &Snapshots,
+    field: usize,
+    steps: &[f64],
+) -> Result<(), Diagnostic> {
     let [cases, nodes, count] = snapshots.shape;
     let mut known: Vec<Vec<i32>> = Vec::with_capacity(cases);
     for case in 0..cases {
@@ -71,7 +100,7 @@ fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) 
             snapshots.values[case * nodes * count..][..nodes * count].iter().skip(field).step_by(count);
         let steps: Vec<i32> = values
             .map(|v| {
-                let steps = (f64::from(*v) / step).round();
+                let steps = (f64::from(*v) / steps[case]).round();
                 // Half the range is kept free, so that a difference always fits too.
                 if steps.abs() < f64::from(i32::MAX / 4) { Ok(steps as i32) } else { Err(*v) }
             })
@@ -99,7 +128,7 @@ fn pack_field(out: &mut Writer, snapshots: &Snapshots, field: usize, step: f64) 
 /// # Errors
 /// What is wrong with the bytes, or a missing or foreign mesh.
 pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, Diagnostic> {
-    let mut input = Reader::new(bytes, &MAGIC, VERSION)?;
+    let (mut input, version) = Reader::new(bytes, &MAGIC, &[VERSION, SHARES_VERSION])?;
     let shape = [input.count("cases")?, input.count("nodes")?, input.count("fields")?];
     let [cases, nodes, count] = shape;
     // Deflate shrinks at most a thousandfold, so larger counts are damage or an attack on memory.
@@ -109,14 +138,17 @@ pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapsh
     let Some(total) = total else {
         return Err(Diagnostic::new("shape", format!("1 to {most} values"), format!("{shape:?}")));
     };
-    let steps: Vec<f64> = (0..count).map(|_| input.number("step")).collect::<Result<_, _>>()?;
+    let per_field = if version == SHARES_VERSION { cases } else { 1 };
+    let steps: Vec<f64> = (0..count * per_field).map(|_| input.number("step")).collect::<Result<_, _>>()?;
     if steps.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
         return Err(Diagnostic::new("step", "finite numbers, 0 or more", format!("{steps:?}")));
     }
     let mut values = vec![0.0_f32; total];
-    for (field, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
+    let steps: Vec<&[f64]> = steps.chunks_exact(per_field).collect();
+    for (field, steps) in steps.iter().enumerate().filter(|(_, steps)| steps[0] > 0.0) {
         let mut known: Vec<Vec<i32>> = Vec::with_capacity(cases);
         for case in 0..cases {
+            let step = steps[case.min(per_field - 1)];
             let whole = unpack_case(&mut input, &known, nodes)?;
             let slots = values[case * nodes * count..][..nodes * count].iter_mut().skip(field).step_by(count);
             slots.zip(&whole).for_each(|(slot, k)| *slot = (f64::from(*k) * step) as f32);
@@ -125,7 +157,7 @@ pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapsh
     }
     input.end()?;
     let mut snapshots = Snapshots { shape, values };
-    for field in (0..count).filter(|f| steps[*f] == 0.0) {
+    for field in (0..count).filter(|f| steps[*f][0] == 0.0) {
         distances(&mut snapshots, field, undeformed_mm)?;
     }
     Ok(snapshots)

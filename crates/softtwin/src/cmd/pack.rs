@@ -30,10 +30,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     out: PathBuf,
     /// Largest error of a coordinate in mm.
-    #[arg(long, value_name = "MM", default_value_t = 1e-3, value_parser = crate::range::number(1e-9, 1e6))]
+    #[arg(long, value_name = "MM", default_value_t = 1e-5, value_parser = crate::range::number(1e-9, 1e6))]
     length_error_mm: f64,
     /// Largest error of a stress, and of any other field in its unit, in MPa.
-    #[arg(long, value_name = "MPA", default_value_t = 1e-5, value_parser = crate::range::number(1e-12, 1e6))]
+    #[arg(long, value_name = "MPA", default_value_t = 1e-7, value_parser = crate::range::number(1e-12, 1e6))]
     stress_error_mpa: f64,
     /// The other way: packed snapshots to snapshots.npy.
     #[arg(long)]
@@ -90,6 +90,8 @@ impl Args {
 
     /// The distance can be left out only behind the three coordinates it follows from.
     fn fields(&self, manifest: &Manifest, has_mesh: bool) -> Vec<Stored> {
+        // Parameters may move the undeformed mesh, so that the distance no longer follows from one mesh.
+        let has_mesh = has_mesh && manifest.input.iter().all(|input| input.nominal.is_none());
         let leading = manifest.field.iter().map(|f| f.name.as_str()).take(3).eq(["x", "y", "z"]);
         let stored = |kind| match kind {
             Kind::Magnitude if leading && has_mesh => Stored::Distance,
@@ -121,8 +123,11 @@ impl Args {
 
     /// Everything but the snapshots, whose new name the description gets.
     fn copy_rest(&self, manifest: &Manifest, snapshots: &str) -> anyhow::Result<()> {
-        let others = [Some(manifest.cases.as_str()), manifest.mesh.as_deref(), Some("volumes.csv")];
-        for name in others.into_iter().flatten().filter(|name| self.database.join(name).is_file()) {
+        let derivatives = manifest.sensitivities.as_deref();
+        let others = [Some(manifest.cases.as_str()), manifest.mesh.as_deref(), derivatives]
+            .into_iter()
+            .chain(["sensitivities.csv", "volumes.csv", "residuals.csv"].map(Some));
+        for name in others.flatten().filter(|name| self.database.join(name).is_file()) {
             file::copy(&self.database.join(name), &self.out.join(name))?;
         }
         let [from, to] = [&self.database, &self.out].map(|folder| folder.join("database.toml"));

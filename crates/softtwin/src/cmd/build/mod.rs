@@ -11,7 +11,7 @@ use crate::failure::usage;
 use crate::files::{self, refusal, save};
 use crate::{output, range, resources};
 use anyhow::{Context, Result};
-use fem::Problem;
+use fem::Family;
 use fem::actuator::Actuator;
 use fem::cases::to_csv;
 use fem::run::{Run, Store, fingerprint};
@@ -20,7 +20,6 @@ use pressures::Pressures;
 use quality::Quality;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 const EXAMPLES: &str = "\
@@ -75,8 +74,9 @@ impl Args {
         }
         let actuator = Actuator::read(&path).map_err(refusal)?;
         self.say("mesh", &self.mesh(&actuator)?)?;
-        let (actuator, problem) = files::actuator(&path)?;
-        let pressures = self.pressures(&actuator, &problem)?;
+        let family = files::family(&path)?;
+        let actuator = &family.actuator;
+        let pressures = self.pressures(&family)?;
         let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
         let plan = Plan::new(&pressures, counts)?;
         let [low, high] = plan.gaps_mm;
@@ -84,14 +84,16 @@ impl Args {
         save(&list, to_csv(&plan.cases).as_bytes())?;
         self.say("states", &format!("{} in {}, gaps {low} to {high} mm", plan.cases.len(), list.display()))?;
         let database = self.folder.join("database");
-        let outcome = batch::solve(&actuator, problem, &plan.cases, &database, self.threads)?;
+        let threads = self.threads;
+        let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
+        let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
         for (index, reason) in &outcome.failed {
             self.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
-        let model = self.train(&actuator, &database)?;
+        let model = self.train(actuator, &database)?;
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
-        save(&scene, scene::text(&actuator, &plan, &pressures).as_bytes())?;
+        save(&scene, scene::text(actuator, &plan, &pressures).as_bytes())?;
         let seconds = began.elapsed().as_secs_f64();
         let cpu_s = resources::cpu_s("self");
         if self.json {
@@ -142,9 +144,9 @@ impl Args {
         ))
     }
 
-    fn pressures(&self, actuator: &Actuator, problem: &Arc<Problem>) -> Result<Pressures> {
-        let store = Store::new(&self.folder.join("database/states"), fingerprint(problem))?;
-        let run = Run { actuator, problem: Arc::clone(problem), store, threads: 1 };
+    fn pressures(&self, family: &Family) -> Result<Pressures> {
+        let store = Store::new(&self.folder.join("database/states"), fingerprint(&family.problem))?;
+        let run = Run { family, store, threads: 1, sensitivities: false, shard: None };
         let found = pressures::find(&run, |text| {
             // What a reader of the output misses when it is closed is a progress line.
             let _ = self.say("pressures", text);

@@ -67,6 +67,7 @@ impl Plan {
                 split: split.into(),
                 pressure_mpa,
                 gap_mm: Some(gap),
+                settings: Vec::new(),
             }));
         };
         let gap = |share: f64| rounded(gaps_mm[0] + share * (gaps_mm[1] - gaps_mm[0]), 1e4);

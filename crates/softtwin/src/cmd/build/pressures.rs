@@ -46,7 +46,8 @@ impl Pressures {
 
 /// A free training state.
 pub fn free_case(name: &str, pressure_mpa: f64) -> Case {
-    Case { name: name.into(), regime: "free".into(), split: "train".into(), pressure_mpa, gap_mm: None }
+    let (regime, split) = ("free".into(), "train".into());
+    Case { name: name.into(), regime, split, pressure_mpa, gap_mm: None, settings: Vec::new() }
 }
 
 /// Distance from the held face to the tip, mm.
@@ -63,7 +64,7 @@ fn free_length_mm(actuator: &Actuator) -> f64 {
 /// # Errors
 /// No equilibrium under gravity, or a sag that leaves nothing to bend.
 pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
-    let length = free_length_mm(run.actuator);
+    let length = free_length_mm(&run.family.actuator);
     let wanted = WANTED_SHARE * length;
     let mut list = vec![free_case("rest", 0.0)];
     let outcome = run.solve(&list, &quiet).map_err(|error| {
@@ -79,7 +80,7 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
     say(&format!("rest: sags by {sag:.1} mm"));
     let mut states = vec![(0.0, rest.clearance_mm)];
     let (mut displacement, mut failures) = (sag, 0);
-    let mut step = FIRST_SHARE * run.actuator.elastomer.law.shear_modulus_mpa();
+    let mut step = FIRST_SHARE * run.family.actuator.elastomer.law.shear_modulus_mpa();
     let reason = loop {
         let pressure = rounded(states[states.len() - 1].0 + step);
         list.push(free_case(&format!("p{}", list.len()), pressure));

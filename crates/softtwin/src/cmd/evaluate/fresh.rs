@@ -18,8 +18,8 @@ impl Args {
     /// Simulates `count` random contact states into the database folder. States already there are not solved again.
     pub(super) fn simulate(&self, model: &Model, count: usize) -> anyhow::Result<()> {
         let path = self.actuator.as_deref().unwrap_or(Path::new(""));
-        let (actuator, problem) = files::actuator(path)?;
-        let nodes = problem.mesh().nodes_mm.len();
+        let family = files::family(path)?;
+        let nodes = family.problem.mesh().nodes_mm.len();
         if nodes != model.header.node_count {
             return Err(crate::failure::usage(format!(
                 "--actuator {}: its mesh has {nodes} nodes, expected the model's {}; the model was trained on another mesh",
@@ -28,7 +28,9 @@ impl Args {
             )));
         }
         let cases = random_states(model, count, self.seed, ObstacleKind::from(self.scene))?;
-        let outcome = batch::solve(&actuator, problem, &cases, &self.database, self.threads)?;
+        let threads = self.threads;
+        let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
+        let outcome = batch::solve(&family, &cases, &self.database, &options)?;
         for (index, reason) in &outcome.failed {
             tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);
         }
@@ -53,6 +55,7 @@ fn random_states(model: &Model, count: usize, seed: u64, scene: ObstacleKind) ->
         split: "check".into(),
         pressure_mpa: state.pressure_mpa(),
         gap_mm: Some(state.gap_mm()),
+        settings: Vec::new(),
     };
     Ok(states.into_iter().enumerate().map(case).collect())
 }

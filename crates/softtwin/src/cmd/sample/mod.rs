@@ -1,6 +1,7 @@
 //! `softtwin sample`: lists of cases to simulate, and cases where a trained model is least sure.
 
 mod gain;
+mod parameters;
 mod refine;
 mod regime;
 
@@ -20,6 +21,9 @@ const EXAMPLES: &str = "\
 Examples:
   A space-filling Latin hypercube over pressure and gap:
     softtwin sample --kind hypercube --n 85 --regime contact --out cases.csv
+  States over pressure, gap and two parameters of the actuator, every fourth without the plate:
+    softtwin sample --kind sequence --n 100 --regime both --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \
+      --parameter base.lower_mm=1.6:2.4 --out design.csv
   Seventeen pressures for the free regime:
     softtwin sample --kind hypercube --n 17 --regime free --out free.csv
   A grid of 10 pressures by 9 gaps:
@@ -40,6 +44,8 @@ started again it goes on where it was.";
 enum Kind {
     /// Latin hypercube, space-filling (maximin).
     Hypercube,
+    /// Low-discrepancy sequence: every first part of the list fills the space too.
+    Sequence,
     /// Full grid, bounds included.
     Grid,
     /// Points along the onset of contact.
@@ -80,7 +86,10 @@ pub struct Args {
     /// Lower and upper gap in mm.
     #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Vec<f64>,
-    /// Seed of the hypercube.
+    /// A parameter and its range: dotted key of actuator.toml, such as elastomer.law.mu_mpa=0.6:1.0. Hypercubes and sequences.
+    #[arg(long, value_name = "NAME=LOW:HIGH", requires = "actuator", group = "simulated", value_parser = parameters::range, help_heading = "State")]
+    parameter: Vec<parameters::Parameter>,
+    /// Seed of the hypercube or the sequence.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Computing")]
     seed: u64,
     /// Database whose free states give the onset of contact, or which is refined.
@@ -89,7 +98,7 @@ pub struct Args {
     /// First part of the cases' names; when left out it says kind, regime and purpose, so that lists can be joined.
     #[arg(long, value_name = "NAME", help_heading = "Sampling")]
     prefix: Option<String>,
-    /// The list: case,regime,split,pressure_mpa,gap_mm. Of a refinement: the new database's folder.
+    /// The list: case,regime,split,pressure_mpa,gap_mm and a column for each parameter. Of a refinement: the new database's folder.
     #[arg(long, value_name = "FILE.csv|DIR", help_heading = "Output")]
     out: PathBuf,
     #[command(flatten)]
@@ -109,8 +118,16 @@ impl Args {
         let (Some(kind), Some(n)) = (self.kind, self.n) else {
             return Err(usage("expected --kind and --n, or --refine with --database"));
         };
-        let bounds = self.bounds(n)?;
+        let mut bounds = self.bounds(n)?;
+        if !self.parameter.is_empty() {
+            if !matches!(kind, Kind::Hypercube | Kind::Sequence) {
+                return Err(usage("--parameter: expected --kind hypercube or sequence"));
+            }
+            parameters::check(self.refinement.actuator.as_deref().unwrap_or(Path::new("")), &self.parameter)?;
+            bounds.extend(self.parameter.iter().map(|p| p.range));
+        }
         let points = match kind {
+            Kind::Sequence => sample::sequence(n, &bounds, self.seed),
             Kind::Hypercube => sample::latin_hypercube(n, &bounds, self.seed),
             Kind::Grid => sample::grid(&[n, self.n_gaps][..bounds.len()], &bounds),
             Kind::Onset => self.onset(n)?,
@@ -169,6 +186,7 @@ impl Args {
         let kind = match self.kind {
             Some(Kind::Grid) => "-grid",
             Some(Kind::Onset) => "-onset",
+            Some(Kind::Sequence) => "-sequence",
             _ => "",
         };
         let purpose = if self.split == Split::Check { "-check" } else { "" };
@@ -178,7 +196,14 @@ impl Args {
     fn case(&self, index: usize, point: &[f64]) -> Case {
         let split = if self.split == Split::Train { "train" } else { "check" };
         let name = format!("{}{:03}", self.prefix(), index + 1);
-        self.regime.case(name, split, (point[0], point.get(1).copied()))
+        let (load, values) = point.split_at(point.len() - self.parameter.len());
+        let regime = self.regime.of(index);
+        let mut case =
+            regime.case(name, split, (load[0], load.get(1).copied().filter(|_| regime != Regime::Free)));
+        let rounded = |value: f64| (value * 1e9).round() / 1e9;
+        case.settings =
+            self.parameter.iter().zip(values).map(|(p, v)| (p.name.clone(), rounded(*v))).collect();
+        case
     }
 }
 

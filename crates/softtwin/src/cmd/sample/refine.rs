@@ -8,8 +8,7 @@ use crate::files::{self, refusal};
 use crate::progress::Progress;
 use crate::{output, range};
 use anyhow::Context;
-use fem::Problem;
-use fem::actuator::Actuator;
+use fem::Family;
 use fem::cases::{self, Case};
 use fem::run::{self, Event, Run, Solved, Store, fingerprint};
 use fem::sample::{InfillError, infill};
@@ -31,11 +30,11 @@ const MAX_STATES: usize = CANDIDATES / 10;
 #[derive(clap::Args)]
 pub struct Refinement {
     /// Instead: simulate this many more states where the model of --database is least sure, and retrain (1 to 150).
-    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires_all = ["database", "actuator"], value_parser = range::count(1, MAX_STATES))]
+    #[arg(long, value_name = "N", conflicts_with_all = ["kind", "n", "n_gaps", "prefix", "split"], requires_all = ["database", "actuator"], group = "simulated", value_parser = range::count(1, MAX_STATES))]
     refine: Option<usize>,
-    /// Actuator that is simulated.
-    #[arg(long, value_name = "FILE.toml", requires = "refine")]
-    actuator: Option<PathBuf>,
+    /// Actuator that is simulated, or whose parameters vary.
+    #[arg(long, value_name = "FILE.toml", requires = "simulated")]
+    pub(super) actuator: Option<PathBuf>,
     /// Cases a refinement solves at the same time (1 to 256).
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = range::threads)]
     threads: usize,
@@ -70,7 +69,7 @@ impl Refinement {
             ));
         }
         let mut progress = Progress::new(self.json);
-        let (actuator, problem) = files::actuator(self.actuator.as_deref().unwrap_or(Path::new("")))?;
+        let family = files::family(self.actuator.as_deref().unwrap_or(Path::new("")))?;
         let (scene, kind) = target.regime.kinds();
         progress.step("training on the database as it is");
         let database = files::database(target.database, scene)?;
@@ -84,12 +83,12 @@ impl Refinement {
             })?;
         }
         progress.step("simulating them");
-        let solved = self.simulate(target, &actuator, &problem, &proposed)?;
-        run::extend(target.database, target.out, problem.mesh(), &proposed, &solved).map_err(refusal)?;
+        let solved = self.simulate(target, &family, &proposed)?;
+        run::extend(target.database, target.out, &family, &proposed, &solved).map_err(refusal)?;
         progress.step("training on the refined database");
         let refined = files::database(target.out, scene)?;
         let after = train(&refined)?;
-        let model = target.out.join(&actuator.name).with_extension("twin");
+        let model = target.out.join(&family.actuator.name).with_extension("twin");
         files::save(&model, &after.0.to_bytes()?)?;
         files::save_data_sheet(&model, &after.1)?;
         drop(progress);
@@ -140,8 +139,7 @@ impl Refinement {
     fn simulate(
         &self,
         target: &Target<'_>,
-        actuator: &Actuator,
-        problem: &Arc<Problem>,
+        family: &Family,
         proposed: &[Case],
     ) -> anyhow::Result<Vec<(usize, Arc<Solved>)>> {
         let known = target.database.join("states");
@@ -152,8 +150,8 @@ impl Refinement {
         };
         let old = list.len();
         list.extend_from_slice(proposed);
-        let store = Store::new(&folder, fingerprint(problem))?;
-        let run = Run { actuator, problem: Arc::clone(problem), store, threads: self.threads };
+        let store = Store::new(&folder, fingerprint(&family.problem))?;
+        let run = Run { family, store, threads: self.threads, sensitivities: false, shard: None };
         let outcome = run.solve(&list, &|event| match event {
             Event::Solved(case, solved) => {
                 tracing::info!(

@@ -13,15 +13,29 @@ pub enum Regime {
     Contact,
     /// Pressure and gap, before a block.
     Gripper,
+    /// Pressure and gap over a plate; every fourth state free.
+    Both,
 }
+
+/// Of this many states of both regimes one is free: the free model has an input less.
+const FREE_EVERY: usize = 4;
 
 impl Regime {
     /// Its name in lists and databases.
     pub fn name(self) -> &'static str {
         match self {
             Self::Free => "free",
-            Self::Contact => "contact",
+            Self::Contact | Self::Both => "contact",
             Self::Gripper => "gripper",
+        }
+    }
+
+    /// The regime of a list's state: the list's own, or for both one of the two.
+    pub fn of(self, index: usize) -> Self {
+        match self {
+            Self::Both if index % FREE_EVERY == 0 => Self::Free,
+            Self::Both => Self::Contact,
+            other => other,
         }
     }
 
@@ -29,7 +43,7 @@ impl Regime {
     pub fn kinds(self) -> (ObstacleKind, RegimeKind) {
         match self {
             Self::Free => (ObstacleKind::Plate, RegimeKind::Free),
-            Self::Contact => (ObstacleKind::Plate, RegimeKind::Contact),
+            Self::Contact | Self::Both => (ObstacleKind::Plate, RegimeKind::Contact),
             Self::Gripper => (ObstacleKind::Block, RegimeKind::Contact),
         }
     }
@@ -43,6 +57,7 @@ impl Regime {
             split: split.into(),
             pressure_mpa: rounded(pressure_mpa, 1e9),
             gap_mm: gap_mm.map(|gap| rounded(gap, 1e6)),
+            settings: Vec::new(),
         }
     }
 }

@@ -1,30 +1,39 @@
 //! A list of cases to a database folder, with progress, checkpoints and a report.
 
+use crate::failure::configuration;
 use crate::files::refusal;
 use crate::{output, resources};
-use fem::Problem;
-use fem::actuator::Actuator;
+use fem::Family;
+use fem::actuator::Setting;
 use fem::cases::{self, Case};
-use fem::run::{self, Event, Outcome, Run, Store, fingerprint};
+use fem::run::{self, Event, Outcome, Run, RunError, Store, fingerprint};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+/// How a list is solved.
+pub struct Options {
+    /// Cases at the same time.
+    pub threads: usize,
+    /// Whether derivatives are kept.
+    pub sensitivities: bool,
+    /// Number, from 0, and count of the machines that share the list.
+    pub shard: Option<(usize, usize)>,
+    /// Quantities of the actuator that the list does not name.
+    pub settings: Vec<Setting>,
+}
+
 /// Solves what is not yet there, writes the folder and reports. Fails at the end when a case has failed.
-pub fn run(
-    actuator: &Actuator,
-    problem: Arc<Problem>,
-    list: &Path,
-    out: &Path,
-    threads: usize,
-    as_json: bool,
-) -> anyhow::Result<()> {
-    let cases = cases::read(list).map_err(refusal)?;
+pub fn run(family: &Family, list: &Path, out: &Path, options: &Options, as_json: bool) -> anyhow::Result<()> {
+    let mut cases = cases::read(list).map_err(refusal)?;
+    for case in &mut cases {
+        case.settings.extend(options.settings.iter().cloned());
+    }
     let began = Instant::now();
-    let outcome = solve(actuator, problem, &cases, out, threads)?;
+    let outcome = solve(family, &cases, out, options)?;
     let seconds = began.elapsed().as_secs_f64();
     let report = report(&cases, &outcome, seconds);
     if as_json {
@@ -45,27 +54,34 @@ pub fn run(
 }
 
 /// Solves what is not yet there, under a progress bar, and writes the folder.
-pub fn solve(
-    actuator: &Actuator,
-    problem: Arc<Problem>,
-    cases: &[Case],
-    out: &Path,
-    threads: usize,
-) -> anyhow::Result<Outcome> {
-    let store = Store::new(&out.join("states"), fingerprint(&problem))?;
+pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> anyhow::Result<Outcome> {
+    let store = Store::new(&out.join("states"), fingerprint(&family.problem))?;
     // A log gets lines instead of a bar.
     let bar = ProgressBar::new(cases.len() as u64);
     let lines = Lines::new(cases.len(), !std::io::stderr().is_terminal());
     bar.set_style(ProgressStyle::with_template(
         "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
     )?);
-    let run = Run { actuator, problem: Arc::clone(&problem), store, threads };
+    let run = Run {
+        family,
+        store,
+        threads: options.threads,
+        sensitivities: options.sensitivities,
+        shard: options.shard,
+    };
     let outcome = run.solve(cases, &|event| {
         show(&bar, &event);
         lines.show(&event);
+    });
+    let outcome = outcome.map_err(|error| match error {
+        RunError::Variant { .. } => configuration(error),
+        _ => error.into(),
     })?;
     bar.finish_and_clear();
-    run::write(out, &actuator.name, problem.mesh(), cases, &outcome.solved).map_err(refusal)?;
+    let derivatives = |case: &Case| run.derivatives(case);
+    let derivatives: Option<&dyn Fn(&Case) -> _> =
+        if options.sensitivities { Some(&derivatives) } else { None };
+    run::write(out, family, cases, &outcome.solved, derivatives).map_err(refusal)?;
     Ok(outcome)
 }
 
@@ -148,6 +164,7 @@ fn report(cases: &[Case], outcome: &Outcome, seconds: f64) -> Value {
         "solver_seconds": outcome.solved.iter().map(|(_, s)| s.report.seconds).sum::<f64>(),
         "cpu_seconds": resources::cpu_s("self"),
         "peak_memory_mb": resources::status("self", "VmHWM").map(|kb| kb * 1024 / 1_000_000),
+        "largest_residual": outcome.solved.iter().map(|(_, s)| s.report.residual).fold(0.0, f64::max),
         "largest_residual_n": outcome.solved.iter().map(|(_, s)| s.report.residual_n).fold(0.0, f64::max),
     })
 }

@@ -5,7 +5,8 @@ mod single;
 
 use crate::failure::usage;
 use crate::files;
-use crate::options::ActuatorFile;
+use crate::options::{ActuatorFile, setting};
+use fem::actuator::Setting;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -16,11 +17,19 @@ Examples:
     softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.05 --out state.vtu
   A path from rest in 10 steps, one JSON line a step:
     softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.07 --gap-mm 40 --steps 10
+  Softer silicone and a thinner wall:
+    softtwin simulate --actuator models/pneunet/actuator.toml --set elastomer.law.mu_mpa=0.7 --set chambers.length_mm=3.2 \
+      --pressure-mpa 0.05 --out state.npy
   A whole database, two cases at a time; stop it and start it again as you like:
     softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/cases.csv --out database
     softtwin train --database database --out finger.twin
 
-A database run keeps every solved state in OUT/states: what is there is not computed again. Needs about 1 GB a thread.";
+A database run keeps every solved state in OUT/states: what is there is not computed again. Needs about 1 GB a thread.
+
+Several machines work on one list through a common folder: `--shard 1/3`, `--shard 2/3`, `--shard 3/3`. Each takes its own part
+first, then what is left; a case in work is a locked file in OUT/states/claims, whose lock the system gives back when its
+holder ends. On NFS that takes about 90 seconds for a machine that is gone; a file system without locks is refused. Each
+machine ends when the whole list is done, and writes the same database.";
 
 /// Compute states of an actuator with the finite-element solver.
 #[derive(clap::Args)]
@@ -34,6 +43,10 @@ pub struct Args {
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
+    /// Another value of a quantity of the actuator: its dotted key in actuator.toml, such as elastomer.law.mu_mpa=0.72. Geometry
+    /// moves the mesh as it is. A list of cases has a column for each parameter; this sets the others.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
+    set: Vec<Setting>,
     /// Steps of the path from rest to the pressure; each is printed (1 to 100000).
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "cases", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = "State")]
     steps: u32,
@@ -46,6 +59,12 @@ pub struct Args {
     /// Cases solved at the same time (1 to 256).
     #[arg(long, value_name = "N", default_value_t = 2, requires = "cases", value_parser = crate::range::threads, help_heading = "Computing")]
     threads: usize,
+    /// Keep derivatives of coordinates, stress and force by pressure, gap and every parameter with each state.
+    #[arg(long, requires = "cases")]
+    sensitivities: bool,
+    /// Share the list with other machines through the folder --out: this is machine I of N, and takes its own part first.
+    #[arg(long, value_name = "I/N", requires = "cases", value_parser = shard)]
+    shard: Option<(usize, usize)>,
     /// The report of a database run as one JSON object. One state or a path is JSON anyway: adds the nodes that touch.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -54,17 +73,30 @@ pub struct Args {
 impl Args {
     /// Reads actuator and mesh, then computes.
     pub fn run(self) -> anyhow::Result<()> {
-        let (actuator, problem) = files::actuator(&self.geometry.actuator)?;
+        let family = files::family(&self.geometry.actuator)?;
         match (&self.cases, self.pressure_mpa, &self.out) {
             (Some(cases), _, Some(out)) => {
-                batch::run(&actuator, problem, cases, out, self.threads, self.json)
+                let (threads, sensitivities, shard) = (self.threads, self.sensitivities, self.shard);
+                let options = batch::Options { threads, sensitivities, shard, settings: self.set };
+                batch::run(&family, cases, out, &options, self.json)
             }
             (_, Some(pressure_mpa), out) => {
                 let (gap_mm, steps, node_sets) = (self.gap_mm, self.steps, self.json);
-                let target = single::Target { pressure_mpa, gap_mm, steps, node_sets };
-                single::run(&actuator, problem, &target, out.as_deref())
+                let target = single::Target { pressure_mpa, gap_mm, steps, node_sets, settings: self.set };
+                single::run(&family, &target, out.as_deref())
             }
             _ => Err(usage("expected --pressure-mpa, or --cases with --out")),
         }
+    }
+}
+
+/// Number and count of machines, the first number 0.
+fn shard(text: &str) -> Result<(usize, usize), String> {
+    let expected = "expected I/N with 1 <= I <= N <= 10000, such as 2/3";
+    let (own, count) = text.split_once('/').ok_or(expected)?;
+    let (own, count) = (own.parse::<usize>(), count.parse::<usize>());
+    match (own, count) {
+        (Ok(own), Ok(count)) if own >= 1 && own <= count && count <= 10_000 => Ok((own - 1, count)),
+        _ => Err(expected.into()),
     }
 }

@@ -1,10 +1,10 @@
 //! One state, or a path of states from rest.
 
-use crate::failure::usage;
+use crate::failure::{configuration, usage};
 use crate::output;
 use anyhow::Context;
-use fem::actuator::Actuator;
-use fem::{Output, Problem, Report, SolveError, Solver};
+use fem::actuator::{Setting, mesh_quality};
+use fem::{Family, Output, Problem, Report, SolveError, Solver};
 use formats::export::{Series, StateFormat};
 use formats::vtu::Cells;
 use rom::snapshots::FieldSpec;
@@ -22,18 +22,20 @@ pub struct Target {
     pub steps: u32,
     /// Print which nodes touch, besides how many.
     pub node_sets: bool,
+    /// Quantities of the actuator with other values than its file's.
+    pub settings: Vec<Setting>,
 }
 
 /// Solves step by step, prints a JSON line a step and writes the last state.
-pub fn run(
-    actuator: &Actuator,
-    problem: Arc<Problem>,
-    target: &Target,
-    out: Option<&Path>,
-) -> anyhow::Result<()> {
+pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Result<()> {
     if let Some(out) = out {
         StateFormat::of(out).map_err(usage)?; // before the work, not after it
     }
+    let variant = family.variant(&target.settings).map_err(configuration)?;
+    let problem = family.problem_of(&variant).map_err(configuration)?;
+    let actuator = family.actuator_of(&variant).map_err(configuration)?;
+    let quality =
+        (!target.settings.is_empty()).then(|| mesh_quality(problem.mesh(), &problem.mesh().nodes_mm));
     let mut solver = Solver::new(Arc::clone(&problem))?;
     let (mut state, mut work) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     for step in 1..=target.steps {
@@ -44,6 +46,11 @@ pub fn run(
         work = work.and(&report);
         let output = solver.output(&state);
         let mut described = line(&output, solver.clearance_mm(&state), pressure_mpa, target.gap_mm, &work);
+        if let Some((least, mean)) = quality {
+            described["set"] =
+                target.settings.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
+            described["mesh_quality"] = json!({"least": least, "mean": mean});
+        }
         if target.node_sets {
             described["contact_node_set"] = json!(output.contact_nodes);
             described["slot_contact_node_set"] = json!(output.slot_contact_nodes);

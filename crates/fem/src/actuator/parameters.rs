@@ -1,0 +1,132 @@
+//! Quantities of `actuator.toml` by name: every number has its dotted key (`elastomer.law.mu_mpa`), one of a list its
+//! place behind it (`loads.gravity_mm_s2.1`).
+
+use super::check::diagnostics;
+use super::file::Actuator;
+use formats::Diagnostic;
+use toml::{Table, Value};
+
+/// A quantity and the value it is to have.
+pub type Setting = (String, f64);
+
+/// What says how the mesh was made: the mesh itself is given, whatever the other quantities are.
+const FIXED: [&str; 3] = ["layout", "mesh.", "chambers.count"];
+
+impl Actuator {
+    /// Names and values of all quantities that can be set, in the file's order.
+    #[must_use]
+    pub fn quantities(&self) -> Vec<Setting> {
+        let mut found = Vec::new();
+        // A value of plain numbers, words and lists always has a form in TOML.
+        Value::try_from(self).iter().for_each(|value| collect("", value, &mut found));
+        found.retain(|(name, _)| !FIXED.iter().any(|fixed| name.starts_with(fixed)));
+        found
+    }
+
+    /// The value of a quantity.
+    ///
+    /// # Errors
+    /// An unknown name, with the nearest known one.
+    pub fn quantity(&self, name: &str) -> Result<f64, Diagnostic> {
+        let known = self.quantities();
+        let found = known.iter().find(|(key, _)| key == name).map(|(_, value)| *value);
+        found.ok_or_else(|| {
+            if FIXED.iter().any(|fixed| name.starts_with(fixed)) {
+                let expected = "a quantity that leaves the mesh's elements as they are";
+                return Diagnostic::new(
+                    "parameter",
+                    expected,
+                    format!("`{name}`: another mesh and another model"),
+                );
+            }
+            let nearest = known.iter().min_by_key(|(key, _)| (!key.starts_with(name), distance(key, name)));
+            let nearest = nearest.map_or(String::new(), |(key, _)| format!(", such as {key}"));
+            Diagnostic::new(
+                "parameter",
+                format!("the dotted key of a number in actuator.toml{nearest}"),
+                format!("`{name}`"),
+            )
+        })
+    }
+
+    /// This actuator with some quantities changed, checked like a file.
+    ///
+    /// # Errors
+    /// Unknown names, or everything that is wrong with the values; never empty.
+    pub fn with(&self, settings: &[Setting]) -> Result<Self, Vec<Diagnostic>> {
+        let unknown: Vec<_> = settings.iter().filter_map(|(name, _)| self.quantity(name).err()).collect();
+        if !unknown.is_empty() {
+            return Err(unknown);
+        }
+        let wrong = |error: &dyn std::fmt::Display| vec![Diagnostic::new("parameters", "an actuator", error)];
+        let mut table = Table::try_from(self).map_err(|error| wrong(&error))?;
+        for (name, value) in settings {
+            if let Some(slot) = slot(&mut table, name) {
+                *slot = match slot {
+                    Value::Integer(_) if value.fract() == 0.0 => Value::Integer(*value as i64),
+                    _ => Value::Float(*value),
+                };
+            }
+        }
+        let changed: Self = table.try_into().map_err(|error| wrong(&error))?;
+        let diagnostics = diagnostics(&changed);
+        if diagnostics.is_empty() { Ok(changed) } else { Err(diagnostics) }
+    }
+}
+
+/// Unit of a quantity, as the end of its name says; empty for a pure number.
+#[must_use]
+pub fn unit(name: &str) -> &'static str {
+    let key = name.rsplit('.').find(|part| part.parse::<usize>().is_err()).unwrap_or(name);
+    let units = [
+        ("_t_per_mm3", "t/mm3"),
+        ("_mpa_per_mm", "MPa/mm"),
+        ("_n_per_mm", "N/mm"),
+        ("_mm_s2", "mm/s2"),
+        ("_mpa", "MPa"),
+        ("_mm", "mm"),
+        ("_n", "N"),
+    ];
+    units.iter().find(|(end, _)| key.ends_with(end)).map_or("", |(_, unit)| unit)
+}
+
+fn collect(name: &str, value: &Value, found: &mut Vec<Setting>) {
+    let below = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
+    match value {
+        Value::Table(table) => table.iter().for_each(|(key, value)| collect(&below(key), value, found)),
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(i, value)| collect(&below(&i.to_string()), value, found));
+        }
+        Value::Float(number) => found.push((name.into(), *number)),
+        Value::Integer(number) => found.push((name.into(), *number as f64)),
+        _ => {}
+    }
+}
+
+fn slot<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Value> {
+    let mut parts = name.split('.');
+    let mut value = table.get_mut(parts.next()?)?;
+    for part in parts {
+        value = match value {
+            Value::Table(table) => table.get_mut(part)?,
+            Value::Array(list) => list.get_mut(part.parse::<usize>().ok()?)?,
+            _ => return None,
+        };
+    }
+    Some(value)
+}
+
+/// Number of letters to insert, remove or replace (Levenshtein 1966).
+fn distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut before = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.chars().enumerate() {
+            let replaced = before + usize::from(x != y);
+            before = row[j + 1];
+            row[j + 1] = replaced.min(before + 1).min(row[j] + 1);
+        }
+    }
+    row.last().copied().unwrap_or(0)
+}
