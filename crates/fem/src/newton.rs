@@ -71,6 +71,10 @@ pub(crate) struct Effort {
 /// Halvings of a correction that leads to an invalid state.
 const MAX_HALVINGS: usize = 5;
 
+/// Last correction (mm) above which the slots' normals are held: far from equilibrium walls overlap by much more than they
+/// will, and the turning of that force misleads the iteration. Close to it the exact tangent makes it converge quadratically.
+const TURNING_WITHIN_MM: f64 = 0.1;
+
 /// A correction of all unknowns.
 #[derive(Clone, Debug, Default)]
 struct Increment {
@@ -168,6 +172,9 @@ impl Newton {
         let settings = self.problem.config.newton;
         for _ in 0..settings.max_iterations {
             self.assemble(state, load)?;
+            if self.last_mm > TURNING_WITHIN_MM {
+                self.system.turning.clear();
+            }
             self.solve(effort)?;
             let correction = self.increment.largest_mm();
             self.update(state, (settings.displacement_cap_mm / correction).min(1.0));

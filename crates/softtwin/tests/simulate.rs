@@ -215,6 +215,107 @@ fn pack_and_refine(place: &Place) {
         .refused(2, "another folder than --database");
 }
 
+/// A line of the simulator's output without what differs from run to run or is said only of a variant.
+fn physics(mut line: Value) -> Value {
+    for key in ["seconds", "set", "mesh_quality"] {
+        line.as_object_mut().unwrap().remove(key);
+    }
+    line
+}
+
+#[test]
+fn a_set_value_is_that_of_the_file() {
+    let place = Place::new();
+    let load = "--pressure-mpa 0.06 --gap-mm 0.3 --json";
+    let run = |file: &str, more: &str| {
+        place.run(&format!("simulate --actuator {file} {load} --out s.npy {more}")).json()
+    };
+    let array = || bytes(&place.at("s.npy"));
+    let nominal = physics(run("a.toml", ""));
+    // Material: the mesh stays, so nothing may differ, not a bit.
+    place.put("b.toml", &actuators::with(&actuators::tiny(), "elastomer.law", "mu_mpa", "0.6"));
+    let set = run("a.toml", "--set elastomer.law.mu_mpa=0.6");
+    let written = array();
+    assert_eq!(set["set"]["elastomer.law.mu_mpa"].as_f64(), Some(0.6), "{set}");
+    assert_eq!(physics(run("b.toml", "")), physics(set.clone()));
+    assert_eq!(array(), written);
+    assert!(
+        set["contact_force_n"].as_f64() > nominal["contact_force_n"].as_f64(),
+        "softer presses harder: {set}"
+    );
+    // Geometry: the moved mesh is the one that the grid makes of the changed actuator.
+    place.put("c.toml", &actuators::with(&actuators::tiny(), "chambers", "top_mm", "17.6"));
+    let set = run("a.toml", "--set chambers.top_mm=17.6");
+    let quality = &set["mesh_quality"];
+    assert!(quality["least"].as_f64() > Some(0.0) && quality["mean"].as_f64() < Some(1.0), "{set}");
+    place.run("mesh --actuator c.toml --size-mm 9 --json").json();
+    let own = run("c.toml", "");
+    for key in ["contact_force_n", "cavity_volume_mm3", "max_displacement_mm"] {
+        let [a, b, n] = [&set, &own, &nominal].map(|line| line[key].as_f64().unwrap());
+        assert!((a - b).abs() < 1.0e-3 * (b - n).abs(), "{key}: {a} against {b}, nominal {n}");
+    }
+}
+
+#[test]
+fn names_and_values_that_cannot_be_set_are_refused() {
+    let place = Place::new();
+    let refused = |more: &str, code: i32, part: &str| {
+        place.run(&format!("simulate --actuator a.toml --pressure-mpa 0.01 {more}")).refused(code, part);
+    };
+    refused("--set elastomer.law.mu=0.7", 78, "elastomer.law.mu_mpa");
+    refused("--set elastomer.law.mu_mpa=-1", 78, "mu_mpa");
+    refused("--set chambers.count=3", 78, "another mesh");
+    refused("--set elastomer.law.mu_mpa", 2, "NAME=VALUE");
+    refused("--set elastomer.law.mu_mpa=inf", 2, "finite number");
+    place.put("list.csv", "case,regime,split,pressure_mpa,gap_mm,elastomer.law.mu\na,free,train,0.01,,0.7\n");
+    place.run("simulate --actuator a.toml --cases list.csv --out db").refused(78, "elastomer.law.mu_mpa");
+    place
+        .run("sample --kind sequence --n 2 --parameter elastomer.law.mu_mpa=0.6:1 --out x.csv")
+        .refused(2, "--actuator");
+    place.run("sample --kind grid --n 2 --actuator a.toml --out x.csv").refused(2, "--parameter");
+    place
+        .run("sample --kind sequence --n 2 --parameter elastomer.law.mu=0.6:1 --actuator a.toml --out x.csv")
+        .refused(78, "elastomer.law.mu_mpa");
+}
+
+/// Files of a folder that a run of the same list must repeat; checkpoints hold the time they took.
+fn database(place: &Place, folder: &str) -> BTreeMap<String, Vec<u8>> {
+    let files =
+        std::fs::read_dir(place.at(folder)).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_file());
+    files.map(|p| (p.file_name().unwrap().to_str().unwrap().to_owned(), bytes(&p))).collect()
+}
+
+#[test]
+fn threads_and_machines_change_no_byte_of_a_database_over_parameters() {
+    let place = Place::new();
+    let line = "sample --kind sequence --n 8 --regime both --pressure-mpa 0.01 0.06 --gap-mm 0.2 0.5 --actuator a.toml \
+                --parameter elastomer.law.mu_mpa=0.7:0.9 --parameter base.lower_mm=1.8:2.2 --out list.csv";
+    assert_eq!(place.run(line).code, Some(0));
+    let simulate = |out: &str, more: &str| {
+        let line =
+            format!("simulate --actuator a.toml --cases list.csv --sensitivities --json --out {out} {more}");
+        assert_eq!(place.run(&line).json()["cases"].as_u64(), Some(8));
+    };
+    simulate("one", "--threads 1");
+    simulate("two", "--threads 2");
+    let whole = database(&place, "one");
+    let names: Vec<&str> = whole.keys().map(String::as_str).collect();
+    for name in ["cases.csv", "residuals.csv", "sensitivities.csv", "sensitivities.pack", "snapshots.npy"] {
+        assert!(names.contains(&name), "{names:?}");
+    }
+    assert!(whole == database(&place, "two"), "one thread and two");
+    // Two machines at the same time through one folder; each ends with the whole database.
+    let line =
+        "simulate --actuator a.toml --cases list.csv --sensitivities --json --threads 1 --out shared --shard";
+    let start = |own: &str| {
+        place.command(&format!("{line} {own}")).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+    };
+    for mut machine in [start("1/2"), start("2/2")] {
+        assert!(machine.wait().unwrap().success());
+    }
+    assert!(whole == database(&place, "shared"), "one machine and two");
+}
+
 #[test]
 fn lists_are_sampled_reproducibly_and_can_be_simulated() {
     let place = Place::new();

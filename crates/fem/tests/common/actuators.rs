@@ -42,7 +42,7 @@ pub fn tiny() -> String {
         ("chambers", "width_mm", "12.0"),
         ("channels", "width_mm", "12.0"),
         ("newton", "smallest_step", "0.2"),
-        ("newton", "max_iterations", "8"),
+        ("newton", "max_iterations", "10"),
     ] {
         text = with(&text, section, key, value);
     }

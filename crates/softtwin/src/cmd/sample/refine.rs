@@ -73,6 +73,13 @@ impl Refinement {
         let (scene, kind) = target.regime.kinds();
         progress.step("training on the database as it is");
         let database = files::database(target.database, scene)?;
+        if let Some(parameter) = database.parameters.first() {
+            return Err(usage(format!(
+                "--refine: expected a database over pressure and gap alone, found the parameter {}; `sample --kind sequence` with a \
+                 larger --n continues a list over parameters",
+                parameter.name
+            )));
+        }
         let before = train(&database)?;
         let proposed = self.propose(target, &database, &before, kind)?;
         if !self.json {
