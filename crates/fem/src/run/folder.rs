@@ -26,6 +26,9 @@ const RESIDUAL_COLUMNS: [&str; 5] = ["case", "out_of_balance_n", "residual", "fa
 /// Fields of a snapshot: deformed coordinates, displacement magnitude, von Mises stress.
 const FIELDS: usize = 5;
 
+/// What is known of a case's derivatives.
+type DerivativesOf<'a> = &'a dyn Fn(&Case) -> Option<Vec<Derivative>>;
+
 /// States with their index in the list of cases.
 type Indexed = [(usize, Arc<Solved>)];
 
@@ -40,7 +43,7 @@ pub fn write(
     family: &Family,
     cases: &[Case],
     solved: &Indexed,
-    derivatives: Option<&dyn Fn(&Case) -> Option<Vec<Derivative>>>,
+    derivatives: Option<DerivativesOf<'_>>,
 ) -> Result<(), FormatError> {
     file::create_folder(dir)?;
     let mesh = family.problem.mesh();
@@ -79,7 +82,7 @@ fn write_sensitivities(
     nodes: usize,
     cases: &[Case],
     solved: &Indexed,
-    derivatives: &dyn Fn(&Case) -> Option<Vec<Derivative>>,
+    derivatives: DerivativesOf<'_>,
 ) -> Result<(), FormatError> {
     let (mut rows, mut values) = (Vec::new(), Vec::new());
     for (index, _) in solved {

@@ -33,7 +33,7 @@ impl Regime {
     /// The regime of a list's state: the list's own, or for both one of the two.
     pub fn of(self, index: usize) -> Self {
         match self {
-            Self::Both if index % FREE_EVERY == 0 => Self::Free,
+            Self::Both if index.is_multiple_of(FREE_EVERY) => Self::Free,
             Self::Both => Self::Contact,
             other => other,
         }
