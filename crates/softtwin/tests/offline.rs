@@ -268,6 +268,6 @@ fn every_command_has_worked_examples() {
     for name in names.iter().filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help")
     {
         let text = place.run(&[name, "--help"]).out;
-        assert!(text.contains("Examples:"), "{name} --help shows no examples");
+        assert!(text.starts_with("Example"), "{name} --help shows no examples");
     }
 }
