@@ -11,7 +11,10 @@ c3,0.06,,1500
 ";
 
 fn trace(folder: &Path, gap_mm: &str) -> Output {
-    let line = format!("trace --volumes volumes.csv --gap-mm {gap_mm} --end-pressure-mpa 0.06 --out t.csv");
+    let actuator = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/pneunet/actuator.toml");
+    let line = format!(
+        "trace --actuator {actuator} --volumes volumes.csv --gap-mm {gap_mm} --end-pressure-mpa 0.06 --out t.csv"
+    );
     Command::new(env!("CARGO_BIN_EXE_softtwin-studies"))
         .args(line.split(' '))
         .current_dir(folder)

@@ -120,7 +120,7 @@ fn mistakes_are_named_with_what_would_work() {
         assert!(found == Some(code) && error.contains(part), "{line}: {found:?} {out}{error}");
     };
     refused("new finger", 2, "expected a new or an empty folder");
-    refused("new other --chambers 6 --length-mm 40", 2, "need at least 59.0 mm");
+    refused("new other --chambers 6 --length-mm 40", 2, "need at least 58.0 mm");
     refused("new other --wall-mm 9", 2, "give thinner walls");
     refused("new other --silicone rubber", 2, "expected one of reference");
     refused("new bad.name", 2, "give --name");

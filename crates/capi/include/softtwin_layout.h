@@ -130,8 +130,8 @@ typedef struct {
   uint64_t t_sensor_ns; /**< When that reading was taken. Unit: ns. */
   uint64_t t_publish_ns; /**< When the state was sent. Unit: ns. */
   uint64_t age_ns; /**< Age of that reading when the state was sent. Unit: ns. */
-  double pressure_mpa; /**< Pressure of that reading. Unit: MPa. */
-  double gap_mm; /**< Gap of that reading. Unit: mm. */
+  double pressure_mpa; /**< Pressure of that reading; where the twin estimates the gauge's bias, the estimated one. Unit: MPa. */
+  double gap_mm; /**< Gap of that reading; where the twin estimates the gap, the estimated one. Unit: mm. */
   double contact_force_n; /**< Predicted contact force; 0 in the free regime. Unit: N. */
   double force_by_pressure_n_per_mpa; /**< Gradient of the force by the pressure; NaN when not configured. Unit: N/MPa. */
   double force_by_gap_n_per_mm; /**< Gradient of the force by the gap; NaN when not configured. Unit: N/mm. */

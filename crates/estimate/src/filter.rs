@@ -340,7 +340,7 @@ impl Filter {
             *x = x.clamp(unknown.range[0], unknown.range[1]);
         }
         let count = self.setup.unknowns.len();
-        let inputs = reading::inputs(&self.setup, measurement, &states);
+        let inputs = self.setup.inputs_at(measurement, &states);
         self.covariance = factor.inverse().leading(count);
         self.mean[..count].copy_from_slice(&states[..count]);
         let in_contact = side == Side::Contact || (side == Side::Any && solution.linear.in_contact);
@@ -368,7 +368,7 @@ impl Filter {
     fn unchanged(&self, status: Status, measurement: &Measurement) -> Update {
         let mut states = self.mean;
         states[self.setup.unknowns.len()..].fill(0.0);
-        let inputs = reading::inputs(&self.setup, measurement, &states);
+        let inputs = self.setup.inputs_at(measurement, &states);
         Update {
             status,
             inputs,

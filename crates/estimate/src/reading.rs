@@ -67,7 +67,7 @@ pub(crate) struct Solution {
 impl ReadingProblem<'_> {
     /// The model inputs of a state.
     pub(crate) fn inputs(&self, states: &Vector) -> [f64; MAX_INPUTS] {
-        inputs(self.setup, self.measurement, states)
+        self.setup.inputs_at(self.measurement, states)
     }
 
     /// Evaluates the model at a state; none where it gives no finite answer, or lies on the other side of the onset.
@@ -202,23 +202,6 @@ impl ReadingProblem<'_> {
             *x = x.clamp(unknown.range[0], unknown.range[1]);
         }
     }
-}
-
-/// The model inputs of a state.
-pub(crate) fn inputs(setup: &Setup, measurement: &Measurement, states: &Vector) -> [f64; MAX_INPUTS] {
-    let mut out = [f64::NAN; MAX_INPUTS];
-    let mut noise = setup.unknowns.len();
-    for (input, role) in setup.inputs.iter().enumerate() {
-        out[input] = match *role {
-            InputRole::Given(value) => value,
-            InputRole::Estimated(unknown) => states[unknown],
-            InputRole::Measured { bias, .. } => {
-                noise += 1;
-                measurement.inputs[input] - bias.map_or(0.0, |bias| states[bias]) - states[noise - 1]
-            }
-        };
-    }
-    out
 }
 
 pub(crate) fn difference(a: &Vector, b: &Vector) -> Vector {

@@ -1,6 +1,6 @@
 //! What is measured, given and estimated.
 
-use crate::matrix::MAX_STATES;
+use crate::matrix::{MAX_STATES, Vector};
 use thiserror::Error;
 
 /// Largest number of model inputs.
@@ -154,7 +154,24 @@ impl Setup {
     pub fn inputs(&self, measurement: &Measurement, unknowns: &[f64]) -> [f64; MAX_INPUTS] {
         let mut states = [0.0; MAX_STATES];
         states.iter_mut().zip(unknowns).for_each(|(to, from)| *to = *from);
-        crate::reading::inputs(self, measurement, &states)
+        self.inputs_at(measurement, &states)
+    }
+
+    /// The model inputs of a state: unknowns, then the noise of the measured inputs.
+    pub(crate) fn inputs_at(&self, measurement: &Measurement, states: &Vector) -> [f64; MAX_INPUTS] {
+        let mut out = [f64::NAN; MAX_INPUTS];
+        let mut noise = self.unknowns.len();
+        for (input, role) in self.inputs.iter().enumerate() {
+            out[input] = match *role {
+                InputRole::Given(value) => value,
+                InputRole::Estimated(unknown) => states[unknown],
+                InputRole::Measured { bias, .. } => {
+                    noise += 1;
+                    measurement.inputs[input] - bias.map_or(0.0, |bias| states[bias]) - states[noise - 1]
+                }
+            };
+        }
+        out
     }
 
     /// Positions and standard deviations of the measured inputs, in order: each adds its noise as a state of its own.

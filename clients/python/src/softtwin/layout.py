@@ -178,8 +178,8 @@ class State(Payload):
         ("t_sensor_ns", u64),  # ns: When that reading was taken.
         ("t_publish_ns", u64),  # ns: When the state was sent.
         ("age_ns", u64),  # ns: Age of that reading when the state was sent.
-        ("pressure_mpa", f64),  # MPa: Pressure of that reading.
-        ("gap_mm", f64),  # mm: Gap of that reading.
+        ("pressure_mpa", f64),  # MPa: Pressure of that reading; where the twin estimates the gauge's bias, the estimated one.
+        ("gap_mm", f64),  # mm: Gap of that reading; where the twin estimates the gap, the estimated one.
         ("contact_force_n", f64),  # N: Predicted contact force; 0 in the free regime.
         ("force_by_pressure_n_per_mpa", f64),  # N/MPa: Gradient of the force by the pressure; NaN when not configured.
         ("force_by_gap_n_per_mm", f64),  # N/mm: Gradient of the force by the gap; NaN when not configured.

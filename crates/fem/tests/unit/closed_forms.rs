@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::builder::{Builder, close};
 use crate::algebra::{norm, scale};
+use crate::config::NewtonSettings;
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Hyperelastic};
 use crate::{Load, Problem, ProblemConfig, Solver};
@@ -24,8 +25,10 @@ fn hollow_sphere(cells: usize, mu: f64) -> Problem {
     }
     let law = Hyperelastic::NeoHookean { mu_mpa: mu };
     let elastomers = vec![Elastomer { law, bulk_mpa: 2000.0 * mu, density_t_per_mm3: 0.0 }];
+    // The residual that is asked for below is far under that of the default tolerance.
+    let newton = NewtonSettings { correction_tolerance_mm: 1.0e-5, ..NewtonSettings::default() };
     let config =
-        ProblemConfig { elastomers, cavity_load: CavityLoad::Consistent, ..ProblemConfig::default() };
+        ProblemConfig { elastomers, cavity_load: CavityLoad::Consistent, newton, ..ProblemConfig::default() };
     Problem::new(b.mesh, config).unwrap()
 }
 

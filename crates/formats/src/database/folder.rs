@@ -4,16 +4,13 @@ use super::assemble::Parts;
 use super::cases;
 use super::manifest::{FILE, Input, Manifest};
 use super::sensitivities;
+use super::snapshots::read_snapshots;
 use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError};
 use crate::mesh_file::Tet10;
-use crate::packed::{self, Snapshots};
 use crate::{file, npy, vtu};
 use rom::snapshots::{Case, Database};
 use std::path::Path;
-
-/// Ending of packed snapshots, see [`packed`].
-pub const PACKED: &str = "pack";
 
 /// Reads the cases of one kind of obstacle.
 pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
@@ -65,22 +62,6 @@ fn select(
         }
     }
     (cases, snapshots)
-}
-
-/// Snapshots as an array or, by the ending [`PACKED`], packed; then the mesh gives the fields that follow from it.
-///
-/// # Errors
-/// Not readable, or not of three dimensions.
-pub fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, FormatError> {
-    if path.extension().is_some_and(|e| e == PACKED) {
-        let mesh = mesh.map(vtu::read).transpose()?;
-        return packed::read(path, mesh.as_ref().map(|m| m.points_mm.as_slice()));
-    }
-    let array = npy::read_f32(path)?;
-    let shape = <[usize; 3]>::try_from(array.shape).map_err(|found| {
-        FormatError::one(path, Diagnostic::new("shape", "cases x nodes x fields", format!("{found:?}")))
-    })?;
-    Ok(Snapshots { shape, values: array.data })
 }
 
 /// Kinds of obstacle for which a folder has cases: what `--scene` can choose.

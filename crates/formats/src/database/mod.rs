@@ -12,11 +12,13 @@ mod folder;
 mod manifest;
 mod mesh;
 mod sensitivities;
+mod snapshots;
 mod words;
 
-pub use folder::{PACKED, obstacle_kinds, read_snapshots, write};
+pub use folder::{obstacle_kinds, write};
 pub use manifest::{Extra, Field, Input, Kind, Manifest};
 pub use mesh::{bottom_nodes, surface_of_tets};
+pub use snapshots::{PACKED, read_snapshots};
 pub use words::{ObstacleKind, REGIMES, SPLITS};
 
 use crate::error::FormatError;

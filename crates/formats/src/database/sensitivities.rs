@@ -1,8 +1,8 @@
 //! Derivatives of snapshots by inputs: an array `rows x nodes x fields` (packed or .npy) and `sensitivities.csv`, whose
 //! row `i` says which case and input the array's row `i` is about.
 
-use super::folder::read_snapshots;
 use super::manifest::{FILE, Manifest};
+use super::snapshots::read_snapshots;
 use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::table::{self, Row, Table};

@@ -1,4 +1,4 @@
-//! `softtwin calibrate` as a program: readings of a known truth in, estimates out.
+//! Estimation with readings of a known truth: a twin that follows them, `softtwin calibrate` that fits them.
 
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
@@ -7,10 +7,15 @@ use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::rng::Rng;
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use tests::process::binary;
+use tests::wait::{states, wait_for, wait_state};
+use tests::{Program, Stage};
+use wire::layout::estimate_status;
+use wire::{EstimateReader, Topic};
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// A slow inflation over a plate at a gap, read by a gauge with a bias, a load cell and a camera at the tip: a table.
 fn recording(gap_mm: f64, bias_mpa: f64, with_markers: bool) -> String {
@@ -44,7 +49,7 @@ fn recording(gap_mm: f64, bias_mpa: f64, with_markers: bool) -> String {
 fn calibrate(folder: &Path, table: &str, extra: &[&str]) -> Output {
     let recording = folder.join("run.csv");
     std::fs::write(&recording, table).expect("a table");
-    Command::new(env!("CARGO_BIN_EXE_softtwin"))
+    Command::new(binary("softtwin"))
         .args([
             "calibrate",
             "--scene",
@@ -109,11 +114,65 @@ fn what_cannot_be_fitted_is_named() {
     assert_eq!(output.status.code(), Some(78), "{text}");
     assert!(text.contains("no measured value of measured_force_n"), "{text}");
     let finger = format!("{ROOT}/config/scenes/finger.toml");
-    let output = Command::new(env!("CARGO_BIN_EXE_softtwin"))
+    let output = Command::new(binary("softtwin"))
         .args(["calibrate", "--scene", &finger, "--recording", "none.csv"])
         .output()
         .expect("softtwin");
     assert!(String::from_utf8_lossy(&output.stderr).contains("[actuator.estimate]"));
+}
+
+/// The shipped scene with readings of a trace, five times as fast as they were taken.
+fn scene(stage: &Stage) -> PathBuf {
+    stage.write("run.csv", &recording(46.0, 0.0012, true));
+    let shipped =
+        std::fs::read_to_string(format!("{ROOT}/config/scenes/estimate.toml")).expect("the shipped scene");
+    let text = shipped.replace("../../models", &format!("{ROOT}/models"));
+    let source =
+        "[actuator.source]\nkind = \"replay\"\ntrace = \"run.csv\"\nspeed = 5.0\n[[actuator.output]]";
+    stage.write("estimate.toml", &text.replace("[[actuator.output]]", source))
+}
+
+#[test]
+fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate() {
+    let stage = Stage::new("estimate");
+    let scene = scene(&stage);
+    let twin = Program::twin(&stage, &scene);
+    let bus = stage.bus();
+    let estimates =
+        EstimateReader::attach(&bus, &Topic::estimate("finger").expect("a topic")).expect("a reader");
+    let published = states(&bus);
+    let _bridge = Program::bridge(&stage, &scene);
+    let last = wait_for(&estimates, "an estimate of the gap that the readings tell", |reader| {
+        let newest = reader.newest().expect("readable")?;
+        (newest.identifiable == 0b11 && newest.sigmas[0] < 0.4).then_some(newest)
+    });
+    assert_eq!((last.name(0), last.name(1)), ("gap_mm".into(), "pressure_bias_mpa".into()));
+    assert_eq!((last.status, last.unknown_count, last.input_count), (estimate_status::USED, 2, 2));
+    assert!((last.values[0] - 46.0).abs() < 4.0 * last.sigmas[0], "{last:?}");
+    assert!((last.values[1] - 0.0012).abs() < 4.0 * last.sigmas[1], "{last:?}");
+    assert!(last.force_sigma_n > 0.0 && last.force_sigma_n < 0.02, "{last:?}");
+    // The state is that of the estimated inputs, and its half-width contains the estimate's.
+    let state =
+        wait_state(&published, "a state of a later reading", |state| state.sensor_seq > last.sensor_seq);
+    assert!((state.gap_mm - 46.0).abs() < 0.5, "{state:?}");
+    assert!(f64::from(state.force_halfwidth_n) > 1.6 * last.force_sigma_n * 0.5, "{state:?}");
+    assert!(twin.stop().0.success());
+}
+
+#[test]
+fn a_scene_that_estimates_what_the_model_does_not_have_is_refused_with_all_that_is_wrong() {
+    let stage = Stage::new("estimate-wrong");
+    let path = scene(&stage);
+    let text = std::fs::read_to_string(&path).expect("the scene");
+    let text = text.replace("# force_bias_n = {", "stifness_mpa = { prior = 1.0, sigma = 0.1 }\n# {");
+    std::fs::write(&path, text.replace("at_mm = [115.0, 2.0, 16.0]", "at_mm = [500.0, 2.0, 16.0]"))
+        .expect("written");
+    let (status, lines) =
+        Program::daemon(&stage, &["twin", "--scene", path.to_str().expect("a path")]).ended();
+    let text = lines.join("\n");
+    assert_eq!(status.code(), Some(78), "{text}");
+    assert!(text.contains("estimate.stifness_mpa") && text.contains("gap_mm, pressure_bias_mpa"), "{text}");
+    assert!(text.contains("marker[0] `tip`") && text.contains("from the nearest node"), "{text}");
 }
 
 fn path(path: &Path) -> &str {
