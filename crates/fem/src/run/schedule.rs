@@ -2,7 +2,7 @@
 //!
 //! The problem is conservative and frictionless, so the path does not matter and the shortest is the cheapest. What is
 //! solved in which order, by how many threads or machines, changes no start and therefore no byte; a list continued at
-//! its end leaves the states before as they are; and the first rows of a list need no later ones.
+//! its end, within the ranges it has, leaves the states before as they are; and the first rows of a list need no later ones.
 
 use crate::cases::Case;
 

@@ -49,6 +49,9 @@ pub struct QueryClient {
     answered: WakeSet,
 }
 
+/// Longest wait before a client looks whether its question is still held by the twin.
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
 /// A question that waits for its answer from the server that took it.
 #[derive(Debug)]
 pub struct Question<'a> {
@@ -199,27 +202,39 @@ impl QueryClient {
     /// [`Answer::refusal`].
     pub fn ask(&mut self, query: &Query, timeout: Duration) -> Result<AnswerSample, WireError> {
         let end = Instant::now() + timeout;
+        loop {
+            let pending = self.send(query)?;
+            loop {
+                if let Some(response) = receive(&self.name, &pending)? {
+                    return Ok(AnswerSample { response });
+                }
+                let left = end.saturating_duration_since(Instant::now());
+                if left.is_zero() {
+                    let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
+                    return Err(WireError::NoAnswer { name: self.name.clone(), timeout_ms });
+                }
+                // Every answer to anybody wakes all who wait: look, do not assume.
+                let woken = self.answered.wait(left.min(LOOK_AGAIN))?;
+                if woken == Wake::Timeout && !pending.is_connected() {
+                    break;
+                }
+            }
+            if let Some(response) = receive(&self.name, &pending)? {
+                return Ok(AnswerSample { response });
+            }
+            // The twin let go of the question and no answer came: one that was sent while the connection was being made is
+            // lost. Asked again, or refused when the twin has gone.
+        }
+    }
+
+    fn send(&self, query: &Query) -> Result<Pending, WireError> {
         let failed = |cause: String| WireError::Send { topic: self.name.clone(), cause };
         let pending = self.client.send_copy(*query).map_err(|error| failed(format!("{error:?}")))?;
         if pending.number_of_server_connections() == 0 {
             return Err(WireError::NobodyAnswers { name: self.name.clone() });
         }
         self.asking.notify().map_err(|error| failed(format!("{error:?}")))?;
-        loop {
-            if let Some(response) = receive(&self.name, &pending)? {
-                return Ok(AnswerSample { response });
-            }
-            let left = end.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
-                return Err(WireError::NoAnswer { name: self.name.clone(), timeout_ms });
-            }
-            // Every answer to anybody wakes all who wait: look, do not assume.
-            let woken = self.answered.wait(left)?;
-            if woken == Wake::Timeout && !pending.is_connected() {
-                return Err(WireError::NobodyAnswers { name: self.name.clone() });
-            }
-        }
+        Ok(pending)
     }
 }
 
