@@ -74,11 +74,16 @@ pub(crate) fn prefault(places: &Places, writer_id: u128) -> std::io::Result<u64>
     let maps = std::fs::read_to_string("/proc/self/maps")?;
     let mut mapped = 0;
     for line in maps.lines().filter(|line| line.ends_with(&*path.to_string_lossy())) {
-        let range = line.split_whitespace().next().and_then(|range| range.split_once('-'));
+        let mut words = line.split_whitespace();
+        let range = words.next().and_then(|range| range.split_once('-'));
+        // A reader in the same process has a mapping of its own, which nobody may write to.
+        if !words.next().is_some_and(|rights| rights.starts_with("rw")) {
+            continue;
+        }
         let parse = |text: &str| usize::from_str_radix(text, 16).ok();
         let Some((begin, end)) = range.and_then(|(a, b)| Some((parse(a)?, parse(b)?))) else { continue };
         for page in (begin..end).step_by(PAGE_BYTES) {
-            // SAFETY: the address is inside a live, writable mapping of this process (just read from /proc/self/maps, and
+            // SAFETY: the address is inside a live, writable mapping of this process (just read from /proc/self/maps;
             // the writer that owns it is borrowed by our caller); an atomic `or` with 0 changes no byte, whoever else
             // looks at it.
             let byte = unsafe { AtomicU8::from_ptr(page as *mut u8) };
