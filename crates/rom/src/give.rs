@@ -34,24 +34,8 @@ impl ModelHeader {
         let found = self.inputs.iter().skip(PARAMETERS).position(|input| input.name == name);
         found.map(|at| PARAMETERS + at).ok_or_else(|| {
             let known: Vec<String> = self.inputs.iter().skip(PARAMETERS).map(|i| i.name.clone()).collect();
-            let nearest = known.iter().min_by_key(|known| edits(known, name)).cloned();
+            let nearest = known.iter().min_by_key(|known| strsim::levenshtein(known, name)).cloned();
             ModelError::UnknownInput { found: name.into(), nearest, known }
         })
     }
-}
-
-/// Letters to insert, delete or replace to make one word of the other (Levenshtein).
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, letter) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, other) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(letter != *other);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }

@@ -127,6 +127,13 @@ impl Inputs {
     }
 }
 
+impl From<[f64; MAX_INPUTS]> for Inputs {
+    /// Values by position, NaN where none is set.
+    fn from(values: [f64; MAX_INPUTS]) -> Self {
+        Self(values)
+    }
+}
+
 /// The inputs that a regime is interpolated over, and those that all of its samples shared.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct InputMap {

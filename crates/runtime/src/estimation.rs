@@ -142,15 +142,11 @@ impl SensorModel {
             rotation: spec.camera.rotation(),
         })
     }
-
-    fn inputs(values: &[f64; MAX_INPUTS]) -> Inputs {
-        values.iter().enumerate().fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, v)| inputs.with(at, *v))
-    }
 }
 
 impl estimate::Model for SensorModel {
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
-        self.evaluator.evaluate(Self::inputs(inputs), &mut self.evaluation);
+        self.evaluator.evaluate(Inputs::from(*inputs), &mut self.evaluation);
         self.probes.evaluate(&self.evaluation, &mut self.positions);
         let force =
             Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };
@@ -177,7 +173,7 @@ impl estimate::Model for SensorModel {
     }
 
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
-        self.evaluator.closed_gap_mm(Self::inputs(inputs), &mut self.evaluation)
+        self.evaluator.closed_gap_mm(Inputs::from(*inputs), &mut self.evaluation)
     }
 }
 

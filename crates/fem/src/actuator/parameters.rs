@@ -39,7 +39,8 @@ impl Actuator {
                     format!("`{name}`: another mesh and another model"),
                 );
             }
-            let nearest = known.iter().min_by_key(|(key, _)| (!key.starts_with(name), distance(key, name)));
+            let nearest =
+                known.iter().min_by_key(|(key, _)| (!key.starts_with(name), strsim::levenshtein(key, name)));
             let nearest = nearest.map_or(String::new(), |(key, _)| format!(", such as {key}"));
             Diagnostic::new(
                 "parameter",
@@ -114,19 +115,4 @@ fn slot<'a>(table: &'a mut Table, name: &str) -> Option<&'a mut Value> {
         };
     }
     Some(value)
-}
-
-/// Number of letters to insert, remove or replace (Levenshtein 1966).
-fn distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut before = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.chars().enumerate() {
-            let replaced = before + usize::from(x != y);
-            before = row[j + 1];
-            row[j + 1] = replaced.min(before + 1).min(row[j] + 1);
-        }
-    }
-    row.last().copied().unwrap_or(0)
 }

@@ -36,10 +36,6 @@ fn gap_of(spec: &ActuatorSpec) -> Gap {
     spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
 }
 
-fn inputs_of(values: &[f64]) -> Inputs {
-    values.iter().enumerate().fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, v)| inputs.with(at, *v))
-}
-
 /// One actuator of a running twin.
 #[derive(Debug)]
 pub(super) struct ActuatorTwin {
@@ -236,7 +232,7 @@ impl ActuatorTwin {
             Some((estimator, _, estimate)) => {
                 let update = estimator.update(sample);
                 estimator.fill(&update, estimate);
-                inputs_of(&update.inputs)
+                Inputs::from(update.inputs)
             }
         };
         self.label = self.evaluator.evaluate(inputs, &mut self.evaluation);
