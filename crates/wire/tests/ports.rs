@@ -180,7 +180,7 @@ fn a_reader_that_is_never_woken_gets_every_sample_and_holds_no_wait_up() {
     let seen: Vec<u64> = std::iter::from_fn(|| quiet.next().unwrap()).map(|sample| sample.seq).collect();
     assert_eq!(seen, [1, 2, 3]);
     assert_eq!(quiet_field.newest().unwrap().map(|sample| sample.header().seq), Some(3));
-    // Beside one that is woken it stays silent, and the other wakes as ever.
+    // Together with one that is woken it stays silent, and the other wakes as ever.
     let woken = SensorReader::open(&bus, &sensor).unwrap();
     let mut wake = WakeSet::new([&quiet as &dyn Wakeable, &woken]);
     writer.publish(SensorSample { seq: 4, ..SensorSample::default() }).unwrap();

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use tests::wait::wait_until;
 use tests::{PATIENCE, Program, Stage};
 use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
@@ -106,18 +107,6 @@ pub fn get_until<T>(
     wanted: impl Fn(Result<Sample, String>) -> Option<T>,
 ) -> T {
     wait_until(selector, || get(session, selector).and_then(&wanted))
-}
-
-/// Waits until `look` has an answer.
-pub fn wait_until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(Instant::now() < end, "{what} did not come");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }
 
 /// Keys of all living twins.

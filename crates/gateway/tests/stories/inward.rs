@@ -3,7 +3,7 @@
 use crate::common::{FAST_SINE, far_end, free_port, gateway};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
-use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::wait::{fresh, states, wait_for, wait_state, wait_until};
 use tests::{Program, Stage};
 use wire::{HealthReader, KeyExpr, Outcome, Topic, now_ns};
 use zenoh::{Session, Wait};
@@ -114,7 +114,7 @@ fn a_bridge_that_is_there_already_keeps_its_place() {
     drop(bridge);
     let session = far_end(port);
     let state = states(&stage.bus());
-    crate::common::wait_until("the network takes over", || {
+    wait_until("the network takes over", || {
         put(&session, "softtwin/finger/sensor", &reading(now_ns() / 1000, json!(0.02)));
         state.newest().unwrap().filter(|state| state.sensor_boot_id == 0xaa)
     });

@@ -2,10 +2,9 @@
 
 use crate::common::{
     FAST_SINE, far_end, free_port, gateway, get, get_until, json_of, living, subscribe, wait_sample,
-    wait_until,
 };
 use std::collections::HashMap;
-use tests::wait::{states, wait_for};
+use tests::wait::{states, wait_for, wait_until};
 use tests::{Program, Stage};
 use wire::{FieldReader, KeyExpr, Topic};
 use zenoh::Wait;

@@ -13,7 +13,7 @@ Examples:
     softtwin inspect finger.twin
     softtwin inspect finger.twin --json | python3 -m json.tool
 
-Beside the model lies its data sheet (finger.json) with the candidates that were tried and the error of every
+The data sheet in the same folder (finger.json) names the candidates that were tried and the error of every
 training case when it was left out.";
 
 /// Show what a model file holds; every checksum is verified on the way.
