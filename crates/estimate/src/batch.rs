@@ -13,7 +13,7 @@ use crate::filter::{Estimate, Filter};
 use crate::identify;
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
 use crate::normal::chi_squared_quantile;
-use crate::reading::{Linear, ReadingProblem, Side, difference};
+use crate::reading::{Linear, Prior, ReadingProblem, Side, difference};
 use crate::setup::{MAX_ROWS, Measurement, Model, Setup, SetupError};
 
 /// Steps after which the fit counts as not converged.
@@ -102,17 +102,14 @@ struct Sums {
 
 impl<'a> Batch<'a> {
     fn new(setup: &'a Setup, readings: &[Measurement]) -> Self {
-        let complete =
-            |r: &&Measurement| setup.measured_inputs().all(|(input, _)| r.inputs[input].is_finite());
-        let kept: Vec<Measurement> = readings.iter().filter(complete).copied().collect();
+        let kept: Vec<Measurement> = readings.iter().filter(|r| setup.is_complete(r)).copied().collect();
         let length_s = kept.last().zip(kept.first()).map_or(0.0, |(last, first)| last.t_s - first.t_s);
         let spacing_s = length_s / kept.len().max(2) as f64;
         let shared = if spacing_s > 0.0 { (setup.model_correlation_s / spacing_s).max(1.0) } else { 1.0 };
         let mut weights = [[0.0; MAX_ROWS]; 2];
         for (i, row) in setup.rows.iter().enumerate() {
-            let (noise, model) = (row.sigma * row.sigma, row.model_sigma * row.model_sigma);
-            weights[0][i] = 1.0 / (noise + shared.min(kept.len() as f64) * model);
-            weights[1][i] = 1.0 / (noise + model);
+            weights[0][i] = 1.0 / row.variance(shared.min(kept.len() as f64));
+            weights[1][i] = 1.0 / row.variance(1.0);
         }
         let (skipped, noise) = (readings.len() - kept.len(), vec![[0.0; MAX_STATES]; kept.len()]);
         Self { setup, readings: kept, skipped, noise, weights }
@@ -224,23 +221,20 @@ impl<'a> Batch<'a> {
         model: &mut impl Model,
     ) -> Option<()> {
         let count = self.unknowns();
-        let mut inverse_variances = [0.0; MAX_STATES];
-        let mut size = count;
-        for (_, sigma) in self.setup.measured_inputs() {
-            inverse_variances[size] = 1.0 / (sigma * sigma);
-            size += 1;
-        }
+        let (noise, measured) = self.setup.noise_information();
+        let size = count + measured;
+        let information = Symmetric::diagonal(&[0.0; MAX_STATES][..count]).extended(&noise[..measured]);
         let mut weights = [0.0; MAX_ROWS];
         for (i, value) in reading.rows.iter().enumerate().take(self.setup.rows.len()) {
             weights[i] = if value.is_finite() { self.weights[0][i] } else { 0.0 };
         }
-        let mut prior = *states;
-        prior[count..].fill(0.0); // the unknowns' own prior is counted once, not with each reading
+        // The unknowns' own prior is counted once, not with each reading.
+        let mut prior = Prior { states: *states, information };
+        prior.states[count..].fill(0.0);
         let problem = ReadingProblem {
             setup: self.setup,
             measurement: reading,
-            prior,
-            information: Symmetric::diagonal(&inverse_variances[..size]),
+            prior: &prior,
             side: Side::Any,
             weights,
         };
@@ -251,9 +245,9 @@ impl<'a> Batch<'a> {
             let (matrix, right) = problem.equations(&states, &linear, &robust);
             let step = noise_step(&matrix, &right, count)?;
             let mut length = 0.0;
-            for (k, (e, step)) in states[count..size].iter_mut().zip(step).enumerate() {
+            for ((e, step), weight) in states[count..size].iter_mut().zip(step).zip(noise) {
                 *e += step;
-                length += step * step * inverse_variances[count + k];
+                length += step * step * weight;
             }
             if length < SMALL_STEP * SMALL_STEP {
                 break;
@@ -262,7 +256,7 @@ impl<'a> Batch<'a> {
         let linear = problem.linearise(&states, model)?;
         let (robust, terms) = self.robust(&linear, &weights);
         let (matrix, right) = problem.equations(&states, &linear, &robust);
-        let squares = inverse_variances[count..].iter().zip(&states[count..]).map(|(w, e)| w * e * e);
+        let squares = noise.iter().zip(&states[count..size]).map(|(w, e)| w * e * e);
         let of_noise: f64 = squares.sum();
         sums.cost += of_noise + terms.cost;
         sums.chi2 += of_noise + terms.chi2;

@@ -3,7 +3,7 @@
 use crate::identify::{self, Identifiability};
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
-use crate::reading::{self, Linear, ReadingProblem, Side, Solution};
+use crate::reading::{self, Linear, Prior, ReadingProblem, Side, Solution};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
 
 /// A block whose residual is that unlikely (one-sided normal quantile of 1e-4) is rejected.
@@ -157,23 +157,20 @@ impl Filter {
         if let Err(status) = self.advance(measurement) {
             return self.unchanged(status, measurement);
         }
-        match self.best(measurement, model) {
+        let Some(prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
+        match self.best(measurement, &prior, model) {
             Some(explained) if explained.rejected.count_ones() > MAX_REJECTED => {
                 let rejected = explained.rejected;
                 Update { rejected, ..self.unchanged(Status::NotExplained, measurement) }
             }
-            Some(explained) => self.accept(measurement, &explained, model),
+            Some(explained) => self.accept(measurement, &prior, &explained, model),
             None => self.unchanged(Status::NotConverged, measurement),
         }
     }
 
     /// Lets the unknowns drift up to the reading's time.
     fn advance(&mut self, measurement: &Measurement) -> Result<(), Status> {
-        let roles = self.setup.inputs.iter().zip(&measurement.inputs);
-        let complete = |(role, value): (&InputRole, &f64)| {
-            !matches!(role, InputRole::Measured { .. }) || value.is_finite()
-        };
-        if !roles.clone().all(complete) {
+        if !self.setup.is_complete(measurement) {
             return Err(Status::InputMissing);
         }
         let passed_s = measurement.t_s - self.last_t_s.unwrap_or(measurement.t_s);
@@ -197,43 +194,45 @@ impl Filter {
         Ok(())
     }
 
+    /// The states before a reading.
+    fn prior(&self) -> Option<Prior> {
+        let (noise, count) = self.setup.noise_information();
+        let information = self.covariance.cholesky()?.inverse().extended(&noise[..count]);
+        let mut states = self.mean;
+        states[self.setup.unknowns.len()..].fill(0.0);
+        Some(Prior { states, information })
+    }
+
     fn problem<'a>(
         &'a self,
         measurement: &'a Measurement,
+        prior: &'a Prior,
         rejected: u32,
         side: Side,
-    ) -> Option<ReadingProblem<'a>> {
-        let mut noise = [0.0; MAX_STATES];
-        let mut count = 0;
-        for (_, sigma) in self.setup.measured_inputs() {
-            noise[count] = 1.0 / (sigma * sigma);
-            count += 1;
-        }
-        let information = self.covariance.cholesky()?.inverse().extended(&noise[..count]);
-        let mut prior = self.mean;
-        prior[self.setup.unknowns.len()..].fill(0.0);
+    ) -> ReadingProblem<'a> {
         let mut weights = [0.0; MAX_ROWS];
         for (i, row) in self.setup.rows.iter().enumerate() {
             let is_used = measurement.rows[i].is_finite() && rejected & (1 << row.block) == 0;
             if is_used {
-                weights[i] = 1.0 / (row.sigma * row.sigma + row.model_sigma * row.model_sigma);
+                weights[i] = 1.0 / row.variance(1.0);
             }
         }
-        Some(ReadingProblem { setup: &self.setup, measurement, prior, information, side, weights })
+        ReadingProblem { setup: &self.setup, measurement, prior, side, weights }
     }
 
     /// Solves on one side, and again without the blocks that contradict the rest.
     fn explain(
         &self,
         measurement: &Measurement,
+        prior: &Prior,
         side: Side,
         start: Option<Vector>,
         model: &mut impl Model,
     ) -> Option<Explained> {
         let (mut rejected, mut penalty) = (0_u32, 0.0);
         loop {
-            let problem = self.problem(measurement, rejected, side)?;
-            let solution = problem.solve(&start.unwrap_or(problem.prior), model)?;
+            let problem = self.problem(measurement, prior, rejected, side);
+            let solution = problem.solve(&start.unwrap_or(prior.states), model)?;
             match self.worst_block(measurement, &solution.linear, rejected) {
                 Some((block, limit)) if rejected.count_ones() <= MAX_REJECTED => {
                     rejected |= 1 << block;
@@ -252,25 +251,25 @@ impl Filter {
     }
 
     /// The likelier of no contact and contact where the gap is unknown; otherwise the model decides.
-    fn best(&self, measurement: &Measurement, model: &mut impl Model) -> Option<Explained> {
+    fn best(&self, measurement: &Measurement, prior: &Prior, model: &mut impl Model) -> Option<Explained> {
         let Some(unknown) = self.setup.gap_unknown() else {
-            return self.explain(measurement, Side::Any, None, model);
+            return self.explain(measurement, prior, Side::Any, None, model);
         };
-        let problem = self.problem(measurement, 0, Side::Free)?;
-        let open = |model: &mut _| self.explain(measurement, Side::Free, None, model);
-        let Some(onset_mm) = model.onset_gap_mm(&problem.inputs(&problem.prior)) else { return open(model) };
+        let open = |model: &mut _| self.explain(measurement, prior, Side::Free, None, model);
+        let before = self.setup.inputs_at(measurement, &prior.states);
+        let Some(onset_mm) = model.onset_gap_mm(&before) else { return open(model) };
         let sigma = self.covariance.get(unknown, unknown).sqrt();
         let inside = (onset_mm - self.mean[unknown]) / sigma;
-        let start = self.contact_start(&problem, unknown, onset_mm);
+        let start = self.contact_start(prior, unknown, onset_mm);
         if self.identifiability.tells(unknown) && inside.abs() > CLEAR {
             let (likely, start) =
                 if inside > 0.0 { (Side::Contact, Some(start)) } else { (Side::Free, None) };
-            let explained = self.explain(measurement, likely, start, model);
+            let explained = self.explain(measurement, prior, likely, start, model);
             if explained.is_some_and(|explained| explained.rejected == 0) {
                 return explained;
             }
         }
-        let touching = self.explain(measurement, Side::Contact, Some(start), model);
+        let touching = self.explain(measurement, prior, Side::Contact, Some(start), model);
         let open = open(model);
         let beyond = upper_tail(inside).max(f64::MIN_POSITIVE);
         let needed = if self.identifiability.tells(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
@@ -284,8 +283,8 @@ impl Filter {
     }
 
     /// The prior, moved into the contact along its covariance when it lies outside.
-    fn contact_start(&self, problem: &ReadingProblem<'_>, unknown: usize, onset_mm: f64) -> Vector {
-        let mut start = problem.prior;
+    fn contact_start(&self, prior: &Prior, unknown: usize, onset_mm: f64) -> Vector {
+        let mut start = prior.states;
         let shift = onset_mm - INSIDE_CONTACT_MM - start[unknown];
         if shift < 0.0 {
             let variance = self.covariance.get(unknown, unknown);
@@ -306,8 +305,7 @@ impl Filter {
             let (mut sum, mut count) = (0.0, 0);
             for (i, row) in self.setup.rows.iter().enumerate().filter(|(_, row)| row.block == block) {
                 if measurement.rows[i].is_finite() {
-                    let variance = row.sigma * row.sigma + row.model_sigma * row.model_sigma;
-                    sum += linear.residual[i] * linear.residual[i] / variance;
+                    sum += linear.residual[i] * linear.residual[i] / row.variance(1.0);
                     count += 1;
                 }
             }
@@ -320,11 +318,15 @@ impl Filter {
     }
 
     /// Makes the solution the estimate.
-    fn accept(&mut self, measurement: &Measurement, explained: &Explained, model: &mut impl Model) -> Update {
+    fn accept(
+        &mut self,
+        measurement: &Measurement,
+        prior: &Prior,
+        explained: &Explained,
+        model: &mut impl Model,
+    ) -> Update {
         let Explained { side, rejected, ref solution, .. } = *explained;
-        let Some(problem) = self.problem(measurement, rejected, side) else {
-            return self.unchanged(Status::NotConverged, measurement);
-        };
+        let problem = self.problem(measurement, prior, rejected, side);
         let used = problem.weights.iter().filter(|w| **w > 0.0).count();
         let nis = innovation(&problem, solution);
         // The model's error does not average out within its correlation time.
@@ -360,7 +362,7 @@ impl Filter {
         let mut out = *weights;
         let shared = (self.setup.model_correlation_s / self.spacing_s).max(1.0);
         for (i, row) in self.setup.rows.iter().enumerate().filter(|(i, _)| weights[*i] > 0.0) {
-            out[i] = 1.0 / (row.sigma * row.sigma + shared * row.model_sigma * row.model_sigma);
+            out[i] = 1.0 / row.variance(shared);
         }
         out
     }
@@ -400,7 +402,7 @@ fn evidence(solution: &Solution) -> f64 {
 /// Innovation squared over its covariance, linearised at the solution: `v^T R^-1 v - b^T A^-1 b` with the innovation
 /// `v = z - h(prior)`, which needs a factor of as many rows as there are states, not measurements.
 fn innovation(problem: &ReadingProblem<'_>, solution: &Solution) -> f64 {
-    let moved = reading::difference(&solution.states, &problem.prior);
+    let moved = reading::difference(&solution.states, &problem.prior.states);
     let (mut sum, mut right) = (0.0, [0.0; MAX_STATES]);
     for (i, weight) in problem.weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
         let row = &solution.linear.jacobian[i];

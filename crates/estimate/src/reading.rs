@@ -29,14 +29,20 @@ pub(crate) enum Side {
     Contact,
 }
 
+/// What is known before a reading.
+#[derive(Clone, Debug)]
+pub(crate) struct Prior {
+    /// Unknowns, then zeros for the noise.
+    pub(crate) states: Vector,
+    /// Inverse covariance of the states.
+    pub(crate) information: Symmetric,
+}
+
 /// A reading together with what was known before it.
 pub(crate) struct ReadingProblem<'a> {
     pub(crate) setup: &'a Setup,
     pub(crate) measurement: &'a Measurement,
-    /// Unknowns before the reading, then zeros for the noise.
-    pub(crate) prior: Vector,
-    /// Inverse covariance of the states before the reading.
-    pub(crate) information: Symmetric,
+    pub(crate) prior: &'a Prior,
     pub(crate) side: Side,
     /// By row: 1 over the variance; 0 for a value that is missing or rejected.
     pub(crate) weights: [f64; MAX_ROWS],
@@ -65,14 +71,9 @@ pub(crate) struct Solution {
 }
 
 impl ReadingProblem<'_> {
-    /// The model inputs of a state.
-    pub(crate) fn inputs(&self, states: &Vector) -> [f64; MAX_INPUTS] {
-        self.setup.inputs_at(self.measurement, states)
-    }
-
     /// Evaluates the model at a state; none where it gives no finite answer, or lies on the other side of the onset.
     pub(crate) fn linearise(&self, states: &Vector, model: &mut impl Model) -> Option<Linear> {
-        let mut at = self.inputs(states);
+        let mut at = self.setup.inputs_at(self.measurement, states);
         if let (Side::Free, Some(gap)) = (self.side, self.setup.gap) {
             at[gap] = f64::INFINITY;
         }
@@ -123,8 +124,8 @@ impl ReadingProblem<'_> {
     }
 
     fn cost(&self, states: &Vector, linear: &Linear) -> f64 {
-        let change = difference(states, &self.prior);
-        let before: f64 = change.iter().zip(self.information.times(&change)).map(|(a, b)| a * b).sum();
+        let change = difference(states, &self.prior.states);
+        let before: f64 = change.iter().zip(self.prior.information.times(&change)).map(|(a, b)| a * b).sum();
         let rows = self.weights.iter().zip(&linear.residual);
         before + rows.map(|(w, r)| w * r * r).sum::<f64>()
     }
@@ -136,8 +137,8 @@ impl ReadingProblem<'_> {
         linear: &Linear,
         weights: &[f64; MAX_ROWS],
     ) -> (Symmetric, Vector) {
-        let mut matrix = self.information;
-        let mut right = self.information.times(&difference(&self.prior, states));
+        let mut matrix = self.prior.information;
+        let mut right = self.prior.information.times(&difference(&self.prior.states, states));
         for (i, weight) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
             matrix.add_outer(*weight, &linear.jacobian[i]);
             for (right, d) in right.iter_mut().zip(&linear.jacobian[i]) {

@@ -54,6 +54,13 @@ pub struct Row {
     pub bias: Option<usize>,
 }
 
+impl Row {
+    /// Variance of a measured value where `readings` share the model's error, which they do not average out.
+    pub(crate) fn variance(&self, readings: f64) -> f64 {
+        self.sigma * self.sigma + readings * self.model_sigma * self.model_sigma
+    }
+}
+
 /// Everything an estimator is told before the first reading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
@@ -180,6 +187,21 @@ impl Setup {
             InputRole::Measured { sigma, .. } => Some((input, *sigma)),
             _ => None,
         })
+    }
+
+    /// Inverse variances of the noise of the measured inputs, in order, and their number.
+    pub(crate) fn noise_information(&self) -> (Vector, usize) {
+        let (mut out, mut count) = ([0.0; MAX_STATES], 0);
+        for (out, (_, sigma)) in out.iter_mut().zip(self.measured_inputs()) {
+            *out = 1.0 / (sigma * sigma);
+            count += 1;
+        }
+        (out, count)
+    }
+
+    /// Whether a reading has every measured input.
+    pub(crate) fn is_complete(&self, measurement: &Measurement) -> bool {
+        self.measured_inputs().all(|(input, _)| measurement.inputs[input].is_finite())
     }
 
     /// The unknown that the gap is, when it is estimated.

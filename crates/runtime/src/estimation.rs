@@ -13,7 +13,7 @@ use wire::layout::estimate_status;
 use wire::{Estimate, SensorSample};
 
 /// Half-widths of the model hold for 90 % of the states: so many standard deviations of a normal distribution.
-const HALFWIDTH_SIGMAS: f64 = 1.645;
+pub(crate) const HALFWIDTH_SIGMAS: f64 = 1.645;
 /// Most that a bias may be, far beyond what any sensor has.
 const MAX_BIAS: f64 = 1e3;
 
@@ -207,12 +207,10 @@ impl Estimator {
 
     /// Takes a reading into account; allocates nothing.
     pub(crate) fn update(&mut self, sample: &SensorSample) -> Update {
-        let mut measurement = Measurement::at(sample.t_sensor_ns as f64 * 1e-9);
-        let [pressure, gap, ..] = &mut measurement.inputs;
-        (*pressure, *gap) = (sample.pressure_mpa, sample.gap_mm);
         let markers = sample.markers_mm.iter().take(sample.marker_values as usize).copied();
-        let values = std::iter::once(sample.measured_force_n).chain(markers);
-        measurement.rows.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+        let inputs = [sample.pressure_mpa, sample.gap_mm];
+        let measurement =
+            measured(sample.t_sensor_ns as f64 * 1e-9, inputs, sample.measured_force_n, markers);
         let update = self.filter.update(&measurement, &mut self.sensors);
         self.rejected_total += u64::from(update.rejected.count_ones());
         update
@@ -262,10 +260,14 @@ impl Estimator {
 
 /// A reading as the estimator takes it.
 pub fn measurement(t_s: f64, reading: &Reading) -> Measurement {
+    let inputs = [reading.pressure_mpa, reading.gap_mm];
+    measured(t_s, inputs, reading.measured_force_n, reading.markers_mm.into_iter())
+}
+
+/// The rows of [`setup`]: the force, then x, y, z of each marker.
+fn measured(t_s: f64, inputs: [f64; 2], force_n: f64, markers_mm: impl Iterator<Item = f64>) -> Measurement {
     let mut out = Measurement::at(t_s);
-    let [pressure, gap, ..] = &mut out.inputs;
-    (*pressure, *gap) = (reading.pressure_mpa, reading.gap_mm);
-    let values = std::iter::once(reading.measured_force_n).chain(reading.markers_mm);
-    out.rows.iter_mut().zip(values).for_each(|(to, from)| *to = from);
+    out.inputs.iter_mut().zip(inputs).for_each(|(to, from)| *to = from);
+    out.rows.iter_mut().zip(std::iter::once(force_n).chain(markers_mm)).for_each(|(to, from)| *to = from);
     out
 }

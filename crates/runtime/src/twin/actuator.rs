@@ -8,7 +8,7 @@ use super::reconstruct::{FieldError, FieldOutput};
 use super::record::Record;
 use super::swap::{Retired, Running};
 use crate::config::{ActuatorSpec, Gap, Limits, OutsideDomain, StateSpec, ms_to_ns};
-use crate::estimation::Estimator;
+use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
 use crate::load::{GroupSizes, Loaded};
 use crate::payload;
 use rom::evaluation::Evaluation;
@@ -26,8 +26,6 @@ use wire::{
 /// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.
 const MAX_BATCH: usize = 1024;
 
-/// Half-widths cover 90 %: so many standard deviations of a normal distribution.
-const HALFWIDTH_SIGMAS: f64 = 1.645;
 /// A load cell is within so many standard deviations of the force.
 const WATCH_SIGMAS: f64 = 2.0;
 
