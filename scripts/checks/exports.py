@@ -114,8 +114,10 @@ def numpy_and_csv(work):
     stacked = numpy.load(work.sweep("sweep.npy"))
     assert stacked.dtype == numpy.float32 and (stacked == states).all()
     table = numpy.genfromtxt(work.sweep("sweep.csv"), delimiter=",", names=True)
-    assert table.dtype.names == ("time", "node", "x_mm", "y_mm", "z_mm", "displacement_mm", "von_mises_mpa")
-    columns = numpy.stack([table[name] for name in table.dtype.names[2:]], axis=1).astype(numpy.float32)
+    fields = ("x_mm", "y_mm", "z_mm", "displacement_mm", "von_mises_mpa")
+    assert table.dtype.names == ("time", "node", *fields, "pressure_mpa", "gap_mm", "contact_force_n")
+    assert sorted(set(table["pressure_mpa"])) == sorted(PRESSURES)
+    columns = numpy.stack([table[name] for name in fields], axis=1).astype(numpy.float32)
     assert (columns.reshape(states.shape) == states).all()
 
 
@@ -127,6 +129,9 @@ def database_cases(work):
     assert two.shape == (2, 25022, 5)
     displacement = numpy.linalg.norm(two[0, :, :3] - meshio.read(MESH).points, axis=1)
     assert numpy.abs(displacement - two[0, :, 3]).max() < 5e-3, "packed to a micrometre"
+    work.run("export", DATABASE, "--case", "C", "--out", work.folder / "named.pvd")
+    named = meshio.read(work.folder / "named_0000.vtu").field_data
+    assert bytes(numpy.asarray(named["case"], numpy.uint8)) == b"C" and 0 < float(numpy.ravel(named["pressure_mpa"])[0]) < 0.1
     assert "the database has" in work.run("export", DATABASE, "--case", "Z9", "--out", out, code=2).stderr
     assert ".pvd" in work.run("export", DATABASE, "--out", work.folder / "x.xls", code=2).stderr
 

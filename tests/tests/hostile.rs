@@ -280,7 +280,13 @@ fn no_command_line_and_no_file_breaks_the_tool() {
             prepare(folder.path());
             let mut rng = Rng::new(worker);
             let good = good_files(folder.path());
-            let mut tries = (0..total.div_ceil(WORKERS)).map(|_| one(folder.path(), &good, &mut rng));
+            let each = total.div_ceil(WORKERS);
+            let mut tries = (0..each).map(|done| {
+                if done % USUAL_TOTAL == 0 && done > 0 {
+                    eprintln!("worker {worker}: {done} of {each} tries");
+                }
+                one(folder.path(), &good, &mut rng)
+            });
             tries.find_map(Result::err)
         };
         let threads: Vec<_> = (0..WORKERS).map(|worker| scope.spawn(move || work(worker))).collect();

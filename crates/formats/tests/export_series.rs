@@ -2,11 +2,19 @@
 
 mod common;
 
-use formats::export::{Moment, Series};
+use formats::export::{Label, Moment, Series};
 use formats::vtu::Cells;
 use formats::{FormatError, npy};
 use rom::snapshots::Split;
 use std::path::Path;
+
+/// A name that ends a title if it is not escaped, and a number that the second state lacks.
+fn label(k: usize) -> Label {
+    let gap_mm = if k == 1 { f64::INFINITY } else { 40.0 };
+    let numbers = [("pressure_mpa", k as f64 / 100.0), ("gap_mm", gap_mm)];
+    let numbers = numbers.map(|(name, value)| (name.to_owned(), value)).to_vec();
+    Label { name: format!("state \"{k}\""), numbers }
+}
 
 fn write(
     path: &Path,
@@ -16,9 +24,8 @@ fn write(
     let cases = [0.01, 0.02, 0.05].map(|p| common::case(&format!("{p}"), Split::Train, p, None));
     let (database, tets) = common::database(cases.to_vec());
     let state = |k: usize| (0..5).flat_map(|field| database.field(k, field)).collect();
-    let mut moments: Vec<Moment> = (0..3)
-        .map(|k| Moment { time: k as f64 / 2.0, title: format!("state \"{k}\""), values: state(k) })
-        .collect();
+    let mut moments: Vec<Moment> =
+        (0..3).map(|k| Moment { time: k as f64 / 2.0, label: label(k), values: state(k) }).collect();
     change(&mut moments);
     let series = Series {
         fields: &database.fields,
@@ -40,14 +47,23 @@ fn every_format_holds_every_state() {
     assert!(text("run.pvd").contains("timestep=\"0.5\" part=\"0\" file=\"run_0001.vtu\""));
     write(&at("run.dat"), 3, |_| {}).unwrap();
     assert_eq!(text("run.dat").matches("ZONETYPE=FETETRAHEDRON").count(), 3);
-    assert!(text("run.dat").contains("T=\"state '1'\""), "quotes would end the title");
+    assert!(text("run.dat").contains("T=\"state '1': pressure_mpa = 0.01\""), "quotes would end the title");
+    let (with, without) = (text("run_0000.vtu"), text("run_0001.vtu"));
+    assert!(with.contains("Name=\"gap_mm\" NumberOfTuples=\"1\" format=\"ascii\">4e1<"), "{with}");
+    assert!(!without.contains("gap_mm") && without.contains("format=\"ascii\">1e-2<"), "{without}");
+    assert!(with.contains(">115 116 97 116 101 32 34 48 34<"), "the case's name by its bytes: {with}");
     write(&at("run.xdmf"), 3, |_| {}).unwrap();
     assert_eq!(text("run.xdmf").matches("<Time Value=").count(), 3);
     write(&at("run.csv"), 3, |_| {}).unwrap();
     write(&at("run.npy"), 3, |_| {}).unwrap();
     let array = npy::read_f32(&at("run.npy")).unwrap();
     assert_eq!(array.shape[0], 3);
-    assert_eq!(text("run.csv").lines().count(), 1 + 3 * array.shape[1]);
+    let table = text("run.csv");
+    let rows: Vec<&str> = table.lines().collect();
+    assert_eq!(rows.len(), 1 + 3 * array.shape[1]);
+    assert!(rows[0].ends_with(",pressure_mpa,gap_mm,case"), "{}", rows[0]);
+    assert!(rows[1].ends_with(",0,40,\"state \"\"0\"\"\""), "{}", rows[1]);
+    assert!(rows[1 + array.shape[1]].ends_with(",0.01,,\"state \"\"1\"\"\""), "{}", rows[1 + array.shape[1]]);
 }
 
 #[test]

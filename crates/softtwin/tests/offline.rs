@@ -145,9 +145,12 @@ fn predict_answers_in_json_and_writes_all_formats() {
         array.data[tip * 5 + 1]
     );
     let text = std::fs::read_to_string(place.at("s.csv")).unwrap();
-    assert!(text.starts_with("node,x_mm,y_mm,z_mm,displacement_mm,von_mises_mpa\n0,"));
+    assert!(text.starts_with(
+        "node,x_mm,y_mm,z_mm,displacement_mm,von_mises_mpa,pressure_mpa,gap_mm,contact_force_n\n0,"
+    ));
     assert_eq!(text.lines().count(), points.len() + 1);
     let grid = std::fs::read_to_string(place.at("s.vtu")).unwrap();
+    assert!(grid.contains("Name=\"gap_mm\" NumberOfTuples=\"1\"") && !grid.contains("Name=\"case\""));
     assert!(grid.contains("Name=\"von_mises [MPa]\"") && grid.contains("Name=\"displacement vector [mm]\""));
 }
 

@@ -1,5 +1,6 @@
 //! All states as one table: a row for each node of each state.
 
+use super::label::Label;
 use super::layout::Layout;
 use super::series::{Moment, Series};
 use crate::table::TableWriter;
@@ -8,20 +9,37 @@ use std::io::{self, Write};
 
 pub(crate) struct Csv<'a>(pub(crate) Series<'a>);
 
+/// Columns that are the same in every row of a state.
+pub(super) fn heading(label: &Label) -> impl Iterator<Item = String> {
+    let name = Some("case".to_owned()).filter(|_| !label.name.is_empty());
+    label.numbers.iter().map(|(name, _)| name.clone()).chain(name)
+}
+
+/// Their values; an absent one is empty.
+pub(super) fn cells(label: &Label) -> Vec<String> {
+    let number = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
+    let name = Some(label.name.clone()).filter(|name| !name.is_empty());
+    label.numbers.iter().map(|(_, value)| number(*value)).chain(name).collect()
+}
+
 impl Layout for Csv<'_> {
-    fn begin(&mut self, out: &mut dyn Write) -> io::Result<()> {
-        let first = ["time", "node"].map(str::to_owned);
-        let mut table = TableWriter::new(out);
-        table.row(first.into_iter().chain(self.0.columns()))?;
-        table.finish().map(drop)
+    /// The heading names the numbers of the states, so it is written with the first of them.
+    fn begin(&mut self, _: &mut dyn Write) -> io::Result<()> {
+        Ok(())
     }
 
-    fn state(&mut self, out: &mut dyn Write, _: usize, moment: &Moment) -> io::Result<()> {
+    fn state(&mut self, out: &mut dyn Write, index: usize, moment: &Moment) -> io::Result<()> {
         let mut table = TableWriter::new(out);
+        if index == 0 {
+            let first = ["time", "node"].map(str::to_owned);
+            table.row(first.into_iter().chain(self.0.columns()).chain(heading(&moment.label)))?;
+        }
+        let last = cells(&moment.label);
         for node in 0..self.0.nodes {
             let values: Vec<f32> = self.0.at_node(&moment.values, node).collect();
             let first: [&dyn Display; 2] = [&moment.time, &node];
-            table.row(first.into_iter().chain(values.iter().map(|value| value as &dyn Display)))?;
+            let values = values.iter().map(|value| value as &dyn Display);
+            table.row(first.into_iter().chain(values).chain(last.iter().map(|cell| cell as &dyn Display)))?;
         }
         table.finish().map(drop)
     }

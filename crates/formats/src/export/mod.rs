@@ -3,6 +3,7 @@
 //! States are taken one after the other and written as they come: one state is in memory at a time.
 
 mod csv;
+mod label;
 mod layout;
 mod npy;
 mod pvd;
@@ -12,6 +13,7 @@ mod tecplot;
 mod writer;
 mod xdmf;
 
+pub use label::Label;
 pub use series::{Moment, Series};
 pub use state::StateFormat;
 pub use writer::SeriesFormat;

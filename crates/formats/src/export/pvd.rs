@@ -1,5 +1,6 @@
 //! ParaView's collection: a `.pvd` that lists one `.vtu` a state, with its time.
 
+use super::label::Label;
 use super::layout::Layout;
 use super::series::{Moment, Series};
 use crate::error::{Diagnostic, FormatError};
@@ -36,7 +37,7 @@ impl Layout for Pvd<'_> {
 
     fn state(&mut self, out: &mut dyn Write, index: usize, moment: &Moment) -> io::Result<()> {
         let file = state_file(&self.path, index);
-        write_vtu(&file, &self.series, &moment.values).map_err(io::Error::other)?;
+        write_vtu(&file, &self.series, &moment.values, &moment.label).map_err(io::Error::other)?;
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         let name = quick_xml::escape::escape(name.as_ref());
         writeln!(out, "<DataSet timestep=\"{}\" part=\"0\" file=\"{name}\"/>", moment.time)
@@ -51,7 +52,12 @@ impl Layout for Pvd<'_> {
 ///
 /// # Errors
 /// A state without coordinates, or as [`vtu::write`].
-pub(crate) fn write_vtu(path: &Path, series: &Series<'_>, values: &[f32]) -> Result<(), FormatError> {
+pub(crate) fn write_vtu(
+    path: &Path,
+    series: &Series<'_>,
+    values: &[f32],
+    label: &Label,
+) -> Result<(), FormatError> {
     let deformed = series.coordinates(values);
     if deformed.iter().any(|axis| axis.len() != series.nodes) {
         let diagnostic = Diagnostic::new("fields", "the coordinates x, y and z", "a state without them");
@@ -69,5 +75,7 @@ pub(crate) fn write_vtu(path: &Path, series: &Series<'_>, values: &[f32]) -> Res
     if let Some(values) = &vector {
         data.push(vtu::PointData { name: "displacement vector [mm]", components: 3, values });
     }
-    vtu::write(path, &vtu::Grid { points_mm: &points, cells: series.cells, point_data: &data })
+    let grid = vtu::Grid { points_mm: &points, cells: series.cells, point_data: &data };
+    let numbers: Vec<(&str, f64)> = label.present().collect();
+    vtu::write_labelled(path, &grid, &label.name, &numbers)
 }

@@ -1,5 +1,6 @@
 //! A series of states: what they share, and one of them.
 
+use super::label::Label;
 use crate::error::Diagnostic;
 use crate::vtu::Cells;
 use rom::snapshots::{FieldKind, FieldSpec};
@@ -9,8 +10,8 @@ use rom::snapshots::{FieldKind, FieldSpec};
 pub struct Moment {
     /// Its place in the series as viewers show it: seconds of a recording, the number of a case.
     pub time: f64,
-    /// For people (`P = 0.05 MPa, gap 40 mm`); one line.
-    pub title: String,
+    /// Its name and the numbers that belong to the whole state.
+    pub label: Label,
     /// Field-major: all nodes of the first field, then of the next.
     pub values: Vec<f32>,
 }

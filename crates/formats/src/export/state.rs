@@ -1,6 +1,8 @@
 //! One reconstructed state as a file people open, by the name's end: `.npy` (f32, nodes x fields), `.csv`, `.vtu`, or
 //! a series of one state as Tecplot ASCII (`.dat`) or XDMF.
 
+use super::csv;
+use super::label::Label;
 use super::pvd::write_vtu;
 use super::series::{Moment, Series};
 use super::writer::SeriesFormat;
@@ -48,18 +50,17 @@ impl Series<'_> {
     ///
     /// # Errors
     /// An unknown ending, a state that does not fit together, or the operating system's refusal.
-    pub fn write_state(&self, path: &Path, values: &[f32]) -> Result<(), FormatError> {
+    pub fn write_state(&self, path: &Path, values: &[f32], label: &Label) -> Result<(), FormatError> {
         self.check_length("state", values).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
         match StateFormat::of(path)? {
             StateFormat::Npy => {
                 let by_node: Vec<f32> = (0..self.nodes).flat_map(|node| self.at_node(values, node)).collect();
                 npy::write_f32(path, &[self.nodes, self.fields.len()], &by_node)
             }
-            StateFormat::Csv => file::replace(path, csv(self, values).as_bytes()),
-            StateFormat::Vtu => write_vtu(path, self, values),
+            StateFormat::Csv => file::replace(path, table_of(self, values, label).as_bytes()),
+            StateFormat::Vtu => write_vtu(path, self, values, label),
             StateFormat::OneOfSeries => {
-                let title = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                let moment = Moment { time: 0.0, title, values: values.to_vec() };
+                let moment = Moment { time: 0.0, label: label.clone(), values: values.to_vec() };
                 let one = Series { count: 1, ..*self };
                 one.write(path, std::iter::once(Ok::<_, FormatError>(moment))).map(drop)
             }
@@ -68,11 +69,14 @@ impl Series<'_> {
 }
 
 /// A row a node.
-fn csv(series: &Series<'_>, values: &[f32]) -> String {
-    let header: Vec<String> = std::iter::once("node".to_owned()).chain(series.columns()).collect();
+fn table_of(series: &Series<'_>, values: &[f32], label: &Label) -> String {
+    let first = std::iter::once("node".to_owned());
+    let header: Vec<String> = first.chain(series.columns()).chain(csv::heading(label)).collect();
+    let last = csv::cells(label);
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let row = |node: usize| {
-        std::iter::once(node.to_string()).chain(series.at_node(values, node).map(|value| value.to_string()))
+        let values = series.at_node(values, node).map(|value| value.to_string());
+        std::iter::once(node.to_string()).chain(values).chain(last.iter().cloned())
     };
     table::to_text(&header, (0..series.nodes).map(row))
 }

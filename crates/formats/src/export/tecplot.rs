@@ -47,7 +47,7 @@ impl Layout for Tecplot<'_> {
     }
 
     fn state(&mut self, out: &mut dyn Write, _: usize, moment: &Moment) -> io::Result<()> {
-        let title = moment.title.replace(['"', '\n'], "'");
+        let title = moment.label.to_string().replace(['"', '\n'], "'");
         let (nodes, elements) = (self.series.nodes, self.cells.len() / self.corners);
         let (kind, time) = (self.kind, moment.time);
         writeln!(

@@ -16,7 +16,7 @@ impl Layout for Xdmf<'_> {
 
     fn state(&mut self, out: &mut dyn Write, _: usize, moment: &Moment) -> io::Result<()> {
         let Self(series) = self;
-        let (title, time) = (escape(moment.title.as_str()), moment.time);
+        let (title, time) = (escape(moment.label.to_string()), moment.time);
         writeln!(out, "<Grid Name=\"{title}\" GridType=\"Uniform\">\n<Time Value=\"{time}\"/>")?;
         topology(out, series.cells)?;
         let [x, y, z] = series.coordinates(&moment.values);

@@ -5,4 +5,4 @@ mod read;
 mod write;
 
 pub use read::{parse, read};
-pub use write::{Block, Cells, Grid, PointData, write};
+pub use write::{Block, Cells, Grid, PointData, write, write_labelled};

@@ -72,8 +72,46 @@ pub struct Grid<'a> {
 /// # Errors
 /// A cell that names a node that does not exist, point data of the wrong length, or the operating system's refusal.
 pub fn write(path: &Path, grid: &Grid<'_>) -> Result<(), FormatError> {
+    write_labelled(path, grid, "", &[])
+}
+
+/// Writes a grid with what belongs to it as a whole: a name (field data `case`, none when empty) and named numbers.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_labelled(
+    path: &Path,
+    grid: &Grid<'_>,
+    name: &str,
+    numbers: &[(&str, f64)],
+) -> Result<(), FormatError> {
     FormatError::check((), path, diagnostics(grid))?;
-    file::replace(path, compose(grid).as_bytes())
+    file::replace(path, compose(grid, &field_data(name, numbers)).as_bytes())
+}
+
+/// The name stands as its bytes: VTK's own arrays of text are refused by other readers (meshio).
+fn field_data(name: &str, numbers: &[(&str, f64)]) -> String {
+    let mut xml = String::new();
+    if name.is_empty() && numbers.is_empty() {
+        return xml;
+    }
+    xml += "<FieldData>\n";
+    for (name, value) in numbers {
+        let name = quick_xml::escape::escape(*name);
+        let _ = writeln!(
+            xml,
+            "<DataArray type=\"Float64\" Name=\"{name}\" NumberOfTuples=\"1\" format=\"ascii\">{value:e}</DataArray>"
+        );
+    }
+    if !name.is_empty() {
+        let codes: Vec<String> = name.bytes().map(|byte| byte.to_string()).collect();
+        let (count, codes) = (codes.len(), codes.join(" "));
+        let _ = writeln!(
+            xml,
+            "<DataArray type=\"UInt8\" Name=\"case\" NumberOfTuples=\"{count}\" format=\"ascii\">{codes}</DataArray>"
+        );
+    }
+    xml + "</FieldData>\n"
 }
 
 fn diagnostics(grid: &Grid<'_>) -> Vec<Diagnostic> {
@@ -90,7 +128,7 @@ fn diagnostics(grid: &Grid<'_>) -> Vec<Diagnostic> {
     diagnostics
 }
 
-fn compose(grid: &Grid<'_>) -> String {
+fn compose(grid: &Grid<'_>, field_data: &str) -> String {
     let parts = grid.cells.parts();
     // One entry a cell: how many nodes it has and what it is.
     let cells: Vec<(u32, u8)> = parts
@@ -102,7 +140,7 @@ fn compose(grid: &Grid<'_>) -> String {
     xml += "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n";
     let _ = writeln!(
         xml,
-        "<UnstructuredGrid>\n<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{count}\">",
+        "<UnstructuredGrid>\n{field_data}<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{count}\">",
         grid.points_mm.len()
     );
     xml += "<Points>\n";

@@ -1,6 +1,6 @@
 //! `softtwin predict`.
 
-use super::export::Body;
+use super::export::{Body, prediction_label};
 use crate::failure::usage;
 use crate::{files, output};
 use anyhow::Context;
@@ -77,16 +77,19 @@ impl Args {
         }
         let peaks = peaks?;
         if self.out.is_some() {
-            self.write(&model, state.fields())?;
+            self.write(&model, &state)?;
         }
         output::json(&answer(&model.header.inputs, state.evaluation(), &peaks))
     }
 
-    fn write(&self, model: &Model, values: &[f32]) -> anyhow::Result<()> {
+    fn write(&self, model: &Model, state: &ModelState) -> anyhow::Result<()> {
         let Some(out) = &self.out else { return Ok(()) };
         let fields: Vec<FieldSpec> = model.header.fields.iter().map(|f| f.spec.clone()).collect();
         let body = Body::of_model(model).with_mesh(self.mesh.as_deref())?;
-        body.series(&fields, 1).write_state(out, values).context("the fields were not written")
+        let label = prediction_label(&model.header.inputs, state.evaluation());
+        body.series(&fields, 1)
+            .write_state(out, state.fields(), &label)
+            .context("the fields were not written")
     }
 }
 

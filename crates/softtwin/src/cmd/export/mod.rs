@@ -11,6 +11,7 @@ use anyhow::Result;
 pub use body::Body;
 use formats::export::SeriesFormat;
 use serde_json::json;
+pub use source::prediction_label;
 use source::{Options, Source};
 use std::path::PathBuf;
 
@@ -31,7 +32,8 @@ Examples:
     softtwin export run.mcap --out tables
     softtwin export run.mcap --out tables --key 'softtwin/*/state'
 
-Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy.";
+Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy.
+VTU files (as field data) and CSV files (as columns) carry every input, the contact force and the name of the case.";
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.
 #[derive(clap::Args)]

@@ -6,8 +6,9 @@ use crate::files;
 use crate::recording_data::{RecordedField, RecordingData, Track};
 use anyhow::Result;
 use formats::database::ObstacleKind;
-use formats::export::Moment;
-use rom::inputs::Inputs;
+use formats::export::{Label, Moment};
+use rom::evaluation::Evaluation;
+use rom::inputs::{InputSpec, Inputs};
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
@@ -190,8 +191,14 @@ impl Source {
             Self::Cases { database, chosen } => Box::new(chosen.iter().map(|k| Ok(case(database, *k)))),
             Self::Recorded { track, every, .. } => {
                 Box::new(track.fields.iter().step_by(*every).map(|field| {
-                    let title = title(field.header.pressure_mpa, field.header.gap_mm);
-                    Ok(Moment { time: field.t_s, title, values: field.values.clone() })
+                    let header = &field.header;
+                    let numbers = named([
+                        ("pressure_mpa", header.pressure_mpa),
+                        ("gap_mm", header.gap_mm),
+                        ("contact_force_n", header.contact_force_n),
+                    ]);
+                    let label = Label { name: String::new(), numbers };
+                    Ok(Moment { time: field.t_s, label, values: field.values.clone() })
                 }))
             }
         }
@@ -208,8 +215,8 @@ fn predictions<'a>(
     };
     Box::new(readings.iter().map(move |(time, inputs)| {
         state.update(*inputs)?;
-        let title = title(inputs.pressure_mpa(), inputs.gap_mm());
-        Ok(Moment { time: *time, title, values: state.fields().to_vec() })
+        let label = prediction_label(&model.header.inputs, state.evaluation());
+        Ok(Moment { time: *time, label, values: state.fields().to_vec() })
     }))
 }
 
@@ -217,15 +224,24 @@ fn predictions<'a>(
 fn case(database: &Database, k: usize) -> Moment {
     let case = &database.cases[k];
     let values = (0..database.fields.len()).flat_map(|field| database.field(k, field)).collect();
-    let state = title(case.pressure_mpa, case.gap_mm.unwrap_or(f64::INFINITY));
-    Moment { time: k as f64, title: format!("case {}: {state}", case.name), values }
+    let mut numbers =
+        named([("pressure_mpa", case.pressure_mpa), ("gap_mm", case.gap_mm.unwrap_or(f64::INFINITY))]);
+    let parameters = database.parameters.iter().map(|parameter| parameter.name.clone());
+    numbers.extend(parameters.zip(case.parameters.iter().copied()));
+    numbers.extend(named([("contact_force_n", case.contact_force_n)]));
+    Moment { time: k as f64, label: Label { name: case.name.clone(), numbers }, values }
 }
 
-fn title(pressure_mpa: f64, gap_mm: f64) -> String {
-    match gap_mm.is_finite() {
-        true => format!("P = {pressure_mpa} MPa, gap {gap_mm} mm"),
-        false => format!("P = {pressure_mpa} MPa"),
-    }
+/// What a prediction's file says of the state: every input and the contact force.
+pub fn prediction_label(inputs: &[InputSpec], evaluation: &Evaluation) -> Label {
+    let values = evaluation.inputs.values().iter().copied();
+    let mut numbers: Vec<(String, f64)> = inputs.iter().map(InputSpec::key).zip(values).collect();
+    numbers.extend(named([("contact_force_n", evaluation.contact_force_n)]));
+    Label { name: String::new(), numbers }
+}
+
+fn named<const N: usize>(numbers: [(&str, f64); N]) -> Vec<(String, f64)> {
+    numbers.map(|(name, value)| (name.to_owned(), value)).to_vec()
 }
 
 /// A field of the wire by its name.

@@ -5,7 +5,7 @@ use crate::output;
 use anyhow::Context;
 use fem::actuator::{Setting, mesh_quality};
 use fem::{Family, Output, Problem, Report, SolveError, Solver};
-use formats::export::{Series, StateFormat};
+use formats::export::{Label, Series, StateFormat};
 use formats::vtu::Cells;
 use rom::snapshots::FieldSpec;
 use serde_json::{Value, json};
@@ -57,7 +57,7 @@ pub fn run(family: &Family, target: &Target, out: Option<&Path>) -> anyhow::Resu
         }
         output::json(&described)?;
         if let (true, Some(out)) = (step == target.steps, out) {
-            write(&problem, &output, out).context("the state was not written")?;
+            write(&problem, &output, &label(target, &output), out).context("the state was not written")?;
         }
     }
     Ok(())
@@ -91,7 +91,16 @@ fn line(output: &Output, clearance_mm: f64, pressure_mpa: f64, gap_mm: Option<f6
     })
 }
 
-fn write(problem: &Problem, output: &Output, out: &Path) -> anyhow::Result<()> {
+/// What the file says of the state: what was asked for, and the force that came out.
+fn label(target: &Target, output: &Output) -> Label {
+    let gap_mm = target.gap_mm.unwrap_or(f64::INFINITY);
+    let mut numbers = vec![("pressure_mpa".to_owned(), target.pressure_mpa), ("gap_mm".to_owned(), gap_mm)];
+    numbers.extend(target.settings.iter().cloned());
+    numbers.push(("contact_force_n".to_owned(), output.contact_force_n));
+    Label { name: String::new(), numbers }
+}
+
+fn write(problem: &Problem, output: &Output, label: &Label, out: &Path) -> anyhow::Result<()> {
     let mesh = problem.mesh();
     let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect::<Vec<f32>>();
     let mut values: Vec<f32> = (0..3).flat_map(|k| axis(&output.coordinates_mm, k)).collect();
@@ -104,5 +113,5 @@ fn write(problem: &Problem, output: &Output, out: &Path) -> anyhow::Result<()> {
         undeformed: Some(undeformed.each_ref().map(Vec::as_slice)),
         count: 1,
     };
-    Ok(series.write_state(out, &values)?)
+    Ok(series.write_state(out, &values, label)?)
 }

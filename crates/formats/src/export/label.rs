@@ -1,0 +1,31 @@
+//! What belongs to a state as a whole: its name, and its inputs and results that are one number each.
+
+use std::fmt::{self, Display};
+
+/// A state's name and numbers; every state of a series has the same names of numbers in the same order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Label {
+    /// The name of a case; empty where a state has none.
+    pub name: String,
+    /// Names with unit (`pressure_mpa`) and values; a value that is not finite is absent (`gap_mm` without an obstacle).
+    pub numbers: Vec<(String, f64)>,
+}
+
+impl Label {
+    /// The numbers that are there.
+    pub(crate) fn present(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.numbers
+            .iter()
+            .filter(|(_, value)| value.is_finite())
+            .map(|(name, value)| (name.as_str(), *value))
+    }
+}
+
+/// One line for people: `A: pressure_mpa = 0.05, gap_mm = 40`.
+impl Display for Label {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let numbers: Vec<String> = self.present().map(|(name, value)| format!("{name} = {value}")).collect();
+        let between = if self.name.is_empty() || numbers.is_empty() { "" } else { ": " };
+        write!(f, "{}{between}{}", self.name, numbers.join(", "))
+    }
+}
