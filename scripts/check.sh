@@ -55,9 +55,11 @@ exports() {
 
 clients() {
     [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
-    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy
-    build
+    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista
+    cargo build --locked --quiet --workspace --bins --lib
     export PYTHONPATH=$PWD/clients/python/src
+    SOFTTWIN_LIBRARY=$(realpath "$target")/debug/libcapi.so
+    export SOFTTWIN_LIBRARY
     "$python" -m mypy --ignore-missing-imports --no-error-summary clients/python/src/softtwin
     exec "$python" -m pytest -q clients/python/tests "$@"
 }

@@ -1,5 +1,6 @@
 """The client against a live twin."""
 
+import asyncio
 import gc
 import math
 
@@ -52,6 +53,28 @@ def test_states_and_health_are_read(live):
     assert state.to_dict()["actuator"] == "finger"
     health = softtwin.newest("softtwin/finger/health", WAIT_S, bus=live.bus)
     assert health.received == sum(health.outcomes)
+
+
+def test_a_subscription_is_an_async_iterator(live):
+    async def read(topic, count):
+        seen = []
+        async for sample in softtwin.subscribe(topic, timeout_s=WAIT_S, bus=live.bus):
+            seen.append(sample)
+            if len(seen) == count:
+                return seen
+
+    async def both():
+        return await asyncio.gather(read("softtwin/finger/state", 50), read("softtwin/finger/health", 1))
+
+    states, health = asyncio.run(both())
+    assert [b.seq - a.seq for a, b in zip(states, states[1:])] == [1] * 49 and health[0].received > 0
+
+    async def silent():
+        async for _ in softtwin.subscribe("softtwin/finger/health", timeout_s=0.05, bus=live.bus):
+            pass
+
+    with pytest.raises(softtwin.TwinSilent):
+        asyncio.run(silent())
 
 
 def test_questions_are_answered(live):

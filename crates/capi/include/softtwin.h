@@ -1,8 +1,9 @@
-/* C interface of softtwin's shared memory. Payloads, numbers and units: softtwin_layout.h and docs/wire.md.
+/* C interface of softtwin's shared memory, and of models without a daemon. Payloads, numbers and units: softtwin_layout.h and
+ * docs/wire.md.
  * How to use it: docs/clients/c.md.
  *
  * Every call that can fail returns a status and leaves its text with softtwin_last_error. Handles are made by `..._open` and
- * ended by `..._close` (null is fine), belong to the thread that made them, and outlive their bus. */
+ * ended by `..._close` (null is fine), belong to the thread that made them (models: to all threads), and outlive their bus. */
 #ifndef SOFTTWIN_H
 #define SOFTTWIN_H
 
@@ -34,6 +35,66 @@ typedef struct softtwin_field softtwin_field;
 typedef struct softtwin_writer softtwin_writer;
 /** A client of the twin of one actuator, for questions. */
 typedef struct softtwin_client softtwin_client;
+/** A model in this process, with the fields and nodes that it reconstructs. Any number of threads may use one. */
+typedef struct softtwin_model softtwin_model;
+
+/** One input of a model. */
+typedef struct {
+  const char *name; /**< Name with its unit (pressure_mpa, gap_mm), or the name of a parameter. */
+  const char *unit; /**< Unit. */
+  double min;       /**< Smallest training value; infinite when it was never trained over. */
+  double max;       /**< Largest training value. */
+  double value;     /**< What NaN stands for in softtwin_model_predict; NaN: must be given (pressure and gap). */
+} softtwin_model_input;
+
+/** One field that a model reconstructs. */
+typedef struct {
+  const char *name; /**< Name (x, von_mises). */
+  const char *unit; /**< Unit. */
+} softtwin_model_field;
+
+/** A named list of nodes. */
+typedef struct {
+  const char *name;      /**< Name. */
+  const uint32_t *nodes; /**< Their numbers in the model, from 0. */
+  size_t count;          /**< How many. */
+} softtwin_model_node_set;
+
+/** What a model consists of; everything stays valid until the model is closed. */
+typedef struct {
+  const char *actuator;               /**< Name of the actuator. */
+  const softtwin_model_input *inputs; /**< Inputs in order: pressure, gap, then parameters. */
+  size_t input_count;
+  const softtwin_model_field *fields; /**< Fields in the order in which they are reconstructed. */
+  size_t field_count;
+  size_t node_count;       /**< Nodes of each field: those selected. */
+  size_t model_node_count; /**< Nodes of the whole model. */
+  const softtwin_model_node_set *node_sets;
+  size_t node_set_count;
+  const float *undeformed_mm[3]; /**< x, y and z of all nodes without pressure, mm; null when the model has none. */
+  const uint32_t *triangles;     /**< Three nodes a triangle of the surface. */
+  size_t triangle_count;
+} softtwin_model_info;
+
+/** What a model answers at one state. */
+typedef struct {
+  double contact_force_n;           /**< Contact force, N. */
+  double force_gradient[8];         /**< Its derivative by each input, N per unit of the input. */
+  double onset_pressure_mpa;        /**< Pressure at which contact begins, MPa: 0 by its own weight, infinite out of reach. */
+  double force_halfwidth_n;         /**< Half-width that covers the share `coverage` of states, N. */
+  double displacement_halfwidth_mm; /**< The same of the worst node's displacement, mm. */
+  double von_mises_halfwidth_mpa;   /**< The same of the worst node's stress, MPa. */
+  double coverage;                  /**< Share of states that the half-widths cover (0.9). */
+  double domain_distance;           /**< Distance to the training states over inputs scaled to [0, 1]; 0 among them. */
+  double max_displacement_mm;       /**< Largest displacement of the reconstructed fields, mm; NaN: none of them has it. */
+  double max_von_mises_mpa;         /**< Largest von Mises stress of them, MPa; NaN: none of them has it. */
+  uint32_t max_displacement_node;   /**< Its node in the model; UINT32_MAX: none. */
+  uint32_t max_von_mises_node;      /**< Its node in the model; UINT32_MAX: none. */
+  uint32_t regime;                  /**< SOFTTWIN_REGIME_FREE or SOFTTWIN_REGIME_CONTACT. */
+  uint32_t domain_status;           /**< SOFTTWIN_DOMAIN_INSIDE, ...: outside, the half-widths do not hold. */
+  uint32_t force_clamped;           /**< 1: the interpolated force was negative and was set to 0. */
+  uint32_t reserved;
+} softtwin_prediction;
 
 /** Why the last call on this thread failed: what was found, what to do. Valid until the next call on this thread. */
 const char *softtwin_last_error(void);
@@ -86,6 +147,23 @@ softtwin_status softtwin_client_ask(softtwin_client *client, const softtwin_quer
                                     softtwin_answer *answer, float *values, size_t capacity, size_t *count);
 /** Ends a client. */
 void softtwin_client_close(softtwin_client *client);
+
+/** Reads a model file, all of its fields on all of its nodes. */
+softtwin_status softtwin_model_open(const char *path, softtwin_model **out);
+/** The same model with some of its fields (names with commas between; null: all) on some of its nodes: those of its set
+ *  `node_set` or, where that is null, the `node_count` nodes at `nodes` (null: all). Both models are to be closed. */
+softtwin_status softtwin_model_select(const softtwin_model *model, const char *fields, const char *node_set,
+                                      const uint32_t *nodes, size_t node_count, softtwin_model **out);
+/** What the model consists of. */
+softtwin_status softtwin_model_describe(const softtwin_model *model, softtwin_model_info *out);
+/** Predicts `states` states, equal to `softtwin predict` to the bit. `inputs`: states x inputs in the model's order; NaN for a
+ *  parameter: the model's value; an infinite gap: no obstacle. `predictions`: room for `states`. `values`: null, or room for
+ *  states x fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states. On a
+ *  failure the last error names the state; those before it are written. */
+softtwin_status softtwin_model_predict(const softtwin_model *model, const double *inputs, size_t states,
+                                       softtwin_prediction *predictions, float *values);
+/** Ends a model. */
+void softtwin_model_close(softtwin_model *model);
 
 /* Readers of one kind: softtwin_state_reader_open(bus, actuator, &reader), ..._next and ..._newest(reader, timeout_ms,
  * &state), ..._close. The handles are readers under a name of their own, so that a compiler refuses the wrong payload. */

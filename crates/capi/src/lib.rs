@@ -1,8 +1,8 @@
-//! The C interface of the wire: installed as `libsofttwin` with the header `include/softtwin.h`. Payloads and numbers are
+//! The C interface of the wire and of models: installed as `libsofttwin` with the header `include/softtwin.h`. Payloads and numbers are
 //! in `include/softtwin_layout.h`, which is generated from the wire's definitions.
 //!
 //! Rules: every call that can fail returns a status and leaves its text with `softtwin_last_error`; handles are made by
-//! `..._open` and ended by `..._close`, belong to the thread that made them, and outlive their bus; nothing is copied but
+//! `..._open` and ended by `..._close`, belong to the thread that made them (models: to all threads), and outlive their bus; nothing is copied but
 //! payloads of fixed size; a panic never crosses the border.
 
 #![allow(non_camel_case_types)] // names are those of C
@@ -13,12 +13,18 @@
 
 mod border;
 mod bus;
+mod model;
 mod query;
 mod reader;
 mod status;
 mod writer;
 
 pub use bus::{softtwin_bus, softtwin_bus_close, softtwin_bus_open};
+pub use model::{
+    softtwin_model, softtwin_model_close, softtwin_model_describe, softtwin_model_field, softtwin_model_info,
+    softtwin_model_input, softtwin_model_node_set, softtwin_model_open, softtwin_model_predict,
+    softtwin_model_select, softtwin_prediction,
+};
 pub use query::{
     softtwin_client, softtwin_client_ask, softtwin_client_close, softtwin_client_open, softtwin_query_new,
 };

@@ -1,5 +1,12 @@
 //! The C and C++ examples, compiled as their headers say, against a running twin.
 
+use rom::config::TrainConfig;
+use rom::inputs::Inputs;
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
+use rom::snapshots::Split;
+use rom::synthetic::design;
+use rom::train::train;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tests::skip::{Missing, skipped};
@@ -91,4 +98,64 @@ fn the_examples_run_in_c_and_in_cpp() {
         }
     }
     drop((bridge, twin));
+}
+
+/// What `model.c` prints of a model in the middle of its parameters' ranges, from the Rust interface.
+fn said_of(model: &Model, settings: &[(&str, f64)], inputs: Inputs) -> Vec<String> {
+    let mut model = model.clone();
+    model.header.give(settings.iter().copied()).unwrap();
+    let mut state = ModelState::new(&model, &Selection::default()).unwrap();
+    let peak = state.update(inputs).unwrap().stress_mpa.unwrap();
+    let (specs, fields) = (&model.header.inputs, &model.header.fields);
+    let mut said = vec![format!("force {:?} ", state.evaluation().contact_force_n)];
+    let gradient = specs.iter().zip(state.evaluation().force_gradient);
+    said.extend(gradient.map(|(input, d)| format!("by {} {d:?} N per {}", input.key(), input.unit)));
+    let first = state.fields().chunks(model.header.node_count).map(|field| field[0]);
+    said.extend(
+        first.zip(fields).map(|(v, f)| format!("{} of node 0: {v:.8e} {}", f.spec.name, f.spec.unit)),
+    );
+    said.push(format!("largest stress {:.8e} MPa at node {}", peak.value, peak.node));
+    said
+}
+
+/// A line with its numbers read, so that `0.5` and `0.50` are the same and nothing else is.
+fn read_numbers(line: &str) -> Vec<Result<f64, String>> {
+    line.split([' ', ':']).map(|word| word.parse().map_err(|_| word.to_owned())).collect()
+}
+
+#[test]
+fn a_model_without_a_daemon_answers_in_c_what_it_answers_in_rust() {
+    let stage = Stage::new("capimodel");
+    let states: Vec<_> = design::states(0, 160).into_iter().map(|state| (Split::Train, state)).collect();
+    let (model, _) = train(&design::database(&states, false), &TrainConfig::default(), &mut |_| {}).unwrap();
+    let path = stage.path("design.twin");
+    std::fs::write(&path, model.to_bytes().unwrap()).unwrap();
+    let program = compile(&stage, "cc", "-std=c11", "model.c").unwrap();
+    let names: Vec<String> = model.header.inputs[2..].iter().map(|input| input.name.clone()).collect();
+    let own = model.header.inputs[3].value.unwrap();
+    for (settings, pressure_mpa, gap_mm) in [
+        (vec![], 0.07, 30.0),
+        (vec![(names[0].as_str(), 0.7), (names[1].as_str(), own * 1.1)], 0.05, 25.0),
+        (vec![(names[0].as_str(), 0.9)], 0.03, f64::INFINITY),
+    ] {
+        let inputs = Inputs::new(pressure_mpa, gap_mm);
+        let mut command = format!("{program} {} pressure_mpa={pressure_mpa} gap_mm={gap_mm}", path.display());
+        settings.iter().for_each(|(name, value)| command += &format!(" {name}={value}"));
+        let (status, said) = Program::shell(&stage, &command).end();
+        assert!(status.success(), "{said:?}");
+        for expected in said_of(&model, &settings, inputs) {
+            let found =
+                said.iter().any(|line| read_numbers(line).starts_with(&read_numbers(expected.trim_end())));
+            assert!(found, "`{expected}` is missing in {said:#?}");
+        }
+    }
+    for (arguments, expected) in [
+        ("nowhere.twin", "No such file"),
+        (".", "expected a model file, found a folder"),
+        (&format!("{} pressure_mpa=nan", path.display()), "expected a number for pressure_mpa, found NaN"),
+        (&format!("{} presure=1", path.display()), "expected NAME=VALUE with an input of the model"),
+    ] {
+        let (status, said) = Program::shell(&stage, &format!("{program} {arguments}")).end();
+        assert!(!status.success() && said.join("\n").contains(expected), "{arguments}: {said:?}");
+    }
 }

@@ -1,6 +1,9 @@
-"""Client of the softtwin runtime: a soft actuator's digital twin in shared memory.
+"""Client of the softtwin runtime: a soft actuator's digital twin, in this process or in shared memory.
 
     import softtwin
+
+    model = softtwin.Model("finger.twin")
+    print(model.predict(0.05, 30.0).contact_force_n, model.predict([0.03, 0.05], 30.0).von_mises.max(axis=-1))
 
     for field in softtwin.subscribe("softtwin/finger/field"):
         print(field.header.contact_force_n, field.x.max(), field.von_mises.max())
@@ -23,6 +26,8 @@ from .errors import (
 )
 from .field import Field
 from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, State
+from .model import Input, Model
+from .prediction import Prediction
 from .publish import CommandPublisher, SensorPublisher
 from .query import Client
 from .subscribe import Subscription, newest, subscribe
@@ -40,6 +45,9 @@ __all__ = [
     "FieldHeader",
     "Grasp",
     "Health",
+    "Input",
+    "Model",
+    "Prediction",
     "Query",
     "Refused",
     "SensorPublisher",

@@ -1,5 +1,6 @@
 """Reading topics: one sample after the other, woken by event."""
 
+import asyncio
 import time
 from typing import Any, Iterator, Optional
 
@@ -15,7 +16,7 @@ _SLICE_S = 0.2  # a wait is cut into slices, so that Ctrl-C is heard
 
 
 class Subscription:
-    """A reader of one topic; iterate over it, or take samples with `next`, `newest`, `try_next`.
+    """A reader of one topic; iterate over it (`for` or `async for`), or take samples with `next`, `newest`, `try_next`.
 
     Fields come as `Field` (views of shared memory), everything else as its structure, copied (at most 768 bytes).
     """
@@ -84,18 +85,24 @@ class Subscription:
 
         Raises `TwinSilent` when the time is over and `TwinRestarted` when the sender runs anew.
         """
-        limit = self._timeout_s if timeout_s is None else timeout_s
-        end = None if limit is None else time.monotonic() + limit
+        waits = self._waits(timeout_s)
         while True:
             value = self.try_next()
             if value is not None:
                 return value
+            self._listener.timed_wait(next(waits))
+
+    def _waits(self, timeout_s: Optional[float]) -> Iterator[Any]:
+        """How long to wait, again and again, never 0 (without end); raises `TwinSilent` when the time is over."""
+        limit = self._timeout_s if timeout_s is None else timeout_s
+        end = None if limit is None else time.monotonic() + limit
+        while True:
             left = _SLICE_S if end is None else min(_SLICE_S, end - time.monotonic())
             if left <= 0:
                 raise TwinSilent(
                     f"{self.topic}: nothing came within {limit} s; is the bridge running? `softtwin hz '{self.topic}'`"
                 )
-            self._listener.timed_wait(iox2.Duration.from_secs_f64(left))
+            yield iox2.Duration.from_secs_f64(max(left, 0.001))
 
     def newest(self, timeout_s: Optional[float] = None) -> Any:
         """The newest waiting sample (older ones are given back); waits as `next` when there is none."""
@@ -109,6 +116,18 @@ class Subscription:
     def __iter__(self) -> Iterator[Any]:
         while True:
             yield self.next()
+
+    def __aiter__(self) -> "Subscription":
+        return self
+
+    async def __anext__(self) -> Any:
+        """As `next`, for `async for`: a thread of asyncio's waits for the event, so that other tasks go on."""
+        waits = self._waits(None)
+        while True:
+            value = self.try_next()
+            if value is not None:
+                return value
+            await asyncio.to_thread(self._listener.timed_wait, next(waits))
 
     def _count(self, boot_seq: tuple, value: Any) -> None:
         last, self._last = self._last, boot_seq

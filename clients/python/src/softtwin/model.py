@@ -1,0 +1,196 @@
+"""A model in this process: `softtwin.Model("finger.twin").predict(0.05, 30.0)`, without a daemon.
+
+The answers are those of `softtwin predict`, to the bit. The library writes them straight into numpy's memory.
+"""
+
+import ctypes
+import difflib
+import os
+import weakref
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from .library import ModelInfo, PredictionRow, check, library, open_model
+from .prediction import Prediction
+
+Number = Union[float, npt.ArrayLike]
+Nodes = Union[str, Sequence[int], "np.ndarray[Any, Any]"]
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input of a model."""
+
+    name: str
+    """Name with its unit (`pressure_mpa`, `gap_mm`), or the name of a parameter (`elastomer.law.mu_mpa`)."""
+    unit: str
+    min: float
+    """Smallest training value."""
+    max: float
+    """Largest training value."""
+    value: Optional[float]
+    """What is taken when nothing is given; None for pressure and gap."""
+
+
+class Model:
+    """A model file, ready to predict. Any number of threads may use one; the interpreter's lock is free meanwhile."""
+
+    def __init__(self, path: "os.PathLike[str] | str") -> None:
+        os.stat(path)  # raises FileNotFoundError and the like
+        self._attach(open_model(path), None)
+
+    def _attach(self, handle: int, nodes: Optional["np.ndarray[Any, Any]"]) -> None:
+        self._handle = handle
+        self._end = weakref.finalize(self, library().softtwin_model_close, handle)
+        info = ModelInfo()
+        check(library().softtwin_model_describe(handle, ctypes.byref(info)))
+        self._info = info
+        inputs = (info.inputs[at] for at in range(info.input_count))
+        #: Name of the actuator.
+        self.actuator: str = info.actuator.decode()
+        #: Inputs by name, in order: pressure, gap, then parameters.
+        self.inputs: Dict[str, Input] = {
+            i.name.decode(): Input(i.name.decode(), i.unit.decode(), i.min, i.max, None if np.isnan(i.value) else i.value)
+            for i in inputs
+        }
+        fields = [info.fields[at] for at in range(info.field_count)]
+        #: Units of the fields by name, in the order in which they are reconstructed.
+        self.fields: Dict[str, str] = {field.name.decode(): field.unit.decode() for field in fields}
+        #: Numbers of the nodes that are reconstructed, in order; None: all of the model.
+        self.nodes = nodes
+        #: Nodes of each field.
+        self.node_count: int = info.node_count
+        self._by_keyword = {name.replace(".", "_"): name for name in self.inputs}
+
+    def select(self, fields: Optional[Sequence[str]] = None, nodes: Optional[Nodes] = None) -> "Model":
+        """The same model with some of its fields on some of its nodes: the name of a node set, or numbers from 0.
+
+        All fields on some nodes have the bits of the whole. Without `displacement` coordinates are summed in another order and
+        may differ in the last digit.
+        """
+        names = None if fields is None else ",".join(fields).encode()
+        out = ctypes.c_void_p()
+        chosen: Optional["np.ndarray[Any, Any]"] = None
+        if isinstance(nodes, str):
+            check(library().softtwin_model_select(self._handle, names, nodes.encode(), None, 0, ctypes.byref(out)))
+            chosen = self.node_sets[nodes]
+        elif nodes is None:
+            check(library().softtwin_model_select(self._handle, names, None, None, 0, ctypes.byref(out)))
+        else:
+            given = np.asarray(nodes)
+            if given.ndim != 1 or not np.issubdtype(given.dtype, np.integer) or given.size == 0 or given.min() < 0:
+                raise ValueError(f"nodes: expected a list of numbers from 0, found {nodes!r}")
+            chosen = np.ascontiguousarray(given, np.uint32)
+            where = chosen.ctypes.data
+            check(library().softtwin_model_select(self._handle, names, None, where, chosen.size, ctypes.byref(out)))
+        selected = Model.__new__(Model)
+        selected._attach(out.value or 0, chosen)
+        return selected
+
+    @property
+    def node_sets(self) -> Dict[str, "np.ndarray[Any, Any]"]:
+        """Numbers of the nodes of each named set."""
+        sets = (self._info.node_sets[at] for at in range(self._info.node_set_count))
+        return {s.name.decode(): np.ctypeslib.as_array(s.nodes, (s.count,)).copy() for s in sets}
+
+    @property
+    def undeformed_mm(self) -> "np.ndarray[Any, Any]":
+        """All nodes of the model without pressure, shape (nodes, 3), mm."""
+        if not self._info.undeformed_mm[0]:
+            raise ValueError("this model file has no undeformed coordinates")
+        shape = (self._info.model_node_count,)
+        return np.stack([np.ctypeslib.as_array(axis, shape) for axis in self._info.undeformed_mm], axis=1)
+
+    @property
+    def triangles(self) -> "np.ndarray[Any, Any]":
+        """Triangles of the surface, shape (triangles, 3), as numbers of nodes of the model."""
+        if self._info.triangle_count == 0:
+            return np.empty((0, 3), np.uint32)
+        return np.ctypeslib.as_array(self._info.triangles, (self._info.triangle_count, 3)).copy()
+
+    def predict(
+        self,
+        pressure_mpa: Number,
+        gap_mm: Number = np.inf,
+        *,
+        fields: bool = True,
+        out: Optional["np.ndarray[Any, Any]"] = None,
+        **inputs: Number,
+    ) -> Prediction:
+        """The answer at a pressure (MPa), a gap (mm; infinite: no obstacle) and parameters by name; arrays give arrays.
+
+        A parameter's dots are written as underscores (`elastomer_law_mu_mpa=0.6`) or passed by `**{"elastomer.law.mu_mpa": 0.6}`;
+        one that is left out has the model's value. Arrays are broadcast against each other; the answer has their shape, its
+        fields that shape and (fields, nodes) behind it. `fields=False`: force, gradients and half-widths only. `out`: float32
+        memory for the fields, to be used again and again.
+
+        Raises `ValueError` for values that are no numbers, `TypeError` for names that the model does not have. Outside the
+        training states the answer is an extrapolation and `domain` says so; nothing is clamped.
+        """
+        names, shape, given = self._states({"pressure_mpa": pressure_mpa, "gap_mm": gap_mm, **inputs})
+        rows = np.empty(shape, np.dtype(PredictionRow))
+        values = self._room(shape, out) if fields or out is not None else None
+        check(
+            library().softtwin_model_predict(
+                self._handle, given.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
+            )
+        )
+        coordinates = {name: given[..., at] for at, name in enumerate(self.inputs) if name in names}
+        return Prediction(self.inputs, self.fields, coordinates, rows, values, self.nodes)
+
+    def _states(self, given: Mapping[str, Number]) -> Tuple[List[str], Tuple[int, ...], "np.ndarray[Any, Any]"]:
+        """Names given, shape of the states, and their inputs with one more axis: all inputs in order, NaN where none was given."""
+        values = {self._name(name): np.asarray(value, np.float64) for name, value in given.items()}
+        shape = np.broadcast_shapes(*(value.shape for value in values.values()))
+        states = np.full((*shape, len(self.inputs)), np.nan)
+        for at, name in enumerate(self.inputs):
+            value = values.get(name)
+            if value is not None:
+                if np.isnan(value).any():
+                    raise ValueError(f"{name}: expected numbers, found NaN")
+                states[..., at] = value
+        return list(values), shape, states
+
+    def _name(self, name: str) -> str:
+        found = name if name in self.inputs else self._by_keyword.get(name)
+        if found is None:
+            near = difflib.get_close_matches(name, [*self.inputs, *self._by_keyword], 1)
+            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            raise TypeError(f"the model has no input {name!r}{hint}; it has {', '.join(self.inputs)}")
+        return found
+
+    def _room(self, shape: Tuple[int, ...], out: Optional["np.ndarray[Any, Any]"]) -> "np.ndarray[Any, Any]":
+        wanted = (*shape, len(self.fields), self.node_count)
+        if out is None:
+            return np.empty(wanted, np.float32)
+        if out.shape != wanted or out.dtype != np.float32 or not out.flags.c_contiguous or not out.flags.writeable:
+            raise ValueError(
+                f"out: expected a writable, contiguous float32 array of shape {wanted}, found {out.dtype} of shape {out.shape}"
+            )
+        return out
+
+    def mesh(self, pressure_mpa: float, gap_mm: float = np.inf, **inputs: float) -> Any:
+        """The deformed surface at one state as a `pyvista.PolyData` with all fields as point data; needs pyvista."""
+        try:
+            import pyvista
+        except ImportError as error:
+            raise ImportError("Model.mesh needs pyvista, which is not installed: pip install pyvista") from error
+        missing = [axis for axis in "xyz" if axis not in self.fields]
+        if self.nodes is not None or missing or self._info.triangle_count == 0:
+            raise ValueError(
+                "a mesh needs the fields x, y and z on all nodes and the model's surface; this one is a selection, or its file "
+                "has no surface"
+            )
+        given: Dict[str, Any] = dict(inputs)
+        found = self.predict(pressure_mpa, gap_mm, **given)
+        mesh = pyvista.PolyData.from_regular_faces(np.stack([found[axis] for axis in "xyz"], axis=1), self.triangles)
+        for name in self.fields:
+            mesh.point_data[name] = found[name]
+        return mesh
+
+    def __repr__(self) -> str:
+        inputs = ", ".join(f"{i.name} {i.min:g} .. {i.max:g}" for i in self.inputs.values())
+        return f"Model({self.actuator}: {inputs}; {', '.join(self.fields)} on {self.node_count} nodes)"

@@ -1,0 +1,359 @@
+//! A model in this process: its answers without a daemon, equal to `softtwin predict` to the bit.
+
+use crate::border::{Failure, argument, call, give, name, put, take, text};
+use crate::status::softtwin_status;
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::hull::DomainStatus;
+use rom::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
+use rom::kernel::Peaks;
+use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
+use rom::reconstructor::Reconstructor;
+use rom::snapshots::RegimeKind;
+use std::ffi::{CStr, CString, c_char};
+use std::fs::File;
+use std::mem::MaybeUninit;
+use std::path::Path;
+use std::sync::Arc;
+use wire::layout::{domain_status, regime};
+
+/// One input of a model.
+#[repr(C)]
+pub struct softtwin_model_input {
+    name: *const c_char,
+    unit: *const c_char,
+    min: f64,
+    max: f64,
+    value: f64,
+}
+
+/// One field that a model reconstructs.
+#[repr(C)]
+pub struct softtwin_model_field {
+    name: *const c_char,
+    unit: *const c_char,
+}
+
+/// A named list of nodes.
+#[repr(C)]
+pub struct softtwin_model_node_set {
+    name: *const c_char,
+    nodes: *const u32,
+    count: usize,
+}
+
+/// What a model consists of; everything stays valid until the model is closed.
+#[repr(C)]
+pub struct softtwin_model_info {
+    actuator: *const c_char,
+    inputs: *const softtwin_model_input,
+    input_count: usize,
+    fields: *const softtwin_model_field,
+    field_count: usize,
+    node_count: usize,
+    model_node_count: usize,
+    node_sets: *const softtwin_model_node_set,
+    node_set_count: usize,
+    undeformed_mm: [*const f32; 3],
+    triangles: *const u32,
+    triangle_count: usize,
+}
+
+/// What a model answers at one state.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct softtwin_prediction {
+    contact_force_n: f64,
+    force_gradient: [f64; MAX_INPUTS],
+    onset_pressure_mpa: f64,
+    force_halfwidth_n: f64,
+    displacement_halfwidth_mm: f64,
+    von_mises_halfwidth_mpa: f64,
+    coverage: f64,
+    domain_distance: f64,
+    max_displacement_mm: f64,
+    max_von_mises_mpa: f64,
+    max_displacement_node: u32,
+    max_von_mises_node: u32,
+    regime: u32,
+    domain_status: u32,
+    force_clamped: u32,
+    reserved: u32,
+}
+
+/// The same number stands in the Python client's structure.
+const _: () = assert!(size_of::<softtwin_prediction>() == 160);
+
+/// The texts and tables that [`softtwin_model_info`] points into.
+struct Description {
+    actuator: CString,
+    inputs: Vec<softtwin_model_input>,
+    fields: Vec<softtwin_model_field>,
+    node_sets: Vec<softtwin_model_node_set>,
+    /// Owns the names and units of the tables above.
+    _texts: Vec<CString>,
+}
+
+/// A model with the fields and nodes that it reconstructs. Calls do not change it: any number of threads may predict with it.
+pub struct softtwin_model {
+    model: Arc<Model>,
+    evaluator: Evaluator,
+    reconstructor: Reconstructor,
+    description: Description,
+}
+
+impl Description {
+    fn new(model: &Model, fields: &[usize]) -> Self {
+        let mut texts = Vec::new();
+        let header = &model.header;
+        // A `CString` does not move its bytes when it is moved, so the pointers stay valid.
+        let mut keep = |text: &str| {
+            let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+            texts.push(text);
+            texts.last().map_or(std::ptr::null(), |text| text.as_ptr())
+        };
+        Self {
+            inputs: (header.inputs.iter())
+                .map(|input| softtwin_model_input {
+                    name: keep(&input.key()),
+                    unit: keep(&input.unit),
+                    min: input.range[0],
+                    max: input.range[1],
+                    value: input.value.unwrap_or(f64::NAN),
+                })
+                .collect(),
+            fields: (fields.iter().filter_map(|at| header.fields.get(*at)))
+                .map(|field| softtwin_model_field {
+                    name: keep(&field.spec.name),
+                    unit: keep(&field.spec.unit),
+                })
+                .collect(),
+            node_sets: (header.node_sets.iter())
+                .map(|set| softtwin_model_node_set {
+                    name: keep(&set.name),
+                    nodes: set.nodes.as_ptr(),
+                    count: set.nodes.len(),
+                })
+                .collect(),
+            actuator: CString::new(header.actuator.replace('\0', " ")).unwrap_or_default(),
+            _texts: texts,
+        }
+    }
+}
+
+impl softtwin_model {
+    fn new(model: Arc<Model>, selection: &Selection) -> Result<Self, Failure> {
+        let refused = |error: rom::model::ModelError| argument(&error.to_string());
+        let fields = model.header.resolve_fields(selection.fields.as_deref()).map_err(refused)?;
+        Ok(Self {
+            evaluator: Evaluator::new(&model.header).map_err(refused)?,
+            reconstructor: Reconstructor::new(&model, selection).map_err(refused)?,
+            description: Description::new(&model, &fields),
+            model,
+        })
+    }
+
+    /// The state at `values`, one for each input; NaN is a parameter's own value.
+    fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, Failure> {
+        let mut inputs = Inputs::new(f64::NAN, f64::NAN);
+        for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
+            let fits = match position {
+                PRESSURE => value.is_finite(),
+                GAP => !value.is_nan(),
+                _ => !value.is_infinite(),
+            };
+            if !fits {
+                let key = spec.key();
+                return Err(argument(&format!("state {at}: expected a number for {key}, found {value}")));
+            }
+            inputs = inputs.with(position, *value);
+        }
+        Ok(inputs)
+    }
+}
+
+fn prediction(e: &Evaluation, peaks: &Peaks) -> softtwin_prediction {
+    let peak = |found: Option<rom::kernel::Peak>| {
+        found.map_or((f64::NAN, u32::MAX), |peak| (f64::from(peak.value), peak.node))
+    };
+    let (displacement, stress) = (peak(peaks.displacement_mm), peak(peaks.stress_mpa));
+    softtwin_prediction {
+        contact_force_n: e.contact_force_n,
+        force_gradient: e.force_gradient,
+        onset_pressure_mpa: e.onset_pressure_mpa.unwrap_or(f64::INFINITY),
+        force_halfwidth_n: e.halfwidths.force_n,
+        displacement_halfwidth_mm: e.halfwidths.displacement_mm,
+        von_mises_halfwidth_mpa: e.halfwidths.stress_mpa,
+        coverage: e.halfwidths.coverage,
+        domain_distance: e.domain_distance,
+        max_displacement_mm: displacement.0,
+        max_von_mises_mpa: stress.0,
+        max_displacement_node: displacement.1,
+        max_von_mises_node: stress.1,
+        regime: match e.regime {
+            RegimeKind::Free => regime::FREE,
+            RegimeKind::Contact => regime::CONTACT,
+        },
+        domain_status: match e.domain {
+            DomainStatus::Inside => domain_status::INSIDE,
+            DomainStatus::Near => domain_status::NEAR_EDGE,
+            DomainStatus::Outside => domain_status::OUTSIDE,
+        },
+        force_clamped: e.flags.force_clamped.into(),
+        reserved: 0,
+    }
+}
+
+/// Reads a model file, all of its fields on all of its nodes.
+///
+/// # Safety
+/// `path` is zero-terminated, `out` points to memory for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_model_open(
+    path: *const c_char,
+    out: *mut *mut softtwin_model,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let path = unsafe { name(path) }?;
+        let unreadable = |error: &dyn std::fmt::Display| argument(&format!("{path}: {error}"));
+        // Asked before the file is opened: opening a pipe waits for its writer.
+        if !Path::new(path).metadata().map_err(|e| unreadable(&e))?.is_file() {
+            return Err(unreadable(&"expected a model file, found a folder, device or pipe"));
+        }
+        let file = File::open(path).map_err(|e| unreadable(&e))?;
+        let mut reader = ModelReader::open(file).map_err(|e| unreadable(&e))?;
+        let all = Selection::default();
+        let model = Arc::new(reader.load(&all).map_err(|e| unreadable(&e))?);
+        // SAFETY: by the caller's promise.
+        unsafe { give(out, softtwin_model::new(model, &all)?) }
+    })
+}
+
+/// The same model with some of its fields (names with commas between; null: all) on some of its nodes: those of the set
+/// `node_set` of the model, or, where that is null, the `node_count` nodes at `nodes` (null: all). Both models are to be closed.
+///
+/// # Safety
+/// `model` is live, texts are null or zero-terminated, `nodes` is null or points to `node_count` numbers, `out` points to
+/// memory for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_model_select(
+    model: *const softtwin_model,
+    fields: *const c_char,
+    node_set: *const c_char,
+    nodes: *const u32,
+    node_count: usize,
+    out: *mut *mut softtwin_model,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: null or live by the caller's promise.
+        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        // SAFETY: by the caller's promise.
+        let (fields, set) = unsafe { (text(fields)?, text(node_set)?) };
+        let nodes = match set {
+            Some(set) => Nodes::Set(set.to_owned()),
+            None if nodes.is_null() => Nodes::All,
+            // SAFETY: not null, and so many numbers by the caller's promise.
+            None => Nodes::List(unsafe { std::slice::from_raw_parts(nodes, node_count) }.to_vec()),
+        };
+        let fields = fields.map(|list| list.split(',').map(|name| name.trim().to_owned()).collect());
+        let selected = softtwin_model::new(model.model.clone(), &Selection { fields, nodes })?;
+        // SAFETY: by the caller's promise.
+        unsafe { give(out, selected) }
+    })
+}
+
+/// What the model consists of. Its pointers stay valid until the model is closed.
+///
+/// # Safety
+/// `model` is live, `out` points to memory for the structure.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_model_describe(
+    model: *const softtwin_model,
+    out: *mut softtwin_model_info,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: null or live by the caller's promise.
+        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        if out.is_null() {
+            return Err(argument("the place for the result is null"));
+        }
+        let (texts, of) = (&model.description, &model.model);
+        let rest = |axis| of.f32_block(BlockKind::Undeformed(axis)).map_or(std::ptr::null(), <[f32]>::as_ptr);
+        let surface = of.u32_block(BlockKind::Surface).unwrap_or(&[]);
+        let info = softtwin_model_info {
+            actuator: CStr::as_ptr(&texts.actuator),
+            inputs: texts.inputs.as_ptr(),
+            input_count: texts.inputs.len(),
+            fields: texts.fields.as_ptr(),
+            field_count: texts.fields.len(),
+            node_count: model.reconstructor.rows(),
+            model_node_count: of.header.node_count,
+            node_sets: texts.node_sets.as_ptr(),
+            node_set_count: texts.node_sets.len(),
+            undeformed_mm: [rest(0), rest(1), rest(2)],
+            triangles: surface.as_ptr(),
+            triangle_count: surface.len() / 3,
+        };
+        // SAFETY: not null, and writable by the caller's promise.
+        unsafe { out.write(info) };
+        Ok(())
+    })
+}
+
+/// Predicts `states` states. `inputs`: `states` x inputs of the model, in its order; a parameter that is NaN takes the model's
+/// value, a gap without an obstacle is infinite. `predictions`: room for `states`. `values`: null, or room for `states` x
+/// fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states.
+///
+/// # Safety
+/// `model` is live; `inputs`, `predictions` and `values` point to so many numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_model_predict(
+    model: *const softtwin_model,
+    inputs: *const f64,
+    states: usize,
+    predictions: *mut softtwin_prediction,
+    values: *mut f32,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: null or live by the caller's promise.
+        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
+        if states > 0 && (inputs.is_null() || predictions.is_null()) {
+            return Err(argument("the inputs or the place for the predictions is null"));
+        }
+        let (width, entries) = (model.evaluator.inputs().len(), model.reconstructor.entries());
+        let mut evaluation = model.evaluator.evaluation();
+        for at in 0..states {
+            // SAFETY: `states` x `width` numbers by the caller's promise.
+            let given = unsafe { std::slice::from_raw_parts(inputs.add(at * width), width) };
+            model.evaluator.evaluate(model.state(at, given)?, &mut evaluation);
+            let mut peaks = Peaks::default();
+            if !values.is_null() {
+                // SAFETY: room for `states` x `entries` values by the caller's promise; they may never have been written.
+                let room = unsafe {
+                    let first = values.add(at * entries).cast::<MaybeUninit<f32>>();
+                    std::slice::from_raw_parts_mut(first, entries)
+                };
+                let refused = |error| {
+                    let name = evaluation.regime.name();
+                    let text = format!("state {at} belongs to regime {name}: {error}");
+                    Failure::Own(softtwin_status::SOFTTWIN_REFUSED, text)
+                };
+                peaks = model.reconstructor.reconstruct_uninit(&evaluation, room).map_err(refused)?;
+            }
+            // SAFETY: room for `states` predictions by the caller's promise.
+            unsafe { put(predictions.add(at), prediction(&evaluation, &peaks)) }?;
+        }
+        Ok(())
+    })
+}
+
+/// Ends a model.
+///
+/// # Safety
+/// `model` is null or came from `softtwin_model_open` or `softtwin_model_select` and is not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_model_close(model: *mut softtwin_model) {
+    // SAFETY: by the caller's promise.
+    unsafe { take(model) }
+}
