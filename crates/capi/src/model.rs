@@ -10,6 +10,7 @@ use rom::kernel::Peaks;
 use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
 use rom::reconstructor::Reconstructor;
 use rom::snapshots::RegimeKind;
+use std::borrow::Cow;
 use std::ffi::{CStr, CString, c_char};
 use std::fs::File;
 use std::mem::MaybeUninit;
@@ -153,7 +154,7 @@ impl softtwin_model {
         })
     }
 
-    /// The state at `values`, one for each input; NaN is a parameter's own value.
+    /// The state at `values`, one for each input; NaN is the model's value of a parameter.
     fn state(&self, at: usize, values: &[f64]) -> Result<Inputs, Failure> {
         let mut inputs = Inputs::new(f64::NAN, f64::NAN);
         for (position, (value, spec)) in values.iter().zip(self.evaluator.inputs()).enumerate() {
@@ -166,7 +167,8 @@ impl softtwin_model {
                 let key = spec.key();
                 return Err(argument(&format!("state {at}: expected a number for {key}, found {value}")));
             }
-            inputs = inputs.with(position, *value);
+            let own = spec.value.filter(|_| value.is_nan());
+            inputs = inputs.with(position, own.unwrap_or(*value));
         }
         Ok(inputs)
     }
@@ -323,10 +325,16 @@ pub unsafe extern "C" fn softtwin_model_predict(
         }
         let (width, entries) = (model.evaluator.inputs().len(), model.reconstructor.entries());
         let mut evaluation = model.evaluator.evaluation();
+        let mut evaluator = Cow::Borrowed(&model.evaluator);
         for at in 0..states {
             // SAFETY: `states` x `width` numbers by the caller's promise.
             let given = unsafe { std::slice::from_raw_parts(inputs.add(at * width), width) };
-            model.evaluator.evaluate(model.state(at, given)?, &mut evaluation);
+            let state = model.state(at, given)?;
+            if !evaluator.has_values(&state) {
+                let refused = |error| argument(&format!("state {at}: {error}"));
+                evaluator.to_mut().give(&state, &mut evaluation).map_err(refused)?;
+            }
+            evaluator.evaluate(state, &mut evaluation);
             let mut peaks = Peaks::default();
             if !values.is_null() {
                 // SAFETY: room for `states` x `entries` values by the caller's promise; they may never have been written.

@@ -65,14 +65,40 @@ impl Evaluator {
             hysteresis_mpa: header.hysteresis_mpa,
             largest,
         };
-        if let (Some(clearance), Some(free)) = (&evaluator.clearance, evaluator.free()) {
-            let mut room = evaluator.evaluation();
-            let inputs = Inputs::new(0.0, 0.0).or(&values);
-            let table = clearance.table(free, &inputs, &mut room);
-            let what = || "the free model sinks at no pressure at these parameters".to_owned();
-            evaluator.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(what()))?);
-        }
+        let mut room = evaluator.evaluation();
+        evaluator.tabulate(&mut room)?;
         Ok(evaluator)
+    }
+
+    /// Gives the parameters the values of a state; NaN leaves one as it is. States with these values then find their onset from a
+    /// table, as after [`ModelHeader::give`], with the same bits. Cost: nothing when they have them already, else one table.
+    ///
+    /// # Errors
+    /// [`ModelError::Inconsistent`] when the free model sinks at no pressure at these parameters; the values before stand.
+    pub fn give(&mut self, inputs: &Inputs, room: &mut Evaluation) -> Result<(), ModelError> {
+        let inputs = inputs.or(&self.values);
+        if self.has_values(&inputs) {
+            return Ok(());
+        }
+        let values = *inputs.with(PRESSURE, f64::NAN).with(GAP, f64::NAN).values();
+        let before = std::mem::replace(&mut self.values, values);
+        self.tabulate(room).inspect_err(|_| self.values = before)
+    }
+
+    /// Whether the parameters of a state have the values in use.
+    pub fn has_values(&self, inputs: &Inputs) -> bool {
+        inputs.values()[PARAMETERS..self.inputs.len()] == self.values[PARAMETERS..self.inputs.len()]
+    }
+
+    /// The onset table at the parameters' values, where the onset depends on them.
+    fn tabulate(&mut self, room: &mut Evaluation) -> Result<(), ModelError> {
+        if let (Some(clearance), Some(free)) = (&self.clearance, self.free()) {
+            let inputs = Inputs::new(0.0, 0.0).or(&self.values);
+            let table = clearance.table(free, &inputs, room);
+            let what = || "the free model sinks at no pressure at these parameters".to_owned();
+            self.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(what()))?);
+        }
+        Ok(())
     }
 
     fn free(&self) -> Option<&RegimeModel> {
@@ -118,9 +144,7 @@ impl Evaluator {
         let constant = |onset| OnsetAt { onset, pressure_mpa: 0.0, gradient: [0.0; MAX_INPUTS] };
         match (&self.clearance, &self.onset, self.parts.first()) {
             (Some(clearance), table, _) => {
-                let own = inputs.values()[PARAMETERS..self.inputs.len()]
-                    == self.values[PARAMETERS..self.inputs.len()];
-                let table = table.as_ref().filter(|_| own);
+                let table = table.as_ref().filter(|_| self.has_values(inputs));
                 self.free().map_or(OnsetAt::UNKNOWN, |free| clearance.onset(free, inputs, table, room))
             }
             (None, Some(table), _) => table.at(inputs.gap_mm()),
