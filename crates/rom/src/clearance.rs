@@ -6,14 +6,18 @@
 //! `dP_c/dgap = 1 / D_P`, `dP_c/dq = -D_q / D_P`.
 
 use crate::evaluation::Evaluation;
-use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
+use crate::inputs::{GAP, InputMap, Inputs, MAX_INPUTS, PRESSURE};
+use crate::kernel::weigh::{BLOCK, Weights};
 use crate::model::{Clearance, RegimeModel};
 use crate::regime::{Onset, OnsetAt, OnsetTable};
+use crate::sums::{Room, Sums};
 
 /// Largest residual `|D(P_c, q) - gap|` of an onset pressure, mm.
 pub const TOLERANCE_MM: f64 = 1e-9;
 /// Steps of the search; every third one halves the bracket.
 const STEPS: usize = 150;
+/// Steps from a guess before the ends are looked at.
+const NEAR_STEPS: usize = 8;
 /// Pressures of a table.
 const TABLE_STEPS: usize = 240;
 /// The slope at rest is a difference over this share of the largest pressure.
@@ -26,58 +30,103 @@ struct Depth {
     gradient: [f64; MAX_INPUTS],
 }
 
-impl Clearance {
-    fn depth(&self, free: &RegimeModel, inputs: &Inputs, room: &mut Evaluation) -> Depth {
-        let surrogate = &free.groups[self.group].surrogate;
+/// Solves for the onset of one model.
+#[derive(Clone, Debug)]
+pub(crate) struct OnsetSolver {
+    clearance: Clearance,
+    inputs: InputMap,
+    modes: usize,
+    /// The modes' heights in blocks of nodes.
+    heights: Weights,
+    sums: Sums,
+}
+
+impl OnsetSolver {
+    /// With the free regime that the heights are modes of.
+    pub(crate) fn new(clearance: Clearance, free: &RegimeModel) -> Self {
+        let surrogate = &free.groups[clearance.group].surrogate;
+        let sums = Sums::new(&[surrogate]);
         let modes = surrogate.outputs;
-        for values in room.gradients.iter_mut().chain([&mut room.coefficients]) {
+        let blocks = clearance.mean_mm.len().div_ceil(BLOCK);
+        let height =
+            |node: usize, mode: usize| clearance.modes.get(node * modes + mode).copied().unwrap_or(0.0);
+        let row = |block: usize, mode: usize| std::array::from_fn(|k| height(block * BLOCK + k, mode));
+        let values = (0..blocks).flat_map(|block| (0..modes).map(move |mode| row(block, mode))).collect();
+        let heights = Weights { dimensions: 0, blocks, sloped: 0, values };
+        Self { inputs: free.inputs.clone(), modes, heights, sums, clearance }
+    }
+
+    /// What an answer needs.
+    pub(crate) fn memory(&self) -> Room {
+        let mut room = Room::of([&self.sums].into_iter());
+        room.reserve_for(self.modes, &self.heights);
+        room
+    }
+
+    /// Room for an answer.
+    pub(crate) fn room(&self) -> Evaluation {
+        Evaluation::with_room(self.modes, self.memory())
+    }
+
+    /// What the model keeps.
+    pub(crate) fn into_clearance(self) -> Clearance {
+        self.clearance
+    }
+
+    fn depth(&self, inputs: &Inputs, out: &mut Evaluation) -> Depth {
+        let modes = self.modes;
+        for values in out.gradients.iter_mut().chain([&mut out.coefficients]) {
             values.resize(modes, 0.0);
         }
-        let mut rows = room.gradients.iter_mut();
-        let gradient = std::array::from_fn(|_| rows.next().map(Vec::as_mut_slice).unwrap_or_default());
-        let x = free.inputs.scale(inputs);
-        surrogate.evaluate(&x, &mut room.scratch, &mut room.coefficients, gradient);
-        let row = |node: usize| &self.modes[node * modes..(node + 1) * modes];
-        let dot = |node: usize, a: &[f64]| row(node).iter().zip(a).map(|(phi, a)| phi * a).sum::<f64>();
-        let height = |node: usize| self.mean_mm[node] + dot(node, &room.coefficients);
-        let heights = (0..self.mean_mm.len()).map(|node| (height(node), node));
-        let (height, node) = heights.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NAN, 0));
+        let gradient = Some(out.gradients.each_mut().map(Vec::as_mut_slice));
+        self.sums.evaluate(&self.inputs.scale(inputs), &mut out.room, &mut out.coefficients, gradient);
+        let Clearance { mean_mm, modes: phi, .. } = &self.clearance;
+        let sums = out.room.weighted(&self.heights, &out.coefficients);
+        let heights = mean_mm.iter().zip(sums.as_flattened()).map(|(mean, sum)| mean + sum).enumerate();
+        let (node, height) = heights.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::NAN));
+        let row = phi.get(node * modes..(node + 1) * modes).unwrap_or_default();
+        let dot = |a: &[f64]| row.iter().zip(a).map(|(phi, a)| phi * a).sum::<f64>();
         let mut gradient = [0.0; MAX_INPUTS];
-        for (axis, row) in free.inputs.axes.iter().zip(&room.gradients) {
-            gradient[axis.input] = -dot(node, row) / (axis.max - axis.min);
+        for (axis, row) in self.inputs.axes.iter().zip(&out.gradients) {
+            gradient[axis.input] = -dot(row) / (axis.max - axis.min);
         }
         Depth { mm: -height, gradient }
     }
 
     /// Depth of the lowest node at a state's pressure and parameters, mm.
-    pub(crate) fn depth_mm(&self, free: &RegimeModel, inputs: &Inputs, room: &mut Evaluation) -> f64 {
-        self.depth(free, inputs, room).mm
+    pub(crate) fn depth_mm(&self, inputs: &Inputs, room: &mut Evaluation) -> f64 {
+        self.depth(inputs, room).mm
     }
 
-    /// The onset at a state. `table` is the one at these parameters, where it is at hand: it saves the ends of the search.
-    /// No allocation when `room` is of the model's evaluator; at most 150 evaluations of the free model's height, 2 or 3
-    /// with a table.
+    /// The onset at a state. `table` is one at some parameters, where it is at hand, and whether these are the state's own:
+    /// then it saves the ends of the search, otherwise it is where the search begins. No allocation when `room` is of the
+    /// model's evaluator; at most 160 evaluations of the free model's height, 2 to 5 with a table.
     pub(crate) fn onset(
         &self,
-        free: &RegimeModel,
         inputs: &Inputs,
-        table: Option<&OnsetTable>,
+        table: Option<(&OnsetTable, bool)>,
         room: &mut Evaluation,
     ) -> OnsetAt {
         let gap_mm = inputs.gap_mm();
-        let mut depth = |p: f64| self.depth(free, &inputs.with(PRESSURE, p), room);
+        let mut depth = |p: f64| self.depth(&inputs.with(PRESSURE, p), room);
+        if let Some((other, false)) = table
+            && let Some(found) = self.near(other.pressure_and_slope(gap_mm).0, gap_mm, &mut depth)
+        {
+            return found;
+        }
+        let table = table.filter(|(_, own)| *own).map(|(table, _)| table);
         let sag_mm = table.map_or_else(|| depth(0.0).mm, OnsetTable::sag_mm);
         if gap_mm <= sag_mm {
-            return self.below_sag(depth(0.0), depth(REST_SHARE * self.max_pressure_mpa), gap_mm);
+            return self.below_sag(depth(0.0), depth(REST_SHARE * self.clearance.max_pressure_mpa), gap_mm);
         }
-        let reach_mm = table.map_or_else(|| depth(self.max_pressure_mpa).mm, OnsetTable::reach_mm);
+        let reach_mm = table.map_or_else(|| depth(self.clearance.max_pressure_mpa).mm, OnsetTable::reach_mm);
         if gap_mm > reach_mm || !gap_mm.is_finite() || !sag_mm.is_finite() || !reach_mm.is_finite() {
-            let last = depth(self.max_pressure_mpa);
+            let last = depth(self.clearance.max_pressure_mpa);
             let by_gap = 1.0 / last.gradient[PRESSURE];
-            let pressure_mpa = self.max_pressure_mpa + by_gap * (gap_mm - last.mm);
+            let pressure_mpa = self.clearance.max_pressure_mpa + by_gap * (gap_mm - last.mm);
             return OnsetAt { onset: Onset::Never, pressure_mpa, gradient: implicit(&last) };
         }
-        let (mut low, mut high) = (0.0, self.max_pressure_mpa);
+        let (mut low, mut high) = (0.0, self.clearance.max_pressure_mpa);
         let share = (gap_mm - sag_mm) / (reach_mm - sag_mm);
         let mut p = table.map_or(share * high, |table| table.pressure_and_slope(gap_mm).0);
         for step in 1..=STEPS {
@@ -97,13 +146,30 @@ impl Clearance {
         OnsetAt::UNKNOWN
     }
 
+    /// Newton's method from a guess; none where it leaves the pressures of the free model or needs many steps.
+    fn near(&self, mut p: f64, gap_mm: f64, depth: &mut impl FnMut(f64) -> Depth) -> Option<OnsetAt> {
+        for _ in 0..NEAR_STEPS {
+            if p.is_nan() || p <= 0.0 || p >= self.clearance.max_pressure_mpa {
+                return None;
+            }
+            let here = depth(p);
+            let off_mm = here.mm - gap_mm;
+            if off_mm.abs() <= TOLERANCE_MM {
+                let at = OnsetAt { onset: Onset::At(p), pressure_mpa: p, gradient: implicit(&here) };
+                return (here.gradient[PRESSURE] > 0.0).then_some(at);
+            }
+            p -= off_mm / here.gradient[PRESSURE];
+        }
+        None
+    }
+
     /// Where gravity alone touches: how far the pressure would have to fall, continued from the slope at rest.
     fn below_sag(&self, rest: Depth, near: Depth, gap_mm: f64) -> OnsetAt {
-        let step_mpa = REST_SHARE * self.max_pressure_mpa;
+        let step_mpa = REST_SHARE * self.clearance.max_pressure_mpa;
         let slope = step_mpa / (near.mm - rest.mm);
         let x = gap_mm - rest.mm;
-        let bent = self.bend_per_mm * x;
-        let along = if bent == 0.0 { x } else { bent.exp_m1() / self.bend_per_mm };
+        let bent = self.clearance.bend_per_mm * x;
+        let along = if bent == 0.0 { x } else { bent.exp_m1() / self.clearance.bend_per_mm };
         let by_x = slope * bent.exp();
         let mut gradient = [0.0; MAX_INPUTS];
         for (input, by) in gradient.iter_mut().enumerate().filter(|(input, _)| *input != PRESSURE) {
@@ -115,16 +181,11 @@ impl Clearance {
     }
 
     /// The onset table at fixed parameters; none when the free model moves down at no pressure there.
-    pub(crate) fn table(
-        &self,
-        free: &RegimeModel,
-        inputs: &Inputs,
-        room: &mut Evaluation,
-    ) -> Option<OnsetTable> {
+    pub(crate) fn table(&self, inputs: &Inputs, room: &mut Evaluation) -> Option<OnsetTable> {
         let (mut gaps, mut pressures): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for step in 0..=TABLE_STEPS {
-            let pressure = self.max_pressure_mpa * step as f64 / TABLE_STEPS as f64;
-            let depth = self.depth(free, &inputs.with(PRESSURE, pressure), room).mm;
+            let pressure = self.clearance.max_pressure_mpa * step as f64 / TABLE_STEPS as f64;
+            let depth = self.depth(&inputs.with(PRESSURE, pressure), room).mm;
             if depth.is_finite() && gaps.last().is_none_or(|deepest| depth > deepest + TOLERANCE_MM) {
                 gaps.push(depth);
                 pressures.push(pressure);

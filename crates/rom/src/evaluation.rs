@@ -3,9 +3,8 @@
 use crate::halfwidths::HalfWidths;
 use crate::hull::DomainStatus;
 use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
-use crate::interpolant::{Interpolant, KernelScratch, gradient_rows};
-use crate::model::RegimeModel;
 use crate::snapshots::RegimeKind;
+use crate::sums::Room;
 
 /// What deserves a reader's attention. Nothing is clamped in silence: each flag says what was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,18 +38,18 @@ pub struct Evaluation {
     pub halfwidths: HalfWidths,
     /// Flags.
     pub flags: Flags,
-    /// By input: derivatives of the coefficients.
-    pub(crate) gradients: Vec<Vec<f64>>,
-    pub(crate) scratch: KernelScratch,
+    /// By input: derivatives of the coefficients; empty rows where they were not asked for.
+    pub(crate) gradients: [Vec<f64>; MAX_INPUTS],
+    pub(crate) room: Room,
 }
 
 impl Evaluation {
-    /// Room for the answers of interpolants of up to so many inputs, terms and outputs.
-    pub(crate) fn with_room(dimensions: usize, terms: usize, outputs: usize) -> Self {
-        let mut evaluation = Self {
+    /// Room for up to so many coefficients and for these sums.
+    pub(crate) fn with_room(coefficients: usize, room: Room) -> Self {
+        Self {
             inputs: Inputs::new(f64::NAN, f64::NAN),
             regime: RegimeKind::Free,
-            coefficients: Vec::with_capacity(outputs),
+            coefficients: Vec::with_capacity(coefficients),
             contact_force_n: 0.0,
             force_gradient: [0.0; MAX_INPUTS],
             onset_pressure_mpa: None,
@@ -58,31 +57,16 @@ impl Evaluation {
             domain_distance: 0.0,
             halfwidths: HalfWidths::default(),
             flags: Flags::default(),
-            gradients: Vec::new(),
-            scratch: KernelScratch::default(),
-        };
-        evaluation.reserve(dimensions, dimensions, terms, outputs);
-        evaluation
-    }
-
-    /// Room for the interpolants of one regime.
-    pub(crate) fn room(regime: &RegimeModel) -> Self {
-        let terms = regime.interpolants().map(Interpolant::terms).max().unwrap_or(0);
-        Self::with_room(regime.inputs.dimensions(), terms, regime.coefficient_count())
-    }
-
-    /// Allocates only where there is less room than asked for.
-    pub(crate) fn reserve(&mut self, inputs: usize, dimensions: usize, terms: usize, outputs: usize) {
-        self.scratch.reserve(dimensions, terms);
-        let rows = gradient_rows(inputs).max(self.gradients.len());
-        self.gradients.resize_with(rows, || Vec::with_capacity(outputs));
+            gradients: std::array::from_fn(|_| Vec::with_capacity(coefficients)),
+            room,
+        }
     }
 
     /// Derivatives of the coefficients by the input at a position, per unit of the input; 0 for one that the regime does
-    /// not take.
+    /// not take. Empty after [`crate::evaluator::Evaluator::evaluate`], which leaves them out.
     ///
     /// # Panics
-    /// When the model has no input at this position.
+    /// When `input` is not below [`MAX_INPUTS`].
     pub fn coefficient_gradient(&self, input: usize) -> &[f64] {
         &self.gradients[input]
     }

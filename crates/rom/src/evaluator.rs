@@ -1,28 +1,41 @@
 //! Inputs -> regime, coefficients, force, gradients, half-widths, domain. Nothing is allocated after construction.
 
+use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags};
 use crate::hull::{Domain, DomainStatus};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
-use crate::model::{Clearance, ModelError, ModelHeader, RegimeModel};
+use crate::model::{GroupModel, ModelError, ModelHeader, RegimeModel};
 use crate::regime::{Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
+use crate::sums::{Room, Sums};
+use std::ops::Range;
 
 /// One regime, ready to run.
 #[derive(Clone, Debug)]
 struct RegimePart {
     model: RegimeModel,
     coefficient_count: usize,
-    /// By group: the kernel values of the group before serve it too.
-    shares_kernel: Vec<bool>,
+    /// Groups in a row that share their kernel, with the range of their coefficients.
+    groups: Vec<(Sums, Range<usize>)>,
+    force: Option<Sums>,
 }
 
 impl RegimePart {
     fn new(model: RegimeModel) -> Self {
-        let before = |g: usize| g.checked_sub(1).map(|b| &model.groups[b].surrogate);
-        let shares = |g| before(g).is_some_and(|b| model.groups[g].surrogate.shares_kernel_with(b));
-        let shares_kernel = (0..model.groups.len()).map(shares).collect();
-        Self { coefficient_count: model.coefficient_count(), shares_kernel, model }
+        let shares = |a: &GroupModel, b: &GroupModel| a.surrogate.shares_kernel_with(&b.surrogate);
+        let sums = |groups: &[GroupModel]| {
+            let all: Vec<&Interpolant> = groups.iter().map(|group| &group.surrogate).collect();
+            let (first, last) = (&groups[0], &groups[groups.len() - 1]);
+            (Sums::new(&all), first.coefficients.start..last.coefficients.end)
+        };
+        let groups = model.groups.chunk_by(shares).map(sums).collect();
+        let force = model.force.as_ref().map(|force| Sums::new(&[&force.surrogate]));
+        Self { coefficient_count: model.coefficient_count(), groups, force, model }
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Sums> {
+        self.groups.iter().map(|group| &group.0).chain(&self.force)
     }
 }
 
@@ -33,12 +46,13 @@ pub struct Evaluator {
     parts: Vec<RegimePart>,
     onset: Option<OnsetTable>,
     /// What the onset is solved from where it depends on parameters; the table then is that of their values in use.
-    clearance: Option<Clearance>,
+    solver: Option<OnsetSolver>,
     /// By input: what a state takes that says nothing; NaN for pressure and gap.
     values: [f64; MAX_INPUTS],
     hysteresis_mpa: f64,
-    /// Most inputs and most terms of an interpolant, and most coefficients of a regime.
-    largest: (usize, usize, usize),
+    /// Most coefficients of a regime, and memory for any interpolant.
+    coefficients: usize,
+    room: Room,
 }
 
 impl Evaluator {
@@ -48,22 +62,23 @@ impl Evaluator {
     /// [`ModelError::Inconsistent`] when the header contradicts itself.
     pub fn new(header: &ModelHeader) -> Result<Self, ModelError> {
         header.check().map_err(ModelError::Inconsistent)?;
-        let fits = || header.regimes.iter().flat_map(RegimeModel::interpolants);
-        let largest = (
-            fits().map(|fit| fit.dimensions).max().unwrap_or(0),
-            fits().map(Interpolant::terms).max().unwrap_or(0),
-            header.regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0),
-        );
         let mut values = [f64::NAN; MAX_INPUTS];
         values.iter_mut().zip(&header.inputs).for_each(|(v, input)| *v = input.value.unwrap_or(f64::NAN));
+        let parts: Vec<RegimePart> = header.regimes.iter().cloned().map(RegimePart::new).collect();
+        let free = header.regimes.iter().find(|regime| regime.kind == RegimeKind::Free);
+        let solver =
+            header.clearance.clone().zip(free).map(|(clearance, free)| OnsetSolver::new(clearance, free));
+        let mut room = Room::of(parts.iter().flat_map(RegimePart::all));
+        solver.iter().for_each(|solver| room.reserve(&solver.memory()));
         let mut evaluator = Self {
             inputs: header.inputs.clone(),
-            parts: header.regimes.iter().cloned().map(RegimePart::new).collect(),
+            coefficients: parts.iter().map(|part| part.coefficient_count).max().unwrap_or(0),
+            room,
+            parts,
             onset: header.onset.clone(),
-            clearance: header.clearance.clone(),
+            solver,
             values,
             hysteresis_mpa: header.hysteresis_mpa,
-            largest,
         };
         let mut room = evaluator.evaluation();
         evaluator.tabulate(&mut room)?;
@@ -92,17 +107,13 @@ impl Evaluator {
 
     /// The onset table at the parameters' values, where the onset depends on them.
     fn tabulate(&mut self, room: &mut Evaluation) -> Result<(), ModelError> {
-        if let (Some(clearance), Some(free)) = (&self.clearance, self.free()) {
-            let inputs = Inputs::new(0.0, 0.0).or(&self.values);
-            let table = clearance.table(free, &inputs, room);
+        if let Some(solver) = &self.solver {
+            room.room.reserve(&self.room);
+            let table = solver.table(&Inputs::new(0.0, 0.0).or(&self.values), room);
             let what = || "the free model sinks at no pressure at these parameters".to_owned();
             self.onset = Some(table.ok_or_else(|| ModelError::Inconsistent(what()))?);
         }
         Ok(())
-    }
-
-    fn free(&self) -> Option<&RegimeModel> {
-        self.parts.iter().map(|part| &part.model).find(|model| model.kind == RegimeKind::Free)
     }
 
     /// The model's inputs in order: pressure, gap, then any others.
@@ -127,25 +138,15 @@ impl Evaluator {
 
     /// An evaluation with room for any answer.
     pub fn evaluation(&self) -> Evaluation {
-        let (dimensions, terms, coefficients) = self.largest;
-        let mut evaluation = Evaluation::with_room(dimensions, terms, coefficients);
-        self.make_room(&mut evaluation);
-        evaluation
-    }
-
-    /// Allocates only when the evaluation was made by the evaluator of another model.
-    fn make_room(&self, out: &mut Evaluation) {
-        let (dimensions, terms, coefficients) = self.largest;
-        out.reserve(self.inputs.len(), dimensions, terms, coefficients);
+        Evaluation::with_room(self.coefficients, self.room.clone())
     }
 
     /// The onset at a state.
     fn onset_at(&self, inputs: &Inputs, room: &mut Evaluation) -> OnsetAt {
         let constant = |onset| OnsetAt { onset, pressure_mpa: 0.0, gradient: [0.0; MAX_INPUTS] };
-        match (&self.clearance, &self.onset, self.parts.first()) {
-            (Some(clearance), table, _) => {
-                let table = table.as_ref().filter(|_| self.has_values(inputs));
-                self.free().map_or(OnsetAt::UNKNOWN, |free| clearance.onset(free, inputs, table, room))
+        match (&self.solver, &self.onset, self.parts.first()) {
+            (Some(solver), table, _) => {
+                solver.onset(inputs, table.as_ref().map(|table| (table, self.has_values(inputs))), room)
             }
             (None, Some(table), _) => table.at(inputs.gap_mm()),
             (None, None, Some(part)) if part.model.kind == RegimeKind::Contact => constant(Onset::Always),
@@ -157,22 +158,33 @@ impl Evaluator {
     /// of one regime, or where the free model gives no answer. Cost: one evaluation of the free model at most.
     pub fn closed_gap_mm(&self, inputs: Inputs, room: &mut Evaluation) -> Option<f64> {
         let inputs = inputs.or(&self.values);
-        self.make_room(room);
-        let gap_mm = match (&self.clearance, &self.onset) {
-            (Some(clearance), _) => clearance.depth_mm(self.free()?, &inputs, room),
+        room.room.reserve(&self.room);
+        let gap_mm = match (&self.solver, &self.onset) {
+            (Some(solver), _) => solver.depth_mm(&inputs, room),
             (None, table) => table.as_ref()?.closed_gap_mm(inputs.pressure_mpa()),
         };
         gap_mm.is_finite().then_some(gap_mm)
     }
 
-    /// Evaluates the model at a state; a parameter that the state does not set takes the model's value. Allocates nothing when [`Self::evaluation`] made `out`. Any state is answered without
-    /// panic; one that is not a number, or lies outside the samples, is flagged as extrapolated.
+    /// Evaluates the model at a state; a parameter that the state does not set takes the model's value. Allocates nothing when
+    /// [`Self::evaluation`] made `out`. Any state is answered without panic; one that is not a number, or lies outside the
+    /// samples, is flagged as extrapolated. Of the gradients there is that of the force.
     ///
     /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
     /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the state is on.
     pub fn evaluate(&self, inputs: Inputs, out: &mut Evaluation) {
+        self.run(inputs, out, false);
+    }
+
+    /// [`Self::evaluate`] with the derivatives of all coefficients, at about twice the cost: what single points are followed
+    /// with ([`crate::probe`]).
+    pub fn differentiate(&self, inputs: Inputs, out: &mut Evaluation) {
+        self.run(inputs, out, true);
+    }
+
+    fn run(&self, inputs: Inputs, out: &mut Evaluation, gradient: bool) {
         let inputs = inputs.or(&self.values);
-        self.make_room(out);
+        out.room.reserve(&self.room);
         let at = self.onset_at(&inputs, out);
         let onset = at.onset;
         out.inputs = inputs;
@@ -199,24 +211,19 @@ impl Evaluator {
         let x = part.model.inputs.scale(&inputs);
         let local = part.model.local_halfwidths.as_ref();
         out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
-        coefficients(part, &x, out);
+        coefficients(part, &x, out, gradient);
         force(part, &at, &x, out);
     }
 }
 
-fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation) {
+fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation, gradient: bool) {
     let map = &part.model.inputs;
-    for values in out.gradients.iter_mut().chain([&mut out.coefficients]) {
-        values.resize(part.coefficient_count, 0.0); // within the capacity that `evaluation` reserved
-    }
-    for (group, shares_kernel) in part.model.groups.iter().zip(&part.shares_kernel) {
-        if !shares_kernel {
-            group.surrogate.kernel_values(x, &mut out.scratch);
-        }
-        let range = group.coefficients.clone();
-        let mut rows = out.gradients.iter_mut().map(|row| &mut row[range.clone()]);
-        let gradient = std::array::from_fn(|_| rows.next().unwrap_or_default());
-        group.surrogate.combine(x, &out.scratch, &mut out.coefficients[range.clone()], gradient);
+    let count = if gradient { part.coefficient_count } else { 0 };
+    out.gradients.iter_mut().for_each(|row| row.resize(count, 0.0)); // within the capacity reserved
+    out.coefficients.resize(part.coefficient_count, 0.0);
+    for (sums, range) in &part.groups {
+        let rows = gradient.then(|| out.gradients.each_mut().map(|row| &mut row[range.clone()]));
+        sums.evaluate(x, &mut out.room, &mut out.coefficients[range.clone()], rows);
     }
     // From scaled axes to the model's inputs: positions only grow, so the last axis moves first.
     for (at, row) in out.gradients.iter_mut().enumerate() {
@@ -235,9 +242,9 @@ fn coefficients(part: &RegimePart, x: &Point, out: &mut Evaluation) {
 
 /// `F = (P - P_c) h` or `F = h`, lifted to 0 where negative, with its gradient.
 fn force(part: &RegimePart, onset: &OnsetAt, x: &Point, out: &mut Evaluation) {
-    let Some(model) = &part.model.force else { return };
+    let (Some(model), Some(sums)) = (&part.model.force, &part.force) else { return };
     let (mut h, mut rows) = ([0.0], [[0.0]; MAX_INPUTS]);
-    model.surrogate.evaluate(x, &mut out.scratch, &mut h, rows.each_mut().map(|row| row.as_mut_slice()));
+    sums.evaluate(x, &mut out.room, &mut h, Some(rows.each_mut().map(|row| row.as_mut_slice())));
     let (h, mut force, mut gradient) = (h[0], h[0], [0.0; MAX_INPUTS]);
     for (axis, row) in part.model.inputs.axes.iter().zip(rows) {
         gradient[axis.input] = row[0] / (axis.max - axis.min);

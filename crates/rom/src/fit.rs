@@ -240,7 +240,7 @@ fn assemble(points: Points, spec: KernelSpec, metric: &Metric, smoothing: f64) -
     let mut largest = 0.0_f64;
     for j in 0..n {
         for i in j..n {
-            let g = spec.kernel.radial(square_distance(&centres[i], &centres[j])).0;
+            let g = spec.kernel.value(square_distance(&centres[i], &centres[j]));
             a[(i, j)] = g;
             a[(j, i)] = g;
             largest = largest.max(g.abs());

@@ -76,7 +76,7 @@ fn likelihood(inputs: &[Point], d: usize, data: &Mat<f64>, tail: Tail, theta: &[
         for i in j..n {
             let along = |k: usize| (inputs[i][k] - inputs[j][k]) * scale[k];
             let square = (0..d).map(|k| along(k) * along(k)).sum();
-            r[(i, j)] = KernelKind::Matern52.radial(square).0;
+            r[(i, j)] = KernelKind::Matern52.value(square);
         }
         r[(j, j)] += theta[d].exp();
     }

@@ -8,7 +8,7 @@
 //!
 //! ```text
 //! Y (n x m snapshots) = mean + Phi A        pod.rs             modes Phi, coefficients A, by thin QR and SVD
-//! a(x) = sum_k w_k g(|x - x_k|) + tail(x)   fit.rs             inputs x = (P) free, (P, gap) in contact, scaled to [0, 1]
+//! a(x) = sum_k w_k g(|x - x_k|) + tail(x)   fit.rs, sums.rs    inputs x = (P) free, (P, gap) in contact, scaled to [0, 1]
 //! P_c(gap)                                  regime.rs          onset pressure, read off the free model
 //! P_c(gap, parameters)                      clearance.rs       the same, solved from the free model
 //! F = (P - P_c(gap)) h(P, gap)              evaluator.rs       contact force, 0 on the onset exactly
@@ -60,6 +60,7 @@ pub mod regime;
 pub mod rng;
 mod select;
 pub mod snapshots;
+mod sums;
 pub mod synthetic;
 pub mod train;
 mod validate;

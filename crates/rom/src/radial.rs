@@ -7,61 +7,52 @@ use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
 
 impl KernelKind {
-    /// `(g(r), g'(r) / r)` for a squared distance. The second is what a gradient multiplies `x - x_k` with; where it is
-    /// singular at `r = 0` the product's limit is 0, and 0 is returned.
-    pub(crate) fn radial(self, r2: f64) -> (f64, f64) {
+    /// `g(r)`, `g'(r) / r` and `(g'(r) / r)' / r` for a squared distance. The second is what a gradient multiplies `x - x_k`
+    /// with, and with the third it makes the second derivatives, which it multiplies a product of two distances in; where
+    /// they are singular at `r = 0` the product's limit is 0, and 0 is returned.
+    #[inline(always)] // in a loop over centres the match is taken once
+    pub(crate) fn derivatives(self, r2: f64) -> [f64; 3] {
+        let over = |numerator: f64, denominator: f64| if r2 > 0.0 { numerator / denominator } else { 0.0 };
         match self {
             Self::Linear => {
                 let r = r2.sqrt();
-                (-r, if r > 0.0 { -1.0 / r } else { 0.0 })
+                [-r, over(-1.0, r), over(1.0, r2 * r)]
             }
-            Self::ThinPlate if r2 == 0.0 => (0.0, 0.0),
+            Self::ThinPlate if r2 == 0.0 => [0.0, 0.0, 0.0],
             Self::ThinPlate => {
                 let ln_r = 0.5 * r2.ln();
-                (r2 * ln_r, 2.0 * ln_r + 1.0)
+                [r2 * ln_r, 2.0 * ln_r + 1.0, over(2.0, r2)]
             }
             Self::Cubic => {
                 let r = r2.sqrt();
-                (r2 * r, 3.0 * r)
+                [r2 * r, 3.0 * r, over(3.0, r)]
             }
             Self::Quintic => {
                 let r = r2.sqrt();
-                (-r2 * r2 * r, -5.0 * r2 * r)
+                [-r2 * r2 * r, -5.0 * r2 * r, -15.0 * r]
             }
             Self::Gaussian { shape } => {
                 let g = (-shape * shape * r2).exp();
-                (g, -2.0 * shape * shape * g)
+                [g, -2.0 * shape * shape * g, 4.0 * shape.powi(4) * g]
             }
             Self::Matern72 { length } => {
                 let s = (7.0 * r2).sqrt() / length;
                 let e = (-s).exp();
                 let over_r = -1.4 / (length * length) * (1.0 + s + s * s / 3.0) * e;
-                ((1.0 + s + s * s * (0.4 + s / 15.0)) * e, over_r)
+                let second = 9.8 / (3.0 * length.powi(4)) * (1.0 + s) * e;
+                [(1.0 + s + s * s * (0.4 + s / 15.0)) * e, over_r, second]
             }
             Self::Matern52 => {
                 let s = (5.0 * r2).sqrt();
                 let e = (-s).exp();
-                ((1.0 + s + s * s / 3.0) * e, -5.0 / 3.0 * (1.0 + s) * e)
+                [(1.0 + s + s * s / 3.0) * e, -5.0 / 3.0 * (1.0 + s) * e, 25.0 / 3.0 * e]
             }
         }
     }
 
-    /// `(g'(r) / r)' / r` for a squared distance: with `g'(r) / r` it makes the second derivatives. 0 where it is singular at
-    /// `r = 0`, because there it multiplies a product of two distances.
-    pub(crate) fn second(self, r2: f64) -> f64 {
-        let over = |numerator: f64, denominator: f64| if r2 > 0.0 { numerator / denominator } else { 0.0 };
-        match self {
-            Self::Linear => over(1.0, r2 * r2.sqrt()),
-            Self::ThinPlate => over(2.0, r2),
-            Self::Cubic => over(3.0, r2.sqrt()),
-            Self::Quintic => -15.0 * r2.sqrt(),
-            Self::Gaussian { shape } => 4.0 * shape.powi(4) * (-shape * shape * r2).exp(),
-            Self::Matern72 { length } => {
-                let s = (7.0 * r2).sqrt() / length;
-                9.8 / (3.0 * length.powi(4)) * (1.0 + s) * (-s).exp()
-            }
-            Self::Matern52 => 25.0 / 3.0 * (-(5.0 * r2).sqrt()).exp(),
-        }
+    /// `g(r)` for a squared distance.
+    pub(crate) fn value(self, r2: f64) -> f64 {
+        self.derivatives(r2)[0]
     }
 
     /// Whether second derivatives exist everywhere: what fitting derivatives needs.

@@ -40,7 +40,7 @@ fn state() -> ModelState {
 
 fn ask(evaluator: &Evaluator, pressure_mpa: f64, gap_mm: f64) -> Evaluation {
     let mut evaluation = evaluator.evaluation();
-    evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+    evaluator.differentiate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
     evaluation
 }
 

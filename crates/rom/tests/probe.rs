@@ -24,7 +24,7 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
     let mut at = [ProbePosition::default(); 3];
     let mut beside = at;
     for (pressure_mpa, gap_mm) in [(0.01, 45.3), (0.05, 30.37), (0.09, 20.21)] {
-        evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
+        evaluator.differentiate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
         reconstructor.reconstruct_into(&evaluation, &mut fields).expect("fields");
         probes.evaluate(&evaluation, &mut at);
         for (probe, node) in at.iter().zip(nodes) {
@@ -39,7 +39,7 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
                 Inputs::new(values[0], values[1]).with(input, values[input] + by)
             };
             let mut difference = |by: f64| {
-                evaluator.evaluate(moved(by), &mut evaluation);
+                evaluator.differentiate(moved(by), &mut evaluation);
                 probes.evaluate(&evaluation, &mut beside);
                 beside
             };

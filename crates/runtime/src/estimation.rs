@@ -146,7 +146,7 @@ impl SensorModel {
 
 impl estimate::Model for SensorModel {
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
-        self.evaluator.evaluate(Inputs::from(*inputs), &mut self.evaluation);
+        self.evaluator.differentiate(Inputs::from(*inputs), &mut self.evaluation);
         self.probes.evaluate(&self.evaluation, &mut self.positions);
         let force =
             Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };

@@ -20,6 +20,7 @@
 //! hold every instruction set to the same equations computed in the plainest way and in f64.
 
 mod basis;
+mod eight;
 mod isa;
 mod lanes;
 mod plan;

@@ -78,7 +78,8 @@ pub struct FarOnset {
 }
 
 impl FarOnset {
-    /// Adds the correction of a gap to coefficients, and its slope to their derivatives by gap. `O(coefficients)`.
+    /// Adds the correction of a gap to coefficients, and its slope to their derivatives by gap where there are any.
+    /// `O(coefficients)`.
     pub fn correct(&self, gap_mm: f64, coefficients: &mut [f64], by_gap: &mut [f64]) {
         let last = self.gap_mm.len() - 1;
         if gap_mm.is_nan() || gap_mm <= self.gap_mm[0] {
@@ -89,8 +90,10 @@ impl FarOnset {
         let share = ((gap_mm - self.gap_mm[i]) / width).min(1.0); // beyond the reach nothing touches
         let (count, held) = (coefficients.len(), gap_mm > self.gap_mm[last]);
         let row = |i: usize| &self.corrections[i * count..(i + 1) * count];
-        for (((a, d), low), high) in coefficients.iter_mut().zip(by_gap).zip(row(i)).zip(row(i + 1)) {
+        for ((a, low), high) in coefficients.iter_mut().zip(row(i)).zip(row(i + 1)) {
             *a += low + share * (high - low);
+        }
+        for ((d, low), high) in by_gap.iter_mut().zip(row(i)).zip(row(i + 1)) {
             *d += if held { 0.0 } else { (high - low) / width };
         }
     }

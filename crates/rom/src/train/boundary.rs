@@ -1,8 +1,8 @@
 //! The onset pressure while a model is trained.
 
-use crate::evaluation::Evaluation;
+use crate::clearance::OnsetSolver;
 use crate::inputs::Inputs;
-use crate::model::{Clearance, RegimeModel};
+use crate::model::Clearance;
 use crate::regime::{OnsetAt, OnsetTable};
 
 /// The onset as training needs it.
@@ -10,7 +10,7 @@ pub(super) struct OnsetBoundary {
     /// Over the gap; with parameters at their nominal values.
     pub table: OnsetTable,
     /// What it is solved from where it depends on parameters.
-    pub solver: Option<(Clearance, RegimeModel)>,
+    pub solver: Option<OnsetSolver>,
     /// Sampled states in which a node beside the obstacle is the lowest.
     pub crossings: usize,
 }
@@ -24,15 +24,15 @@ impl OnsetBoundary {
     /// The onset at a state.
     pub fn at(&self, inputs: &Inputs) -> OnsetAt {
         match &self.solver {
-            Some((clearance, free)) => clearance.onset(free, inputs, None, &mut Evaluation::room(free)),
+            Some(solver) => solver.onset(inputs, None, &mut solver.room()),
             None => self.table.at(inputs.gap_mm()),
         }
     }
 
     /// Depth of the lowest node at pressure and parameters, mm; none without parameters.
     pub fn depth_mm(&self, inputs: &Inputs) -> Option<f64> {
-        let (clearance, free) = self.solver.as_ref()?;
-        Some(clearance.depth_mm(free, inputs, &mut Evaluation::room(free)))
+        let solver = self.solver.as_ref()?;
+        Some(solver.depth_mm(inputs, &mut solver.room()))
     }
 
     /// What the data sheet says about it.
@@ -48,6 +48,6 @@ impl OnsetBoundary {
 
     /// What the model keeps.
     pub fn into_clearance(self) -> Option<Clearance> {
-        self.solver.map(|(clearance, _)| clearance)
+        self.solver.map(OnsetSolver::into_clearance)
     }
 }

@@ -6,6 +6,7 @@ use super::error::TrainError;
 use super::group::Plan;
 use super::regime::Part;
 use super::sort::Sorted;
+use crate::clearance::OnsetSolver;
 use crate::config::TrainConfig;
 use crate::inputs::{Inputs, PARAMETERS, PRESSURE};
 use crate::model::Clearance;
@@ -82,7 +83,8 @@ pub(super) fn derive(
     nodes.sort_by(|a, b| near[*a].total_cmp(&near[*b]).then(a.cmp(b)));
     nodes.truncate(MAX_NODES);
     let clearance = heights_of_nodes(plan, free, coordinates[1], &nodes, max_mpa, table.bend_per_mm);
-    Ok(OnsetBoundary { table, solver: Some((clearance, free.model(plan))), crossings })
+    let solver = OnsetSolver::new(clearance, &free.model(plan));
+    Ok(OnsetBoundary { table, solver: Some(solver), crossings })
 }
 
 fn heights_of_nodes(

@@ -4,8 +4,8 @@ use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail};
 use crate::fit::{FitError, Samples, fit};
 use crate::gp::maximum_likelihood;
 use crate::hull::{Domain, DomainStatus};
-use crate::inputs::{MAX_INPUTS, Point};
-use crate::interpolant::{Interpolant, KernelScratch, Metric};
+use crate::inputs::Point;
+use crate::interpolant::{Interpolant, Metric};
 use crate::pod::{Compact, PodError, decompose, truncation_error};
 use crate::regime::{Onset, OnsetTable};
 use crate::select::{States, Task, choose};
@@ -187,12 +187,7 @@ fn the_onset_table_is_monotone_and_its_slope_is_its_derivative() {
 
 /// Value and gradient at a point, by finite differences beside the analytic ones.
 fn check_gradient(fit: &Interpolant, x: Point) {
-    let mut scratch = KernelScratch::default();
-    scratch.reserve(fit.dimensions, fit.centre_count());
-    let (mut value, mut rows) = ([0.0], [[0.0]; MAX_INPUTS]);
-    fit.evaluate(&x, &mut scratch, &mut value, rows.each_mut().map(|row| row.as_mut_slice()));
-    assert_eq!(value[0], fit.values_at(&x)[0]);
-    for (input, [slope]) in rows.into_iter().enumerate().take(fit.dimensions) {
+    for (input, slope) in fit.gradient_at(&x).iter().map(|row| row[0]).enumerate() {
         let h = 1e-5;
         let at = |step: f64| {
             let mut x = x;

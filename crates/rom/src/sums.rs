@@ -1,0 +1,179 @@
+//! Interpolants ready to run: several that share their kernel in one pass, weights in the order in which they are read.
+
+use crate::config::{KernelKind, Tail};
+use crate::inputs::{MAX_INPUTS, Point};
+use crate::interpolant::{Interpolant, Metric};
+use crate::kernel::weigh::{BLOCK, Near, Weights, weigh};
+
+/// Interpolants over the same centres and with the same kernel, their outputs side by side.
+#[derive(Clone, Debug)]
+pub(crate) struct Sums {
+    kernel: KernelKind,
+    tail: Tail,
+    metric: Metric,
+    dimensions: usize,
+    outputs: usize,
+    /// `centres x dimensions`, those with slopes first.
+    centres: Vec<f64>,
+    weights: Weights,
+    /// `tail terms x outputs`.
+    tail_weights: Vec<f64>,
+}
+
+/// Reusable memory of [`Sums::evaluate`].
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Room {
+    near: Vec<Near>,
+    sums: Vec<[f64; BLOCK]>,
+}
+
+/// Slices that take the derivatives by each scaled input; those beyond the inputs in use stay as they are.
+pub(crate) type Gradient<'a> = [&'a mut [f64]; MAX_INPUTS];
+
+impl Room {
+    /// Allocates only where there is less room than asked for.
+    pub fn reserve(&mut self, other: &Self) {
+        grow(&mut self.near, other.near.len(), [0.0; 3 + MAX_INPUTS]);
+        grow(&mut self.sums, other.sums.len(), [0.0; BLOCK]);
+    }
+
+    /// Room for these.
+    pub fn of<'a>(all: impl Iterator<Item = &'a Sums>) -> Self {
+        let mut room = Self::default();
+        for sums in all {
+            room.reserve_for(sums.centre_count(), &sums.weights);
+        }
+        room
+    }
+
+    /// Room for the sums of so many centres.
+    pub fn reserve_for(&mut self, centres: usize, weights: &Weights) {
+        grow(&mut self.near, centres, [0.0; 3 + MAX_INPUTS]);
+        grow(&mut self.sums, weights.blocks * (1 + weights.dimensions), [0.0; BLOCK]);
+    }
+
+    /// `sum_k weights_k factors_k` for weights over no input.
+    pub fn weighted(&mut self, weights: &Weights, factors: &[f64]) -> &[[f64; BLOCK]] {
+        let near = &mut self.near[..factors.len()];
+        near.iter_mut().zip(factors).for_each(|(near, factor)| near[0] = *factor);
+        weigh(weights, near, false, &mut self.sums);
+        &self.sums
+    }
+}
+
+fn grow<T: Copy>(values: &mut Vec<T>, count: usize, value: T) {
+    if values.len() < count {
+        values.resize(count, value);
+    }
+}
+
+impl Sums {
+    /// Of interpolants that share their kernel ([`Interpolant::shares_kernel_with`]), at least one.
+    pub fn new(parts: &[&Interpolant]) -> Self {
+        let Interpolant { kernel, tail, metric, dimensions, .. } = *parts[0];
+        let centres = parts[0].centre_count();
+        let mut slopes = vec![[None; MAX_INPUTS]; centres];
+        for (at, slope) in parts[0].slopes.iter().enumerate() {
+            slopes[slope.centre as usize][slope.axis as usize] = Some(centres + at);
+        }
+        let has_slopes = |centre: &usize| slopes[*centre].iter().any(Option::is_some);
+        let (mut order, without): (Vec<usize>, Vec<usize>) = (0..centres).partition(has_slopes);
+        let sloped = order.len();
+        order.extend(without);
+        let outputs = parts.iter().map(|part| part.outputs).sum();
+        let all = |rows: usize, of: fn(&Interpolant) -> &[f64]| -> Vec<f64> {
+            let row = |at: usize| {
+                parts.iter().flat_map(move |part| of(part)[at * part.outputs..(at + 1) * part.outputs].iter())
+            };
+            (0..rows).flat_map(row).copied().collect()
+        };
+        let rows = all(parts[0].terms(), |part| &part.weights);
+        let block_of = |row: Option<usize>, block: usize| -> [f64; BLOCK] {
+            let value = |k: usize| rows[row? * outputs..(row? + 1) * outputs].get(BLOCK * block + k).copied();
+            std::array::from_fn(|k| value(k).unwrap_or(0.0))
+        };
+        let blocks = usize::div_ceil(outputs, BLOCK);
+        let mut values = Vec::with_capacity(blocks * (centres + sloped * dimensions));
+        for block in 0..blocks {
+            for (at, &centre) in order.iter().enumerate() {
+                values.push(block_of(Some(centre), block));
+                if at < sloped {
+                    let along =
+                        std::array::from_fn::<_, MAX_INPUTS, _>(|j| block_of(slopes[centre][j], block));
+                    values.extend(pushed(&metric, &along).into_iter().take(dimensions));
+                }
+            }
+        }
+        Self {
+            kernel,
+            tail,
+            metric,
+            dimensions,
+            outputs,
+            centres: order
+                .iter()
+                .flat_map(|&c| &parts[0].centres[c * dimensions..(c + 1) * dimensions])
+                .copied()
+                .collect(),
+            weights: Weights { dimensions, blocks, sloped, values },
+            tail_weights: all(tail.terms(dimensions), |part| &part.tail_weights),
+        }
+    }
+
+    fn centre_count(&self) -> usize {
+        self.centres.len() / self.dimensions.max(1)
+    }
+
+    /// Value and, where asked for, gradient over scaled inputs of every output at `x`. No allocation where `room` is of these
+    /// sums. Cost: see [`weigh`].
+    pub fn evaluate(&self, x: &Point, room: &mut Room, value: &mut [f64], gradient: Option<Gradient<'_>>) {
+        let u = self.metric.apply(x);
+        let near = &mut room.near[..self.centre_count()];
+        self.approach(&u, near);
+        weigh(&self.weights, near, gradient.is_some(), &mut room.sums);
+        let rows = 1 + self.dimensions;
+        let sum = |k: usize, row: usize| room.sums[k / BLOCK * rows + row][k % BLOCK];
+        value.iter_mut().enumerate().for_each(|(k, value)| *value = sum(k, 0));
+        let mut by = gradient;
+        if let Some(by) = &mut by {
+            for k in 0..self.outputs {
+                let over_u = std::array::from_fn(|j| if j < self.dimensions { sum(k, 1 + j) } else { 0.0 });
+                let slopes: Point = self.metric.pull_back(over_u);
+                by.iter_mut().zip(slopes).take(self.dimensions).for_each(|(row, slope)| row[k] = slope);
+            }
+        }
+        let mut weights = self.tail_weights.chunks_exact(self.outputs.max(1));
+        self.tail.each_term(self.dimensions, &u, |term, slopes| {
+            let Some(w) = weights.next() else { return };
+            value.iter_mut().zip(w).for_each(|(v, w)| *v += w * term);
+            let Some(by) = &mut by else { return };
+            for (row, slope) in by.iter_mut().zip(self.metric.pull_back(slopes)).take(self.dimensions) {
+                if slope != 0.0 {
+                    row.iter_mut().zip(w).for_each(|(d, w)| *d += w * slope);
+                }
+            }
+        });
+    }
+
+    /// Kernel values and ways to all centres from `u = M x`.
+    fn approach(&self, u: &Point, near: &mut [Near]) {
+        for (near, centre) in near.iter_mut().zip(self.centres.chunks_exact(self.dimensions)) {
+            let mut square = 0.0;
+            for ((d, u), centre) in near[3..].iter_mut().zip(u).zip(centre) {
+                *d = u - centre;
+                square += *d * *d;
+            }
+            near[..3].copy_from_slice(&self.kernel.derivatives(square));
+        }
+    }
+}
+
+/// `M v`: slope weights, one row a scaled input, as those over `M x`.
+fn pushed(metric: &Metric, along: &[[f64; BLOCK]; MAX_INPUTS]) -> [[f64; BLOCK]; MAX_INPUTS] {
+    let mut out = *along;
+    for k in 0..BLOCK {
+        let v = metric.apply(&std::array::from_fn(|j| along[j][k]));
+        out.iter_mut().zip(v).for_each(|(row, v)| row[k] = v);
+    }
+    out
+}
