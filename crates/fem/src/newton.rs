@@ -33,6 +33,12 @@ pub enum NewtonError {
         /// Largest nodal correction of the last iteration (mm).
         correction_mm: f64,
     },
+    /// The path would take more steps than anybody waits for.
+    #[error("a step of the largest allowed length covers {share:.1e} of the path only")]
+    StepTooShort {
+        /// Share of the whole path that the step covered.
+        share: f64,
+    },
     /// The state is outside the limits of the elastomer.
     #[error("element {element}: {what}")]
     MaterialLimit {

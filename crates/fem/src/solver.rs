@@ -59,7 +59,7 @@ fn advice(reason: &NewtonError) -> &'static str {
         NewtonError::MaterialLimit { .. } => {
             "The elastomer is at its limit there: lower the pressure or the gravity"
         }
-        NewtonError::Stalled { .. } => {
+        NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } => {
             "Start from a solved state nearer to it, or check that the loads are meant"
         }
         NewtonError::Body(_) => "Start from a state whose measures are nearer",
@@ -314,7 +314,21 @@ impl Solver {
             let outcome = self.step(&mut trial, (&from.load, to), (done, step), path, &mut effort);
             report.factorisations += effort.factorisations;
             report.seconds = began.elapsed().as_secs_f64();
+            let shortest = self.problem.config.newton.smallest_step;
+            let stopped = |done, last, reason, report| {
+                SolveError::NotConverged(Box::new(NotConverged {
+                    share: done,
+                    to: *to,
+                    last,
+                    reason,
+                    report,
+                }))
+            };
             match outcome {
+                Ok(reached) if reached < 1.0 && reached - done < shortest => {
+                    let reason = NewtonError::StepTooShort { share: reached - done };
+                    return Err(stopped(reached, trial.load, reason, report));
+                }
                 Ok(reached) => {
                     // The predictor finds the length of the next step, unless this one was hard.
                     step = if first_step < 1.0 {
@@ -331,10 +345,8 @@ impl Solver {
                 Err(reason) => {
                     report.cuts += 1;
                     step *= 0.5;
-                    if step < self.problem.config.newton.smallest_step {
-                        let last = state.load;
-                        let stop = NotConverged { share: done, to: *to, last, reason, report };
-                        return Err(SolveError::NotConverged(Box::new(stop)));
+                    if step < shortest {
+                        return Err(stopped(done, state.load, reason, report));
                     }
                 }
             }

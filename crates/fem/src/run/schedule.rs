@@ -11,6 +11,9 @@ const PRESSURE_UNIT_MPA: f64 = 0.09;
 const GAP_UNIT_MM: f64 = 40.0;
 /// Distance of a case with an obstacle from one without: coming to touch takes about as many steps as crossing the domain.
 const TOUCHING: f64 = 1.0;
+/// Distance of a case from one of another body (other parameters): every node of the mesh moves, and nothing of the other
+/// body's state is an equilibrium of this one.
+const OTHER_BODY: f64 = 1.0;
 /// Starts tried for a case, one after the other.
 const STARTS: usize = 3;
 
@@ -93,8 +96,13 @@ impl Scale {
             (None, Some(gap)) => (self.largest_gap - gap, TOUCHING),
             (Some(from), Some(to)) => (from - to, 0.0),
         };
-        let parameters = from.parameters.iter().zip(&to.parameters).map(|(a, b)| (a - b).powi(2));
-        let squares = (from.pressure - to.pressure).powi(2) + gap.powi(2) + parameters.sum::<f64>();
-        squares.sqrt() + touching
+        let parameters: f64 = from.parameters.iter().zip(&to.parameters).map(|(a, b)| (a - b).powi(2)).sum();
+        let other = if parameters > 0.0 { OTHER_BODY } else { 0.0 };
+        let squares = (from.pressure - to.pressure).powi(2) + gap.powi(2) + parameters;
+        squares.sqrt() + touching + other
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/schedule.rs"]
+mod tests;

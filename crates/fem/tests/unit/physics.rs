@@ -8,6 +8,7 @@ use crate::algebra::{Mat3, Vec3, add, axpy, dot, mat_vec, norm, scale, sub};
 use crate::config::{ContactSettings, GRAVITY_DOWN_MM_S2, NewtonSettings};
 use crate::element::{membrane, tet10};
 use crate::mesh::{Mesh, Slot};
+use crate::newton::NewtonError;
 use crate::ordering::nested_dissection;
 use crate::sparse::CONSTRAINED;
 use crate::system::{Ahead, System};
@@ -334,6 +335,19 @@ fn an_unbearable_pressure_is_stated_with_the_last_equilibrium() {
     assert!(matches!(solver.solve_to(&start, &inside), Err(SolveError::Load { name: "gap_mm", .. })));
     let foreign = State::default();
     assert!(matches!(solver.solve_to(&foreign, &Load::default()), Err(SolveError::ForeignState { .. })));
+}
+
+/// Steps may be as short as the displacement demands; a path of thousands of them ends as an error, not never.
+#[test]
+fn a_path_of_too_many_steps_ends() {
+    let newton = NewtonSettings { step_length_mm: 1.0e-6, ..NewtonSettings::default() };
+    let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
+    let mut solver = Solver::new(problem).unwrap();
+    let load = Load { pressure_mpa: 0.02, ..Load::default() };
+    let solved = solver.solve_to(&solver.undeformed(), &load).map(|(_, report)| report);
+    let Err(SolveError::NotConverged(stop)) = solved else { panic!("expected too many steps: {solved:?}") };
+    assert!(matches!(stop.reason, NewtonError::StepTooShort { share } if share < 1.0 / 256.0), "{stop}");
+    assert_eq!((stop.report.cuts, stop.report.steps), (0, 0), "the first step says it already");
 }
 
 /// The walls' normal is held while force and tangent are formed; along a motion that does not turn the walls the

@@ -1,0 +1,32 @@
+//! Where cases start from.
+
+use super::{Start, starts};
+use crate::cases::Case;
+
+fn case(pressure_mpa: f64, gap_mm: Option<f64>, stiffness: f64) -> Case {
+    Case {
+        name: String::new(),
+        regime: String::new(),
+        split: String::new(),
+        pressure_mpa,
+        gap_mm,
+        settings: vec![("elastomer.law.mu_mpa".to_owned(), stiffness)],
+    }
+}
+
+#[test]
+fn a_case_starts_from_the_nearest_of_its_own_body() {
+    let cases = [
+        case(0.06, None, 0.7),
+        case(0.05, Some(30.0), 0.7),
+        case(0.05, Some(30.0), 1.0),
+        case(0.05, Some(26.0), 0.7),
+        // Of its own body there is a state at half the pressure; the other body's at the same pressure is not nearer.
+        case(0.02, Some(20.0), 1.0),
+        case(0.06, Some(30.0), 0.8),
+    ];
+    let first: Vec<Start> = starts(&cases, &[0.8]).into_iter().map(|starts| starts[0]).collect();
+    let expected =
+        [Start::Rest, Start::Case(0), Start::Case(1), Start::Case(1), Start::Case(2), Start::Case(1)];
+    assert_eq!(first, expected);
+}
