@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the Debian package: softtwin, softtwind, softtwin-demo, services, udev rule, man pages, shell completions, models under
-# /usr/share/softtwin, configuration under /etc/softtwin that an upgrade keeps, the C library with its headers.
+# /usr/share/softtwin, configuration under /etc/softtwin that an upgrade keeps, the C library with its headers, that of FMUs.
 #   scripts/package_deb.sh OUT [--profile dev|light|release] [--gateway]       default: release
 # --gateway builds a second package, softtwin-gateway. Needs Rust, a C compiler, dpkg-deb.
 set -euo pipefail
@@ -61,6 +61,8 @@ root=$work/softtwin
 cargo build --locked --quiet --profile "$profile" -p softtwind -p cli -p softtwin --bins
 mkdir -p "$root/usr/bin"
 for program in softtwin softtwind softtwin-demo; do strip -o "$root/usr/bin/$program" "$folder/$program"; done
+install -d "$root/usr/lib/softtwin"
+strip --strip-unneeded -o "$root/usr/lib/softtwin/libfmu.so" "$folder/deps/libfmu.so"
 DESTDIR=$root scripts/install_c.sh /usr --profile "$profile" >/dev/null
 scripts/share.sh "$root/usr/share/softtwin"
 units "$root" softtwin-{twin,bridge,record}@.service

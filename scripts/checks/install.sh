@@ -32,6 +32,7 @@ dpkg() { command dpkg --root="$root" --log=/dev/null --force-depends --force-scr
 dpkg --install "$work"/softtwin_*.deb
 grep -q '^softtwin:' "$root/etc/passwd" || fail "the package made no user softtwin"
 demonstration "$root/usr/bin/softtwin" demo
+"$root/usr/bin/softtwin" export models/pneunet/pneunet.twin --out "$work/finger.fmu" || fail "the package exports no FMU"
 # The services against the units of this machine's systemd, which an installed package stands beside.
 cp -rn /usr/lib/systemd/system/. "$root/usr/lib/systemd/system/"
 install -D /bin/sh "$root/bin/sh"

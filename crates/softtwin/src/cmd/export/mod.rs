@@ -1,6 +1,7 @@
 //! `softtwin export`: states as files that other programs open.
 
 mod body;
+mod fmu;
 mod source;
 mod tables;
 
@@ -31,8 +32,10 @@ Examples:
   A recording as CSV tables, one for each topic (tables/softtwin.finger.state.csv and so on), or its states only:
     softtwin export run.mcap --out tables
     softtwin export run.mcap --out tables --key 'softtwin/*/state'
+  A model for Simulink, Modelica and others, as an FMU of FMI 3.0, with two nodes as outputs (docs/fmi.md):
+    softtwin export finger.twin --out finger.fmu --node tip=9696 --node middle=120
 
-Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy.
+Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy, .fmu.
 VTU files (as field data) and CSV files (as columns) carry every input, the contact force and the name of the case.";
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.
@@ -53,6 +56,9 @@ pub struct Args {
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the states shall have; the surface when left out.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
+    /// Of an FMU: a node whose fields are outputs, by its number from 0; the middle of the end along x when left out. Repeat.
+    #[arg(long = "node", value_name = "NAME=NUMBER", value_parser = fmu::chosen)]
+    nodes: Vec<::fmu::ChosenNode>,
     /// End with one JSON object.
     #[arg(long)]
     json: bool,
@@ -67,6 +73,12 @@ impl Args {
         let recording = self.source.extension().is_some_and(|ending| ending == "mcap");
         if recording && self.out.extension().is_none() {
             return tables::write(&self.source, &self.out, &self.key, self.json);
+        }
+        if self.out.extension().is_some_and(|ending| ending == "fmu") {
+            return fmu::write(&self.source, &self.out, self.nodes, self.json);
+        }
+        if !self.nodes.is_empty() {
+            return Err(usage("--node belongs to an FMU: --out FILE.fmu"));
         }
         SeriesFormat::of(&self.out).map_err(usage)?; // before the work, not after it
         if let Some(folder) = self.out.parent().filter(|folder| !folder.as_os_str().is_empty()) {

@@ -1,0 +1,205 @@
+"""A model as an FMU, in the hands of FMPy: valid, equal to `softtwin predict`, and clear about mistakes."""
+
+import json
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree
+import zipfile
+
+import fmpy
+import numpy as np
+import pytest
+import softtwin
+from conftest import PROGRAMS, REPOSITORY
+from fmpy.fmi3 import FMU3Model, FMU3Slave, fmi3LogMessageCallback
+from fmpy.validation import validate_fmu
+
+MODEL = REPOSITORY / "models/pneunet/pneunet.twin"
+STATES = [(0.0, 30.0), (0.05, 30.0), (0.0817, 12.5), (0.05, np.inf), (0.12, 200.0), (0.3, 5.0)]
+
+
+def tool(*arguments):
+    return subprocess.run([PROGRAMS / "softtwin", *map(str, arguments)], capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    path = tmp_path_factory.mktemp("fmu") / "finger.fmu"
+    done = tool("export", MODEL, "--out", path, "--node", "tip=9696", "--node", "first=0", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["nodes"] == {"tip": 9696, "first": 0}
+    return path
+
+
+class Twin:
+    """An instance with its variables by name and what it logged."""
+
+    def __init__(self, archive, folder, kind=FMU3Slave, token=None):
+        self.description = fmpy.read_model_description(archive)
+        self.number = {v.name: v.valueReference for v in self.description.modelVariables}
+        fmpy.extract(archive, folder)
+        self.said = []
+        self._log = fmi3LogMessageCallback(lambda _env, status, _category, text: self.said.append((status, text.decode())))
+        self.fmu = kind(
+            guid=token or self.description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            instanceName="finger",
+        )
+
+    def start(self):
+        self.fmu.instantiate(logMessage=self._log)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+        return self
+
+    def put(self, **values):
+        self.fmu.setFloat64([self.number[name] for name in values], list(values.values()))
+
+    def get(self, *names):
+        return self.fmu.getFloat64([self.number[name] for name in names])
+
+    def status(self, name):
+        return self.fmu.getInt32([self.number[name]])[0]
+
+
+@pytest.fixture
+def twin(archive, tmp_path):
+    made = Twin(archive, tmp_path / "fmu").start()
+    yield made
+    made.fmu.terminate()
+    made.fmu.freeInstance()
+
+
+def test_the_archive_is_valid_and_self_contained(archive, tmp_path):
+    assert validate_fmu(str(archive)) == []
+    description = fmpy.read_model_description(archive, validate=True)
+    assert description.fmiVersion == "3.0" and description.modelExchange and description.coSimulation
+    again = tmp_path / "again.fmu"
+    assert tool("export", MODEL, "--out", again, "--node", "tip=9696", "--node", "first=0").returncode == 0
+    assert again.read_bytes() == archive.read_bytes(), "the same model gives the same bytes"
+    units = xml.etree.ElementTree.fromstring(zipfile.ZipFile(archive).read("modelDescription.xml")).iter("Unit")
+    assert {"MPa", "mm", "N", "N/MPa", "N/mm"} <= {unit.get("name") for unit in units}
+
+
+def test_outputs_are_those_of_the_tool_to_the_bit(twin, tmp_path):
+    model = softtwin.Model(MODEL)
+    time_s = 0.0
+    for pressure_mpa, gap_mm in STATES:
+        twin.put(pressure_mpa=pressure_mpa, gap_mm=gap_mm)
+        twin.fmu.doStep(currentCommunicationPoint=time_s, communicationStepSize=0.01)
+        time_s += 0.01
+        gap = [] if np.isinf(gap_mm) else ["--gap-mm", gap_mm]
+        done = tool("predict", "--model", MODEL, "--pressure-mpa", pressure_mpa, *gap, "--out", tmp_path / "state.npy")
+        said, fields = json.loads(done.stdout), np.load(tmp_path / "state.npy")
+        assert twin.get("contact_force_n", "force_by_pressure_mpa", "force_by_gap_mm", "domain_distance") == [
+            said["contact_force_n"],
+            said["dforce_dpressure_n_per_mpa"],
+            said["dforce_dgap_n_per_mm"],
+            said["domain_distance"],
+        ]
+        assert twin.get("onset_pressure_mpa")[0] == (np.inf if said["onset_pressure_mpa"] is None else said["onset_pressure_mpa"])
+        assert twin.get("force_halfwidth_n", "displacement_halfwidth_mm", "von_mises_halfwidth_mpa") == [
+            said["bars"][name] for name in ("force_n", "displacement_mm", "stress_mpa")
+        ]
+        assert twin.get("max_von_mises_mpa")[0] == np.float32(said["max_von_mises_mpa"])
+        for name, node in (("tip", 9696), ("first", 0)):
+            assert twin.get(*(f"{name}.{field}" for field in model.fields)) == fields[node].tolist()
+        assert ["inside", "near", "outside"][twin.status("domain_status")] == said["domain"]
+        assert ["free", "contact"][twin.status("regime") - 1] == said["regime"]
+    assert twin.said == []
+
+
+def test_a_value_that_is_no_number_is_refused_and_the_one_before_stands(twin):
+    twin.put(pressure_mpa=0.05, gap_mm=30.0)
+    before = twin.get("contact_force_n")
+    for wrong in (dict(pressure_mpa=np.nan), dict(gap_mm=np.nan), dict(pressure_mpa=np.inf), dict(contact_force_n=1.0)):
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            twin.put(**wrong)
+        assert twin.get("contact_force_n") == before
+    assert [status for status, _ in twin.said] == [3] * 4
+    assert "pressure_mpa: expected a number, found NaN" in twin.said[0][1] and "is no input" in twin.said[3][1]
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        twin.fmu.getFloat64([5000])
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        twin.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=-1.0)
+    twin.fmu.reset()
+    assert twin.get("pressure_mpa") == [0.0]
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_fmpy_simulates_it(archive, kind):
+    signals = np.array([(0.0, 0.0, 30.0), (1.0, 0.08, 30.0)], [("time", float), ("pressure_mpa", float), ("gap_mm", float)])
+    found = fmpy.simulate_fmu(
+        str(archive), fmi_type=kind, stop_time=1.0, output_interval=0.1, input=signals, solver="Euler", output=["contact_force_n", "pressure_mpa"]
+    )
+    expected = softtwin.Model(MODEL).predict(found["pressure_mpa"], 30.0, fields=False).contact_force_n
+    assert found["contact_force_n"][-1] > 0.5 and len(found) >= 10
+    if kind == "CoSimulation":
+        np.testing.assert_array_equal(found["contact_force_n"], expected)
+    else:
+        np.testing.assert_allclose(found["contact_force_n"], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("what", ["missing", "broken", "another", "nodes"])
+def test_resources_that_do_not_fit_are_said(archive, tmp_path, what):
+    made = Twin(archive, tmp_path / "fmu", token="another" if what == "another" else None)
+    path = tmp_path / "fmu" / "resources" / "model.twin"
+    if what == "missing":
+        path.unlink()
+    if what == "broken":
+        path.write_bytes(path.read_bytes()[:5000])
+    if what == "nodes":
+        path.with_name("nodes.txt").write_text("tip\n")
+    with pytest.raises(Exception, match="nstantiate"):
+        made.start()
+    expected = {
+        "missing": "No such file",
+        "broken": "model.twin",
+        "another": "belongs to another model",
+        "nodes": "nodes.txt, line 1: expected NAME NUMBER",
+    }
+    assert expected[what] in made.said[0][1], made.said
+
+
+def test_the_valve_reaches_its_force(archive):
+    program = REPOSITORY / "clients/fmi/valve.py"
+    done = subprocess.run([sys.executable, program, archive, "--seconds", "2"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert abs(float(done.stdout.split()[0]) - 0.3) < 0.005 and done.stdout.strip().endswith("domain 0"), done.stdout
+
+
+def test_mistakes_of_an_export_are_named(tmp_path):
+    for arguments, expected in [
+        (["--node", "tip=25022"], "the model has 25022 nodes"),
+        (["--node", "tip"], "expected NAME=NUMBER"),
+        (["--node", "a=1", "--node", "a=2"], "expected every name once"),
+    ]:
+        done = tool("export", MODEL, "--out", tmp_path / "x.fmu", *arguments)
+        assert done.returncode == 2 and expected in done.stderr, done.stderr
+        assert not (tmp_path / "x.fmu").exists()
+    done = tool("export", MODEL, "--out", tmp_path / "x.pvd", "--node", "a=1")
+    assert done.returncode == 2 and "--out FILE.fmu" in done.stderr
+
+
+def test_a_step_is_fast(twin):
+    """Prints what a step in contact costs, without FMPy's own work: a step with the same inputs, for which nothing is computed."""
+    twin.put(gap_mm=30.0)
+
+    def microseconds(output, pressures):
+        wanted, inputs = [twin.number[output]], [twin.number["pressure_mpa"]]
+        best = np.inf
+        for _ in range(5):
+            began = time.perf_counter()
+            for pressure_mpa in pressures:
+                twin.fmu.setFloat64(inputs, [pressure_mpa])
+                twin.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.001)
+                twin.fmu.getFloat64(wanted)
+            best = min(best, (time.perf_counter() - began) / len(pressures) * 1e6)
+        return best
+
+    idle = microseconds("contact_force_n", [0.05] * 1000)
+    steps = {name: microseconds(name, np.linspace(0.04, 0.06, 1000)) - idle for name in ("contact_force_n", "tip.x", "max_von_mises_mpa")}
+    print(json.dumps({"fmpy_us": round(idle, 1), **{f"{name}_us": round(us, 1) for name, us in steps.items()}}))
+    assert steps["contact_force_n"] < 100.0, "a machine so busy that the figure says nothing; see docs/fmi.md"

@@ -1,0 +1,137 @@
+//! The variables of an FMU: inputs and outputs with their numbers (value references), the same when it is written and when it runs.
+
+use rom::model::{Model, ModelHeader};
+
+/// The model in an FMU's resources.
+pub const MODEL_FILE: &str = "model.twin";
+/// The chosen nodes in an FMU's resources: a line `NAME NUMBER` each.
+pub const NODES_FILE: &str = "nodes.txt";
+
+/// Value reference of the time.
+pub(crate) const TIME: u32 = 0;
+/// Value reference of the first input.
+pub(crate) const FIRST_INPUT: u32 = 1;
+/// Value reference of the first output.
+pub(crate) const FIRST_OUTPUT: u32 = 100;
+
+/// A node whose fields are outputs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChosenNode {
+    /// Name before the field's (`tip`).
+    pub name: String,
+    /// Its number in the model, from 0.
+    pub node: u32,
+}
+
+/// The text of [`NODES_FILE`].
+pub fn nodes_text(nodes: &[ChosenNode]) -> String {
+    nodes.iter().map(|chosen| format!("{} {}\n", chosen.name, chosen.node)).collect()
+}
+
+/// The instantiation token: what ties a description to its resources. The hash at the end of the model file, and the nodes.
+pub fn token(model_file: &[u8], nodes: &[ChosenNode]) -> String {
+    let hash = model_file.last_chunk::<32>().copied().unwrap_or_default();
+    let hash: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    nodes.iter().fold(hash, |token, chosen| format!("{token};{} {}", chosen.name, chosen.node))
+}
+
+/// Reads the text of [`NODES_FILE`].
+pub(crate) fn read_nodes(text: &str) -> Result<Vec<ChosenNode>, String> {
+    let one = |(at, line): (usize, &str)| {
+        let parts = line.split_once(' ').and_then(|(name, node)| Some((name, node.parse().ok()?)));
+        let (name, node) =
+            parts.ok_or(format!("{NODES_FILE}, line {}: expected NAME NUMBER, found {line:?}", at + 1))?;
+        Ok(ChosenNode { name: name.into(), node })
+    };
+    text.lines().enumerate().map(one).collect()
+}
+
+/// What an output shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Quantity {
+    Force,
+    /// Derivative of the force by the input at this position.
+    ForceBy(usize),
+    Onset,
+    ForceHalfwidth,
+    DisplacementHalfwidth,
+    StressHalfwidth,
+    DomainDistance,
+    MaxStress,
+    /// 0 inside, 1 near the edge, 2 outside.
+    DomainStatus,
+    /// 1 free, 2 contact.
+    Regime,
+    /// A field at a chosen node, by their positions.
+    AtNode {
+        field: usize,
+        chosen: usize,
+    },
+}
+
+impl Quantity {
+    /// Whether it is an Int32.
+    pub(crate) fn is_integer(self) -> bool {
+        matches!(self, Self::DomainStatus | Self::Regime)
+    }
+}
+
+/// An output.
+#[derive(Clone, Debug)]
+pub(crate) struct Output {
+    pub name: String,
+    pub unit: String,
+    pub about: &'static str,
+    pub quantity: Quantity,
+}
+
+/// The outputs in the order of their value references.
+pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output> {
+    let mut all = Vec::new();
+    let mut add =
+        |name: String, unit: String, about, quantity| all.push(Output { name, unit, about, quantity });
+    add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
+    for (at, input) in header.inputs.iter().enumerate() {
+        let (name, unit) = (format!("force_by_{}", input.key()), format!("N/{}", input.unit));
+        add(name, unit, "Derivative of the contact force", Quantity::ForceBy(at));
+    }
+    for (name, unit, about, quantity) in [
+        (
+            "onset_pressure_mpa",
+            "MPa",
+            "Pressure at which contact begins; infinite: out of reach",
+            Quantity::Onset,
+        ),
+        (
+            "force_halfwidth_n",
+            "N",
+            "Half-width of the force; does not hold outside",
+            Quantity::ForceHalfwidth,
+        ),
+        ("displacement_halfwidth_mm", "mm", "Half-width of the worst node", Quantity::DisplacementHalfwidth),
+        ("von_mises_halfwidth_mpa", "MPa", "Half-width of the worst node", Quantity::StressHalfwidth),
+        ("domain_distance", "1", "Distance to the training states, inputs scaled", Quantity::DomainDistance),
+        ("max_von_mises_mpa", "MPa", "Largest von Mises stress of all nodes", Quantity::MaxStress),
+        ("domain_status", "", "0 inside the training states, 1 near, 2 outside", Quantity::DomainStatus),
+        ("regime", "", "1 free, 2 contact", Quantity::Regime),
+    ] {
+        add(name.into(), unit.into(), about, quantity);
+    }
+    for (chosen, node) in nodes.iter().enumerate() {
+        for (field, output) in header.fields.iter().enumerate() {
+            let (name, unit) = (format!("{}.{}", node.name, output.spec.name), output.spec.unit.clone());
+            add(name, unit, "Field at a chosen node", Quantity::AtNode { field, chosen });
+        }
+    }
+    all
+}
+
+/// The inputs' values before any is set: no pressure, the largest training gap, parameters as the model has them.
+pub(crate) fn start(model: &Model) -> Vec<f64> {
+    let of = |(at, input): (usize, &rom::inputs::InputSpec)| match input.value {
+        Some(value) => value,
+        None if at == rom::inputs::GAP && input.range[1].is_finite() => input.range[1],
+        None => 0.0,
+    };
+    model.header.inputs.iter().enumerate().map(of).collect()
+}
