@@ -181,7 +181,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     _stop_s: f64,
 ) -> Status {
     // SAFETY: by the importer's promise.
-    unsafe { call(handle, |instance| Ok(instance.time_s = start_s)) }
+    unsafe { call(handle, |instance| instance.move_to(start_s)) }
 }
 
 /// Changes of mode: a model without states has nothing to do.
@@ -216,7 +216,7 @@ modes!(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
     // SAFETY: by the importer's promise.
-    unsafe { call(handle, |instance| Ok(instance.reset())) }
+    unsafe { call(handle, |instance| instance.reset()) }
 }
 
 /// Sets the time, s.
@@ -226,7 +226,7 @@ pub unsafe extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetTime(handle: *mut Handle, time_s: f64) -> Status {
     // SAFETY: by the importer's promise.
-    unsafe { call(handle, |instance| Ok(instance.time_s = time_s)) }
+    unsafe { call(handle, |instance| instance.move_to(time_s)) }
 }
 
 /// Reads or writes `count` values at value references.
@@ -444,12 +444,11 @@ pub unsafe extern "C" fn fmi3DoStep(
             put(place, false);
         }
         call(handle, |instance| {
-            if !(current_s.is_finite() && step_s.is_finite() && step_s >= 0.0) {
+            if step_s.is_nan() || step_s < 0.0 {
                 return Err(format!("expected a step forward in time, found {step_s} s from {current_s} s"));
             }
-            instance.time_s = current_s + step_s;
-            put(last_s, instance.time_s);
-            Ok(())
+            put(last_s, current_s + step_s);
+            instance.move_to(current_s + step_s)
         })
     }
 }

@@ -47,7 +47,7 @@ pub(crate) struct Instance {
     keys: Vec<String>,
     start: Inputs,
     inputs: Inputs,
-    pub time_s: f64,
+    time_s: f64,
     evaluator: Evaluator,
     evaluation: Evaluation,
     is_current: bool,
@@ -100,8 +100,18 @@ impl Instance {
     }
 
     /// As after instantiation.
-    pub(crate) fn reset(&mut self) {
-        (self.inputs, self.time_s, self.is_current) = (self.start, 0.0, false);
+    pub(crate) fn reset(&mut self) -> Result<(), String> {
+        (self.inputs, self.is_current) = (self.start, false);
+        self.move_to(0.0)
+    }
+
+    /// Moves the time; outputs do not depend on it.
+    pub(crate) fn move_to(&mut self, time_s: f64) -> Result<(), String> {
+        if !time_s.is_finite() {
+            return Err(format!("expected a time in s, found {time_s}"));
+        }
+        self.time_s = time_s;
+        Ok(())
     }
 
     /// Sets an input. Not a number, or infinite where only the gap may be: refused, the old value stands.
