@@ -28,6 +28,7 @@ mod topic_scan;
 use anyhow::Context;
 use clap::Parser;
 use config::Config;
+use endpoint::Endpoint;
 use link::{Counters, Link};
 use liveness::Liveness;
 use queries::QueryHandler;
@@ -83,9 +84,21 @@ fn main() -> ExitCode {
     }
 }
 
+fn listed(endpoints: &[Endpoint]) -> String {
+    let texts: Vec<String> = endpoints.iter().map(ToString::to_string).collect();
+    if texts.is_empty() { "nothing".into() } else { texts.join(", ") }
+}
+
 fn run(options: &Options) -> anyhow::Result<()> {
     let config = Config::load(&options.config)?;
-    tracing::info!("{config:?}");
+    tracing::info!(
+        "{}: {} key(s) out, {} topic(s) fed from the network, listens on {}, connects to {}",
+        options.config.display(),
+        config.keys.len(),
+        config.inlets.len(),
+        listed(&config.listen),
+        listed(&config.connect)
+    );
     if options.check {
         return Ok(());
     }

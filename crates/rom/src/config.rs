@@ -3,6 +3,7 @@
 use crate::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt::{self, Display};
 
 /// How fields share a POD.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -65,6 +66,32 @@ pub enum KernelKind {
         /// Length over scaled inputs, > 0.
         length: f64,
     },
+}
+
+/// As people write it: `quintic`, `Matern 7/2 of length 0.5`.
+impl Display for KernelKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Linear => f.write_str("linear"),
+            Self::ThinPlate => f.write_str("thin plate"),
+            Self::Cubic => f.write_str("cubic"),
+            Self::Quintic => f.write_str("quintic"),
+            Self::Gaussian { shape } => write!(f, "Gaussian of shape {shape:.3}"),
+            Self::Matern52 => f.write_str("Matern 5/2"),
+            Self::Matern72 { length } => write!(f, "Matern 7/2 of length {length:.3}"),
+        }
+    }
+}
+
+impl Display for Tail {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "no tail",
+            Self::Constant => "constant tail",
+            Self::Linear => "linear tail",
+            Self::Quadratic => "quadratic tail",
+        })
+    }
 }
 
 /// A kernel with its tail.

@@ -5,6 +5,7 @@
 
 use crate::inputs::{Point, square_distance};
 use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display};
 
 /// Where a state lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,6 +17,16 @@ pub enum DomainStatus {
     Near,
     /// Further out: extrapolation.
     Outside,
+}
+
+impl Display for DomainStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Inside => "inside",
+            Self::Near => "near",
+            Self::Outside => "outside",
+        })
+    }
 }
 
 /// Domain over scaled inputs.

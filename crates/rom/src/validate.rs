@@ -73,8 +73,8 @@ impl Database {
                     case.pressure_mpa
                 ));
             }
-            if case.gap_mm.is_some_and(|gap| !(-MAX_GAP_MM..=MAX_GAP_MM).contains(&gap)) {
-                problems.push(format!("case {name}: gap_mm {:?} is not a length in mm", case.gap_mm));
+            if let Some(gap) = case.gap_mm.filter(|gap| !(-MAX_GAP_MM..=MAX_GAP_MM).contains(gap)) {
+                problems.push(format!("case {name}: gap_mm {gap} is not a length in mm"));
             }
             if case.regime == RegimeKind::Contact && case.gap_mm.is_none() {
                 problems.push(format!("case {name}: a contact case needs gap_mm"));

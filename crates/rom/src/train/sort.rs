@@ -83,10 +83,11 @@ fn merge(
                 distance(twin, i)
             ));
         } else {
+            let gap = a.gap_mm.map_or_else(String::new, |gap| format!(", gap {gap} mm"));
             contradictions.push(format!(
-                "cases {} and {} have the same inputs ({} MPa, {:?} mm) but their fields differ by {difference:.1e} of their \
+                "cases {} and {} have the same inputs ({} MPa{gap}) but their fields differ by {difference:.1e} of their \
                  size; remove one",
-                a.name, b.name, a.pressure_mpa, a.gap_mm
+                a.name, b.name, a.pressure_mpa
             ));
         }
     }

@@ -103,7 +103,8 @@ fn text(model: &Model) -> anyhow::Result<()> {
     for regime in &header.regimes {
         output!("\nregime {}", regime.kind.name())?;
         for axis in &regime.inputs.axes {
-            output!("  {:<12} {} .. {}", header.inputs[axis.input].key(), axis.min, axis.max)?;
+            let [min, max] = [axis.min, axis.max].map(|v| (v * 1e4).round() / 1e4);
+            output!("  {:<12} {min} .. {max}", header.inputs[axis.input].key())?;
         }
         let domain = match &regime.domain {
             Domain::Interval(_) => "the interval of its samples".into(),
@@ -116,7 +117,7 @@ fn text(model: &Model) -> anyhow::Result<()> {
         for group in &regime.groups {
             let (modes, kernel) = (group.coefficients.len(), &group.surrogate);
             output!(
-                "  {:<12} {modes:>2} modes, {} centres, {:?}, tail {:?}",
+                "  {:<12} {modes:>2} modes, {} centres, {}, {}",
                 group.name,
                 kernel.centre_count(),
                 kernel.kernel,
@@ -125,13 +126,7 @@ fn text(model: &Model) -> anyhow::Result<()> {
         }
         if let Some(force) = &regime.force {
             let fit = &force.surrogate;
-            output!(
-                "  {:<12} {} centres, {:?}, tail {:?}",
-                "force",
-                fit.centre_count(),
-                fit.kernel,
-                fit.tail
-            )?;
+            output!("  {:<12} {} centres, {}, {}", "force", fit.centre_count(), fit.kernel, fit.tail)?;
         }
         let halfwidths = regime.halfwidths;
         output!(

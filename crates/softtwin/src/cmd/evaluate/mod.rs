@@ -246,13 +246,14 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
     let [displacement, stress, force] = summary.coverage.map(|share| format!("{:.0} %", share * 100.0));
     output!("  within the error bars: displacement {displacement}, stress {stress}, force {force}")?;
     for case in &cases {
+        let percent = |value: f64| format!("{} %", percent(value));
         let worst = |name: &str| {
-            case.fields.iter().find(|f| f.field == name).map_or("-".into(), |f| percent(f.normalised))
+            case.fields.iter().find(|f| f.field == name).map_or("none".into(), |f| percent(f.normalised))
         };
-        let force = case.force_relative.map_or("-".into(), percent);
-        let gap = case.gap_mm.map_or("-".into(), |gap| format!("{gap:.3}"));
+        let force = case.force_relative.map_or("none".into(), percent);
+        let gap = case.gap_mm.map_or("no obstacle".into(), |gap| format!("gap {gap:.3} mm"));
         output!(
-            "  case {:<6} P {:.6} MPa, gap {gap:>7} mm, {:?}: displacement {} %, stress {} %, force {force} %",
+            "  case {:<6} P {:.6} MPa, {gap:>14}, {}: displacement {}, stress {}, force {force}",
             case.case,
             case.pressure_mpa,
             case.domain,
