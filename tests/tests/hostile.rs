@@ -147,7 +147,8 @@ fn database() -> Database {
 /// Writes the good files.
 fn prepare(folder: &Path) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("writable");
-    formats::database::write(&folder.join("db"), &database(), &[]).expect("writable");
+    formats::database::write(&folder.join("db"), &database(), formats::vtu::Cells::QuadraticTets(&[]))
+        .expect("writable");
     write("beam.twin", tests::stage::model_bytes());
     write("mesh.inp", INP.as_bytes());
     write("mesh.msh", MSH.as_bytes());

@@ -1,12 +1,12 @@
-//! Abaqus input files (`.inp`): nodes, second-order tetrahedra and hexahedra, shells, node sets.
+//! Abaqus input files (`.inp`): nodes, tetrahedra, hexahedra, wedges, shells, node sets.
 //!
 //! Only the mesh is read; materials, steps and the like are passed over. An element type that is not known is refused by
 //! its name, and so is what would change the meaning of node numbers: a second part, `*INCLUDE`, generated nodes.
 
+use crate::cells::{Block as Cells, Kind as Shape};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::mesh_file::MeshFile;
-use crate::vtu::Block as Cells;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
@@ -27,6 +27,8 @@ pub struct AbaqusMesh {
     pub tets: Vec<[u32; 10]>,
     /// 20-node hexahedra (`C3D20` and its variants).
     pub hexahedra: Vec<[u32; 20]>,
+    /// First-order solids and wedges, by VTK's number of the kind.
+    pub others: BTreeMap<u8, Vec<u32>>,
     /// Shells and membranes: 3, 4, 6 or 8 nodes each.
     pub shells: Vec<Vec<u32>>,
     /// Named node sets, ascending.
@@ -39,8 +41,10 @@ impl AbaqusMesh {
     /// # Errors
     /// A mesh that holds hexahedra, or no tetrahedra at all.
     pub fn tetrahedra(self) -> Result<MeshFile, Diagnostic> {
-        if self.tets.is_empty() || !self.hexahedra.is_empty() {
-            let found = format!("{} tetrahedra and {} hexahedra", self.tets.len(), self.hexahedra.len());
+        if self.tets.is_empty() || !self.hexahedra.is_empty() || !self.others.is_empty() {
+            let (tets, hexahedra) = (self.tets.len(), self.hexahedra.len());
+            let found =
+                format!("{tets} tetrahedra, {hexahedra} hexahedra and {} other kinds", self.others.len());
             return Err(Diagnostic::new("elements", "10-node tetrahedra only (C3D10...)", found));
         }
         Ok(MeshFile { points_mm: self.points, tets: self.tets, ..MeshFile::default() })
@@ -52,6 +56,10 @@ impl AbaqusMesh {
             Cells { kind: 24, nodes_per_cell: 10, nodes: self.tets.as_flattened().to_vec() },
             Cells { kind: 25, nodes_per_cell: 20, nodes: self.hexahedra.as_flattened().to_vec() },
         ];
+        for (kind, nodes) in &self.others {
+            let nodes_per_cell = Shape::of((*kind).into()).map_or(1, |shape| shape.nodes);
+            blocks.push(Cells { kind: *kind, nodes_per_cell, nodes: nodes.clone() });
+        }
         for (nodes_per_cell, kind) in [(3, 5), (4, 9), (6, 22), (8, 23)] {
             let cells = self.shells.iter().filter(|shell| shell.len() == nodes_per_cell);
             blocks.push(Cells { kind, nodes_per_cell, nodes: cells.flatten().copied().collect() });
@@ -66,6 +74,8 @@ impl AbaqusMesh {
 enum Kind {
     Tetrahedron,
     Hexahedron,
+    /// VTK's number and nodes.
+    Other(u8, usize),
     Shell(usize),
 }
 
@@ -74,6 +84,10 @@ impl Kind {
         match name {
             "C3D10" | "C3D10H" | "C3D10M" | "C3D10MH" | "C3D10HS" => Some(Self::Tetrahedron),
             "C3D20" | "C3D20H" | "C3D20R" | "C3D20RH" => Some(Self::Hexahedron),
+            "C3D4" | "C3D4H" => Some(Self::Other(10, 4)),
+            "C3D6" | "C3D6H" => Some(Self::Other(13, 6)),
+            "C3D8" | "C3D8H" | "C3D8I" | "C3D8IH" | "C3D8R" | "C3D8RH" => Some(Self::Other(12, 8)),
+            "C3D15" | "C3D15H" => Some(Self::Other(26, 15)),
             "S3" | "S3R" | "S3RS" | "M3D3" => Some(Self::Shell(3)),
             "S4" | "S4R" | "S4RS" | "S4R5" | "M3D4" | "M3D4R" => Some(Self::Shell(4)),
             "STRI65" | "M3D6" => Some(Self::Shell(6)),
@@ -86,7 +100,7 @@ impl Kind {
         match self {
             Self::Tetrahedron => 10,
             Self::Hexahedron => 20,
-            Self::Shell(nodes) => nodes,
+            Self::Shell(nodes) | Self::Other(_, nodes) => nodes,
         }
     }
 }
@@ -187,8 +201,8 @@ impl Reader {
         if let Some(kind) = Kind::of(kind) {
             return Block::Elements(kind, Vec::new());
         }
-        let expected =
-            "second-order tetrahedra (C3D10...), hexahedra (C3D20...) or shells (S3, S4, STRI65, S8R)";
+        let expected = "tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...), wedges (C3D6, C3D15) or shells (S3, S4, \
+                        STRI65, S8R)";
         self.report(expected, format!("element type {kind:?}"));
         Block::Other
     }
@@ -308,6 +322,7 @@ impl Reader {
         match kind {
             Kind::Tetrahedron => self.mesh.tets.push(std::array::from_fn(|k| nodes[k])),
             Kind::Hexahedron => self.mesh.hexahedra.push(std::array::from_fn(|k| nodes[k])),
+            Kind::Other(kind, _) => self.mesh.others.entry(kind).or_default().extend(nodes),
             Kind::Shell(_) => self.mesh.shells.push(nodes),
         }
     }

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod abaqus;
+pub mod cells;
 pub mod database;
 mod error;
 pub mod export;
@@ -11,6 +12,7 @@ mod mesh_reader;
 pub mod msh;
 pub mod npy;
 pub mod packed;
+pub mod results;
 pub mod table;
 pub mod vtu;
 

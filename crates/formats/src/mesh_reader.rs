@@ -1,5 +1,6 @@
 //! Reads a mesh in any of the formats known here.
 
+use crate::cells::Block;
 use crate::error::{Diagnostic, FormatError};
 use crate::mesh_file::MeshFile;
 use crate::{abaqus, msh, vtu};
@@ -20,5 +21,23 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
             let (expected, found) = ("an ending of .vtu, .msh or .inp", other.unwrap_or("no ending"));
             Err(FormatError::one(path, Diagnostic::new("file name", expected, found)))
         }
+    }
+}
+
+/// Node positions and cells of all kinds of a mesh, by the ending of its name as [`read_mesh`].
+///
+/// # Errors
+/// As [`read_mesh`].
+pub(crate) fn read_blocks(path: &Path) -> Result<(Vec<[f64; 3]>, Vec<Block>), FormatError> {
+    match path.extension().and_then(|ending| ending.to_str()) {
+        Some("vtu") => vtu::read_content(path).map(|content| (content.points, content.blocks)),
+        Some("inp") => abaqus::read(path).map(|mesh| {
+            let blocks = mesh.blocks();
+            (mesh.points, blocks)
+        }),
+        _ => read_mesh(path).map(|mesh| {
+            let nodes = mesh.tets.into_flattened();
+            (mesh.points_mm, vec![Block { kind: 24, nodes_per_cell: 10, nodes }])
+        }),
     }
 }

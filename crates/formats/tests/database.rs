@@ -16,7 +16,7 @@ fn small(dir: &Path) -> rom::snapshots::Database {
         case("c", Split::Check, 0.05, Some(3.0)),
     ];
     let (database, tets) = database(cases);
-    write(dir, &database, &tets).unwrap();
+    write(dir, &database, formats::vtu::Cells::QuadraticTets(&tets)).unwrap();
     database
 }
 
@@ -196,7 +196,7 @@ fn with_parameters(folder: &Path) -> rom::snapshots::Database {
     use rom::synthetic::design;
     let states: Vec<_> = design::states(0, 12).into_iter().map(|s| (Split::Train, s)).collect();
     let made = design::database(&states, true);
-    write(folder, &made, &[]).expect("writable");
+    write(folder, &made, formats::vtu::Cells::QuadraticTets(&[])).expect("writable");
     made
 }
 
@@ -220,7 +220,7 @@ fn parameters_and_derivatives_that_do_not_fit_are_named() {
         ("cases.csv", "elastomer.law.mu_mpa", "elastomer.law.mu", "expected a column `elastomer.law.mu_mpa`"),
         ("database.toml", "nominal = 0.8", "", "nominal = a number"),
         ("database.toml", "chambers.length_mm", "elastomer.law.mu_mpa", "a name used once"),
-        ("database.toml", "\"pressure_mpa\"", "\"gap_mm\"", "[[input]] 1: expected pressure_mpa in MPa"),
+        ("database.toml", "\"pressure_mpa\"", "\"gap_mm\"", "[[input]] 1 (gap_mm): expected mm"),
         ("database.toml", "\"sensitivities.npy\"", "\"../sensitivities.npy\"", "a file in the same folder"),
         ("sensitivities.csv", "11,", "12,", "a case of the table of cases"),
         ("sensitivities.csv", "chambers.length_mm", "chambers.width_mm", "one of pressure_mpa, gap_mm"),

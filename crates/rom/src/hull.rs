@@ -59,9 +59,10 @@ impl Domain {
     /// Scaled distance up to which a state outside counts as near.
     pub const NEAR: f64 = 0.05;
 
-    /// The domain of samples, of whose inputs the first `operating` are pressure and gap. `O(n log n)`, with parameters
-    /// `O(n^2)`.
+    /// The domain of samples, of whose inputs the first `operating` are pressure and gap; where neither varies the first
+    /// parameter takes their place. `O(n log n)`, with parameters `O(n^2)`.
     pub(crate) fn of_points(operating: usize, dimensions: usize, points: &[Point]) -> Self {
+        let operating = operating.max(1);
         match dimensions {
             _ if operating < dimensions => Self::product(operating, dimensions, points),
             0 | 1 => {

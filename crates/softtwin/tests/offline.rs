@@ -15,7 +15,8 @@ impl Place {
     fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         let (database, tets) = common::database(cases());
-        formats::database::write(&place.at("db"), &database, &tets).unwrap();
+        formats::database::write(&place.at("db"), &database, formats::vtu::Cells::QuadraticTets(&tets))
+            .unwrap();
         place
     }
 

@@ -36,17 +36,19 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind
 
 /// Where the columns are.
 struct Columns {
-    standard: [usize; 5],
-    /// The force; a table of free states alone needs none.
+    standard: [usize; 3],
+    /// Pressure, gap and force; a table of states without them needs no column.
+    pressure: Option<usize>,
+    gap: Option<usize>,
     force: Option<usize>,
     parameters: Vec<usize>,
 }
 
 /// Where each standard column and each parameter is; all others must be declared.
 fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic>> {
-    let [loads @ .., _] = COLUMNS;
-    let found = table.columns(loads);
-    let force = table.column(COLUMNS[5]).ok();
+    let [first @ .., pressure, gap, force] = COLUMNS;
+    let found = table.columns(first);
+    let [pressure, gap, force] = [pressure, gap, force].map(|name| table.column(name).ok());
     let parameters = manifest.parameters();
     let declared = |name: &str| {
         manifest.extra.iter().any(|extra| extra.name == name) || parameters.iter().any(|p| p.name == name)
@@ -54,13 +56,18 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     let mut missing = Vec::new();
     let parameters: Vec<usize> =
         parameters.iter().filter_map(|p| collect(table.column(&p.name), &mut missing)).collect();
+    let absent = manifest.input.iter().filter(|input| !table.header().contains(&input.name));
+    let absent = absent.filter(|input| COLUMNS.contains(&input.name.as_str()));
+    missing.extend(
+        absent.map(|i| Diagnostic::new("header", format!("a column `{}`", i.name), "none of that name")),
+    );
     let strangers = table.header().iter().filter(|name| !COLUMNS.contains(&name.as_str()) && !declared(name));
     let expected = "standard columns, those of [[input]] and those declared as [[extra]] in database.toml";
     let strangers: Vec<Diagnostic> =
         strangers.map(|name| Diagnostic::new("header", expected, format!("`{name}`"))).collect();
     match found {
         Ok(standard) if strangers.is_empty() && missing.is_empty() => {
-            Ok(Columns { standard, force, parameters })
+            Ok(Columns { standard, pressure, gap, force, parameters })
         }
         found => Err(found.err().into_iter().flatten().chain(missing).chain(strangers).collect()),
     }
@@ -71,15 +78,16 @@ fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Optio
     let parameters: Vec<f64> =
         at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();
     let all_given = parameters.len() == at.parameters.len();
-    let (at, force) = (&at.standard, at.force);
+    let (at, Columns { pressure, gap, force, .. }) = (&at.standard, at);
     let regime = collect(row.choice(at[1], &REGIMES), diagnostics);
     let split = collect(row.choice(at[2], &SPLITS), diagnostics);
-    let pressure_mpa = collect(row.number(at[3]), diagnostics);
-    let gap_mm = collect(row.optional_number(at[4]), diagnostics);
+    let pressure_mpa = pressure.map_or(Some(0.0), |pressure| collect(row.number(pressure), diagnostics));
+    let gap_mm = gap.map_or(Some(None), |gap| collect(row.optional_number(gap), diagnostics));
     let contact_force_n = force.map_or(Some(0.0), |force| collect(row.number(force), diagnostics));
     let (obstacle, regime) = regime.filter(|_| all_given)?;
     if regime == RegimeKind::Contact && gap_mm == Some(None) {
-        diagnostics.push(row.diagnostic(at[4], "a gap in mm for a case with an obstacle"));
+        let place = format!("{}, column gap_mm", row.place());
+        diagnostics.push(Diagnostic::new(place, "a gap in mm for a case with an obstacle", "none"));
         return None;
     }
     if regime == RegimeKind::Contact && force.is_none() {

@@ -7,7 +7,6 @@ use super::sensitivities;
 use super::snapshots::read_snapshots;
 use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError};
-use crate::mesh_file::Tet10;
 use crate::{file, npy, vtu};
 use rom::snapshots::{Case, Database};
 use std::path::Path;
@@ -75,17 +74,17 @@ pub fn obstacle_kinds(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
     Ok(ObstacleKind::ALL.into_iter().filter(present).collect())
 }
 
-/// Writes a database folder; `tets` makes the mesh file. Existing files are replaced.
+/// Writes a database folder; `cells` of the undeformed mesh make the mesh file. Existing files are replaced.
 ///
 /// # Errors
 /// The operating system's.
-pub fn write(dir: &Path, database: &Database, tets: &[Tet10]) -> Result<(), FormatError> {
+pub fn write(dir: &Path, database: &Database, cells: vtu::Cells<'_>) -> Result<(), FormatError> {
     file::create_folder(dir)?;
     let mut manifest = Manifest::new(&database.actuator, database.node_count, &database.fields);
     manifest.obstacle = Some(database.obstacle);
-    if let (Some(points), false) = (&database.undeformed_mm, tets.is_empty()) {
+    if let (Some(points), false) = (&database.undeformed_mm, cells.is_empty()) {
         manifest.mesh = Some("mesh.vtu".into());
-        let grid = vtu::Grid { points_mm: points, cells: vtu::Cells::QuadraticTets(tets), point_data: &[] };
+        let grid = vtu::Grid { points_mm: points, cells, point_data: &[] };
         vtu::write(&dir.join("mesh.vtu"), &grid)?;
     }
     manifest.input.extend(database.parameters.iter().map(|p| Input {

@@ -11,6 +11,8 @@ use std::path::Path;
 pub const FILE: &str = "database.toml";
 /// The layout this version reads and writes.
 const LAYOUT: u32 = 1;
+/// The inputs that every model has, with their units; a database without them leaves them out.
+const OPERATING: [(&str, &str); PARAMETERS] = [("pressure_mpa", "MPa"), ("gap_mm", "mm")];
 
 /// The checked content of `database.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,7 +48,8 @@ pub struct Manifest {
     pub obstacle: Option<Footprint>,
     /// Fields in the order of the snapshots.
     pub field: Vec<Field>,
-    /// Inputs: `pressure_mpa`, `gap_mm`, then parameters by their key in the actuator's description.
+    /// Inputs: `pressure_mpa`, `gap_mm` (each only where there is one), then parameters, by their key in the actuator's
+    /// description where there is one.
     pub input: Vec<Input>,
     /// Columns of the case table beyond the standard ones, for people and other tools.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -128,7 +131,6 @@ impl Manifest {
     /// The description of a database with the usual file names, without a mesh.
     #[must_use]
     pub fn new(actuator: &str, nodes: usize, fields: &[FieldSpec]) -> Self {
-        let column = |name: &str, unit: &str| Input { name: name.into(), unit: unit.into(), nominal: None };
         Self {
             layout: LAYOUT,
             actuator: actuator.into(),
@@ -140,7 +142,9 @@ impl Manifest {
             solver: None,
             obstacle: None,
             field: fields.iter().map(Field::of).collect(),
-            input: vec![column("pressure_mpa", "MPa"), column("gap_mm", "mm")],
+            input: OPERATING
+                .map(|(name, unit)| Input { name: name.into(), unit: unit.into(), nominal: None })
+                .into(),
             sensitivities: None,
             sensitivity_fields: None,
             extra: vec![],
@@ -164,7 +168,7 @@ impl Manifest {
 
     /// The inputs beside pressure and gap, in the order of the file.
     pub fn parameters(&self) -> Vec<Parameter> {
-        let further = self.input.iter().skip(PARAMETERS);
+        let further = self.input.iter().filter(|input| operating(&input.name).is_none());
         further
             .map(|i| Parameter {
                 name: i.name.clone(),
@@ -172,6 +176,14 @@ impl Manifest {
                 nominal: i.nominal.unwrap_or(f64::NAN), // refused by `diagnostics`
             })
             .collect()
+    }
+
+    /// Each input's name with its position in the inputs of a model.
+    pub(super) fn positions(&self) -> Vec<(&str, usize)> {
+        let mut next = PARAMETERS..;
+        let position = |input: &'_ Input| operating(&input.name).or_else(|| next.next()).unwrap_or_default();
+        let positions: Vec<usize> = self.input.iter().map(position).collect();
+        self.input.iter().map(|input| input.name.as_str()).zip(positions).collect()
     }
 
     fn diagnostics(&self) -> Vec<Diagnostic> {
@@ -214,18 +226,28 @@ impl Manifest {
     }
 
     fn check_inputs(&self, check: &mut dyn FnMut(bool, String, &str, String)) {
-        for (i, wanted) in [("pressure_mpa", "MPa"), ("gap_mm", "mm")].into_iter().enumerate() {
-            let found = self.input.get(i).map(|input| (input.name.as_str(), input.unit.as_str()));
-            let expected = format!("{} in {}", wanted.0, wanted.1);
-            let place = format!("[[input]] {}", i + 1);
-            check(found.is_none_or(|found| found == wanted), place, &expected, format!("{found:?}"));
-        }
-        let count = self.input.len();
-        check(count <= MAX_INPUTS, "[[input]]".into(), "at most 8 inputs", count.to_string());
-        for (i, input) in self.input.iter().enumerate().skip(PARAMETERS) {
+        let count = PARAMETERS + self.parameters().len();
+        check(
+            count <= MAX_INPUTS,
+            "[[input]]".into(),
+            "at most 6 beside pressure and gap",
+            count.to_string(),
+        );
+        for (i, input) in self.input.iter().enumerate() {
             let place = || format!("[[input]] {} ({})", i + 1, input.name);
             let twice = self.input[..i].iter().any(|other| other.name == input.name);
             check(!twice, place(), "a name used once", input.name.clone());
+            if let Some(position) = operating(&input.name) {
+                let first = self.input[..i].iter().all(|other| operating(&other.name).is_some());
+                check(first, place(), "pressure_mpa and gap_mm before all others", "behind another".into());
+                check(
+                    input.unit == OPERATING[position].1,
+                    place(),
+                    OPERATING[position].1,
+                    input.unit.clone(),
+                );
+                continue;
+            }
             let nominal = input.nominal.is_some_and(f64::is_finite);
             check(
                 nominal,
@@ -235,6 +257,11 @@ impl Manifest {
             );
         }
     }
+}
+
+/// The position of pressure and gap in the inputs of every model.
+fn operating(name: &str) -> Option<usize> {
+    OPERATING.iter().position(|(wanted, _)| *wanted == name)
 }
 
 fn axis_of(name: &str) -> Option<u8> {

@@ -17,7 +17,7 @@ mod words;
 
 pub use folder::{obstacle_kinds, write};
 pub use manifest::{Extra, Field, Input, Kind, Manifest};
-pub use mesh::{bottom_nodes, surface_of_tets};
+pub use mesh::bottom_nodes;
 pub use snapshots::{PACKED, read_snapshots};
 pub use words::{ObstacleKind, REGIMES, SPLITS};
 

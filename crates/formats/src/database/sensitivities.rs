@@ -54,8 +54,7 @@ fn read_rows(
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
     let places: HashMap<&str, usize> =
         cases.iter().enumerate().map(|(i, (_, case))| (case.name.as_str(), i)).collect();
-    let inputs: Vec<(&str, usize)> =
-        manifest.input.iter().enumerate().map(|(i, input)| (input.name.as_str(), i)).collect();
+    let inputs = manifest.positions();
     let (mut rows, mut diagnostics, mut seen) = (Vec::new(), Vec::new(), HashMap::new());
     for row in table.rows() {
         let Some(found) = one(&row, columns, &places, &inputs, &mut diagnostics) else { continue };

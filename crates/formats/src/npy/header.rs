@@ -14,15 +14,16 @@ const MAX_AXES: usize = 32;
 pub(crate) enum Element {
     F32,
     F64,
-    /// Read only: index arrays, whose every value an f64 holds exactly.
+    /// Read only: index arrays, whose every value (of I64: below 2^53) an f64 holds exactly.
     I32,
+    I64,
 }
 
 impl Element {
     pub(crate) const fn bytes(self) -> usize {
         match self {
             Self::F32 | Self::I32 => 4,
-            Self::F64 => 8,
+            Self::F64 | Self::I64 => 8,
         }
     }
 
@@ -31,6 +32,7 @@ impl Element {
             Self::F32 => "<f4",
             Self::F64 => "<f8",
             Self::I32 => "<i4",
+            Self::I64 => "<i8",
         }
     }
 }
@@ -131,7 +133,8 @@ fn parse_element(value: &str) -> Result<Element, Diagnostic> {
         "<f4" => Ok(Element::F32),
         "<f8" => Ok(Element::F64),
         "<i4" => Ok(Element::I32),
-        other => Err(Diagnostic::new("descr", "'<f4', '<f8' or '<i4' (little-endian)", other)),
+        "<i8" => Ok(Element::I64),
+        other => Err(Diagnostic::new("descr", "'<f4', '<f8', '<i4' or '<i8' (little-endian)", other)),
     }
 }
 

@@ -1,4 +1,4 @@
-//! NumPy's `.npy`: little-endian f32 and f64 arrays (i32 to read) in C order, format versions 1 to 3.
+//! NumPy's `.npy`: little-endian f32 and f64 arrays (i32 and i64 to read) in C order, format versions 1 to 3.
 //!
 //! The header is a Python literal, but of one shape only, so it is read by a parser of that shape (`header.rs`) and not
 //! by a general one, which a hostile file could drive into deep recursion. The array is allocated only when the file's
@@ -25,7 +25,7 @@ pub struct Array<T> {
     pub data: Vec<T>,
 }
 
-/// Reads an f32, f64 or i32 array as f32. `O(elements)`; at most one array and one chunk in memory.
+/// Reads an array of f32, f64, i32 or i64 as f32. `O(elements)`; at most one array and one chunk in memory.
 ///
 /// # Errors
 /// The operating system's; a file that is not `.npy`, another type, Fortran order, a shape that does not match the file's
@@ -34,7 +34,7 @@ pub fn read_f32(path: &Path) -> Result<Array<f32>, FormatError> {
     read(path, |v| v as f32, |v| v)
 }
 
-/// Reads an f32, f64 or i32 array as f64. See [`read_f32`].
+/// Reads an array of f32, f64, i32 or i64 as f64. See [`read_f32`].
 ///
 /// # Errors
 /// As [`read_f32`].
@@ -56,6 +56,9 @@ fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Arra
             Element::F64 => data.extend(part.as_chunks().0.iter().map(|b| wide(f64::from_le_bytes(*b)))),
             Element::I32 => {
                 data.extend(part.as_chunks().0.iter().map(|b| wide(i32::from_le_bytes(*b).into())))
+            }
+            Element::I64 => {
+                data.extend(part.as_chunks().0.iter().map(|b| wide(i64::from_le_bytes(*b) as f64)))
             }
         }
         left -= left.min(CHUNK);

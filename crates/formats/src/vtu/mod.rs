@@ -4,5 +4,5 @@ mod codec;
 mod read;
 mod write;
 
-pub use read::{parse, read};
-pub use write::{Block, Cells, Grid, PointData, write, write_labelled};
+pub use read::{Content, Quantity, parse, parse_content, read, read_content};
+pub use write::{Cells, Grid, PointData, write, write_labelled};

@@ -1,6 +1,7 @@
-//! The reader: one piece of 10-node tetrahedra, arrays as text, base64 or raw appended, plain or zlib, either byte order.
+//! The reader: one piece of 10-node tetrahedra, or of any cells with what is known at their nodes; arrays as text, base64 or raw appended, plain or zlib, either byte order.
 
 use super::codec::{self, Coding, Element};
+use crate::cells::{Block, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::mesh_file::MeshFile;
@@ -13,6 +14,7 @@ const QUADRATIC_TETRA: usize = 24;
 const TETRA: usize = 10;
 /// Cells without a volume (points, lines, faces) are passed over.
 const FLAT: [usize; 9] = [1, 2, 3, 4, 5, 9, 21, 22, 23];
+const POINTS_AND_LINES: [usize; 5] = [1, 2, 3, 4, 21];
 /// No VTK cell has more nodes than the 27 of a triquadratic hexahedron.
 const MAX_NODES: usize = 27;
 
@@ -30,39 +32,142 @@ pub fn read(path: &Path) -> Result<MeshFile, FormatError> {
 /// # Errors
 /// Everything that is wrong with the content; never empty.
 pub fn parse(bytes: &[u8]) -> Result<MeshFile, Vec<Diagnostic>> {
+    let raw = Raw::decode(&File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?)?;
+    let tets = tets(&raw.types, &raw.offsets, &raw.connectivity, raw.points.len())?;
+    Ok(MeshFile { points_mm: raw.points, tets, ..MeshFile::default() })
+}
+
+/// What a file holds: mesh and quantities at its nodes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Content {
+    /// Node positions in the file's unit.
+    pub points: Vec<[f64; 3]>,
+    /// Cells; points and lines are passed over.
+    pub blocks: Vec<Block>,
+    /// Quantities at the nodes, those of other types than numbers left out.
+    pub point_data: Vec<Quantity>,
+    /// The time that the file gives itself (`TimeValue`).
+    pub time: Option<f64>,
+}
+
+/// A quantity at the nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quantity {
+    /// Name in the file.
+    pub name: String,
+    /// Values a node.
+    pub components: usize,
+    /// `nodes x components`.
+    pub values: Vec<f64>,
+}
+
+/// Reads cells of all kinds of [`crate::cells::KINDS`] and the quantities at the nodes.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_content(path: &Path) -> Result<Content, FormatError> {
+    let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
+    parse_content(&bytes).map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
+}
+
+/// [`read_content`] from memory; cost as [`parse`].
+///
+/// # Errors
+/// Everything that is wrong with the content; never empty.
+pub fn parse_content(bytes: &[u8]) -> Result<Content, Vec<Diagnostic>> {
     let file = File::scan(bytes).map_err(|diagnostic| vec![diagnostic])?;
+    let raw = Raw::decode(&file)?;
+    let blocks = raw.blocks()?;
     let mut diagnostics = Vec::new();
-    let mut array = |name: &str, expected: usize| match file.array(name, expected) {
-        Ok(values) => values,
-        Err(diagnostic) => {
-            diagnostics.push(diagnostic);
-            Vec::new()
+    let mut point_data = Vec::new();
+    for (name, components, array) in &file.point_data {
+        let expected = file.points.saturating_mul(*components);
+        match file.decode(name, array, expected) {
+            Ok(values) => point_data.push(Quantity { name: name.clone(), components: *components, values }),
+            Err(diagnostic) => diagnostics.push(diagnostic),
         }
-    };
-    let points = array("Points", file.points.saturating_mul(3));
-    let types = array("types", file.cells);
-    let offsets = array("offsets", file.cells);
-    let entries = offsets.last().map_or(0, |last| *last as usize);
-    let connectivity = if entries <= file.cells.saturating_mul(MAX_NODES) {
-        array("connectivity", entries)
-    } else {
-        let expected = format!("at most {MAX_NODES} nodes for each of {} cells", file.cells);
-        diagnostics.push(Diagnostic::new("offsets", expected, entries));
-        Vec::new()
-    };
-    if !diagnostics.is_empty() {
-        return Err(diagnostics);
     }
-    let points_mm: Vec<[f64; 3]> = points.as_chunks::<3>().0.to_vec();
-    if let Some(bad) = points_mm.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
-        return Err(vec![Diagnostic::new(
-            format!("Points, node {bad}"),
-            "finite numbers",
-            "NaN or infinity",
-        )]);
+    let time = file.arrays.get("TimeValue").and_then(|array| file.decode("TimeValue", array, 1).ok());
+    let content =
+        Content { points: raw.points, blocks, point_data, time: time.and_then(|v| v.first().copied()) };
+    if diagnostics.is_empty() { Ok(content) } else { Err(diagnostics) }
+}
+
+/// The mesh as the file stores it.
+struct Raw {
+    points: Vec<[f64; 3]>,
+    types: Vec<f64>,
+    offsets: Vec<f64>,
+    connectivity: Vec<f64>,
+}
+
+impl Raw {
+    fn decode(file: &File<'_>) -> Result<Self, Vec<Diagnostic>> {
+        let mut diagnostics = Vec::new();
+        let mut array = |name: &str, expected: usize| match file.array(name, expected) {
+            Ok(values) => values,
+            Err(diagnostic) => {
+                diagnostics.push(diagnostic);
+                Vec::new()
+            }
+        };
+        let points = array("Points", file.points.saturating_mul(3));
+        let types = array("types", file.cells);
+        let offsets = array("offsets", file.cells);
+        let entries = offsets.last().map_or(0, |last| *last as usize);
+        let connectivity = if entries <= file.cells.saturating_mul(MAX_NODES) {
+            array("connectivity", entries)
+        } else {
+            let expected = format!("at most {MAX_NODES} nodes for each of {} cells", file.cells);
+            diagnostics.push(Diagnostic::new("offsets", expected, entries));
+            Vec::new()
+        };
+        if !diagnostics.is_empty() {
+            return Err(diagnostics);
+        }
+        let points: Vec<[f64; 3]> = points.as_chunks::<3>().0.to_vec();
+        if let Some(bad) = points.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
+            let place = format!("Points, node {bad}");
+            return Err(vec![Diagnostic::new(place, "finite numbers", "NaN or infinity")]);
+        }
+        Ok(Self { points, types, offsets, connectivity })
     }
-    let tets = tets(&types, &offsets, &connectivity, points_mm.len())?;
-    Ok(MeshFile { points_mm, tets, ..MeshFile::default() })
+
+    /// Cells by kind, in the order of the file.
+    fn blocks(&self) -> Result<Vec<Block>, Vec<Diagnostic>> {
+        let (mut blocks, mut start): (Vec<Block>, usize) = (Vec::new(), 0);
+        for (cell, (number, end)) in self.types.iter().zip(&self.offsets).enumerate() {
+            let place = || format!("cell {cell}");
+            let members = self.connectivity.get(start..*end as usize).ok_or_else(|| {
+                vec![Diagnostic::new(format!("offsets, cell {cell}"), "rising offsets", end)]
+            })?;
+            start = *end as usize;
+            if POINTS_AND_LINES.contains(&(*number as usize)) {
+                continue;
+            }
+            let kind =
+                Kind::of(*number as usize).filter(|kind| kind.nodes == members.len()).ok_or_else(|| {
+                    let found = format!("type {number} with {} nodes", members.len());
+                    let expected =
+                        "linear or quadratic tetrahedra, hexahedra, wedges, triangles or quadrilaterals";
+                    vec![Diagnostic::new(place(), expected, found)]
+                })?;
+            let points = self.points.len();
+            if let Some(bad) = members.iter().find(|n| !(**n >= 0.0 && (**n as usize) < points)) {
+                return Err(vec![Diagnostic::new(place(), format!("nodes 0 .. {points}"), bad)]);
+            }
+            let members = members.iter().map(|node| *node as u32);
+            match blocks.iter_mut().find(|block| block.kind == kind.number) {
+                Some(block) => block.nodes.extend(members),
+                None => blocks.push(Block {
+                    kind: kind.number,
+                    nodes_per_cell: kind.nodes,
+                    nodes: members.collect(),
+                }),
+            }
+        }
+        Ok(blocks)
+    }
 }
 
 fn tets(
@@ -130,6 +235,8 @@ struct File<'a> {
     points: usize,
     cells: usize,
     arrays: HashMap<String, Array<'a>>,
+    /// Name, values a node and place of the quantities at the nodes.
+    point_data: Vec<(String, usize, Array<'a>)>,
     appended: Option<Appended<'a>>,
 }
 
@@ -141,6 +248,7 @@ impl<'a> File<'a> {
             points: 0,
             cells: 0,
             arrays: HashMap::new(),
+            point_data: Vec::new(),
             appended: None,
         };
         let mut reader = Reader::from_reader(bytes);
@@ -173,6 +281,19 @@ impl<'a> File<'a> {
                     let (name, array) =
                         file.data_array(tag, &section, if empty { &[] } else { &bytes[from..] })?;
                     file.arrays.insert(name, array);
+                }
+                b"DataArray" if section == "PointData" || section == "FieldData" => {
+                    let from = reader.buffer_position() as usize;
+                    // Text and other arrays without numbers are not asked for.
+                    let array = file.data_array(tag, &section, if empty { &[] } else { &bytes[from..] });
+                    let components = attribute(tag, "NumberOfComponents").and_then(|n| n.parse().ok());
+                    match array {
+                        Ok((name, array)) if section == "PointData" => {
+                            file.point_data.push((name, components.unwrap_or(1), array));
+                        }
+                        Ok((name, array)) if name == "TimeValue" => drop(file.arrays.insert(name, array)),
+                        _ => {}
+                    }
                 }
                 b"AppendedData" => {
                     let from = reader.buffer_position() as usize;
@@ -222,6 +343,13 @@ impl<'a> File<'a> {
             Diagnostic::new(format!("DataArray {name}"), format!("{expected} numbers"), found)
         };
         let array = self.arrays.get(name).ok_or_else(|| diagnostic("no such array".into()))?;
+        self.decode(name, array, expected)
+    }
+
+    fn decode(&self, name: &str, array: &Array<'a>, expected: usize) -> Result<Vec<f64>, Diagnostic> {
+        let diagnostic = |found: String| {
+            Diagnostic::new(format!("DataArray {name}"), format!("{expected} numbers"), found)
+        };
         let decode = |block: &[u8]| codec::elements(block, array.element, self.coding, expected);
         let values = match &array.place {
             Place::Ascii(text) => numbers(text, expected),

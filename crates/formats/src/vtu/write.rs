@@ -1,5 +1,6 @@
 //! The writer: one piece, inline binary arrays (base64, 64-bit lengths, uncompressed), which every reader understands.
 
+use crate::cells::Block;
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use base64::Engine;
@@ -9,17 +10,6 @@ use std::path::Path;
 
 const QUADRATIC_TETRA: u8 = 24;
 const TRIANGLE: u8 = 5;
-
-/// Cells of one kind in a mixed mesh.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Block {
-    /// VTK's number of the cell type.
-    pub kind: u8,
-    /// Nodes a cell.
-    pub nodes_per_cell: usize,
-    /// `cells x nodes_per_cell`, in VTK's order.
-    pub nodes: Vec<u32>,
-}
 
 /// Cells of a grid, by node index.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +23,12 @@ pub enum Cells<'a> {
 }
 
 impl Cells<'_> {
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.parts().iter().all(|part| part.2.is_empty())
+    }
+
     /// For each kind of cell: VTK's number of the kind, nodes a cell, and all their nodes.
     fn parts(&self) -> Vec<(u8, usize, &[u32])> {
         match self {

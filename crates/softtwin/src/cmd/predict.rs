@@ -7,7 +7,7 @@ use anyhow::Context;
 use formats::export::StateFormat;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
-use rom::inputs::{InputSpec, Inputs};
+use rom::inputs::{InputSpec, Inputs, PRESSURE};
 use rom::kernel::Peaks;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
@@ -30,6 +30,9 @@ Standard output is one JSON object. `inputs` shows the value of every input that
 each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error
 bars do not hold.";
 
+const NO_PRESSURE: &str =
+    "--pressure-mpa: expected a pressure (the model was trained over pressures), found none";
+
 /// Predict one state: force, regime, onset and, with --out, all fields.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
@@ -37,9 +40,9 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
-    /// Cavity pressure in MPa, at least 0.
+    /// Cavity pressure in MPa, at least 0; may be left out where the model was not trained over pressures.
     #[arg(long, value_name = "MPA", allow_negative_numbers = true, value_parser = crate::range::pressure_mpa)]
-    pressure_mpa: f64,
+    pressure_mpa: Option<f64>,
     /// Gap from the underside of the undeformed base to the obstacle in mm; no obstacle when left out.
     #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = crate::range::gap_mm)]
     gap_mm: Option<f64>,
@@ -61,11 +64,13 @@ impl Args {
     /// Predicts and prints one JSON object.
     pub fn run(self) -> anyhow::Result<()> {
         let gap_mm = self.gap_mm.unwrap_or(f64::INFINITY);
-        let input = Inputs::new(self.pressure_mpa, gap_mm);
         if let Some(out) = &self.out {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it
         }
         let mut model = files::model(&self.model)?;
+        let has_pressure = model.header.inputs[PRESSURE].range[0].is_finite();
+        let pressure_mpa = self.pressure_mpa.or((!has_pressure).then_some(0.0));
+        let input = Inputs::new(pressure_mpa.ok_or_else(|| usage(NO_PRESSURE))?, gap_mm);
         let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
         model.header.give(given).map_err(|error| usage(format!("--set: {error}")))?;
         let mut state = ModelState::new(&model, &Selection::default())?;

@@ -1,0 +1,301 @@
+//! From finished simulations to a database: units, the fields by name, the nodes that cells have.
+
+use super::{Quantity, Run, Step};
+use crate::cells::{self, Block};
+use crate::error::{Diagnostic, FormatError};
+use rom::inputs::Parameter;
+use rom::snapshots::{Case, Database, FieldKind, FieldSpec, Footprint};
+use std::path::Path;
+
+/// Names under which programs write the displacement, lower case.
+const DISPLACEMENT: [&str; 4] = ["disp", "u", "displacement", "displacements"];
+/// Names of the stress tensor and of its equivalent value, lower case.
+const STRESS: [&str; 7] = ["stress", "s", "von_mises", "mises", "vonmises", "s_mises", "von mises stress"];
+/// Meshes are one when no node is farther away than this share of their size.
+const SAME_SHARE: f64 = 1e-6;
+
+/// What is taken from the files, and in which units they are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wanted {
+    /// Millimetres in the files' unit of length.
+    pub length_mm: f64,
+    /// MPa in the files' unit of stress; needed where there is a stress.
+    pub stress_mpa: Option<f64>,
+    /// Name of the displacement, where it is none of the usual ones.
+    pub displacement: Option<String>,
+    /// Name of the stress (a tensor, or the von Mises stress itself), likewise.
+    pub stress: Option<String>,
+    /// Further fields: `NAME` of a scalar or `NAME.COMPONENT`, with the unit that they are in.
+    pub fields: Vec<(String, String)>,
+}
+
+/// Where the fields are in the quantities of a step.
+#[derive(Clone, Debug)]
+pub struct Chosen {
+    displacement: String,
+    stress: Option<String>,
+    /// Quantity, component and unit of the further fields.
+    further: Vec<(String, usize, FieldSpec)>,
+}
+
+/// A database that grows by one state at a time.
+#[derive(Debug)]
+pub struct Assembly {
+    wanted: Wanted,
+    chosen: Option<Chosen>,
+    /// Nodes that cells have, by their position in the files.
+    used: Vec<u32>,
+    points_mm: Vec<[f64; 3]>,
+    blocks: Vec<Block>,
+    all_nodes: usize,
+    shape_varies: bool,
+    cases: Vec<Case>,
+    snapshots: Vec<f32>,
+}
+
+impl Assembly {
+    /// An empty one.
+    #[must_use]
+    pub fn new(wanted: Wanted) -> Self {
+        Self {
+            wanted,
+            chosen: None,
+            used: Vec::new(),
+            points_mm: Vec::new(),
+            blocks: Vec::new(),
+            all_nodes: 0,
+            shape_varies: false,
+            cases: Vec::new(),
+            snapshots: Vec::new(),
+        }
+    }
+
+    /// Nodes of a state.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.used.len()
+    }
+
+    /// Whether the undeformed nodes lie elsewhere in some simulation: a length is an input.
+    #[must_use]
+    pub fn shape_varies(&self) -> bool {
+        self.shape_varies
+    }
+
+    /// Takes a state. Answers why it was left out where it is no solution: values that are no numbers.
+    ///
+    /// # Errors
+    /// Another mesh than the first simulation's, quantities that are missing, a stress without a unit.
+    pub fn add(
+        &mut self,
+        path: &Path,
+        run: &Run,
+        step: &Step,
+        case: Case,
+    ) -> Result<Option<String>, FormatError> {
+        let wrong = |diagnostic| FormatError::one(path, diagnostic);
+        if self.used.is_empty() {
+            self.first(run).map_err(wrong)?;
+        }
+        if run.points.len() != self.all_nodes || run.blocks != self.blocks {
+            let expected = "the nodes and elements of the first simulation, moved where a length is an input (one mesh, \
+                            morphed; a new mesh for every case cannot be compared node by node)";
+            let found = format!("{} nodes, or other elements", run.points.len());
+            return Err(wrong(Diagnostic::new("mesh", expected, found)));
+        }
+        let chosen = match &self.chosen {
+            Some(chosen) => chosen.clone(),
+            None => choose(&self.wanted, step).map_err(wrong)?,
+        };
+        let snapshot = self.snapshot(run, step, &chosen).map_err(wrong)?;
+        let bad = snapshot.iter().filter(|value| !value.is_finite()).count();
+        if bad > 0 {
+            return Ok(Some(format!("{}: {bad} values are missing or no numbers", step.name)));
+        }
+        let moved = self.used.iter().zip(&self.points_mm).any(|(node, first_mm)| {
+            let point = run.points[*node as usize];
+            (0..3).any(|k| (point[k] * self.wanted.length_mm - first_mm[k]).abs() > self.tolerance_mm())
+        });
+        self.shape_varies |= moved;
+        self.chosen = Some(chosen);
+        self.snapshots.extend(snapshot);
+        self.cases.push(case);
+        Ok(None)
+    }
+
+    fn tolerance_mm(&self) -> f64 {
+        let largest = self.points_mm.first().into_iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let last = self.points_mm.last().into_iter().flatten().fold(largest, |m, v| m.max(v.abs()));
+        SAME_SHARE * last
+    }
+
+    /// The mesh of the first simulation, without the nodes that no cell has.
+    fn first(&mut self, run: &Run) -> Result<(), Diagnostic> {
+        let mut is_used = vec![false; run.points.len()];
+        run.blocks.iter().flat_map(|block| &block.nodes).for_each(|node| is_used[*node as usize] = true);
+        self.used = (0..run.points.len() as u32).filter(|node| is_used[*node as usize]).collect();
+        if self.used.is_empty() || cells::surface(&run.points, &run.blocks).is_empty() {
+            return Err(Diagnostic::new("mesh", "elements with a surface", "none"));
+        }
+        let length = self.wanted.length_mm;
+        self.points_mm =
+            self.used.iter().map(|node| run.points[*node as usize].map(|v| v * length)).collect();
+        (self.blocks, self.all_nodes) = (run.blocks.clone(), run.points.len());
+        Ok(())
+    }
+
+    /// `nodes x fields`.
+    fn snapshot(&self, run: &Run, step: &Step, chosen: &Chosen) -> Result<Vec<f32>, Diagnostic> {
+        let find = |name: &str| {
+            let found = step.quantities.iter().find(|quantity| quantity.name == name);
+            found.ok_or_else(|| missing(step, name))
+        };
+        let displacement = find(&chosen.displacement)?;
+        let stress = chosen.stress.as_deref().map(find).transpose()?;
+        let stress = stress.map(|quantity| Ok((quantity, self.stress_mpa(quantity)?))).transpose()?;
+        let further: Vec<(&Quantity, usize)> = chosen
+            .further
+            .iter()
+            .map(|(name, component, _)| Ok((find(name)?, *component)))
+            .collect::<Result<_, Diagnostic>>()?;
+        let length = self.wanted.length_mm;
+        let mut snapshot = Vec::with_capacity(self.used.len() * (4 + 1 + further.len()));
+        for node in self.used.iter().map(|node| *node as usize) {
+            let u = [0, 1, 2].map(|k| displacement.values[3 * node + k] * length);
+            snapshot.extend([0, 1, 2].map(|k| (run.points[node][k] * length + u[k]) as f32));
+            snapshot.push(u.iter().map(|v| v * v).sum::<f64>().sqrt() as f32);
+            if let Some((quantity, mpa)) = stress {
+                snapshot.push((mpa * equivalent(quantity, node)) as f32);
+            }
+            let value =
+                |(quantity, k): &(&Quantity, usize)| quantity.values[node * quantity.components.len() + k];
+            snapshot.extend(further.iter().map(|field| value(field) as f32));
+        }
+        Ok(snapshot)
+    }
+
+    fn stress_mpa(&self, quantity: &Quantity) -> Result<f64, Diagnostic> {
+        let place = format!("quantity {}", quantity.name);
+        self.wanted
+            .stress_mpa
+            .ok_or_else(|| Diagnostic::new(place, "its unit (--stress-unit mpa, pa, ...)", "none"))
+    }
+
+    /// The database and the cells of its mesh, which goes with the first simulation.
+    ///
+    /// # Errors
+    /// No state at all.
+    pub fn finish(
+        self,
+        actuator: String,
+        parameters: Vec<Parameter>,
+    ) -> Result<(Database, Vec<Block>), Diagnostic> {
+        let Some(chosen) = self.chosen else {
+            return Err(Diagnostic::new("results", "at least one state", "none"));
+        };
+        let mut fields = FieldSpec::of_the_paper();
+        if self.shape_varies {
+            // No longer the distance from one undeformed mesh: a field of its own.
+            fields[3].kind = FieldKind::Other;
+        }
+        fields.truncate(if chosen.stress.is_some() { 5 } else { 4 });
+        fields.extend(chosen.further.into_iter().map(|further| further.2));
+        let mut place = vec![0; self.all_nodes];
+        self.used.iter().enumerate().for_each(|(new, old)| place[*old as usize] = new as u32);
+        let renumbered = |block: &Block| Block {
+            nodes: block.nodes.iter().map(|node| place[*node as usize]).collect(),
+            ..block.clone()
+        };
+        let database = Database {
+            actuator,
+            fields,
+            node_count: self.used.len(),
+            cases: self.cases,
+            snapshots: self.snapshots,
+            undeformed_mm: Some(self.points_mm),
+            surface_triangles: Vec::new(),
+            node_sets: Vec::new(),
+            obstacle: Footprint::PLATE,
+            parameters,
+            sensitivities: None,
+            hash: [0; 32],
+        };
+        Ok((database, self.blocks.iter().map(renumbered).collect()))
+    }
+}
+
+/// The von Mises stress of a tensor, or the value itself.
+fn equivalent(quantity: &Quantity, node: usize) -> f64 {
+    let count = quantity.components.len();
+    let s = &quantity.values[node * count..][..count];
+    let [x, y, z, xy, yz, xz] = match *s {
+        [value] => return value,
+        [x, y, z, xy, yz, xz] => [x, y, z, xy, yz, xz],
+        [x, xy, xz, _, y, yz, _, _, z] => [x, y, z, xy, yz, xz],
+        _ => return f64::NAN,
+    };
+    let normal = (x - y).powi(2) + (y - z).powi(2) + (z - x).powi(2);
+    (0.5 * normal + 3.0 * (xy * xy + yz * yz + xz * xz)).sqrt()
+}
+
+/// Finds the quantities by their names in the first state.
+fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
+    let by_name = |name: &str| step.quantities.iter().find(|quantity| quantity.name == name);
+    let usual = |names: &[&str]| {
+        let known = |quantity: &&Quantity| names.contains(&quantity.name.to_lowercase().as_str());
+        step.quantities.iter().find(known)
+    };
+    let displacement = match &wanted.displacement {
+        Some(name) => by_name(name),
+        None => usual(&DISPLACEMENT),
+    };
+    let asked = wanted.displacement.as_deref().unwrap_or("displacement (or name it: --displacement NAME)");
+    let displacement = displacement.ok_or_else(|| missing(step, asked))?;
+    sized(displacement, &[3])?;
+    let stress = match &wanted.stress {
+        Some(name) => Some(by_name(name).ok_or_else(|| missing(step, name))?),
+        None => usual(&STRESS),
+    };
+    stress.map(|quantity| sized(quantity, &[1, 6, 9])).transpose()?;
+    let further = |(name, unit): &(String, String)| {
+        let (quantity, component) = match by_name(name) {
+            Some(quantity) => (quantity, None),
+            None => {
+                let (first, component) = name.rsplit_once('.').ok_or_else(|| missing(step, name))?;
+                (by_name(first).ok_or_else(|| missing(step, first))?, Some(component))
+            }
+        };
+        let names = &quantity.components;
+        let at = match component {
+            None if names.len() == 1 => Some(0),
+            None => None,
+            Some(component) => names.iter().position(|name| name == component),
+        };
+        let at = at.ok_or_else(|| {
+            let expected = format!("{}.COMPONENT with one of {}", quantity.name, names.join(", "));
+            Diagnostic::new("--field", expected, name)
+        })?;
+        let field = name.to_lowercase().replace(['.', ' '], "_");
+        Ok((quantity.name.clone(), at, FieldSpec { name: field, unit: unit.clone(), kind: FieldKind::Other }))
+    };
+    Ok(Chosen {
+        displacement: displacement.name.clone(),
+        stress: stress.map(|quantity| quantity.name.clone()),
+        further: wanted.fields.iter().map(further).collect::<Result<_, Diagnostic>>()?,
+    })
+}
+
+fn sized(quantity: &Quantity, components: &[usize]) -> Result<(), Diagnostic> {
+    if components.contains(&quantity.components.len()) {
+        return Ok(());
+    }
+    let expected = components.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
+    let place = format!("quantity {}", quantity.name);
+    Err(Diagnostic::new(place, format!("{expected} components"), quantity.components.len()))
+}
+
+fn missing(step: &Step, name: &str) -> Diagnostic {
+    let names: Vec<&str> = step.quantities.iter().map(|quantity| quantity.name.as_str()).collect();
+    let found = if names.is_empty() { "none".into() } else { names.join(", ") };
+    Diagnostic::new(&step.name, format!("a quantity {name}"), format!("quantities {found}"))
+}

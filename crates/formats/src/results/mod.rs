@@ -1,0 +1,99 @@
+//! Finished simulations of other programs, one file or folder each, and the database that is made of them.
+//!
+//! | ending | content | reader |
+//! | --- | --- | --- |
+//! | `.frd` | CalculiX, text; the last state of a job that failed is left out | `frd.rs` |
+//! | `.vtu` | VTK, one step | `vtk.rs` |
+//! | `.pvd` | ParaView's list of `.vtu` files, one step each | `vtk.rs` |
+//! | `.inp` | an Abaqus mesh; the results stand in a `.csv` of the same name | `nodal.rs` |
+//! | a folder | NumPy arrays: `points.npy`, `tetra10.npy`, `displacement.npy` (steps x nodes x 3), ... | `stacks.rs` |
+
+mod assemble;
+mod frd;
+mod nodal;
+mod stacks;
+mod vtk;
+
+pub use assemble::{Assembly, Chosen, Wanted};
+pub use frd::parse as parse_frd;
+pub use vtk::parse_list as parse_pvd;
+
+use crate::cells::Block;
+use crate::error::{Diagnostic, FormatError};
+use std::path::Path;
+
+/// One finished simulation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Run {
+    /// Undeformed node positions in the file's unit of length.
+    pub points: Vec<[f64; 3]>,
+    /// Cells; nodes below the number of points.
+    pub blocks: Vec<Block>,
+    /// States in the order of the file.
+    pub steps: Vec<Step>,
+    /// Steps that were left out, with the reason.
+    pub left_out: Vec<String>,
+}
+
+/// One state of a simulation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Step {
+    /// How messages call it (`step 1 increment 4`).
+    pub name: String,
+    /// Time of the solver.
+    pub time: Option<f64>,
+    /// Quantities at the nodes.
+    pub quantities: Vec<Quantity>,
+}
+
+/// A quantity at the nodes; NaN where a file gives no value.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Quantity {
+    /// Name in the file.
+    pub name: String,
+    /// Names of its components, one for a scalar.
+    pub components: Vec<String>,
+    /// `nodes x components`.
+    pub values: Vec<f64>,
+}
+
+/// Formats of which the reader is another program.
+const ELSEWHERE: [(&str, &str); 8] = [
+    ("xdmf", "meshio convert run.xdmf run.vtu, or save as .pvd in ParaView"),
+    ("h5", "meshio convert, or save as .pvd in ParaView"),
+    ("vtk", "meshio convert run.vtk run.vtu"),
+    ("xplt", "File > Export > VTK in FEBio Studio, then meshio convert to .vtu"),
+    ("odb", "write mesh (.inp) and fields (.csv) from Abaqus' Python: docs/import.md shows the lines"),
+    ("rst", "write nodal results with PRNSOL or PyMAPDL (save_as_vtk): docs/import.md"),
+    ("npz", "numpy: for name, a in np.load('run.npz').items(): np.save(f'run/{name}.npy', a)"),
+    ("dat", "the .frd of the same job holds the fields"),
+];
+
+/// Reads one finished simulation, by the ending of its name.
+///
+/// # Errors
+/// Another ending, with what to do, or what the reader of the format refuses.
+pub fn read(path: &Path) -> Result<Run, FormatError> {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    match ending.as_deref() {
+        _ if path.is_dir() => stacks::read(path),
+        Some("frd") => frd::read(path),
+        Some("vtu") => vtk::read(path),
+        Some("pvd") => vtk::read_series(path),
+        Some("inp") => nodal::read(path),
+        other => {
+            let remedy = ELSEWHERE.iter().find(|(ending, _)| Some(*ending) == other);
+            let expected = remedy.map_or_else(
+                || "results as .frd, .vtu, .pvd, .inp with .csv, or a folder of .npy".to_owned(),
+                |(_, remedy)| format!("a format that is read here; convert it: {remedy}"),
+            );
+            let found = other.map_or_else(|| "no ending".into(), |ending| format!(".{ending}"));
+            Err(FormatError::one(path, Diagnostic::new("file name", expected, found)))
+        }
+    }
+}
+
+/// Names of the components of a quantity that a file only counts.
+fn counted(components: usize) -> Vec<String> {
+    (1..=components).map(|k| k.to_string()).collect()
+}

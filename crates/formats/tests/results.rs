@@ -1,0 +1,207 @@
+//! Finished simulations of other programs. `data/*.frd` were written by CalculiX 2.20 (`ccx -i`): a block of one hexahedron that is
+//! sheared, then loaded until an increment fails; and a 20-node hexahedron, a 15-node wedge and a 10-node tetrahedron.
+
+use formats::cells::surface;
+use formats::results::{self, Assembly, Quantity, Run, Wanted, parse_frd};
+use proptest::prelude::*;
+use rom::snapshots::{Case, FieldKind, RegimeKind, Split};
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+}
+
+fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a Quantity {
+    run.steps[step].quantities.iter().find(|quantity| quantity.name == name).expect("the quantity")
+}
+
+fn case(name: &str) -> Case {
+    Case {
+        name: name.into(),
+        regime: RegimeKind::Free,
+        split: Split::Train,
+        pressure_mpa: 0.0,
+        gap_mm: None,
+        contact_force_n: 0.0,
+        parameters: vec![],
+    }
+}
+
+fn wanted() -> Wanted {
+    Wanted { length_mm: 1.0, stress_mpa: Some(1.0), displacement: None, stress: None, fields: vec![] }
+}
+
+#[test]
+fn an_increment_that_failed_is_left_out_and_named() {
+    let run = results::read(&data("cutback.frd")).unwrap();
+    let names: Vec<&str> = run.steps.iter().map(|step| step.name.as_str()).collect();
+    assert_eq!(names, ["step 1 increment 1", "step 1 increment 2"]);
+    assert_eq!(run.steps[1].time, Some(1.0));
+    assert!(run.left_out[0].starts_with("step 2 increment 1: not converged"), "{:?}", run.left_out);
+    assert_eq!(run.points.len(), 8);
+    assert_eq!(quantity(&run, 0, "DISP").values[3 * 5..3 * 6], [0.1, -8.98957e-3, -1.46767e-2]);
+    assert_eq!(quantity(&run, 0, "STRESS").components, ["SXX", "SYY", "SZZ", "SXY", "SYZ", "SZX"]);
+}
+
+#[test]
+fn a_state_has_deformed_nodes_von_mises_stress_and_further_fields_in_the_units_said() {
+    let run = results::read(&data("cutback.frd")).unwrap();
+    let fields = vec![("ENER".to_owned(), "mJ/mm3".to_owned()), ("STRESS.SXX".to_owned(), "MPa".to_owned())];
+    let wanted = Wanted { length_mm: 1000.0, stress_mpa: Some(1e-3), fields, ..wanted() };
+    let mut assembly = Assembly::new(wanted);
+    let path = data("cutback.frd");
+    assert_eq!(assembly.add(&path, &run, &run.steps[0], case("a")).unwrap(), None);
+    let (database, blocks) = assembly.finish("block".into(), vec![]).unwrap();
+    let names: Vec<&str> = database.fields.iter().map(|field| field.name.as_str()).collect();
+    assert_eq!(names, ["x", "y", "z", "displacement", "von_mises", "ener", "stress_sxx"]);
+    let row = &database.snapshot(0)[7 * 5..7 * 6];
+    let u = [0.1, -8.98957e-3, -1.46767e-2_f64].map(|v| 1000.0 * v);
+    let s = [2.50157e-1, 2.71094e-1, 2.19464e-1, -1.68821e-2, -6.75334e-3, 5.49470e-2_f64];
+    let normal = (s[0] - s[1]).powi(2) + (s[1] - s[2]).powi(2) + (s[2] - s[0]).powi(2);
+    let von_mises = (0.5 * normal + 3.0 * s[3..].iter().map(|v| v * v).sum::<f64>()).sqrt();
+    let size = u.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let expected = [1000.0 + u[0], u[1], 1000.0 + u[2], size, 1e-3 * von_mises, 1.36296e-3, s[0]];
+    for (found, expected) in row.iter().zip(expected) {
+        assert!((f64::from(*found) - expected).abs() <= 1e-6 * expected.abs(), "{found} {expected}");
+    }
+    assert_eq!((blocks[0].kind, blocks[0].count()), (12, 1));
+}
+
+#[test]
+fn quadratic_cells_have_a_closed_surface_around_their_volume() {
+    let run = results::read(&data("quadratic.frd")).unwrap();
+    let kinds: Vec<(u8, usize)> = run.blocks.iter().map(|block| (block.kind, block.count())).collect();
+    assert_eq!(kinds, [(25, 1), (26, 1), (24, 1)]);
+    let skin = surface(&run.points, &run.blocks);
+    let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+    let mut volume = 0.0;
+    for [a, b, c] in &skin {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *edges.entry((*from.min(to), *from.max(to))).or_default() += if from < to { 1 } else { -1 };
+        }
+        let [p, q, r] = [a, b, c].map(|node| run.points[*node as usize]);
+        let cross = [q[1] * r[2] - q[2] * r[1], q[2] * r[0] - q[0] * r[2], q[0] * r[1] - q[1] * r[0]];
+        volume += (0..3).map(|k| p[k] * cross[k]).sum::<f64>() / 6.0;
+    }
+    assert!(edges.values().all(|count| *count == 0), "every edge belongs to two triangles of opposite turn");
+    assert!((volume - (1.0 + 0.5 + 1.0 / 6.0)).abs() < 1e-12, "{volume}");
+}
+
+#[test]
+fn files_that_cannot_be_read_say_what_to_do() {
+    let good = fs::read(data("cutback.frd")).unwrap();
+    let refused = |bytes: &[u8]| parse_frd(bytes).expect_err("refused")[0].to_string();
+    assert!(refused(&good[..1000]).contains("did the job end?"), "{}", refused(&good[..1000]));
+    assert_eq!(
+        parse_frd(&good[..good.len() * 3 / 4]).unwrap().steps.len(),
+        1,
+        "the second state is cut short"
+    );
+    let binary = String::from_utf8(good.clone()).unwrap().replace(
+        "    2C                             8                                     1",
+        "    2C                             8                                     3",
+    );
+    assert!(refused(binary.as_bytes()).contains("*NODE FILE"));
+    let dir = tempfile::tempdir().unwrap();
+    for (name, part) in [
+        ("run.odb", "Abaqus' Python"),
+        ("run.xdmf", "meshio convert"),
+        ("run.xplt", "FEBio"),
+        ("run", "no ending"),
+    ] {
+        let path = dir.path().join(name);
+        fs::write(&path, "").unwrap();
+        let text = results::read(&path).unwrap_err().to_string();
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_by_name() {
+    let run = results::read(&data("cutback.frd")).unwrap();
+    let path = data("cutback.frd");
+    let refused = |wanted: Wanted| {
+        let error = Assembly::new(wanted).add(&path, &run, &run.steps[0], case("a")).unwrap_err().to_string();
+        assert!(error.contains("cutback.frd"), "{error}");
+        error
+    };
+    let text = refused(Wanted { stress_mpa: None, ..wanted() });
+    assert!(text.contains("quantity STRESS: expected its unit"), "{text}");
+    let text = refused(Wanted { displacement: Some("U2".into()), ..wanted() });
+    assert!(text.contains("expected a quantity U2, found quantities DISP, STRESS, FORC, ENER"), "{text}");
+    let text = refused(Wanted { fields: vec![("FORC".into(), "N".into())], ..wanted() });
+    assert!(text.contains("FORC.COMPONENT with one of F1, F2, F3"), "{text}");
+    let mut assembly = Assembly::new(wanted());
+    assembly.add(&path, &run, &run.steps[0], case("a")).unwrap();
+    let other = results::read(&data("quadratic.frd")).unwrap();
+    let text = assembly.add(&path, &other, &other.steps[0], case("b")).unwrap_err().to_string();
+    assert!(text.contains("the nodes and elements of the first simulation"), "{text}");
+    let mut broken = run.clone();
+    broken.steps[1].quantities[0].values[4] = f64::NAN;
+    let reason = assembly.add(&path, &broken, &broken.steps[1], case("b")).unwrap();
+    assert!(
+        reason.is_some_and(|reason| reason.contains("step 1 increment 2: 2 values")),
+        "y and the size of one node"
+    );
+}
+
+#[test]
+fn a_length_as_an_input_makes_the_displacement_a_field_of_its_own() {
+    let run = results::read(&data("cutback.frd")).unwrap();
+    let mut longer = run.clone();
+    longer.points.iter_mut().for_each(|point| point[0] *= 1.1);
+    let path = data("cutback.frd");
+    let mut assembly = Assembly::new(wanted());
+    assembly.add(&path, &run, &run.steps[0], case("a")).unwrap();
+    assert!(!assembly.shape_varies());
+    assembly.add(&path, &longer, &longer.steps[1], case("b")).unwrap();
+    assert!(assembly.shape_varies());
+    assert_eq!(assembly.finish("block".into(), vec![]).unwrap().0.fields[3].kind, FieldKind::Other);
+}
+
+/// A mesh with its results as a table, and as NumPy arrays: both give the same run.
+#[test]
+fn tables_and_stacks_are_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let inp = "*NODE\n11,0,0,0\n12,1,0,0\n13,0,1,0\n14,0,0,1\n*ELEMENT,TYPE=C3D4\n1,11,12,13,14\n";
+    let csv = "step,time,node,u1,u2,u3,mises\n1,0.5,11,0,0,0,1\n1,0.5,12,0,0,0,2\n1,0.5,13,0,0,0,3\n1,0.5,14,.1,.2,.3,4\n\
+               2,1,11,0,0,0,5\n2,1,12,0,0,0,6\n2,1,13,0,0,0,7\n2,1,14,.2,.4,.6,8\n";
+    fs::write(dir.path().join("run.inp"), inp).unwrap();
+    fs::write(dir.path().join("run.csv"), csv).unwrap();
+    let run = results::read(&dir.path().join("run.inp")).unwrap();
+    assert_eq!((run.steps.len(), run.steps[1].time), (2, Some(1.0)));
+    assert_eq!(quantity(&run, 1, "u").values[9..], [0.2, 0.4, 0.6]);
+    assert_eq!(quantity(&run, 1, "mises").values, [5.0, 6.0, 7.0, 8.0]);
+    let stack = dir.path().join("stack");
+    fs::create_dir(&stack).unwrap();
+    let save = |name: &str, shape: &[usize], values: &[f32]| {
+        formats::npy::write_f32(&stack.join(name), shape, values).unwrap();
+    };
+    save("points.npy", &[4, 3], &[0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1.]);
+    save("tetra.npy", &[1, 4], &[0., 1., 2., 3.]);
+    let u = |k: f32| [0., 0., 0., 0., 0., 0., 0., 0., 0., 0.1 * k, 0.2 * k, 0.3 * k];
+    save("u.npy", &[2, 4, 3], &[u(1.0), u(2.0)].concat());
+    save("mises.npy", &[2, 4], &[1., 2., 3., 4., 5., 6., 7., 8.]);
+    let stacked = results::read(&stack).unwrap();
+    assert_eq!((&stacked.points, &stacked.blocks), (&run.points, &run.blocks));
+    assert_eq!(quantity(&stacked, 1, "mises").values, quantity(&run, 1, "mises").values);
+    fs::write(dir.path().join("run.csv"), csv.replace("1,0.5,14", "1,0.5,15")).unwrap();
+    let text = results::read(&dir.path().join("run.inp")).unwrap_err().to_string();
+    assert!(text.contains("run.csv: line 5, column node: expected a node of the mesh, found `15`"), "{text}");
+}
+
+proptest! {
+    #[test]
+    fn damaged_results_are_read_or_refused(at in 0_usize..9000, bytes in prop::collection::vec(any::<u8>(), 0..20)) {
+        let mut file = fs::read(data("cutback.frd")).unwrap();
+        file.splice(at..(at + bytes.len()).min(file.len()), bytes);
+        if let Ok(run) = parse_frd(&file) {
+            let nodes = run.points.len();
+            prop_assert!(run.blocks.iter().all(|block| block.nodes.iter().all(|node| (*node as usize) < nodes)));
+            let sized = |q: &Quantity| q.values.len() == nodes * q.components.len();
+            prop_assert!(run.steps.iter().all(|step| step.quantities.iter().all(sized)));
+        }
+    }
+}

@@ -1,0 +1,335 @@
+//! `softtwin import results`: a database from finished simulations.
+
+use super::inputs::{Labels, Source, table, unit};
+use crate::failure::{configuration, usage};
+use crate::files::refusal;
+use crate::output;
+use anyhow::{Result, anyhow};
+use formats::database;
+use formats::results::{self, Assembly, Wanted};
+use formats::vtu::Cells;
+use rom::inputs::{MAX_INPUTS, PARAMETERS, Parameter};
+use rom::snapshots::{Case, Database, RegimeKind, Split};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  CalculiX, one job a state, inputs in a table (columns file, load_n, thickness_mm):
+    softtwin import results jobs/*.frd --out db --length-unit mm --stress-unit mpa --inputs inputs.csv
+  ParaView or meshio, inputs in the file names:
+    softtwin import results beam_f*.vtu --pattern 'beam_f{load_n}_t{thickness_mm}.vtu' --out db --length-unit mm --stress-unit mpa
+  Every increment of one job is a state, the load grows with the time:
+    softtwin import results ramp.frd --steps all --ramp load_n=2.5 --out db --length-unit mm --stress-unit mpa --field ENER=mJ/mm3
+then
+    softtwin train --database db --out beam.twin
+    softtwin predict --model beam.twin --set load_n=1.2 --set thickness_mm=4
+
+Reads .frd (CalculiX, text), .vtu, .pvd, Abaqus' .inp with a .csv of the same name, folders of .npy arrays: docs/import.md.
+An input's name ends in its unit (load_n, stiffness_mpa; _1 for plain numbers). pressure_mpa and gap_mm are those of an actuator
+over a plate; a state with a gap needs contact_force_n in the table. Steps that did not converge are left out and named.";
+
+/// A database from finished simulations (CalculiX, VTK, Abaqus, NumPy).
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
+pub struct Args {
+    /// Files or folders, one simulation each.
+    #[arg(value_name = "PATH", required = true)]
+    paths: Vec<PathBuf>,
+    /// Folder of the database.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Unit of length in the files.
+    #[arg(long, value_enum)]
+    length_unit: Length,
+    /// Unit of stress in the files; needed where they hold a stress.
+    #[arg(long, value_enum)]
+    stress_unit: Option<Stress>,
+    /// Table of inputs: columns file, the inputs, and where needed step, case, regime, split, contact_force_n.
+    #[arg(long, value_name = "FILE.csv")]
+    inputs: Option<PathBuf>,
+    /// Inputs in the file names, as run_p{pressure_mpa}_g{gap_mm}.frd.
+    #[arg(long)]
+    pattern: Option<String>,
+    /// An input that grows with the time of the step; its value at time 1, unless table or pattern give it.
+    #[arg(long, value_name = "NAME[=VALUE]")]
+    ramp: Option<String>,
+    /// Which steps of a simulation become states.
+    #[arg(long, value_enum, default_value = "last")]
+    steps: Steps,
+    /// Name of the displacement in the files, where it is none of DISP, U, displacement.
+    #[arg(long, value_name = "NAME")]
+    displacement: Option<String>,
+    /// Name of the stress (tensor or von Mises), where it is none of STRESS, S, von_mises, mises.
+    #[arg(long, value_name = "NAME")]
+    stress: Option<String>,
+    /// A further field, with its unit: NAME of a scalar, NAME.COMPONENT otherwise. Repeat for others.
+    #[arg(long = "field", value_name = "NAME=UNIT", value_parser = field)]
+    fields: Vec<(String, String)>,
+    /// Every so many-th state is for testing; a column split in the table goes before.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    test_every: Option<u64>,
+    /// Name of what was simulated; the folder's name when left out.
+    #[arg(long)]
+    name: Option<String>,
+    /// End with one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Length {
+    Um,
+    Mm,
+    Cm,
+    M,
+    In,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Stress {
+    Pa,
+    Kpa,
+    Mpa,
+    Gpa,
+    Psi,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Steps {
+    Last,
+    All,
+}
+
+fn field(text: &str) -> Result<(String, String), String> {
+    let pair = text.split_once('=').filter(|(name, unit)| !name.is_empty() && !unit.is_empty());
+    let pair = pair.map(|(name, unit)| (name.to_owned(), unit.to_owned()));
+    pair.ok_or_else(|| format!("expected NAME=UNIT, such as ENER=mJ/mm3 or NDTEMP=K; found {text:?}"))
+}
+
+impl Args {
+    /// Reads all simulations, writes the database, says what was left out.
+    ///
+    /// # Errors
+    /// What is wrong with a file, a step or an input, by name.
+    pub fn run(self) -> Result<()> {
+        if self.out.join("database.toml").exists() {
+            let found = format!("a database in {}", self.out.display());
+            return Err(usage(format!(
+                "--out: expected a new folder, found {found}; remove it or name another"
+            )));
+        }
+        let wanted = Wanted {
+            length_mm: match self.length_unit {
+                Length::Um => 1e-3,
+                Length::Mm => 1.0,
+                Length::Cm => 10.0,
+                Length::M => 1e3,
+                Length::In => 25.4,
+            },
+            stress_mpa: self.stress_unit.map(|unit| match unit {
+                Stress::Pa => 1e-6,
+                Stress::Kpa => 1e-3,
+                Stress::Mpa => 1.0,
+                Stress::Gpa => 1e3,
+                Stress::Psi => 0.006_894_757_293_168_361,
+            }),
+            displacement: self.displacement.clone(),
+            stress: self.stress.clone(),
+            fields: self.fields.clone(),
+        };
+        let mut states = States {
+            assembly: Assembly::new(wanted),
+            known: Vec::new(),
+            left_out: Vec::new(),
+            names: Vec::new(),
+        };
+        let source = self.source()?;
+        for path in &self.paths {
+            states.simulation(path, &source, &self)?;
+        }
+        let nodes = states.assembly.nodes();
+        let (shape_varies, left_out) = (states.assembly.shape_varies(), states.left_out);
+        let parameters = parameters(&states.names, &states.known)?;
+        let name = self.name.clone().unwrap_or_else(|| plain(&self.out));
+        let (database, blocks) = states
+            .assembly
+            .finish(name, parameters)
+            .map_err(|error| configuration(anyhow!("{error}{}", listed(&left_out))))?;
+        database::write(&self.out, &database, Cells::Mixed(&blocks)).map_err(refusal)?;
+        self.report(&database, nodes, shape_varies, &left_out)
+    }
+
+    fn source(&self) -> Result<Source<'_>> {
+        let ramp = self.ramp.as_deref().map(|text| {
+            let Some((name, value)) = text.split_once('=') else { return Ok((text, None)) };
+            let value = value.parse::<f64>().ok().filter(|value| value.is_finite());
+            let value = value
+                .ok_or_else(|| usage(format!("--ramp: expected NAME or NAME=NUMBER, found {text:?}")))?;
+            anyhow::Ok((name, Some(value)))
+        });
+        let table = self.inputs.as_deref().map(table).transpose()?;
+        if table.is_none() && self.pattern.is_none() && self.ramp.is_none() {
+            return Err(usage(
+                "expected the inputs of the states: --inputs FILE.csv, --pattern or --ramp; found none",
+            ));
+        }
+        Ok(Source { table, pattern: self.pattern.as_deref(), ramp: ramp.transpose()? })
+    }
+
+    fn report(
+        &self,
+        database: &Database,
+        nodes: usize,
+        shape_varies: bool,
+        left_out: &[String],
+    ) -> Result<()> {
+        let fields: Vec<&str> = database.fields.iter().map(|field| field.name.as_str()).collect();
+        let of = |split| database.of_split(split).count();
+        let (train, test) = (of(Split::Train), database.cases.len() - of(Split::Train));
+        if self.json {
+            return output::json(&json!({
+                "out": self.out, "nodes": nodes, "states": database.cases.len(), "training": train, "testing": test,
+                "fields": fields, "inputs": database.parameters.iter().map(|p| &p.name).collect::<Vec<_>>(),
+                "shape_varies": shape_varies, "left_out": left_out,
+            }));
+        }
+        output!(
+            "{}: {train} states to train on, {test} to test, {nodes} nodes, fields {}",
+            self.out.display(),
+            fields.join(", ")
+        )?;
+        for parameter in &database.parameters {
+            output!(
+                "input {} in {}; {:.6} (the mean) where nothing is said",
+                parameter.name,
+                parameter.unit,
+                parameter.nominal
+            )?;
+        }
+        if shape_varies {
+            output!("the undeformed shape differs between simulations: mesh.vtu is that of the first one")?;
+        }
+        for reason in left_out {
+            output!("left out: {reason}")?;
+        }
+        Ok(())
+    }
+}
+
+/// States as they are collected.
+struct States {
+    assembly: Assembly,
+    /// Where each state comes from, and its inputs.
+    known: Vec<(String, BTreeMap<String, f64>)>,
+    left_out: Vec<String>,
+    /// Names of the inputs, those of the first state.
+    names: Vec<String>,
+}
+
+impl States {
+    fn simulation(&mut self, path: &Path, source: &Source<'_>, args: &Args) -> Result<()> {
+        let run = results::read(path).map_err(refusal)?;
+        self.left_out.extend(run.left_out.iter().map(|reason| format!("{}, {reason}", path.display())));
+        if run.steps.is_empty() {
+            self.left_out.push(format!("{}: no step that is a state", path.display()));
+        }
+        let states = source.states(path, &run, args.steps == Steps::All)?;
+        let several = states.len() > 1;
+        for (at, labels) in states {
+            let step = &run.steps[at];
+            let place = format!("{}, {}", path.display(), step.name);
+            let suffix = if several { format!("-{}", at + 1) } else { String::new() };
+            let name = labels.name.clone().unwrap_or_else(|| format!("{}{suffix}", plain(path)));
+            let inputs = self.inputs(&place, &labels)?;
+            let case = self.case(&place, name, &labels, args)?;
+            match self.assembly.add(path, &run, step, case).map_err(refusal)? {
+                Some(reason) => self.left_out.push(format!("{}, {reason}", path.display())),
+                None => self.known.push((place, inputs)),
+            }
+        }
+        Ok(())
+    }
+
+    /// The inputs: named as the first state's, and of no other state.
+    fn inputs(&mut self, place: &str, labels: &Labels) -> Result<BTreeMap<String, f64>> {
+        let found: Vec<&String> = labels.values.keys().filter(|name| *name != "gap_mm").collect();
+        if self.names.is_empty() {
+            self.names = found.iter().map(|name| (*name).clone()).collect();
+        }
+        if self.names.is_empty() || found != self.names.iter().collect::<Vec<_>>() {
+            let expected = self.names.join(", ");
+            let error =
+                anyhow!("{place}: expected the inputs {expected} as for the first state, found {found:?}");
+            return Err(configuration(error));
+        }
+        if let Some((twin, _)) = self.known.iter().find(|(_, other)| *other == labels.values) {
+            let error = anyhow!(
+                "{place}: expected inputs that no other state has, found those of {twin} ({:?}); --ramp or a column step \
+                 tell steps apart",
+                labels.values
+            );
+            return Err(configuration(error));
+        }
+        Ok(labels.values.clone())
+    }
+
+    fn case(&self, place: &str, name: String, labels: &Labels, args: &Args) -> Result<Case> {
+        let gap_mm = labels.values.get("gap_mm").copied();
+        let regime = if gap_mm.is_some() { RegimeKind::Contact } else { RegimeKind::Free };
+        let regime = labels.regime.unwrap_or(regime);
+        if regime == RegimeKind::Contact && (gap_mm.is_none() || labels.contact_force_n.is_none()) {
+            let error = anyhow!(
+                "{place}: expected gap_mm and contact_force_n in the table for a state in contact (force 0 where nothing \
+                 touches), found one without"
+            );
+            return Err(configuration(error));
+        }
+        let count = self.known.len() as u64 + 1;
+        let tested = args.test_every.is_some_and(|every| count.is_multiple_of(every));
+        let split = labels.split.unwrap_or(if tested { Split::Test } else { Split::Train });
+        let further = labels.values.iter().filter(|(name, _)| !is_operating(name));
+        Ok(Case {
+            name,
+            regime,
+            split,
+            pressure_mpa: labels.values.get("pressure_mpa").copied().unwrap_or(0.0),
+            gap_mm,
+            contact_force_n: labels.contact_force_n.unwrap_or(0.0),
+            parameters: further.map(|(_, value)| *value).collect(),
+        })
+    }
+}
+
+fn is_operating(name: &str) -> bool {
+    matches!(name, "pressure_mpa" | "gap_mm")
+}
+
+/// The inputs beside pressure and gap, with their mean as the nominal value.
+fn parameters(names: &[String], known: &[(String, BTreeMap<String, f64>)]) -> Result<Vec<Parameter>> {
+    let further: Vec<&String> = names.iter().filter(|name| !is_operating(name)).collect();
+    let most = MAX_INPUTS - PARAMETERS;
+    if further.len() > most {
+        let error =
+            anyhow!("inputs: expected at most {most} beside pressure and gap, found {}", further.len());
+        return Err(configuration(error));
+    }
+    let mut parameters = Vec::new();
+    for name in further {
+        let sum: f64 = known.iter().filter_map(|(_, values)| values.get(name)).sum();
+        let nominal = sum / known.len().max(1) as f64;
+        parameters.push(Parameter { name: name.clone(), unit: unit(name)?.into(), nominal });
+    }
+    Ok(parameters)
+}
+
+/// A file's name without folder and ending, of letters, digits, - and _.
+fn plain(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    stem.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' }).collect()
+}
+
+fn listed(left_out: &[String]) -> String {
+    left_out.iter().map(|reason| format!("\n  left out: {reason}")).collect()
+}

@@ -1,0 +1,204 @@
+//! A structure that is no actuator, from another program's results to predictions: a cantilever with load and thickness as inputs,
+//! as VTU files of linear hexahedra with an analytic bending field.
+
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+const LENGTH_MM: f64 = 100.0;
+const WIDTH_MM: f64 = 20.0;
+const MODULUS_MPA: f64 = 2000.0;
+/// Cells along, across the thickness and across the width.
+const CELLS: [usize; 3] = [20, 2, 2];
+
+/// Undeformed node, displacement and von Mises stress of a beam bent by a force at its end (Euler and Bernoulli).
+fn beam(load_n: f64, thickness_mm: f64) -> Vec<([f64; 3], [f64; 3], f64)> {
+    let inertia = WIDTH_MM * thickness_mm.powi(3) / 12.0;
+    let mut nodes = Vec::new();
+    for k in 0..=CELLS[2] {
+        for j in 0..=CELLS[1] {
+            for i in 0..=CELLS[0] {
+                let share = |n: usize, axis: usize| n as f64 / CELLS[axis] as f64;
+                let x = LENGTH_MM * share(i, 0);
+                let point = [x, thickness_mm * share(j, 1), WIDTH_MM * share(k, 2)];
+                let above_mm = point[1] - 0.5 * thickness_mm;
+                let factor = -load_n / (6.0 * MODULUS_MPA * inertia);
+                let slope = factor * (6.0 * LENGTH_MM * x - 3.0 * x * x);
+                let u = [-above_mm * slope, factor * x * x * (3.0 * LENGTH_MM - x), 0.0];
+                nodes.push((point, u, (load_n * (LENGTH_MM - x) * above_mm / inertia).abs()));
+            }
+        }
+    }
+    nodes
+}
+
+/// A VTU file as meshio writes it in ASCII, lengths in m and stresses in Pa.
+fn vtu(load_n: f64, thickness_mm: f64) -> String {
+    let nodes = beam(load_n, thickness_mm);
+    let [nx, ny, nz] = CELLS;
+    let at = |i: usize, j: usize, k: usize| (k * (ny + 1) + j) * (nx + 1) + i;
+    let mut cells = Vec::new();
+    for (i, j, k) in (0..nz).flat_map(|k| (0..ny).flat_map(move |j| (0..nx).map(move |i| (i, j, k)))) {
+        let ring = |k: usize| [at(i, j, k), at(i + 1, j, k), at(i + 1, j + 1, k), at(i, j + 1, k)];
+        cells.push([ring(k), ring(k + 1)].concat());
+    }
+    let text =
+        |values: &mut dyn Iterator<Item = f64>| values.map(|v| format!("{v:.11e} ")).collect::<String>();
+    let points = text(&mut nodes.iter().flat_map(|node| node.0).map(|v| 1e-3 * v));
+    let moved = text(&mut nodes.iter().flat_map(|node| node.1).map(|v| 1e-3 * v));
+    let stress = text(&mut nodes.iter().map(|node| 1e6 * node.2));
+    let connectivity: String = cells.iter().flatten().map(|n| format!("{n} ")).collect();
+    let mut xml = format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">\n\
+         <UnstructuredGrid><Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n",
+        nodes.len(),
+        cells.len()
+    );
+    let mut array = |kind: &str, name: &str, components: usize, values: &str| {
+        let _ = writeln!(
+            xml,
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"ascii\">{values}</DataArray>"
+        );
+    };
+    array("Float64", "POINTS", 3, &points);
+    array("Int64", "connectivity", 1, &connectivity);
+    array("Int64", "offsets", 1, &(1..=cells.len()).map(|n| format!("{} ", 8 * n)).collect::<String>());
+    array("Int64", "types", 1, &"12 ".repeat(cells.len()));
+    array("Float64", "u", 3, &moved);
+    array("Float64", "mises", 1, &stress);
+    // The arrays stand in their sections.
+    let lines: Vec<&str> = xml.lines().collect();
+    let (head, arrays) = lines.split_at(lines.len() - 6);
+    format!(
+        "{}\n<Points>{}</Points>\n<Cells>{}</Cells>\n<PointData>{}</PointData>\n</Piece></UnstructuredGrid></VTKFile>\n",
+        head.join("\n"),
+        arrays[0],
+        arrays[1..4].join("\n"),
+        arrays[4..].join("\n")
+    )
+}
+
+fn run(folder: &Path, args: &[&str]) -> (i32, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
+    let ended = command.args(args).current_dir(folder).env_remove("RUST_LOG").output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (ended.status.code().unwrap(), text(ended.stdout), text(ended.stderr))
+}
+
+fn succeeds(folder: &Path, args: &[&str]) -> String {
+    let (code, out, err) = run(folder, args);
+    assert_eq!(code, 0, "{args:?}: {err}");
+    out
+}
+
+/// Names of the files, in the order of the inputs.
+fn simulations(folder: &Path) -> Vec<String> {
+    let mut names = Vec::new();
+    for thickness in 0..7 {
+        for load in 0..4 {
+            let (load_n, thickness_mm) = (1.0 + f64::from(load), 6.0 + 0.5 * f64::from(thickness));
+            names.push(format!("beam_f{load_n}_t{thickness_mm}.vtu"));
+            fs::write(folder.join(names.last().unwrap()), vtu(load_n, thickness_mm)).unwrap();
+        }
+    }
+    names
+}
+
+const UNITS: [&str; 4] = ["--length-unit", "m", "--stress-unit", "pa"];
+
+#[test]
+fn a_cantilever_is_imported_trained_evaluated_and_predicted() {
+    let dir = tempfile::tempdir().unwrap();
+    let names = simulations(dir.path());
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let pattern =
+        ["--pattern", "beam_f{load_n}_t{thickness_mm}.vtu", "--out", "db", "--test-every", "6", "--json"];
+    let import = [&["import", "results"], &names[..], &UNITS, &pattern].concat();
+    let done: Value = serde_json::from_str(&succeeds(dir.path(), &import)).unwrap();
+    assert_eq!(
+        (&done["states"], &done["testing"], &done["shape_varies"]),
+        (&28.into(), &4.into(), &true.into())
+    );
+    assert_eq!(done["inputs"], serde_json::json!(["load_n", "thickness_mm"]));
+    succeeds(dir.path(), &["train", "--database", "db", "--out", "beam.twin"]);
+    succeeds(dir.path(), &["evaluate", "--model", "beam.twin", "--database", "db"]);
+    let question = ["--set", "load_n=2.6", "--set", "thickness_mm=7.3", "--out", "state.csv"];
+    let answer = succeeds(dir.path(), &[&["predict", "--model", "beam.twin"], &question[..]].concat());
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    assert_eq!((&answer["regime"], &answer["in_domain"]), (&"free".into(), &true.into()), "{answer}");
+    let table = fs::read_to_string(dir.path().join("state.csv")).unwrap();
+    let numbers = |line: &str| line.split(',').filter_map(|cell| cell.parse().ok()).collect::<Vec<f64>>();
+    let rows: Vec<Vec<f64>> = table.lines().map(numbers).filter(|row| row.len() >= 5).collect();
+    let exact = beam(2.6, 7.3);
+    assert_eq!(rows.len(), exact.len(), "{}", &table[..200]);
+    let size = |u: &[f64; 3]| u.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let largest_mm = exact.iter().map(|node| size(&node.1)).fold(0.0, f64::max);
+    let largest_mpa = exact.iter().map(|node| node.2).fold(0.0, f64::max);
+    for (row, (point, u, stress_mpa)) in rows.iter().zip(&exact) {
+        let [x, y, z, moved_mm, von_mises_mpa] = row[row.len() - 5..] else { panic!("five fields") };
+        for (found, k) in [(x, 0), (y, 1), (z, 2)] {
+            assert!((found - point[k] - u[k]).abs() <= 0.01 * largest_mm, "{row:?} {point:?} {u:?}");
+        }
+        assert!((moved_mm - size(u)).abs() <= 0.01 * largest_mm, "{row:?} {u:?}");
+        assert!((von_mises_mpa - stress_mpa).abs() <= 0.01 * largest_mpa, "{row:?} {stress_mpa}");
+    }
+}
+
+#[test]
+fn what_is_missing_is_asked_for_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = "beam_f2_t7.vtu";
+    fs::write(dir.path().join(file), vtu(2.0, 7.0)).unwrap();
+    let table = |text: &str| fs::write(dir.path().join("inputs.csv"), text).unwrap();
+    let refused = |more: &[&str]| {
+        let (code, _, err) = run(dir.path(), &[&["import", "results", file, "--out", "db"], more].concat());
+        assert!(matches!(code, 2 | 78), "{code} {err}");
+        assert!(!dir.path().join("db").exists(), "nothing is written: {err}");
+        err
+    };
+    let pattern = ["--pattern", "beam_f{load_n}_t{thickness_mm}.vtu"];
+    assert!(refused(&pattern).contains("--length-unit"));
+    assert!(refused(&[&["--length-unit", "m"], &pattern[..]].concat()).contains("--stress-unit"));
+    assert!(refused(&UNITS).contains("--inputs FILE.csv, --pattern or --ramp"));
+    let with = |more: &[&str]| refused(&[&UNITS, more].concat());
+    assert!(
+        with(&["--pattern", "beam_f{load_n}.vtu"]).contains("expected a number for load_n in beam_f2_t7.vtu")
+    );
+    assert!(with(&["--pattern", "{load}_t{t}.vtu"]).contains("a number for load"));
+    assert!(
+        with(&["--pattern", "beam_f{load}_t{thickness_mm}.vtu"]).contains("input load: expected its unit")
+    );
+    assert!(with(&["--ramp", "load_n=2"]).contains("does not give"));
+    assert!(with(&[&pattern[..], &["--field", "heat=K"]].concat()).contains("quantities u, mises"));
+    table("file,load_n\nother.vtu,1\n");
+    assert!(with(&["--inputs", "inputs.csv"]).contains("a row with beam_f2_t7.vtu in column file"));
+    table("file,load_n\nbeam_f2_t7,many\n");
+    assert!(with(&["--inputs", "inputs.csv"]).contains("line 2, column load_n: expected a finite number"));
+    table("file,load_n,step\nbeam_f2_t7,1,4\n");
+    assert!(
+        with(&["--inputs", "inputs.csv"]).contains("expected a step of beam_f2_t7.vtu from 1 to 1, found 4")
+    );
+    table("file,load_n\nbeam_f2_t7,1\nbeam_f2_t7,1\n");
+    assert!(with(&["--inputs", "inputs.csv"]).contains("expected inputs that no other state has"));
+    table("file,pressure_mpa,gap_mm\nbeam_f2_t7,0.02,40\n");
+    assert!(with(&["--inputs", "inputs.csv"]).contains("expected gap_mm and contact_force_n"));
+}
+
+/// A failed increment is left out and named, the others are states by the solver's time.
+#[test]
+fn increments_of_a_calculix_job_become_states() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../formats/tests/data/cutback.frd");
+    fs::copy(data, dir.path().join("cutback.frd")).unwrap();
+    let units = ["--length-unit", "mm", "--stress-unit", "mpa", "--steps", "all", "--ramp", "shear_mm=0.2"];
+    let args =
+        [&["import", "results", "cutback.frd", "--out", "db", "--field", "ENER=mJ/mm3"], &units[..]].concat();
+    let text = succeeds(dir.path(), &args);
+    assert!(text.contains("left out: cutback.frd, step 2 increment 1: not converged"), "{text}");
+    let cases = fs::read_to_string(dir.path().join("db/cases.csv")).unwrap();
+    let rows: Vec<&str> = cases.lines().collect();
+    assert_eq!(rows[1..], ["cutback-1,free,train,0,,0.1,0", "cutback-2,free,train,0,,0.2,0"]);
+    assert!(fs::read_to_string(dir.path().join("db/database.toml")).unwrap().contains("name = \"ener\""));
+}
