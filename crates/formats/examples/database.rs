@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         hash: [0; 32],
     };
     mine.hash = mine.content_hash();
-    database::write(&folder, &mine, formats::vtu::Cells::QuadraticTets(&[]))?;
+    database::write(&folder, &mine, Cells::QuadraticTets(&[]))?;
     let read = database::read(&folder, ObstacleKind::Plate)?;
     assert_eq!((read.hash, read.snapshots), (mine.hash, mine.snapshots.clone()));
     let by_field: Vec<f32> = (0..5).flat_map(|field| mine.field(1, field)).collect();

@@ -30,7 +30,7 @@ fn table(database: &Database, cases: &[usize], entries: impl Iterator<Item = usi
 /// The free cases stacked, the contact case by field.
 fn folder(dir: &Path) -> Database {
     let (database, tets) = source();
-    write(&dir.join("ours"), &database, &tets).unwrap();
+    write(&dir.join("ours"), &database, formats::vtu::Cells::QuadraticTets(&tets)).unwrap();
     std::fs::copy(dir.join("ours/mesh.vtu"), dir.join("mesh.vtu")).unwrap();
     let text = "actuator = \"bar\"\nmesh = \"mesh.vtu\"\n[[set]]\nregime = \"free\"\nparameters = \"free_p.csv\"\nstacked = \"free.csv\"\n\
         [[set]]\nregime = \"contact\"\nparameters = \"contact_p.csv\"\n\
