@@ -31,7 +31,9 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
 /// Everything that is wrong, with line numbers; never empty.
 pub fn parse(bytes: &[u8]) -> Result<Run, Vec<Diagnostic>> {
     let mut reader = Reader::default();
-    for (number, line) in bytes.split(|byte| *byte == b'\n').enumerate() {
+    // A job that was killed leaves half a line.
+    let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(bytes, |at| &bytes[..at]);
+    for (number, line) in whole.split(|byte| *byte == b'\n').enumerate() {
         reader.number = number + 1;
         let line = line.strip_suffix(b"\r").unwrap_or(line);
         match std::str::from_utf8(line).ok().filter(|text| text.is_ascii()) {
