@@ -55,7 +55,7 @@ exports() {
 
 clients() {
     [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
-    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy
+    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy jsonschema basyx-python-sdk
     cargo build --locked --quiet --workspace --bins --lib
     export PYTHONPATH=$PWD/clients/python/src
     SOFTTWIN_LIBRARY=$(realpath "$target")/debug/libcapi.so

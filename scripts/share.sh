@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes what the programs find in share/softtwin: scenes, traces, settings, and models with their data sheets and geometry.
+# Writes what the programs find in share/softtwin: scenes, traces, settings, and models with their data sheets, cards and geometry.
 #   scripts/share.sh FOLDER [MODEL...]      default: every model
 set -euo pipefail
 folder=${1:?share.sh needs a folder: scripts/share.sh FOLDER}
@@ -11,7 +11,7 @@ shift
 install -D -m 644 -t "$folder/config" config/*.toml
 install -D -m 644 -t "$folder/config/traces" config/traces/*.csv
 for model in "$@"; do
-    install -D -m 644 -t "$folder/models/$model" "models/$model"/{"$model.twin","$model.json",actuator.toml}
+    install -D -m 644 -t "$folder/models/$model" "models/$model"/{"$model.twin","$model.json","$model.card.json",actuator.toml}
 done
 mkdir -p "$folder/config/scenes"
 for scene in config/scenes/*.toml; do

@@ -103,6 +103,13 @@ fn train_writes_a_model_and_its_data_sheet() {
     let inspected = place.run(&["inspect", "bar.twin", "--json"]).json();
     assert_eq!(inspected["database_hash"], done["database_hash"]);
     assert_eq!(inspected["regimes"]["free"]["inputs"][0]["name"], "pressure_mpa");
+    let card = std::fs::read_to_string(place.at("bar.card.json")).unwrap();
+    assert_eq!(place.run(&["inspect", "bar.twin", "--card", "json"]).out, card);
+    let card: Value = serde_json::from_str(&card).unwrap();
+    assert_eq!(
+        (&card["provenance"]["database_hash"], &card["licence"]),
+        (&done["database_hash"], &"not stated".into())
+    );
     let files = std::fs::read_dir(place.at("")).unwrap().map(|entry| entry.unwrap().file_name());
     let partial = files.map(|name| name.into_string().unwrap()).find(|name| name.contains(".part"));
     assert_eq!(partial, None);

@@ -1,6 +1,6 @@
 //! `softtwin inspect`.
 
-use crate::{files, output};
+use crate::{card, files, output};
 use rom::datasheet::{DataSheet, FitSheet};
 use rom::hull::Domain;
 use rom::model::{Model, ModelHeader, RegimeModel};
@@ -12,9 +12,12 @@ const EXAMPLES: &str = "\
 Examples:
     softtwin inspect finger.twin
     softtwin inspect finger.twin --json | python3 -m json.tool
+  The model's card for a catalogue, as a page, or as a submodel of the Asset Administration Shell:
+    softtwin inspect finger.twin --card markdown
+    softtwin inspect finger.twin --card aas --licence 'CC-BY-4.0'
 
 The data sheet in the same folder (finger.json) names the candidates that were tried and the error of every
-training case when it was left out.";
+training case when it was left out, and its card (finger.card.json, schema in docs/card.schema.json).";
 
 /// Show what a model file holds; every checksum is verified on the way.
 #[derive(clap::Args)]
@@ -26,12 +29,38 @@ pub struct Args {
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
+    /// Print the model's card instead: inputs, outputs, ranges, accuracy, provenance, licence.
+    #[arg(long, value_name = "FORMAT", value_enum, conflicts_with = "json")]
+    card: Option<CardFormat>,
+    /// Licence in the card; when left out, that of the card beside the model.
+    #[arg(long, value_name = "TEXT", requires = "card")]
+    licence: Option<String>,
+}
+
+/// How a card is printed.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum CardFormat {
+    /// As it lies beside the model.
+    Json,
+    /// A page.
+    Markdown,
+    /// A submodel of the Asset Administration Shell, as JSON.
+    Aas,
 }
 
 impl Args {
     /// Prints the model's header.
     pub fn run(self) -> anyhow::Result<()> {
-        let model = files::model(&self.model)?;
+        let (model, hash) = files::model_and_hash(&self.model)?;
+        if let Some(format) = self.card {
+            let card = card::of(&self.model, &model, &hash, self.licence.as_deref());
+            let text = match format {
+                CardFormat::Json => format!("{card:#}\n"),
+                CardFormat::Markdown => card::markdown(&card),
+                CardFormat::Aas => format!("{:#}\n", card::submodel(&card)),
+            };
+            return Ok(output!("{}", text.trim_end())?);
+        }
         if self.json { output::json(&as_json(&model)) } else { text(&model) }
     }
 }

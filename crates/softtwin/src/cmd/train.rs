@@ -3,7 +3,7 @@
 use crate::failure::{configuration, usage};
 use crate::options::SceneArg;
 use crate::progress::Progress;
-use crate::{files, output};
+use crate::{card, files, output};
 use anyhow::Context;
 use formats::database::ObstacleKind;
 use rom::config::TrainConfig;
@@ -16,7 +16,7 @@ use std::time::Instant;
 
 const EXAMPLES: &str = "\
 Examples:
-  Train with what leave-one-out chooses; also writes the data sheet finger.json:
+  Train with what leave-one-out chooses; also writes the data sheet finger.json and the card finger.card.json:
     softtwin train --database models/pneunet/database --out finger.twin
   The paper's method (joint uncentred POD, linear splines without tail, 4 and 6 modes), for comparison:
     softtwin train --database models/pneunet/database --paper --out paper.twin
@@ -83,6 +83,8 @@ impl Args {
         let bytes = model.to_bytes()?;
         files::save(&self.out, &bytes)?;
         let sheet_path = files::save_data_sheet(&self.out, &sheet)?;
+        let hash = bytes.last_chunk::<32>().context("the model has no hash")?;
+        card::save(&self.out, &model, hash, None)?;
         drop(progress);
         let done = Done { model: &self.out, data_sheet: &sheet_path, training_s, bytes: bytes.len() };
         if self.json { done.json(&sheet, &database) } else { done.text(&sheet, &database) }

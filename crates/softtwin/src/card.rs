@@ -1,0 +1,185 @@
+//! The card of a model: what it takes, gives, covers and promises, for catalogues and other machines (docs/card.schema.json).
+
+use crate::files;
+use rom::model::{Model, RegimeModel};
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use wire::layout::hex;
+
+/// Licence of a model whose maker did not state one.
+const NOT_STATED: &str = "not stated";
+
+/// The card's place: beside the model, `.card.json` instead of `.twin`.
+pub fn place(model: &Path) -> PathBuf {
+    model.with_extension("card.json")
+}
+
+/// Writes the card of a model beside it. Without a licence that of the card that lies there stays.
+///
+/// # Errors
+/// The system's refusal.
+pub fn save(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -> anyhow::Result<PathBuf> {
+    let text = format!("{:#}\n", of(path, model, file_hash, licence));
+    let place = place(path);
+    files::save(&place, text.as_bytes())?;
+    Ok(place)
+}
+
+/// The card of the model in this file; `file_hash` is the hash at the file's end.
+pub fn of(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -> Value {
+    let header = &model.header;
+    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    json!({
+        "schema": "softtwin model card 1",
+        "actuator": header.actuator,
+        "file": name,
+        "file_hash": hex(file_hash),
+        "licence": licence.map_or_else(|| kept_licence(path), str::to_owned),
+        "provenance": {
+            "tool": concat!("softtwin ", env!("CARGO_PKG_VERSION")),
+            "method": "proper orthogonal decomposition of finite-element snapshots, interpolated by radial basis functions",
+            "database_hash": hex(&header.database_hash),
+        },
+        "inputs": header.inputs.iter().map(|input| json!({
+            "name": input.key(), "unit": input.unit, "min": finite(input.range[0]), "max": finite(input.range[1]),
+            "value": input.value })).collect::<Vec<_>>(),
+        "outputs": outputs(model),
+        "nodes": header.node_count,
+        "node_sets": header.node_sets.iter().map(|set| (set.name.clone(), json!(set.nodes.len()))).collect::<Map<_, _>>(),
+        "regimes": header.regimes.iter().map(|regime| (regime.kind.name().to_owned(), regime_of(model, regime)))
+            .collect::<Map<_, _>>(),
+    })
+}
+
+fn outputs(model: &Model) -> Vec<Value> {
+    let mut all = vec![json!({ "name": "contact_force_n", "unit": "N", "per": "state" })];
+    all.extend(model.header.inputs.iter().map(|input| {
+        json!({ "name": format!("force_by_{}", input.key()), "unit": format!("N/{}", input.unit), "per": "state" })
+    }));
+    all.push(json!({ "name": "onset_pressure_mpa", "unit": "MPa", "per": "state" }));
+    all.extend(
+        model
+            .header
+            .fields
+            .iter()
+            .map(|field| json!({ "name": field.spec.name, "unit": field.spec.unit, "per": "node" })),
+    );
+    all
+}
+
+/// Where a regime was trained and what its half-widths promise there.
+fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
+    let inputs = &model.header.inputs;
+    let halfwidths = regime.halfwidths;
+    json!({
+        "trained": regime.inputs.axes.iter()
+            .map(|axis| (inputs[axis.input].key(), json!([axis.min, axis.max]))).collect::<Map<_, _>>(),
+        "modes": regime.coefficient_count(),
+        "accuracy": {
+            "method": "conformal half-widths from leave-one-out residuals, worst node",
+            "share_of_states": halfwidths.coverage,
+            "displacement_mm": halfwidths.displacement_mm,
+            "von_mises_mpa": halfwidths.stress_mpa,
+            "contact_force_n": halfwidths.force_n,
+        },
+    })
+}
+
+/// The licence of the card that lies beside a model.
+fn kept_licence(path: &Path) -> String {
+    let text = formats::file::read_text(&place(path), formats::file::MAX_TEXT_BYTES).unwrap_or_default();
+    let card: Value = serde_json::from_str(&text).unwrap_or_default();
+    card["licence"].as_str().unwrap_or(NOT_STATED).to_owned()
+}
+
+/// A text, or a number as it stands in the card; `-` for none.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Null => "-".into(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
+
+fn each(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
+
+/// The card as a page.
+pub fn markdown(card: &Value) -> String {
+    let line = |key: &str| shown(&card[key]);
+    let mut page = format!(
+        "# {}\n\nModel file `{}`, hash `{}`; licence: {}. Made by {} from the database `{}`.\n\n| input | unit | smallest | largest | value \
+         |\n| --- | --- | --- | --- | --- |\n",
+        line("actuator"),
+        line("file"),
+        line("file_hash"),
+        line("licence"),
+        shown(&card["provenance"]["tool"]),
+        shown(&card["provenance"]["database_hash"])
+    );
+    for input in each(&card["inputs"]) {
+        let cells = ["name", "unit", "min", "max", "value"].map(|key| shown(&input[key]));
+        let _ = writeln!(page, "| {} |", cells.join(" | "));
+    }
+    page += "\n| output | unit | per |\n| --- | --- | --- |\n";
+    for output in each(&card["outputs"]) {
+        let cells = ["name", "unit", "per"].map(|key| shown(&output[key]));
+        let _ = writeln!(page, "| {} |", cells.join(" | "));
+    }
+    page += "\n| regime | modes | share of states | displacement, mm | stress, MPa | force, N |\n| --- | --- | --- | --- | --- | --- |\n";
+    for (name, regime) in card["regimes"].as_object().into_iter().flatten() {
+        let keys = ["share_of_states", "displacement_mm", "von_mises_mpa", "contact_force_n"];
+        let cells = keys.map(|key| shown(&regime["accuracy"][key]));
+        let _ = writeln!(page, "| {name} | {} | {} |", shown(&regime["modes"]), cells.join(" | "));
+    }
+    page + "\nHalf-widths of the worst node from leave-one-out; they hold among the training states only.\n"
+}
+
+/// The card as a submodel of the Asset Administration Shell after the template Provision of Simulation Models (IDTA 02005).
+pub fn submodel(card: &Value) -> Value {
+    let property = |id: &str, value: &Value| json!({ "modelType": "Property", "idShort": id, "valueType": "xs:string", "value": shown(value) });
+    let collection = |id: &str, value: Vec<Value>| json!({ "modelType": "SubmodelElementCollection", "idShort": id, "value": value });
+    let said = |id: &str, text: String| json!({ "modelType": "MultiLanguageProperty", "idShort": id, "value": [{ "language": "en", "text": text }] });
+    let port = |(at, (variable, causality)): (usize, (&Value, &str))| {
+        let range = format!("{} .. {}", shown(&variable["min"]), shown(&variable["max"]));
+        let range = if variable.get("min").is_some() { json!(range) } else { Value::Null };
+        let facts = [
+            property("VariableName", &variable["name"]),
+            property("Range", &range),
+            property("VariableType", &json!("Real")),
+            property("UnitName", &variable["unit"]),
+            property("VariableCausality", &json!(causality)),
+        ];
+        collection(&format!("VariablePort{at:02}"), facts.to_vec())
+    };
+    let variables = each(&card["inputs"]).iter().map(|input| (input, "input"));
+    let variables = variables.chain(each(&card["outputs"]).iter().map(|output| (output, "output")));
+    let file = json!({ "modelType": "File", "idShort": "DigitalFile", "contentType": "application/octet-stream",
+        "value": card["file"] });
+    let version = vec![property("ModelVersionId", &card["file_hash"]), file];
+    let files =
+        vec![property("ModelFileType", &json!("softtwin model")), collection("ModelFileVersion", version)];
+    let actuator = shown(&card["actuator"]);
+    let model = vec![
+        said("Summary", format!("Reduced-order model of the soft pneumatic actuator {actuator}")),
+        property("TypeOfModel", &card["provenance"]["method"]),
+        property("LicenseModel", &card["licence"]),
+        property(
+            "ScopeOfModel",
+            &json!("deformation, von Mises stress and contact force from pressure and gap"),
+        ),
+        collection("ModelFile", files),
+        collection("Ports", variables.enumerate().map(port).collect()),
+    ];
+    json!({
+        "modelType": "Submodel",
+        "idShort": "SimulationModels",
+        "id": format!("urn:softtwin:model:{}", shown(&card["file_hash"])),
+        "semanticId": { "type": "ExternalReference", "keys": [{ "type": "GlobalReference",
+            "value": "https://admin-shell.io/idta/SimulationModels/SimulationModels/1/0" }] },
+        "submodelElements": [collection("SimulationModel00", model)],
+    })
+}
