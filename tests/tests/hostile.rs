@@ -284,7 +284,7 @@ fn no_command_line_and_no_file_breaks_the_tool() {
             let each = total.div_ceil(WORKERS);
             let mut tries = (0..each).map(|done| {
                 if done % USUAL_TOTAL == 0 && done > 0 {
-                    eprintln!("worker {worker}: {done} of {each} tries");
+                    println!("worker {worker}: {done} of {each} tries");
                 }
                 one(folder.path(), &good, &mut rng)
             });
