@@ -16,7 +16,7 @@ pub struct Args {
 }
 
 /// The Python of scripts/check.sh clients, which has our client's packages.
-const PYTHON: &str = "build/clients-venv/bin/python";
+pub const PYTHON: &str = "build/clients-venv/bin/python";
 /// Time after which questions are being asked without interruption.
 const SETTLED: std::time::Duration = std::time::Duration::from_secs(2);
 

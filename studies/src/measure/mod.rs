@@ -6,6 +6,7 @@
 mod clients;
 mod fingers;
 mod gateway;
+mod model;
 mod twin;
 mod view;
 
@@ -18,6 +19,8 @@ Examples:
     cargo build --release -p gateway --features network --bins
     target/release/softtwin-studies measure gateway --seconds 60 --rounds 3
     target/release/softtwin-studies measure view
+  Models without a daemon (scripts/check.sh clients makes the Python environment):
+    cargo build --release -p capi && target/release/softtwin-studies measure model
 
 Run it in the repository's folder, on a machine that has nothing else to do. One JSON object a line.";
 
@@ -34,6 +37,7 @@ enum What {
     Clients(clients::Args),
     Fingers(fingers::Args),
     Gateway(gateway::Args),
+    Model(model::Args),
     View(view::Args),
 }
 
@@ -44,6 +48,7 @@ impl Args {
             What::Clients(args) => args.run(),
             What::Fingers(args) => args.run(),
             What::Gateway(args) => args.run(),
+            What::Model(args) => args.run(),
             What::View(args) => args.run(),
         }
     }

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from .library import ModelInfo, PredictionRow, check, library, open_model
 from .prediction import Prediction
 
+_ROW = np.dtype(PredictionRow)
 Number = Union[float, npt.ArrayLike]
 Nodes = Union[str, Sequence[int], "np.ndarray[Any, Any]"]
 
@@ -63,6 +64,7 @@ class Model:
         self.nodes = nodes
         #: Nodes of each field.
         self.node_count: int = info.node_count
+        self._position = {name: at for at, name in enumerate(self.inputs)}
         self._by_keyword = {name.replace(".", "_"): name for name in self.inputs}
 
     def select(self, fields: Optional[Sequence[str]] = None, nodes: Optional[Nodes] = None) -> "Model":
@@ -130,29 +132,35 @@ class Model:
         Raises `ValueError` for values that are no numbers, `TypeError` for names that the model does not have. Outside the
         training states the answer is an extrapolation and `domain` says so; nothing is clamped.
         """
-        names, shape, given = self._states({"pressure_mpa": pressure_mpa, "gap_mm": gap_mm, **inputs})
-        rows = np.empty(shape, np.dtype(PredictionRow))
+        names, states = self._states(pressure_mpa, gap_mm, inputs)
+        shape = states.shape[:-1]
+        rows = np.empty(shape, _ROW)
         values = self._room(shape, out) if fields or out is not None else None
         check(
             library().softtwin_model_predict(
-                self._handle, given.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
+                self._handle, states.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
             )
         )
-        coordinates = {name: given[..., at] for at, name in enumerate(self.inputs) if name in names}
-        return Prediction(self.inputs, self.fields, coordinates, rows, values, self.nodes)
+        return Prediction(self.inputs, self.fields, names, states, rows, values, self.nodes)
 
-    def _states(self, given: Mapping[str, Number]) -> Tuple[List[str], Tuple[int, ...], "np.ndarray[Any, Any]"]:
-        """Names given, shape of the states, and their inputs with one more axis: all inputs in order, NaN where none was given."""
-        values = {self._name(name): np.asarray(value, np.float64) for name, value in given.items()}
-        shape = np.broadcast_shapes(*(value.shape for value in values.values()))
-        states = np.full((*shape, len(self.inputs)), np.nan)
-        for at, name in enumerate(self.inputs):
-            value = values.get(name)
-            if value is not None:
-                if np.isnan(value).any():
+    def _states(self, pressure_mpa: Number, gap_mm: Number, further: Mapping[str, Number]) -> Tuple[List[str], "np.ndarray[Any, Any]"]:
+        """Names given, and the states with one more axis: all inputs in order, NaN where none was given."""
+        given: Dict[str, Any] = {"pressure_mpa": pressure_mpa, "gap_mm": gap_mm}
+        for name, value in further.items():
+            given[self._name(name)] = value
+        if all(isinstance(value, (int, float)) for value in given.values()):  # one state: a third of the time below
+            states = np.array([given.get(name, np.nan) for name in self.inputs], np.float64)
+        else:
+            given = {name: np.asarray(value, np.float64) for name, value in given.items()}
+            shape = np.broadcast_shapes(*(value.shape for value in given.values()))
+            states = np.full((*shape, len(self.inputs)), np.nan)
+            for name, value in given.items():
+                states[..., self._position[name]] = value
+        if np.isnan(states).any():
+            for name in given:
+                if np.isnan(states[..., self._position[name]]).any():
                     raise ValueError(f"{name}: expected numbers, found NaN")
-                states[..., at] = value
-        return list(values), shape, states
+        return list(given), states
 
     def _name(self, name: str) -> str:
         found = name if name in self.inputs else self._by_keyword.get(name)

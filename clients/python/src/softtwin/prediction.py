@@ -51,16 +51,21 @@ class Prediction:
         self,
         inputs: Mapping[str, Any],
         fields: Mapping[str, str],
-        coordinates: Mapping[str, "np.ndarray[Any, Any]"],
+        names: List[str],
+        states: "np.ndarray[Any, Any]",
         rows: "np.ndarray[Any, Any]",
         values: Optional["np.ndarray[Any, Any]"],
         nodes: Optional["np.ndarray[Any, Any]"],
     ) -> None:
         self._inputs, self._fields, self._rows, self._nodes = inputs, fields, rows, nodes
-        #: The inputs that were given, by name.
-        self.inputs: Dict[str, Any] = {name: value[()] for name, value in coordinates.items()}
+        self._given, self._states = names, states
         #: All fields, shape of the states and (fields, nodes); None when they were not asked for.
         self.values = values
+
+    @property
+    def inputs(self) -> Dict[str, Any]:
+        """The inputs that were given, by name."""
+        return {name: self._states[..., at][()] for at, name in enumerate(self._inputs) if name in self._given}
 
     @property
     def names(self) -> List[str]:
