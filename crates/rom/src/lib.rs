@@ -41,6 +41,7 @@ pub mod evaluation;
 pub mod evaluator;
 mod fit;
 mod give;
+pub mod goal;
 mod gp;
 pub mod halfwidths;
 pub mod hull;
