@@ -24,12 +24,17 @@ for name in "$@"; do
         # Pressure, gap and five parameters of the reference actuator; any first part of the list is a design too.
         set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 \
             --parameter chambers.width_mm=13:15 --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
+        actuator=models/pneunet/actuator.toml
+        folder=target/database/design
+        model=target/pneunet-design.twin
         mkdir -p target/database
-        softtwin sample --kind sequence --regime both --n 400 --seed 1 --prefix d "$@" --out target/database/design.csv
-        softtwin simulate --cases target/database/design.csv --sensitivities --out target/database/design
+        softtwin sample --actuator "$actuator" --kind sequence --regime both --n 400 --seed 1 --prefix d "$@" --out "$folder.csv"
+        softtwin simulate --actuator "$actuator" --cases "$folder.csv" --sensitivities --out "$folder"
+        softtwin train --database "$folder" --out "$model"
         # States that no training sees.
-        softtwin sample --kind hypercube --regime contact --n 60 --seed 20261122 --split check --prefix sealed "$@" --out target/database/design-sealed.csv
-        softtwin simulate --cases target/database/design-sealed.csv --out target/database/design-sealed
+        softtwin sample --actuator "$actuator" --kind sequence --regime contact --n 60 --seed 20261122 --split check --prefix sealed "$@" --out "$folder-sealed.csv"
+        softtwin simulate --actuator "$actuator" --cases "$folder-sealed.csv" --out "$folder-sealed"
+        softtwin evaluate --model "$model" --database "$folder-sealed" --split held-out
         continue
     fi
     model="models/$name"

@@ -18,13 +18,51 @@ fn softtwin(folder: &Path, line: &str) -> Output {
 
 fn done(folder: &Path, line: &str) -> String {
     let output = softtwin(folder, line);
-    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
+    let [printed, told] =
+        [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    assert!(output.status.success(), "{line}: {told}{printed}");
+    printed
 }
 
 fn json(folder: &Path, line: &str) -> Value {
     let text = done(folder, line);
     serde_json::from_str(text.trim()).unwrap_or_else(|error| panic!("{line}: {error}: {text}"))
+}
+
+/// The stiffness for a force between those of two others, beside it the same state by finite elements.
+fn a_stiffness_is_found_for_a_force(folder: &Path) {
+    let state = "--model finger.twin --pressure-mpa 0.05 --gap-mm 0.5";
+    let force = |mu: f64| {
+        let predicted = json(folder, &format!("predict {state} --set elastomer.law.mu_mpa={mu}"));
+        predicted["contact_force_n"].as_f64().expect("a force")
+    };
+    let goal = 0.5 * (force(0.7) + force(0.9));
+    let design = |goal: f64, rest: &str| format!("design {state} --objective force_n={goal} {rest}");
+    let within = "--within elastomer.law.mu_mpa=0.65:0.95";
+    let kept = "--objective max_von_mises_mpa<=1000 --objective x_mm@0,0,0=0.187";
+    let answer = json(folder, &design(goal, &format!("{within} {kept} --actuator finger/actuator.toml")));
+    let mu = answer["inputs"]["elastomer.law.mu_mpa"].as_f64().expect("a stiffness");
+    let missed = |of: &str| answer[of][0]["missed"].as_f64().expect("what is missed").abs();
+    assert!(answer["met"] == true && 0.7 < mu && mu < 0.9 && missed("predicted") <= 1e-4, "{answer}");
+    assert!(missed("confirmed") < 0.02 * goal && answer["confirmed"][1]["missed"] == 0.0, "{answer}");
+    assert!(answer["confirmed"][2]["missed"].as_f64().expect("a place").abs() < 0.02, "{answer}");
+    assert!((force(mu) - goal).abs() <= 1e-4, "{mu} MPa gives {} N, asked for {goal} N", force(mu));
+    let refused = |line: &str, code: i32, text: &str| {
+        let output = softtwin(folder, line);
+        let all =
+            [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+        assert!(
+            output.status.code() == Some(code) && all.contains(text),
+            "{line}: {:?}: {all}",
+            output.status
+        );
+    };
+    refused(&design(1000.0, within), 1, "the goal is not met within the bounds");
+    refused(&design(goal, "--within elastomer.law.mu=0.65:0.95"), 2, "elastomer.law.mu_mpa");
+    refused(&design(goal, "--within elastomer.law.mu_mpa=0.1:0.95"), 2, "where the model was trained");
+    refused(&design(goal, &format!("{within} --set elastomer.law.mu_mpa=0.7")), 2, "given twice");
+    refused(&design(goal, &format!("{within} --objective force_n=1")), 2, "given twice");
+    refused(&format!("design {state} --objective force=1 {within}"), 2, "expected force_n=VALUE");
 }
 
 #[test]
@@ -66,6 +104,7 @@ fn a_stiffness_is_an_input_of_the_twin() {
         let halfwidth = predicted["bars"]["displacement_mm"].as_f64().expect("a half-width");
         assert!(worst < 2.0 * halfwidth, "{state}: {worst} mm, {predicted}");
     }
+    a_stiffness_is_found_for_a_force(folder);
     let wrong =
         softtwin(folder, "predict --model finger.twin --pressure-mpa 0.05 --set elastomer.law.mu=0.7");
     let text = String::from_utf8_lossy(&wrong.stderr).into_owned();

@@ -6,7 +6,6 @@
 
 use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
-use crate::sums::{Room, Sums};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// How distances between scaled inputs are taken: `M x = (s0 (x0 + shear x1), s1 x1, s2 x2, ...)`. Contact features run
@@ -152,24 +151,5 @@ impl Interpolant {
             && self.metric == other.metric
             && self.centres == other.centres
             && self.slopes == other.slopes
-    }
-
-    /// Values only, allocated: for training.
-    pub(crate) fn values_at(&self, x: &Point) -> Vec<f64> {
-        self.all_at(x).0
-    }
-
-    /// Derivatives by each scaled input, allocated: for training.
-    pub(crate) fn gradient_at(&self, x: &Point) -> Vec<Vec<f64>> {
-        self.all_at(x).1.into_iter().take(self.dimensions).collect()
-    }
-
-    fn all_at(&self, x: &Point) -> (Vec<f64>, [Vec<f64>; MAX_INPUTS]) {
-        let sums = Sums::new(&[self]);
-        let mut value = vec![0.0; self.outputs];
-        let mut rows: [Vec<f64>; MAX_INPUTS] = std::array::from_fn(|_| vec![0.0; self.outputs]);
-        let gradient = Some(rows.each_mut().map(Vec::as_mut_slice));
-        sums.evaluate(x, &mut Room::of([&sums].into_iter()), &mut value, gradient);
-        (value, rows)
     }
 }

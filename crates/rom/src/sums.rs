@@ -177,3 +177,24 @@ fn pushed(metric: &Metric, along: &[[f64; BLOCK]; MAX_INPUTS]) -> [[f64; BLOCK];
     }
     out
 }
+
+impl Interpolant {
+    /// Values only, allocated: for training.
+    pub(crate) fn values_at(&self, x: &Point) -> Vec<f64> {
+        self.all_at(x).0
+    }
+
+    /// Derivatives by each scaled input, allocated: for training.
+    pub(crate) fn gradient_at(&self, x: &Point) -> Vec<Vec<f64>> {
+        self.all_at(x).1.into_iter().take(self.dimensions).collect()
+    }
+
+    fn all_at(&self, x: &Point) -> (Vec<f64>, [Vec<f64>; MAX_INPUTS]) {
+        let sums = Sums::new(&[self]);
+        let mut value = vec![0.0; self.outputs];
+        let mut rows: [Vec<f64>; MAX_INPUTS] = std::array::from_fn(|_| vec![0.0; self.outputs]);
+        let gradient = Some(rows.each_mut().map(Vec::as_mut_slice));
+        sums.evaluate(x, &mut Room::of([&sums].into_iter()), &mut value, gradient);
+        (value, rows)
+    }
+}

@@ -8,6 +8,7 @@ use cli::demo;
 pub mod bench;
 mod build;
 mod calibrate;
+mod design;
 mod doctor;
 mod echo;
 mod evaluate;
@@ -60,7 +61,7 @@ commands! {
         Manual => manual;
     "Look": View => view, Top => top, List => list, Info => info, Echo => echo, Hz => hz, Get => get, Export => export,
         Plot => plot, Render => render;
-    "Model": Predict => predict, Calibrate => calibrate, Train => train, Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;
+    "Model": Predict => predict, Design => design, Calibrate => calibrate, Train => train, Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;
     "Simulate": New => new, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
 }
 

@@ -104,7 +104,7 @@ fn regimes(model: &Model) -> String {
 }
 
 /// One number for each input, by its key; none where it is not finite.
-fn by_input(specs: &[InputSpec], values: &[f64]) -> Map<String, Value> {
+pub(super) fn by_input(specs: &[InputSpec], values: &[f64]) -> Map<String, Value> {
     let finite = |v: &f64| json!(Some(*v).filter(|v| v.is_finite()));
     specs.iter().zip(values).map(|(spec, value)| (spec.key(), finite(value))).collect()
 }

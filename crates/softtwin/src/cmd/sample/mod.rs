@@ -1,7 +1,7 @@
 //! `softtwin sample`: lists of cases to simulate, and cases where a trained model is least sure.
 
 mod gain;
-mod parameters;
+pub(super) mod parameters;
 mod refine;
 mod regime;
 
