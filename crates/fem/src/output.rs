@@ -49,12 +49,12 @@ pub(crate) struct Balance {
 pub const MAX_RESIDUAL: f64 = 1.0e-5;
 
 /// A state that nothing loads is measured against this force (N).
-const LEAST_REACTION_N: f64 = 1.0e-3;
+const MIN_REACTION_N: f64 = 1.0e-3;
 
 impl Balance {
     /// The largest force out of balance relative to the larger of support reaction and obstacle force.
     pub(crate) fn relative(&self) -> f64 {
-        self.residual_n / self.reaction_n.max(self.contact_force_n).max(LEAST_REACTION_N)
+        self.residual_n / self.reaction_n.max(self.contact_force_n).max(MIN_REACTION_N)
     }
 }
 

@@ -23,7 +23,7 @@ pub enum ModeChoice {
     Fixed(usize),
     /// The fewest with truncation error (Eq. 4) at most this.
     Energy(f64),
-    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.005 = 0.5 %
+    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.2 = 20 %
     /// above the best).
     LeaveOneOut(f64),
 }
@@ -140,9 +140,9 @@ impl RegimeConfig {
     /// The defaults, with a Matern 7/2 candidate of this length.
     fn over(length: f64) -> Self {
         Self {
-            modes: ModeChoice::LeaveOneOut(1.005),
+            modes: ModeChoice::LeaveOneOut(1.2),
             group_modes: BTreeMap::new(),
-            max_modes: 32,
+            max_modes: 64,
             kernels: KernelSpec::candidates(length),
             anisotropy: vec![0.25, 0.35, 0.5, 0.7, 1.0, 1.4],
             shear: vec![-0.5, -0.45, -0.4, -0.35, -0.3, -0.25, -0.2, -0.15, -0.1, -0.05, 0.0, 0.2],

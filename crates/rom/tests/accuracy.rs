@@ -63,12 +63,12 @@ fn at_most(what: &str, found: f64, bound: f64) {
 #[test]
 fn the_papers_test_cases_are_within_the_promised_errors() {
     let plate = plate();
-    at_most("MSE (Eq. 15), free", mse(&plate.report, RegimeKind::Free), 8e-6);
-    at_most("MSE (Eq. 15), contact", mse(&plate.report, RegimeKind::Contact), 3e-5);
+    at_most("MSE (Eq. 15), free", mse(&plate.report, RegimeKind::Free), 2e-6);
+    at_most("MSE (Eq. 15), contact", mse(&plate.report, RegimeKind::Contact), 1e-5);
     for case in &plate.report.cases {
         let (u, s, force) = match case.regime {
-            RegimeKind::Free => (1.5e-4, 1.5e-3, 0.0),
-            RegimeKind::Contact => (1e-3, 1.5e-2, 5e-3),
+            RegimeKind::Free => (1e-4, 1e-3, 0.0),
+            RegimeKind::Contact => (6e-4, 1e-2, 2e-3),
         };
         let name = format!("case {} ({} MPa, gap {:?} mm)", case.case, case.pressure_mpa, case.gap_mm);
         at_most(&format!("{name}, normalised displacement"), normalised(case, "displacement"), u);
@@ -145,7 +145,6 @@ fn training_cases_are_reproduced_to_the_truncation_error() {
         }
     }
     at_most("training cases, coordinates missed beyond truncation", missed[0], truncated[0].min(1e-5));
-    // It was 3e-4 before states under the own weight were added to the database; why it grew was not isolated.
     at_most("training cases, stress missed beyond truncation", missed[1], truncated[1].min(1e-3));
     at_most("the same under the own weight", missed[2], truncated[2].min(1e-3));
 }
@@ -178,6 +177,14 @@ fn left_out_contact_cases_are_predicted() {
         at_most(&format!("left-out {name}, mean"), found_mean, mean);
         at_most(&format!("left-out {name}, 95th percentile"), found_p95, p95);
     }
+}
+
+/// The POD is redone for every left-out state of a database without derivatives; with them that is not offered.
+#[test]
+fn the_closed_form_is_near_the_pod_redone() {
+    let database = Database { sensitivities: None, ..plate().database.clone() };
+    let (_, sheet) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
+    let contact = sheet.regimes.iter().find(|r| r.kind == RegimeKind::Contact).expect("contact");
     for group in &contact.groups {
         let full = group.leave_one_out_full.expect("asked for");
         println!("{}: closed form {:.3e}, POD redone {full:.3e}", group.name, group.leave_one_out);

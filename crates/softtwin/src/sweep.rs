@@ -34,6 +34,8 @@ pub struct Sweep {
     pub largest_jump_mm: f64,
     /// Largest jump of the force at the onset, N.
     pub largest_jump_n: f64,
+    /// Largest jump of the stress at the onset, over the largest stress of the state.
+    pub largest_stress_jump: f64,
     /// Largest condition number of the interpolants.
     pub condition: f64,
 }
@@ -52,15 +54,16 @@ impl Sweep {
             (Some([low, high]), _) if low == high => [low, high],
             (_, onset) => onset.map_or([0.0; 2], |onset| [onset.sag_mm(), onset.reach_mm()]),
         };
-        let (largest_jump_mm, largest_jump_n) = jumps(model, range, gaps)?;
+        let jumps = jumps(model, range, gaps)?;
         let mut sweep = Self {
             states,
             violations: Vec::new(),
             violation_count: 0,
             smallest_force_halfwidth_n: f64::INFINITY,
             onset_gaps: gaps,
-            largest_jump_mm,
-            largest_jump_n,
+            largest_jump_mm: jumps.length_mm,
+            largest_jump_n: jumps.force_n,
+            largest_stress_jump: jumps.stress_share,
             condition: interpolants.map(|one| one.condition).fold(0.0, f64::max),
         };
         sweep.check_forces(model, seed)?;
@@ -109,16 +112,26 @@ impl Sweep {
     }
 }
 
-/// Largest jump of a coordinate in mm and of the force in N at the onset, over `count` gaps of a range; 0 for a model of one
-/// regime.
+/// Largest differences between both sides of the onset.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Jumps {
+    /// Of a coordinate, mm.
+    pub length_mm: f64,
+    /// Of a stress, over the largest stress of its state.
+    pub stress_share: f64,
+    /// Of the force, N.
+    pub force_n: f64,
+}
+
+/// The largest jumps at the onset over `count` gaps of a range; 0 for a model of one regime.
 ///
 /// # Errors
 /// The model cannot be reconstructed.
-pub fn jumps(model: &Model, range: [f64; 2], count: usize) -> anyhow::Result<(f64, f64)> {
-    let Some(onset) = &model.header.onset else { return Ok((0.0, 0.0)) };
+pub fn jumps(model: &Model, range: [f64; 2], count: usize) -> anyhow::Result<Jumps> {
+    let mut jumps = Jumps::default();
+    let Some(onset) = &model.header.onset else { return Ok(jumps) };
     let state = ModelState::new(model, &Selection::default())?;
     let (mut below, mut above) = (state.clone(), state);
-    let (mut length, mut force) = (0.0_f64, 0.0_f64);
     for i in 0..count {
         let share = i as f64 / (count - 1).max(1) as f64;
         let gap_mm = range[0] + share * (range[1] - range[0]);
@@ -128,13 +141,20 @@ pub fn jumps(model: &Model, range: [f64; 2], count: usize) -> anyhow::Result<(f6
         above.update(Inputs::new(pressure_mpa, gap_mm))?;
         let nodes = model.header.node_count;
         for (f, field) in model.header.fields.iter().enumerate() {
-            if matches!(field.spec.kind, FieldKind::Coordinate(_)) {
-                let pairs = below.fields().iter().zip(above.fields()).skip(f * nodes).take(nodes);
-                length = pairs.fold(length, |m, (a, b)| m.max(f64::from((a - b).abs())));
+            let pairs = below.fields().iter().zip(above.fields()).skip(f * nodes).take(nodes);
+            let [jump, largest] = pairs.fold([0.0_f32; 2], |[jump, largest], (a, b)| {
+                [jump.max((a - b).abs()), largest.max(b.abs())]
+            });
+            match field.spec.kind {
+                FieldKind::Coordinate(_) => jumps.length_mm = jumps.length_mm.max(jump.into()),
+                FieldKind::Stress if largest > 0.0 => {
+                    jumps.stress_share = jumps.stress_share.max(f64::from(jump) / f64::from(largest));
+                }
+                _ => {}
             }
         }
         let [above_n, below_n] = [&above, &below].map(|state| state.evaluation().contact_force_n);
-        force = force.max((above_n - below_n).abs());
+        jumps.force_n = jumps.force_n.max((above_n - below_n).abs());
     }
-    Ok((length, force))
+    Ok(jumps)
 }

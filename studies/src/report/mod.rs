@@ -4,6 +4,7 @@ mod cases;
 mod curves;
 mod folder;
 mod hard;
+mod learning;
 mod method;
 mod pareto;
 mod published;
@@ -24,6 +25,8 @@ const EXAMPLES: &str = "\
 Examples:
   The report that is committed (docs/report/README.md and its pictures):
     softtwin-studies report --database models/pneunet/database
+  Only what is promised, without writing anything; ends with 1 when a promise does not hold:
+    softtwin-studies report --database models/pneunet/database --check
   On another database, with more random subsets:
     softtwin-studies report --database fresh --out /tmp/report --repeats 20
 
@@ -43,6 +46,9 @@ pub struct Args {
     /// Random subsets for each number of training cases.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=200))]
     repeats: u64,
+    /// Print what is promised and what is measured, write nothing, and end with 1 when a promise does not hold.
+    #[arg(long, conflicts_with_all = ["out", "repeats", "png"])]
+    check: bool,
     /// Draw PNG instead of SVG.
     #[arg(long)]
     png: bool,
@@ -54,17 +60,21 @@ impl Args {
         let mut progress = Progress::new(false);
         progress.step("reading the database");
         let database = files::database(&self.database, ObstacleKind::Plate)?;
-        std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
-        let folder = Folder { dir: self.out, ending: if self.png { "png" } else { "svg" } };
         progress.step("training by the paper's method and by ours");
         let study = Study::new(database)?;
+        if self.check {
+            return check(&study);
+        }
+        std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
+        let folder = Folder { dir: self.out, ending: if self.png { "png" } else { "svg" } };
         let mut page = study.heading(&self.database, self.repeats);
         progress.step("what was promised");
-        page += &summary::section(&study)?;
+        page += &summary::section(&study)?.0;
         progress.step("test cases A to D and states outside the domain");
         page += &cases::section(&study, &folder)?;
         progress.step("errors against modes and training cases (Fig. 5)");
         page += &curves::section(&study, &folder, self.repeats, &mut progress)?;
+        page += &learning::section(&study, &folder, &mut progress)?;
         progress.step("the switch between the regimes");
         page += &switch::section(&study)?;
         progress.step("how exactly training cases come back");
@@ -79,4 +89,12 @@ impl Args {
         output!("{}", path.display())?;
         Ok(())
     }
+}
+
+/// Prints the promises; an error names those that do not hold.
+fn check(study: &Study) -> anyhow::Result<()> {
+    let (table, missed) = summary::section(study)?;
+    output!("{table}")?;
+    anyhow::ensure!(missed.is_empty(), "promises that do not hold:\n  {}", missed.join("\n  "));
+    Ok(())
 }

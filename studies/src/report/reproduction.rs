@@ -37,10 +37,10 @@ fn settings() -> [(&'static str, Option<TrainConfig>); 3] {
         ("default", None),
         ("`contact.smoothing = [3e-8]`", contact(|c| c.contact.smoothing = vec![3e-8])),
         (
-            "`contact.max_modes = 200`, `contact.modes = { fixed = 200 }`: exact",
+            "`contact.max_modes = 120`, `contact.modes = { fixed = 120 }`: nearly all",
             contact(|c| {
-                c.contact.max_modes = 200;
-                c.contact.modes = ModeChoice::Fixed(200);
+                c.contact.max_modes = 120;
+                c.contact.modes = ModeChoice::Fixed(120);
             }),
         ),
     ]

@@ -135,7 +135,11 @@ pub fn extend(
     append(VOLUMES, VOLUMES, &VOLUME_COLUMNS, to_text(&[], volume_rows(cases, solved)))?;
     write_snapshots(dir, family, cases, before.values, solved)?;
     file::copy(&from.join(&mesh_file), &dir.join(&mesh_file))?;
-    manifest.copy_with_snapshots(&from.join(DESCRIPTION), &dir.join(DESCRIPTION), SNAPSHOTS)
+    manifest.copy_with_names(
+        &from.join(DESCRIPTION),
+        &dir.join(DESCRIPTION),
+        &[(&manifest.snapshots, SNAPSHOTS)],
+    )
 }
 
 /// A table with that heading, ending with a line's end.

@@ -151,14 +151,16 @@ impl Manifest {
         }
     }
 
-    /// Copies this description from its file to another, with another file of snapshots; comments are kept.
+    /// Copies this description from its file to another, with other names of files; comments are kept.
     ///
     /// # Errors
     /// The operating system's.
-    pub fn copy_with_snapshots(&self, from: &Path, to: &Path, snapshots: &str) -> Result<(), FormatError> {
+    pub fn copy_with_names(&self, from: &Path, to: &Path, names: &[(&str, &str)]) -> Result<(), FormatError> {
         let text = file::read_text(from, file::MAX_TEXT_BYTES)?;
-        let text = text.replace(&format!("\"{}\"", self.snapshots), &format!("\"{snapshots}\""));
-        file::replace(to, text.as_bytes())
+        let renamed = |text: String, (old, new): &(&str, &str)| {
+            text.replace(&format!("\"{old}\""), &format!("\"{new}\""))
+        };
+        file::replace(to, names.iter().fold(text, renamed).as_bytes())
     }
 
     /// Fields as the model knows them.

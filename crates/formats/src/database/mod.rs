@@ -18,6 +18,7 @@ mod words;
 pub use folder::{obstacle_kinds, write};
 pub use manifest::{Extra, Field, Input, Kind, Manifest};
 pub use mesh::bottom_nodes;
+pub use sensitivities::pack_sensitivities;
 pub use snapshots::{PACKED, read_snapshots};
 pub use words::{ObstacleKind, REGIMES, SPLITS};
 

@@ -5,9 +5,10 @@ use super::manifest::{FILE, Manifest};
 use super::snapshots::read_snapshots;
 use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError, collect};
+use crate::packed::{self, Snapshots, Stored};
 use crate::table::{self, Row, Table};
 use crate::{file, npy};
-use rom::snapshots::{Case, Database, Sensitivities, Sensitivity};
+use rom::snapshots::{Case, Database, Sensitivities, Sensitivity, Split};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -16,6 +17,8 @@ const TABLE: &str = "sensitivities.csv";
 const COLUMNS: [&str; 3] = ["case", "input", "contact_force_n_per_unit"];
 /// The name under which [`write()`] puts the array.
 const ARRAY: &str = "sensitivities.npy";
+/// The name of a packed array.
+const PACKED_ARRAY: &str = "sensitivities.pack";
 
 /// Reads and checks both files against the cases; none where the manifest names no array.
 pub(super) fn read(
@@ -109,15 +112,50 @@ pub(super) fn write(
     let names = derivatives.fields.iter().map(|&f| database.fields[f].name.clone());
     manifest.sensitivity_fields = Some(names.collect());
     manifest.sensitivities = Some(ARRAY.into());
-    let row = |row: &Sensitivity| {
-        [
-            database.cases[row.case].name.clone(),
-            manifest.input[row.input].name.clone(),
-            row.contact_force_n_per_unit.to_string(),
-        ]
-    };
+    let row = |row: &Sensitivity| line(&database.cases[row.case].name, manifest, row);
     let text = table::to_text(&COLUMNS, derivatives.rows.iter().map(row));
     file::replace(&dir.join(TABLE), text.as_bytes())?;
     let shape = [derivatives.rows.len(), database.node_count, derivatives.fields.len()];
     npy::write_f32(&dir.join(ARRAY), &shape, &derivatives.values)
+}
+
+/// Packs the derivatives of a folder's training states into another folder, each row and field within `share` of its largest
+/// value, with the table that says whose they are. Training reads no others. Returns the bytes of the array; none where the
+/// manifest names no array.
+///
+/// # Errors
+/// As [`super::read`], for both tables and the array, or no training state has derivatives.
+pub fn pack_sensitivities(
+    from: &Path,
+    to: &Path,
+    manifest: &Manifest,
+    share: f64,
+) -> Result<Option<usize>, FormatError> {
+    let cases = super::cases::read(&from.join(&manifest.cases), manifest)?;
+    let Some(all) = read(from, manifest, &cases)? else { return Ok(None) };
+    let entries = manifest.nodes * all.fields.len();
+    let (mut rows, mut values) = (Vec::new(), Vec::new());
+    for (row, derivative) in all.rows.iter().zip(all.values.chunks_exact(entries.max(1))) {
+        let case = &cases[row.case].1;
+        if case.split == Split::Train {
+            rows.push(line(&case.name, manifest, row));
+            values.extend_from_slice(derivative);
+        }
+    }
+    if rows.is_empty() {
+        let diagnostic = Diagnostic::new("column case", "a training case with derivatives", "none");
+        return Err(FormatError::one(&from.join(TABLE), diagnostic));
+    }
+    let snapshots = Snapshots { shape: [rows.len(), manifest.nodes, all.fields.len()], values };
+    let path = to.join(PACKED_ARRAY);
+    let bytes = packed::pack(&snapshots, &vec![Stored::Share(share); all.fields.len()])
+        .map_err(|diagnostic| FormatError::one(&path, diagnostic))?;
+    file::replace(&to.join(TABLE), table::to_text(&COLUMNS, rows).as_bytes())?;
+    file::replace(&path, &bytes)?;
+    Ok(Some(bytes.len()))
+}
+
+/// A row of the table.
+fn line(case: &str, manifest: &Manifest, row: &Sensitivity) -> [String; 3] {
+    [case.to_owned(), manifest.input[row.input].name.clone(), row.contact_force_n_per_unit.to_string()]
 }

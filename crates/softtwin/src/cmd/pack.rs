@@ -3,7 +3,7 @@
 use crate::failure::usage;
 use crate::files::refusal;
 use crate::output;
-use formats::database::{Kind, Manifest, PACKED, read_snapshots};
+use formats::database::{Kind, Manifest, PACKED, pack_sensitivities, read_snapshots};
 use formats::packed::{self, Snapshots, Stored};
 use formats::{file, npy};
 use serde_json::json;
@@ -35,6 +35,10 @@ pub struct Args {
     /// Largest error of a stress, and of any other field in its unit, in MPa.
     #[arg(long, value_name = "MPA", default_value_t = 1e-7, value_parser = crate::range::number(1e-12, 1e6))]
     stress_error_mpa: f64,
+    /// Largest error of a derivative, as a share of the largest value of its row and field. Only those of training states are
+    /// kept.
+    #[arg(long, value_name = "SHARE", default_value_t = 5e-4, value_parser = crate::range::number(1e-7, 0.1))]
+    derivative_error: f64,
     /// The other way: packed snapshots to snapshots.npy.
     #[arg(long)]
     unpack: bool,
@@ -65,18 +69,26 @@ impl Args {
         file::create_folder(&self.out)?;
         let packed = Path::new("snapshots").with_extension(PACKED).display().to_string();
         file::replace(&self.out.join(&packed), &bytes)?;
-        self.copy_rest(&manifest, &packed)?;
+        self.copy_rest(&manifest, &[])?;
+        let derivatives = pack_sensitivities(&self.database, &self.out, &manifest, self.derivative_error)?;
+        let array = manifest.sensitivities.as_deref().map(|name| (name, "sensitivities.pack"));
+        self.describe(&manifest, [Some((&*manifest.snapshots, &*packed)), array])?;
         let (before, after) = (snapshots.values.len() * 4, bytes.len());
         if self.json {
             let names = manifest.field.iter().map(|f| f.name.clone());
             let errors: serde_json::Map<_, _> = names.zip(errors.iter().map(|e| json!(e))).collect();
-            return output::json(&json!({"bytes_before": before, "bytes": after, "largest_error": errors}));
+            return output::json(
+                &json!({"bytes_before": before, "bytes": after, "bytes_of_derivatives": derivatives, "largest_error": errors}),
+            );
         }
         output!(
             "{}: {after} bytes, {:.1} % of {before}",
             self.out.display(),
             100.0 * after as f64 / before as f64
         )?;
+        if let Some(bytes) = derivatives {
+            output!("derivatives of training states: {bytes} bytes")?;
+        }
         for (field, error) in manifest.field.iter().zip(errors) {
             output!("largest error of {}: {error:.2e} {}", field.name, field.unit)?;
         }
@@ -110,7 +122,8 @@ impl Args {
         file::create_folder(&self.out)?;
         let path = self.out.join(PLAIN);
         npy::write_f32(&path, &snapshots.shape, &snapshots.values).map_err(refusal)?;
-        self.copy_rest(manifest, PLAIN)?;
+        self.copy_rest(manifest, &[manifest.sensitivities.as_deref(), Some("sensitivities.csv")])?;
+        self.describe(manifest, [Some((&*manifest.snapshots, PLAIN)), None])?;
         let [cases, nodes, fields] = snapshots.shape;
         if self.json {
             return output::json(
@@ -121,17 +134,21 @@ impl Args {
         Ok(())
     }
 
-    /// Everything but the snapshots, whose new name the description gets.
-    fn copy_rest(&self, manifest: &Manifest, snapshots: &str) -> anyhow::Result<()> {
-        let derivatives = manifest.sensitivities.as_deref();
-        let others = [Some(manifest.cases.as_str()), manifest.mesh.as_deref(), derivatives]
-            .into_iter()
-            .chain(["sensitivities.csv", "volumes.csv", "residuals.csv"].map(Some));
-        for name in others.flatten().filter(|name| self.database.join(name).is_file()) {
+    /// What needs no packing, and files named by the caller.
+    fn copy_rest(&self, manifest: &Manifest, more: &[Option<&str>]) -> anyhow::Result<()> {
+        let tables = [Some(manifest.cases.as_str()), manifest.mesh.as_deref()];
+        let names = tables.iter().chain(more).flatten().chain(&["volumes.csv", "residuals.csv"]);
+        for name in names.filter(|name| self.database.join(name).is_file()) {
             file::copy(&self.database.join(name), &self.out.join(name))?;
         }
+        Ok(())
+    }
+
+    /// The description with the new names of files.
+    fn describe(&self, manifest: &Manifest, names: [Option<(&str, &str)>; 2]) -> anyhow::Result<()> {
         let [from, to] = [&self.database, &self.out].map(|folder| folder.join("database.toml"));
-        Ok(manifest.copy_with_snapshots(&from, &to, snapshots)?)
+        let names: Vec<_> = names.into_iter().flatten().collect();
+        Ok(manifest.copy_with_names(&from, &to, &names)?)
     }
 }
 

@@ -92,7 +92,12 @@ fn print(sweep: &Sweep) -> anyhow::Result<()> {
         output!("  {violation}")?;
     }
     output!("smallest half-width of force  {:.2e} N", sweep.smallest_force_halfwidth_n)?;
-    output!("largest jump at the onset     {:.4} mm, {:.1e} N", sweep.largest_jump_mm, sweep.largest_jump_n)?;
+    output!(
+        "largest jump at the onset     {:.4} mm, {:.1e} N, stress {:.2} % of the state's largest",
+        sweep.largest_jump_mm,
+        sweep.largest_jump_n,
+        100.0 * sweep.largest_stress_jump
+    )?;
     output!("largest condition number      {:.1e}", sweep.condition)?;
     Ok(())
 }

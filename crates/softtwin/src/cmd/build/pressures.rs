@@ -12,7 +12,7 @@ const WANTED_SHARE: f64 = 0.8;
 /// Share of the wanted way that is enough: no further state for the rest.
 const ENOUGH: f64 = 0.98;
 /// A share of the free length that no actuator may sag by before any pressure.
-const MOST_SAG_SHARE: f64 = 0.6;
+const MAX_SAG_SHARE: f64 = 0.6;
 /// Steps of about equal displacement on the way there.
 const STEPS: f64 = 7.0;
 /// First pressure as a share of the shear modulus.
@@ -20,7 +20,7 @@ const FIRST_SHARE: f64 = 0.005;
 /// Failures in a row after which the last state counts as the limit.
 const FAILURES: usize = 3;
 /// More states than this mean that pressure hardly bends the actuator.
-const MOST_STATES: usize = 30;
+const MAX_STATES: usize = 30;
 
 /// What helps an actuator that sags too far.
 const LIGHTER: &str = "let it hang (loads.gravity_mm_s2 = [9810.0, 0.0, 0.0], `softtwin new --hanging`), make it shorter or take a \
@@ -72,7 +72,7 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
     })?;
     let rest = last(&outcome, 0).context("the state at rest is missing")?;
     let sag = largest_mm(rest);
-    if sag > MOST_SAG_SHARE * length {
+    if sag > MAX_SAG_SHARE * length {
         return Err(configuration(anyhow::anyhow!(
             "it sags by {sag:.0} mm of {length:.0} mm under its own weight, which leaves nothing to bend: {LIGHTER}"
         )));
@@ -107,8 +107,8 @@ pub fn find(run: &Run<'_>, mut say: impl FnMut(&str)) -> Result<Pressures> {
                 100.0 * now / length
             );
         }
-        if states.len() == MOST_STATES {
-            break format!("{MOST_STATES} states were solved and it bends by {now:.1} mm only");
+        if states.len() == MAX_STATES {
+            break format!("{MAX_STATES} states were solved and it bends by {now:.1} mm only");
         }
         // A little more than what is left, so that the last step is not followed by a tiny one.
         let way = ((wanted - sag) / STEPS).min(1.05 * (wanted - now));

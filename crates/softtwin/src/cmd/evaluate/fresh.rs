@@ -15,22 +15,33 @@ use std::path::Path;
 const TRIES: usize = 100_000;
 
 impl Args {
-    /// Simulates `count` random contact states into the database folder. States already there are not solved again.
-    pub(super) fn simulate(&self, model: &Model, count: usize) -> anyhow::Result<()> {
-        let path = self.actuator.as_deref().unwrap_or(Path::new(""));
-        let family = files::family(path)?;
+    /// Simulates `count` random contact states into a folder. States already there are not solved again.
+    pub(super) fn simulate(&self, model: &Model, count: usize, folder: &Path) -> anyhow::Result<()> {
+        let seed = self.seed.unwrap_or(1);
+        let cases = random_states(model, RegimeKind::Contact, count, seed, ObstacleKind::from(self.scene))?;
+        self.solve(model, &cases, folder, self.actuator.as_deref().unwrap_or(Path::new("")))
+    }
+
+    /// Simulates a list into a folder, on the model's own mesh.
+    pub(super) fn solve(
+        &self,
+        model: &Model,
+        cases: &[Case],
+        folder: &Path,
+        actuator: &Path,
+    ) -> anyhow::Result<()> {
+        let family = files::family(actuator)?;
         let nodes = family.problem.mesh().nodes_mm.len();
         if nodes != model.header.node_count {
             return Err(crate::failure::usage(format!(
                 "--actuator {}: its mesh has {nodes} nodes, expected the model's {}; the model was trained on another mesh",
-                path.display(),
+                actuator.display(),
                 model.header.node_count
             )));
         }
-        let cases = random_states(model, count, self.seed, ObstacleKind::from(self.scene))?;
         let threads = self.threads;
         let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
-        let outcome = batch::solve(&family, &cases, &self.database, &options)?;
+        let outcome = batch::solve(&family, cases, folder, &options)?;
         for (index, reason) in &outcome.failed {
             tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);
         }
@@ -38,23 +49,34 @@ impl Args {
     }
 }
 
-/// Random states inside the contact domain, evenly over pressure and gap.
-fn random_states(model: &Model, count: usize, seed: u64, scene: ObstacleKind) -> anyhow::Result<Vec<Case>> {
+/// Random states inside the domain of a regime, evenly over pressure and gap.
+pub(super) fn random_states(
+    model: &Model,
+    kind: RegimeKind,
+    count: usize,
+    seed: u64,
+    scene: ObstacleKind,
+) -> anyhow::Result<Vec<Case>> {
     // What is simulated is what is written: rounded as a list of cases would round it.
     let rounded = |value: f64, per: f64| (value * per).round() / per;
     let written = |at: Inputs| Inputs::new(rounded(at.pressure_mpa(), 1e6), rounded(at.gap_mm(), 1e4));
-    let mut draws = Draws::new(model, RegimeKind::Contact, seed)?;
+    let mut draws = Draws::new(model, kind, seed)?;
     let states: Vec<Inputs> = (0..TRIES).filter_map(|_| draws.draw(written)).take(count).collect();
     if states.len() < count {
-        anyhow::bail!("only {} of {count} random states fell inside the contact domain", states.len());
+        let kind = kind.name();
+        anyhow::bail!("only {} of {count} random states fell inside the {kind} domain", states.len());
     }
-    let regime = if scene == ObstacleKind::Block { "gripper" } else { "contact" };
+    let regime = match (kind, scene) {
+        (RegimeKind::Free, _) => "free",
+        (RegimeKind::Contact, ObstacleKind::Block) => "gripper",
+        (RegimeKind::Contact, _) => "contact",
+    };
     let case = |(k, state): (usize, Inputs)| Case {
-        name: format!("fresh{seed}-{k:03}"),
+        name: format!("fresh{seed}-{regime}{k:03}"),
         regime: regime.into(),
         split: "check".into(),
         pressure_mpa: state.pressure_mpa(),
-        gap_mm: Some(state.gap_mm()),
+        gap_mm: (kind == RegimeKind::Contact).then(|| state.gap_mm()),
         settings: Vec::new(),
     };
     Ok(states.into_iter().enumerate().map(case).collect())

@@ -1,6 +1,7 @@
 //! `softtwin evaluate`.
 
 mod fresh;
+mod sealed;
 
 use crate::options::SceneArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
@@ -22,6 +23,8 @@ Examples:
   folder of their own:
     softtwin evaluate --model models/pneunet/pneunet.twin --actuator models/pneunet/actuator.toml \\
       --simulate 12 --seed 7 --database fresh
+  A sealed evaluation: 200 states over the whole domain, a tenth of them free, simulated, looked at once and not kept:
+    softtwin evaluate --model models/pneunet/pneunet.twin --sealed 200 --seed 20261122
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent;
@@ -35,19 +38,23 @@ pub struct Args {
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
     /// Database folder of the same actuator and mesh; with --simulate: where the fresh states go.
-    #[arg(long, value_name = "DIR")]
-    database: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "sealed", conflicts_with = "sealed")]
+    database: Option<PathBuf>,
     /// Draw so many contact states at random inside the model's domain, simulate them and evaluate on them.
     #[arg(long, value_name = "N", requires = "actuator", value_parser = clap::value_parser!(u64).range(1..=10_000), help_heading = "Sampling")]
     simulate: Option<u64>,
-    /// Seed of the random states.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "simulate", help_heading = "Computing")]
-    seed: u64,
-    /// Actuator that is simulated.
-    #[arg(long, value_name = "FILE.toml", requires = "simulate")]
+    /// Draw so many states over the whole domain, a tenth of them free, simulate them into the system's folder for temporary
+    /// files, evaluate on them, and remove them.
+    #[arg(long, value_name = "N", requires = "seed", conflicts_with_all = ["simulate", "split"], value_parser = clap::value_parser!(u64).range(10..=10_000), help_heading = "Sampling")]
+    sealed: Option<u64>,
+    /// Seed of the random states; 1 when left out (--sealed asks for it).
+    #[arg(long, value_name = "N", help_heading = "Computing")]
+    seed: Option<u64>,
+    /// Actuator that is simulated; with --sealed: the actuator.toml beside the model when left out.
+    #[arg(long, value_name = "FILE.toml")]
     actuator: Option<PathBuf>,
     /// States simulated at the same time; about 1 GB each (1 to 256).
-    #[arg(long, value_name = "N", default_value_t = 2, requires = "simulate", value_parser = crate::range::threads, help_heading = "Computing")]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = crate::range::threads, help_heading = "Computing")]
     threads: usize,
     /// Cases to evaluate on; when left out those of split test, or of check where there are none.
     #[arg(long, value_enum, conflicts_with = "simulate", help_heading = "Sampling")]
@@ -97,10 +104,22 @@ impl Args {
     /// Evaluates and prints.
     pub fn run(self) -> anyhow::Result<()> {
         let model = files::model(&self.model)?;
-        if let Some(count) = self.simulate {
-            self.simulate(&model, count as usize)?;
+        let drawn = self.simulate.or(self.sealed).is_some();
+        for (given, name) in [(self.seed.is_some(), "--seed"), (self.actuator.is_some(), "--actuator")] {
+            if given && !drawn {
+                return Err(crate::failure::usage(format!(
+                    "{name}: expected --simulate N or --sealed N beside it"
+                )));
+            }
         }
-        let database = files::database(&self.database, ObstacleKind::from(self.scene))?;
+        if let Some(count) = self.sealed {
+            return self.sealed(&model, count as usize);
+        }
+        let folder = self.database.as_deref().unwrap_or(Path::new(""));
+        if let Some(count) = self.simulate {
+            self.simulate(&model, count as usize, folder)?;
+        }
+        let database = files::database(folder, ObstacleKind::from(self.scene))?;
         let split = match self.split {
             Some(split) => split,
             None if self.simulate.is_none() && database.of_split(Split::Test).next().is_some() => {
@@ -114,20 +133,22 @@ impl Args {
             return Err(crate::failure::usage(format!(
                 "--split: {} has no such cases; it has {}. Hold states back (split check in its list of cases), take new ones \
                  (--simulate 12 --actuator FILE.toml --database fresh), or look at those trained on (--split train)",
-                self.database.display(),
+                folder.display(),
                 splits(&database)
             )));
         }
-        let report = evaluate(&model, &database, &cases, self.floor)?;
+        self.show(&evaluate(&model, &database, &cases, self.floor)?, None)
+    }
+
+    fn show(&self, report: &Report, sealed: Option<&serde_json::Value>) -> anyhow::Result<()> {
         let left_out = leave_one_out(&files::data_sheet(&self.model));
         if let Some(path) = &self.picture {
-            picture(&report).save(path)?;
+            picture(report).save(path)?;
         }
         if self.json {
-            output::json(&Printed { report: &report, leave_one_out: left_out })
-        } else {
-            text(&report, &left_out)
+            return output::json(&Printed { report, leave_one_out: left_out, sealed });
         }
+        text(report, &left_out)
     }
 }
 
@@ -141,6 +162,8 @@ struct Printed<'a> {
     #[serde(flatten)]
     report: &'a Report,
     leave_one_out: Vec<LeftOut>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sealed: Option<&'a serde_json::Value>,
 }
 
 /// Leave-one-out errors of a regime's training cases: mean, 95th percentile, maximum over cases of the worst node's.
