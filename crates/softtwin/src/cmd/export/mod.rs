@@ -33,9 +33,9 @@ Examples:
     softtwin export run.mcap --out tables
     softtwin export run.mcap --out tables --key 'softtwin/*/state'
   A model for Simulink, Modelica and others, as an FMU of FMI 3.0, with two nodes as outputs (docs/fmi.md):
-    softtwin export finger.twin --out finger.fmu --node tip=9696 --node middle=120
+    softtwin export finger.twin --fmu finger.fmu --node tip=9696 --node middle=120
 
-Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy, .fmu.
+Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy, .fmu (--fmu FILE says the same as --out FILE).
 VTU files (as field data) and CSV files (as columns) carry every input, the contact force and the name of the case.";
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.
@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
     /// File to write; its ending says the format. Of a recording also a folder, for tables.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, alias = "fmu", value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
     states: Options,
