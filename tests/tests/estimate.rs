@@ -1,6 +1,5 @@
 //! Estimation with readings of a known truth: a twin that follows them, `softtwin calibrate` that fits them.
 
-use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
 use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
@@ -23,16 +22,14 @@ fn recording(gap_mm: f64, bias_mpa: f64, with_markers: bool) -> String {
     let model = Model::from_bytes(&bytes).expect("a model");
     let tip = MeshPoint::at(&model, [115.0, 2.0, 16.0]).expect("the tip");
     let probes = Probes::new(&model, &[tip]).expect("probes");
-    let evaluator = Evaluator::new(&model.header).expect("evaluator");
-    let (mut evaluation, mut at) = (evaluator.evaluation(), [ProbePosition::default()]);
+    let (mut evaluation, mut at) = (probes.evaluation(), [ProbePosition::default()]);
     let mut random = Rng::new(17);
     let mut normal = || (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0;
     let mut text = String::from("t_s,pressure_mpa,measured_force_n");
     text += if with_markers { ",marker1_x_mm,marker1_y_mm,marker1_z_mm\n" } else { "\n" };
     for k in 0..400 {
         let (t_s, pressure_mpa) = (f64::from(k) * 0.025, f64::from(k) * 0.095 / 400.0);
-        evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
-        probes.evaluate(&evaluation, &mut at);
+        probes.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation, &mut at);
         let measured = pressure_mpa + bias_mpa + 0.0005 * normal();
         let force = evaluation.contact_force_n + 0.005 * normal();
         write!(text, "{t_s},{measured},{force}").expect("memory");

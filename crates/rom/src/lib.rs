@@ -35,6 +35,7 @@
 
 mod clearance;
 pub mod config;
+mod contract;
 pub mod datasheet;
 pub mod evaluate;
 pub mod evaluation;

@@ -2,10 +2,12 @@
 //!
 //! A point is a weighted mean of nodes, `x(p) = sum_i w_i x_i`, whose weights are those of the undeformed mesh. Each node's
 //! coordinate is affine in the modal coefficients, `x_i = m_i + sum_k c_k phi_ik` (the paper's Eq. 6), so that
-//! `dx/dp = sum_i w_i sum_k phi_ik dc_k/dp`. Cost: `3 x coefficients x inputs` multiplications a point.
+//! `dx/dp = sum_i w_i sum_k phi_ik dc_k/dp`. Modes and interpolation are multiplied once (`contract.rs`).
 
+use crate::contract::{self, Output};
 use crate::evaluation::Evaluation;
-use crate::inputs::MAX_INPUTS;
+use crate::evaluator::Evaluator;
+use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel};
 use crate::snapshots::{FieldKind, RegimeKind};
 use faer::linalg::solvers::Solve;
@@ -152,90 +154,91 @@ pub struct ProbePosition {
     pub gradient: [[f64; MAX_INPUTS]; 3],
 }
 
-/// The part of a model that moves some points.
+/// The part of a model that moves some points: force, regime and the points' positions, nothing else.
 #[derive(Clone, Debug)]
 pub struct Probes {
-    regimes: Vec<(RegimeKind, Vec<[ProbeRow; 3]>)>,
-    points: usize,
+    evaluator: Evaluator,
+    /// By regime: mean and place in the coefficients of every point's coordinates, three a point.
+    regimes: Vec<(RegimeKind, Vec<(f64, usize)>)>,
     inputs: usize,
-}
-
-/// A coordinate of a point: `mean + coefficients[first..] . modes`.
-#[derive(Clone, Debug, Default)]
-struct ProbeRow {
-    mean: f64,
-    first: usize,
-    modes: Vec<f64>,
 }
 
 impl Probes {
     /// Takes means and modes of the points' nodes. The model's coordinate blocks must be loaded.
     ///
     /// # Errors
-    /// [`ModelError`] when a block is missing.
+    /// [`ModelError`] when a block is missing or the header contradicts itself.
     pub fn new(model: &Model, points: &[MeshPoint]) -> Result<Self, ModelError> {
-        let of_regime = |regime: &RegimeModel| {
-            let rows = points.iter().map(|point| {
-                let axes = [
-                    row(model, regime, point, 0)?,
-                    row(model, regime, point, 1)?,
-                    row(model, regime, point, 2)?,
-                ];
-                Ok(axes)
-            });
-            Ok((regime.kind, rows.collect::<Result<_, ModelError>>()?))
+        let (mut means, mut outputs) = (Vec::new(), Vec::new());
+        for regime in &model.header.regimes {
+            // Axis by axis: groups that share their kernel follow one another.
+            let (mut of_points, mut of_axes) = (vec![[0.0; 3]; points.len()], Vec::new());
+            for axis in 0..3 {
+                for (point, mean) in points.iter().zip(&mut of_points) {
+                    let (value, output) = coordinate(model, regime, point, axis)?;
+                    mean[usize::from(axis)] = value;
+                    of_axes.push(output);
+                }
+            }
+            means.push(of_points);
+            outputs.push(of_axes);
+        }
+        let (header, places) = contract::contracted(&model.header, &outputs);
+        let count = points.len();
+        let place = |((regime, means), places): ((&RegimeModel, &Vec<[f64; 3]>), &Vec<usize>)| {
+            let of_point =
+                |(point, mean): (usize, &[f64; 3])| [0, 1, 2].map(|a| (mean[a], places[a * count + point]));
+            (regime.kind, means.iter().enumerate().flat_map(of_point).collect())
         };
-        Ok(Self {
-            regimes: model.header.regimes.iter().map(of_regime).collect::<Result<_, ModelError>>()?,
-            points: points.len(),
-            inputs: model.header.inputs.len(),
-        })
+        let regimes = model.header.regimes.iter().zip(&means).zip(&places).map(place).collect();
+        Ok(Self { evaluator: Evaluator::new(&header)?, regimes, inputs: header.inputs.len() })
     }
 
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.points
+    /// An evaluation with room for any answer.
+    pub fn evaluation(&self) -> Evaluation {
+        self.evaluator.evaluation()
     }
 
-    /// Whether there is no point.
-    pub fn is_empty(&self) -> bool {
-        self.points == 0
-    }
-
-    /// Positions of an evaluation, one for each point; NaN when the model was not trained in its regime. Allocates nothing.
-    pub fn evaluate(&self, evaluation: &Evaluation, out: &mut [ProbePosition]) {
+    /// Force, regime and gradients of a state, and the points' positions, one for each point; NaN when the model was not
+    /// trained in its regime. The evaluation's coefficients are no modal coefficients. Allocates nothing.
+    pub fn evaluate(&self, inputs: Inputs, evaluation: &mut Evaluation, out: &mut [ProbePosition]) {
+        self.evaluator.differentiate(inputs, evaluation);
         let rows = self.regimes.iter().find(|(kind, _)| *kind == evaluation.regime);
-        for (at, out) in out.iter_mut().enumerate() {
-            let Some(axes) = rows.and_then(|(_, rows)| rows.get(at)) else {
-                *out = ProbePosition { position_mm: [f64::NAN; 3], gradient: [[f64::NAN; MAX_INPUTS]; 3] };
-                continue;
-            };
-            *out = ProbePosition::default();
-            for (axis, row) in axes.iter().enumerate() {
-                out.position_mm[axis] = row.mean + row.dot(&evaluation.coefficients);
-                for input in 0..self.inputs {
-                    out.gradient[axis][input] = row.dot(evaluation.coefficient_gradient(input));
+        let mut rows = rows.map_or(&[][..], |(_, rows)| rows).as_chunks::<3>().0.iter();
+        for out in out {
+            *out = ProbePosition { position_mm: [f64::NAN; 3], gradient: [[f64::NAN; MAX_INPUTS]; 3] };
+            let Some(axes) = rows.next() else { continue };
+            for ((x, gradient), (mean, at)) in out.position_mm.iter_mut().zip(&mut out.gradient).zip(axes) {
+                *x = mean + evaluation.coefficients[*at];
+                *gradient = [0.0; MAX_INPUTS];
+                for (input, by) in gradient.iter_mut().enumerate().take(self.inputs) {
+                    *by = evaluation.coefficient_gradient(input)[*at];
                 }
             }
         }
     }
-}
 
-impl ProbeRow {
-    fn dot(&self, coefficients: &[f64]) -> f64 {
-        let of_group = coefficients.get(self.first..).unwrap_or_default();
-        self.modes.iter().zip(of_group).map(|(mode, c)| mode * c).sum()
+    /// [`Evaluator::closed_gap_mm`] of the model.
+    pub fn closed_gap_mm(&self, inputs: Inputs, room: &mut Evaluation) -> Option<f64> {
+        self.evaluator.closed_gap_mm(inputs, room)
     }
 }
 
-fn row(model: &Model, regime: &RegimeModel, point: &MeshPoint, axis: u8) -> Result<ProbeRow, ModelError> {
+/// Mean of a point's coordinate, and what it is of the coefficients.
+fn coordinate(
+    model: &Model,
+    regime: &RegimeModel,
+    point: &MeshPoint,
+    axis: u8,
+) -> Result<(f64, Output), ModelError> {
     let nodes = model.header.node_count;
     let is_axis = |kind: FieldKind| kind == FieldKind::Coordinate(axis);
     let missing = |block: String, found: usize| ModelError::MissingBlock { block, expected: nodes, found };
     let field = model.header.fields.iter().position(|field| is_axis(field.spec.kind));
     let field = field.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?;
-    let group = regime.groups.iter().find(|group| group.fields.contains(&field));
-    let range = group.map_or(0..0, |group| group.coefficients.clone());
+    let group = regime.groups.iter().position(|group| group.fields.contains(&field));
+    let group = group.ok_or_else(|| missing(format!("coordinate {axis}"), 0))?;
+    let modes = regime.groups[group].coefficients.len();
     let (regime, field) = (regime.kind, field as u32);
     let block = |kind: BlockKind, rows: usize| {
         let values = model.f32_block(kind).unwrap_or(&[]);
@@ -246,13 +249,10 @@ fn row(model: &Model, regime: &RegimeModel, point: &MeshPoint, axis: u8) -> Resu
         }
     };
     let mean = block(BlockKind::Mean { regime, field }, 1)?;
-    let modes = block(BlockKind::Modes { regime, field }, range.len())?;
+    let modes = block(BlockKind::Modes { regime, field }, modes)?;
     let weighted = |values: &[f32]| -> f64 {
         point.weights.iter().map(|(node, weight)| weight * f64::from(values[*node as usize])).sum()
     };
-    Ok(ProbeRow {
-        mean: weighted(mean),
-        first: range.start,
-        modes: modes.chunks_exact(nodes.max(1)).map(weighted).collect(),
-    })
+    let weights = modes.chunks_exact(nodes.max(1)).map(weighted).collect();
+    Ok((weighted(mean), Output { group, weights }))
 }

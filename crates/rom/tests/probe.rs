@@ -21,12 +21,14 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
     let probes = Probes::new(&model, &points).expect("probes");
     let mut evaluation = evaluator.evaluation();
     let mut fields = vec![0.0; reconstructor.entries()];
-    let mut at = [ProbePosition::default(); 3];
+    let (mut room, mut at) = (probes.evaluation(), [ProbePosition::default(); 3]);
     let mut beside = at;
     for (pressure_mpa, gap_mm) in [(0.01, 45.3), (0.05, 30.37), (0.09, 20.21)] {
         evaluator.differentiate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation);
         reconstructor.reconstruct_into(&evaluation, &mut fields).expect("fields");
-        probes.evaluate(&evaluation, &mut at);
+        probes.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut room, &mut at);
+        let force = (room.regime, room.contact_force_n, room.force_gradient);
+        assert_eq!(force, (evaluation.regime, evaluation.contact_force_n, evaluation.force_gradient));
         for (probe, node) in at.iter().zip(nodes) {
             for (axis, position) in probe.position_mm.iter().enumerate() {
                 let field = f64::from(fields[axis * reconstructor.rows() + node as usize]);
@@ -39,8 +41,7 @@ fn positions_are_those_of_the_field_and_derivatives_those_of_differences() {
                 Inputs::new(values[0], values[1]).with(input, values[input] + by)
             };
             let mut difference = |by: f64| {
-                evaluator.differentiate(moved(by), &mut evaluation);
-                probes.evaluate(&evaluation, &mut beside);
+                probes.evaluate(moved(by), &mut room, &mut beside);
                 beside
             };
             let (above, below) = (difference(step), difference(-step));

@@ -4,7 +4,6 @@ use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, SigmaSpec};
 use crate::source::Reading;
 use estimate::{Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update};
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
@@ -102,7 +101,6 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>) -> Vec<Ro
 /// The model's predictions of what the sensors measure.
 #[derive(Debug, Clone)]
 pub struct SensorModel {
-    evaluator: Evaluator,
     evaluation: Evaluation,
     probes: Probes,
     positions: Vec<ProbePosition>,
@@ -131,12 +129,10 @@ impl SensorModel {
             return Err(problems);
         }
         let fail = |error: rom::model::ModelError| vec![format!("model: {error}")];
-        let evaluator = Evaluator::new(&model.header).map_err(fail)?;
         let probes = Probes::new(model, &points).map_err(fail)?;
         Ok(Self {
-            evaluation: evaluator.evaluation(),
-            evaluator,
-            positions: vec![ProbePosition::default(); probes.len()],
+            evaluation: probes.evaluation(),
+            positions: vec![ProbePosition::default(); points.len()],
             probes,
             camera: spec.camera,
             rotation: spec.camera.rotation(),
@@ -146,8 +142,7 @@ impl SensorModel {
 
 impl estimate::Model for SensorModel {
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
-        self.evaluator.differentiate(Inputs::from(*inputs), &mut self.evaluation);
-        self.probes.evaluate(&self.evaluation, &mut self.positions);
+        self.probes.evaluate(Inputs::from(*inputs), &mut self.evaluation, &mut self.positions);
         let force =
             Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };
         let rotation = &self.rotation;
@@ -173,7 +168,7 @@ impl estimate::Model for SensorModel {
     }
 
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
-        self.evaluator.closed_gap_mm(Inputs::from(*inputs), &mut self.evaluation)
+        self.probes.closed_gap_mm(Inputs::from(*inputs), &mut self.evaluation)
     }
 }
 

@@ -1,0 +1,122 @@
+//! The part of a model that some points of its mesh need: interpolants of their coordinates instead of modal coefficients.
+//!
+//! A point's coordinate is `x = m + sum_k phi_k c_k(inputs)` and each coefficient a sum of kernel terms, `c_k = sum_t w_tk g_t`, so
+//! that `x = m + sum_t (sum_k w_tk phi_k) g_t`: the inner sum is done once. An evaluation then costs `terms x coordinates`
+//! products instead of `terms x modes`, and no field or stress is computed that nobody asks for.
+
+use crate::interpolant::Interpolant;
+use crate::model::{FarOnset, GroupModel, ModelHeader, RegimeModel};
+use crate::snapshots::RegimeKind;
+
+/// Outputs are computed in blocks of so many.
+const BLOCK: usize = 4;
+
+/// A wanted output of a regime: a weighted sum of one group's coefficients.
+#[derive(Clone, Debug)]
+pub(crate) struct Output {
+    /// Position of the group.
+    pub(crate) group: usize,
+    /// Weight of each of its coefficients.
+    pub(crate) weights: Vec<f64>,
+}
+
+/// The header with these outputs, by regime, in place of its groups; and by regime where each output then lies in the
+/// coefficients. Force, onset and domain stay.
+pub(crate) fn contracted(header: &ModelHeader, outputs: &[Vec<Output>]) -> (ModelHeader, Vec<Vec<usize>>) {
+    let mut out = header.clone();
+    out.fields.truncate(1);
+    out.fields.iter_mut().for_each(|field| field.magnitude_of = None);
+    out.node_sets.clear();
+    let mut places = Vec::new();
+    for ((new, old), wanted) in out.regimes.iter_mut().zip(&header.regimes).zip(outputs) {
+        // The onset is solved from a group of the free model.
+        let kept = out.clearance.as_mut().filter(|_| old.kind == RegimeKind::Free);
+        let (regime, place) = of_regime(old, wanted, kept.as_ref().map(|clearance| clearance.group));
+        if let Some(clearance) = kept {
+            clearance.group = regime.groups.len() - 1;
+        }
+        *new = regime;
+        places.push(place);
+    }
+    (out, places)
+}
+
+/// One regime; the group `kept` follows the outputs as it is.
+fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (RegimeModel, Vec<usize>) {
+    let mut new = RegimeModel { groups: Vec::new(), local_halfwidths: None, far_onset: None, ..old.clone() };
+    let surrogate = |output: &Output| &old.groups[output.group].surrogate;
+    let (mut place, mut next, mut corrections) = (Vec::new(), 0, Vec::new());
+    let alike = |a: &Output, b: &Output| {
+        surrogate(a).shares_kernel_with(surrogate(b)) && surrogate(a).tail == surrogate(b).tail
+    };
+    for outputs in wanted.chunk_by(alike) {
+        let surrogate = weighed(old, outputs);
+        place.extend(next..next + outputs.len());
+        corrections.extend(outputs.iter().map(Some));
+        corrections.resize(next + surrogate.outputs, None);
+        next = push(&mut new, next, surrogate);
+    }
+    if let Some(kept) = kept.and_then(|kept| old.groups.get(kept)) {
+        push(&mut new, next, kept.surrogate.clone());
+    } else if let (true, Some(first)) = (new.groups.is_empty(), old.groups.first()) {
+        let nothing = Interpolant {
+            outputs: 0,
+            weights: Vec::new(),
+            tail_weights: Vec::new(),
+            ..first.surrogate.clone()
+        };
+        push(&mut new, next, nothing);
+    }
+    new.far_onset = old.far_onset.as_ref().map(|far| corrected(old, far, &corrections));
+    (new, place)
+}
+
+/// Adds a group; returns where the next one begins.
+fn push(regime: &mut RegimeModel, begin: usize, surrogate: Interpolant) -> usize {
+    let coefficients = begin..begin + surrogate.outputs;
+    let (name, end) = (String::from("points"), coefficients.end);
+    regime.groups.push(GroupModel {
+        name,
+        fields: vec![0],
+        coefficients,
+        surrogate,
+        singular_values: Vec::new(),
+    });
+    end
+}
+
+/// The interpolant of outputs whose groups share their kernel.
+fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
+    let first = &old.groups[outputs[0].group].surrogate;
+    let width = outputs.len().next_multiple_of(BLOCK);
+    let sums = |terms: usize, of: &dyn Fn(&Interpolant) -> &[f64]| {
+        let mut sums = vec![0.0; terms * width];
+        for (at, output) in outputs.iter().enumerate() {
+            let source = &old.groups[output.group].surrogate;
+            let rows = of(source).chunks_exact(source.outputs.max(1));
+            for (row, sums) in rows.zip(sums.chunks_exact_mut(width)) {
+                sums[at] = dot(&output.weights, row);
+            }
+        }
+        sums
+    };
+    Interpolant {
+        weights: sums(first.terms(), &|source| &source.weights),
+        tail_weights: sums(first.tail.terms(first.dimensions), &|source| &source.tail_weights),
+        outputs: width,
+        ..first.clone()
+    }
+}
+
+fn corrected(old: &RegimeModel, far: &FarOnset, outputs: &[Option<&Output>]) -> FarOnset {
+    let rows = far.corrections.chunks_exact(old.coefficient_count().max(1));
+    let one = |row: &[f64], output: &Option<&Output>| {
+        output.map_or(0.0, |output| dot(&output.weights, &row[old.groups[output.group].coefficients.clone()]))
+    };
+    let corrections = rows.flat_map(|row| outputs.iter().map(move |output| one(row, output))).collect();
+    FarOnset { gap_mm: far.gap_mm.clone(), corrections }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
