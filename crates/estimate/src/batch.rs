@@ -53,7 +53,7 @@ pub struct Fit {
 impl Fit {
     /// Correlation of two unknowns' errors.
     pub fn correlation(&self, a: usize, b: usize) -> f64 {
-        self.covariance.get(a, b) / (self.covariance.get(a, a) * self.covariance.get(b, b)).sqrt()
+        self.covariance.correlation(a, b)
     }
 }
 
@@ -263,7 +263,7 @@ impl<'a> Batch<'a> {
         sums.used += terms.used;
         sums.outliers += terms.outliers;
         sums.noise[at][..size - count].copy_from_slice(&states[count..size]);
-        eliminate(&matrix, &right, count, sums)
+        eliminate(&matrix, &right, count, &mut sums.matrix, &mut sums.right)
     }
 
     /// Huber's weights, by row; cost and counts.
@@ -322,8 +322,14 @@ fn noise_step(matrix: &Symmetric, right: &Vector, count: usize) -> Option<Vector
     Some(factor.solve(&tail))
 }
 
-/// Adds the Schur complement of the reading's noise to the sums.
-fn eliminate(matrix: &Symmetric, right: &Vector, count: usize, sums: &mut Sums) -> Option<()> {
+/// Adds the Schur complement of the reading's noise to a matrix and a right-hand side of the unknowns.
+pub(crate) fn eliminate(
+    matrix: &Symmetric,
+    right: &Vector,
+    count: usize,
+    to_matrix: &mut Symmetric,
+    to_right: &mut Vector,
+) -> Option<()> {
     let (factor, tail) = noise_block(matrix, right, count)?;
     let own = matrix.size() - count;
     for (i, right) in right.iter().enumerate().take(count) {
@@ -332,9 +338,9 @@ fn eliminate(matrix: &Symmetric, right: &Vector, count: usize, sums: &mut Sums) 
         let carried = factor.solve(&coupling);
         for j in 0..count {
             let through: f64 = (0..own).map(|k| carried[k] * matrix.get(j, count + k)).sum();
-            sums.matrix.set(i, j, sums.matrix.get(i, j) + matrix.get(i, j) - through);
+            to_matrix.set(i, j, to_matrix.get(i, j) + matrix.get(i, j) - through);
         }
-        sums.right[i] += right - (0..own).map(|k| carried[k] * tail[k]).sum::<f64>();
+        to_right[i] += right - (0..own).map(|k| carried[k] * tail[k]).sum::<f64>();
     }
     Some(())
 }

@@ -5,11 +5,10 @@ use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
 use crate::reading::{self, Linear, Prior, ReadingProblem, Side, Solution};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
+use crate::watch::{Alarm, Watch};
 
 /// A block whose residual is that unlikely (one-sided normal quantile of 1e-4) is rejected.
 const GATE_Z: f64 = 3.719;
-/// Blocks rejected of one reading before it counts as not explained by the model.
-const MAX_REJECTED: u32 = 3;
 /// Quantiles of the normal distribution around 95 % of its mass.
 const BAND_Z: f64 = 1.959_964;
 /// Contact begins at one of very many readings: by so much its evidence (twice the logarithm of the odds) must exceed that
@@ -52,6 +51,8 @@ pub struct Update {
     pub nis: f64,
     /// Its range of 95 % probability.
     pub nis_band: [f64; 2],
+    /// What does not fit, lasting.
+    pub alarm: Option<Alarm>,
 }
 
 /// An unknown's estimate.
@@ -79,6 +80,8 @@ pub struct Filter {
     /// Largest gap that readings without contact have excluded (mm).
     gap_floor_mm: f64,
     identifiability: Identifiability,
+    watch: Watch,
+    alarm: Option<Alarm>,
 }
 
 impl Filter {
@@ -96,6 +99,8 @@ impl Filter {
         let covariance = Symmetric::diagonal(&unread[..setup.unknowns.len()]);
         Ok(Self {
             identifiability: Identifiability::default(),
+            watch: Watch::default(),
+            alarm: None,
             last_t_s: None,
             spacing_s: f64::INFINITY,
             gap_floor_mm: f64::NEG_INFINITY,
@@ -125,8 +130,12 @@ impl Filter {
 
     /// Correlation of two unknowns' errors.
     pub fn correlation(&self, a: usize, b: usize) -> f64 {
-        let scale = (self.covariance.get(a, a) * self.covariance.get(b, b)).sqrt();
-        self.covariance.get(a, b) / scale
+        self.covariance.correlation(a, b)
+    }
+
+    /// Standard deviation that an unknown would have without any reading.
+    pub(crate) fn unread_sigma(&self, unknown: usize) -> f64 {
+        self.unread[unknown].sqrt()
     }
 
     /// Standard deviation of a quantity with these derivatives by the model inputs, from the errors of the unknowns and the
@@ -158,14 +167,24 @@ impl Filter {
             return self.unchanged(status, measurement);
         }
         let Some(prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
-        match self.best(measurement, &prior, model) {
-            Some(explained) if explained.rejected.count_ones() > MAX_REJECTED => {
+        let explained = self.best(measurement, &prior, model);
+        let most = self.most_rejected(measurement);
+        let mut update = match &explained {
+            Some(explained) if explained.rejected.count_ones() > most => {
                 let rejected = explained.rejected;
                 Update { rejected, ..self.unchanged(Status::NotExplained, measurement) }
             }
-            Some(explained) => self.accept(measurement, &prior, &explained, model),
+            Some(explained) => self.accept(measurement, &prior, explained, model),
             None => self.unchanged(Status::NotConverged, measurement),
-        }
+        };
+        let solved = explained.filter(|_| update.status == Status::Used);
+        let noise = solved.as_ref().map(|solved| &solved.solution.states[self.setup.unknowns.len()..]);
+        let mut watch = std::mem::take(&mut self.watch);
+        watch.add(&self.setup, measurement, &update, noise);
+        update.alarm = watch.judge(self);
+        self.alarm = update.alarm;
+        self.watch = watch;
+        update
     }
 
     /// Lets the unknowns drift up to the reading's time.
@@ -220,6 +239,13 @@ impl Filter {
         ReadingProblem { setup: &self.setup, measurement, prior, side, weights }
     }
 
+    /// Blocks that may be rejected of a reading: half of them. Where more contradict, the model does not explain it.
+    fn most_rejected(&self, measurement: &Measurement) -> u32 {
+        let rows = self.setup.rows.iter().zip(&measurement.rows).filter(|(_, value)| value.is_finite());
+        let present = rows.fold(0_u32, |bits, (row, _)| bits | 1 << row.block);
+        (present.count_ones() / 2).max(1)
+    }
+
     /// Solves on one side, and again without the blocks that contradict the rest.
     fn explain(
         &self,
@@ -234,7 +260,7 @@ impl Filter {
             let problem = self.problem(measurement, prior, rejected, side);
             let solution = problem.solve(&start.unwrap_or(prior.states), model)?;
             match self.worst_block(measurement, &solution.linear, rejected) {
-                Some((block, limit)) if rejected.count_ones() <= MAX_REJECTED => {
+                Some((block, limit)) if rejected.count_ones() <= self.most_rejected(measurement) => {
                     rejected |= 1 << block;
                     penalty += limit;
                 }
@@ -354,7 +380,7 @@ impl Filter {
         }
         self.identifiability = identify::judge(&self.covariance, &self.unread);
         let band = [-BAND_Z, BAND_Z].map(|z| chi_squared_quantile(used, z));
-        Update { status: Status::Used, inputs, in_contact, used, rejected, nis, nis_band: band }
+        Update { status: Status::Used, inputs, in_contact, used, rejected, nis, nis_band: band, alarm: None }
     }
 
     /// Weights by which a reading tells the unknowns: the model's error counts as often as readings share it.
@@ -379,6 +405,7 @@ impl Filter {
             rejected: 0,
             nis: f64::NAN,
             nis_band: [f64::NAN; 2],
+            alarm: self.alarm,
         }
     }
 }

@@ -52,16 +52,14 @@ fn own_share(covariance: &Symmetric, at: usize, told: &[bool; MAX_STATES]) -> f6
         count += 1;
     }
     // Scaled to correlations, so that no unit matters.
-    let correlation =
-        |a: usize, b: usize| covariance.get(a, b) / (covariance.get(a, a) * covariance.get(b, b)).sqrt();
     let mut block = Symmetric::diagonal(&[0.0; MAX_STATES][..count]);
     let mut with = [0.0; MAX_STATES];
     for i in 0..count {
         for j in 0..count {
-            block.set(i, j, correlation(others[i], others[j]));
+            block.set(i, j, covariance.correlation(others[i], others[j]));
         }
         block.add_diagonal(i, 1e-9); // fully correlated unknowns have a singular block
-        with[i] = correlation(at, others[i]);
+        with[i] = covariance.correlation(at, others[i]);
     }
     let Some(factor) = block.cholesky() else { return 0.0 };
     let explained: f64 = with.iter().zip(factor.solve(&with)).map(|(a, b)| a * b).sum();

@@ -7,6 +7,8 @@
 //! | `filter.rs` | the filter over readings: drift, contact or not, rejection of outliers, consistency |
 //! | `batch.rs` | the fit of constants to a whole recording |
 //! | `identify.rs` | which unknowns the readings tell |
+//! | `watch.rs` | alarms: what does not fit, lasting |
+//! | `plan.rs` | which readings would tell the unknowns apart |
 //!
 //! The filter is the iterated extended Kalman filter (Bell and Cathey 1993: its update is the Gauss-Newton iteration for the
 //! maximum of the posterior). Measured inputs carry noise of their own, which is a state of each reading alone.
@@ -20,12 +22,16 @@ mod filter;
 mod identify;
 mod matrix;
 mod normal;
+mod plan;
 mod reading;
 mod setup;
+mod watch;
 
 pub use batch::{Fit, fit};
 pub use filter::{Estimate, Filter, Status, Update};
 pub use matrix::{MAX_STATES, Symmetric};
+pub use plan::{Told, choose, information, told};
 pub use setup::{
     InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup, SetupError, Unknown,
 };
+pub use watch::Alarm;

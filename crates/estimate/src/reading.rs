@@ -15,8 +15,9 @@ use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicte
 const MAX_ITERATIONS: usize = 12;
 /// Halvings of a step that makes the cost larger.
 const MAX_HALVINGS: usize = 6;
-/// A step below this share of the standard deviations ends the iteration.
-const SMALL_STEP: f64 = 1e-3;
+/// A step below this share of the standard deviations is the last: it is taken along the tangent, for another evaluation
+/// would move it by its curvature's share only.
+const SMALL_STEP: f64 = 0.03;
 
 /// Which side of the onset a reading is solved on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +58,15 @@ pub(crate) struct Linear {
     pub(crate) jacobian: [Vector; MAX_ROWS],
     /// Whether the model says that the state touches.
     pub(crate) in_contact: bool,
+}
+
+impl Linear {
+    /// The prediction after a small step.
+    fn move_along(&mut self, step: &Vector) {
+        for (residual, row) in self.residual.iter_mut().zip(&self.jacobian) {
+            *residual -= row.iter().zip(step).map(|(d, s)| d * s).sum::<f64>();
+        }
+    }
 }
 
 /// The minimum of a reading's problem.
@@ -167,11 +177,24 @@ impl ReadingProblem<'_> {
         for _ in 0..MAX_ITERATIONS {
             let (factor, right) = self.normal_equations(&states, &linear, &self.weights)?;
             let step = factor.solve(&right);
+            // In units of the standard deviations: |L^T step|^2 = step^T A step.
+            let length: f64 = step.iter().zip(&right).map(|(s, r)| s * r).sum();
+            if length < SMALL_STEP * SMALL_STEP {
+                let before = states;
+                states.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
+                self.keep_in_range(&mut states);
+                linear.move_along(&difference(&states, &before));
+                let cost = self.cost(&states, &linear);
+                return Some(Solution { states, linear, cost, factor });
+            }
             let (mut share, mut halvings) = (1.0, 0);
             loop {
                 let mut trial = states;
                 trial.iter_mut().zip(&step).for_each(|(x, s)| *x += share * s);
                 self.keep_in_range(&mut trial);
+                if trial == states {
+                    return Some(Solution { states, linear, cost, factor }); // held at the edge of a range
+                }
                 let there = self.linearise(&trial, model);
                 let better = there.map(|linear| (self.cost(&trial, &linear), linear));
                 match better.filter(|(there, _)| *there <= cost + 1e-9 * cost.abs() + 1e-12) {
@@ -187,12 +210,6 @@ impl ReadingProblem<'_> {
                     // No step along the direction helps: a minimum at the edge of a range or of the contact.
                     None => return Some(Solution { states, linear, cost, factor }),
                 }
-            }
-            // In units of the standard deviations: |L^T step|^2 = step^T A step.
-            let length: f64 = step.iter().zip(&right).map(|(s, r)| s * r).sum::<f64>() * share * share;
-            if length < SMALL_STEP * SMALL_STEP {
-                let (factor, _) = self.normal_equations(&states, &linear, &self.weights)?;
-                return Some(Solution { states, linear, cost, factor });
             }
         }
         None

@@ -1,0 +1,143 @@
+//! Which readings tell the unknowns apart, before any is taken: D-optimal choice over the model's gradients.
+//!
+//! A hold is `n` readings at one state. Their mean tells `J^T (R / n + M)^-1 J` of the unknowns, with the sensors' noise `R`, the model's
+//! error `M`, which does not average out, and the noise of measured inputs eliminated. Chosen is the set of holds with the largest
+//! determinant of prior and told information together.
+
+use crate::batch::eliminate;
+use crate::filter::Estimate;
+use crate::identify;
+use crate::matrix::{MAX_STATES, Symmetric};
+use crate::reading::{Prior, ReadingProblem, Side};
+use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup};
+
+/// What a set of holds tells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// Predicted estimates: priors with the standard deviations that the holds lead to.
+    pub estimates: Vec<Estimate>,
+    /// Directions of the unknowns, in units of their priors' standard deviations, that the holds tell better than the prior.
+    pub rank: usize,
+    /// Largest by smallest information of such a direction; infinite where one is not told at all.
+    pub condition: f64,
+    covariance: Symmetric,
+}
+
+impl Told {
+    /// Correlation of two unknowns' errors.
+    pub fn correlation(&self, a: usize, b: usize) -> f64 {
+        self.covariance.correlation(a, b)
+    }
+}
+
+/// Information about the unknowns in `readings` readings at a state with these true inputs, by the blocks of measured values in the bits
+/// `blocks`. None where the model gives no finite answer. The biases are those of the priors.
+pub fn information(
+    setup: &Setup,
+    inputs: &[f64; MAX_INPUTS],
+    readings: usize,
+    blocks: u32,
+    model: &mut impl Model,
+) -> Option<Symmetric> {
+    let (count, readings) = (setup.unknowns.len(), readings.max(1) as f64);
+    let (mut noise, measured) = setup.noise_information();
+    noise.iter_mut().for_each(|weight| *weight *= readings);
+    let information = Symmetric::diagonal(&[0.0; MAX_STATES][..count]).extended(&noise[..measured]);
+    let mut prior = Prior { states: [0.0; MAX_STATES], information };
+    prior.states.iter_mut().zip(&setup.unknowns).for_each(|(x, unknown)| *x = unknown.prior);
+    let mut measurement = Measurement::at(0.0);
+    for (input, role) in setup.inputs.iter().enumerate() {
+        match *role {
+            InputRole::Given(_) => {}
+            InputRole::Estimated(unknown) => prior.states[unknown] = inputs[input],
+            InputRole::Measured { bias, .. } => {
+                measurement.inputs[input] = inputs[input] + bias.map_or(0.0, |bias| prior.states[bias]);
+            }
+        }
+    }
+    let mut weights = [0.0; MAX_ROWS];
+    for (i, row) in setup.rows.iter().enumerate().filter(|(_, row)| blocks & (1 << row.block) != 0) {
+        measurement.rows[i] = 0.0;
+        weights[i] = readings / row.variance(readings);
+    }
+    let problem =
+        ReadingProblem { setup, measurement: &measurement, prior: &prior, side: Side::Any, weights };
+    let linear = problem.linearise(&prior.states, model)?;
+    let (matrix, right) = problem.equations(&prior.states, &linear, &weights);
+    let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..count]);
+    eliminate(&matrix, &right, count, &mut out, &mut [0.0; MAX_STATES])?;
+    Some(out)
+}
+
+/// The `count` holds that together with the priors have the largest determinant: one after the other, then exchanged while that
+/// helps. Positions in `holds`, in order; each is chosen once at most.
+pub fn choose(setup: &Setup, holds: &[Symmetric], count: usize) -> Vec<usize> {
+    let value = |chosen: &[usize]| {
+        let matrix = sum(setup, holds, chosen);
+        matrix.cholesky().map_or(f64::NEG_INFINITY, |factor| factor.ln_determinant())
+    };
+    let best = |chosen: &[usize]| {
+        let free = (0..holds.len()).filter(|hold| !chosen.contains(hold));
+        let with = |hold: usize| (value(&[chosen, &[hold]].concat()), hold);
+        free.map(with).max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let mut chosen = Vec::new();
+    while chosen.len() < count.min(holds.len()) {
+        chosen.extend(best(&chosen).map(|(_, hold)| hold));
+    }
+    // Each exchange makes the determinant larger, so that it ends.
+    let mut changed = true;
+    while changed {
+        changed = false;
+        for at in 0..chosen.len() {
+            let mut rest = chosen.clone();
+            rest.remove(at);
+            if let Some((_, hold)) = best(&rest).filter(|(with, _)| *with > value(&chosen) + 1e-9) {
+                chosen[at] = hold;
+                changed = true;
+            }
+        }
+    }
+    chosen.sort_unstable();
+    chosen
+}
+
+/// What some of the holds tell together; none when priors and holds contradict each other in their rounding.
+pub fn told(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Option<Told> {
+    let covariance = sum(setup, holds, chosen).cholesky()?.inverse();
+    let mut unread = [0.0; MAX_STATES];
+    unread.iter_mut().zip(&setup.unknowns).for_each(|(v, unknown)| *v = unknown.sigma * unknown.sigma);
+    let tells = identify::judge(&covariance, &unread);
+    let estimate = |(at, unknown): (usize, &crate::Unknown)| Estimate {
+        value: unknown.prior,
+        sigma: covariance.get(at, at).sqrt(),
+        identifiable: tells.tells(at),
+    };
+    // In units of the priors' standard deviations, so that no unit matters.
+    let mut scaled = Symmetric::diagonal(&[0.0; MAX_STATES][..setup.unknowns.len()]);
+    for (i, a) in setup.unknowns.iter().enumerate() {
+        for (j, b) in setup.unknowns.iter().enumerate() {
+            let information: f64 = chosen.iter().map(|hold| holds[*hold].get(i, j)).sum();
+            scaled.set(i, j, information * a.sigma * b.sigma);
+        }
+    }
+    let own = scaled.eigenvalues();
+    let values = own.iter().take(setup.unknowns.len());
+    let (least, most) = values.clone().fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(*v), b.max(*v)));
+    Some(Told {
+        estimates: setup.unknowns.iter().enumerate().map(estimate).collect(),
+        rank: values.filter(|value| **value > 1.0).count(),
+        condition: if least > 1e-12 * most { most / least } else { f64::INFINITY },
+        covariance,
+    })
+}
+
+/// Information of the priors and of some holds.
+fn sum(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Symmetric {
+    let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..setup.unknowns.len()]);
+    for (at, unknown) in setup.unknowns.iter().enumerate() {
+        out.add_diagonal(at, 1.0 / (unknown.sigma * unknown.sigma));
+    }
+    chosen.iter().for_each(|hold| out.add(&holds[*hold]));
+    out
+}

@@ -1,0 +1,148 @@
+//! Faults of a rig, each named or said not to be explained within two seconds, and none where there is none.
+
+use crate::model::{Finger, GAP, PRESSURE, Random, setup};
+use estimate::{Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Model, Predicted, Row, Setup};
+
+const RATE_HZ: f64 = 200.0;
+const TRUTH: [f64; 2] = [42.0, 0.84]; // gap in mm, stiffness in MPa
+/// When the faults of a running rig begin (s).
+const BEGIN_S: f64 = 15.0;
+
+/// One reading's truth, which a fault changes.
+struct Instant {
+    t_s: f64,
+    /// Pressure in the actuator, and what the gauge says, MPa.
+    pressure: f64,
+    gauge: f64,
+    /// Force, then x and y of tip and middle.
+    rows: [f64; 5],
+}
+
+/// An inflation of 10 s, then breathing; two markers. The sensors are as the shipped scene says.
+fn rig() -> Setup {
+    let mut setup = setup(true);
+    for name in ["middle x", "middle y"] {
+        setup.rows.push(Row { name: name.into(), block: 2, sigma: 0.2, model_sigma: 0.0, bias: None });
+    }
+    for row in &mut setup.rows {
+        row.model_sigma = if row.block == 0 { 0.006 } else { 0.1 };
+    }
+    setup.model_correlation_s = 10.0;
+    setup
+}
+
+fn pressure(t_s: f64) -> f64 {
+    if t_s < 10.0 { 0.01 * t_s } else { 0.08 + 0.02 * (0.5 * std::f64::consts::TAU * (t_s - 10.0)).cos() }
+}
+
+/// Runs for `seconds`; returns when the first alarm was raised and which.
+fn first_alarm(
+    setup: Setup,
+    seconds: f64,
+    before: impl Fn(&mut Instant),
+    after: impl Fn(&mut Instant),
+) -> Option<(f64, Alarm)> {
+    let mut random = Random(91);
+    let mut filter = Filter::new(setup).expect("a valid setup");
+    for k in 0..(seconds * RATE_HZ) as usize {
+        let t_s = k as f64 / RATE_HZ;
+        let mut now = Instant { t_s, pressure: pressure(t_s), gauge: pressure(t_s) + 0.0009, rows: [0.0; 5] };
+        before(&mut now);
+        let (mut inputs, mut predicted) = ([f64::NAN; MAX_INPUTS], [Predicted::default(); 5]);
+        inputs[..3].copy_from_slice(&[now.pressure, TRUTH[0], TRUTH[1]]);
+        Finger.predict(&inputs, &mut predicted);
+        for (row, predicted) in now.rows.iter_mut().zip(&predicted) {
+            *row = predicted.value;
+        }
+        after(&mut now);
+        let mut reading = Measurement::at(t_s);
+        reading.inputs[PRESSURE] = now.gauge + 0.0005 * random.normal();
+        for (row, (value, sigma)) in now.rows.iter().zip([0.005, 0.2, 0.2, 0.2, 0.2]).enumerate() {
+            reading.rows[row] = value + sigma * random.normal();
+        }
+        for marker in [1..3, 3..5] {
+            let missing = random.uniform() < 0.1;
+            let outlier = random.uniform() < 0.01;
+            if missing {
+                reading.rows[marker].fill(f64::NAN);
+            } else if outlier {
+                reading.rows[marker.start] += 30.0;
+            }
+        }
+        if let Some(alarm) = filter.update(&reading, &mut Finger).alarm {
+            return Some((t_s, alarm));
+        }
+    }
+    None
+}
+
+/// The alarm of a fault that begins while the rig runs; within two seconds.
+fn of_running_rig(before: impl Fn(&mut Instant), after: impl Fn(&mut Instant)) -> Alarm {
+    let (t_s, alarm) = first_alarm(rig(), BEGIN_S + 2.0, before, after).expect("an alarm within two seconds");
+    assert!(t_s >= BEGIN_S, "{alarm:?} at {t_s} s, before the fault");
+    alarm
+}
+
+fn wrong_pressure_or_not_explained(fault: impl Fn(&mut Instant)) {
+    let alarm = of_running_rig(fault, |_| {});
+    assert!(matches!(alarm, Alarm::Input(0b1) | Alarm::NotExplained), "{alarm:?}");
+}
+
+#[test]
+fn ten_minutes_of_clean_noise_raise_no_alarm() {
+    assert_eq!(first_alarm(rig(), 600.0, |_| {}, |_| {}), None);
+}
+
+#[test]
+fn a_leak_behind_the_gauge_is_a_wrong_pressure_or_not_explained() {
+    let leak = |now: &mut Instant| {
+        let open_s = (now.t_s - BEGIN_S).max(0.0);
+        now.pressure *= 1.0 - 0.15 * (1.0 - (-open_s / 0.3).exp());
+    };
+    wrong_pressure_or_not_explained(leak);
+}
+
+#[test]
+fn a_blocked_tube_is_a_wrong_pressure_or_not_explained() {
+    let blocked = |now: &mut Instant| now.pressure = pressure(now.t_s.min(BEGIN_S));
+    wrong_pressure_or_not_explained(blocked);
+}
+
+#[test]
+fn a_slipped_gauge_is_recognised_as_a_wrong_pressure() {
+    let slipped = |now: &mut Instant| now.gauge += if now.t_s < BEGIN_S { 0.0 } else { 0.005 };
+    assert_eq!(of_running_rig(slipped, |_| {}), Alarm::Input(1 << PRESSURE));
+}
+
+#[test]
+fn a_load_cell_that_was_not_zeroed_is_named() {
+    let shifted = |now: &mut Instant| now.rows[0] += 0.06;
+    let (t_s, alarm) = first_alarm(rig(), 2.0, |_| {}, shifted).expect("an alarm within two seconds");
+    assert_eq!(alarm, Alarm::Sensor(0b1), "at {t_s} s");
+}
+
+#[test]
+fn a_wrong_gap_is_not_explained() {
+    let mut setup = rig();
+    setup.inputs[GAP] = InputRole::Given(TRUTH[0] + 4.0);
+    setup.unknowns.remove(0);
+    setup.inputs[PRESSURE] = InputRole::Measured { sigma: 0.0005, bias: Some(0) };
+    setup.inputs[2] = InputRole::Estimated(1);
+    let onset_s = 100.0 * Finger::onset_mpa(TRUTH[0], TRUTH[1]);
+    let (t_s, alarm) =
+        first_alarm(setup, onset_s + 2.0, |_| {}, |_| {}).expect("an alarm within two seconds");
+    assert!(t_s >= onset_s, "{alarm:?} at {t_s} s, before the contact at {onset_s} s");
+    assert_eq!(alarm, Alarm::NotExplained, "at {t_s} s");
+}
+
+#[test]
+fn swapped_markers_are_not_explained() {
+    let swapped = |now: &mut Instant| {
+        if now.t_s >= BEGIN_S {
+            let [_, tip @ .., mx, my] = &mut now.rows;
+            std::mem::swap(&mut tip[0], mx);
+            std::mem::swap(&mut tip[1], my);
+        }
+    };
+    assert_eq!(of_running_rig(|_| {}, swapped), Alarm::NotExplained);
+}
