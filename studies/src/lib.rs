@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![warn(clippy::print_stdout)]
 
+mod estimation;
 mod hard_cases;
 mod measure;
 mod peers;
@@ -26,6 +27,7 @@ pub enum Command {
     HardCases(hard_cases::Args),
     Scale(scale::Args),
     Sweep(sweep::Args),
+    Estimation(estimation::Args),
     Measure(measure::Args),
     Peers(peers::Args),
     Soak(soak::Args),
@@ -45,6 +47,7 @@ impl Command {
             Self::HardCases(args) => args.run(),
             Self::Scale(args) => args.run(),
             Self::Sweep(args) => args.run(),
+            Self::Estimation(args) => args.run(),
             Self::Measure(args) => args.run(),
             Self::Peers(args) => args.run(),
             Self::Soak(args) => args.run(),

@@ -11,13 +11,18 @@ use std::process::{Command, Output};
 use tests::process::binary;
 use tests::wait::{states, wait_for, wait_state};
 use tests::{Program, Stage};
-use wire::layout::estimate_status;
+use wire::layout::{estimate_alarm, estimate_status};
 use wire::{EstimateReader, Topic};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// A slow inflation over a plate at a gap, read by a gauge with a bias, a load cell and a camera at the tip: a table.
 fn recording(gap_mm: f64, bias_mpa: f64, with_markers: bool) -> String {
+    read_with(gap_mm, bias_mpa, 0.0, with_markers)
+}
+
+/// The same with a load cell that shows another force than 0 where nothing touches.
+fn read_with(gap_mm: f64, bias_mpa: f64, zero_n: f64, with_markers: bool) -> String {
     let bytes = std::fs::read(format!("{ROOT}/models/pneunet/pneunet.twin")).expect("the committed model");
     let model = Model::from_bytes(&bytes).expect("a model");
     let tip = MeshPoint::at(&model, [115.0, 2.0, 16.0]).expect("the tip");
@@ -31,7 +36,7 @@ fn recording(gap_mm: f64, bias_mpa: f64, with_markers: bool) -> String {
         let (t_s, pressure_mpa) = (f64::from(k) * 0.025, f64::from(k) * 0.095 / 400.0);
         probes.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut evaluation, &mut at);
         let measured = pressure_mpa + bias_mpa + 0.0005 * normal();
-        let force = evaluation.contact_force_n + 0.005 * normal();
+        let force = evaluation.contact_force_n + zero_n + 0.005 * normal();
         write!(text, "{t_s},{measured},{force}").expect("memory");
         if with_markers {
             let [x, y, z] = at[0].position_mm.map(|x| x + 0.2 * normal());
@@ -119,8 +124,8 @@ fn what_cannot_be_fitted_is_named() {
 }
 
 /// The shipped scene with readings of a trace, five times as fast as they were taken.
-fn scene(stage: &Stage) -> PathBuf {
-    stage.write("run.csv", &recording(46.0, 0.0012, true));
+fn scene(stage: &Stage, readings: &str) -> PathBuf {
+    stage.write("run.csv", readings);
     let shipped =
         std::fs::read_to_string(format!("{ROOT}/config/scenes/estimate.toml")).expect("the shipped scene");
     let text = shipped.replace("../../models", &format!("{ROOT}/models"));
@@ -132,7 +137,7 @@ fn scene(stage: &Stage) -> PathBuf {
 #[test]
 fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate() {
     let stage = Stage::new("estimate");
-    let scene = scene(&stage);
+    let scene = scene(&stage, &recording(46.0, 0.0012, true));
     let twin = Program::twin(&stage, &scene);
     let bus = stage.bus();
     let estimates =
@@ -153,13 +158,69 @@ fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate
         wait_state(&published, "a state of a later reading", |state| state.sensor_seq > last.sensor_seq);
     assert!((state.gap_mm - 46.0).abs() < 0.5, "{state:?}");
     assert!(f64::from(state.force_halfwidth_n) > 1.6 * last.force_sigma_n * 0.5, "{state:?}");
+    // The commands that watch show it.
+    let (status, table) = Program::tool(&stage, &["top", "--once"]).end();
+    let table = table.join("\n");
+    assert!(status.success() && table.contains("gap_mm 4") && !table.contains("ALARM"), "{table}");
+    let (status, top) = Program::tool(&stage, &["top", "--once", "--json"]).end();
+    let top: Value = serde_json::from_str(&top.join("\n")).expect("JSON");
+    assert!(status.success() && top[0]["estimate"]["values"][0].is_number(), "{top}");
     assert!(twin.stop().0.success());
+}
+
+#[test]
+fn a_load_cell_that_was_not_zeroed_raises_an_alarm_that_names_it() {
+    let stage = Stage::new("estimate-zero");
+    let scene = scene(&stage, &read_with(46.0, 0.0012, 0.08, true));
+    let twin = Program::twin(&stage, &scene);
+    let topic = Topic::estimate("finger").expect("a topic");
+    let estimates = EstimateReader::attach(&stage.bus(), &topic).expect("a reader");
+    let _bridge = Program::bridge(&stage, &scene);
+    let first = wait_for(&estimates, "the first estimate", |reader| reader.newest().expect("readable"));
+    let alarmed = wait_for(&estimates, "an alarm", |reader| {
+        reader.newest().expect("readable").filter(|estimate| estimate.alarm != estimate_alarm::NONE)
+    });
+    assert_eq!((alarmed.alarm, alarmed.suspects), (estimate_alarm::SENSOR, 0b1), "{alarmed:?}");
+    // Five times as fast as measured: two seconds of the recording are 0.4 s.
+    let after_ns = alarmed.t_sensor_ns.saturating_sub(first.t_sensor_ns);
+    assert!(after_ns < 2_000_000_000, "{after_ns} ns");
+    assert!(twin.stop().0.success());
+}
+
+#[test]
+fn a_plan_says_which_sensors_tell_and_what_a_fit_will_come_to() {
+    let scene = format!("{ROOT}/config/scenes/estimate.toml");
+    let plan = |extra: &[&str]| {
+        let arguments = ["plan-experiment", "--scene", &scene, "--json"];
+        json(&Command::new(binary("softtwin")).args(arguments).args(extra).output().expect("softtwin"))
+    };
+    let found = plan(&["--gap-mm", "46", "--holds", "5"]);
+    let plans = found["plans"].as_array().expect("plans");
+    assert_eq!(plans.len(), 3, "force, markers, both: {found}");
+    assert_eq!(
+        (&plans[0]["identifiable"], &plans[2]["identifiable"]),
+        (&false.into(), &true.into()),
+        "{found}"
+    );
+    assert_eq!(plans[2]["holds"].as_array().map(Vec::len), Some(5), "{found}");
+    let number = |plan: usize, unknown: &str, key: &str| {
+        plans[plan]["estimates"][unknown][key].as_f64().unwrap_or_else(|| panic!("{found}"))
+    };
+    for unknown in ["gap_mm", "pressure_bias_mpa"] {
+        let of = |plan| number(plan, unknown, "sigma");
+        assert!(of(2) <= of(1) && of(2) < of(0) && of(0) <= number(0, unknown, "prior_sigma"), "{found}");
+    }
+    assert!(plans[2]["condition"].as_f64() < plans[0]["condition"].as_f64().or(Some(f64::MAX)), "{found}");
+    // More readings tell more, and places of the plate tell more than one place.
+    let sigma = |found: &Value| found["plans"][2]["estimates"]["gap_mm"]["sigma"].as_f64().expect("a number");
+    assert!(sigma(&plan(&["--gap-mm", "46", "--holds", "5", "--readings", "20"])) > sigma(&found));
+    assert!(sigma(&plan(&["--gap-mm", "36", "46", "56", "--holds", "5"])) < sigma(&found) * 1.0001);
 }
 
 #[test]
 fn a_scene_that_estimates_what_the_model_does_not_have_is_refused_with_all_that_is_wrong() {
     let stage = Stage::new("estimate-wrong");
-    let path = scene(&stage);
+    let path = scene(&stage, &recording(46.0, 0.0012, true));
     let text = std::fs::read_to_string(&path).expect("the scene");
     let text = text.replace("# force_bias_n = {", "stifness_mpa = { prior = 1.0, sigma = 0.1 }\n# {");
     std::fs::write(&path, text.replace("at_mm = [115.0, 2.0, 16.0]", "at_mm = [500.0, 2.0, 16.0]"))

@@ -65,6 +65,11 @@
 #define SOFTTWIN_ESTIMATE_NOT_LATER 3u /* The reading is not later than the one before: nothing changed. */
 #define SOFTTWIN_ESTIMATE_NOT_CONVERGED 4u /* The search for the estimate did not end: nothing changed. */
 #define SOFTTWIN_ESTIMATE_NOT_EXPLAINED 5u /* Model and estimate do not explain the reading: nothing changed. */
+#define SOFTTWIN_ESTIMATE_ALARM_NONE 0u /* Model, sensors and estimates explain the readings. */
+#define SOFTTWIN_ESTIMATE_ALARM_INPUT 1u /* The inputs in `suspects` contradict the other sensors: what is read is not what is in the actuator. */
+#define SOFTTWIN_ESTIMATE_ALARM_SENSOR 2u /* The measurements in `suspects` contradict the others and the model. */
+#define SOFTTWIN_ESTIMATE_ALARM_QUANTITY 3u /* The quantities in `suspects` are told by the readings and lie beyond 4 standard deviations of what was known before. */
+#define SOFTTWIN_ESTIMATE_ALARM_NOT_EXPLAINED 4u /* The model does not explain the readings. */
 #define SOFTTWIN_QUERY_WHATIF 1u /* Pressure and gap are given, state and force are asked for. */
 #define SOFTTWIN_QUERY_PRESSURE 2u /* Gap and force are given, the lowest pressure with this force is asked for. */
 #define SOFTTWIN_QUERY_GAP 3u /* Pressure and a (measured) force are given, the gap that belongs to them is asked for. */
@@ -240,11 +245,13 @@ typedef struct {
   double sigmas[8]; /**< Standard deviations of the estimated values. */
   double inputs[8]; /**< Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs. */
   uint32_t input_count; /**< Inputs of the model. */
-  uint32_t reserved; /**< Zero. */
+  uint32_t alarm; /**< What has not fitted for the last second or so. */
   double force_sigma_n; /**< Standard deviation of the force that follows from those of the estimated values. Unit: N. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
   uint8_t names[256]; /**< Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left. */
-  uint64_t reserved_more[3]; /**< Zero; for later values. */
+  uint32_t suspects; /**< What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`. */
+  uint32_t reserved; /**< Zero. */
+  uint64_t reserved_more[2]; /**< Zero; for later values. */
 } softtwin_estimate;
 
 /** One question. What its kind does not need is NaN. */
@@ -442,11 +449,13 @@ SOFTTWIN_CHECK(offsetof(softtwin_estimate, values) == 120);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, sigmas) == 184);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, inputs) == 248);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, input_count) == 312);
-SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved) == 316);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, alarm) == 316);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, force_sigma_n) == 320);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, actuator) == 328);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, names) == 360);
-SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved_more) == 616);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, suspects) == 616);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved) == 620);
+SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved_more) == 624);
 SOFTTWIN_CHECK(sizeof(softtwin_query) == 80);
 SOFTTWIN_CHECK(offsetof(softtwin_query, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_query, kind) == 4);

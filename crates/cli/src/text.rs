@@ -1,6 +1,8 @@
 //! Samples and answers as one line for people. Every command and the page use these texts.
 
-use wire::layout::{estimate_status, field_id, flags, grasp_status, query_kind, regime, unpack_name};
+use wire::layout::{
+    estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind, regime, unpack_name,
+};
 use wire::{
     Answer, AnySample, Estimate, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, State,
     now_ns,
@@ -49,19 +51,44 @@ fn state(state: &State) -> String {
     )
 }
 
-/// `gap_mm 41.203 +- 0.180`; a value that the readings do not tell is marked.
 fn estimate(estimate: &Estimate) -> String {
+    let status = estimate_status::as_str(estimate.status);
+    let (nis, rejected) = (estimate.nis, estimate.rejected_total);
+    format!("#{:<7} {}  NIS {nis:.1} ({status}, {rejected} rejected)", estimate.seq, estimates(estimate))
+}
+
+/// `gap_mm 41.203 +- 0.180`; a value that the readings do not tell is marked, an alarm named with what it accuses.
+pub fn estimates(estimate: &Estimate) -> String {
     let one = |at: usize| {
         let told = if estimate.identifiable & (1 << at) == 0 { " (not told by the readings)" } else { "" };
         format!("{} {:.5} +- {:.5}{told}", estimate.name(at), estimate.values[at], estimate.sigmas[at])
     };
     let count = (estimate.unknown_count as usize).min(estimate.values.len());
-    let values = (0..count).map(one).collect::<Vec<_>>().join("  ");
-    let status = estimate_status::as_str(estimate.status);
-    format!(
-        "#{:<7} {values}  NIS {:.1} ({status}, {} rejected)",
-        estimate.seq, estimate.nis, estimate.rejected_total
-    )
+    (0..count).map(one).chain(alarm(estimate)).collect::<Vec<_>>().join("  ")
+}
+
+fn alarm(estimate: &Estimate) -> Option<String> {
+    let first = |named: &str| -> String {
+        let bits = (0..u32::BITS).filter(|bit| estimate.suspects & (1 << bit) != 0);
+        bits.map(|bit| format!(" {named} {bit}")).collect()
+    };
+    match estimate.alarm {
+        estimate_alarm::NONE => None,
+        estimate_alarm::INPUT if estimate.suspects == 1 => {
+            Some("ALARM: the pressure read is not that in the actuator".into())
+        }
+        estimate_alarm::INPUT => Some(format!("ALARM: contradicted:{}", first("input"))),
+        estimate_alarm::SENSOR if estimate.suspects == 1 => {
+            Some("ALARM: the load cell is contradicted".into())
+        }
+        estimate_alarm::SENSOR => Some(format!("ALARM: contradicted (0 load cell):{}", first("marker"))),
+        estimate_alarm::QUANTITY => {
+            let names = (0..estimate.values.len()).filter(|at| estimate.suspects & (1 << at) != 0);
+            let names: Vec<String> = names.map(|at| estimate.name(at)).collect();
+            Some(format!("ALARM: far from what was known before: {}", names.join(", ")))
+        }
+        _ => Some("ALARM: the model does not explain the readings".into()),
+    }
 }
 
 fn health(health: &Health) -> String {

@@ -2,13 +2,15 @@
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, SigmaSpec};
 use crate::source::Reading;
-use estimate::{Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update};
+use estimate::{
+    Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
+};
 use rom::evaluation::Evaluation;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::snapshots::RegimeKind;
-use wire::layout::estimate_status;
+use wire::layout::{estimate_alarm, estimate_status};
 use wire::{Estimate, SensorSample};
 
 /// Half-widths of the model hold for 90 % of the states: so many standard deviations of a normal distribution.
@@ -231,6 +233,13 @@ impl Estimator {
             Status::NotLater => estimate_status::NOT_LATER,
             Status::NotConverged => estimate_status::NOT_CONVERGED,
             Status::NotExplained => estimate_status::NOT_EXPLAINED,
+        };
+        (out.alarm, out.suspects) = match update.alarm {
+            None => (estimate_alarm::NONE, 0),
+            Some(Alarm::Input(which)) => (estimate_alarm::INPUT, which),
+            Some(Alarm::Sensor(which)) => (estimate_alarm::SENSOR, which),
+            Some(Alarm::Unknown(which)) => (estimate_alarm::QUANTITY, which),
+            Some(Alarm::NotExplained) => (estimate_alarm::NOT_EXPLAINED, 0),
         };
         out.inputs = update.inputs;
         (out.nis, [out.nis_low, out.nis_high]) = (update.nis, update.nis_band);

@@ -19,8 +19,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::layout::{flags, unpack_name};
-use wire::{Health, Outcome};
+use wire::layout::{estimate_alarm, flags, unpack_name};
+use wire::{Estimate, Health, Outcome};
 
 /// How often the end of the process is checked for.
 const STOP_CHECK: Duration = Duration::from_millis(50);
@@ -56,11 +56,20 @@ const GAUGES: [Quantity<f64>; 5] = [
     }),
 ];
 
+/// Of every estimated quantity.
+const ESTIMATES: [(&str, &str, fn(&Estimate, usize) -> f64); 3] = [
+    ("softtwin_estimate", "Estimated value, in the unit of its name", |e, at| e.values[at]),
+    ("softtwin_estimate_sigma", "Its standard deviation", |e, at| e.sigmas[at]),
+    ("softtwin_estimate_identifiable", "1 while the readings tell it", |e, at| {
+        f64::from(e.identifiable >> at & 1)
+    }),
+];
+
 /// Labels of a sample.
 type Labels = Vec<(&'static str, String)>;
 
-/// The page of a twin process: one sample for each actuator.
-pub fn twins(healths: &[Health]) -> String {
+/// The page of a twin process: one sample for each actuator, and for each quantity that is estimated.
+pub fn twins(healths: &[Health], estimates: &[Estimate]) -> String {
     let mut page = Registry::default();
     let named = || healths.iter().map(|health| (vec![("actuator", unpack_name(&health.actuator))], health));
     for (name, help, read) in COUNTERS {
@@ -85,7 +94,29 @@ pub fn twins(healths: &[Health]) -> String {
         flags::ALL.iter().map(move |flag| (with(&labels, "flag", flag.name), is_set(flag.number)))
     });
     gauges(&mut page, "softtwin_flag", "1 while the flag is set", set);
+    if !estimates.is_empty() {
+        self::estimates(&mut page, estimates);
+    }
     text(&page)
+}
+
+fn estimates(page: &mut Registry, estimates: &[Estimate]) {
+    let named = || estimates.iter().map(|e| (vec![("actuator", unpack_name(&e.actuator))], e));
+    for (name, help, read) in ESTIMATES {
+        let values = named().flat_map(|(labels, e)| {
+            let count = (e.unknown_count as usize).min(e.values.len());
+            (0..count).map(move |at| (with(&labels, "quantity", &e.name(at)), read(e, at)))
+        });
+        gauges(page, name, help, values);
+    }
+    let nis = named().map(|(labels, e)| (labels, e.nis));
+    gauges(page, "softtwin_estimate_nis", "Normalised innovation squared of the last reading", nis);
+    let alarms = named().flat_map(|(labels, e)| {
+        estimate_alarm::ALL.iter().map(move |alarm| {
+            (with(&labels, "alarm", alarm.name), f64::from(u8::from(e.alarm == alarm.number)))
+        })
+    });
+    gauges(page, "softtwin_estimate_alarm", "1 for what has not fitted lately", alarms);
 }
 
 /// The page of a bridge process; devices with the name of their actuator.

@@ -17,6 +17,7 @@ mod recording_data;
 pub mod resources;
 pub mod sweep;
 pub mod testbed;
+pub mod unknowns;
 mod view;
 
 pub use cli::{daemon, failure, output, range};

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use runtime::metrics;
 use runtime::thread_group::ThreadGroup;
-use runtime::wire::{Bus, Domain, Health, HealthReader, Topic};
+use runtime::wire::{Bus, Domain, Estimate, EstimateReader, Health, HealthReader, Topic};
 use std::net::{SocketAddr, TcpListener};
 
 /// Whether and where to serve metrics.
@@ -51,24 +51,38 @@ pub fn serve<P: FnMut() -> String + 'static>(
     group.start("metrics", move |end| Ok(metrics::serve(listener, end.as_atomic(), page())?))
 }
 
-/// The page of the twins: an ordinary reader of their health topics, so that the loop knows nothing of it.
-pub fn twins(domain: &Domain, names: &[String]) -> impl FnMut() -> String + use<> {
+/// The page of the twins: an ordinary reader of their topics, so that the loop knows nothing of it. Of each: its name, and whether it
+/// estimates.
+pub fn twins(domain: &Domain, names: &[(String, bool)]) -> impl FnMut() -> String + use<> {
     let readers = readers(domain, names);
     if let Err(error) = &readers {
         tracing::warn!("metrics: no health to show: {error:#}");
     }
-    let mut readers = readers.unwrap_or_default();
+    let (mut healths, mut estimates) = readers.unwrap_or_default();
     move || {
-        for (reader, last) in &mut readers {
-            // A reader that fails keeps showing its last health, whose age grows for whoever reads the page.
-            *last = reader.newest().ok().flatten().or(*last);
-        }
-        let known: Vec<Health> = readers.iter().filter_map(|(_, last)| *last).collect();
-        metrics::twins(&known)
+        // A reader that fails keeps showing its last health, whose age grows for whoever reads the page.
+        healths.iter_mut().for_each(|(reader, last)| *last = reader.newest().ok().flatten().or(*last));
+        estimates.iter_mut().for_each(|(reader, last)| *last = reader.newest().ok().flatten().or(*last));
+        let known: Vec<Health> = healths.iter().filter_map(|(_, last)| *last).collect();
+        let estimated: Vec<Estimate> = estimates.iter().filter_map(|(_, last)| *last).collect();
+        metrics::twins(&known, &estimated)
     }
 }
 
-fn readers(domain: &Domain, names: &[String]) -> anyhow::Result<Vec<(HealthReader, Option<Health>)>> {
+/// Readers with the last sample of each.
+type Last<R, S> = Vec<(R, Option<S>)>;
+
+fn readers(
+    domain: &Domain,
+    names: &[(String, bool)],
+) -> anyhow::Result<(Last<HealthReader, Health>, Last<EstimateReader, Estimate>)> {
     let bus = Bus::open(domain)?;
-    names.iter().map(|name| Ok((HealthReader::attach(&bus, &Topic::health(name)?)?, None))).collect()
+    let (mut healths, mut estimates) = (Vec::new(), Vec::new());
+    for (name, has_estimates) in names {
+        healths.push((HealthReader::attach(&bus, &Topic::health(name)?)?, None));
+        if *has_estimates {
+            estimates.push((EstimateReader::attach(&bus, &Topic::estimate(name)?)?, None));
+        }
+    }
+    Ok((healths, estimates))
 }

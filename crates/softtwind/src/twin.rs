@@ -24,6 +24,9 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     loaded.iter().for_each(describe);
     let names: Vec<String> = loaded.iter().map(|actuator| actuator.spec.name.clone()).collect();
 
+    let estimates = |actuator: &Loaded| !actuator.spec.estimate.is_empty();
+    let shown: Vec<_> = names.iter().cloned().zip(loaded.iter().map(estimates)).collect();
+
     let stop = service::stop_flag().context("cannot listen for signals")?;
     let domain = options.domain.domain();
     let bus = Bus::open(&domain)?;
@@ -41,7 +44,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         reporter::run(&events, &reported, &progressed, end);
         Ok(())
     })?;
-    let (health_domain, shown) = (domain.clone(), names.clone());
+    let (health_domain, shown) = (domain.clone(), shown);
     metrics::serve(&mut group, listener, move || metrics::twins(&health_domain, &shown))?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
     let services = side_services.start(&mut group, &domain)?;

@@ -73,6 +73,15 @@ ESTIMATE_STATUSES: Dict[int, str] = {
 }
 """What became of an estimate's reading, by number."""
 
+ESTIMATE_ALARMS: Dict[int, str] = {
+    0: "none",
+    1: "input",
+    2: "sensor",
+    3: "quantity",
+    4: "not-explained",
+}
+"""What does not fit an estimate, by number."""
+
 QUERY_STATUSES: Dict[int, str] = {
     0: "answered",
     1: "a quantity that this question needs is missing or not finite",
@@ -312,16 +321,18 @@ class Estimate(Payload):
         ("sigmas", f64 * 8),  # Standard deviations of the estimated values.
         ("inputs", f64 * 8),  # Model inputs that explain the reading best, in the model's order; state and fields are those of these inputs.
         ("input_count", u32),  # Inputs of the model.
-        ("reserved", u32),  # Zero.
+        ("alarm", u32),  # What has not fitted for the last second or so.
         ("force_sigma_n", f64),  # N: Standard deviation of the force that follows from those of the estimated values.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
         ("names", u8 * 256),  # Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
-        ("reserved_more", u64 * 3),  # Zero; for later values.
+        ("suspects", u32),  # What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`.
+        ("reserved", u32),  # Zero.
+        ("reserved_more", u64 * 2),  # Zero; for later values.
     ]
     _texts = {"actuator"}
     _text_lists = {"names": "unknown_count"}
     _hashes = {"model_hash"}
-    _names = {"status": ESTIMATE_STATUSES}
+    _names = {"status": ESTIMATE_STATUSES, "alarm": ESTIMATE_ALARMS}
 
 
 class Query(Payload):

@@ -8,7 +8,11 @@ fn a_page_has_every_counter_of_every_twin_in_the_format() {
     let mut health =
         Health { actuator: pack_name("finger"), received: 7, age_ns: 1_500_000_000, ..Health::default() };
     health.outcomes[Outcome::HeldAbsurd.code() as usize] = 3;
-    let page = twins(&[health, Health { actuator: pack_name("thumb"), ..health }]);
+    let mut estimate =
+        Estimate { actuator: pack_name("finger"), unknown_count: 1, identifiable: 1, ..Estimate::default() };
+    estimate.set_name(0, "gap_mm");
+    (estimate.values[0], estimate.sigmas[0], estimate.alarm) = (41.5, 0.25, estimate_alarm::SENSOR);
+    let page = twins(&[health, Health { actuator: pack_name("thumb"), ..health }], &[estimate]);
     for line in [
         "# TYPE softtwin_readings counter",
         "softtwin_readings_total{actuator=\"finger\"} 7",
@@ -16,6 +20,10 @@ fn a_page_has_every_counter_of_every_twin_in_the_format() {
         "softtwin_age_seconds{actuator=\"finger\"} 1.5",
         "softtwin_outcomes_total{actuator=\"finger\",outcome=\"held: absurd value\"} 3",
         "softtwin_flag{actuator=\"finger\",flag=\"no-data\"} 1.0",
+        "softtwin_estimate{actuator=\"finger\",quantity=\"gap_mm\"} 41.5",
+        "softtwin_estimate_sigma{actuator=\"finger\",quantity=\"gap_mm\"} 0.25",
+        "softtwin_estimate_identifiable{actuator=\"finger\",quantity=\"gap_mm\"} 1.0",
+        "softtwin_estimate_alarm{actuator=\"finger\",alarm=\"sensor\"} 1.0",
     ] {
         assert!(page.lines().any(|found| found == line), "{line}\n{page}");
     }

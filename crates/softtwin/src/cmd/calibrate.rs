@@ -1,11 +1,12 @@
 //! `softtwin calibrate`.
 
-use crate::failure::{configuration, usage};
+use crate::failure::configuration;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
+use crate::unknowns::Unknowns;
 use crate::{files, output};
 use anyhow::{Context, bail};
 use estimate::{Fit, Measurement, Model as _, Predicted, Setup};
-use runtime::config::{ActuatorSpec, Scene};
+use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel};
 use runtime::source::{SourceSpec, Trace};
 use serde_json::{Map, Value, json};
@@ -53,13 +54,8 @@ impl Args {
     /// Fits, then prints the estimates.
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
-        let spec = self.spec(&scene)?;
-        let mut model = files::model(&scene.resolve(&spec.model))?;
-        let given = spec.inputs.iter().map(|(name, value)| (name.as_str(), *value));
-        model.header.give(given).map_err(configuration)?;
-        let problems = |texts: Vec<String>| configuration(anyhow::anyhow!("{}", texts.join("\n")));
-        let setup = estimation::setup(spec, &model).map_err(problems)?;
-        let mut sensors = SensorModel::new(spec, &model).map_err(problems)?;
+        let Unknowns { spec, setup, mut sensors, .. } =
+            Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
         let trace = Trace::read_topic(&self.recording, self.topic.as_deref()).map_err(|errors| {
             let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
             configuration(anyhow::anyhow!("{}: {}", self.recording.display(), texts.join("\n")))
@@ -69,7 +65,7 @@ impl Args {
             good.map(|reading| estimation::measurement(reading.t_trace_s, reading)).collect();
         check_recording(&setup, &readings).map_err(configuration)?;
         let fit = estimate::fit(&setup, &readings, &mut sensors)
-            .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;
+            .map_err(|errors| configuration(anyhow::anyhow!("{}", errors[0])))?;
         if let Some(out) = self.out.as_ref().filter(|_| fit.converged) {
             self.save_scene(&scene, &spec.name, &setup, &fit, out)?;
         }
@@ -88,26 +84,6 @@ impl Args {
             );
         }
         Ok(())
-    }
-
-    fn spec<'a>(&self, scene: &'a Scene) -> anyhow::Result<&'a ActuatorSpec> {
-        let with = |spec: &&ActuatorSpec| !spec.estimate.is_empty();
-        let names = || scene.actuators.iter().filter(with).map(|spec| spec.name.as_str()).collect::<Vec<_>>();
-        match (&self.actuator, names().as_slice()) {
-            (Some(name), found) => {
-                scene.actuators.iter().filter(with).find(|spec| spec.name == *name).ok_or_else(|| {
-                    usage(format!("--actuator {name}: the scene estimates something for {found:?} only"))
-                })
-            }
-            (None, [_]) => scene.actuators.iter().find(with).context("an actuator"),
-            (None, []) => Err(configuration(anyhow::anyhow!(
-                "{}: expected [actuator.estimate] with at least one unknown, found none",
-                self.scene.display()
-            ))),
-            (None, several) => {
-                Err(usage(format!("several actuators have unknowns: {several:?}; name one with --actuator")))
-            }
-        }
     }
 
     /// The scene with the fitted values as priors. Its paths hold from the new file's folder.

@@ -24,6 +24,7 @@ mod manual;
 mod mesh;
 mod new;
 mod pack;
+mod plan_experiment;
 mod plot;
 mod predict;
 mod record;
@@ -61,7 +62,8 @@ commands! {
         Manual => manual;
     "Look": View => view, Top => top, List => list, Info => info, Echo => echo, Hz => hz, Get => get, Export => export,
         Plot => plot, Render => render;
-    "Model": Predict => predict, Design => design, Calibrate => calibrate, Train => train, Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;
+    "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train,
+        Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;
     "Simulate": New => new, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
 }
 
@@ -69,10 +71,11 @@ impl Command {
     /// The commands of a program in their groups, one line each, for its help.
     pub fn groups(program: &clap::Command) -> String {
         let about = |name: &str| {
+            let name = &name.replace('_', "-");
             let found = program.get_subcommands().find(|command| command.get_name() == name);
             found.and_then(|command| command.get_about()).map_or_else(String::new, ToString::to_string)
         };
-        let line = |name: &&str| format!("  {name:<10} {}\n", about(name));
+        let line = |name: &&str| format!("  {:<10} {}\n", name.replace('_', "-"), about(name));
         let group = |(heading, names): &(&str, &[&str])| {
             format!("{heading}:\n{}", names.iter().map(line).collect::<String>())
         };

@@ -1,7 +1,7 @@
 //! What a twin estimates beside what it is told.
 
 use super::payload::payload;
-use super::{VERSION, estimate_status};
+use super::{VERSION, estimate_alarm, estimate_status};
 
 /// Most quantities that one twin estimates.
 pub const UNKNOWNS_MAX: usize = 8;
@@ -53,20 +53,24 @@ payload! {
         248 inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
         /// Inputs of the model.
         312 input_count: u32 = 0, "";
-        /// Zero.
-        316 reserved: u32 = 0, "";
+        /// What has not fitted for the last second or so.
+        316 alarm: u32 = estimate_alarm::NONE, "", Show::Code(estimate_alarm::ALL);
         /// Standard deviation of the force that follows from those of the estimated values.
         320 force_sigma_n: f64 = f64::NAN, "N";
         /// Name of the actuator, zero-padded.
         328 actuator: [u8; 32] = [0; 32], "", Show::Name;
         /// Names of the quantities, 32 bytes each, zero-padded; a longer name is cut from the left.
         360 names: [u8; 32 * UNKNOWNS_MAX] = [0; 32 * UNKNOWNS_MAX], "", Show::Names("unknown_count");
+        /// What the alarm names: bit 0 the first input (the pressure) or quantity; of measurements the bits of `rejected`.
+        616 suspects: u32 = 0, "";
+        /// Zero.
+        620 reserved: u32 = 0, "";
         /// Zero; for later values.
-        616 reserved_more: [u64; 3] = [0; 3], "";
+        624 reserved_more: [u64; 2] = [0; 2], "";
     }
     json [
         seq, sensor_seq, t_sensor_ns, t_publish_ns, status, names, values, sigmas, identifiable, inputs, force_sigma_n, nis,
-        nis_low, nis_high, used_values, rejected, rejected_total, actuator, model_hash, boot_id, sensor_boot_id,
+        nis_low, nis_high, used_values, rejected, rejected_total, alarm, suspects, actuator, model_hash, boot_id, sensor_boot_id,
     ]
 }
 

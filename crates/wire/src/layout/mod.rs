@@ -33,7 +33,9 @@ pub use estimate::{Estimate, INPUTS_MAX, UNKNOWNS_MAX};
 pub use field::{FIELD_SLOTS, FieldHeader};
 pub use grasp::{FINGERS_MAX, Grasp};
 pub use health::{Health, OUTCOME_SLOTS};
-pub use numbers::{domain_status, estimate_status, field_id, flags, grasp_status, query_kind, regime};
+pub use numbers::{
+    domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind, regime,
+};
 pub use outcome::Outcome;
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};
 pub use query::{Answer, Query};

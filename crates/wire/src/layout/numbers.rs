@@ -118,6 +118,22 @@ codes! {
 }
 
 codes! {
+    /// Numbers of an estimate's `alarm`: what has not fitted for the last second or so.
+    estimate_alarm: u32 {
+        /// Model, sensors and estimates explain the readings.
+        NONE = 0, "none";
+        /// The inputs in `suspects` contradict the other sensors: what is read is not what is in the actuator.
+        INPUT = 1, "input";
+        /// The measurements in `suspects` contradict the others and the model.
+        SENSOR = 2, "sensor";
+        /// The quantities in `suspects` are told by the readings and lie beyond 4 standard deviations of what was known before.
+        QUANTITY = 3, "quantity";
+        /// The model does not explain the readings.
+        NOT_EXPLAINED = 4, "not-explained";
+    }
+}
+
+codes! {
     /// Numbers of `grasp_status`.
     grasp_status: u32 {
         /// Not every finger has a fresh state.

@@ -4,7 +4,8 @@ use super::{Described, line, snake};
 use std::fmt::Write;
 use wire::QueryStatus;
 use wire::layout::{
-    self, Codes, Scalar, domain_status, estimate_status, field_id, flags, grasp_status, query_kind, regime,
+    self, Codes, Scalar, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
+    query_kind, regime,
 };
 
 const HEAD: &str = "\
@@ -80,6 +81,7 @@ fn constants(out: &mut String) {
     codes("OUTCOME", wire::Outcome::CODES);
     codes("GRASP", grasp_status::ALL);
     codes("ESTIMATE", estimate_status::ALL);
+    codes("ESTIMATE_ALARM", estimate_alarm::ALL);
     codes("QUERY", query_kind::ALL);
     codes("QUERY_STATUS", QueryStatus::CODES);
     out.push('\n');

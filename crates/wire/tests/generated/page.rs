@@ -3,7 +3,8 @@
 use super::{Described, line};
 use std::fmt::Write;
 use wire::layout::{
-    self, Codes, domain_status, estimate_status, field_id, flags, grasp_status, query_kind, regime,
+    self, Codes, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind,
+    regime,
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
@@ -71,6 +72,7 @@ fn numbers() -> String {
     table("`outcome`, and index of `outcomes`:", Outcome::CODES);
     table("`grasp_status`:", grasp_status::ALL);
     table("`status` of an estimate:", estimate_status::ALL);
+    table("`alarm` of an estimate:", estimate_alarm::ALL);
     table("`kind` of a question:", query_kind::ALL);
     table("`status` of an answer; `{limit}` is the answer's `limit`:", QueryStatus::CODES);
     out.trim_end().to_owned() + "\n"

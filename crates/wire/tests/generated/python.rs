@@ -3,7 +3,8 @@
 use super::{Described, line};
 use std::fmt::Write;
 use wire::layout::{
-    self, Scalar, Show, domain_status, estimate_status, field_id, flags, grasp_status, query_kind, regime,
+    self, Scalar, Show, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
+    query_kind, regime,
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
@@ -39,6 +40,7 @@ pub fn layout(payloads: &[Described]) -> String {
         estimate_status::ALL,
         "What became of an estimate's reading, by number.",
     );
+    names(&mut out, "ESTIMATE_ALARMS", estimate_alarm::ALL, "What does not fit an estimate, by number.");
     names(
         &mut out,
         "QUERY_STATUSES",
@@ -108,6 +110,7 @@ fn class(out: &mut String, described: &Described) {
             Show::Code(codes) if codes == regime::ALL => Some("REGIMES".into()),
             Show::Code(codes) if codes == grasp_status::ALL => Some("GRASP_STATUSES".into()),
             Show::Code(codes) if codes == estimate_status::ALL => Some("ESTIMATE_STATUSES".into()),
+            Show::Code(codes) if codes == estimate_alarm::ALL => Some("ESTIMATE_ALARMS".into()),
             Show::Code(codes) if codes == Outcome::CODES => Some("OUTCOMES".into()),
             Show::Code(codes) if codes == query_kind::ALL => Some("KINDS".into()),
             Show::Code(_) => panic!("{}: its names are not in the module", field.name),

@@ -11,8 +11,8 @@ use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use wire::{
-    Bus, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader, Topic, TopicKind, WireError,
-    now_ns,
+    Bus, Estimate, EstimateReader, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader,
+    Topic, TopicKind, WireError, now_ns,
 };
 
 const EXAMPLES: &str = "\
@@ -22,7 +22,7 @@ Examples:
   softtwin top --once --json | jq '.[] | select(.alive | not)'
 
 RATE readings a second, P50/P99 time from sensor stamp to publication in microseconds, AGE of the newest good reading,
-HELD/DROP readings held and dropped since the start. A twin that has published nothing for 3 s is marked `gone`.";
+HELD/DROP readings held and dropped since the start; below a twin that estimates, its estimates and alarm. A twin that has published nothing for 3 s is marked `gone`.";
 
 /// Watch all twins: rate, latency, age, regime, force, flags, faults.
 #[derive(clap::Args)]
@@ -61,6 +61,8 @@ struct Twin {
 #[derive(Default)]
 struct TopicScan {
     twins: BTreeMap<String, Twin>,
+    /// By actuator.
+    estimates: BTreeMap<String, (EstimateReader, Option<Estimate>)>,
     /// By scene.
     grasps: BTreeMap<String, (GraspReader, Option<Grasp>)>,
     /// Actuators and scenes with topics of another version, and what is different.
@@ -94,12 +96,16 @@ impl Args {
         }
     }
 
-    fn show(&self, TopicScan { twins, grasps, skipped }: &TopicScan, is_live: bool) -> Result<()> {
+    fn show(&self, scan: &TopicScan, is_live: bool) -> Result<()> {
+        let TopicScan { twins, estimates, grasps, skipped } = scan;
         let now = now_ns();
+        let estimate = |name: &String| estimates.get(name).and_then(|(_, last)| last.as_ref());
         if self.json {
             let all: Vec<Value> = twins
                 .iter()
-                .map(|(name, twin)| table::json(name, twin.state.as_ref(), twin.health.as_ref(), now))
+                .map(|(name, twin)| {
+                    table::json(name, twin.state.as_ref(), twin.health.as_ref(), estimate(name), now)
+                })
                 .collect();
             return output::json(&all);
         }
@@ -107,6 +113,9 @@ impl Args {
         output!("{clear_screen}{}", table::head())?;
         for (name, twin) in twins {
             output!("{}", table::row(name, twin.state.as_ref(), twin.health.as_ref(), now))?;
+            if let Some(estimate) = estimate(name) {
+                output!("{}", table::estimate_row(estimate))?;
+            }
         }
         for (scene, (_, grasp)) in grasps {
             if let Some(grasp) = grasp {
@@ -145,6 +154,9 @@ impl TopicScan {
         if is_twin && !self.twins.contains_key(name) {
             self.twins.insert(name.to_owned(), Twin::attach(bus, name)?);
         }
+        if topic.kind() == TopicKind::Estimate && !self.estimates.contains_key(name) {
+            self.estimates.insert(name.to_owned(), (EstimateReader::attach(bus, topic)?, None));
+        }
         if topic.kind() == TopicKind::Grasp && !self.grasps.contains_key(name) {
             self.grasps.insert(name.to_owned(), (GraspReader::attach(bus, topic)?, None));
         }
@@ -154,6 +166,9 @@ impl TopicScan {
     fn read(&mut self) -> Result<(), WireError> {
         for (reader, grasp) in self.grasps.values_mut() {
             *grasp = reader.newest()?.or(*grasp);
+        }
+        for (reader, estimate) in self.estimates.values_mut() {
+            *estimate = reader.newest()?.or(*estimate);
         }
         for twin in self.twins.values_mut() {
             twin.state = twin.states.newest()?.or(twin.state);

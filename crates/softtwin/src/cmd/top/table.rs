@@ -4,7 +4,7 @@ use crate::live;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use wire::layout::{flags, regime};
-use wire::{Grasp, Health, Outcome, State};
+use wire::{AnySample, Estimate, Grasp, Health, Outcome, State};
 
 /// Health comes once a second; after so long without, the twin is gone.
 const GONE_NS: u64 = 3_000_000_000;
@@ -48,6 +48,11 @@ pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64)
     )
 }
 
+/// One line for what a twin estimates, below it.
+pub fn estimate_row(estimate: &Estimate) -> String {
+    format!("          {}", live::text::estimates(estimate))
+}
+
 /// One line for a grasp, below the fingers.
 pub fn grasp_row(scene: &str, grasp: &Grasp) -> String {
     format!("{scene:<9.9} grasp: {}", live::text::grasp(grasp))
@@ -79,7 +84,13 @@ fn age(ns: u64) -> String {
 }
 
 /// What is known of a twin, for programs.
-pub fn json(name: &str, state: Option<&State>, health: Option<&Health>, now: u64) -> Value {
+pub fn json(
+    name: &str,
+    state: Option<&State>,
+    health: Option<&Health>,
+    estimate: Option<&Estimate>,
+    now: u64,
+) -> Value {
     let counts = health
         .iter()
         .flat_map(|health| Outcome::ALL.iter().map(|outcome| (outcome.as_str(), health.count(*outcome))));
@@ -97,6 +108,7 @@ pub fn json(name: &str, state: Option<&State>, health: Option<&Health>, now: u64
         "flags": flags::names(state.map_or(0, |state| state.flags)).collect::<Vec<_>>(),
         "received": health.map(|health| health.received),
         "missed": health.map(|health| health.missed),
+        "estimate": estimate.and_then(|estimate| live::json::sample(&AnySample::Estimate(*estimate)).ok()),
         "outcomes": counts.collect::<BTreeMap<_, _>>(),
     })
 }

@@ -1,0 +1,214 @@
+//! `softtwin plan-experiment`.
+
+use crate::failure::configuration;
+use crate::output;
+use crate::unknowns::Unknowns;
+use anyhow::bail;
+use estimate::{InputRole, Symmetric, Told};
+use rom::evaluator::Evaluator;
+use rom::hull::DomainStatus;
+use rom::inputs::{GAP, Inputs, PRESSURE};
+use runtime::config::Scene;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  Which four pressures tell gap, gauge bias and stiffness apart, with the load cell, the markers, or both:
+    softtwin plan-experiment --scene config/scenes/estimate.toml
+  The plate can be moved to three places; two holds of 400 readings each, for a script:
+    softtwin plan-experiment --scene config/scenes/estimate.toml --gap-mm 30 40 50 --holds 2 --readings 400 --json
+
+A hold is a state that is kept while readings are taken. Of all holds on a grid of pressures and of the given gaps those are chosen
+whose readings together shrink the unknowns' joint uncertainty most (D-optimal, on the model's gradients at the priors). A gap that is
+estimated is taken to be off by the same amount at every place of the plate. `condition` is that of the information in units of the
+priors' standard deviations: a large one says that a combination of unknowns is hardly told.";
+
+/// Pressures of the grid.
+const STEPS: usize = 21;
+
+/// Say which pressures, gaps and sensors would tell the unknowns of a scene apart.
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
+pub struct Args {
+    /// Scene with `[actuator.estimate]`, sensors and markers.
+    #[arg(long, value_name = "FILE.toml")]
+    scene: PathBuf,
+    /// The actuator, where the scene has several with unknowns.
+    #[arg(long, value_name = "NAME")]
+    actuator: Option<String>,
+    /// Lowest and highest pressure; default: the range of the model.
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], value_parser = crate::range::pressure_mpa)]
+    pressure_mpa: Option<Vec<f64>>,
+    /// Places of the plate; default: the prior of the gap, or the scene's gap.
+    #[arg(long, num_args = 1.., value_name = "MM", value_parser = crate::range::gap_mm)]
+    gap_mm: Vec<f64>,
+    /// Holds to choose (1 to 20).
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = crate::range::count(1, 20))]
+    holds: usize,
+    /// Readings at each hold (1 to 1000000).
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = crate::range::count(1, 1_000_000))]
+    readings: usize,
+    /// One JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What some sensors tell at best.
+#[derive(Debug, Serialize)]
+struct Plan {
+    sensors: Vec<String>,
+    holds: Vec<Hold>,
+    /// Whether every unknown is told.
+    identifiable: bool,
+    estimates: BTreeMap<String, Predicted>,
+    rank: usize,
+    condition: f64,
+    /// Pairs of unknowns.
+    correlations: Vec<(String, String, f64)>,
+}
+
+#[derive(Debug, Clone, Copy, Serialize)]
+struct Hold {
+    pressure_mpa: f64,
+    gap_mm: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Predicted {
+    prior_sigma: f64,
+    sigma: f64,
+    identifiable: bool,
+}
+
+impl Args {
+    /// Chooses, then prints one plan for each set of sensors.
+    pub fn run(self) -> anyhow::Result<()> {
+        let scene = Scene::load(&self.scene).map_err(configuration)?;
+        let mut of = Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
+        let holds = self.candidates(&of)?;
+        let plans = sensor_sets(&of).into_iter().map(|blocks| self.plan(&mut of, &holds, blocks));
+        let plans: Vec<Plan> = plans.collect::<anyhow::Result<_>>()?;
+        if self.json {
+            let best = plans.iter().position(|plan| plan.identifiable);
+            return output::json(&serde_json::json!({
+                "plans": plans, "recommended": best, "unknowns": of.setup.unknowns.len(), "readings_per_hold": self.readings,
+            }));
+        }
+        plans.iter().try_for_each(print)
+    }
+
+    /// States of the grid that lie among the model's samples, with all their inputs.
+    fn candidates(&self, of: &Unknowns) -> anyhow::Result<Vec<Inputs>> {
+        let evaluator = Evaluator::new(&of.header)?;
+        let mut evaluation = evaluator.evaluation();
+        let mut base = Inputs::new(f64::NAN, f64::NAN);
+        for (input, role) in of.setup.inputs.iter().enumerate() {
+            base = match *role {
+                InputRole::Given(value) => base.with(input, value),
+                InputRole::Estimated(unknown) => base.with(input, of.setup.unknowns[unknown].prior),
+                InputRole::Measured { .. } => base,
+            };
+        }
+        let [low, high] = match self.pressure_mpa.as_deref() {
+            Some([low, high]) => [*low, *high],
+            _ => of.header.inputs[PRESSURE].range,
+        };
+        let gaps_mm = if self.gap_mm.is_empty() { vec![base.gap_mm()] } else { self.gap_mm.clone() };
+        if gaps_mm.iter().any(|gap| gap.is_nan()) {
+            bail!(
+                "--gap-mm: expected the gaps at which readings can be taken, for the scene measures the gap; found none"
+            );
+        }
+        let at = |step: usize| low + (high - low) * step as f64 / (STEPS - 1) as f64;
+        let grid = gaps_mm
+            .iter()
+            .flat_map(|gap| (0..STEPS).map(move |step| base.with(PRESSURE, at(step)).with(GAP, *gap)));
+        let inside = grid.filter(|inputs| {
+            evaluator.evaluate(*inputs, &mut evaluation);
+            evaluation.domain != DomainStatus::Outside
+        });
+        let holds: Vec<Inputs> = inside.collect();
+        if holds.is_empty() {
+            bail!(
+                "no pressure from {low} to {high} MPa at gaps {gaps_mm:?} mm lies among the model's samples; \
+                 `softtwin inspect` prints their range"
+            );
+        }
+        Ok(holds)
+    }
+
+    fn plan(&self, of: &mut Unknowns, candidates: &[Inputs], blocks: u32) -> anyhow::Result<Plan> {
+        let mut tell = |inputs: &Inputs| {
+            let information =
+                estimate::information(&of.setup, inputs.values(), self.readings, blocks, &mut of.sensors);
+            Some((*inputs, information?))
+        };
+        let (holds, information): (Vec<Inputs>, Vec<Symmetric>) =
+            candidates.iter().filter_map(&mut tell).unzip();
+        let chosen = estimate::choose(&of.setup, &information, self.holds);
+        let Some(told) = estimate::told(&of.setup, &information, &chosen) else {
+            bail!("the model's gradients give no covariance at these states; choose other pressures or gaps");
+        };
+        let hold = |at: &usize| Hold { pressure_mpa: holds[*at].pressure_mpa(), gap_mm: holds[*at].gap_mm() };
+        Ok(Plan {
+            sensors: names(of, blocks),
+            holds: chosen.iter().map(hold).collect(),
+            identifiable: told.estimates.iter().all(|estimate| estimate.identifiable),
+            estimates: estimates(of, &told),
+            rank: told.rank,
+            condition: told.condition,
+            correlations: correlations(of, &told),
+        })
+    }
+}
+
+/// The load cell, the markers, both: fewest first. By the bits of the setup's blocks.
+fn sensor_sets(of: &Unknowns) -> Vec<u32> {
+    let markers = (0..of.spec.markers.len()).fold(0, |bits, marker| bits | 2 << marker);
+    if markers == 0 { vec![1] } else { vec![1, markers, 1 | markers] }
+}
+
+fn names(of: &Unknowns, blocks: u32) -> Vec<String> {
+    let force = (blocks & 1 != 0).then(|| "measured_force_n".to_owned());
+    let markers = of.spec.markers.iter().enumerate().filter(|(at, _)| blocks & (2 << at) != 0);
+    force.into_iter().chain(markers.map(|(_, marker)| marker.name.clone())).collect()
+}
+
+fn estimates(of: &Unknowns, told: &Told) -> BTreeMap<String, Predicted> {
+    let both = of.setup.unknowns.iter().zip(&told.estimates);
+    let one = |(unknown, estimate): (&estimate::Unknown, &estimate::Estimate)| {
+        let (sigma, identifiable) = (estimate.sigma, estimate.identifiable);
+        (unknown.name.clone(), Predicted { prior_sigma: unknown.sigma, sigma, identifiable })
+    };
+    both.map(one).collect()
+}
+
+fn correlations(of: &Unknowns, told: &Told) -> Vec<(String, String, f64)> {
+    let unknowns = &of.setup.unknowns;
+    let pairs = (0..unknowns.len()).flat_map(|a| (a + 1..unknowns.len()).map(move |b| (a, b)));
+    pairs.map(|(a, b)| (unknowns[a].name.clone(), unknowns[b].name.clone(), told.correlation(a, b))).collect()
+}
+
+fn print(plan: &Plan) -> anyhow::Result<()> {
+    let told = if plan.identifiable { "all unknowns are told" } else { "not all unknowns are told" };
+    output!(
+        "{}: {told}; rank {} of {}, condition {:.1e}",
+        plan.sensors.join(", "),
+        plan.rank,
+        plan.estimates.len(),
+        plan.condition
+    )?;
+    for hold in &plan.holds {
+        output!("  hold {:8.5} MPa  gap {:6.2} mm", hold.pressure_mpa, hold.gap_mm)?;
+    }
+    for (name, estimate) in &plan.estimates {
+        let note = if estimate.identifiable { "" } else { "   not told: rests on the prior" };
+        output!("  {name:28} +- {:.6}   (prior +- {}){note}", estimate.sigma, estimate.prior_sigma)?;
+    }
+    for (a, b, correlation) in plan.correlations.iter().filter(|pair| pair.2.abs() > 0.9) {
+        output!("  {a} and {b} can hardly be told apart: correlation {correlation:.3}")?;
+    }
+    Ok(())
+}

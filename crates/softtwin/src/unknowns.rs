@@ -1,0 +1,56 @@
+//! The unknowns of a scene with the sensors that tell them: what `calibrate` and `plan-experiment` begin with.
+
+use crate::failure::{configuration, usage};
+use crate::files;
+use anyhow::Context;
+use estimate::Setup;
+use rom::model::ModelHeader;
+use runtime::config::{ActuatorSpec, Scene};
+use runtime::estimation::{self, SensorModel};
+use std::path::Path;
+
+/// One actuator that estimates something.
+pub struct Unknowns {
+    /// Its part of the scene.
+    pub spec: ActuatorSpec,
+    /// Unknowns, inputs, measured values.
+    pub setup: Setup,
+    /// The model's predictions of these values.
+    pub sensors: SensorModel,
+    /// The small part of its model, with the scene's values of parameters.
+    pub header: ModelHeader,
+}
+
+impl Unknowns {
+    /// Of the named actuator, or of the only one that estimates something.
+    pub fn load(scene: &Scene, path: &Path, actuator: Option<&str>) -> anyhow::Result<Self> {
+        let spec = spec(scene, path, actuator)?.clone();
+        let mut model = files::model(&scene.resolve(&spec.model))?;
+        let given = spec.inputs.iter().map(|(name, value)| (name.as_str(), *value));
+        model.header.give(given).map_err(configuration)?;
+        let problems = |texts: Vec<String>| configuration(anyhow::anyhow!("{}", texts.join("\n")));
+        let setup = estimation::setup(&spec, &model).map_err(problems)?;
+        let sensors = SensorModel::new(&spec, &model).map_err(problems)?;
+        Ok(Self { spec, setup, sensors, header: model.header })
+    }
+}
+
+fn spec<'a>(scene: &'a Scene, path: &Path, actuator: Option<&str>) -> anyhow::Result<&'a ActuatorSpec> {
+    let with = |spec: &&ActuatorSpec| !spec.estimate.is_empty();
+    let names: Vec<&str> = scene.actuators.iter().filter(with).map(|spec| spec.name.as_str()).collect();
+    match (actuator, names.as_slice()) {
+        (Some(name), found) => {
+            scene.actuators.iter().filter(with).find(|spec| spec.name == *name).ok_or_else(|| {
+                usage(format!("--actuator {name}: the scene estimates something for {found:?} only"))
+            })
+        }
+        (None, [_]) => scene.actuators.iter().find(with).context("an actuator"),
+        (None, []) => Err(configuration(anyhow::anyhow!(
+            "{}: expected [actuator.estimate] with at least one unknown, found none",
+            path.display()
+        ))),
+        (None, several) => {
+            Err(usage(format!("several actuators have unknowns: {several:?}; name one with --actuator")))
+        }
+    }
+}

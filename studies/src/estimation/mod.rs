@@ -1,0 +1,188 @@
+//! Hidden truths: inflations with unknown gap, gauge bias and stiffness, and what the filter makes of their readings.
+
+mod truth;
+mod unscented;
+
+use crate::stats::median;
+use estimate::{Filter, MAX_INPUTS, Measurement, Model as _, Predicted, Setup, Status};
+use runtime::config::Scene;
+use runtime::estimation::SensorModel;
+use serde_json::{Value, json};
+use softtwin::unknowns::Unknowns;
+use softtwin::{files, output, progress::Progress, range};
+use std::path::PathBuf;
+use std::time::Instant;
+use truth::{Readings, Truth};
+use unscented::Unscented;
+
+const EXAMPLES: &str = "\
+Examples:
+  100 truths of a model of another mesh; a truth takes a few seconds:
+    softtwin-studies estimation --scene config/scenes/estimate.toml --truth second-mesh.twin
+  Truths of the scene's own model, which have no error of the mesh:
+    softtwin-studies estimation --scene config/scenes/estimate.toml --truths 20
+
+A truth is an inflation to 0.1 MPa in 10 s at 200 Hz with hidden unknowns: gap within 10 mm of its prior, gauge bias within 2 kPa, every
+other unknown within 20 % of its prior, but inside the truth's samples. Noise 0.5 kPa, 5 mN, 0.2 mm; 10 % of the markers' readings
+missing, 1 % outliers. The truth's model must have the inputs of the scene's model that are estimated; others take its own values. The
+medians are of absolute errors at the end of the inflation. Prints one JSON object.";
+
+/// Estimates hidden truths: errors, coverage, consistency, cost, beside an unscented filter and believing the readings.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Scene with `[actuator.estimate]`.
+    #[arg(long, value_name = "FILE.toml", default_value = "config/scenes/estimate.toml")]
+    scene: PathBuf,
+    /// Model that the truths are taken from; default: the scene's own.
+    #[arg(long, value_name = "FILE.twin")]
+    truth: Option<PathBuf>,
+    /// Truths (1 to 10000).
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = range::count(1, 10_000))]
+    truths: usize,
+    /// Begin of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    seed: u64,
+}
+
+/// Names of the sets of sensors, and whether load cell and markers are in them.
+const SENSORS: [(&str, [bool; 2]); 3] =
+    [("force_and_markers", [true, true]), ("markers", [false, true]), ("force", [true, false])];
+/// Half a 90 % band in standard deviations.
+const BAND: f64 = 1.645;
+/// A gap off by less counts as converged, mm.
+const CONVERGED_MM: f64 = 0.5;
+
+/// What one filter made of one truth.
+struct Outcome {
+    /// By unknown: estimate less truth, standard deviation, whether told.
+    unknowns: Vec<(f64, f64, bool)>,
+    /// Predicted less true contact force at the end, N.
+    force_n: f64,
+    /// Share of the readings used whose NIS lies in its 95 % band.
+    consistent: f64,
+    /// From the first contact until the gap stays near the truth, s.
+    converged_s: f64,
+}
+
+impl Args {
+    /// Simulates, estimates, prints.
+    pub fn run(self) -> anyhow::Result<()> {
+        let scene = Scene::load(&self.scene)?;
+        let mut of = Unknowns::load(&scene, &self.scene, None)?;
+        let path = self.truth.clone().unwrap_or_else(|| scene.resolve(&of.spec.model));
+        let model = files::model(&path)?;
+        let mut world = truth::World::new(&of, &model)?;
+        let (mut found, mut unscented, mut update_us) = ([vec![], vec![], vec![]], vec![], vec![]);
+        let (mut believed_n, mut progress) = (Vec::new(), Progress::new(false));
+        for number in 0..self.truths {
+            progress.step(&format!("truth {} of {}", number + 1, self.truths));
+            let truth = world.draw(&of.setup, self.seed + number as u64);
+            let readings = world.inflate(&of, &truth);
+            for (found, (_, sensors)) in found.iter_mut().zip(SENSORS) {
+                found.push(filtered(&of.setup, &mut of.sensors, &truth, &readings, sensors, &mut update_us));
+            }
+            unscented.push(Unscented::run(&of.setup, &mut of.sensors, &truth, &readings));
+            let prior: Vec<f64> = of.setup.unknowns.iter().map(|unknown| unknown.prior).collect();
+            if let Some(last) = readings.measured.last() {
+                let inputs = of.setup.inputs(last, &prior);
+                believed_n.push(force_n(&of.setup, &mut of.sensors, &inputs) - readings.force_n);
+            }
+        }
+        drop(progress);
+        let names: Vec<&str> = of.setup.unknowns.iter().map(|unknown| unknown.name.as_str()).collect();
+        let mut out = json!({
+            "truths": self.truths, "seed": self.seed, "scene": self.scene, "truth": path,
+            "update_us": { "median": quantile(&mut update_us, 0.5), "p99": quantile(&mut update_us, 0.99) },
+            "believing_the_readings": { "force_n": median(believed_n.iter().map(|e| e.abs())) },
+            "unscented": { "median_error": medians(&names, &unscented) },
+        });
+        for ((name, _), outcomes) in SENSORS.iter().zip(&found) {
+            out[*name] = summary(&names, outcomes);
+        }
+        output::json(&out)
+    }
+}
+
+/// Runs the filter over the readings of some sensors.
+fn filtered(
+    setup: &Setup,
+    model: &mut SensorModel,
+    truth: &Truth,
+    readings: &Readings,
+    [force, markers]: [bool; 2],
+    update_us: &mut Vec<f64>,
+) -> Outcome {
+    let Ok(mut filter) = Filter::new(setup.clone()) else {
+        unreachable!("the setup was checked when it was made")
+    };
+    let gap = setup.unknowns.iter().position(|unknown| unknown.name == "gap_mm");
+    let (mut used, mut consistent, mut since_s) = (0_u32, 0_u32, None);
+    let mut inputs = [f64::NAN; MAX_INPUTS];
+    for measured in &readings.measured {
+        let mut measured: Measurement = *measured;
+        for (value, row) in measured.rows.iter_mut().zip(&setup.rows) {
+            if !(if row.block == 0 { force } else { markers }) {
+                *value = f64::NAN;
+            }
+        }
+        let begin = Instant::now();
+        let update = filter.update(&measured, model);
+        update_us.push(begin.elapsed().as_secs_f64() * 1e6);
+        inputs = update.inputs;
+        if update.status == Status::Used && update.used > 0 {
+            used += 1;
+            consistent += u32::from((update.nis_band[0]..=update.nis_band[1]).contains(&update.nis));
+        }
+        let near = gap.is_some_and(|gap| {
+            filter.estimates().nth(gap).is_some_and(|e| (e.value - truth.unknowns[gap]).abs() < CONVERGED_MM)
+        });
+        since_s = if near { since_s.or(Some(measured.t_s)) } else { None };
+    }
+    let off =
+        filter.estimates().zip(&truth.unknowns).map(|(e, truth)| (e.value - truth, e.sigma, e.identifiable));
+    Outcome {
+        unknowns: off.collect(),
+        force_n: force_n(setup, model, &inputs) - readings.force_n,
+        consistent: f64::from(consistent) / f64::from(used.max(1)),
+        converged_s: since_s.map_or(f64::INFINITY, |since| (since - readings.contact_s).max(0.0)),
+    }
+}
+
+fn force_n(setup: &Setup, model: &mut SensorModel, inputs: &[f64; MAX_INPUTS]) -> f64 {
+    let mut rows = vec![Predicted::default(); setup.rows.len()];
+    model.predict(inputs, &mut rows);
+    rows[0].value
+}
+
+fn medians(names: &[&str], errors: &[Vec<f64>]) -> Value {
+    let of = |at: usize| median(errors.iter().map(|error| error[at].abs()));
+    names.iter().enumerate().map(|(at, name)| ((*name).to_owned(), json!(of(at)))).collect()
+}
+
+fn summary(names: &[&str], outcomes: &[Outcome]) -> Value {
+    let errors: Vec<Vec<f64>> = outcomes.iter().map(|o| o.unknowns.iter().map(|u| u.0).collect()).collect();
+    let all = || outcomes.iter().flat_map(|outcome| &outcome.unknowns);
+    let share = |of: &dyn Fn(&(f64, f64, bool)) -> bool| {
+        all().filter(|unknown| of(unknown)).count() as f64 / all().count().max(1) as f64
+    };
+    let told = |name: usize| outcomes.iter().filter(|outcome| outcome.unknowns[name].2).count();
+    let told: Value =
+        names.iter().enumerate().map(|(at, name)| ((*name).to_owned(), json!(told(at)))).collect();
+    json!({
+        "median_error": medians(names, &errors),
+        "median_force_error_n": median(outcomes.iter().map(|outcome| outcome.force_n.abs())),
+        "coverage_of_90_percent_bands": share(&|(off, sigma, _)| off.abs() <= BAND * sigma),
+        "beyond_3_sigma": share(&|(off, sigma, _)| off.abs() > 3.0 * sigma),
+        "told_and_beyond_3_sigma": share(&|(off, sigma, told)| *told && off.abs() > 3.0 * sigma),
+        "truths_that_tell": told,
+        "median_share_of_nis_in_band": median(outcomes.iter().map(|outcome| outcome.consistent)),
+        "median_s_from_contact_to_gap_within_0.5_mm": median(outcomes.iter().map(|outcome| outcome.converged_s)),
+    })
+}
+
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let at = (share * values.len() as f64) as usize;
+    values.get(at.min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+}
