@@ -1,7 +1,7 @@
 //! Which readings tell the unknowns apart, before any is taken: D-optimal choice over the model's gradients.
 //!
-//! A hold is `n` readings at one state. Their mean tells `J^T (R / n + M)^-1 J` of the unknowns, with the sensors' noise `R`, the model's
-//! error `M`, which does not average out, and the noise of measured inputs eliminated. Chosen is the set of holds with the largest
+//! A hold is `n` readings at one state. It tells `n J^T (R + N M)^-1 J` of the unknowns, with the sensors' noise `R` and the model's error
+//! `M`, which all `N` readings of the experiment share as in the fit, and with the noise of measured inputs eliminated. Chosen is the set of holds with the largest
 //! determinant of prior and told information together.
 
 use crate::batch::eliminate;
@@ -31,11 +31,12 @@ impl Told {
 }
 
 /// Information about the unknowns in `readings` readings at a state with these true inputs, by the blocks of measured values in the bits
-/// `blocks`. None where the model gives no finite answer. The biases are those of the priors.
+/// `blocks`. `sharing` readings of the whole experiment have the model's error in common. None where the model gives no finite answer. The biases are those of the priors.
 pub fn information(
     setup: &Setup,
     inputs: &[f64; MAX_INPUTS],
     readings: usize,
+    sharing: usize,
     blocks: u32,
     model: &mut impl Model,
 ) -> Option<Symmetric> {
@@ -58,7 +59,7 @@ pub fn information(
     let mut weights = [0.0; MAX_ROWS];
     for (i, row) in setup.rows.iter().enumerate().filter(|(_, row)| blocks & (1 << row.block) != 0) {
         measurement.rows[i] = 0.0;
-        weights[i] = readings / row.variance(readings);
+        weights[i] = readings / row.variance(sharing.max(1) as f64);
     }
     let problem =
         ReadingProblem { setup, measurement: &measurement, prior: &prior, side: Side::Any, weights };

@@ -16,7 +16,8 @@ fn states() -> Vec<[f64; MAX_INPUTS]> {
 }
 
 fn holds(blocks: u32) -> Vec<Symmetric> {
-    let one = |inputs: &[f64; MAX_INPUTS]| information(&setup(true), inputs, READINGS, blocks, &mut Finger);
+    let one =
+        |inputs: &[f64; MAX_INPUTS]| information(&setup(true), inputs, READINGS, 1, blocks, &mut Finger);
     states().iter().map(|inputs| one(inputs).expect("finite")).collect()
 }
 

@@ -141,9 +141,10 @@ impl Args {
 
     fn plan(&self, of: &mut Unknowns, candidates: &[Inputs], blocks: u32) -> anyhow::Result<Plan> {
         let mut tell = |inputs: &Inputs| {
-            let information =
-                estimate::information(&of.setup, inputs.values(), self.readings, blocks, &mut of.sensors);
-            Some((*inputs, information?))
+            let (setup, sensors) = (&of.setup, &mut of.sensors);
+            let sharing = self.readings * self.holds;
+            let told = estimate::information(setup, inputs.values(), self.readings, sharing, blocks, sensors);
+            Some((*inputs, told?))
         };
         let (holds, information): (Vec<Inputs>, Vec<Symmetric>) =
             candidates.iter().filter_map(&mut tell).unzip();
