@@ -9,10 +9,11 @@
 //! with Huber's `rho`. The noise is eliminated reading by reading (Schur complement), so a step costs `O(readings)`; steps are
 //! damped after Levenberg and Marquardt.
 
-use crate::filter::{Estimate, Filter};
+use crate::filter::Filter;
 use crate::identify;
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
 use crate::normal::chi_squared_quantile;
+use crate::outcome::Estimate;
 use crate::reading::{Linear, Prior, ReadingProblem, Side, difference};
 use crate::setup::{MAX_ROWS, Measurement, Model, Setup, SetupError};
 

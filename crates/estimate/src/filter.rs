@@ -3,9 +3,10 @@
 use crate::identify::{self, Identifiability};
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
+use crate::outcome::{Alarm, Estimate, Status, Update};
 use crate::reading::{self, Linear, Prior, ReadingProblem, Side, Solution};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
-use crate::watch::{Alarm, Watch};
+use crate::watch::Watch;
 
 /// A block whose residual is that unlikely (one-sided normal quantile of 1e-4) is rejected.
 const GATE_Z: f64 = 3.719;
@@ -18,53 +19,6 @@ const FIRST_CONTACT_EVIDENCE: f64 = 25.0;
 const CLEAR: f64 = 6.0;
 /// How far inside the contact the search begins when the prior lies outside (mm).
 const INSIDE_CONTACT_MM: f64 = 0.5;
-
-/// What became of a reading.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// The estimate takes it into account.
-    Used,
-    /// A measured input is missing or not a number; nothing changed.
-    InputMissing,
-    /// Its time is not after that of the reading before; nothing changed.
-    NotLater,
-    /// The search for the estimate did not end, or the model gives no value there; nothing changed.
-    NotConverged,
-    /// Too many of its values contradict the model and the estimate; nothing changed.
-    NotExplained,
-}
-
-/// The outcome of one reading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Update {
-    /// What became of it.
-    pub status: Status,
-    /// Model inputs that explain the reading best.
-    pub inputs: [f64; MAX_INPUTS],
-    /// Whether the actuator touches, as far as the reading tells.
-    pub in_contact: bool,
-    /// Values used.
-    pub used: usize,
-    /// By block: bit set when its values were rejected as contradictory.
-    pub rejected: u32,
-    /// Normalised innovation squared of the values used: chi-squared with `used` degrees where filter and sensors agree.
-    pub nis: f64,
-    /// Its range of 95 % probability.
-    pub nis_band: [f64; 2],
-    /// What does not fit, lasting.
-    pub alarm: Option<Alarm>,
-}
-
-/// An unknown's estimate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
-    /// Value.
-    pub value: f64,
-    /// Standard deviation.
-    pub sigma: f64,
-    /// Whether the readings tell it.
-    pub identifiable: bool,
-}
 
 /// The filter's memory.
 #[derive(Clone, Debug)]
@@ -133,11 +87,6 @@ impl Filter {
         self.covariance.correlation(a, b)
     }
 
-    /// Standard deviation that an unknown would have without any reading.
-    pub(crate) fn unread_sigma(&self, unknown: usize) -> f64 {
-        self.unread[unknown].sqrt()
-    }
-
     /// Standard deviation of a quantity with these derivatives by the model inputs, from the errors of the unknowns and the
     /// noise of the measured inputs.
     pub fn sigma_of(&self, by_input: &[f64; MAX_INPUTS]) -> f64 {
@@ -181,7 +130,8 @@ impl Filter {
         let noise = solved.as_ref().map(|solved| &solved.solution.states[self.setup.unknowns.len()..]);
         let mut watch = std::mem::take(&mut self.watch);
         watch.add(&self.setup, measurement, &update, noise);
-        update.alarm = watch.judge(self);
+        let unread = self.unread.map(f64::sqrt);
+        update.alarm = watch.judge(&self.setup, self.estimates().zip(unread));
         self.alarm = update.alarm;
         self.watch = watch;
         update

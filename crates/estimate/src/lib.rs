@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `setup.rs` | unknowns with their priors, roles of the model's inputs, measured values, the trait of a model |
 //! | `reading.rs` | one reading as a least-squares problem, solved by iteration |
+//! | `outcome.rs` | what the filter says of a reading and of the unknowns |
 //! | `filter.rs` | the filter over readings: drift, contact or not, rejection of outliers, consistency |
 //! | `batch.rs` | the fit of constants to a whole recording |
 //! | `identify.rs` | which unknowns the readings tell |
@@ -22,16 +23,17 @@ mod filter;
 mod identify;
 mod matrix;
 mod normal;
+mod outcome;
 mod plan;
 mod reading;
 mod setup;
 mod watch;
 
 pub use batch::{Fit, fit};
-pub use filter::{Estimate, Filter, Status, Update};
+pub use filter::Filter;
 pub use matrix::{MAX_STATES, Symmetric};
+pub use outcome::{Alarm, Estimate, Status, Update};
 pub use plan::{Told, choose, information, told};
 pub use setup::{
     InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup, SetupError, Unknown,
 };
-pub use watch::Alarm;

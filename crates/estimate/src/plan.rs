@@ -5,9 +5,9 @@
 //! determinant of prior and told information together.
 
 use crate::batch::eliminate;
-use crate::filter::Estimate;
 use crate::identify;
 use crate::matrix::{MAX_STATES, Symmetric};
+use crate::outcome::Estimate;
 use crate::reading::{Prior, ReadingProblem, Side};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup};
 

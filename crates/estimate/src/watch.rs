@@ -3,8 +3,8 @@
 //! One reading says little: outliers and missing values are normal. Kept are sums over readings, each forgotten by `exp(-t / 0.5 s)`:
 //! how often a block was rejected, the noise that a measured input must have had, and the normalised innovations.
 
-use crate::filter::{Filter, Status, Update};
-use crate::matrix::{MAX_STATES, Vector};
+use crate::matrix::Vector;
+use crate::outcome::{Alarm, Estimate, Status, Update};
 use crate::setup::{MAX_INPUTS, MAX_ROWS, Measurement, Setup};
 
 /// Time after which a reading counts 1/e (s).
@@ -24,19 +24,6 @@ const MAX_EXCESS: f64 = 6.0;
 /// Square of the model's error in its standard deviations that is still normal (quantile 0.9999): it is the same in all readings
 /// of the window, so that it does not average out.
 const MODEL_SQUARES: f64 = 15.1;
-
-/// What does not fit, lasting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Alarm {
-    /// These measured inputs contradict the other sensors: bit by input. The value read is not the value in the actuator.
-    Input(u32),
-    /// These blocks of measured values contradict the others and the model: bit by block.
-    Sensor(u32),
-    /// These unknowns are told by the readings and lie beyond 4 standard deviations of what was known before: bit by unknown.
-    Unknown(u32),
-    /// The model does not explain the readings.
-    NotExplained,
-}
 
 /// Sums over the last readings.
 #[derive(Clone, Debug, Default)]
@@ -110,14 +97,18 @@ impl Watch {
         self.variance *= share * share;
     }
 
-    /// Says what does not fit, once it lasts.
-    pub(crate) fn judge(&mut self, filter: &Filter) -> Option<Alarm> {
-        let (found, now_s) = (self.misfit(filter), self.last_t_s?);
+    /// Says what does not fit, once it lasts. `estimates` come with the standard deviations that they would have without any reading.
+    pub(crate) fn judge(
+        &mut self,
+        setup: &Setup,
+        estimates: impl Iterator<Item = (Estimate, f64)>,
+    ) -> Option<Alarm> {
+        let (found, now_s) = (self.misfit(setup, estimates), self.last_t_s?);
         self.since_s = found.and(self.since_s.or(Some(now_s)));
         found.filter(|_| self.since_s.is_some_and(|since| now_s - since >= SETTLE_S))
     }
 
-    fn misfit(&self, filter: &Filter) -> Option<Alarm> {
+    fn misfit(&self, setup: &Setup, estimates: impl Iterator<Item = (Estimate, f64)>) -> Option<Alarm> {
         if self.readings < MIN_READINGS {
             return None;
         }
@@ -135,7 +126,6 @@ impl Watch {
         if self.used < MIN_READINGS {
             return None;
         }
-        let setup = filter.setup();
         let (mut inputs, mut noise) = (0_u32, self.noise.iter());
         for (input, _) in setup.measured_inputs().filter(|(input, _)| *input < MAX_INPUTS) {
             let mean = noise.next().map_or(0.0, |sum| sum / self.used);
@@ -148,9 +138,8 @@ impl Watch {
             return Some(Alarm::NotExplained);
         }
         let mut unknowns = 0_u32;
-        for (at, (estimate, unknown)) in filter.estimates().zip(&setup.unknowns).take(MAX_STATES).enumerate()
-        {
-            let away = (estimate.value - unknown.prior).abs() > MAX_FROM_PRIOR * filter.unread_sigma(at);
+        for (at, ((estimate, unread), unknown)) in estimates.zip(&setup.unknowns).enumerate() {
+            let away = (estimate.value - unknown.prior).abs() > MAX_FROM_PRIOR * unread;
             unknowns |= u32::from(estimate.identifiable && away) << at;
         }
         (unknowns != 0).then_some(Alarm::Unknown(unknowns))
