@@ -33,6 +33,8 @@ pub struct Filter {
     spacing_s: f64,
     /// Largest gap that readings without contact have excluded (mm).
     gap_floor_mm: f64,
+    /// Evidence for a contact from readings in a row that only a contact explains whole.
+    toward_contact: f64,
     identifiability: Identifiability,
     watch: Watch,
     alarm: Option<Alarm>,
@@ -58,6 +60,7 @@ impl Filter {
             last_t_s: None,
             spacing_s: f64::INFINITY,
             gap_floor_mm: f64::NEG_INFINITY,
+            toward_contact: 0.0,
             setup,
             mean,
             covariance,
@@ -227,7 +230,12 @@ impl Filter {
     }
 
     /// The likelier of no contact and contact where the gap is unknown; otherwise the model decides.
-    fn best(&self, measurement: &Measurement, prior: &Prior, model: &mut impl Model) -> Option<Explained> {
+    fn best(
+        &mut self,
+        measurement: &Measurement,
+        prior: &Prior,
+        model: &mut impl Model,
+    ) -> Option<Explained> {
         let Some(unknown) = self.setup.gap_unknown() else {
             return self.explain(measurement, prior, Side::Any, None, model);
         };
@@ -251,8 +259,11 @@ impl Filter {
         let needed = if self.identifiability.tells(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
         match (open, touching) {
             (Some(open), Some(touching)) => {
-                let is_open = open.evidence - 2.0 * beyond.ln() <= touching.evidence + needed;
-                Some(if is_open { open } else { touching })
+                let toward = open.evidence - 2.0 * beyond.ln() - touching.evidence;
+                // Rejection bounds what one reading can say; readings in a row say it together.
+                let partly = open.rejected.count_ones() > touching.rejected.count_ones();
+                self.toward_contact = if partly { self.toward_contact + toward.max(0.0) } else { 0.0 };
+                Some(if toward.max(self.toward_contact) <= needed { open } else { touching })
             }
             (open, touching) => open.or(touching),
         }
@@ -322,7 +333,7 @@ impl Filter {
         self.covariance = factor.inverse().leading(count);
         self.mean[..count].copy_from_slice(&states[..count]);
         let in_contact = side == Side::Contact || (side == Side::Any && solution.linear.in_contact);
-        if side == Side::Free {
+        if side == Side::Free && rejected == 0 {
             self.gap_floor_mm =
                 self.gap_floor_mm.max(model.onset_gap_mm(&inputs).unwrap_or(f64::NEG_INFINITY));
         } else if in_contact {

@@ -8,9 +8,6 @@ use crate::interpolant::Interpolant;
 use crate::model::{FarOnset, GroupModel, ModelHeader, RegimeModel};
 use crate::snapshots::RegimeKind;
 
-/// Outputs are computed in blocks of so many.
-const BLOCK: usize = 4;
-
 /// A wanted output of a regime: a weighted sum of one group's coefficients.
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
@@ -52,8 +49,7 @@ fn of_regime(old: &RegimeModel, wanted: &[Output], kept: Option<usize>) -> (Regi
     for outputs in wanted.chunk_by(alike) {
         let surrogate = weighed(old, outputs);
         place.extend(next..next + outputs.len());
-        corrections.extend(outputs.iter().map(Some));
-        corrections.resize(next + surrogate.outputs, None);
+        corrections.extend(outputs);
         next = push(&mut new, next, surrogate);
     }
     if let Some(kept) = kept.and_then(|kept| old.groups.get(kept)) {
@@ -88,7 +84,7 @@ fn push(regime: &mut RegimeModel, begin: usize, surrogate: Interpolant) -> usize
 /// The interpolant of outputs whose groups share their kernel.
 fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
     let first = &old.groups[outputs[0].group].surrogate;
-    let width = outputs.len().next_multiple_of(BLOCK);
+    let width = outputs.len();
     let sums = |terms: usize, of: &dyn Fn(&Interpolant) -> &[f64]| {
         let mut sums = vec![0.0; terms * width];
         for (at, output) in outputs.iter().enumerate() {
@@ -108,10 +104,10 @@ fn weighed(old: &RegimeModel, outputs: &[Output]) -> Interpolant {
     }
 }
 
-fn corrected(old: &RegimeModel, far: &FarOnset, outputs: &[Option<&Output>]) -> FarOnset {
+fn corrected(old: &RegimeModel, far: &FarOnset, outputs: &[&Output]) -> FarOnset {
     let rows = far.corrections.chunks_exact(old.coefficient_count().max(1));
-    let one = |row: &[f64], output: &Option<&Output>| {
-        output.map_or(0.0, |output| dot(&output.weights, &row[old.groups[output.group].coefficients.clone()]))
+    let one = |row: &[f64], output: &Output| {
+        dot(&output.weights, &row[old.groups[output.group].coefficients.clone()])
     };
     let corrections = rows.flat_map(|row| outputs.iter().map(move |output| one(row, output))).collect();
     FarOnset { gap_mm: far.gap_mm.clone(), corrections }
