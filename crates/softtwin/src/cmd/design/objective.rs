@@ -84,6 +84,8 @@ pub struct Goals<'a> {
     evaluator: rom::evaluator::Evaluator,
     evaluation: Evaluation,
     probes: Probes,
+    /// Of the points and the force alone.
+    at_points: Evaluation,
     positions: Vec<ProbePosition>,
     /// Only where an objective is a stress: it needs all nodes.
     whole: Option<ModelState>,
@@ -112,7 +114,8 @@ impl<'a> Goals<'a> {
             objectives,
             evaluation: evaluator.evaluation(),
             evaluator,
-            positions: vec![ProbePosition::default(); probes.len()],
+            positions: vec![ProbePosition::default(); points.len()],
+            at_points: probes.evaluation(),
             probes,
             whole,
             within,
@@ -121,13 +124,12 @@ impl<'a> Goals<'a> {
 
     /// The model's values of the objectives at some inputs, with their derivatives; none where it has no answer.
     pub fn values(&mut self, inputs: Inputs) -> Option<Vec<(f64, [f64; MAX_INPUTS])>> {
-        self.evaluator.differentiate(inputs, &mut self.evaluation);
-        self.probes.evaluate(&self.evaluation, &mut self.positions);
+        self.probes.evaluate(inputs, &mut self.at_points, &mut self.positions);
         let mut positions = self.positions.iter();
         let mut all = Vec::with_capacity(self.objectives.len());
         for objective in self.objectives {
             all.push(match objective {
-                Objective::Force(_) => (self.evaluation.contact_force_n, self.evaluation.force_gradient),
+                Objective::Force(_) => (self.at_points.contact_force_n, self.at_points.force_gradient),
                 Objective::Place(axis, ..) => {
                     let point = positions.next()?;
                     (point.position_mm[*axis], point.gradient[*axis])
