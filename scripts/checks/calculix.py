@@ -1,7 +1,7 @@
 """CalculiX solves what our own solver solves, and its results are imported. See scripts/check.sh.
 
-One chamber of a Yeoh rubber on our own mesh, blown up freely and against a plate: the same nodes, the same law, pressure on the same
-faces; the sheet is made so thin that it does nothing. Compared: displacement of every node, force on the plate.
+A finger of a Yeoh rubber on our own mesh, under its weight and a little pressure, free and on a plate: the same nodes, the same law,
+pressure on the same faces; the sheet is made so thin that it does nothing. Compared: displacement of every node, force on the plate.
 """
 import argparse
 import json
@@ -15,17 +15,17 @@ import numpy
 
 ACTUATOR = "models/pneunet/actuator.toml"
 CHANGES = {
-    "name": '"chamber"', "base.length_mm": 20, "base.width_mm": 16, "base.lower_mm": 1.5, "base.upper_mm": 1.5, "body.start_mm": 2,
-    "body.length_mm": 16, "body.width_mm": 16, "body.top_mm": 10, "body.pocket_mm": 0.5, "chambers.count": 1, "chambers.first_mm": 4,
-    "chambers.length_mm": 12, "chambers.pitch_mm": 20, "chambers.width_mm": 12, "chambers.top_mm": 8, "elastomer.bulk_mpa": 4.4, "sheet.youngs_mpa": 1e-3,
-    "sheet.thickness_mm": 1e-3, "loads.gravity_mm_s2": [0.0, 0.0, 0.0], "loads.cavity_load": '"consistent"',
-    "support.fixed": '"base-start"', "slots.floor_mm": 7.5, "channels.top_mm": 5, "obstacle.x_mm": [-5.0, 30.0], "obstacle.z_mm": [-5.0, 21.0],
-    "mesh.file": '"mesh.vtu"', "mesh.nodes": 0, "mesh.size_mm": 1.6,
+    "name": '"finger"', "base.length_mm": 30, "base.width_mm": 3, "base.lower_mm": 3, "base.upper_mm": 3, "body.start_mm": 10,
+    "body.length_mm": 6, "body.width_mm": 3, "body.top_mm": 8, "body.pocket_mm": 0.5, "chambers.count": 1, "chambers.first_mm": 12,
+    "chambers.length_mm": 2, "chambers.width_mm": 1, "chambers.top_mm": 7, "chambers.pitch_mm": 20, "channels.width_mm": 0.5,
+    "channels.top_mm": 6.2, "slots.floor_mm": 6.5, "elastomer.bulk_mpa": 4.4, "sheet.youngs_mpa": 1e-3, "sheet.thickness_mm": 1e-3,
+    "loads.gravity_mm_s2": [0.0, -5e4, 0.0], "loads.cavity_load": '"consistent"', "support.fixed": '"base-start"',
+    "obstacle.x_mm": [-5.0, 40.0], "obstacle.z_mm": [-5.0, 9.0], "mesh.file": '"mesh.vtu"', "mesh.nodes": 0, "mesh.size_mm": 0.65,
 }
 LAW = {"c10_mpa": 0.11, "c20_mpa": 0.02, "c30_mpa": 0.0}
-PRESSURE_MPA = 0.02
+PRESSURE_MPA = 0.002
 GAP_MM = 1.0
-SIZE_MM = 2
+SIZE_MM = 0.65
 PENALTY_MPA_PER_MM = 6.63
 FACES = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]]  # Abaqus' P1 to P4
 
@@ -64,19 +64,19 @@ def job(mesh, gap_mm):
     outer = [(key, found[0]) for key, found in owners.items() if len(found) == 1]
     low, high = points.min(axis=0), points.max(axis=0)
     centre = {key: points[list(key)].mean(axis=0) for key, _ in outer}
-    inside = lambda c: 4 - 1e-6 <= c[0] <= 16 + 1e-6 and 2 - 1e-6 <= c[2] <= 14 + 1e-6 and c[1] <= 8 + 1e-6 and c[1] > 1
+    inside = lambda c: 12 - 1e-6 <= c[0] <= 14 + 1e-6 and 1 - 1e-6 <= c[2] <= 2 + 1e-6 and 3 < c[1] <= 7 + 1e-6
     cavity = [at for key, at in outer if inside(centre[key])]
     bottom = [at for key, at in outer if all(abs(points[list(key)][:, 1] - low[1]) < 1e-6)]
-    fixed = [i + 1 for i, p in enumerate(points) if abs(p[0] - low[0]) < 1e-6 and p[1] <= 3 + 1e-6]
+    fixed = [i + 1 for i, p in enumerate(points) if abs(p[0] - low[0]) < 1e-6 and p[1] <= 6 + 1e-6]
     text = "*NODE, NSET=BODY\n" + "".join(f"{i + 1}, {p[0]:.10g}, {p[1]:.10g}, {p[2]:.10g}\n" for i, p in enumerate(points))
     text += "*ELEMENT, TYPE=C3D10, ELSET=RUBBER\n" + "".join(f"{e + 1}, " + ", ".join(str(n + 1) for n in tet) + "\n" for e, tet in enumerate(tets))
     text += "*NSET, NSET=FIXED\n" + listed(fixed)
     bulk = CHANGES["elastomer.bulk_mpa"]
     text += f"*MATERIAL, NAME=RUBBER\n*HYPERELASTIC, YEOH\n{LAW['c10_mpa']}, {LAW['c20_mpa']}, {LAW['c30_mpa']}, {2 / bulk}, 1e10, 1e10\n"
-    text += "*SOLID SECTION, ELSET=RUBBER, MATERIAL=RUBBER\n"
+    text += "*DENSITY\n1e-9\n*SOLID SECTION, ELSET=RUBBER, MATERIAL=RUBBER\n"
     if gap_mm is not None:
         y, thick = -gap_mm, 2.0
-        corners = [(-5, y - thick, -5), (30, y - thick, -5), (30, y - thick, 21), (-5, y - thick, 21)]
+        corners = [(-5, y - thick, -5), (40, y - thick, -5), (40, y - thick, 9), (-5, y - thick, 9)]
         corners += [(x, y, z) for x, _, z in corners]
         text += "*NODE, NSET=PLATE\n" + "".join(f"{count + k + 1}, {x}, {v}, {z}\n" for k, (x, v, z) in enumerate(corners))
         order = [count + k + 1 for k in (3, 2, 1, 0, 7, 6, 5, 4)]
@@ -86,7 +86,7 @@ def job(mesh, gap_mm):
         text += f"*SURFACE, NAME=TOP\n{len(tets) + 1}, S2\n"
         text += "*SURFACE INTERACTION, NAME=PENALTY\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n"
         text += f"{PENALTY_MPA_PER_MM}, 1e-6\n*CONTACT PAIR, INTERACTION=PENALTY, TYPE=SURFACE TO SURFACE\nBOTTOM, TOP\n"
-    text += "*BOUNDARY\nFIXED, 1, 3\n*STEP, NLGEOM, INC=200\n*STATIC\n0.1, 1., 1e-4, 0.25\n*DLOAD\n"
+    text += "*BOUNDARY\nFIXED, 1, 3\n*STEP, NLGEOM, INC=200\n*STATIC\n0.1, 1., 1e-4, 0.25\n*DLOAD\nRUBBER, GRAV, 5e4, 0., -1., 0.\n"
     text += "".join(f"{e + 1}, P{f + 1}, {PRESSURE_MPA}\n" for e, f in cavity)
     text += "*NODE FILE, NSET=BODY\nU\n*EL FILE, ELSET=RUBBER\nS\n"
     if gap_mm is not None:

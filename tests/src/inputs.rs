@@ -21,7 +21,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 8] = [
+pub const ENTRANCES: [Entrance; 12] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -37,6 +37,10 @@ pub const ENTRANCES: [Entrance; 8] = [
         body: lines,
         seed: || b"0.03,40\n{\"pressure\": 0.03, \"gap\": 40}\n# note\n".to_vec(),
     },
+    Entrance { name: "frd", body: frd, seed: || FRD.to_vec() },
+    Entrance { name: "vtu", body: vtu, seed: || VTU.to_vec() },
+    Entrance { name: "pvd", body: pvd, seed: || PVD.to_vec() },
+    Entrance { name: "inp", body: inp, seed: || INP.to_vec() },
     Entrance { name: "key", body: key, seed: || b"softtwin/*/state\0softtwin/**/field/$*top".to_vec() },
 ];
 
@@ -209,3 +213,57 @@ pub fn key(bytes: &[u8]) {
         assert!(left.intersects(&left), "{left}");
     }
 }
+
+/// Results of CalculiX: cells name nodes that are there, quantities have a value for each.
+pub fn frd(bytes: &[u8]) {
+    let Ok(run) = formats::results::parse_frd(bytes) else { return };
+    let nodes = run.points.len();
+    assert!(run.blocks.iter().flat_map(|block| &block.nodes).all(|node| (*node as usize) < nodes));
+    for quantity in run.steps.iter().flat_map(|step| &step.quantities) {
+        assert_eq!(quantity.values.len(), nodes * quantity.components.len());
+    }
+    std::hint::black_box(formats::cells::surface(&run.points, &run.blocks));
+}
+
+/// A VTU file with quantities at its nodes.
+pub fn vtu(bytes: &[u8]) {
+    let Ok(content) = formats::vtu::parse_content(bytes) else { return };
+    let nodes = content.points.len();
+    assert!(content.blocks.iter().flat_map(|block| &block.nodes).all(|node| (*node as usize) < nodes));
+    for quantity in &content.point_data {
+        assert_eq!(quantity.values.len(), nodes * quantity.components);
+    }
+    std::hint::black_box(formats::cells::surface(&content.points, &content.blocks));
+}
+
+/// ParaView's list of files.
+pub fn pvd(bytes: &[u8]) {
+    let _ = std::hint::black_box(formats::results::parse_pvd(&String::from_utf8_lossy(bytes)));
+}
+
+/// An Abaqus input file.
+pub fn inp(bytes: &[u8]) {
+    let Ok(mesh) = formats::abaqus::parse(&String::from_utf8_lossy(bytes)) else { return };
+    std::hint::black_box(formats::cells::surface(&mesh.points, &mesh.blocks()));
+}
+
+const FRD: &[u8] = b"    2C                             4                                     1\n\
+ -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n -1         2 1.00000E+00 0.00000E+00 0.00000E+00\n\
+ -1         3 0.00000E+00 1.00000E+00 0.00000E+00\n -1         4 0.00000E+00 0.00000E+00 1.00000E+00\n -3\n\
+    3C                             1                                     1\n -1         1    3    0    1\n\
+ -2         1         2         3         4\n -3\n    1PSTEP                         1           1           1\n\
+  100CL  101 1.000000000           4                     0    1           1\n -4  DISP        4    1\n\
+ -5  D1          1    2    1    0\n -5  D2          1    2    2    0\n -5  D3          1    2    3    0\n\
+ -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n -1         2 1.00000E-01-1.00000E-01 0.00000E+00\n\
+ -1         3 0.00000E+00 0.00000E+00 0.00000E+00\n -1         4 0.00000E+00 0.00000E+00 0.00000E+00\n -3\n 9999\n";
+
+const VTU: &[u8] = b"<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndian\"><UnstructuredGrid>\
+<Piece NumberOfPoints=\"4\" NumberOfCells=\"1\"><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\">0 0 0 1 0 0 0 1 0 0 0 1\
+</DataArray></Points><Cells><DataArray type=\"Int32\" Name=\"connectivity\">0 1 2 3</DataArray><DataArray type=\"Int32\" \
+Name=\"offsets\">4</DataArray><DataArray type=\"UInt8\" Name=\"types\">10</DataArray></Cells><PointData><DataArray type=\"Float64\" \
+Name=\"u\" NumberOfComponents=\"3\">0 0 0 .1 0 0 0 .1 0 0 0 .1</DataArray></PointData></Piece></UnstructuredGrid></VTKFile>";
+
+const PVD: &[u8] = b"<VTKFile type=\"Collection\"><Collection><DataSet timestep=\"0\" file=\"a.vtu\"/>\
+<DataSet timestep=\"0.5\" file=\"b.vtu\"/></Collection></VTKFile>";
+
+const INP: &[u8] = b"*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT, TYPE=C3D4\n1,1,2,3,4\n*NSET, NSET=A, GENERATE\n1,4,1\n";

@@ -37,6 +37,7 @@ const LINES: &[&str] = &[
     "import mesh.vtu --out copy.vtu --json",
     "import mesh.inp --out copy.vtu",
     "import mesh.msh --out copy.vtu",
+    "import results job.frd --ramp load_n=2 --length-unit mm --out imported --field DISP.D1=mm",
     "pack --database db --out packed --json",
     "pack --unpack --database packed --out plain",
     "train --database db --out other.twin",
@@ -59,6 +60,7 @@ const FILES: &[&str] = &[
     "mesh.vtu",
     "mesh.inp",
     "mesh.msh",
+    "job.frd",
     "run.mcap",
     "actuator.toml",
     "cases.csv",
@@ -152,6 +154,8 @@ fn prepare(folder: &Path) {
     write("beam.twin", tests::stage::model_bytes());
     write("mesh.inp", INP.as_bytes());
     write("mesh.msh", MSH.as_bytes());
+    let job = ENTRANCES.iter().find(|entrance| entrance.name == "frd").expect("an entrance");
+    write("job.frd", &(job.seed)());
     write("scene.toml", SCENE.as_bytes());
     write("cases.csv", b"case,regime,split,pressure_mpa,gap_mm\na,free,train,0.01,\n");
     let recording = ENTRANCES.iter().find(|entrance| entrance.name == "recording").expect("an entrance");

@@ -55,6 +55,7 @@ fn share(entrance: &Entrance) -> usize {
         "config" => 45,
         "recording" => 90,
         "key" => 120,
+        "frd" | "vtu" | "pvd" | "inp" => 20,
         _ => 240,
     }
 }
