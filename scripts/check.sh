@@ -5,13 +5,12 @@
 #   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
 #   scripts/check.sh view --rate                 instead: frames a second that the browser draws
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
-#   scripts/check.sh calculix                    CalculiX solves what our solver solves; its results are imported and compared (needs ccx)
 #   scripts/check.sh clients [pytest arguments]  the Python client against live twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
-# Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; calculix: ccx; c: c++,
+# Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
 # pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl. scripts/test.sh needs none of this.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -52,14 +51,6 @@ exports() {
     python=python3
     if ! python3 -c 'import meshio, numpy, h5py' 2>/dev/null; then python readers 'meshio==5.3.5' 'numpy<3' h5py; fi
     exec "$python" scripts/checks/exports.py --programs "$target/debug"
-}
-
-calculix() {
-    needs ccx
-    build
-    python=python3
-    if ! python3 -c 'import meshio, numpy, h5py' 2>/dev/null; then python readers 'meshio==5.3.5' 'numpy<3' h5py; fi
-    exec "$python" scripts/checks/calculix.py --programs "$target/debug"
 }
 
 clients() {
@@ -154,8 +145,8 @@ aarch64() {
 }
 
 case ${1:-} in
-    view | exports | calculix | clients | c | gateway | aarch64) "$@" ;;
+    view | exports | clients | c | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
-    -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,14s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

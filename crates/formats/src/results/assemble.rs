@@ -1,6 +1,6 @@
 //! From finished simulations to a database: units, the fields by name, the nodes that cells have.
 
-use super::{Quantity, Run, Step};
+use super::run::{Quantity, Run, Step};
 use crate::cells::{self, Block};
 use crate::error::{Diagnostic, FormatError};
 use rom::inputs::Parameter;

@@ -3,7 +3,7 @@
 //! Columns are fixed, numbers touch each other: `-1`, the node in 10 (short form: 5) characters, 12 characters a value.
 //! A job that fails stores the state of the failed increment and leaves out the line `9999` that ends the file.
 
-use super::{Quantity, Run, Step};
+use super::run::{Quantity, Run, Step};
 use crate::cells::{Block, Kind};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;

@@ -2,7 +2,7 @@
 //! be `step` and `time`, and one column for each component. Columns that end in 1, 2, 3 or 11, 22, 33, 12, 13, 23 belong
 //! together: `u1,u2,u3` is the vector `u`, `s11,...` the tensor `s`.
 
-use super::{Quantity, Run, Step};
+use super::run::{Quantity, Run, Step};
 use crate::abaqus;
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::table::Table;

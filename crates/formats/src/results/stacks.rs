@@ -1,7 +1,7 @@
 //! A folder of NumPy arrays: `points.npy` (nodes x 3), one array of cells for each kind by meshio's name (`tetra10.npy`), and
 //! quantities by name (`displacement.npy`), steps x nodes or steps x nodes x components. `time.npy` may give the times.
 
-use super::{Quantity, Run, Step, counted};
+use super::run::{Quantity, Run, Step, counted};
 use crate::cells::{Block, KINDS};
 use crate::error::{Diagnostic, FormatError};
 use crate::npy;

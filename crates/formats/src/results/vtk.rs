@@ -1,6 +1,6 @@
 //! VTU files and ParaView's lists of them (`.pvd`).
 
-use super::{Quantity, Run, Step, counted};
+use super::run::{Quantity, Run, Step, counted};
 use crate::error::{Diagnostic, FormatError};
 use crate::{file, vtu};
 use quick_xml::Reader;
