@@ -67,9 +67,9 @@ pub struct Args {
     /// A further field, with its unit: NAME of a scalar, NAME.COMPONENT otherwise. Repeat for others.
     #[arg(long = "field", value_name = "NAME=UNIT", value_parser = field)]
     fields: Vec<(String, String)>,
-    /// Every so many-th state is for testing; a column split in the table goes before.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
-    test_every: Option<u64>,
+    /// Every so many-th state is for testing (2 to 1000000000); a column split in the table goes before.
+    #[arg(long, value_name = "N", value_parser = crate::range::count(2, 1_000_000_000))]
+    test_every: Option<usize>,
     /// Name of what was simulated; the folder's name when left out.
     #[arg(long)]
     name: Option<String>,
@@ -286,7 +286,7 @@ impl States {
             );
             return Err(configuration(error));
         }
-        let count = self.known.len() as u64 + 1;
+        let count = self.known.len() + 1;
         let tested = args.test_every.is_some_and(|every| count.is_multiple_of(every));
         let split = labels.split.unwrap_or(if tested { Split::Test } else { Split::Train });
         let further = labels.values.iter().filter(|(name, _)| !is_operating(name));
