@@ -1,6 +1,6 @@
 #!/bin/sh
 # Makes databases, models and gauge traces from nothing: mesh -> states -> database -> trained model; cavity volumes -> traces.
-#   scripts/make_model.sh [pneunet|gripper|design|traces ...]     default: pneunet gripper
+#   scripts/make_model.sh [pneunet|gripper|stiffness|design|traces ...]     default: pneunet gripper
 #   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.sh)
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
@@ -35,6 +35,21 @@ for name in "$@"; do
         softtwin sample --actuator "$actuator" --kind sequence --regime contact --n 60 --seed 20261122 --split check --prefix sealed "$@" --out "$folder-sealed.csv"
         softtwin simulate --actuator "$actuator" --cases "$folder-sealed.csv" --out "$folder-sealed"
         softtwin evaluate --model "$model" --database "$folder-sealed" --split held-out
+        continue
+    fi
+    if [ "$name" = stiffness ]; then
+        # Pressure, gap and the silicone's stiffness: what config/scenes/estimate.toml looks for.
+        actuator=models/pneunet/actuator.toml
+        list=models/pneunet-stiffness/cases.csv
+        folder=target/database/stiffness
+        model=models/pneunet-stiffness/pneunet-stiffness.twin
+        softtwin sample --actuator "$actuator" --kind sequence --regime both --n 140 --seed 3 --prefix m --parameter elastomer.law.mu_mpa=0.6:1.0 --out "$list"
+        softtwin simulate --actuator "$actuator" --cases "$list" --sensitivities --out "$folder"
+        softtwin train --database "$folder" --out "$model"
+        # States that no training sees.
+        softtwin sample --actuator "$actuator" --kind sequence --regime contact --n 30 --seed 20261122 --split check --prefix sealed --parameter elastomer.law.mu_mpa=0.6:1.0 --out "$folder-sealed.csv"
+        softtwin simulate --actuator "$actuator" --cases "$folder-sealed.csv" --out "$folder-sealed"
+        softtwin evaluate --model "$model" --database "$folder-sealed" --split check
         continue
     fi
     model="models/$name"

@@ -27,11 +27,25 @@ fn inflation() -> Vec<(f64, f64)> {
 }
 
 /// A table of readings at times and pressures, with a gap, a gauge's bias, and what the load cell shows where nothing touches.
+/// Their truth is the model of the reference actuator, which is not the scene's.
 fn readings(states: &[(f64, f64)], [gap_mm, bias_mpa, zero_n]: [f64; 3], with_markers: bool) -> String {
-    let bytes = std::fs::read(format!("{ROOT}/models/pneunet/pneunet.twin")).expect("the committed model");
-    let model = Model::from_bytes(&bytes).expect("a model");
-    let tip = MeshPoint::at(&model, [115.0, 2.0, 16.0]).expect("the tip");
-    let probes = Probes::new(&model, &[tip]).expect("probes");
+    let model = committed("pneunet");
+    table(&model, states, [gap_mm, bias_mpa, zero_n], with_markers)
+}
+
+fn committed(name: &str) -> Model {
+    let bytes = std::fs::read(format!("{ROOT}/models/{name}/{name}.twin")).expect("a committed model");
+    Model::from_bytes(&bytes).expect("a model")
+}
+
+fn table(
+    model: &Model,
+    states: &[(f64, f64)],
+    [gap_mm, bias_mpa, zero_n]: [f64; 3],
+    with_markers: bool,
+) -> String {
+    let tip = MeshPoint::at(model, [115.0, 2.0, 16.0]).expect("the tip");
+    let probes = Probes::new(model, &[tip]).expect("probes");
     let (mut evaluation, mut at) = (probes.evaluation(), [ProbePosition::default()]);
     let mut random = Rng::new(17);
     let mut normal = || (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0;
@@ -52,17 +66,40 @@ fn readings(states: &[(f64, f64)], [gap_mm, bias_mpa, zero_n]: [f64; 3], with_ma
     text
 }
 
+/// What the scene does not know besides gap and gauge bias.
+#[derive(Clone, Copy, PartialEq)]
+enum Stiffness {
+    Known,
+    Unknown,
+}
+
+/// The shipped scene, for any folder.
+fn shipped(stiffness: Stiffness) -> String {
+    let text =
+        std::fs::read_to_string(format!("{ROOT}/config/scenes/estimate.toml")).expect("the shipped scene");
+    let unknown = |line: &&str| line.starts_with("\"elastomer.law.mu_mpa\" = {");
+    assert_eq!(text.lines().filter(unknown).count(), 1, "the stiffness is an unknown of the shipped scene");
+    let kept = text.lines().filter(|line| stiffness == Stiffness::Unknown || !unknown(line));
+    kept.collect::<Vec<_>>().join("\n").replace("../../models", &format!("{ROOT}/models"))
+}
+
+fn write_scene(folder: &Path, stiffness: Stiffness) -> PathBuf {
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, shipped(stiffness)).expect("a scene");
+    path
+}
+
 fn calibrate(folder: &Path, table: &str, extra: &[&str]) -> Output {
+    calibrate_with(folder, Stiffness::Known, table, extra)
+}
+
+fn calibrate_with(folder: &Path, stiffness: Stiffness, table: &str, extra: &[&str]) -> Output {
     let recording = folder.join("run.csv");
     std::fs::write(&recording, table).expect("a table");
     Command::new(binary("softtwin"))
-        .args([
-            "calibrate",
-            "--scene",
-            &format!("{ROOT}/config/scenes/estimate.toml"),
-            "--json",
-            "--recording",
-        ])
+        .args(["calibrate", "--scene"])
+        .arg(write_scene(folder, stiffness))
+        .args(["--json", "--recording"])
         .arg(recording)
         .args(extra)
         .output()
@@ -100,6 +137,29 @@ fn gap_and_bias_are_found_and_the_result_is_a_scene_that_runs() {
 }
 
 #[test]
+fn a_hidden_stiffness_is_found_together_with_gap_and_bias() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut softer = committed("pneunet-stiffness");
+    softer.header.give([("elastomer.law.mu_mpa", 0.71)]).expect("a parameter");
+    let table = table(&softer, &inflation(), [46.0, 0.0012, 0.0], true);
+    let output = calibrate_with(folder.path(), Stiffness::Unknown, &table, &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found = json(&output);
+    let truths =
+        [("gap_mm", 46.0, 0.25), ("pressure_bias_mpa", 0.0012, 0.0012), ("elastomer.law.mu_mpa", 0.71, 0.02)];
+    for (name, truth, allowed) in truths {
+        let estimate = &found["estimates"][name];
+        let off = (estimate["value"].as_f64().expect("a value") - truth).abs();
+        assert_eq!(estimate["identifiable"], true, "{found}");
+        assert!(
+            off < allowed && off < 3.0 * estimate["sigma"].as_f64().expect("a number"),
+            "{name}: {found}"
+        );
+    }
+    assert_eq!(found["converged"], true, "{found}");
+}
+
+#[test]
 fn force_alone_does_not_tell_gap_and_bias_apart() {
     let folder = tempfile::tempdir().expect("a folder");
     let found = json(&calibrate(folder.path(), &recording(46.0, 0.0012, false), &[]));
@@ -127,12 +187,10 @@ fn what_cannot_be_fitted_is_named() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("[actuator.estimate]"));
 }
 
-/// The shipped scene with readings of a trace, five times as fast as they were taken.
+/// The shipped scene, of a known stiffness, with readings of a trace, five times as fast as they were taken.
 fn scene(stage: &Stage, readings: &str) -> PathBuf {
     stage.write("run.csv", readings);
-    let shipped =
-        std::fs::read_to_string(format!("{ROOT}/config/scenes/estimate.toml")).expect("the shipped scene");
-    let text = shipped.replace("../../models", &format!("{ROOT}/models"));
+    let text = shipped(Stiffness::Known);
     let source =
         "[actuator.source]\nkind = \"replay\"\ntrace = \"run.csv\"\nspeed = 5.0\n[[actuator.output]]";
     stage.write("estimate.toml", &text.replace("[[actuator.output]]", source))
@@ -153,7 +211,7 @@ fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate
         (newest.identifiable == 0b11 && newest.sigmas[0] < 0.4).then_some(newest)
     });
     assert_eq!((last.name(0), last.name(1)), ("gap_mm".into(), "pressure_bias_mpa".into()));
-    assert_eq!((last.status, last.unknown_count, last.input_count), (estimate_status::USED, 2, 2));
+    assert_eq!((last.status, last.unknown_count, last.input_count), (estimate_status::USED, 2, 3));
     assert!((last.values[0] - 46.0).abs() < 4.0 * last.sigmas[0], "{last:?}");
     assert!((last.values[1] - 0.0012).abs() < 4.0 * last.sigmas[1], "{last:?}");
     assert!(last.force_sigma_n > 0.0 && last.force_sigma_n < 0.02, "{last:?}");
@@ -193,9 +251,10 @@ fn a_load_cell_that_was_not_zeroed_raises_an_alarm_that_names_it() {
 
 #[test]
 fn a_plan_says_which_sensors_tell_and_what_a_fit_will_come_to() {
-    let scene = format!("{ROOT}/config/scenes/estimate.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = write_scene(folder.path(), Stiffness::Known);
     let plan = |extra: &[&str]| {
-        let arguments = ["plan-experiment", "--scene", &scene, "--json"];
+        let arguments = ["plan-experiment", "--scene", path(&scene), "--json"];
         json(&Command::new(binary("softtwin")).args(arguments).args(extra).output().expect("softtwin"))
     };
     let found = plan(&["--gap-mm", "46", "--holds", "5"]);
@@ -213,7 +272,6 @@ fn a_plan_says_which_sensors_tell_and_what_a_fit_will_come_to() {
         );
     }
     // A fit to the readings that the plan asks for comes to the standard deviations that it predicts.
-    let folder = tempfile::tempdir().expect("a folder");
     for (at, with_markers) in [(0, false), (2, true)] {
         let holds = plans[at]["holds"].as_array().expect("holds");
         assert_eq!((holds.len(), plans[at]["rank"].as_u64()), (5, Some(2)), "{found}");
@@ -244,7 +302,10 @@ fn a_scene_that_estimates_what_the_model_does_not_have_is_refused_with_all_that_
         Program::daemon(&stage, &["twin", "--scene", path.to_str().expect("a path")]).ended();
     let text = lines.join("\n");
     assert_eq!(status.code(), Some(78), "{text}");
-    assert!(text.contains("estimate.stifness_mpa") && text.contains("gap_mm, pressure_bias_mpa"), "{text}");
+    assert!(
+        text.contains("estimate.stifness_mpa") && text.contains("elastomer.law.mu_mpa, pressure_bias_mpa"),
+        "{text}"
+    );
     assert!(text.contains("marker[0] `tip`") && text.contains("from the nearest node"), "{text}");
 }
 

@@ -101,7 +101,7 @@ impl Symmetric {
         let mut a = self.entries;
         let pairs = || (0..self.size).flat_map(|p| (p + 1..self.size).map(move |q| (p, q)));
         for _ in 0..SWEEPS {
-            for (p, q) in pairs().filter(|(p, q)| *q < self.size && *p < self.size) {
+            for (p, q) in pairs() {
                 if a[p][q] == 0.0 {
                     continue;
                 }
@@ -112,8 +112,9 @@ impl Symmetric {
                 for row in &mut a {
                     (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
                 }
-                for k in 0..self.size {
-                    (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+                let (above, below) = a.split_at_mut(q);
+                for (x, y) in above[p].iter_mut().zip(&mut below[0]) {
+                    (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
                 }
             }
         }

@@ -99,7 +99,7 @@ fn files_that_cannot_be_read_say_what_to_do() {
         1,
         "the second state is cut short"
     );
-    let binary = String::from_utf8(good.clone()).unwrap().replace(
+    let binary = String::from_utf8(good).unwrap().replace(
         "    2C                             8                                     1",
         "    2C                             8                                     3",
     );

@@ -56,12 +56,15 @@ const GAUGES: [Quantity<f64>; 5] = [
     }),
 ];
 
+/// A number of each estimated quantity, by its place.
+type OfEstimates = (&'static str, &'static str, fn(&Estimate, usize) -> Option<f64>);
+
 /// Of every estimated quantity.
-const ESTIMATES: [(&str, &str, fn(&Estimate, usize) -> f64); 3] = [
-    ("softtwin_estimate", "Estimated value, in the unit of its name", |e, at| e.values[at]),
-    ("softtwin_estimate_sigma", "Its standard deviation", |e, at| e.sigmas[at]),
+const ESTIMATES: [OfEstimates; 3] = [
+    ("softtwin_estimate", "Estimated value, in the unit of its name", |e, at| e.values.get(at).copied()),
+    ("softtwin_estimate_sigma", "Its standard deviation", |e, at| e.sigmas.get(at).copied()),
     ("softtwin_estimate_identifiable", "1 while the readings tell it", |e, at| {
-        f64::from(e.identifiable >> at & 1)
+        Some(f64::from(e.identifiable >> at & 1))
     }),
 ];
 
@@ -104,8 +107,8 @@ fn estimates(page: &mut Registry, estimates: &[Estimate]) {
     let named = || estimates.iter().map(|e| (vec![("actuator", unpack_name(&e.actuator))], e));
     for (name, help, read) in ESTIMATES {
         let values = named().flat_map(|(labels, e)| {
-            let count = (e.unknown_count as usize).min(e.values.len());
-            (0..count).map(move |at| (with(&labels, "quantity", &e.name(at)), read(e, at)))
+            let count = e.unknown_count as usize;
+            (0..count).filter_map(move |at| Some((with(&labels, "quantity", &e.name(at)), read(e, at)?)))
         });
         gauges(page, name, help, values);
     }

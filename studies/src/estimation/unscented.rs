@@ -46,11 +46,11 @@ impl Unscented {
             let scale = ((count + 1) as f64).sqrt();
             let mut points: Vec<(Vec<f64>, f64)> = Vec::new();
             for sign in [-1.0, 1.0] {
-                for column in 0..count {
+                points.extend((0..count).map(|column| {
                     let shifted =
-                        self.mean.iter().enumerate().map(|(i, m)| m + sign * scale * factor[i][column]);
-                    points.push((shifted.collect(), 0.0));
-                }
+                        self.mean.iter().zip(&factor).map(|(m, row)| m + sign * scale * row[column]);
+                    (shifted.collect(), 0.0)
+                }));
                 points.push((self.mean.clone(), sign * scale * noise.unwrap_or(0.0)));
             }
             for (point, _) in &mut points {

@@ -72,18 +72,17 @@ fn errors(summary: &Summary) -> Errors {
 
 fn picture(curves: &[Vec<(f64, Errors)>; 2]) -> Figure {
     let panel = |(k, title): (usize, &str)| {
-        let series = curves.iter().zip(["with derivatives", "without"]).enumerate();
-        let line = |(colour, (curve, name)): (usize, (&Vec<(f64, Errors)>, &str))| Series {
+        let line = |colour: usize, name: &str| Series {
             name: name.into(),
             colour,
             mark: Mark::LineDots,
-            points: curve.iter().map(|(states, errors)| (*states, 100.0 * errors[k][0])).collect(),
+            points: curves[colour].iter().map(|(states, errors)| (*states, 100.0 * errors[k][0])).collect(),
         };
         Panel {
             title: title.into(),
             x: Axis::linear("training states"),
             y: Axis::log("mean error %"),
-            series: series.map(line).collect(),
+            series: vec![line(0, "with derivatives"), line(1, "without")],
             map: None,
         }
     };

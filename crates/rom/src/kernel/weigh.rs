@@ -203,8 +203,7 @@ mod tests {
                     _ => weigh(weights, near, gradient, sums),
                 }
             };
-            let ways: [&dyn Fn(&Weights, &[Near], bool, &mut [[f64; BLOCK]]); 3] = [&weigh, &portable, &narrow];
-            for way in ways {
+            for way in [weigh, portable, narrow] {
                 for gradient in [true, false] {
                     let mut sums = vec![[f64::NAN; BLOCK]; blocks * (1 + dimensions)];
                     way(&weights, &near, gradient, &mut sums);
