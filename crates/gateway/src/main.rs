@@ -28,7 +28,6 @@ mod topic_scan;
 use anyhow::Context;
 use clap::Parser;
 use config::Config;
-use endpoint::Endpoint;
 use link::{Counters, Link};
 use liveness::Liveness;
 use queries::QueryHandler;
@@ -84,20 +83,23 @@ fn main() -> ExitCode {
     }
 }
 
-fn listed(endpoints: &[Endpoint]) -> String {
-    let texts: Vec<String> = endpoints.iter().map(ToString::to_string).collect();
+fn listed(values: &[impl ToString]) -> String {
+    let texts: Vec<String> = values.iter().map(ToString::to_string).collect();
     if texts.is_empty() { "nothing".into() } else { texts.join(", ") }
 }
 
 fn run(options: &Options) -> anyhow::Result<()> {
     let config = Config::load(&options.config)?;
     tracing::info!(
-        "{}: {} key(s) out, {} topic(s) fed from the network, listens on {}, connects to {}",
-        options.config.display(),
-        config.keys.len(),
-        config.inlets.len(),
+        "{:?} below `{}`, listens on {}, connects to {}; sends {}, fields every {} ms at most; takes readings for {}; {}",
+        config.mode,
+        config.prefix,
         listed(&config.listen),
-        listed(&config.connect)
+        listed(&config.connect),
+        listed(&config.keys),
+        config.field_period.as_millis(),
+        listed(&config.inlets),
+        config.security
     );
     if options.check {
         return Ok(());

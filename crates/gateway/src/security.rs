@@ -32,6 +32,17 @@ pub struct Security {
     pub credentials: Option<(String, Password)>,
 }
 
+/// One line for a log: files and names, no password.
+impl fmt::Display for Security {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let file = |path: Option<&PathBuf>| path.map_or("none".into(), |path| path.display().to_string());
+        let certificate = file(self.own.as_ref().map(|(certificate, _)| certificate));
+        let (root, users) = (file(self.root_certificate.as_ref()), file(self.users_file.as_ref()));
+        let user = self.credentials.as_ref().map_or("none", |(user, _)| user.as_str());
+        write!(f, "certificate {certificate}, root certificate {root}, users file {users}, user {user}")
+    }
+}
+
 /// A password, which no log shows.
 #[derive(Clone)]
 pub struct Password(pub String);

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 use wire::layout::{field_id, flags, pack_name, unpack_name};
 use wire::{
-    Bus, Domain, FieldHeader, FieldReader, FieldWriter, KeyExpr, SensorReader, SensorSample, SensorWriter,
-    State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable, Waking, WireError,
+    Bus, Domain, Estimate, EstimateReader, EstimateWriter, FieldHeader, FieldReader, FieldWriter, KeyExpr,
+    SensorReader, SensorSample, SensorWriter, State, StateReader, StateWriter, Topic, Wake, WakeSet,
+    Wakeable, Waking, WireError,
 };
 
 /// A bus in a domain of its own that leaves nothing behind.
@@ -98,6 +99,18 @@ fn a_missing_topic_is_said_and_a_late_reader_gets_the_last_state() {
     writer.publish(State { seq: 4, ..State::default() }).unwrap();
     let seqs: Vec<u64> = std::iter::from_fn(|| late.next().unwrap()).map(|state| state.seq).collect();
     assert_eq!(seqs.last(), Some(&4));
+}
+
+#[test]
+fn a_late_reader_of_a_writer_with_nothing_new_gets_the_last_sample() {
+    let bus = bus();
+    let topic = Topic::estimate("finger").unwrap();
+    let mut writer = EstimateWriter::create(&bus, &topic).unwrap();
+    writer.publish(Estimate { seq: 7, ..Estimate::default() }).unwrap();
+    let late = EstimateReader::open(&bus, &topic).unwrap();
+    assert_eq!(late.newest().unwrap().map(|sample| sample.seq), None, "nothing was sent since");
+    writer.serve_late_readers().unwrap();
+    assert_eq!(late.newest().unwrap().map(|sample| sample.seq), Some(7));
 }
 
 #[test]

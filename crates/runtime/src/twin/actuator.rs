@@ -361,6 +361,12 @@ impl ActuatorTwin {
         self.state.flags |= flags::STALE;
         self.record.health.flags = self.state.flags;
         self.send_state();
+        // Estimates come with readings only; whoever begins to read in between gets the last one.
+        if let Some((_, writer, _)) = &self.estimation
+            && writer.serve_late_readers().is_err()
+        {
+            self.record.failed(EventKind::SendFailed);
+        }
         self.next_deadline_ns = now + ms_to_ns(self.limits.deadline_ms);
     }
 

@@ -10,6 +10,7 @@ use crate::qos;
 use crate::topic::Topic;
 use crate::transport::Ipc;
 use crate::wake::{Wakeable, Waker, Waking};
+use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{notifier::Notifier, publisher::Publisher, subscriber::Subscriber};
 use iceoryx2::prelude::BackpressureStrategy;
 
@@ -93,6 +94,16 @@ impl<P: Payload> Writer<P> {
         sample.write_payload(value).send().map_err(|error| failed(format!("{error:?}")))?;
         self.notifier.notify().map_err(|error| failed(format!("{error:?}")))?;
         Ok(())
+    }
+
+    /// Gives readers that came since the last sample what the topic keeps for late ones; [`Self::publish`] does so as well.
+    /// For writers that may have nothing to send for a while.
+    ///
+    /// # Errors
+    /// [`WireError::Send`] when a reader could not be connected.
+    pub fn serve_late_readers(&self) -> Result<(), WireError> {
+        let failed = |cause| WireError::Send { topic: self.topic.name().to_owned(), cause };
+        self.publisher.update_connections().map_err(|error| failed(format!("{error:?}")))
     }
 
     /// The topic.
