@@ -8,6 +8,19 @@ cd "$(dirname "$0")/.."
 # SOFTTWIN=path/to/softtwin takes programs that are already built.
 softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
 studies() { if [ -n "${SOFTTWIN:-}" ]; then "$SOFTTWIN-studies" "$@"; else cargo run --quiet --release -p studies -- "$@"; fi; }
+# over_parameters NAME LIST MODEL STATES SEED PREFIX SEALED --parameter ...: a model of the reference actuator with parameters as
+# inputs, and its errors on states that no training sees.
+over_parameters() {
+    actuator=models/pneunet/actuator.toml folder="target/database/$1"
+    list=$2 model=$3 states=$4 seed=$5 prefix=$6 sealed=$7
+    shift 7
+    softtwin sample --actuator "$actuator" --kind sequence --regime both --n "$states" --seed "$seed" --prefix "$prefix" "$@" --out "$list"
+    softtwin simulate --actuator "$actuator" --cases "$list" --sensitivities --out "$folder"
+    softtwin train --database "$folder" --out "$model"
+    softtwin sample --actuator "$actuator" --kind sequence --regime contact --n "$sealed" --seed 20261122 --split check --prefix sealed "$@" --out "$folder-sealed.csv"
+    softtwin simulate --actuator "$actuator" --cases "$folder-sealed.csv" --out "$folder-sealed"
+    softtwin evaluate --model "$model" --database "$folder-sealed" --split check
+}
 [ $# -gt 0 ] || set -- pneunet gripper
 for name in "$@"; do
     if [ "$name" = traces ]; then
@@ -22,34 +35,16 @@ for name in "$@"; do
     fi
     if [ "$name" = design ]; then
         # Pressure, gap and five parameters of the reference actuator; any first part of the list is a design too.
-        set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 \
-            --parameter chambers.width_mm=13:15 --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
-        actuator=models/pneunet/actuator.toml
-        folder=target/database/design
-        model=target/pneunet-design.twin
         mkdir -p target/database
-        softtwin sample --actuator "$actuator" --kind sequence --regime both --n 400 --seed 1 --prefix d "$@" --out "$folder.csv"
-        softtwin simulate --actuator "$actuator" --cases "$folder.csv" --sensitivities --out "$folder"
-        softtwin train --database "$folder" --out "$model"
-        # States that no training sees.
-        softtwin sample --actuator "$actuator" --kind sequence --regime contact --n 60 --seed 20261122 --split check --prefix sealed "$@" --out "$folder-sealed.csv"
-        softtwin simulate --actuator "$actuator" --cases "$folder-sealed.csv" --out "$folder-sealed"
-        softtwin evaluate --model "$model" --database "$folder-sealed" --split held-out
+        over_parameters design target/database/design.csv target/pneunet-design.twin 400 1 d 60 \
+            --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 \
+            --parameter chambers.width_mm=13:15 --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
         continue
     fi
     if [ "$name" = stiffness ]; then
         # Pressure, gap and the silicone's stiffness: what config/scenes/estimate.toml looks for.
-        actuator=models/pneunet/actuator.toml
-        list=models/pneunet-stiffness/cases.csv
-        folder=target/database/stiffness
-        model=models/pneunet-stiffness/pneunet-stiffness.twin
-        softtwin sample --actuator "$actuator" --kind sequence --regime both --n 140 --seed 3 --prefix m --parameter elastomer.law.mu_mpa=0.6:1.0 --out "$list"
-        softtwin simulate --actuator "$actuator" --cases "$list" --sensitivities --out "$folder"
-        softtwin train --database "$folder" --out "$model"
-        # States that no training sees.
-        softtwin sample --actuator "$actuator" --kind sequence --regime contact --n 30 --seed 20261122 --split check --prefix sealed --parameter elastomer.law.mu_mpa=0.6:1.0 --out "$folder-sealed.csv"
-        softtwin simulate --actuator "$actuator" --cases "$folder-sealed.csv" --out "$folder-sealed"
-        softtwin evaluate --model "$model" --database "$folder-sealed" --split check
+        over_parameters stiffness models/pneunet-stiffness/cases.csv models/pneunet-stiffness/pneunet-stiffness.twin 140 3 m 30 \
+            --parameter elastomer.law.mu_mpa=0.6:1.0
         continue
     fi
     model="models/$name"

@@ -33,7 +33,7 @@ pub use batch::{Fit, fit};
 pub use filter::Filter;
 pub use matrix::{MAX_STATES, Symmetric};
 pub use outcome::{Alarm, Estimate, Status, Update};
-pub use plan::{Told, choose, information, told};
+pub use plan::{ExpectedFit, choose, expected_fit, information};
 pub use setup::{
     InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup, SetupError, Unknown,
 };

@@ -13,7 +13,7 @@ use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup};
 
 /// What a set of holds tells.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Told {
+pub struct ExpectedFit {
     /// Predicted estimates: priors with the standard deviations that the holds lead to.
     pub estimates: Vec<Estimate>,
     /// Directions of the unknowns, in units of their priors' standard deviations, that the holds tell better than the prior.
@@ -23,7 +23,7 @@ pub struct Told {
     covariance: Symmetric,
 }
 
-impl Told {
+impl ExpectedFit {
     /// Correlation of two unknowns' errors.
     pub fn correlation(&self, a: usize, b: usize) -> f64 {
         self.covariance.correlation(a, b)
@@ -104,7 +104,7 @@ pub fn choose(setup: &Setup, holds: &[Symmetric], count: usize) -> Vec<usize> {
 }
 
 /// What some of the holds tell together; none when priors and holds contradict each other in their rounding.
-pub fn told(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Option<Told> {
+pub fn expected_fit(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Option<ExpectedFit> {
     let covariance = sum(setup, holds, chosen).cholesky()?.inverse();
     let mut unread = [0.0; MAX_STATES];
     unread.iter_mut().zip(&setup.unknowns).for_each(|(v, unknown)| *v = unknown.sigma * unknown.sigma);
@@ -125,7 +125,7 @@ pub fn told(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Option<Told
     let own = scaled.eigenvalues();
     let values = own.iter().take(setup.unknowns.len());
     let (least, most) = values.clone().fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(*v), b.max(*v)));
-    Some(Told {
+    Some(ExpectedFit {
         estimates: setup.unknowns.iter().enumerate().map(estimate).collect(),
         rank: values.filter(|value| **value > 1.0).count(),
         condition: if least > 1e-12 * most { most / least } else { f64::INFINITY },

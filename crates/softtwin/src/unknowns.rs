@@ -28,11 +28,15 @@ impl Unknowns {
         let mut model = files::model(&scene.resolve(&spec.model))?;
         let given = spec.inputs.iter().map(|(name, value)| (name.as_str(), *value));
         model.header.give(given).map_err(configuration)?;
-        let problems = |texts: Vec<String>| configuration(anyhow::anyhow!("{}", texts.join("\n")));
         let setup = estimation::setup(&spec, &model).map_err(problems)?;
         let sensors = SensorModel::new(&spec, &model).map_err(problems)?;
         Ok(Self { spec, setup, sensors, header: model.header })
     }
+}
+
+/// Everything that is wrong, a line each.
+pub fn problems(texts: Vec<String>) -> anyhow::Error {
+    configuration(anyhow::anyhow!("{}", texts.join("\n")))
 }
 
 fn spec<'a>(scene: &'a Scene, path: &Path, actuator: Option<&str>) -> anyhow::Result<&'a ActuatorSpec> {

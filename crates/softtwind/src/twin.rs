@@ -44,7 +44,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         reporter::run(&events, &reported, &progressed, end);
         Ok(())
     })?;
-    let (health_domain, shown) = (domain.clone(), shown);
+    let health_domain = domain.clone();
     metrics::serve(&mut group, listener, move || metrics::twins(&health_domain, &shown))?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
     let services = side_services.start(&mut group, &domain)?;

@@ -1,7 +1,9 @@
 //! The plan's predictions are what the filter comes to.
 
 use crate::model::{Finger, GAP, PRESSURE, Random, STIFFNESS, Truth, setup};
-use estimate::{Filter, MAX_INPUTS, Measurement, Model, Predicted, Symmetric, choose, information, told};
+use estimate::{
+    Filter, MAX_INPUTS, Measurement, Model, Predicted, Symmetric, choose, expected_fit, information,
+};
 
 const READINGS: usize = 200;
 
@@ -27,9 +29,9 @@ fn the_determinant_is_as_large_as_that_of_any_other_choice() {
     let holds: Vec<Symmetric> = holds(0b11).into_iter().step_by(4).collect();
     let chosen = choose(&setup, &holds, 3);
     let size = |set: &[usize]| {
-        let told = told(&setup, &holds, set).expect("a covariance");
-        let sigma = |at: usize| told.estimates[at].sigma;
-        let c = |a, b| told.correlation(a, b);
+        let fit = expected_fit(&setup, &holds, set).expect("a covariance");
+        let sigma = |at: usize| fit.estimates[at].sigma;
+        let c = |a, b| fit.correlation(a, b);
         // ln det of the covariance of three unknowns.
         let of_correlation =
             1.0 + 2.0 * c(0, 1) * c(0, 2) * c(1, 2) - c(0, 1).powi(2) - c(0, 2).powi(2) - c(1, 2).powi(2);
@@ -52,13 +54,13 @@ fn force_alone_does_not_tell_and_force_with_tip_does_as_the_filter_finds() {
     let all: Vec<usize> = (0..force.len()).collect();
     let both = holds(0b11);
     let chosen = choose(&setup, &both, 4);
-    let told_by_both = told(&setup, &both, &chosen).expect("a covariance");
-    let told_by_force = told(&setup, &force, &chosen).expect("a covariance");
-    assert!(told_by_both.estimates.iter().all(|estimate| estimate.identifiable), "{told_by_both:?}");
-    assert!(told_by_both.rank == 3 && told_by_both.condition < 1e6, "{told_by_both:?}");
-    assert!(told_by_force.estimates.iter().any(|estimate| !estimate.identifiable), "{told_by_force:?}");
-    assert!(told_by_force.condition > 10.0 * told_by_both.condition, "{told_by_force:?}");
-    assert!(told(&setup, &force, &all).expect("a covariance").rank >= told_by_force.rank);
+    let fit_by_both = expected_fit(&setup, &both, &chosen).expect("a covariance");
+    let fit_by_force = expected_fit(&setup, &force, &chosen).expect("a covariance");
+    assert!(fit_by_both.estimates.iter().all(|estimate| estimate.identifiable), "{fit_by_both:?}");
+    assert!(fit_by_both.rank == 3 && fit_by_both.condition < 1e6, "{fit_by_both:?}");
+    assert!(fit_by_force.estimates.iter().any(|estimate| !estimate.identifiable), "{fit_by_force:?}");
+    assert!(fit_by_force.condition > 10.0 * fit_by_both.condition, "{fit_by_force:?}");
+    assert!(expected_fit(&setup, &force, &all).expect("a covariance").rank >= fit_by_force.rank);
 
     // The same holds, read: the filter's standard deviations are those predicted.
     let truth = Truth { gap: 40.0, bias: 0.0, stiffness: 0.8 };
@@ -78,7 +80,7 @@ fn force_alone_does_not_tell_and_force_with_tip_does_as_the_filter_finds() {
         }
     }
     let own: Vec<usize> = chosen.into_iter().filter(|at| states[*at][GAP] == truth.gap).collect();
-    let predicted = told(filter.setup(), &both, &own).expect("a covariance");
+    let predicted = expected_fit(filter.setup(), &both, &own).expect("a covariance");
     for (found, predicted) in filter.estimates().zip(&predicted.estimates) {
         let ratio = found.sigma / predicted.sigma;
         assert!((0.8..1.25).contains(&ratio), "{found:?}, predicted {predicted:?}");

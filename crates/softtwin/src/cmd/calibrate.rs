@@ -2,7 +2,7 @@
 
 use crate::failure::configuration;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::unknowns::Unknowns;
+use crate::unknowns::{Unknowns, problems};
 use crate::{files, output};
 use anyhow::{Context, bail};
 use estimate::{Fit, Measurement, Model as _, Predicted, Setup};
@@ -65,7 +65,7 @@ impl Args {
             good.map(|reading| estimation::measurement(reading.t_trace_s, reading)).collect();
         check_recording(&setup, &readings).map_err(configuration)?;
         let fit = estimate::fit(&setup, &readings, &mut sensors)
-            .map_err(|errors| configuration(anyhow::anyhow!("{}", errors[0])))?;
+            .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;
         if let Some(out) = self.out.as_ref().filter(|_| fit.converged) {
             self.save_scene(&scene, &spec.name, &setup, &fit, out)?;
         }

@@ -4,7 +4,7 @@ use crate::failure::configuration;
 use crate::output;
 use crate::unknowns::Unknowns;
 use anyhow::bail;
-use estimate::{InputRole, Symmetric, Told};
+use estimate::{ExpectedFit, InputRole, Symmetric};
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
@@ -143,24 +143,25 @@ impl Args {
         let mut tell = |inputs: &Inputs| {
             let (setup, sensors) = (&of.setup, &mut of.sensors);
             let sharing = self.readings * self.holds;
-            let told = estimate::information(setup, inputs.values(), self.readings, sharing, blocks, sensors);
-            Some((*inputs, told?))
+            let information =
+                estimate::information(setup, inputs.values(), self.readings, sharing, blocks, sensors);
+            Some((*inputs, information?))
         };
         let (holds, information): (Vec<Inputs>, Vec<Symmetric>) =
             candidates.iter().filter_map(&mut tell).unzip();
         let chosen = estimate::choose(&of.setup, &information, self.holds);
-        let Some(told) = estimate::told(&of.setup, &information, &chosen) else {
+        let Some(fit) = estimate::expected_fit(&of.setup, &information, &chosen) else {
             bail!("the model's gradients give no covariance at these states; choose other pressures or gaps");
         };
         let hold = |at: &usize| Hold { pressure_mpa: holds[*at].pressure_mpa(), gap_mm: holds[*at].gap_mm() };
         Ok(Plan {
             sensors: names(of, blocks),
             holds: chosen.iter().map(hold).collect(),
-            identifiable: told.estimates.iter().all(|estimate| estimate.identifiable),
-            estimates: estimates(of, &told),
-            rank: told.rank,
-            condition: told.condition,
-            correlations: correlations(of, &told),
+            identifiable: fit.estimates.iter().all(|estimate| estimate.identifiable),
+            estimates: estimates(of, &fit),
+            rank: fit.rank,
+            condition: fit.condition,
+            correlations: correlations(of, &fit),
         })
     }
 }
@@ -177,8 +178,8 @@ fn names(of: &Unknowns, blocks: u32) -> Vec<String> {
     force.into_iter().chain(markers.map(|(_, marker)| marker.name.clone())).collect()
 }
 
-fn estimates(of: &Unknowns, told: &Told) -> BTreeMap<String, Predicted> {
-    let both = of.setup.unknowns.iter().zip(&told.estimates);
+fn estimates(of: &Unknowns, fit: &ExpectedFit) -> BTreeMap<String, Predicted> {
+    let both = of.setup.unknowns.iter().zip(&fit.estimates);
     let one = |(unknown, estimate): (&estimate::Unknown, &estimate::Estimate)| {
         let (sigma, identifiable) = (estimate.sigma, estimate.identifiable);
         (unknown.name.clone(), Predicted { prior_sigma: unknown.sigma, sigma, identifiable })
@@ -186,16 +187,16 @@ fn estimates(of: &Unknowns, told: &Told) -> BTreeMap<String, Predicted> {
     both.map(one).collect()
 }
 
-fn correlations(of: &Unknowns, told: &Told) -> Vec<(String, String, f64)> {
+fn correlations(of: &Unknowns, fit: &ExpectedFit) -> Vec<(String, String, f64)> {
     let unknowns = &of.setup.unknowns;
     let pairs = (0..unknowns.len()).flat_map(|a| (a + 1..unknowns.len()).map(move |b| (a, b)));
-    pairs.map(|(a, b)| (unknowns[a].name.clone(), unknowns[b].name.clone(), told.correlation(a, b))).collect()
+    pairs.map(|(a, b)| (unknowns[a].name.clone(), unknowns[b].name.clone(), fit.correlation(a, b))).collect()
 }
 
 fn print(plan: &Plan) -> anyhow::Result<()> {
-    let told = if plan.identifiable { "all unknowns are told" } else { "not all unknowns are told" };
+    let summary = if plan.identifiable { "all unknowns are told" } else { "not all unknowns are told" };
     output!(
-        "{}: {told}; rank {} of {}, condition {:.1e}",
+        "{}: {summary}; rank {} of {}, condition {:.1e}",
         plan.sensors.join(", "),
         plan.rank,
         plan.estimates.len(),

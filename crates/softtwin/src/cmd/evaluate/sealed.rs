@@ -6,7 +6,7 @@ use crate::failure::usage;
 use crate::{files, output, sweep};
 use formats::database::ObstacleKind;
 use rom::evaluate::{CaseReport, Covered, Report, evaluate};
-use rom::inputs::{GAP, Inputs, PARAMETERS, PRESSURE};
+use rom::inputs::{GAP, PARAMETERS, PRESSURE};
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
@@ -95,8 +95,7 @@ impl Sealed {
         let middles = [middle(PRESSURE), middle(GAP)];
         let quarter = |(pressure, gap): (bool, bool)| {
             let within = |c: &&&CaseReport| {
-                let at = Inputs::new(c.pressure_mpa, c.gap_mm.unwrap_or(0.0));
-                [at.pressure_mpa() > middles[0], at.gap_mm() > middles[1]] == [pressure, gap]
+                [c.pressure_mpa > middles[0], c.gap_mm.is_some_and(|gap| gap > middles[1])] == [pressure, gap]
             };
             let cases: Vec<&Covered> = contact.iter().filter(within).map(|c| &c.covered).collect();
             let share =
