@@ -55,7 +55,8 @@ exports() {
 
 clients() {
     [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
-    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy jsonschema basyx-python-sdk
+    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy jsonschema basyx-python-sdk \
+        mcap mcap-protobuf-support foxglove-sdk rerun-sdk websockets gymnasium nbclient nbformat ipykernel
     cargo build --locked --quiet --workspace --bins --lib
     export PYTHONPATH=$PWD/clients/python/src
     SOFTTWIN_LIBRARY=$(realpath "$target")/debug/libcapi.so
@@ -111,7 +112,7 @@ install_check() {
 
 gateway() {
     needs openssl
-    python gateway "eclipse-zenoh==1.10.2" numpy pytest
+    python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags
     build
     cargo clippy --quiet --locked -p gateway --features network --all-targets -- -D warnings
     cargo test --locked -p gateway --features network --no-fail-fast -- "$@"

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Makes databases, models and gauge traces from nothing: mesh -> states -> database -> trained model; cavity volumes -> traces.
-#   scripts/make_model.sh [pneunet|gripper|stiffness|design|traces ...]     default: pneunet gripper
+#   scripts/make_model.sh [pneunet|gripper|stiffness|design|traces|cylinder ...]     default: pneunet gripper
 #   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.sh)
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
@@ -8,13 +8,12 @@ cd "$(dirname "$0")/.."
 # SOFTTWIN=path/to/softtwin takes programs that are already built.
 softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
 studies() { if [ -n "${SOFTTWIN:-}" ]; then "$SOFTTWIN-studies" "$@"; else cargo run --quiet --release -p studies -- "$@"; fi; }
-# over_parameters NAME LIST MODEL STATES SEED PREFIX SEALED --parameter ...: a model of the reference actuator with parameters as
-# inputs, and its errors on states that no training sees.
-over_parameters() {
+# solve_and_check NAME LIST MODEL SEALED --parameter ...: a model of the reference actuator with parameters as inputs, and its errors
+# on states that no training sees.
+solve_and_check() {
     actuator=models/pneunet/actuator.toml folder="target/database/$1"
-    list=$2 model=$3 states=$4 seed=$5 prefix=$6 sealed=$7
-    shift 7
-    softtwin sample --actuator "$actuator" --kind sequence --regime both --n "$states" --seed "$seed" --prefix "$prefix" "$@" --out "$list"
+    list=$2 model=$3 sealed=$4
+    shift 4
     softtwin simulate --actuator "$actuator" --cases "$list" --sensitivities --out "$folder"
     softtwin train --database "$folder" --out "$model"
     softtwin sample --actuator "$actuator" --kind sequence --regime contact --n "$sealed" --seed 20261122 --split check --prefix sealed "$@" --out "$folder-sealed.csv"
@@ -34,17 +33,36 @@ for name in "$@"; do
         continue
     fi
     if [ "$name" = design ]; then
-        # Pressure, gap and five parameters of the reference actuator; any first part of the list is a design too.
+        # Pressure, gap and five parameters of the reference actuator: designs of seven states each, which share a way from rest.
+        # Any first part of the list is a list too.
+        set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 --parameter chambers.width_mm=13:15 \
+            --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
         mkdir -p target/database
-        over_parameters design target/database/design.csv target/pneunet-design.twin 400 1 d 60 \
-            --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 \
-            --parameter chambers.width_mm=13:15 --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
+        softtwin sample --actuator models/pneunet/actuator.toml --database models/pneunet/database --kind sequence --regime both \
+            --n 48 --states-per-design 7 --seed 7 --prefix v "$@" --out target/database/design.csv
+        solve_and_check design target/database/design.csv target/pneunet-design.twin 60 "$@"
         continue
     fi
     if [ "$name" = stiffness ]; then
         # Pressure, gap and the silicone's stiffness: what config/scenes/estimate.toml looks for.
-        over_parameters stiffness models/pneunet-stiffness/cases.csv models/pneunet-stiffness/pneunet-stiffness.twin 140 3 m 30 \
-            --parameter elastomer.law.mu_mpa=0.6:1.0
+        list=models/pneunet-stiffness/cases.csv
+        set -- --parameter elastomer.law.mu_mpa=0.6:1.0
+        softtwin sample --actuator models/pneunet/actuator.toml --kind sequence --regime both --n 140 --seed 3 --prefix m "$@" --out "$list"
+        solve_and_check stiffness "$list" models/pneunet-stiffness/pneunet-stiffness.twin 30 "$@"
+        continue
+    fi
+    if [ "$name" = cylinder ]; then
+        # A small actuator over a cylinder whose radius is an input; some minutes on one core.
+        actuator=models/cylinder/actuator.toml folder=target/database/cylinder
+        over="--regime contact --pressure-mpa 0.01 0.06 --gap-mm 0.2 0.5 --parameter obstacle.radius_mm=10:30"
+        mkdir -p target/database
+        softtwin mesh --actuator "$actuator" --size-mm 4
+        softtwin sample --actuator "$actuator" --kind sequence --n 60 --seed 1 --prefix r $over --out models/cylinder/cases.csv
+        softtwin simulate --actuator "$actuator" --cases models/cylinder/cases.csv --sensitivities --out "$folder"
+        softtwin train --database "$folder" --out "$folder.twin"
+        softtwin sample --actuator "$actuator" --kind sequence --n 20 --seed 20261122 --split check --prefix sealed $over --out models/cylinder/sealed.csv
+        softtwin simulate --actuator "$actuator" --cases models/cylinder/sealed.csv --out "$folder-sealed"
+        softtwin evaluate --model "$folder.twin" --database "$folder-sealed" --split check
         continue
     fi
     model="models/$name"

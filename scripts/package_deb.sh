@@ -86,7 +86,7 @@ for scene in config/scenes/*.toml; do
     sed 's|"\.\./\.\./models/|"/usr/share/softtwin/models/|; s|"\.\./traces/|"/usr/share/softtwin/config/traces/|; s|config/scenes/|/etc/softtwin/|' \
         "$scene" > "$root/etc/softtwin/$(basename "$scene")"
 done
-control "$root" softtwin "libc6, libgcc-s1, systemd" "digital twin runtime of soft pneumatic actuators
+control "$root" softtwin "libc6, libgcc-s1, procps, systemd" "digital twin runtime of soft pneumatic actuators
  From pressure and gap to the whole deformed, stressed body in shared memory, as a real-time service."
 install -m 755 packaging/postinst "$root/DEBIAN/postinst"
 package "$root" softtwin
@@ -98,6 +98,9 @@ mkdir -p "$root/usr/bin"
 strip -o "$root/usr/bin/softtwin-gateway" "$folder/softtwin-gateway"
 units "$root" softtwin-gateway.service
 install -D -m 644 -t "$root/etc/softtwin" config/gateway.toml
+mkdir -p "$root/usr/share/man/man1"
+"$folder/softtwin-gateway" --manual "$root/usr/share/man/man1"
+gzip -9n "$root"/usr/share/man/man1/*
 control "$root" softtwin-gateway "libc6, libgcc-s1, softtwin (= $version)" "network gateway of softtwin
  The shared-memory topics of this machine's twins on a Zenoh network."
 package "$root" softtwin-gateway

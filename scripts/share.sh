@@ -7,7 +7,7 @@ mkdir -p "$folder"
 folder=$(cd "$folder" && pwd)
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 shift
-[ $# -gt 0 ] || set -- $(ls models)
+[ $# -gt 0 ] || set -- $(for file in models/*/*.twin; do basename "$(dirname "$file")"; done)
 install -D -m 644 -t "$folder/config" config/*.toml
 install -D -m 644 -t "$folder/config/traces" config/traces/*.csv
 for model in "$@"; do

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # What takes longer than every change can wait for; run it before anything is called resolved. Some hours on two cores.
 #   scripts/verify_all.sh            all of it
-#   scripts/verify_all.sh WHAT...    only soak, sealed, inputs, kills, peers, hard-cases or install
+#   scripts/verify_all.sh WHAT...    only soak, cycles, sealed, inputs, kills, peers, hard-cases or install
 #   soak        an hour at 1 kHz with disturbances: nothing lost, nothing wrong, nothing that grows
+#   cycles      10,000 restarts, reloads and rotations, 100,000 readers: nothing that grows, by its slope
 #   sealed      40 states that no model has seen, solved afresh and compared with predictions and half-widths
 #   inputs      100,000 damaged command lines and files, a million damaged inputs of the parsers
 #   kills       every program killed at every system call of its start and end
@@ -14,11 +15,13 @@ set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out=build/verify
 mkdir -p "$out"
-[ $# -gt 0 ] || set -- soak sealed inputs kills peers hard-cases install
+[ $# -gt 0 ] || set -- soak cycles sealed inputs kills peers hard-cases install
 target=${CARGO_TARGET_DIR:-target}
 
 studies() { "$target/release/softtwin-studies" "$@"; }
 soak() { studies soak --seconds 3600 --report "$out/soak.json"; }
+
+cycles() { studies cycles > "$out/cycles.json"; }
 sealed() { studies sweep --fresh 40 --below-mpa 0.005 --database "$target/sweep"; }
 inputs() {
     SOFTTWIN_INPUTS=1000000 cargo test --locked --workspace --test inputs &&
@@ -36,7 +39,7 @@ cargo build --locked --release -p softtwin -p softtwind -p studies --bins || exi
 failed=()
 for what in "$@"; do
     case "$what" in
-        soak | sealed | inputs | kills | peers | hard-cases | install) ;;
+        soak | cycles | sealed | inputs | kills | peers | hard-cases | install) ;;
         *) sed -n '2,12s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
     esac
     begin=$SECONDS

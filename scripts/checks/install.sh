@@ -35,7 +35,7 @@ demonstration "$root/usr/bin/softtwin" demo
 "$root/usr/bin/softtwin" export models/pneunet/pneunet.twin --out "$work/finger.fmu" || fail "the package exports no FMU"
 # The services against the units of this machine's systemd, which an installed package stands beside.
 cp -rn /usr/lib/systemd/system/. "$root/usr/lib/systemd/system/"
-install -D /bin/sh "$root/bin/sh"
+install -D -t "$root/bin" /bin/sh /bin/kill
 systemd-analyze --root="$root" --man=no verify softtwin-{twin,bridge,record}@finger.service 2>"$work/verify.log" || { cat "$work/verify.log"; fail "systemd-analyze verify"; }
 ! grep -i softtwin "$work/verify.log" || fail "systemd-analyze verify had something to say"
 for path in $(grep -ho '"/usr/share/softtwin/[^"]*"' "$root"/etc/softtwin/*.toml | tr -d '"'); do

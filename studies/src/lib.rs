@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![warn(clippy::print_stdout)]
 
+mod control;
 mod estimation;
 mod hard_cases;
 mod measure;
@@ -10,6 +11,7 @@ mod python;
 mod report;
 mod restart;
 mod scale;
+mod slope;
 mod soak;
 mod stats;
 mod sweep;
@@ -29,8 +31,10 @@ pub enum Command {
     Sweep(sweep::Args),
     Estimation(estimation::Args),
     Measure(measure::Args),
+    Control(control::Args),
     Peers(peers::Args),
     Soak(soak::Args),
+    Cycles(soak::cycles::Args),
     Restart(restart::Args),
 }
 
@@ -49,8 +53,10 @@ impl Command {
             Self::Sweep(args) => args.run(),
             Self::Estimation(args) => args.run(),
             Self::Measure(args) => args.run(),
+            Self::Control(args) => args.run(),
             Self::Peers(args) => args.run(),
             Self::Soak(args) => args.run(),
+            Self::Cycles(args) => args.run(),
             Self::Restart(args) => args.run(),
         }
     }

@@ -1,13 +1,18 @@
 //! Everything that reads bytes from outside, each as one function from bytes to nothing: no panic, no hang, no large
 //! allocation, whatever the bytes. The fuzz targets of `fuzz/` and the property test `inputs` run the same bodies.
 
+pub mod wrapped;
+
 use recording::message::{Recorded, channel, decode_reading};
 use recording::{Reader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
-use runtime::source::{Encoding, LineBuffer, Quantity, RegisterSpec, Table, Trace, WordOrder};
+use runtime::source::{
+    ByteOrder, CanNumber, CanSignal, Encoding, LineBuffer, Quantity, RegisterSpec, Table, Trace, WordOrder,
+};
 use std::io::Cursor;
-use wire::{KeyExpr, Payload, SensorSample, Topic};
+use std::path::Path;
+use wire::{KeyExpr, Payload, Selector, SensorSample, Topic};
 
 /// One entrance for bytes from outside.
 #[derive(Debug, Clone, Copy)]
@@ -21,7 +26,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 12] = [
+pub const ENTRANCES: [Entrance; 20] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -32,6 +37,7 @@ pub const ENTRANCES: [Entrance; 12] = [
     Entrance { name: "recording", body: recording, seed: recording_seed },
     Entrance { name: "config", body: config, seed: config_seed },
     Entrance { name: "modbus", body: modbus, seed: || vec![0, 1, 63, 240, 0, 0, 0, 0, 0, 0, 12, 34, 56, 78] },
+    Entrance { name: "can", body: can, seed: || vec![7, 16, 1, 1, 0x12, 0x34, 0x56, 0x78] },
     Entrance {
         name: "lines",
         body: lines,
@@ -41,6 +47,21 @@ pub const ENTRANCES: [Entrance; 12] = [
     Entrance { name: "vtu", body: vtu, seed: || VTU.to_vec() },
     Entrance { name: "pvd", body: pvd, seed: || PVD.to_vec() },
     Entrance { name: "inp", body: inp, seed: || INP.to_vec() },
+    Entrance { name: "msh", body: msh, seed: || MSH.to_vec() },
+    Entrance { name: "npz", body: npz, seed: npz_seed },
+    Entrance { name: "model_header", body: wrapped::model_header, seed: wrapped::header_seed },
+    Entrance { name: "chunk", body: wrapped::chunk, seed: wrapped::chunk_seed },
+    Entrance { name: "exchange", body: wrapped::exchange, seed: wrapped::exchange_seed },
+    Entrance {
+        name: "selector",
+        body: selector,
+        seed: || b"softtwin/finger/pressure?gap_mm=30;force_n=0.3&field=tip".to_vec(),
+    },
+    Entrance {
+        name: "websocket",
+        body: websocket,
+        seed: || br#"{"type":"predict","model":0,"inputs":{"pressure_mpa":0.05,"gap_mm":30}}"#.to_vec(),
+    },
     Entrance { name: "key", body: key, seed: || b"softtwin/*/state\0softtwin/**/field/$*top".to_vec() },
 ];
 
@@ -90,19 +111,67 @@ pub fn model(bytes: &[u8]) {
     }
 }
 
-/// A `.npy` array; the reader takes files.
-pub fn npy(bytes: &[u8]) {
+/// For readers that take files.
+fn in_folder(use_it: impl FnOnce(&Path)) {
     thread_local! {
         // In memory where there is such a place: a disk would be most of the time of millions of inputs.
         static FOLDER: tempfile::TempDir = tempfile::tempdir_in("/dev/shm")
             .or_else(|_| tempfile::tempdir())
             .expect("a temporary folder");
     }
-    let path = FOLDER.with(|folder| folder.path().join("input.npy"));
-    std::fs::write(&path, bytes).expect("writable");
-    if let Ok(array) = formats::npy::read_f32(&path) {
-        assert!(array.data.len() <= bytes.len(), "more values than bytes");
+    FOLDER.with(|folder| use_it(folder.path()));
+}
+
+/// A `.npy` array; the reader takes files.
+pub fn npy(bytes: &[u8]) {
+    in_folder(|folder| {
+        let path = folder.join("input.npy");
+        std::fs::write(&path, bytes).expect("writable");
+        if let Ok(array) = formats::npy::read_f32(&path) {
+            assert!(array.data.len() <= bytes.len(), "more values than bytes");
+        }
+    });
+}
+
+/// A `.npz` archive of results.
+pub fn npz(bytes: &[u8]) {
+    let Ok(run) = formats::results::parse_npz(bytes) else { return };
+    let nodes = run.points.len();
+    assert!(run.blocks.iter().flat_map(|block| &block.nodes).all(|node| (*node as usize) < nodes));
+}
+
+fn npz_seed() -> Vec<u8> {
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let arrays: [(&str, &[usize], Vec<f32>); 3] = [
+        ("points", &[4, 3], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+        ("tetra", &[1, 4], vec![0.0, 1.0, 2.0, 3.0]),
+        ("displacement", &[1, 4, 3], vec![0.1; 12]),
+    ];
+    for (name, shape, data) in arrays {
+        let stored =
+            zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        archive.start_file(format!("{name}.npy"), stored).expect("memory");
+        formats::npy::write_f32_to(&mut archive, shape, &data).expect("memory");
     }
+    archive.finish().expect("memory").into_inner()
+}
+
+/// A gmsh mesh.
+pub fn msh(bytes: &[u8]) {
+    let Ok(mesh) = formats::msh::parse(bytes) else { return };
+    assert!(mesh.tets.as_flattened().iter().all(|node| (*node as usize) < mesh.points_mm.len()));
+}
+
+/// A question as `softtwin get` and the gateway take it.
+pub fn selector(bytes: &[u8]) {
+    if let Ok(selector) = Selector::parse(&String::from_utf8_lossy(bytes)) {
+        std::hint::black_box(selector.questions("finger"));
+    }
+}
+
+/// What a page of `softtwin view` sends.
+pub fn websocket(bytes: &[u8]) {
+    std::hint::black_box(softtwin::is_page_request(&String::from_utf8_lossy(bytes)));
 }
 
 fn npy_seed() -> Vec<u8> {
@@ -194,6 +263,22 @@ pub fn modbus(bytes: &[u8]) {
     assert_eq!(found.is_some(), registers.len() == usize::from(spec.count()));
 }
 
+/// A frame of a CAN bus: place, width, order and kind of the signal, then the data.
+pub fn can(bytes: &[u8]) {
+    let Some(([start_bit, bits, order, number], data)) = bytes.split_first_chunk::<4>() else { return };
+    let signal = CanSignal {
+        id: 0x181,
+        extended: None,
+        start_bit: *start_bit,
+        bits: bits % 64 + 1,
+        byte_order: if order % 2 == 0 { ByteOrder::Little } else { ByteOrder::Big },
+        number: [CanNumber::Unsigned, CanNumber::Signed][usize::from(*number) % 2],
+    };
+    if let Some(found) = signal.decode(data) {
+        assert!(found.abs() <= 2f64.powi(i32::from(signal.bits)), "{signal:?}: {found}");
+    }
+}
+
 /// Lines of text from a sensor, in pieces.
 pub fn lines(bytes: &[u8]) {
     let mut buffer = LineBuffer::default();
@@ -267,3 +352,8 @@ const PVD: &[u8] = b"<VTKFile type=\"Collection\"><Collection><DataSet timestep=
 <DataSet timestep=\"0.5\" file=\"b.vtu\"/></Collection></VTKFile>";
 
 const INP: &[u8] = b"*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT, TYPE=C3D4\n1,1,2,3,4\n*NSET, NSET=A, GENERATE\n1,4,1\n";
+
+const MSH: &[u8] = b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 7 \"plate\"\n$EndPhysicalNames\n$Entities\n0 0 1 1\n\
+1 0 0 0 1 1 1 1 7 0\n1 0 0 0 1 1 1 0 0\n$EndEntities\n$Nodes\n1 10 1 10\n3 1 0 10\n1\n2\n3\n4\n5\n6\n7\n8\n9\n10\n0 0 0\n1 0 0\n\
+0 1 0\n0 0 1\n.5 0 0\n.5 .5 0\n0 .5 0\n0 0 .5\n0 .5 .5\n.5 0 .5\n$EndNodes\n$Elements\n2 2 1 2\n2 1 9 1\n1 1 2 3 5 6 7\n\
+3 1 11 1\n2 1 2 3 4 5 6 7 8 9 10\n$EndElements\n";

@@ -43,6 +43,11 @@ impl Program {
         Self::start(stage, command.envs(environment.iter().map(|(key, value)| (key, value))))
     }
 
+    /// As [`Self::traced`], with more in its environment.
+    pub fn traced_with(stage: &Stage, tracing: &[&str], program: &[&str], more: &[(&str, String)]) -> Self {
+        Self::start(stage, Self::tracer(tracing, program).envs(more.iter().map(|(key, value)| (key, value))))
+    }
+
     /// Starts `softtwin` in the stage's domain.
     pub fn tool(stage: &Stage, arguments: &[&str]) -> Self {
         Self::start(stage, Command::new(binary("softtwin")).args(arguments))
@@ -53,6 +58,10 @@ impl Program {
     /// # Panics
     /// When `strace` is not installed.
     pub fn traced(stage: &Stage, tracing: &[&str], program: &[&str]) -> Self {
+        Self::start(stage, &mut Self::tracer(tracing, program))
+    }
+
+    fn tracer(tracing: &[&str], program: &[&str]) -> Command {
         let (name, arguments) = program.split_first().expect("a program");
         // `-D`: our child is the program itself, the tracer is its grandchild.
         let mut command = Command::new("strace");
@@ -61,7 +70,8 @@ impl Program {
             Command::new("strace").arg("-V").output().is_ok_and(|output| output.status.success()),
             "strace is not installed: apt-get install strace (.ci/run does)"
         );
-        Self::start(stage, command.env_remove("NOTIFY_SOCKET").env_remove("WATCHDOG_USEC"))
+        command.env_remove("NOTIFY_SOCKET").env_remove("WATCHDOG_USEC");
+        command
     }
 
     /// Starts one of our programs by its name.

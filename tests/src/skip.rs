@@ -8,6 +8,10 @@ pub enum Missing {
     SmallSharedMemory,
     /// `systemd-analyze`.
     SystemdAnalyze,
+    /// A service manager that runs (systemd as the first process).
+    ServiceManager,
+    /// The right to run programs as another user (root), and `setpriv`.
+    SecondUser,
     /// A C++ compiler.
     CppCompiler,
 }

@@ -6,8 +6,14 @@ use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::rng::Rng;
 use serde_json::Value;
 use std::fmt::Write as _;
+use std::io::{Read, Write as _};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 use tests::process::binary;
 use tests::wait::{states, wait_for, wait_state};
 use tests::{Program, Stage};
@@ -73,12 +79,15 @@ enum Stiffness {
     Unknown,
 }
 
-/// The shipped scene, for any folder.
+/// The shipped scene, for any folder, without the trace that it replays.
 fn shipped(stiffness: Stiffness) -> String {
     let text =
         std::fs::read_to_string(format!("{ROOT}/config/scenes/estimate.toml")).expect("the shipped scene");
     let unknown = |line: &&str| line.starts_with("\"elastomer.law.mu_mpa\" = {");
     assert_eq!(text.lines().filter(unknown).count(), 1, "the stiffness is an unknown of the shipped scene");
+    let (before, source) = text.split_once("[actuator.source]").expect("the shipped scene replays a trace");
+    let (_, after) = source.split_once("[[actuator.output]]").expect("an output after it");
+    let text = format!("{before}[[actuator.output]]{after}");
     let kept = text.lines().filter(|line| stiffness == Stiffness::Unknown || !unknown(line));
     kept.collect::<Vec<_>>().join("\n").replace("../../models", &format!("{ROOT}/models"))
 }
@@ -157,6 +166,32 @@ fn a_hidden_stiffness_is_found_together_with_gap_and_bias() {
         );
     }
     assert_eq!(found["converged"], true, "{found}");
+}
+
+/// The trace comes from a mesh that no model of the project was trained on; its comments say what is hidden.
+#[test]
+fn the_shipped_trace_gives_its_hidden_values_back() {
+    let trace = format!("{ROOT}/config/traces/estimate.csv");
+    let text = std::fs::read_to_string(&trace).expect("the shipped trace");
+    let output = Command::new(binary("softtwin"))
+        .args([
+            "calibrate",
+            "--scene",
+            &format!("{ROOT}/config/scenes/estimate.toml"),
+            "--recording",
+            &trace,
+            "--json",
+        ])
+        .output()
+        .expect("softtwin");
+    let found = json(&output);
+    let bounds = [("gap_mm", 0.25), ("elastomer.law.mu_mpa", 0.016), ("pressure_bias_mpa", 0.0006)];
+    for (name, bound) in bounds {
+        let hidden = text.lines().find_map(|line| line.strip_prefix(&format!("# hidden: {name} = ")));
+        let hidden: f64 = hidden.expect("a comment").parse().expect("a number");
+        let off = (found["estimates"][name]["value"].as_f64().expect("a value") - hidden).abs();
+        assert!(off < bound && found["estimates"][name]["identifiable"] == true, "{name}: {hidden}, {found}");
+    }
 }
 
 #[test]
@@ -311,4 +346,167 @@ fn a_scene_that_estimates_what_the_model_does_not_have_is_refused_with_all_that_
 
 fn path(path: &Path) -> &str {
     path.to_str().expect("a path")
+}
+
+/// A slow inflation seen by instruments: pressure and force as lines, the tip by Modbus, a second marker as JSON lines.
+struct Bench {
+    /// The camera answers.
+    is_plugged: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Bench {
+    const GAP_MM: f64 = 46.0;
+    const BIAS_MPA: f64 = 0.0012;
+    const PLACES_MM: [[f64; 3]; 2] = [[115.0, 2.0, 16.0], [80.0, 0.0, 16.0]];
+
+    /// Starts; inflates for as long as the thread lives, once.
+    fn start(camera: TcpListener, lines_to: SocketAddr, json_to: SocketAddr) -> Self {
+        // Registers of the camera: x, y, z of the tip as 32-bit numbers, the high word first; zeros before its first picture, which the
+        // estimate must survive.
+        let shown = Arc::<Mutex<[u16; 6]>>::default();
+        let (is_plugged, stop) = (Arc::new(AtomicBool::new(true)), Arc::<AtomicBool>::default());
+        let (seen, plugged, over) = (shown.clone(), is_plugged.clone(), stop.clone());
+        let asked = std::thread::spawn(move || answer(&camera, &seen, &plugged, &over));
+        let over = stop.clone();
+        let inflated = std::thread::spawn(move || inflate(&shown, lines_to, json_to, &over));
+        Self { is_plugged, stop, threads: vec![asked, inflated] }
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::SeqCst);
+        for thread in self.threads.drain(..) {
+            thread.join().expect("an instrument");
+        }
+    }
+}
+
+/// Moves the truth in real time and shows it on the instruments.
+fn inflate(registers: &Mutex<[u16; 6]>, lines_to: SocketAddr, json_to: SocketAddr, stop: &AtomicBool) {
+    let model = committed("pneunet");
+    let points = Bench::PLACES_MM.map(|place| MeshPoint::at(&model, place).expect("on the mesh"));
+    let probes = Probes::new(&model, &points).expect("probes");
+    let (mut evaluation, mut at) = (probes.evaluation(), [ProbePosition::default(); 2]);
+    let mut random = Rng::new(23);
+    let mut normal = || (0..12).map(|_| random.uniform()).sum::<f64>() - 6.0;
+    let (socket, begin) = (UdpSocket::bind("127.0.0.1:0").expect("a socket"), Instant::now());
+    for k in 0_u32.. {
+        if stop.load(Ordering::SeqCst) {
+            return;
+        }
+        let pressure_mpa = (0.012 * begin.elapsed().as_secs_f64()).min(0.095);
+        probes.evaluate(Inputs::new(pressure_mpa, Bench::GAP_MM), &mut evaluation, &mut at);
+        let tip = at[0].position_mm.map(|x| ((x + 0.2 * normal()) as f32).to_bits());
+        let words = std::array::from_fn(|word| (tip[word / 2] >> (16 * (1 - word % 2))) as u16);
+        *registers.lock().expect("the camera") = words;
+        let [x, y, z] = at[1].position_mm.map(|x| x + 0.2 * normal());
+        let seen = format!("{{\"x\": {x}, \"y\": {y}, \"z\": {z}}}\n");
+        let hidden = "{\"x\": null, \"y\": null, \"z\": null}\n".to_owned();
+        socket.send_to(if k % 10 == 3 { hidden } else { seen }.as_bytes(), json_to).expect("sent");
+        let measured = pressure_mpa + Bench::BIAS_MPA + 0.0005 * normal();
+        let force_n = evaluation.contact_force_n + 0.005 * normal();
+        socket.send_to(format!("{measured}; {force_n}\n").as_bytes(), lines_to).expect("sent");
+        std::thread::sleep(Duration::from_millis(10)); // the bench's own pace
+    }
+}
+
+/// A camera on Modbus TCP: any number of input registers, while it is plugged in.
+fn answer(camera: &TcpListener, registers: &Mutex<[u16; 6]>, is_plugged: &AtomicBool, stop: &AtomicBool) {
+    camera.set_nonblocking(true).expect("a listener");
+    let mut connections: Vec<TcpStream> = Vec::new();
+    while !stop.load(Ordering::SeqCst) {
+        connections.extend(camera.accept().map(|(connection, _)| connection));
+        connections.retain_mut(|connection| {
+            let (mut question, mut byte) = ([0; 12], [0]);
+            connection.set_nonblocking(true).expect("a connection");
+            match connection.peek(&mut byte) {
+                Ok(0) => return false,
+                Ok(_) => {}
+                Err(error) => return error.kind() == std::io::ErrorKind::WouldBlock,
+            }
+            connection.set_nonblocking(false).expect("a connection");
+            if connection.read_exact(&mut question).is_err() || !is_plugged.load(Ordering::SeqCst) {
+                return false; // unplugged: the connection breaks
+            }
+            let word = |at: usize| usize::from(u16::from_be_bytes([question[at], question[at + 1]]));
+            let (first, count) = (word(8), word(10));
+            let words = registers.lock().expect("the camera")[first..first + count].to_vec();
+            let mut reply = question[..4].to_vec();
+            reply.extend((3 + 2 * count as u16).to_be_bytes());
+            reply.extend([question[6], question[7], 2 * count as u8]);
+            reply.extend(words.iter().flat_map(|word| word.to_be_bytes()));
+            connection.write_all(&reply).is_ok()
+        });
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Markers that live instruments show end in an estimate; a camera that is pulled costs its marker and nothing else.
+#[test]
+fn markers_by_modbus_and_by_lines_end_in_an_estimate() {
+    let stage = Stage::new("estimate-live");
+    let camera = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let free = || UdpSocket::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
+    let [lines_to, json_to] = [free(), free()];
+    let shipped = shipped(Stiffness::Known);
+    let marker =
+        |place: [f64; 3]| format!("[[actuator.marker]]\nname = \"at {}\"\nat_mm = {place:?}\n", place[0]);
+    let tcp = camera.local_addr().expect("an address");
+    let of_tip = |axis: &str, register: u32| {
+        format!(
+            "values.marker1_{axis}_mm = {{ from = {{ unit_id = 1, register = {register}, encoding = \"f32\" }} }}\n"
+        )
+    };
+    let of_second = |axis: &str| format!("values.marker2_{axis}_mm = {{ from = \"{axis}\" }}\n");
+    let sensors = format!(
+        "[actuator.sensors.gauge]\nkind = \"lines\"\nudp = \"{lines_to}\"\nage_limit_ms = 1000\n\
+         values.pressure_mpa = {{ from = 1 }}\nvalues.force_n = {{ from = 2 }}\n\
+         [actuator.sensors.camera]\nkind = \"modbus\"\ntcp = \"{tcp}\"\nrate_hz = 100\ntimeout_ms = 1000\nbackoff_max_ms = 50\nage_limit_ms = 1000\n{}\
+         [actuator.sensors.tracker]\nkind = \"lines\"\nudp = \"{json_to}\"\nage_limit_ms = 1000\n{}",
+        of_tip("x", 0) + &of_tip("y", 2) + &of_tip("z", 4),
+        ["x", "y", "z"].map(of_second).concat(),
+    );
+    // The shipped scene with these instruments, and a second marker.
+    let (before, after) = shipped.split_once("[[actuator.output]]").expect("an output");
+    let text = before.replace("backlog = 16", "backlog = 16\npace = \"gauge\"");
+    let text = format!("{text}\n{}{sensors}[[actuator.output]]{after}", marker(Bench::PLACES_MM[1]));
+    let scene = stage.write("live.toml", &text);
+    let twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+    let topic = Topic::estimate("finger").expect("a topic");
+    let estimates = EstimateReader::attach(&stage.bus(), &topic).expect("a reader");
+    let bench = Bench::start(camera, lines_to, json_to);
+    let wait = |what: &str, fits: &dyn Fn(&wire::Estimate) -> bool| {
+        wait_for(&estimates, what, |reader| {
+            while let Some(estimate) = reader.next().expect("readable") {
+                if fits(&estimate) {
+                    return Some(estimate);
+                }
+            }
+            None
+        })
+    };
+    let whole = wait("a reading of force and both markers", &|estimate| estimate.used_values == 7);
+    assert_eq!(whole.status, estimate_status::USED);
+    let found =
+        wait("gap and bias told", &|estimate| estimate.identifiable == 0b11 && estimate.sigmas[0] < 0.4);
+    assert!((found.values[0] - Bench::GAP_MM).abs() < 4.0 * found.sigmas[0], "{found:?}");
+    assert!((found.values[1] - Bench::BIAS_MPA).abs() < 4.0 * found.sigmas[1], "{found:?}");
+    // Without the camera the force and the other marker go on; plugged in again it counts again.
+    bench.is_plugged.store(false, Ordering::SeqCst);
+    let seq = wait("a reading without the tip", &|estimate| estimate.used_values == 4).seq;
+    let later = wait("more of them", &|estimate| estimate.seq > seq + 200);
+    assert!(later.used_values <= 4 && (later.values[0] - Bench::GAP_MM).abs() < 1.0, "{later:?}");
+    bench.is_plugged.store(true, Ordering::SeqCst);
+    wait("the tip again", &|estimate| estimate.seq > later.seq && estimate.used_values == 7);
+    let (status, table) = Program::tool(&stage, &["top", "--once"]).end();
+    let table = table.join("\n");
+    assert!(status.success() && table.contains("gap_mm 4") && !table.contains("ALARM"), "{table}");
+    drop(bench);
+    let (status, said) = bridge.stop();
+    assert!(status.success() && said.iter().any(|line| line.contains("camera")), "{said:?}");
+    assert!(twin.stop().0.success());
 }

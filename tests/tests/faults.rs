@@ -4,13 +4,15 @@
 use std::process::Command;
 use std::time::Instant;
 use tests::Verifier;
+use tests::http::{free_address, metric};
 use tests::skip::{Missing, skipped};
 use tests::stage::{model_bytes, other_model_bytes};
-use tests::wait::{fresh, states, wait_for, wait_state};
+use tests::wait::{fresh, states, wait_for, wait_state, wait_until};
 use tests::{PATIENCE, Program, Stage};
 use wire::layout::flags;
 use wire::{
-    Bus, FieldReader, Health, HealthReader, Outcome, SensorSample, SensorWriter, StateReader, Topic, now_ns,
+    Bus, FieldReader, Health, HealthReader, KeyExpr, Outcome, SensorSample, SensorWriter, StateReader, Topic,
+    now_ns,
 };
 
 fn source(rate_hz: f64) -> String {
@@ -321,6 +323,102 @@ fn silence_and_bursts_are_stale_and_counted() {
     assert!(verifier.counts.all_correct(), "{:?}", verifier.counts);
     println!("{sent} readings in bursts: {} received, {} never arrived", counted.received, counted.missed);
     assert!(twin.stop().0.success());
+}
+
+/// Numbers at the end of 64 bits, stamps of clocks that jump: each reading has its outcome, nobody ends, the next good one is
+/// fresh, and what was recorded of it is read, exported and drawn.
+#[test]
+fn numbers_and_clocks_at_their_limits_end_nobody() {
+    const JUMP: u64 = u64::MAX - 10;
+    let stage = Stage::new("limits");
+    let scene = stage.finger(&source(200.0)).display().to_string();
+    // A loaded machine must not make good readings too old.
+    let settings = stage.write("twin.toml", "[limits]\nmax_age_ms = 60000.0\n").display().to_string();
+    let page = free_address();
+    let mut twin =
+        Program::daemon(&stage, &["twin", "--scene", &scene, "--config", &settings, "--metrics", &page]);
+    twin.wait_for("ready:");
+    let bus = stage.bus();
+    let (states, topic) = (states(&bus), Topic::sensor("finger").unwrap());
+    let health = HealthReader::open(&bus, &Topic::health("finger").unwrap()).unwrap();
+    let out = stage.path("run.mcap").display().to_string();
+    let mut recorder = Program::tool(&stage, &["record", "--out", &out, "--json"]);
+    wait_until("a recorder", || {
+        let found = bus.topics(&KeyExpr::new(topic.name()).unwrap()).unwrap();
+        found.iter().any(|info| info.readers.contains(&recorder.id())).then_some(())
+    });
+    let mut sensor = SensorWriter::create(&bus, &topic).unwrap();
+    let mut sent = 0_u64;
+    let mut send = |boot_id: u64, seq: u64, t_sensor_ns: u64| {
+        sent += 1;
+        let reading = SensorSample {
+            boot_id,
+            seq,
+            t_sensor_ns,
+            pressure_mpa: 0.03,
+            gap_mm: 30.0,
+            ..SensorSample::default()
+        };
+        sensor.publish(reading).unwrap();
+    };
+    let answered = |boot_id: u64, seq: u64| {
+        wait_state(&states, "a fresh state", |state| {
+            fresh(state) && (state.sensor_boot_id, state.sensor_seq) == (boot_id, seq)
+        });
+    };
+    let held = |outcome: Outcome| {
+        wait_state(&states, outcome.as_str(), |state| state.outcome == outcome.code());
+    };
+    for seq in [u64::MAX - 1, u64::MAX, 0, 1] {
+        send(1, seq, now_ns());
+        answered(1, seq);
+    }
+    send(1, 2, u64::MAX);
+    held(Outcome::HeldFuture);
+    send(1, 3, 0); // back in time: dropped, and its number is still free
+    send(1, 3, now_ns());
+    answered(1, 3);
+    send(2, 0, 0);
+    held(Outcome::HeldStale);
+    send(2, 1, now_ns());
+    answered(2, 1);
+    send(3, u64::MAX, u64::MAX);
+    held(Outcome::HeldFuture);
+    send(3, 0, now_ns());
+    answered(3, 0);
+    // Losses of two runs together are more than 64 bits hold.
+    for boot_id in [4, 5] {
+        send(boot_id, 1, now_ns());
+        answered(boot_id, 1);
+        (JUMP..JUMP + 3).for_each(|seq| send(boot_id, seq, now_ns()));
+        answered(boot_id, JUMP + 2);
+    }
+    let counted = wait_for(&health, "all readings in the health", |health| {
+        health.newest().unwrap().filter(|health| health.received == sent)
+    });
+    assert_eq!((counted.missed, counted.outcomes.iter().sum()), (u64::MAX, sent), "{counted:?}");
+    let ends =
+        [Outcome::HeldFuture, Outcome::HeldStale, Outcome::DroppedBackInTime, Outcome::DroppedSequenceJump];
+    assert_eq!(ends.map(|outcome| counted.count(outcome)), [2, 1, 1, 4]);
+    assert_eq!(metric(&page, "softtwin_missed_total{actuator=\"finger\"}"), Some(u64::MAX as f64));
+    recorder.signal(libc::SIGINT);
+    let (status, said) = recorder.end();
+    assert!(status.success(), "{said:?}");
+    let report: serde_json::Value = serde_json::from_str(said.last().unwrap()).unwrap();
+    assert_eq!(report["messages"]["softtwin/finger/sensor"], sent, "{report}");
+    assert_eq!(report["missing"], u64::MAX, "{report}");
+    let [tables, picture] = ["tables", "run.svg"].map(|name| stage.path(name).display().to_string());
+    for arguments in [
+        &["export", &out, "--out", &tables][..],
+        &["plot", "recording", "--recording", &out, "--out", &picture],
+        &["echo", "softtwin/finger/state", "--once"],
+        &["top", "--once"],
+    ] {
+        let (status, said) = Program::tool(&stage, arguments).end();
+        assert!(status.success(), "{arguments:?}: {said:?}");
+    }
+    let (status, said) = twin.stop();
+    assert!(status.success(), "{said:?}");
 }
 
 /// 20,000 readings a second: more than the twin answers one by one; each has an end, the answers are right.

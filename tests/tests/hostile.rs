@@ -135,6 +135,7 @@ fn database() -> Database {
         cases: (0..4).map(case).collect(),
         snapshots: (0..4 * 2 * 5).map(|k| k as f32 * 0.25).collect(),
         undeformed_mm: Some(vec![[0.0; 3], [9.0, 0.0, 0.0]]),
+        undeformed_by: Vec::new(),
         surface_triangles: vec![],
         node_sets: vec![],
         obstacle: Footprint::PLATE,

@@ -50,13 +50,14 @@ static ALLOCATOR: Watching = Watching;
 /// Share of an entrance in thousandths: a model file takes longer than a key expression.
 fn share(entrance: &Entrance) -> usize {
     match entrance.name {
-        "model" => 5,
-        "npy" => 20,
+        "model" | "model_header" | "exchange" => 5,
+        "npy" | "npz" => 20,
         "config" => 45,
         "recording" => 90,
         "key" => 120,
-        "frd" | "vtu" | "pvd" | "inp" => 20,
-        _ => 240,
+        "frd" | "vtu" | "pvd" | "inp" | "msh" | "chunk" => 20,
+        "selector" | "websocket" => 30,
+        _ => 220,
     }
 }
 

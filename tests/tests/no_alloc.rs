@@ -3,10 +3,13 @@
 
 use runtime::config::{Scene, Settings};
 use runtime::load::load_scene;
+use runtime::source::{Devices, Poll};
 use runtime::twin::{Twin, event_channel};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::time::Duration;
+use std::net::UdpSocket;
+use std::sync::mpsc::sync_channel;
+use std::time::{Duration, Instant};
 use tests::Stage;
 use wire::{FieldReader, SensorSample, SensorWriter, StateReader, Topic, now_ns};
 
@@ -74,4 +77,38 @@ fn the_loop_allocates_nothing_but_the_transports_sample_handles() {
     assert_eq!(health.received, 400);
     assert_eq!(health.count(wire::Outcome::HeldNotFinite), 40);
     assert_eq!(health.count(wire::Outcome::Published), 360);
+}
+
+/// The bridge's loop asks its sources: what several sensors have said becomes readings without an allocation.
+#[test]
+fn a_source_of_several_sensors_allocates_nothing_when_it_is_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let text = format!(
+        "name = \"s\"\n[[actuator]]\nname = \"f\"\nmodel = \"m.twin\"\npace = \"board\"\n[actuator.sensors.board]\nkind = \"lines\"\n\
+         udp = \"{address}\"\nvalues.pressure_mpa = {{ from = 1, filter = {{ median = 5 }} }}\n[actuator.sensors.camera]\nkind = \"lines\"\n\
+         udp = \"{address}\"\nage_limit_ms = 1\nvalues.marker1_x_mm = {{ from = 1 }}\nvalues.gap_mm = {{ from = 2 }}\n"
+    );
+    std::fs::write(folder.path().join("scene.toml"), text).unwrap();
+    let scene = Scene::load(&folder.path().join("scene.toml")).unwrap();
+    let source = scene.actuators[0].open_source(&scene.folder, &Devices::default());
+    let mut source = source.expect("sensors").unwrap();
+    let (waker, wakes) = sync_channel(1);
+    source.start(&waker).unwrap();
+    let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let (mut readings, mut with_gap) = (0, 0);
+    let end = Instant::now() + Duration::from_secs(20);
+    while readings < 500 {
+        assert!(Instant::now() < end, "{readings} readings only");
+        sender.send_to(b"0.03; 40", address).unwrap();
+        let _woken_or_not = wakes.recv_timeout(Duration::from_millis(1));
+        let before = COUNT.get();
+        let polled = source.poll(0.0);
+        assert_eq!(COUNT.get() - before, 0, "allocations after {readings} readings");
+        if let Poll::Reading(reading) = polled {
+            readings += 1;
+            with_gap += u32::from(reading.gap_mm == 40.0);
+        }
+    }
+    assert!(with_gap > 100, "{with_gap} of {readings} readings had a value of the other sensor");
 }

@@ -5,7 +5,8 @@ use recording::{Ending, Item, Reader};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use tests::wait::{wait_for, wait_state};
+use tests::http::{free_address, metric};
+use tests::wait::{wait_for, wait_state, wait_until};
 use tests::{PATIENCE, Program, Stage};
 use wire::{Bus, KeyExpr, Payload, SensorReader, SensorSample, SensorWriter, State, StateReader, Topic};
 
@@ -254,4 +255,79 @@ fn a_file_deleted_under_a_recorder_ends_it() {
     let (status, said) = recorder.end();
     assert_eq!(status.code(), Some(1), "{status}, {said:?}");
     assert!(said.iter().any(|line| line.contains("run.mcap was deleted")), "{said:?}");
+}
+
+/// Whether all threads of a program are stopped.
+fn is_stopped(program: &Program) -> bool {
+    let stat =
+        |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("stat")).unwrap_or_default();
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", program.id())).unwrap();
+    tasks.flatten().map(stat).all(|stat| stat.contains(") T "))
+}
+
+/// What the page says is what happened: messages by topic, what overran the buffer, files that made room, flushes.
+#[test]
+fn the_recorders_metrics_say_what_happened() {
+    const OVERRUN: u64 = 300;
+    let stage = Stage::new("recmetrics");
+    let (bus, page) = (stage.bus(), free_address());
+    let topic = Topic::sensor("finger").unwrap();
+    let mut sensor = SensorWriter::create(&bus, &topic).unwrap();
+    let mut seq = 0;
+    let mut send = |count: u64| {
+        for _ in 0..count {
+            seq += 1;
+            sensor.publish(SensorSample { boot_id: 5, seq, ..SensorSample::default() }).unwrap();
+        }
+    };
+    let folder = stage.path("recordings");
+    std::fs::create_dir(&folder).unwrap();
+    let out = folder.join("run.mcap").display().to_string();
+    let keep = ["--rotate-minutes", "60", "--keep", "2", "--metrics", &page, "--json"];
+    let mut recorder = Program::tool(&stage, &[&["record", "--out", &out][..], &keep].concat());
+    wait_listening(&bus, &recorder, 1);
+    let value = |name: &str| metric(&page, &format!("softtwin_recorder_{name}"));
+    let reaches = |name: &str, wanted: u64| {
+        wait_until(&format!("{name} {wanted}"), || value(name).filter(|found| *found == wanted as f64));
+    };
+    let messages = "messages_total{topic=\"softtwin/finger/sensor\"}";
+    send(100);
+    reaches(messages, 100);
+    assert_eq!((value("missing_total"), value("dropped_total")), (Some(0.0), Some(0.0)));
+    assert_eq!((value("troubles"), value("skipped")), (Some(0.0), Some(0.0)));
+    // While it does not run, its buffer keeps the newest readings; how many it gave up shows in the next number.
+    let buffer = wire::qos::of(topic.kind()).buffer as u64;
+    recorder.signal(libc::SIGSTOP);
+    wait_until("a stopped recorder", || is_stopped(&recorder).then_some(()));
+    send(buffer + OVERRUN);
+    recorder.signal(libc::SIGCONT);
+    reaches("missing_total", OVERRUN);
+    let mut count = 100 + buffer;
+    reaches(messages, count);
+    for removed in 0..3 {
+        let before = value("flushes_total");
+        recorder.signal(libc::SIGHUP);
+        reaches("files", 2);
+        reaches("removed_files_total", removed);
+        wait_until("a flush", || (value("flushes_total") > before).then_some(()));
+        send(1);
+        count += 1;
+        reaches(messages, count);
+    }
+    let file = |file: std::io::Result<std::fs::DirEntry>| file.unwrap().metadata().unwrap().len();
+    let lengths = || std::fs::read_dir(&folder).unwrap().map(file).collect::<Vec<u64>>();
+    assert_eq!(lengths().len(), 2);
+    wait_until("the bytes of both files", || {
+        value("bytes").filter(|bytes| *bytes == lengths().iter().sum::<u64>() as f64)
+    });
+    assert!(value("free_bytes").is_some_and(|bytes| bytes > 0.0));
+    // A topic of another layout is skipped, and said so.
+    let _foreign = SensorWriter::create(&bus, &Topic::state("foreign").unwrap()).unwrap();
+    reaches("skipped", 1);
+    recorder.signal(libc::SIGINT);
+    let (status, said) = recorder.end();
+    assert!(status.success(), "{said:?}");
+    let report: serde_json::Value = serde_json::from_str(said.last().unwrap()).unwrap();
+    let recorded = &report["messages"]["softtwin/finger/sensor"];
+    assert_eq!((recorded, &report["missing"]), (&count.into(), &OVERRUN.into()), "{report}");
 }

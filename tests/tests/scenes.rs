@@ -5,6 +5,7 @@ use rom::snapshots::RegimeKind;
 use runtime::config::{OutsideDomain, Scene, Settings};
 use runtime::explain::explain;
 use runtime::load::{Loaded, load_scene};
+use runtime::source::Devices;
 use runtime::twin::{Event, EventKind, Twin, event_channel};
 use std::path::Path;
 use std::sync::mpsc::Receiver;
@@ -26,7 +27,7 @@ fn actuator(extra: &str) -> String {
 fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
     let of = |block: BlockKind| match block {
         BlockKind::Mean { regime, .. } | BlockKind::Modes { regime, .. } => regime == kind,
-        BlockKind::Undeformed(_) | BlockKind::Surface => false,
+        BlockKind::Undeformed(_) | BlockKind::UndeformedBy { .. } | BlockKind::Surface => false,
     };
     loaded.read.iter().filter(|block| of(block.kind)).count()
 }
@@ -295,10 +296,31 @@ fn the_projects_own_configuration_is_valid_and_states_the_defaults() {
     for entry in std::fs::read_dir(config.join("scenes")).unwrap() {
         let path = entry.unwrap().path();
         let scene = Scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
-        for source in scene.actuators.iter().filter_map(|actuator| actuator.source.as_ref()) {
-            source.open(&scene.folder).unwrap_or_else(|problems| panic!("{}: {problems:?}", path.display()));
+        let devices = Devices::default();
+        for source in scene.actuators.iter().filter_map(|one| one.open_source(&scene.folder, &devices)) {
+            source.unwrap_or_else(|problems| panic!("{}: {problems:?}", path.display()));
         }
         seen += 1;
     }
     assert!(seen >= 3);
+}
+
+/// The scene of the page about sensors is one: it loads, and its sensors open.
+#[test]
+fn the_scene_of_the_page_about_sensors_is_valid() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let page = std::fs::read_to_string(root.join("docs/sensors.md")).unwrap();
+    let text = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a scene");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).unwrap();
+    let scene = Scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(scene.actuators[0].sensors.len(), 4);
+    let source = scene.actuators[0].open_source(&scene.folder, &Devices::default()).expect("sensors");
+    assert_eq!(source.unwrap().devices().len(), 4);
+    // An example of every kind, there or in the shipped scene.
+    let shipped = std::fs::read_to_string(root.join("config/scenes/bench.toml")).unwrap();
+    for kind in ["modbus", "lines", "can", "iio"] {
+        assert!([text, &shipped].iter().any(|scene| scene.contains(&format!("kind = \"{kind}\""))), "{kind}");
+    }
 }

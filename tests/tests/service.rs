@@ -1,10 +1,11 @@
 //! The daemons as a service: told to the service manager, reloaded, watched.
 
-use std::io::{Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::io::Write;
+use std::net::TcpStream;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
+use tests::http::{free_address, get, get_as};
 use tests::skip::{Missing, skipped};
 use tests::wait::wait_state;
 use tests::{Manager, PATIENCE, Program, Stage};
@@ -172,24 +173,6 @@ fn a_measured_force_that_does_not_fit_raises_the_alarm() {
     assert!(twin.stop().0.success());
 }
 
-fn get(address: &str, path: &str) -> String {
-    get_as(address, address, path)
-}
-
-/// Asks with this `Host`.
-fn get_as(host: &str, address: &str, path: &str) -> String {
-    let mut stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
-    let mut reply = String::new();
-    stream.read_to_string(&mut reply).unwrap();
-    reply
-}
-
-fn free_address() -> String {
-    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
-}
-
 #[test]
 fn metrics_are_served_on_loopback_when_asked_for() {
     let stage = Stage::new("metrics");
@@ -277,9 +260,13 @@ fn systemd_accepts_the_units() {
         units.push(path);
         if text.contains("Type=notify") {
             // A network may hold the gateway up for longer than anything may hold up a daemon.
-            let (exits, watchdog) = match text.contains("softtwin-gateway --config") {
-                true => ("RestartPreventExitStatus=2 78", "WatchdogSec=10s"),
-                false => ("RestartPreventExitStatus=78", "WatchdogSec=2s"),
+            // A disk may hold a recorder up for longer still.
+            let (exits, watchdog) = if text.contains("softtwin-gateway --config") {
+                ("RestartPreventExitStatus=2 78", "WatchdogSec=10s")
+            } else if text.contains("softtwin record") {
+                ("RestartPreventExitStatus=2 78", "WatchdogSec=120s")
+            } else {
+                ("RestartPreventExitStatus=78", "WatchdogSec=2s")
             };
             for line in [exits, watchdog, "RemoveIPC=no", "PrivateTmp=no", "DynamicUser=no"] {
                 let is_there = text.lines().any(|found| found == line);

@@ -1,6 +1,7 @@
 //! The tool's listening commands against a running twin.
 
 use serde_json::Value;
+use tests::wait::wait_until;
 use tests::{Program, Stage, synthetic};
 
 const SOURCE: &str = "kind = \"simulate\"\nrate_hz = 200.0\ngap_mm = 30.0\n";
@@ -87,7 +88,7 @@ fn the_commands_see_what_is_published() {
     let (code, said) = run(&stage, &["info", "softtwin/finger/state", "--json"]);
     assert_eq!(code, Some(0), "{said:?}");
     let info = json(&said).remove(0);
-    assert_eq!(info["payload"], "softtwin.State.v3");
+    assert_eq!(info["payload"], "softtwin.State.v5");
     assert_eq!(info["writers"][0], twin.id());
 
     let (code, said) = run(&stage, &["scene", "explain", "finger.toml", "--json"]);
@@ -178,5 +179,71 @@ fn the_doctor_names_everything_that_is_wrong() {
     let text = said.join("\n");
     for expected in ["beam.twin", "4711", "-> ", "things are wrong"] {
         assert!(text.contains(expected), "`{expected}`:\n{text}");
+    }
+}
+
+/// The last finding about a subject: the first one about recordings is the machine's disk.
+fn finding(said: &[String], subject: &str) -> Value {
+    let found = said.iter().find(|line| line.starts_with('[')).unwrap_or_else(|| panic!("{said:?}"));
+    let found: Vec<Value> = serde_json::from_str(found).unwrap();
+    let last = found.iter().rfind(|finding| finding["subject"] == subject).cloned();
+    last.unwrap_or_else(|| panic!("no {subject}: {found:?}"))
+}
+
+/// A recorder's folder: empty, recorded into, left alone, with the file of a power cut; and no folder at all.
+#[test]
+fn the_doctor_says_how_recordings_are() {
+    let stage = Stage::new("docrec");
+    let folder = stage.path("recordings");
+    std::fs::create_dir(&folder).unwrap();
+    let doctor = || run(&stage, &["doctor", "--json", "--recordings", &folder.display().to_string()]);
+    let says = |subject: &str, level: &str, text: &str| {
+        let found = finding(&doctor().1, subject);
+        assert_eq!(found["level"], level, "{found}");
+        let whole = format!("{} {}", found["found"], found["remedy"]);
+        assert!(whole.contains(text), "`{text}`: {found}");
+    };
+    says("recordings", "warning", "none in the folder");
+    let _bridge = Program::bridge(&stage, &stage.finger(SOURCE));
+    let out = folder.join("run.mcap").display().to_string();
+    let recorder = Program::tool(&stage, &["record", "--out", &out, "--rotate-minutes", "60"]);
+    let file = folder.join("run-0001.mcap");
+    wait_until("a recording", || std::fs::metadata(&file).ok().filter(|file| file.len() > 0));
+    says("recording run", "good", "1 files");
+    assert!(recorder.stop().0.success());
+    let long_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(3600);
+    std::fs::File::options().append(true).open(&file).unwrap().set_modified(long_ago).unwrap();
+    says("recording run", "warning", "nobody records it now");
+    std::fs::write(folder.join("run-0002.mcap"), "").unwrap();
+    says("recording run", "warning", "1 of them empty");
+    std::fs::remove_dir_all(&folder).unwrap();
+    says("recordings", "bad", "name the folder of --out");
+    assert_eq!(doctor().0, Some(1));
+}
+
+/// The gateway checks its configuration itself; where it is not installed the doctor says how to get it.
+#[test]
+fn the_doctor_asks_the_gateway() {
+    let stage = Stage::new("docgate");
+    // A folder of programs in which the gateway is what the story says.
+    std::fs::copy(tests::process::binary("softtwin"), stage.path("softtwin")).unwrap();
+    let doctor = || {
+        let (status, said) =
+            Program::shell(&stage, "PATH=. exec ./softtwin doctor --json --gateway gateway.toml").ended();
+        (status.code(), finding(&said, "gateway"))
+    };
+    let (code, missing) = doctor();
+    assert_eq!((code, &missing["level"]), (Some(1), &"bad".into()), "{missing}");
+    assert!(missing["remedy"].as_str().unwrap().contains("install softtwin-gateway"), "{missing}");
+    for (script, level, text) in [
+        ("echo \"$@: closed\" >&2", "good", "--config gateway.toml --check: closed"),
+        ("echo 'listen: wrong' >&2; exit 78", "bad", "listen: wrong"),
+    ] {
+        let program = stage.write("softtwin-gateway", &format!("#!/bin/sh\n{script}\n"));
+        let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+        std::fs::set_permissions(program, executable).unwrap();
+        let (_, found) = doctor();
+        assert_eq!(found["level"], level, "{found}");
+        assert!(found["found"].as_str().unwrap().contains(text), "{found}");
     }
 }

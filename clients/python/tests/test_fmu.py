@@ -142,6 +142,41 @@ def test_fmpy_simulates_it(archive, kind):
         np.testing.assert_allclose(found["contact_force_n"], expected, atol=1e-12)
 
 
+def test_parameters_are_tuned_between_steps(tmp_path):
+    path = tmp_path / "stiffness.fmu"
+    model = softtwin.Model(REPOSITORY / "models/pneunet-stiffness/pneunet-stiffness.twin")
+    (name,) = [name for name in model.inputs if name not in ("pressure_mpa", "gap_mm")]
+    assert tool("export", REPOSITORY / "models/pneunet-stiffness/pneunet-stiffness.twin", "--out", path).returncode == 0
+    made = Twin(path, tmp_path / "fmu").start()
+    (described,) = [v for v in made.description.modelVariables if v.name == name]
+    assert (described.causality, described.variability) == ("parameter", "tunable")
+    assert float(described.start) == model.inputs[name].value
+    low, high = model.inputs[name].min, model.inputs[name].max
+    for step, stiffness in enumerate([low, 0.5 * (low + high), high]):
+        made.put(pressure_mpa=0.05, gap_mm=30.0, **{name: stiffness})
+        made.fmu.doStep(currentCommunicationPoint=0.01 * step, communicationStepSize=0.01)
+        expected = model.predict(0.05, 30.0, fields=False, **{name: stiffness})
+        assert made.get("contact_force_n", f"force_by_{name}") == [expected.contact_force_n, expected.force_gradient[name]]
+    made.fmu.terminate()
+    made.fmu.freeInstance()
+
+
+def test_a_recording_is_an_input(archive, live, tmp_path):
+    record = [PROGRAMS / "softtwin", "record", "softtwin/finger/state", "--seconds", "1", "--out", tmp_path / "run.mcap"]
+    assert subprocess.run(record, env=live.environment(), capture_output=True).returncode == 0
+    done = tool("export", tmp_path / "run.mcap", "--fmi", "--out", tmp_path / "tables")
+    assert done.returncode == 0, done.stderr
+    recorded = fmpy.read_csv(tmp_path / "tables/softtwin.finger.state.csv")
+    assert recorded["time"][0] == 0.0 and (np.diff(recorded["time"]) > 0).all() and len(recorded) > 100
+    signals = recorded[["time", "pressure_mpa", "gap_mm"]]
+    found = fmpy.simulate_fmu(
+        str(archive), fmi_type="CoSimulation", input=signals, stop_time=recorded["time"][-1], output_interval=0.01, output=["contact_force_n"]
+    )
+    nearest = np.interp(found["time"], recorded["time"], recorded["contact_force_n"])
+    # FMPy sets the inputs at the beginning of a step and writes the outputs down at its end.
+    np.testing.assert_allclose(found["contact_force_n"][1:], nearest[:-1], atol=1e-3)
+
+
 @pytest.mark.parametrize("what", ["missing", "broken", "another", "nodes"])
 def test_resources_that_do_not_fit_are_said(archive, tmp_path, what):
     made = Twin(archive, tmp_path / "fmu", token="another" if what == "another" else None)

@@ -3,10 +3,17 @@
 import asyncio
 import gc
 import math
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
 import softtwin
+from conftest import PROGRAMS
 
 WAIT_S = 60.0
 
@@ -88,6 +95,10 @@ def test_questions_are_answered(live):
     field = twin.whatif(0.06, 30.0, field="all")
     assert field.x.shape == (25022,) and not field.x.flags.writeable
     assert field.header.contact_force_n == there.contact_force_n
+    assert there.text_list("input_names") == ["pressure_mpa", "gap_mm"] and list(there.inputs[:2]) == [0.06, 30.0]
+    assert there.force_by_input[0] == there.force_by_pressure_n_per_mpa
+    with pytest.raises(softtwin.Refused, match="no input of this model, which has pressure_mpa, gap_mm"):
+        twin.whatif(0.06, 30.0, inputs={"elastomer.law.mu_mpa": 0.7})
     with pytest.raises(softtwin.Refused, match="at most") as refused:
         twin.pressure(50.0, 30.0)
     assert refused.value.answer.limit == pytest.approx(twin.whatif(0.09, 30.0).contact_force_n, rel=0.01)
@@ -110,6 +121,82 @@ def test_readings_from_python_are_answered(stage):
         if "held" in state.flag_names:
             break
     assert state.sensor_seq == seq != bad, "the last good reading stands"
+
+
+@pytest.fixture
+def converter(stage):
+    """A valve behind a converter (a file), driven by a bridge; the first owner is always another program."""
+    device = stage.folder / "iio:device0"
+    device.mkdir()
+    raw = device / "out_voltage0_raw"
+    raw.write_text("0\n")
+    valve = f"""
+            [actuator.valve]
+            range_mpa = [0.0, 0.08]
+            state_max_age_ms = 60000
+            stop_outside_domain = false
+            [actuator.valve.iio]
+            root = "{stage.folder}"
+            device = "iio:device0"
+            scale = 2e-5
+            raw_max = 4095
+            """
+    scene = stage.finger()
+    scene.write_text(scene.read_text() + valve)
+    stage.twin(scene)
+    stage.bridge(scene)
+    return raw
+
+
+def written(raw, wanted):
+    end = time.monotonic() + WAIT_S
+    while raw.read_text().strip() != wanted:
+        assert time.monotonic() < end, f"{wanted} does not come, found {raw.read_text()}"
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize("with_control", [False, True])
+def test_a_valve_has_one_owner(stage, converter, with_control):
+    if with_control:  # a domain in which drivers are a group of their own
+        os.mkdir(f"{stage.root}/control")
+    valve = softtwin.SetpointPublisher("finger", owner="story", bus=stage.bus)
+    writes = softtwin.subscribe("softtwin/finger/valve", timeout_s=WAIT_S, bus=stage.bus)
+    sent = valve.send(0.02, valid_for_s=WAIT_S, t_sensor_ns=7)
+    write = next(write for write in writes if write.name_of("valve_reason") == "following")
+    assert (write.setpoint_seq, write.t_sensor_ns, write.to_dict()["owner"]) == (sent, 7, "story")
+    written(converter, "1000")
+    holder = rf"\(`story`, process {os.getpid()}\)"
+    with pytest.raises(softtwin.AlreadyPublished, match=holder):
+        softtwin.SetpointPublisher("finger", owner="second", bus=stage.bus)
+    second = [str(PROGRAMS / "softtwin"), "setpoint", "finger", "--pressure-mpa", "0.05"]
+    said = subprocess.run(second, env=stage.environment(), capture_output=True, text=True)
+    assert said.returncode != 0 and re.search(holder, said.stderr), said
+    valve.send(0.03, valid_for_s=0.05)  # not renewed
+    write = next(write for write in writes if write.name_of("valve_reason") == "timeout")
+    assert write.pressure_mpa == 0.0
+    valve.send(0.03, valid_for_s=WAIT_S)
+    written(converter, "1500")
+    valve.send(math.nan)
+    written(converter, "0")
+
+
+def test_the_owner_of_another_language_is_named(stage, converter):
+    example = pathlib.Path(__file__).resolve().parents[1] / "examples" / "set_pressure.py"
+    arguments = [sys.executable, str(example), "--pressure-mpa", "0.04", "--seconds", "600"]
+    owner = subprocess.Popen(arguments, env=stage.environment(), stdout=subprocess.PIPE, text=True)
+    stage.programs.append(owner)
+    assert any("following: 0.0400 MPa" in line for line in owner.stdout)
+    written(converter, "2000")
+    with pytest.raises(softtwin.AlreadyPublished, match=rf"\(`set_pressure.py`, process {owner.pid}\)"):
+        softtwin.SetpointPublisher("finger", owner="story", bus=stage.bus)
+    owner.kill()
+    written(converter, "0")
+
+
+@pytest.mark.parametrize("owner, valid_for_s", [("", 0.1), ("a\nb", 0.1), ("x" * 32, 0.1), ("story", 0.0), ("story", math.nan)])
+def test_mistakes_of_an_owner_are_named(stage, owner, valid_for_s):
+    with pytest.raises(ValueError, match="expected"):
+        softtwin.SetpointPublisher("finger", owner=owner, bus=stage.bus).send(0.01, valid_for_s)
 
 
 def test_an_absent_twin_is_said(stage):

@@ -29,9 +29,11 @@ typedef enum {
 typedef struct softtwin_bus softtwin_bus;
 /** A reader of one topic. */
 typedef struct softtwin_reader softtwin_reader;
+/** A set of readers that is waited for. */
+typedef struct softtwin_waiter softtwin_waiter;
 /** A received field. Its memory stays as it is until softtwin_field_release; at most 4 may be held of one topic. */
 typedef struct softtwin_field softtwin_field;
-/** The one writer of a topic of readings or commands. */
+/** The one writer of a topic of readings, commands or setpoints. */
 typedef struct softtwin_writer softtwin_writer;
 /** A client of the twin of one actuator, for questions. */
 typedef struct softtwin_client softtwin_client;
@@ -112,6 +114,12 @@ void softtwin_bus_close(softtwin_bus *bus);
  *  read one kind of topic each and check the payload's type at compile time; they are to be preferred. */
 softtwin_status softtwin_reader_open(softtwin_bus *bus, const char *name, const char *kind, const char *node_set,
                                      softtwin_reader **out);
+/** As softtwin_reader_open for a topic that may come into being later: a controller may start before its twin. `wakes` 0: samples do
+ *  not wake this reader, which costs the sender next to nothing; for loops with a clock of their own. */
+softtwin_status softtwin_reader_attach(softtwin_bus *bus, const char *name, const char *kind, const char *node_set,
+                                       int wakes, softtwin_reader **out);
+/** How many samples were read, and how many were sent and never read: overwritten before, or passed over for a newer one. */
+softtwin_status softtwin_reader_counts(softtwin_reader *reader, uint64_t *received, uint64_t *lost);
 /** Copies the oldest waiting sample (`newest` not 0: the newest) to `payload` of `size` bytes. Waits for one at most
  *  `timeout_ms` (0: does not wait, below 0: for ever). */
 softtwin_status softtwin_reader_read(softtwin_reader *reader, int newest, int64_t timeout_ms, void *payload, size_t size);
@@ -119,6 +127,17 @@ softtwin_status softtwin_reader_read(softtwin_reader *reader, int newest, int64_
 softtwin_status softtwin_reader_read_field(softtwin_reader *reader, int newest, int64_t timeout_ms, softtwin_field **out);
 /** Ends a reader. */
 void softtwin_reader_close(softtwin_reader *reader);
+
+/** Makes a waiter over `count` readers of this thread. Readers that are never woken end no wait. */
+softtwin_status softtwin_waiter_open(softtwin_reader **readers, size_t count, softtwin_waiter **out);
+/** Sleeps until one of the readers may have something, a signal comes, or `timeout_us` is over (0: does not wait, below 0: for
+ *  ever): SOFTTWIN_TIMEOUT. Then read all of them with a timeout of 0. Allocates nothing. */
+softtwin_status softtwin_waiter_wait(softtwin_waiter *waiter, int64_t timeout_us);
+/** A descriptor that is readable when one of the readers may have something, for poll, epoll or an event loop. When it is, call
+ *  softtwin_waiter_wait with 0, then read. It belongs to the waiter: neither read nor close it. */
+softtwin_status softtwin_waiter_descriptor(softtwin_waiter *waiter, int *descriptor);
+/** Ends a waiter; its readers go on. */
+void softtwin_waiter_close(softtwin_waiter *waiter);
 
 /** The header of a field, in shared memory. */
 const softtwin_field_header *softtwin_field_get_header(const softtwin_field *field);
@@ -134,6 +153,14 @@ softtwin_status softtwin_writer_send_reading(softtwin_writer *writer, double pre
                                              double measured_force_n);
 /** Sends one command: the gauge pressure wanted, MPa, and the stamp of the reading that it answers (0: none). */
 softtwin_status softtwin_writer_send_command(softtwin_writer *writer, double pressure_mpa, uint64_t t_sensor_ns);
+/** Becomes the owner of an actuator's valve, the writer of softtwin/<actuator>/setpoint. `owner` is the name (1 to 31 bytes) by which
+ *  a second one is refused: SOFTTWIN_TAKEN, the last error has name and process. A program that ends loses the valve at once. */
+softtwin_status softtwin_writer_open_setpoint(softtwin_bus *bus, const char *actuator, const char *owner,
+                                              softtwin_writer **out);
+/** Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms,
+ *  and the stamp of the reading that it answers (0: none). Hold-to-run: nobody renews it, the valve takes its safe value. */
+softtwin_status softtwin_writer_send_setpoint(softtwin_writer *writer, double pressure_mpa, uint32_t valid_ms,
+                                              uint64_t t_sensor_ns);
 /** Ends a writer. */
 void softtwin_writer_close(softtwin_writer *writer);
 
@@ -194,6 +221,8 @@ SOFTTWIN_READER_(health, softtwin_health)
 SOFTTWIN_READER_(grasp, softtwin_grasp)
 SOFTTWIN_READER_(command, softtwin_command)
 SOFTTWIN_READER_(estimate, softtwin_estimate)
+SOFTTWIN_READER_(setpoint, softtwin_setpoint)
+SOFTTWIN_READER_(valve, softtwin_valve)
 #undef SOFTTWIN_READER_
 
 /** A reader of fields. */

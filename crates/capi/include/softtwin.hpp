@@ -67,6 +67,8 @@ template <> struct Kind<softtwin_health> { static constexpr const char *name = "
 template <> struct Kind<softtwin_grasp> { static constexpr const char *name = "grasp"; };
 template <> struct Kind<softtwin_command> { static constexpr const char *name = "command"; };
 template <> struct Kind<softtwin_estimate> { static constexpr const char *name = "estimate"; };
+template <> struct Kind<softtwin_setpoint> { static constexpr const char *name = "setpoint"; };
+template <> struct Kind<softtwin_valve> { static constexpr const char *name = "valve"; };
 
 using Reader = Handle<softtwin_reader, softtwin_reader_close>;
 
@@ -111,6 +113,8 @@ using HealthReader = PayloadReader<softtwin_health>;
 using GraspReader = PayloadReader<softtwin_grasp>;
 using CommandReader = PayloadReader<softtwin_command>;
 using EstimateReader = PayloadReader<softtwin_estimate>;
+using SetpointReader = PayloadReader<softtwin_setpoint>;
+using ValveReader = PayloadReader<softtwin_valve>;
 
 /// Values of one field in shared memory, one a node; valid as long as their Field.
 class Values {
@@ -181,6 +185,23 @@ public:
     /// Pressure wanted, MPa, and the stamp of the reading that it answers (0: none).
     void send(double pressure_mpa, uint64_t t_sensor_ns = 0) {
         check(softtwin_writer_send_command(writer_.get(), pressure_mpa, t_sensor_ns));
+    }
+
+private:
+    detail::Writer writer_;
+};
+
+/// The owner of an actuator's valve, under a name by which a second one is refused.
+class SetpointWriter {
+public:
+    SetpointWriter(const Bus &bus, const std::string &actuator, const std::string &owner) {
+        softtwin_writer *writer = nullptr;
+        check(softtwin_writer_open_setpoint(bus.get(), actuator.c_str(), owner.c_str(), &writer));
+        writer_.reset(writer);
+    }
+    /// Pressure wanted, MPa (NaN: none), for how long it counts, and the stamp of the reading that it answers (0: none).
+    void send(double pressure_mpa, std::chrono::milliseconds valid, uint64_t t_sensor_ns = 0) {
+        check(softtwin_writer_send_setpoint(writer_.get(), pressure_mpa, static_cast<uint32_t>(valid.count()), t_sensor_ns));
     }
 
 private:

@@ -6,11 +6,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SOFTTWIN_LAYOUT_VERSION 3u /* Part of every type name. */
+#define SOFTTWIN_LAYOUT_VERSION 5u /* Part of every type name. */
 #define SOFTTWIN_FIELD_SLOTS 16u /* Most fields in one sample. */
 #define SOFTTWIN_COEFFICIENTS_MAX 128u /* Most modal coefficients in one state. */
 #define SOFTTWIN_GROUPS_MAX 8u /* Most groups of fields in one state. */
 #define SOFTTWIN_MARKERS_MAX 8u /* Most markers of one actuator. */
+#define SOFTTWIN_AGES_MAX 11u /* Values of a reading with an age of their own. */
 #define SOFTTWIN_UNKNOWNS_MAX 8u /* Most quantities that one twin estimates. */
 #define SOFTTWIN_INPUTS_MAX 8u /* Most inputs of a model. */
 #define SOFTTWIN_OUTCOME_SLOTS 24u /* Counters of outcomes. */
@@ -26,6 +27,17 @@
 #define SOFTTWIN_FLAG_COEFFICIENTS_CUT 256u /* The model has more coefficients than a state can carry: only the first are in it. */
 #define SOFTTWIN_FLAG_FORCE_CLAMPED 512u /* The interpolated force was negative and was set to 0. */
 #define SOFTTWIN_FLAG_REGIME_HELD 1024u /* The regime is still contact although the pressure is just below the onset (hysteresis). */
+#define SOFTTWIN_VALUE_PRESSURE 1u /* Pressure. */
+#define SOFTTWIN_VALUE_GAP 2u /* Gap. */
+#define SOFTTWIN_VALUE_FORCE 4u /* Measured force. */
+#define SOFTTWIN_VALUE_MARKER1 8u /* First marker. */
+#define SOFTTWIN_VALUE_MARKER2 16u /* Second marker. */
+#define SOFTTWIN_VALUE_MARKER3 32u /* Third marker. */
+#define SOFTTWIN_VALUE_MARKER4 64u /* Fourth marker. */
+#define SOFTTWIN_VALUE_MARKER5 128u /* Fifth marker. */
+#define SOFTTWIN_VALUE_MARKER6 256u /* Sixth marker. */
+#define SOFTTWIN_VALUE_MARKER7 512u /* Seventh marker. */
+#define SOFTTWIN_VALUE_MARKER8 1024u /* Eighth marker. */
 #define SOFTTWIN_FIELD_NONE 0u /* No field in this slot. */
 #define SOFTTWIN_FIELD_X 1u /* Deformed x coordinate, mm. */
 #define SOFTTWIN_FIELD_Y 2u /* Deformed y coordinate, mm. */
@@ -70,6 +82,20 @@
 #define SOFTTWIN_ESTIMATE_ALARM_SENSOR 2u /* The measurements in `suspects` contradict the others and the model. */
 #define SOFTTWIN_ESTIMATE_ALARM_QUANTITY 3u /* The quantities in `suspects` are told by the readings and lie beyond 4 standard deviations of what was known before. */
 #define SOFTTWIN_ESTIMATE_ALARM_NOT_EXPLAINED 4u /* The model does not explain the readings. */
+#define SOFTTWIN_VALVE_REASON_NO_SETPOINT 0u /* No setpoint has come yet: the safe value. */
+#define SOFTTWIN_VALVE_REASON_FOLLOWING 1u /* The setpoint, within range and rate. */
+#define SOFTTWIN_VALVE_REASON_TIMEOUT 2u /* The setpoint was not renewed within its time: the safe value. */
+#define SOFTTWIN_VALVE_REASON_INTERLOCK 3u /* An interlock (see `valve_interlock`): the safe value. */
+#define SOFTTWIN_VALVE_REASON_OVERRIDE 4u /* The operator's value, within range and rate, whatever setpoint and interlocks say. */
+#define SOFTTWIN_VALVE_REASON_DEVICE_ERROR 5u /* The device did not confirm the write; what it does is up to its own time-out. */
+#define SOFTTWIN_VALVE_INTERLOCK_NO_STATE 1u /* The twin has sent no state yet. */
+#define SOFTTWIN_VALVE_INTERLOCK_STALE 2u /* The reading behind the newest state is older than allowed: twin, bridge or sensor has failed. */
+#define SOFTTWIN_VALVE_INTERLOCK_OUTSIDE_DOMAIN 4u /* The state lies outside the sampled states. */
+#define SOFTTWIN_VALVE_INTERLOCK_FORCE 8u /* The force, measured or predicted, was beyond its limit; stays until the owner asks for the safe value or begins a new run. */
+#define SOFTTWIN_VALVE_INTERLOCK_NO_FORCE 16u /* A measured force is needed, and the newest state has none. */
+#define SOFTTWIN_VALVE_INTERLOCK_FORCE_MISMATCH 32u /* The measured force contradicts the predicted one. */
+#define SOFTTWIN_VALVE_LIMIT_RANGE 1u /* The value that is wanted lies outside the range. */
+#define SOFTTWIN_VALVE_LIMIT_RATE 2u /* The value moves towards the wanted one at the greatest rate. */
 #define SOFTTWIN_QUERY_WHATIF 1u /* Pressure and gap are given, state and force are asked for. */
 #define SOFTTWIN_QUERY_PRESSURE 2u /* Gap and force are given, the lowest pressure with this force is asked for. */
 #define SOFTTWIN_QUERY_GAP 3u /* Pressure and a (measured) force are given, the gap that belongs to them is asked for. */
@@ -85,19 +111,27 @@
 #define SOFTTWIN_QUERY_STATUS_NO_MEMORY 9u /* No shared memory for the field; limit: bytes needed. */
 #define SOFTTWIN_QUERY_STATUS_UNKNOWN_KIND 10u /* The kind of question is unknown to this twin. */
 #define SOFTTWIN_QUERY_STATUS_MODEL 11u /* The model gave a value that is not finite. */
+#define SOFTTWIN_QUERY_STATUS_UNKNOWN_INPUT 12u /* A parameter of the question is none of the model's. */
 
 /** One reading of the sensors of one actuator, stamped by the bridge. */
 typedef struct {
   uint64_t boot_id; /**< The run of the bridge that sent it. */
   uint64_t seq; /**< Counts up by one per reading within a run, beginning at 1. */
-  uint64_t t_sensor_ns; /**< When the reading was taken. Unit: ns. */
+  uint64_t t_sensor_ns; /**< When the reading was taken: of several sensors, the one that sets the pace. Unit: ns. */
   double pressure_mpa; /**< Gauge pressure in the chambers. Unit: MPa. */
   double gap_mm; /**< Distance from the underside of the undeformed base to the plate. Unit: mm. */
   double measured_force_n; /**< Measured contact force; NaN without a load cell. Unit: N. */
   double t_trace_s; /**< Time in the source's own trace (replays); NaN when there is none. Unit: s. */
-  uint32_t status; /**< 0: good; anything else is the sensor's own fault code. */
+  uint32_t status; /**< 0: good; up to 255 a fault code that the sensor itself gives; 256: the pressure is too old; 257: the pressure lies outside its calibration. */
   uint32_t marker_values; /**< Coordinates below: three for each marker of the scene, 0 without markers. */
   double markers_mm[24]; /**< Measured x, y, z of the first marker, of the second, ..., in the camera's frame; NaN where one was not seen. Unit: mm. */
+  uint32_t age_count; /**< Ages below: 0, all values were taken at `t_sensor_ns`; 11 where they come from several sensors. */
+  uint32_t stale_values; /**< Values that are absent because they are older than the scene allows. */
+  uint32_t fault_values; /**< Values that are absent because their sensor says that it is faulty, or because they lie outside its calibration. */
+  uint32_t reserved; /**< Zero. */
+  uint64_t ages_ns[11]; /**< Age at `t_sensor_ns` of pressure, gap, force, first marker, second, ...; of an absent value that of the last one. Unit: ns. */
+  uint64_t stale_total; /**< Values that were left out because of their age since the start of the bridge. */
+  uint64_t reserved_more[2]; /**< Zero; for later values. */
 } softtwin_sensor_sample;
 
 /** Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the first field in `field_ids`, then all of the second, and so on. */
@@ -153,7 +187,11 @@ typedef struct {
   uint8_t group_sizes[8]; /**< Coefficients of each group, in the model's order; the rest 0. More in all than fit below: flag `coefficients-cut`. */
   float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
-  uint64_t reserved[4]; /**< Zero; for later values. */
+  uint32_t input_count; /**< Inputs of the model. */
+  uint32_t reserved; /**< Zero. */
+  double inputs[8]; /**< The model's inputs that the values stand for, in its order and units: measured, given, estimated or nominal. */
+  double force_by_input[8]; /**< Gradient of the force by each input, N per unit of the input; NaN when not configured. */
+  uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_state;
 
 /** Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes. */
@@ -254,17 +292,55 @@ typedef struct {
   uint64_t reserved_more[2]; /**< Zero; for later values. */
 } softtwin_estimate;
 
+/** One setpoint. Hold-to-run: it counts until `valid_for_ns` after `t_publish_ns`; without a newer one the valve then takes its safe value. On the topic `override` it is the operator's and wins over the setpoint's until it is released. */
+typedef struct {
+  uint64_t boot_id; /**< The run of the owner that sent it. */
+  uint64_t seq; /**< Counts up by one per setpoint within a run, beginning at 1. */
+  uint64_t t_sensor_ns; /**< When the reading that it answers was taken; 0: it answers none. Unit: ns. */
+  uint64_t t_publish_ns; /**< When it was sent. Unit: ns. */
+  uint64_t valid_for_ns; /**< How long it counts from then on. Of an override 0: until it is released. Unit: ns. */
+  double pressure_mpa; /**< Gauge pressure that is wanted; NaN: none. Of an override NaN: released. Unit: MPa. */
+  uint8_t owner[32]; /**< Name of the owner, zero-padded. */
+  uint64_t reserved[2]; /**< Zero; for later values. */
+} softtwin_setpoint;
+
+/** What the bridge has written to the valve of an actuator, one for each write or attempt. */
+typedef struct {
+  uint64_t boot_id; /**< The run of the bridge. */
+  uint64_t seq; /**< Counts up by one per sample within a run, beginning at 1. */
+  uint64_t t_sensor_ns; /**< When the reading was taken that the setpoint answers; 0: it answers none. Unit: ns. */
+  uint64_t t_publish_ns; /**< When this was sent, after the write. Unit: ns. */
+  uint64_t t_written_ns; /**< When the device last confirmed a write; 0: never. Unit: ns. */
+  double pressure_mpa; /**< Gauge pressure that was written, or was to be written where the device failed. Unit: MPa. */
+  double wanted_mpa; /**< Gauge pressure that the setpoint (or the override) wants; NaN: there is none. Unit: MPa. */
+  double safe_mpa; /**< Safe value. Unit: MPa. */
+  uint32_t valve_reason; /**< Why this value. */
+  uint32_t valve_interlock; /**< What holds the valve at its safe value, bits. */
+  uint32_t valve_limit; /**< What the written value was limited by, bits. */
+  uint32_t reserved; /**< Zero. */
+  uint64_t setpoint_boot_id; /**< The run of the setpoint's (or the override's) owner. */
+  uint64_t setpoint_seq; /**< Sequence number of that setpoint. */
+  uint8_t owner[32]; /**< Name of its owner, zero-padded. */
+  uint64_t writes; /**< Writes that the device has confirmed since the start. */
+  uint64_t failures; /**< Writes that have failed since the start. */
+  uint64_t timeouts; /**< Times that the setpoint was not renewed in its time. */
+  uint64_t interlocks; /**< Times that an interlock has closed. */
+  uint64_t reserved_more[2]; /**< Zero; for later values. */
+} softtwin_valve;
+
 /** One question. What its kind does not need is NaN. */
 typedef struct {
   uint32_t layout_version; /**< Layout version. */
   uint32_t kind; /**< What is asked for. */
   uint32_t want_field; /**< 1: the field is wanted too, 0: the state is enough. */
-  uint32_t reserved; /**< Zero. */
+  uint32_t parameter_count; /**< Parameters given: model inputs beside pressure and gap. The others have the values that the twin uses itself. */
   double pressure_mpa; /**< Pressure. Unit: MPa. */
   double gap_mm; /**< Gap. Unit: mm. */
   double force_n; /**< Contact force: the target, or the measured one. Unit: N. */
   double force_halfwidth_n; /**< Half-width of the measured force; NaN or 0: exact. Unit: N. */
   uint8_t node_set[32]; /**< Node set of the field that is wanted, zero-padded; empty or `all`: all nodes. */
+  double parameters[6]; /**< Values of the parameters given. */
+  uint8_t parameter_names[192]; /**< Their names, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_query;
 
 /** The answer. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field topic), or empty when none was wanted. */
@@ -301,6 +377,11 @@ typedef struct {
   float coefficients[128]; /**< Modal coefficients, group by group; the rest 0. */
   uint8_t node_set[32]; /**< Name of the node set of the field, zero-padded. */
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
+  uint32_t input_count; /**< Inputs of the model. */
+  uint32_t reserved; /**< Zero. */
+  double inputs[8]; /**< The model's inputs that the answer stands for, in its order and units; NaN where there is no answer. */
+  double force_by_input[8]; /**< Gradient of the force by each input, N per unit of the input. */
+  uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
 } softtwin_answer;
 
 /* The layouts, checked by every compiler that reads this. */
@@ -309,7 +390,7 @@ typedef struct {
 #else
 #define SOFTTWIN_CHECK(condition) _Static_assert(condition, #condition)
 #endif
-SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 256);
+SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 384);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, seq) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, t_sensor_ns) == 16);
@@ -320,6 +401,13 @@ SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, t_trace_s) == 48);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, status) == 56);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, marker_values) == 60);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, markers_mm) == 64);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, age_count) == 256);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, stale_values) == 260);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, fault_values) == 264);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved) == 268);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, ages_ns) == 272);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, stale_total) == 360);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved_more) == 368);
 SOFTTWIN_CHECK(sizeof(softtwin_field_header) == 168);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, flags) == 4);
@@ -340,7 +428,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_field_header, node_count) == 112);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, field_count) == 116);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, field_ids) == 120);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, node_set) == 136);
-SOFTTWIN_CHECK(sizeof(softtwin_state) == 752);
+SOFTTWIN_CHECK(sizeof(softtwin_state) == 1112);
 SOFTTWIN_CHECK(offsetof(softtwin_state, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_state, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_state, model_hash) == 8);
@@ -369,7 +457,11 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, coefficient_count) == 164);
 SOFTTWIN_CHECK(offsetof(softtwin_state, group_sizes) == 168);
 SOFTTWIN_CHECK(offsetof(softtwin_state, coefficients) == 176);
 SOFTTWIN_CHECK(offsetof(softtwin_state, actuator) == 688);
-SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 720);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_count) == 720);
+SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 724);
+SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 728);
+SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 792);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 856);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);
@@ -456,17 +548,49 @@ SOFTTWIN_CHECK(offsetof(softtwin_estimate, names) == 360);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, suspects) == 616);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved) == 620);
 SOFTTWIN_CHECK(offsetof(softtwin_estimate, reserved_more) == 624);
-SOFTTWIN_CHECK(sizeof(softtwin_query) == 80);
+SOFTTWIN_CHECK(sizeof(softtwin_setpoint) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, boot_id) == 0);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, seq) == 8);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, t_sensor_ns) == 16);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, t_publish_ns) == 24);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, valid_for_ns) == 32);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, pressure_mpa) == 40);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, owner) == 48);
+SOFTTWIN_CHECK(offsetof(softtwin_setpoint, reserved) == 80);
+SOFTTWIN_CHECK(sizeof(softtwin_valve) == 176);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, boot_id) == 0);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, seq) == 8);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, t_sensor_ns) == 16);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, t_publish_ns) == 24);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, t_written_ns) == 32);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, pressure_mpa) == 40);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, wanted_mpa) == 48);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, safe_mpa) == 56);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, valve_reason) == 64);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, valve_interlock) == 68);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, valve_limit) == 72);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, reserved) == 76);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, setpoint_boot_id) == 80);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, setpoint_seq) == 88);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, owner) == 96);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, writes) == 128);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, failures) == 136);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, timeouts) == 144);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, interlocks) == 152);
+SOFTTWIN_CHECK(offsetof(softtwin_valve, reserved_more) == 160);
+SOFTTWIN_CHECK(sizeof(softtwin_query) == 320);
 SOFTTWIN_CHECK(offsetof(softtwin_query, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_query, kind) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_query, want_field) == 8);
-SOFTTWIN_CHECK(offsetof(softtwin_query, reserved) == 12);
+SOFTTWIN_CHECK(offsetof(softtwin_query, parameter_count) == 12);
 SOFTTWIN_CHECK(offsetof(softtwin_query, pressure_mpa) == 16);
 SOFTTWIN_CHECK(offsetof(softtwin_query, gap_mm) == 24);
 SOFTTWIN_CHECK(offsetof(softtwin_query, force_n) == 32);
 SOFTTWIN_CHECK(offsetof(softtwin_query, force_halfwidth_n) == 40);
 SOFTTWIN_CHECK(offsetof(softtwin_query, node_set) == 48);
-SOFTTWIN_CHECK(sizeof(softtwin_answer) == 768);
+SOFTTWIN_CHECK(offsetof(softtwin_query, parameters) == 80);
+SOFTTWIN_CHECK(offsetof(softtwin_query, parameter_names) == 128);
+SOFTTWIN_CHECK(sizeof(softtwin_answer) == 1160);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, status) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, model_hash) == 8);
@@ -499,6 +623,11 @@ SOFTTWIN_CHECK(offsetof(softtwin_answer, group_sizes) == 184);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, coefficients) == 192);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, node_set) == 704);
 SOFTTWIN_CHECK(offsetof(softtwin_answer, actuator) == 736);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, input_count) == 768);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, reserved) == 772);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, inputs) == 776);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, force_by_input) == 840);
+SOFTTWIN_CHECK(offsetof(softtwin_answer, input_names) == 904);
 #undef SOFTTWIN_CHECK
 
 #endif /* SOFTTWIN_LAYOUT_H */

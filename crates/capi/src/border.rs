@@ -11,6 +11,7 @@ pub(crate) fn call(body: impl FnOnce() -> Result<(), Failure>) -> softtwin_statu
         Ok(Ok(())) => softtwin_status::SOFTTWIN_OK,
         Ok(Err(Failure::Wire(error))) => status::of(&error),
         Ok(Err(Failure::Own(status, text))) => fail(status, text),
+        Ok(Err(Failure::Timeout)) => status::timed_out(),
         Err(_) => {
             fail(softtwin_status::SOFTTWIN_FAILED, "softtwin failed inside; please report what you did")
         }
@@ -21,6 +22,8 @@ pub(crate) fn call(body: impl FnOnce() -> Result<(), Failure>) -> softtwin_statu
 pub(crate) enum Failure {
     Wire(WireError),
     Own(softtwin_status, String),
+    /// Usual in a loop: it allocates nothing.
+    Timeout,
 }
 
 impl From<WireError> for Failure {

@@ -17,6 +17,7 @@ mod model;
 mod query;
 mod reader;
 mod status;
+mod waiter;
 mod writer;
 
 pub use bus::{softtwin_bus, softtwin_bus_close, softtwin_bus_open};
@@ -30,11 +31,15 @@ pub use query::{
 };
 pub use reader::{
     softtwin_field, softtwin_field_get_header, softtwin_field_release, softtwin_field_values,
-    softtwin_reader, softtwin_reader_close, softtwin_reader_open, softtwin_reader_read,
-    softtwin_reader_read_field,
+    softtwin_reader, softtwin_reader_attach, softtwin_reader_close, softtwin_reader_counts,
+    softtwin_reader_open, softtwin_reader_read, softtwin_reader_read_field,
 };
 pub use status::{softtwin_last_error, softtwin_layout_version, softtwin_now_ns, softtwin_status};
+pub use waiter::{
+    softtwin_waiter, softtwin_waiter_close, softtwin_waiter_descriptor, softtwin_waiter_open,
+    softtwin_waiter_wait,
+};
 pub use writer::{
-    softtwin_writer, softtwin_writer_close, softtwin_writer_open, softtwin_writer_send_command,
-    softtwin_writer_send_reading,
+    softtwin_writer, softtwin_writer_close, softtwin_writer_open, softtwin_writer_open_setpoint,
+    softtwin_writer_send_command, softtwin_writer_send_reading, softtwin_writer_send_setpoint,
 };

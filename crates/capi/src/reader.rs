@@ -3,33 +3,68 @@
 use crate::border::{Failure, argument, call, give, handle, name, put, take, text};
 use crate::bus::softtwin_bus;
 use crate::status::softtwin_status;
+use std::cell::RefCell;
 use std::ffi::{c_char, c_int, c_void};
+use std::mem::MaybeUninit;
 use std::time::{Duration, Instant};
-use wire::{AnyReader, AnySample, FieldHeader, FieldSample, Topic, WakeSet, Wakeable};
+use wire::{AnyReader, AnySample, FieldHeader, FieldSample, Topic, WakeSet, Wakeable, Waking};
 
 /// A reader of one topic.
 pub struct softtwin_reader {
     reader: AnyReader,
     wake: WakeSet,
+    counts: Counts,
+}
+
+/// What came, and what did not.
+#[derive(Default)]
+struct Counts {
+    received: u64,
+    lost: u64,
+    last: Option<(u64, u64)>,
+}
+
+impl Counts {
+    /// Counts a sample and those between it and the last one of the same sender.
+    fn take(&mut self, sample: &AnySample) {
+        let stamp = sample.stamp();
+        if let Some((boot_id, seq)) = self.last
+            && boot_id == stamp.boot_id
+        {
+            self.lost = self.lost.saturating_add(stamp.seq.saturating_sub(seq.saturating_add(1)));
+        }
+        self.received += 1;
+        self.last = Some((stamp.boot_id, stamp.seq));
+    }
 }
 
 /// A received field. Its memory stays as it is until `softtwin_field_release`; at most 4 may be held of one topic.
 pub struct softtwin_field(FieldSample);
 
 impl softtwin_reader {
+    fn new(reader: AnyReader) -> Self {
+        let wake = WakeSet::new([&reader as &dyn Wakeable]);
+        Self { reader, wake, counts: Counts::default() }
+    }
+
+    /// What a waiter waits for.
+    pub(crate) fn wakeable(&self) -> &AnyReader {
+        &self.reader
+    }
+
     /// The oldest or newest waiting sample; waits for one at most `timeout_ms`. Below 0: for ever.
     fn next(&mut self, newest: bool, timeout_ms: i64) -> Result<AnySample, Failure> {
         let end = u64::try_from(timeout_ms).ok().map(|ms| Instant::now() + Duration::from_millis(ms));
         loop {
             let found = if newest { self.reader.newest() } else { self.reader.next() };
             if let Some(found) = found? {
+                self.counts.take(&found);
                 return Ok(found);
             }
             let left =
                 end.map_or(Duration::from_secs(3600), |end| end.saturating_duration_since(Instant::now()));
             if left.is_zero() {
-                let text = format!("nothing came within {timeout_ms} ms");
-                return Err(Failure::Own(softtwin_status::SOFTTWIN_TIMEOUT, text));
+                return Err(Failure::Timeout);
             }
             self.wake.wait(left)?;
         }
@@ -58,15 +93,67 @@ pub unsafe extern "C" fn softtwin_reader_open(
 ) -> softtwin_status {
     call(|| {
         // SAFETY: by the caller's promise.
-        let (bus, owner, kind, set) = unsafe { (handle(bus)?, name(name_)?, name(kind)?, text(node_set)?) };
-        let topic = match set {
-            Some(set) => Topic::field(owner, Some(set))?,
-            None => topic(owner, kind)?,
-        };
+        let (bus, topic) = unsafe { (handle(bus)?, topic_of(name_, kind, node_set)?) };
         let reader = AnyReader::open(&bus.0, &topic)?;
-        let wake = WakeSet::new([&reader as &dyn Wakeable]);
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_reader { reader, wake }) }
+        unsafe { give(out, softtwin_reader::new(reader)) }
+    })
+}
+
+/// As `softtwin_reader_open` for a topic that may come into being later: a controller may start before its twin. `wakes` 0: samples
+/// do not wake this reader, which costs the sender next to nothing; it is for loops with a clock of their own, and its reads wait
+/// for nothing.
+///
+/// # Safety
+/// As `softtwin_reader_open`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_reader_attach(
+    bus: *mut softtwin_bus,
+    name_: *const c_char,
+    kind: *const c_char,
+    node_set: *const c_char,
+    wakes: c_int,
+    out: *mut *mut softtwin_reader,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let (bus, topic) = unsafe { (handle(bus)?, topic_of(name_, kind, node_set)?) };
+        let waking = if wakes == 0 { Waking::Never } else { Waking::ByEvent };
+        let reader = AnyReader::attach_as(&bus.0, &topic, waking)?;
+        // SAFETY: by the caller's promise.
+        unsafe { give(out, softtwin_reader::new(reader)) }
+    })
+}
+
+/// The topic of a name, a kind and a node set or null.
+///
+/// # Safety
+/// Texts are null or zero-terminated.
+unsafe fn topic_of(name_: *const c_char, kind: *const c_char, set: *const c_char) -> Result<Topic, Failure> {
+    // SAFETY: passed on.
+    let (owner, kind, set) = unsafe { (name(name_)?, name(kind)?, text(set)?) };
+    match set {
+        Some(set) => Ok(Topic::field(owner, Some(set))?),
+        None => topic(owner, kind),
+    }
+}
+
+/// How many samples were read, and how many were sent and never read because they were overwritten before (or passed over by
+/// reading the newest), by the numbers that the sender gives them.
+///
+/// # Safety
+/// `reader` is live and used by its own thread; `received` and `lost` point to writable memory.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_reader_counts(
+    reader: *mut softtwin_reader,
+    received: *mut u64,
+    lost: *mut u64,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let counts = &unsafe { handle(reader) }?.counts;
+        // SAFETY: by the caller's promise.
+        unsafe { put(received, counts.received).and_then(|()| put(lost, counts.lost)) }
     })
 }
 
@@ -115,10 +202,31 @@ pub unsafe extern "C" fn softtwin_reader_read_field(
         // SAFETY: by the caller's promise.
         match unsafe { handle(reader) }?.next(newest != 0, timeout_ms)? {
             // SAFETY: by the caller's promise.
-            AnySample::Field(field) => unsafe { give(out, softtwin_field(field)) },
+            AnySample::Field(field) => unsafe { give_field(out, field) },
             _ => Err(argument("this reader's topic has no fields")),
         }
     })
+}
+
+thread_local! {
+    /// Memory of released handles: a loop allocates none for its fields. They belong to one thread.
+    #[expect(clippy::vec_box, reason = "the caller holds a handle's address while others are released")]
+    static FREE: RefCell<Vec<Box<MaybeUninit<softtwin_field>>>> = const { RefCell::new(Vec::new()) };
+}
+/// Released handles that are kept.
+const MAX_FREE: usize = 64;
+
+/// # Safety
+/// `out` is null or points to writable memory for a pointer.
+unsafe fn give_field(out: *mut *mut softtwin_field, field: FieldSample) -> Result<(), Failure> {
+    if out.is_null() {
+        return Err(argument("the place for the result is null"));
+    }
+    let mut place = FREE.with_borrow_mut(Vec::pop).unwrap_or_else(Box::new_uninit);
+    place.write(softtwin_field(field));
+    // SAFETY: not null, and writable by the caller's promise; the place is initialised.
+    unsafe { out.write(Box::into_raw(place).cast()) };
+    Ok(())
 }
 
 /// Ends a reader.
@@ -169,6 +277,16 @@ pub unsafe extern "C" fn softtwin_field_values(
 /// `field` is null or came from `softtwin_reader_read_field` and is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_field_release(field: *mut softtwin_field) {
-    // SAFETY: by the caller's promise.
-    unsafe { take(field) }
+    if field.is_null() {
+        return;
+    }
+    // SAFETY: by the caller's promise it came out of `Box::into_raw` in `give_field` and is given back once.
+    let mut place = unsafe { Box::from_raw(field.cast::<MaybeUninit<softtwin_field>>()) };
+    // SAFETY: `give_field` initialised it.
+    unsafe { place.assume_init_drop() };
+    FREE.with_borrow_mut(|free| {
+        if free.len() < MAX_FREE {
+            free.push(place);
+        }
+    });
 }

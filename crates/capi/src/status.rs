@@ -1,7 +1,8 @@
 //! Statuses and the text of the last failure.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
-use std::ffi::{CString, c_char};
+use std::ffi::{CStr, CString, c_char};
 use wire::WireError;
 
 /// How a call ended.
@@ -27,7 +28,7 @@ pub enum softtwin_status {
 }
 
 thread_local! {
-    static LAST: RefCell<CString> = RefCell::default();
+    static LAST: RefCell<Cow<'static, CStr>> = const { RefCell::new(Cow::Borrowed(c"")) };
 }
 
 /// Why the last call on this thread failed: what was found, what to do. Valid until the next call on this thread.
@@ -52,8 +53,14 @@ pub extern "C" fn softtwin_now_ns() -> u64 {
 pub(crate) fn fail(status: softtwin_status, text: impl Into<Vec<u8>>) -> softtwin_status {
     let mut text = text.into();
     text.retain(|byte| *byte != 0);
-    LAST.set(CString::new(text).unwrap_or_default());
+    LAST.set(Cow::Owned(CString::new(text).unwrap_or_default()));
     status
+}
+
+/// Nothing came in time.
+pub(crate) fn timed_out() -> softtwin_status {
+    LAST.set(Cow::Borrowed(c"nothing came within the time that was given"));
+    softtwin_status::SOFTTWIN_TIMEOUT
 }
 
 /// The status of a failure of the wire.

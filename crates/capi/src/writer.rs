@@ -1,13 +1,19 @@
-//! Writers: readings in place of a bridge, pressure commands.
+//! Writers: readings in place of a bridge, pressure commands, setpoints of a valve's owner.
 
 use crate::border::{argument, call, give, handle, name, take};
 use crate::bus::softtwin_bus;
 use crate::reader::topic;
 use crate::status::softtwin_status;
 use std::ffi::c_char;
-use wire::{Command, CommandWriter, SensorSample, SensorWriter, TopicKind, boot_id, now_ns};
+use wire::layout::pack_name;
+use wire::{
+    Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, TopicKind, boot_id, now_ns,
+};
 
-/// The one writer of a topic of readings or commands.
+/// Longest name of an owner, bytes.
+const OWNER_BYTES: usize = 31;
+
+/// The one writer of a topic of readings, commands or setpoints.
 pub struct softtwin_writer {
     port: Port,
     boot_id: u64,
@@ -17,6 +23,8 @@ pub struct softtwin_writer {
 enum Port {
     Sensor(SensorWriter),
     Command(CommandWriter),
+    /// With the packed name of the owner.
+    Setpoint(SetpointWriter, [u8; 32]),
 }
 
 /// Becomes the writer of `softtwin/<name>/<kind>`; kind: `sensor` or `command`.
@@ -37,10 +45,67 @@ pub unsafe extern "C" fn softtwin_writer_open(
         let port = match topic.kind() {
             TopicKind::Sensor => Port::Sensor(SensorWriter::create(&bus.0, &topic)?),
             TopicKind::Command => Port::Command(CommandWriter::create(&bus.0, &topic)?),
+            TopicKind::Setpoint => {
+                return Err(argument("setpoints have an owner; expected softtwin_writer_open_setpoint"));
+            }
             _ => return Err(argument(&format!("{topic} is the twin's own; expected sensor or command"))),
         };
         // SAFETY: by the caller's promise.
         unsafe { give(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
+    })
+}
+
+/// Becomes the owner of an actuator's valve, the writer of `softtwin/<actuator>/setpoint`; `owner` is the name (1 to 31 bytes) by
+/// which a second one is refused.
+///
+/// # Safety
+/// `bus` is live, texts are zero-terminated, `out` points to memory for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_writer_open_setpoint(
+    bus: *mut softtwin_bus,
+    actuator: *const c_char,
+    owner: *const c_char,
+    out: *mut *mut softtwin_writer,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let (bus, actuator, owner) = unsafe { (handle(bus)?, name(actuator)?, name(owner)?) };
+        if !(1..=OWNER_BYTES).contains(&owner.len()) || owner.contains(char::is_control) {
+            return Err(argument(&format!(
+                "expected an owner's name of 1 to {OWNER_BYTES} bytes, found {owner:?}"
+            )));
+        }
+        let port = SetpointWriter::create_named(&bus.0, &topic(actuator, "setpoint")?, owner)?;
+        let port = Port::Setpoint(port, pack_name(owner));
+        // SAFETY: by the caller's promise.
+        unsafe { give(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
+    })
+}
+
+/// Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms, and the
+/// stamp of the reading that it answers (0: none). Nobody renews it: the valve takes its safe value.
+///
+/// # Safety
+/// `writer` is live and used by its own thread.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_writer_send_setpoint(
+    writer: *mut softtwin_writer,
+    pressure_mpa: f64,
+    valid_ms: u32,
+    t_sensor_ns: u64,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let softtwin_writer { port: Port::Setpoint(port, owner), boot_id, seq } =
+            (unsafe { handle(writer) })?
+        else {
+            return Err(argument("this writer is not one of setpoints"));
+        };
+        *seq += 1;
+        let (boot_id, seq, t_publish_ns) = (*boot_id, *seq, now_ns());
+        let valid_for_ns = u64::from(valid_ms) * 1_000_000;
+        let stamped = Setpoint { boot_id, seq, t_sensor_ns, t_publish_ns, ..Setpoint::default() };
+        Ok(port.publish(Setpoint { valid_for_ns, pressure_mpa, owner: *owner, ..stamped })?)
     })
 }
 

@@ -10,6 +10,7 @@ use rom::train::train;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tests::skip::{Missing, skipped};
+use tests::wait::wait_until;
 use tests::{Program, Stage};
 
 fn repository() -> PathBuf {
@@ -66,7 +67,7 @@ fn scene(stage: &Stage) -> PathBuf {
 #[test]
 fn the_examples_run_in_c_and_in_cpp() {
     // The rlib of this test and the shared library are of the same build.
-    assert_eq!(capi::softtwin_layout_version(), 3);
+    assert_eq!(capi::softtwin_layout_version(), 5);
     let stage = Stage::new("capi");
     let scene = scene(&stage);
     let programs: Vec<String> = [("cc", "-std=c11", "twin.c"), ("c++", "-std=c++17", "twin.cpp")]
@@ -98,6 +99,87 @@ fn the_examples_run_in_c_and_in_cpp() {
         }
     }
     drop((bridge, twin));
+}
+
+/// The loop is started first; its readers find the twin that comes after it.
+#[test]
+fn the_loop_of_the_example_may_start_before_its_twin() {
+    let stage = Stage::new("capiloop");
+    let scene = scene(&stage);
+    let program = compile(&stage, "cc", "-std=c11", "loop.c").expect("a C compiler");
+    let mut looping = Program::shell(&stage, &format!("exec {program} finger 500"));
+    looping.wait_for("waiting");
+    let _twin = Program::twin(&stage, &scene);
+    let _bridge = Program::bridge(&stage, &scene);
+    let (status, said) = looping.end();
+    assert!(status.success(), "{said:?}");
+    assert!(said.iter().any(|line| line.contains(" 0 lost")), "{said:?}");
+}
+
+/// One owner drives a valve; others are refused by its name, in C and C++ and from the shell. Killed, it loses the valve.
+#[test]
+fn a_valve_has_one_owner_in_c() {
+    let stage = Stage::new("capivalve");
+    let converter = stage.path("iio:device0");
+    std::fs::create_dir(&converter).unwrap();
+    let raw = converter.join("out_voltage0_raw");
+    std::fs::write(&raw, "0\n").unwrap();
+    let valve = format!(
+        "\n[actuator.valve]\nrange_mpa = [0.0, 0.08]\nstate_max_age_ms = 60000\nstop_outside_domain = false\n\
+         [actuator.valve.iio]\nroot = \"{}\"\ndevice = \"iio:device0\"\nscale = 2e-5\nraw_max = 4095\n",
+        stage.folder.path().display()
+    );
+    let scene = scene(&stage);
+    let text = std::fs::read_to_string(&scene).unwrap() + &valve;
+    std::fs::write(&scene, text).unwrap();
+    let program = compile(&stage, "cc", "-std=c11", "setpoint.c").expect("a C compiler");
+    let (status, said) = Program::shell(&stage, &program).end();
+    assert_eq!(status.code(), Some(1), "without a bridge: {said:?}");
+    let _twin = Program::twin(&stage, &scene);
+    let _bridge = Program::bridge(&stage, &scene);
+    let written = |wanted: &str| {
+        wait_until(&format!("{wanted} in the converter"), || {
+            (std::fs::read_to_string(&raw).unwrap().trim() == wanted).then_some(())
+        });
+    };
+    let mut owner = Program::shell(&stage, &format!("exec {program} finger 0.02 600"));
+    owner.wait_for("follows: 0.0200 MPa");
+    written("1000");
+    let refusal = format!("(`setpoint.c`, process {})", owner.id());
+    for second in [&*program, "softtwin setpoint finger --pressure-mpa 0.05"] {
+        let (status, said) = Program::shell(&stage, second).end();
+        assert!(!status.success() && said.join("\n").contains(&refusal), "{second}: {said:?}");
+    }
+    owner.kill();
+    written("0");
+    let (status, said) = Program::shell(&stage, &format!("{program} finger 0.04 1")).end();
+    assert!(status.success(), "{said:?}");
+    written("0");
+    for (owner, expected) in [("", "name of 1 to 31 bytes"), ("a\nb", "name of 1 to 31 bytes")] {
+        let text = refused_owner(&stage, owner);
+        assert!(text.contains(expected), "{owner:?}: {text}");
+    }
+}
+
+/// What the library says to an owner's name.
+fn refused_owner(stage: &Stage, owner: &str) -> String {
+    use std::ffi::{CStr, CString};
+    let [domain, root] = [stage.domain_name.clone(), stage.root().display().to_string()]
+        .map(|text| CString::new(text).unwrap());
+    let (mut bus, mut writer) = (std::ptr::null_mut(), std::ptr::null_mut());
+    let owner = CString::new(owner).unwrap();
+    // SAFETY: texts and places live across the calls; the handle is live until it is closed.
+    unsafe {
+        assert_eq!(
+            capi::softtwin_bus_open(domain.as_ptr(), root.as_ptr(), &mut bus),
+            capi::softtwin_status::SOFTTWIN_OK
+        );
+        let status =
+            capi::softtwin_writer_open_setpoint(bus, c"finger".as_ptr(), owner.as_ptr(), &mut writer);
+        assert_eq!(status, capi::softtwin_status::SOFTTWIN_ARGUMENT);
+        capi::softtwin_bus_close(bus);
+        CStr::from_ptr(capi::softtwin_last_error()).to_str().unwrap().to_owned()
+    }
 }
 
 /// What `model.c` prints of a model in the middle of its parameters' ranges, from the Rust interface.

@@ -55,13 +55,21 @@ impl Daemon {
     /// # Errors
     /// It ended, took too long, or `stop` was set before.
     pub fn wait_ready(&mut self, stop: &AtomicBool) -> anyhow::Result<()> {
+        self.wait_for("ready:", stop)
+    }
+
+    /// Waits for its next line with `text` in it.
+    ///
+    /// # Errors
+    /// It ended, took too long, or `stop` was set before.
+    pub fn wait_for(&mut self, text: &str, stop: &AtomicBool) -> anyhow::Result<()> {
         let end = Instant::now() + TIMEOUT;
         while Instant::now() < end && !stop.load(Ordering::Relaxed) {
             match self.lines.recv_timeout(Duration::from_millis(100)) {
                 Ok(line) => {
-                    let ready = line.contains("ready:");
+                    let found = line.contains(text);
                     self.log.push(line);
-                    if ready {
+                    if found {
                         return Ok(());
                     }
                 }
@@ -70,7 +78,7 @@ impl Daemon {
             }
         }
         let log = self.log();
-        anyhow::bail!("the {} did not become ready; its log:\n{log}", self.name)
+        anyhow::bail!("the {} did not say `{text}`; its log:\n{log}", self.name)
     }
 
     /// Process number.

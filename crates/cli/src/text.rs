@@ -2,10 +2,11 @@
 
 use wire::layout::{
     estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind, regime, unpack_name,
+    value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{
-    Answer, AnySample, Estimate, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, State,
-    now_ns,
+    Answer, AnySample, Estimate, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, Setpoint,
+    State, Valve, now_ns,
 };
 
 /// A summary of a sample; of a field never all values.
@@ -18,26 +19,64 @@ pub fn sample(sample: &AnySample) -> String {
         AnySample::Grasp(sample) => numbered_grasp(sample),
         AnySample::Estimate(sample) => estimate(sample),
         AnySample::Command(sample) => format!("#{:<7} P wanted {:8.5} MPa", sample.seq, sample.pressure_mpa),
+        AnySample::Setpoint(sample) | AnySample::Override(sample) => setpoint(sample),
+        AnySample::Valve(sample) => valve(sample),
     }
+}
+
+fn setpoint(sample: &Setpoint) -> String {
+    let Setpoint { seq, pressure_mpa, valid_for_ns, .. } = sample;
+    let wanted =
+        if pressure_mpa.is_nan() { "released".into() } else { format!("P wanted {pressure_mpa:8.5} MPa") };
+    let valid = if *valid_for_ns == 0 { String::new() } else { format!(" for {}", ms(*valid_for_ns)) };
+    format!("#{seq:<7} {wanted}{valid}, by {}", unpack_name(&sample.owner))
+}
+
+/// `#12  P 0.04000 MPa (following fc, wanted 0.04200, limited by rate)`.
+pub fn valve(sample: &Valve) -> String {
+    let list = |what: &str, names: Vec<&str>| match names.is_empty() {
+        true => String::new(),
+        false => format!("{what}{}", names.join(", ")),
+    };
+    format!(
+        "#{:<7} P {:8.5} MPa ({}{}{}{}{})",
+        sample.seq,
+        sample.pressure_mpa,
+        valve_reason::as_str(sample.valve_reason),
+        list(": ", valve_interlock::names(sample.valve_interlock).collect()),
+        list(", limited by ", valve_limit::names(sample.valve_limit).collect()),
+        optional(", wanted", sample.wanted_mpa, "MPa"),
+        list(
+            ", by ",
+            Some(unpack_name(&sample.owner)).iter().filter(|o| !o.is_empty()).map(String::as_str).collect()
+        ),
+    )
 }
 
 fn sensor(sample: &SensorSample) -> String {
     let status = if sample.status == 0 { String::new() } else { format!("  FAULT {}", sample.status) };
+    let absent = |what: &str, bits: u32| match bits {
+        0 => String::new(),
+        _ => format!("  {what} {}", value_bits::names(bits).collect::<Vec<_>>().join(" ")),
+    };
     format!(
-        "#{:<7} {}{}  age {}{status}",
+        "#{:<7} {}{}  age {}{status}{}{}",
         sample.seq,
         inputs(sample.pressure_mpa, sample.gap_mm),
         optional("  measured", sample.measured_force_n, "N"),
-        ms(now_ns().saturating_sub(sample.t_sensor_ns))
+        ms(now_ns().saturating_sub(sample.t_sensor_ns)),
+        absent("TOO OLD", sample.stale_values),
+        absent("FAULTY", sample.fault_values),
     )
 }
 
 fn state(state: &State) -> String {
     let outcome = Outcome::from_code(state.outcome).filter(|outcome| *outcome != Outcome::Published);
     format!(
-        "#{:<7} {}  {:7}  {}{}  age {}{}{}",
+        "#{:<7} {}{}  {:7}  {}{}  age {}{}{}",
         state.seq,
         inputs(state.pressure_mpa, state.gap_mm),
+        parameters(state.inputs()),
         regime::as_str(state.regime),
         force(
             state.contact_force_n,
@@ -184,13 +223,14 @@ pub fn answer(answer: &Answer) -> String {
         _ => format!("  field {} x {}", answer.field_count, answer.node_count),
     };
     format!(
-        "{head}  {}{}  {}  {}  onset {:.5} MPa{entries}{}  ({:.0} us)",
+        "{head}  {}{}{}  {}  {}  onset {:.5} MPa{entries}{}  ({:.0} us)",
         match answer.kind {
             query_kind::PRESSURE => found("P", answer.pressure_mpa, "MPa"),
             query_kind::GAP => found("gap", answer.gap_mm, "mm"),
             _ => String::new(),
         },
         inputs(answer.pressure_mpa, answer.gap_mm),
+        parameters(answer.inputs()),
         regime::as_str(answer.regime),
         force(
             answer.contact_force_n,
@@ -206,6 +246,12 @@ pub fn answer(answer: &Answer) -> String {
 fn inputs(pressure_mpa: f64, gap_mm: f64) -> String {
     let gap = if gap_mm.is_finite() { format!("{gap_mm:6.2} mm") } else { "none".into() };
     format!("P {pressure_mpa:8.5} MPa  gap {gap}")
+}
+
+/// What a model takes beside pressure and gap, with the force's gradient by it: `  elastomer.law.mu_mpa 0.72 (dF 0.1234 N a unit)`.
+pub fn parameters(inputs: impl Iterator<Item = (String, f64, f64)>) -> String {
+    let by = |by: f64| if by.is_nan() { String::new() } else { format!(" (dF {by:.4} N a unit)") };
+    inputs.skip(2).map(|(name, value, gradient)| format!("  {name} {value:.5}{}", by(gradient))).collect()
 }
 
 /// Contact force (N) with its half-width and its gradients by pressure and gap, those that are known.

@@ -121,13 +121,7 @@ impl<'a> Batch<'a> {
     }
 
     fn prior(&self) -> (Vector, Symmetric) {
-        let mut mean = [0.0; MAX_STATES];
-        let mut information = Symmetric::diagonal(&[0.0; MAX_STATES][..self.unknowns()]);
-        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
-            mean[at] = unknown.prior;
-            information.add_diagonal(at, 1.0 / (unknown.sigma * unknown.sigma));
-        }
-        (mean, information)
+        (self.setup.priors().0, self.setup.prior_information())
     }
 
     fn minimise(&mut self, start: Vector, model: &mut impl Model) -> Fit {
@@ -171,12 +165,10 @@ impl<'a> Batch<'a> {
 
     fn result(&self, x: &Vector, sums: &Sums, converged: bool) -> Fit {
         let count = self.unknowns();
-        let unread: Vec<f64> = self.setup.unknowns.iter().map(|u| u.sigma * u.sigma).collect();
+        let unread = self.setup.priors().1;
         let factor = sums.matrix.cholesky();
-        let covariance = factor.map_or(Symmetric::diagonal(&unread), |factor| factor.inverse());
-        let mut before = [0.0; MAX_STATES];
-        before[..count].copy_from_slice(&unread);
-        let told = identify::judge(&covariance, &before);
+        let covariance = factor.map_or(Symmetric::diagonal(&unread[..count]), |factor| factor.inverse());
+        let told = identify::judge(&covariance, &unread);
         let estimate = |at: usize| Estimate {
             value: if converged { x[at] } else { f64::NAN },
             sigma: covariance.get(at, at).sqrt(),

@@ -47,11 +47,7 @@ impl Filter {
     /// All that is wrong with the setup.
     pub fn new(setup: Setup) -> Result<Self, Vec<SetupError>> {
         setup.check()?;
-        let (mut mean, mut unread) = ([0.0; MAX_STATES], [0.0; MAX_STATES]);
-        for (at, unknown) in setup.unknowns.iter().enumerate() {
-            mean[at] = unknown.prior;
-            unread[at] = unknown.sigma * unknown.sigma;
-        }
+        let (mean, unread) = setup.priors();
         let covariance = Symmetric::diagonal(&unread[..setup.unknowns.len()]);
         Ok(Self {
             identifiability: Identifiability::default(),
@@ -199,31 +195,39 @@ impl Filter {
         (present.count_ones() / 2).max(1)
     }
 
-    /// Solves on one side, and again without the blocks that contradict the rest.
+    /// Solves on one side, and again without the blocks that contradict the rest, as long as their number and what they cost are
+    /// `worth` it.
     fn explain(
         &self,
         measurement: &Measurement,
         prior: &Prior,
         side: Side,
         start: Option<Vector>,
+        worth: impl Fn(u32, f64) -> bool,
         model: &mut impl Model,
     ) -> Option<Explained> {
         let (mut rejected, mut penalty) = (0_u32, 0.0);
+        let start = start.unwrap_or(prior.states);
         loop {
             let problem = self.problem(measurement, prior, rejected, side);
-            let solution = problem.solve(&start.unwrap_or(prior.states), model)?;
-            match self.worst_block(measurement, &solution.linear, rejected) {
-                Some((block, limit)) if rejected.count_ones() <= self.most_rejected(measurement) => {
+            let solution = problem.solve(&start, model);
+            // A value so wild that nothing is found with it is one that contradicts the state from before.
+            let linear = match &solution {
+                Some(solution) => solution.linear,
+                None => problem.linearise(&start, model)?,
+            };
+            match (self.worst_block(measurement, &linear, rejected), solution) {
+                (Some((block, limit)), _) if rejected.count_ones() <= self.most_rejected(measurement) => {
                     rejected |= 1 << block;
                     penalty += limit;
+                    if !worth(rejected.count_ones(), penalty) {
+                        return None;
+                    }
                 }
-                _ => {
-                    return Some(Explained {
-                        side,
-                        evidence: evidence(&solution) + penalty,
-                        solution,
-                        rejected,
-                    });
+                (_, solution) => {
+                    let solution = solution?;
+                    let evidence = evidence(&solution) + penalty;
+                    return Some(Explained { side, evidence, solution, rejected });
                 }
             }
         }
@@ -237,9 +241,9 @@ impl Filter {
         model: &mut impl Model,
     ) -> Option<Explained> {
         let Some(unknown) = self.setup.gap_unknown() else {
-            return self.explain(measurement, prior, Side::Any, None, model);
+            return self.explain(measurement, prior, Side::Any, None, |_, _| true, model);
         };
-        let open = |model: &mut _| self.explain(measurement, prior, Side::Free, None, model);
+        let open = |model: &mut _| self.explain(measurement, prior, Side::Free, None, |_, _| true, model);
         let before = self.setup.inputs_at(measurement, &prior.states);
         let Some(onset_mm) = model.onset_gap_mm(&before) else { return open(model) };
         let sigma = self.covariance.get(unknown, unknown).sqrt();
@@ -248,15 +252,27 @@ impl Filter {
         if self.identifiability.tells(unknown) && inside.abs() > CLEAR {
             let (likely, start) =
                 if inside > 0.0 { (Side::Contact, Some(start)) } else { (Side::Free, None) };
-            let explained = self.explain(measurement, prior, likely, start, model);
+            let explained = self.explain(measurement, prior, likely, start, |_, _| true, model);
             if explained.is_some_and(|explained| explained.rejected == 0) {
                 return explained;
             }
         }
-        let touching = self.explain(measurement, prior, Side::Contact, Some(start), model);
         let open = open(model);
         let beyond = upper_tail(inside).max(f64::MIN_POSITIVE);
         let needed = if self.identifiability.tells(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
+        // Squares are not negative, and a reading only makes the determinant larger: a contact that rejects no fewer blocks cannot
+        // be likelier once these cost more than this.
+        let before = prior.information.cholesky()?.ln_determinant();
+        let spare = |open: &Explained| open.evidence - 2.0 * beyond.ln() - before - needed;
+        let is_open = |open: &Explained, rejected: u32, penalty: f64| {
+            rejected >= open.rejected.count_ones() && penalty > spare(open)
+        };
+        if let Some(open) = open.filter(|open| is_open(open, 0, 0.0)) {
+            self.toward_contact = 0.0;
+            return Some(open);
+        }
+        let worth = |rejected: u32, penalty: f64| open.is_none_or(|open| !is_open(&open, rejected, penalty));
+        let touching = self.explain(measurement, prior, Side::Contact, Some(start), worth, model);
         match (open, touching) {
             (Some(open), Some(touching)) => {
                 let toward = open.evidence - 2.0 * beyond.ln() - touching.evidence;
@@ -265,7 +281,11 @@ impl Filter {
                 self.toward_contact = if partly { self.toward_contact + toward.max(0.0) } else { 0.0 };
                 Some(if toward.max(self.toward_contact) <= needed { open } else { touching })
             }
-            (open, touching) => open.or(touching),
+            (Some(open), None) => {
+                self.toward_contact = 0.0;
+                Some(open)
+            }
+            (None, touching) => touching,
         }
     }
 

@@ -3,9 +3,9 @@
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 
 /// A standard deviation above this share of what it would be without any reading counts as not told.
-const MAX_SHARE: f64 = 0.5;
+const MAX_SHARE: f64 = 1.0 / 3.0;
 /// When knowing an untold unknown would bring the variance of another below this share, that one is not told either.
-const MIN_OWN_VARIANCE: f64 = 0.25;
+const MIN_OWN_VARIANCE: f64 = 0.5;
 
 /// By unknown, whether the readings tell it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,8 +22,8 @@ impl Identifiability {
 
 /// Compares a covariance with the variances that the unknowns would have without any reading.
 ///
-/// An unknown is told when its standard deviation fell to half, and when that does not hang on another one that is not told:
-/// its variance, conditional on the untold ones, is at least a quarter of its own. (The force of a finger on a plate tells the
+/// An unknown is told when its standard deviation fell to a third, and when that does not hang on another one that is not told:
+/// its variance, conditional on the untold ones, is at least half of its own. (The force of a finger on a plate tells the
 /// gap once the gauge's bias is known; with the bias unknown it tells their sum.)
 pub(crate) fn judge(covariance: &Symmetric, unread: &Vector) -> Identifiability {
     let count = covariance.size();

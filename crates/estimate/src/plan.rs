@@ -106,9 +106,7 @@ pub fn choose(setup: &Setup, holds: &[Symmetric], count: usize) -> Vec<usize> {
 /// What some of the holds tell together; none when priors and holds contradict each other in their rounding.
 pub fn expected_fit(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Option<ExpectedFit> {
     let covariance = sum(setup, holds, chosen).cholesky()?.inverse();
-    let mut unread = [0.0; MAX_STATES];
-    unread.iter_mut().zip(&setup.unknowns).for_each(|(v, unknown)| *v = unknown.sigma * unknown.sigma);
-    let tells = identify::judge(&covariance, &unread);
+    let tells = identify::judge(&covariance, &setup.priors().1);
     let estimate = |(at, unknown): (usize, &crate::Unknown)| Estimate {
         value: unknown.prior,
         sigma: covariance.get(at, at).sqrt(),
@@ -135,10 +133,7 @@ pub fn expected_fit(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Opt
 
 /// Information of the priors and of some holds.
 fn sum(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Symmetric {
-    let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..setup.unknowns.len()]);
-    for (at, unknown) in setup.unknowns.iter().enumerate() {
-        out.add_diagonal(at, 1.0 / (unknown.sigma * unknown.sigma));
-    }
+    let mut out = setup.prior_information();
     chosen.iter().for_each(|hold| out.add(&holds[*hold]));
     out
 }

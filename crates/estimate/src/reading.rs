@@ -203,7 +203,8 @@ impl ReadingProblem<'_> {
                         (cost, linear) = found;
                         break;
                     }
-                    None if halvings < MAX_HALVINGS => {
+                    // A step too small to matter is not tried.
+                    None if halvings < MAX_HALVINGS && share * share * length > SMALL_STEP * SMALL_STEP => {
                         share *= 0.5;
                         halvings += 1;
                     }

@@ -1,6 +1,6 @@
 //! What is measured, given and estimated.
 
-use crate::matrix::{MAX_STATES, Vector};
+use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use thiserror::Error;
 
 /// Largest number of model inputs.
@@ -177,6 +177,25 @@ impl Setup {
                     measurement.inputs[input] - bias.map_or(0.0, |bias| states[bias]) - states[noise - 1]
                 }
             };
+        }
+        out
+    }
+
+    /// Prior means and variances of the unknowns.
+    pub(crate) fn priors(&self) -> (Vector, Vector) {
+        let (mut means, mut variances) = ([0.0; MAX_STATES], [0.0; MAX_STATES]);
+        for (at, unknown) in self.unknowns.iter().enumerate() {
+            means[at] = unknown.prior;
+            variances[at] = unknown.sigma * unknown.sigma;
+        }
+        (means, variances)
+    }
+
+    /// What the priors tell: the inverse of their variances.
+    pub(crate) fn prior_information(&self) -> Symmetric {
+        let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..self.unknowns.len()]);
+        for (at, unknown) in self.unknowns.iter().enumerate() {
+            out.add_diagonal(at, 1.0 / (unknown.sigma * unknown.sigma));
         }
         out
     }

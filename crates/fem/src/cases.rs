@@ -99,25 +99,25 @@ fn case(
     let before = diagnostics.len();
     let mut expect = |fits: bool, column: usize, expected: &str| {
         if !fits {
-            diagnostics.push(row.diagnostic(at[column], expected));
+            diagnostics.push(row.diagnostic(column, expected));
         }
     };
     let name = row.text(at[0]);
     let letters = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     let named = !name.is_empty() && !name.starts_with('.') && name.chars().all(letters);
-    expect(named, 0, "a name of letters, digits, - and _");
+    expect(named, at[0], "a name of letters, digits, - and _");
     let regime = row.choice(at[1], &REGIMES);
-    expect(regime.is_ok(), 1, "free, contact or gripper");
-    expect(row.choice(at[2], &SPLITS).is_ok(), 2, "train, test or check");
+    expect(regime.is_ok(), at[1], "free, contact or gripper");
+    expect(row.choice(at[2], &SPLITS).is_ok(), at[2], "train, test or check");
     let pressure_mpa = row.number(at[3]).ok().filter(|p| (0.0..=MAX_MPA).contains(p));
-    expect(pressure_mpa.is_some(), 3, "a pressure of 0 to 10 MPa");
+    expect(pressure_mpa.is_some(), at[3], "a pressure of 0 to 10 MPa");
     let gap_mm = row.number(at[4]).ok().filter(|g| *g > 0.0 && *g <= MAX_MM);
     match regime {
         Ok((_, RegimeKind::Contact)) => {
-            expect(gap_mm.is_some(), 4, "a gap above 0 mm (the obstacle stands outside the body)");
+            expect(gap_mm.is_some(), at[4], "a gap above 0 mm (the obstacle stands outside the body)");
         }
         Ok((_, RegimeKind::Free)) => {
-            expect(row.text(at[4]).is_empty(), 4, "nothing, as a free case has no gap");
+            expect(row.text(at[4]).is_empty(), at[4], "nothing, as a free case has no gap");
         }
         Err(_) => {}
     }

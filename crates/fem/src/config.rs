@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::contact::obstacle::Obstacle;
+use crate::contact::obstacle::{Obstacle, Round};
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, Hyperelastic, SheetMaterial};
 use rom::snapshots::Footprint;
@@ -87,8 +87,11 @@ pub struct ProblemConfig {
     pub cavity_load: CavityLoad,
     /// Penalties of the contacts.
     pub contact: ContactSettings,
-    /// Extent of the rigid plate.
+    /// Extent of the rigid plate, or of the round body in its place.
     pub plate: Footprint,
+    /// The round body, if any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub round: Option<Round>,
     /// Extent of the rigid block's near face.
     pub block: Footprint,
     /// Newton iteration.
@@ -113,6 +116,7 @@ impl Default for ProblemConfig {
             cavity_load: CavityLoad::FlatFacets,
             contact: ContactSettings::default(),
             plate: Footprint::PLATE,
+            round: None,
             block: Footprint::BLOCK,
             newton: NewtonSettings::default(),
         }
@@ -129,4 +133,11 @@ pub struct Load {
     pub obstacle: Obstacle,
     /// Gravitational acceleration (mm/s2).
     pub gravity_mm_s2: [f64; 3],
+}
+
+/// A configuration's debug form as it was before there were round obstacles: checkpoints of flat ones stay valid.
+pub(crate) fn flat(debug: &str) -> String {
+    [", round: None", ", radius_mm: None", ", centre_mm: None"]
+        .iter()
+        .fold(debug.into(), |text: String, none| text.replace(none, ""))
 }

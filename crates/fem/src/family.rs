@@ -1,6 +1,7 @@
 //! An actuator on its mesh and all its variants: other materials, other measures, the same elements.
 
 use crate::actuator::{Actuator, Setting, moved_nodes};
+use crate::config::flat;
 use crate::problem::{Problem, ProblemError};
 use formats::Diagnostic;
 use std::sync::Arc;
@@ -122,7 +123,7 @@ impl Family {
         }
         let mut hasher = blake3::Hasher::new();
         // The debug form prints floats so that they can be read back.
-        hasher.update(format!("{:?} {:?}", self.actuator, variant.0).as_bytes());
+        hasher.update(flat(&format!("{:?} {:?}", self.actuator, variant.0)).as_bytes());
         Some(*hasher.finalize().as_bytes())
     }
 }

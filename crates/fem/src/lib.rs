@@ -15,6 +15,7 @@ mod newton;
 mod ordering;
 mod output;
 mod problem;
+mod recovery;
 pub mod run;
 pub mod sample;
 mod sensitivity;
@@ -27,7 +28,7 @@ mod tangent;
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
 };
-pub use contact::obstacle::Obstacle;
+pub use contact::obstacle::{Form, Obstacle, Round};
 pub use element::cavity::CavityLoad;
 pub use family::{Family, Variant, VariantError};
 pub use linear::LinearError;
@@ -35,6 +36,7 @@ pub use mesh::{Mesh, Slot};
 pub use newton::NewtonError;
 pub use output::{MAX_RESIDUAL, Output};
 pub use problem::{Problem, ProblemError};
+pub use recovery::StressRecovery;
 pub use sensitivity::{Change, Sensitivity};
 pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
 pub use state::State;

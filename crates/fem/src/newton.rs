@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::algebra::{Vec3, add, axpy, dot, norm, sub};
+use crate::algebra::{Vec3, add, axpy, dot, mat_vec, norm, sub};
 use crate::config::Load;
 use crate::element::membrane::{self, Plane};
 use crate::element::tet10::Invalid;
@@ -38,6 +38,14 @@ pub enum NewtonError {
     StepTooShort {
         /// Share of the whole path that the step covered.
         share: f64,
+    },
+    /// The iteration ended at an equilibrium far from the one it began at: another branch, such as a finger folded over.
+    #[error("the body jumped by {moved_mm:.1} mm in one step, at most {allowed_mm:.1} mm are expected")]
+    Jumped {
+        /// Largest nodal displacement of the step (mm).
+        moved_mm: f64,
+        /// Largest that a step along a branch comes to (mm).
+        allowed_mm: f64,
     },
     /// The state is outside the limits of the elastomer.
     #[error("element {element}: {what}")]
@@ -210,9 +218,9 @@ impl Newton {
             let n = *n as usize;
             let now = add(problem.mesh.nodes_mm[n], state.displacement_mm[n]);
             let correction = self.increment.displacement[n];
-            let touch = |p| face.touch(p).map_or((0.0, 0.0), |t| (t.force, t.stiffness));
-            let (force, stiffness) = touch(sub(now, correction));
-            k * (touch(now).0 - (force - stiffness * correction[1])).abs()
+            let (is, was) = (face.touch(now), face.touch(sub(now, correction)));
+            let foreseen = was.map_or([0.0; 3], |was| sub(was.force(), mat_vec(&was.tangent(), correction)));
+            k * norm(sub(is.map_or([0.0; 3], |is| is.force()), foreseen))
         };
         problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm).map(error).sum()
     }

@@ -1,6 +1,6 @@
 //! Fields, forces and contact sets of a solved state.
 
-use crate::algebra::{Vec3, axpy, norm};
+use crate::algebra::{Vec3, add, axpy, norm};
 use crate::element::tet10;
 use crate::problem::Problem;
 use crate::sparse::CONSTRAINED;
@@ -34,6 +34,13 @@ pub struct Output {
 pub(crate) fn clearance_mm(problem: &Problem, state: &State) -> f64 {
     let lowest = |n: &u32| -(problem.mesh.nodes_mm[*n as usize][1] + state.displacement_mm[*n as usize][1]);
     problem.contact_nodes.iter().map(lowest).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// How far the body reaches behind its obstacle (mm): contact is felt by the base's underside only.
+pub(crate) fn depth_mm(problem: &Problem, state: &State) -> f64 {
+    let Some(face) = face(problem, state.load.obstacle) else { return 0.0 };
+    let nodes = problem.mesh.nodes_mm.iter().zip(&state.displacement_mm);
+    nodes.map(|(x, u)| face.depth_mm(add(*x, *u))).fold(0.0, f64::max)
 }
 
 /// Forces (N) of a state, with the carried stresses.

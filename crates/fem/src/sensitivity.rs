@@ -130,7 +130,7 @@ fn contact_force_n(problem: &Problem, u: &[Vec3], load: &Load) -> f64 {
     let Some(face) = face(problem, load.obstacle) else { return 0.0 };
     let at = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], u[*n as usize]);
     let nodes = problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm);
-    nodes.filter_map(|(n, k)| Some(k * face.touch(at(n))?.force)).sum()
+    nodes.filter_map(|(n, k)| Some(k * face.touch(at(n))?.vertical())).sum()
 }
 
 /// Whether something touches the obstacle, but every touching node has just begun to.
@@ -138,5 +138,5 @@ fn on_the_edge(problem: &Problem, state: &State) -> bool {
     let Some(face) = face(problem, state.load.obstacle) else { return false };
     let at = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], state.displacement_mm[*n as usize]);
     let mut touching = problem.contact_nodes.iter().filter_map(|n| face.touch(at(n))).peekable();
-    touching.peek().is_some() && touching.all(|touch| touch.stiffness < EDGE_STIFFNESS)
+    touching.peek().is_some() && touching.all(|touch| touch.penalty.stiffness < EDGE_STIFFNESS)
 }

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use thiserror::Error;
 
+use crate::algebra::{norm, sub};
 use crate::config::Load;
 use crate::contact::obstacle::Obstacle;
 use crate::family::VariantError;
@@ -59,7 +60,7 @@ fn advice(reason: &NewtonError) -> &'static str {
         NewtonError::MaterialLimit { .. } => {
             "The elastomer is at its limit there: lower the pressure or the gravity"
         }
-        NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } => {
+        NewtonError::Stalled { .. } | NewtonError::StepTooShort { .. } | NewtonError::Jumped { .. } => {
             "Start from a solved state nearer to it, or check that the loads are meant"
         }
         NewtonError::Body(_) => "Start from a state whose measures are nearer",
@@ -81,6 +82,14 @@ pub enum SolveError {
     Unbalanced {
         /// Largest nodal force out of balance, relative to the larger of support reaction and obstacle force.
         found: f64,
+    },
+    /// The body lies partly behind the obstacle: a side that feels no contact has passed it.
+    #[error(
+        "part of the body lies {depth_mm:.1} mm behind the obstacle, at most {MAX_DEPTH_MM} mm are taken; lower the pressure, or widen the gap"
+    )]
+    Behind {
+        /// Largest distance of a node behind the obstacle's face (mm).
+        depth_mm: f64,
     },
     /// A load is not a number the formulation takes.
     #[error("{name} = {found}, expected {expected}")]
@@ -114,6 +123,13 @@ const GRAVITY_STEPS: u32 = 3;
 
 /// A step that needed no more factorisations than this lets the next one grow.
 const EASY_STEP: usize = 9;
+
+/// Corrections of a step that move a node further than so many step lengths lead to another branch: an equilibrium too, but
+/// one that no slow change of the loads leads to.
+const MAX_STEP_LENGTHS: f64 = 3.0;
+
+/// How far nodes may lie behind an obstacle's face, far more than its penalty lets the base in (mm).
+const MAX_DEPTH_MM: f64 = 1.0;
 
 /// How far a plate is withdrawn before it is taken away (mm).
 const WITHDRAWAL_MM: f64 = 100.0;
@@ -202,9 +218,33 @@ impl Solver {
 
     /// [`Solver::solve_to`] while the body changes too; the solver works on the body at the path's end afterwards.
     ///
+    /// A plate that comes up against an inflated finger may fold it over or pass its tip. A state that lies behind its obstacle is
+    /// solved again as it comes about: at rest on the obstacle first, then inflated.
+    ///
     /// # Errors
     /// [`SolveError`]; the start is untouched.
     pub fn solve_along(
+        &mut self,
+        from: &State,
+        load: &Load,
+        path: &dyn Bodies,
+    ) -> Result<(State, Report), SolveError> {
+        let (state, report) = self.follow(from, load, path)?;
+        if output::depth_mm(&self.problem, &state) <= MAX_DEPTH_MM {
+            return Ok((state, report));
+        }
+        let body = Stays(Arc::clone(&self.problem));
+        let (rest, to_rest) = self.gravity_equilibrium(load.gravity_mm_s2)?;
+        let (pressed, to_obstacle) = self.follow(&rest, &Load { pressure_mpa: 0.0, ..*load }, &body)?;
+        let (state, inflation) = self.follow(&pressed, load, &body)?;
+        let depth_mm = output::depth_mm(&self.problem, &state);
+        if depth_mm > MAX_DEPTH_MM {
+            return Err(SolveError::Behind { depth_mm });
+        }
+        Ok((state, report.and(&to_rest).and(&to_obstacle).and(&inflation)))
+    }
+
+    fn follow(
         &mut self,
         from: &State,
         load: &Load,
@@ -292,8 +332,12 @@ impl Solver {
         }
         state.load = between(from, to, reached);
         let load = state.load;
+        let before = state.displacement_mm.clone();
         self.newton.iterate(state, &load, effort)?;
-        Ok(reached)
+        let moved = state.displacement_mm.iter().zip(&before).map(|(a, b)| norm(sub(*a, *b)));
+        let moved_mm = moved.fold(0.0, f64::max);
+        let allowed_mm = MAX_STEP_LENGTHS * self.problem.config.newton.step_length_mm;
+        if moved_mm > allowed_mm { Err(NewtonError::Jumped { moved_mm, allowed_mm }) } else { Ok(reached) }
     }
 
     /// Steps along the straight line of loads, halving where the iteration fails and growing where it is easy.

@@ -270,13 +270,15 @@ impl System {
         let Some(face) = face(problem, obstacle) else { return };
         for (n, stiffness) in problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm) {
             let Some(touch) = face.touch(x[*n as usize]) else { continue };
-            let force = stiffness * (touch.force + touch.stiffness * advance_mm);
-            residual[*n as usize][1] += force;
-            self.contact_force_n += stiffness * touch.force;
+            let tangent = touch.tangent();
+            // An obstacle that comes nearer is a node that comes nearer.
+            let mut force = touch.force();
+            axpy(advance_mm, tangent.map(|row| row[1]), &mut force);
+            axpy(*stiffness, force, &mut residual[*n as usize]);
+            self.contact_force_n += stiffness * touch.vertical();
             let free = problem.free[*n as usize];
             if with_tangent && free != CONSTRAINED {
-                let mut block = [[0.0; 3]; 3];
-                block[1][1] = stiffness * touch.stiffness;
+                let block = tangent.map(|row| scale(*stiffness, row));
                 problem.pattern.add(&mut self.tangent, free, free, 0, &block);
             }
         }
@@ -295,7 +297,7 @@ pub(crate) struct Ahead {
     pub advance_mm: f64,
 }
 
-/// The rigid face that a load places below the base.
+/// The rigid surface that a load places below the base.
 pub(crate) fn face(problem: &Problem, obstacle: Obstacle) -> Option<Face> {
     let smoothing_mm = problem.config.contact.obstacle_smoothing_mm;
     let footprint = match obstacle {
@@ -303,5 +305,6 @@ pub(crate) fn face(problem: &Problem, obstacle: Obstacle) -> Option<Face> {
         Obstacle::Plate { .. } => problem.config.plate,
         Obstacle::Block { .. } => problem.config.block,
     };
-    obstacle.gap_mm().map(|gap_mm| Face { footprint, gap_mm, smoothing_mm })
+    let round = problem.config.round.filter(|_| matches!(obstacle, Obstacle::Plate { .. }));
+    obstacle.gap_mm().map(|gap_mm| Face { footprint, round, gap_mm, smoothing_mm })
 }

@@ -27,6 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             0.0, 0.0, 0.0, 0.0, 0.1, 8.0, 3.0, 0.0, 3.2, 0.2,
         ],
         undeformed_mm: None,
+        undeformed_by: Vec::new(),
         surface_triangles: vec![],
         node_sets: vec![],
         obstacle: Footprint::PLATE,

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use rom::snapshots::{Case, FieldKind, RegimeKind, Split};
 use std::collections::HashMap;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 fn data(name: &str) -> PathBuf {
@@ -187,6 +188,20 @@ fn tables_and_stacks_are_read() {
     let stacked = results::read(&stack).unwrap();
     assert_eq!((&stacked.points, &stacked.blocks), (&run.points, &run.blocks));
     assert_eq!(quantity(&stacked, 1, "mises").values, quantity(&run, 1, "mises").values);
+    let archive = dir.path().join("stack.npz");
+    let mut zip = zip::ZipWriter::new(fs::File::create(&archive).unwrap());
+    for (at, name) in ["points", "tetra", "u", "mises"].iter().enumerate() {
+        let method = [zip::CompressionMethod::Stored, zip::CompressionMethod::Deflated][at % 2];
+        let options = zip::write::SimpleFileOptions::default().compression_method(method);
+        zip.start_file(format!("{name}.npy"), options).unwrap();
+        zip.write_all(&fs::read(stack.join(format!("{name}.npy"))).unwrap()).unwrap();
+    }
+    zip.finish().unwrap();
+    assert_eq!(results::read(&archive).unwrap(), stacked);
+    let bytes = fs::read(&archive).unwrap();
+    fs::write(&archive, &bytes[..bytes.len() / 2]).unwrap();
+    let text = results::read(&archive).unwrap_err().to_string();
+    assert!(text.contains("stack.npz: archive: expected an archive that numpy.savez wrote"), "{text}");
     fs::write(dir.path().join("run.csv"), csv.replace("1,0.5,14", "1,0.5,15")).unwrap();
     let text = results::read(&dir.path().join("run.inp")).unwrap_err().to_string();
     assert!(text.contains("run.csv: line 5, column node: expected a node of the mesh, found `15`"), "{text}");

@@ -1,6 +1,7 @@
 //! The gateway's configuration: typed, then checked as a whole, all problems at once.
 
 use crate::endpoint::Endpoint;
+use crate::ros::Ros2;
 use crate::security::{self, Security, SecurityFile};
 use runtime::config::ConfigError;
 use serde::Deserialize;
@@ -35,6 +36,7 @@ struct File {
     keys: Vec<String>,
     field_rate_hz: f64,
     readings_from_network: Vec<String>,
+    ros2: Option<Ros2>,
     security: SecurityFile,
 }
 
@@ -48,6 +50,7 @@ impl Default for File {
             keys: vec!["softtwin/**".into()],
             field_rate_hz: 30.0,
             readings_from_network: Vec::new(),
+            ros2: None,
             security: SecurityFile::default(),
         }
     }
@@ -70,6 +73,8 @@ pub struct Config {
     pub field_period: Duration,
     /// Sensor topics that are fed from the network.
     pub inlets: Vec<Topic>,
+    /// The node of ROS 2, where there is to be one.
+    pub ros2: Option<Ros2>,
     /// Who is let in and how the gateway shows who it is.
     pub security: Security,
 }
@@ -122,6 +127,9 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
     if !(0.001..=1000.0).contains(&file.field_rate_hz) {
         problems.push(format!("field_rate_hz: expected 0.001 to 1000, found {}", file.field_rate_hz));
     }
+    if let Some(ros2) = &file.ros2 {
+        ros2.check(problems);
+    }
     Config {
         mode: file.mode,
         listen,
@@ -130,6 +138,7 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
         keys: keys(&file.keys, problems),
         field_period: Duration::try_from_secs_f64(1.0 / file.field_rate_hz).unwrap_or_default(),
         inlets: inlets(&file.readings_from_network, problems),
+        ros2: file.ros2,
         security: known,
     }
 }

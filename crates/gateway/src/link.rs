@@ -67,6 +67,31 @@ impl Link {
 }
 
 impl Counters {
+    /// The page for Prometheus.
+    pub fn page(&self) -> String {
+        let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        let values = [
+            ("softtwin_gateway_messages", "Messages sent, without fields", of(&self.messages)),
+            ("softtwin_gateway_fields", "Fields sent", of(&self.fields)),
+            (
+                "softtwin_gateway_fields_replaced",
+                "Fields in whose place a newer one was sent",
+                of(&self.replaced),
+            ),
+            ("softtwin_gateway_late_turns", "Field turns that passed", of(&self.late_turns)),
+            ("softtwin_gateway_lost", "Samples that never reached the gateway", of(&self.lost)),
+            ("softtwin_gateway_answers", "Requests answered", of(&self.answers)),
+            ("softtwin_gateway_refusals", "Requests that could not be answered", of(&self.refusals)),
+            ("softtwin_gateway_readings", "Readings taken from the network", of(&self.readings)),
+            (
+                "softtwin_gateway_bad_readings",
+                "Readings from the network that were none",
+                of(&self.bad_readings),
+            ),
+        ];
+        runtime::metrics::gateway(&values, of(&self.longest_send_us) as f64 * 1e-6)
+    }
+
     /// Everything in one line.
     pub fn line(&self) -> String {
         let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);

@@ -19,6 +19,11 @@ impl Liveness {
         Self { watchdog: Watchdog::from_env(), rounds: 0, threads: Vec::new() }
     }
 
+    /// Their threads have ended: others take their place.
+    pub fn forget_threads(&mut self) {
+        self.threads.clear();
+    }
+
     /// A flag that one more thread sets each time it goes through its loop.
     pub fn add_thread(&mut self) -> Arc<AtomicBool> {
         let is_alive = Arc::new(AtomicBool::new(false));

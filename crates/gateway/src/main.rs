@@ -5,6 +5,7 @@
 //!                                  -> [fields]   the newest, at a rate or on demand, f32    -> network
 //! domain <- [queries]  <- get  softtwin/<actuator>/whatif|pressure|gap?...                  <- network
 //! domain <- [readings] <- put  softtwin/<actuator>/sensor, where the configuration allows it
+//! domain -> [ros]      a node of ROS 2 with its topics, where the configuration asks for it
 //! ```
 //!
 //! A thread each, because ports of the shared memory stay in the thread that made them. All may wait for the network; none of
@@ -21,23 +22,25 @@ mod messages;
 mod network;
 mod queries;
 mod readings;
+mod ros;
 mod security;
 mod topic_bridge;
 mod topic_scan;
 
 use anyhow::Context;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use config::Config;
 use link::{Counters, Link};
 use liveness::Liveness;
 use queries::QueryHandler;
 use recording::ThreadGroup;
 use runtime::config::ConfigError;
-use runtime::service;
-use std::path::PathBuf;
+use runtime::{metrics, service};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -57,6 +60,10 @@ Examples:
 
 The shared-memory domain is $SOFTTWIN_DOMAIN (with $SOFTTWIN_ROOT), or iceoryx2's own.
 Keys, encodings and security: docs/gateway.md.
+  With a page for Prometheus
+    softtwin-gateway --config config/gateway.toml --metrics 127.0.0.1:9467
+
+SIGHUP reads the configuration again, with certificates and users, and connects anew; a wrong one is refused and the old one stays.
 Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";
 
 /// The twins of this machine on a Zenoh network.
@@ -64,11 +71,17 @@ Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";
 #[command(name = "softtwin-gateway", version, about, after_help = EXAMPLES)]
 struct Options {
     /// Configuration file, see config/gateway.toml
-    #[arg(long, value_name = "FILE")]
-    config: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "manual")]
+    config: Option<PathBuf>,
     /// Check the configuration, print what it means, and end
     #[arg(long)]
     check: bool,
+    /// Serve Prometheus metrics at http://ADDR/metrics; loopback only [default: off]
+    #[arg(long, value_name = "127.0.0.1:PORT", value_parser = metrics::loopback)]
+    metrics: Option<SocketAddr>,
+    /// Write this help as a man page into a folder, and end
+    #[arg(long, value_name = "DIR", exclusive = true)]
+    manual: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -89,7 +102,56 @@ fn listed(values: &[impl ToString]) -> String {
 }
 
 fn run(options: &Options) -> anyhow::Result<()> {
-    let config = Config::load(&options.config)?;
+    let Some(path) = &options.config else {
+        let folder = options.manual.as_deref().context("--config is missing")?;
+        return clap_mangen::generate_to(Options::command(), folder).context(folder.display().to_string());
+    };
+    let mut config = Config::load(path)?;
+    say(&config);
+    if options.check {
+        return Ok(());
+    }
+    let program = service::stop_flag().context("signals cannot be handled")?;
+    let reload = service::reload_flag().context("signals cannot be handled")?;
+    let counters = Arc::new(Counters::default());
+    let listener = metrics::listen(options.metrics)?;
+    let mut group = ThreadGroup::new(program.clone());
+    let counted = counters.clone();
+    metrics::start(&mut group, listener, || move || counted.page())?;
+    let mut liveness = Liveness::from_env();
+    let ended = loop {
+        liveness.forget_threads();
+        let Some(session) = network::open(&config, &program, &mut liveness)? else { break Ok(()) };
+        let link = Link {
+            domain: Domain::from_env(),
+            session,
+            prefix: config.prefix.as_str().into(),
+            stop: Arc::default(),
+            is_alive: Arc::default(),
+            counters: counters.clone(),
+        };
+        let reread = || reread(path, &reload);
+        let served = serve(&link, &config, &mut liveness, &program, reread);
+        link.stop.store(true, Ordering::Relaxed);
+        if let Err(error) = link.session.close().wait() {
+            tracing::warn!("the session did not close cleanly: {error}");
+        }
+        match served {
+            Ok(Some(new)) => config = new,
+            Ok(None) => break Ok(()),
+            Err(error) => break Err(error),
+        }
+        tracing::info!("reloaded: connecting anew");
+        say(&config);
+    };
+    service::notify_stopping();
+    tracing::info!("ended: {}", counters.line());
+    group.end()?;
+    ended
+}
+
+/// What a configuration means.
+fn say(config: &Config) {
     tracing::info!(
         "{:?} below `{}`, listens on {}, connects to {}; sends {}, fields every {} ms at most; takes readings for {}; {}",
         config.mode,
@@ -101,32 +163,32 @@ fn run(options: &Options) -> anyhow::Result<()> {
         listed(&config.inlets),
         config.security
     );
-    if options.check {
-        return Ok(());
-    }
-    let stop = service::stop_flag().context("signals cannot be handled")?;
-    let mut liveness = Liveness::from_env();
-    let Some(session) = network::open(&config, &stop, &mut liveness)? else { return Ok(()) };
-    let link = Link {
-        domain: Domain::from_env(),
-        session,
-        prefix: config.prefix.as_str().into(),
-        stop,
-        is_alive: Arc::default(),
-        counters: Arc::new(Counters::default()),
-    };
-    let ended = serve(&link, &config, liveness);
-    service::notify_stopping();
-    link.stop.store(true, Ordering::Relaxed);
-    tracing::info!("ended: {}", link.counters.line());
-    if let Err(error) = link.session.close().wait() {
-        tracing::warn!("the session did not close cleanly: {error}");
-    }
-    ended
 }
 
-/// Starts the threads and scans the domain until the end.
-fn serve(link: &Link, config: &Config, mut liveness: Liveness) -> anyhow::Result<()> {
+/// The configuration again, when that is asked for and nothing is wrong with it.
+fn reread(path: &Path, requested: &AtomicBool) -> Option<Config> {
+    if !requested.swap(false, Ordering::Relaxed) {
+        return None;
+    }
+    service::notify_reloading();
+    match Config::load(path) {
+        Ok(config) => Some(config),
+        Err(error) => {
+            tracing::error!("reload refused, the old configuration stays: {error}");
+            service::notify_reloaded();
+            None
+        }
+    }
+}
+
+/// Starts the threads and scans the domain until the end, or until there is another configuration, which it returns.
+fn serve(
+    link: &Link,
+    config: &Config,
+    liveness: &mut Liveness,
+    program: &AtomicBool,
+    reread: impl Fn() -> Option<Config>,
+) -> anyhow::Result<Option<Config>> {
     let ((to_messages, for_messages), (to_fields, for_fields)) = (channel(), channel());
     let (handler, requests) = QueryHandler::new();
     let mut scan = TopicScan::new(link, config, to_messages, to_fields, handler)?;
@@ -139,15 +201,22 @@ fn serve(link: &Link, config: &Config, mut liveness: Liveness) -> anyhow::Result
     threads.start("fields", move |_| Ok(fields::run(&own, &for_fields, period)?))?;
     let own = thread_link();
     threads.start("queries", move |_| Ok(queries::run(&own, &requests)?))?;
+    if let Some(ros2) = config.ros2.clone() {
+        let (own, keys) = (thread_link(), config.keys.clone());
+        threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period)?))?;
+    }
     if !inlets.is_empty() {
-        let own = thread_link();
-        threads.start("readings", move |_| Ok(readings::run(&own, &inlets)?))?;
+        let (own, ros2) = (thread_link(), config.ros2.clone());
+        threads.start("readings", move |_| Ok(readings::run(&own, &inlets, ros2.as_ref())?))?;
     }
     scan.scan(link)?;
     service::notify_ready(&connections(config));
     let mut log_at = Instant::now() + LOG_EVERY;
-    while !link.is_stopped() {
+    while !link.is_stopped() && !program.load(Ordering::Relaxed) {
         threads.check()?;
+        if let Some(new) = reread() {
+            return Ok(Some(new));
+        }
         thread::sleep(topic_scan::EVERY);
         if let Err(error) = scan.scan(link) {
             tracing::warn!("{error:#}");
@@ -160,7 +229,8 @@ fn serve(link: &Link, config: &Config, mut liveness: Liveness) -> anyhow::Result
             service::notify_status(&line);
         }
     }
-    Ok(())
+    threads.check()?;
+    Ok(None)
 }
 
 /// Where the gateway listens and whom it calls.

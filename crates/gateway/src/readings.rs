@@ -2,7 +2,9 @@
 
 use crate::clock::SenderClock;
 use crate::link::{Link, count, network};
+use crate::ros::{self, Ros2};
 use recording::message::decode_reading;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use wire::{Bus, SensorSample, SensorWriter, Topic, now_ns};
@@ -30,11 +32,17 @@ struct Arrived {
 ///
 /// # Errors
 /// When the domain cannot be joined or the session is closed.
-pub fn run(link: &Link, topics: &[Topic]) -> anyhow::Result<()> {
+pub fn run(link: &Link, topics: &[Topic], ros2: Option<&Ros2>) -> anyhow::Result<()> {
     let bus = Bus::open(&link.domain)?;
     let (sender, receiver) = sync_channel(READINGS);
     let subscribe = |(inlet, topic): (usize, &Topic)| subscribe(link, topic, inlet, sender.clone());
     let _subscribers = topics.iter().enumerate().map(subscribe).collect::<anyhow::Result<Vec<_>>>()?;
+    let from_ros = |ros2: &Ros2| {
+        let inlets = topics.iter().enumerate();
+        let subscribed = inlets.map(|(inlet, topic)| subscribe_ros(link, ros2, topic, inlet, sender.clone()));
+        subscribed.collect::<anyhow::Result<Vec<_>>>()
+    };
+    let _from_ros = ros2.map(from_ros).transpose()?;
     let mut inlets: Vec<Inlet> = topics.iter().map(Inlet::new).collect();
     for inlet in &mut inlets {
         inlet.open(&bus);
@@ -77,6 +85,35 @@ fn subscribe(
     };
     let subscriber = link.session.declare_subscriber(link.key(topic.name())).callback(take);
     network(subscriber.allowed_origin(Locality::Remote).wait())
+}
+
+/// Pressures from a node of ROS 2, as readings.
+fn subscribe_ros(
+    link: &Link,
+    ros2: &Ros2,
+    topic: &Topic,
+    inlet: usize,
+    sender: SyncSender<Arrived>,
+) -> anyhow::Result<(ros::Inlet, Subscriber<()>)> {
+    let declared = ros::Inlet::declare(link, ros2, inlet, topic)?;
+    let counters = link.counters.clone();
+    let is_told = AtomicBool::new(false);
+    let take = move |sample: Sample| {
+        let t_arrival_ns = now_ns();
+        let bytes =
+            if sample.payload().len() <= MAX_BYTES { ros::reading(&sample) } else { Err("too long".into()) };
+        let passed = bytes.map(|bytes| sender.try_send(Arrived { inlet, t_arrival_ns, bytes }).is_ok());
+        if !passed.as_ref().is_ok_and(|is_queued| *is_queued) {
+            count(&counters.bad_readings);
+        }
+        if let Err(error) = passed
+            && !is_told.swap(true, Ordering::Relaxed)
+        {
+            tracing::warn!("a message from ROS is no reading (told once): {error}");
+        }
+    };
+    let subscriber = link.session.declare_subscriber(declared.key.clone()).callback(take);
+    Ok((declared, network(subscriber.allowed_origin(Locality::Remote).wait())?))
 }
 
 /// One sensor topic.

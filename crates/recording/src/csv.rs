@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
@@ -11,7 +11,7 @@ use serde_json::Value;
 use thiserror::Error;
 use wire::KeyExpr;
 
-use crate::{Ending, Item, Message, ReadError, Reader};
+use crate::{Item, Message, ReadError, ReadItems};
 
 /// Why an export ended early.
 #[derive(Debug, Error)]
@@ -36,8 +36,6 @@ pub struct Exported {
     pub rows: BTreeMap<PathBuf, u64>,
     /// Messages that are no JSON objects and were left out.
     pub left_out: u64,
-    /// How the recording ended.
-    pub ending: Ending,
 }
 
 /// Writes every topic that `key` matches into `folder`, named after the topic: `softtwin.finger.state.csv`.
@@ -48,10 +46,11 @@ pub struct Exported {
 ///
 /// # Errors
 /// [`ExportError`]; tables written so far stay.
-pub fn export_csv<R: Read>(
-    mut reader: Reader<R>,
+pub fn export_csv(
+    reader: &mut impl ReadItems,
     folder: &Path,
     key: &KeyExpr,
+    form: TableForm,
 ) -> Result<Exported, ExportError> {
     let mut tables: BTreeMap<String, Table> = BTreeMap::new();
     let mut left_out = 0;
@@ -68,7 +67,9 @@ pub fn export_csv<R: Read>(
         let cells = cells(&properties);
         let table = match tables.get_mut(topic) {
             Some(table) => table,
-            None => tables.entry(topic.clone()).or_insert(Table::create(folder, topic, &cells)?),
+            None => {
+                tables.entry(topic.clone()).or_insert(Table::create(folder, &message, &properties, form)?)
+            }
         };
         table.row(&message, cells)?;
     }
@@ -77,7 +78,16 @@ pub fn export_csv<R: Read>(
         table.out.flush().map_err(|source| ExportError::Write { path: table.path.clone(), source })?;
         rows.insert(table.path, table.rows);
     }
-    Ok(Exported { rows, left_out, ending: reader.ending().cloned().unwrap_or(Ending::Complete) })
+    Ok(Exported { rows, left_out })
+}
+
+/// What a table holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TableForm {
+    /// Every property, as it is.
+    Whole,
+    /// What programs that speak FMI read: `time` (s, since the table's first row), then the properties that are single numbers.
+    Fmi,
 }
 
 /// An open table. Its columns are those of the topic's first message.
@@ -86,29 +96,49 @@ struct Table {
     columns: Vec<String>,
     out: csv::Writer<File>,
     rows: u64,
+    form: TableForm,
+    first_ns: u64,
 }
 
 impl Table {
-    fn create(folder: &Path, topic: &str, cells: &[(String, String)]) -> Result<Self, ExportError> {
+    fn create(
+        folder: &Path,
+        message: &Message,
+        properties: &[(String, Value)],
+        form: TableForm,
+    ) -> Result<Self, ExportError> {
         // The topic comes out of the file: it must not lead out of the folder.
         let plain = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '.' };
-        let name: String = topic.chars().map(plain).take(200).collect();
+        let name: String = message.channel.topic.chars().map(plain).take(200).collect();
         let path = folder.join(format!("{}.csv", name.trim_matches('.')));
         let file = File::create(&path).map_err(|source| ExportError::Write { path: path.clone(), source })?;
-        let columns: Vec<String> = cells.iter().map(|(name, _)| name.clone()).collect();
-        let mut table = Self { path, columns, out: csv::Writer::from_writer(file), rows: 0 };
-        let head: Vec<String> = ["log_time_ns", "publish_time_ns"]
-            .map(String::from)
-            .into_iter()
-            .chain(table.columns.clone())
-            .collect();
+        let columns: Vec<String> = match form {
+            TableForm::Whole => cells(properties).into_iter().map(|(name, _)| name).collect(),
+            TableForm::Fmi => {
+                let numbers = properties.iter().filter(|(_, value)| is_number(value));
+                numbers.map(|(name, _)| name.clone()).collect()
+            }
+        };
+        let (out, first_ns) = (csv::Writer::from_writer(file), message.publish_time_ns);
+        let mut table = Self { path, columns, out, rows: 0, form, first_ns };
+        let times: &[&str] = match form {
+            TableForm::Whole => &["log_time_ns", "publish_time_ns"],
+            TableForm::Fmi => &["time"],
+        };
+        let head: Vec<String> =
+            times.iter().map(|name| (*name).to_owned()).chain(table.columns.clone()).collect();
         table.write(&head)?;
         Ok(table)
     }
 
     fn row(&mut self, message: &Message, cells: Vec<(String, String)>) -> Result<(), ExportError> {
         let mut cells: BTreeMap<String, String> = cells.into_iter().collect();
-        let mut row = vec![message.log_time_ns.to_string(), message.publish_time_ns.to_string()];
+        let mut row = match self.form {
+            TableForm::Whole => vec![message.log_time_ns.to_string(), message.publish_time_ns.to_string()],
+            TableForm::Fmi => {
+                vec![(message.publish_time_ns.saturating_sub(self.first_ns) as f64 * 1e-9).to_string()]
+            }
+        };
         row.extend(self.columns.iter().map(|column| cells.remove(column).unwrap_or_default()));
         self.rows += 1;
         self.write(&row)
@@ -118,6 +148,11 @@ impl Table {
         let written = self.out.write_record(row);
         written.map_err(|error| ExportError::Write { path: self.path.clone(), source: error.into() })
     }
+}
+
+/// Numbers that are not finite are texts in JSON.
+fn is_number(value: &Value) -> bool {
+    value.is_number() || value.as_str().is_some_and(|text| matches!(text, "NaN" | "Infinity" | "-Infinity"))
 }
 
 fn cells(properties: &[(String, Value)]) -> Vec<(String, String)> {

@@ -6,7 +6,8 @@
 //! The container is the `mcap` crate's. Added here is what a service needs beside it:
 //! * **crash safety**: a chunk goes to the file in one piece, and each is preceded by its channels, so a file is readable up
 //!   to its last whole chunk after `kill -9`, and around a damaged chunk;
-//! * **a full disk**: a failed write is cut off again, so the file still ends at a whole chunk;
+//! * **a full disk**: the oldest files of the series make room where that is allowed; otherwise a failed write is cut off again, so
+//!   the file still ends at a whole chunk;
 //! * **hostile input**: the reader's memory is bounded by [`MAX_RECORD_BYTES`] and it never panics.
 #![forbid(unsafe_code)]
 
@@ -17,22 +18,28 @@ pub mod message;
 mod parse;
 mod reader;
 mod recorder;
+mod retention;
 mod rotate;
 pub mod sample;
+mod series;
 mod staging;
 mod store;
 pub mod thread_group;
 mod writer;
 
 pub use contents::{ChannelInfo, Item, Message};
-pub use csv::{ExportError, Exported, export_csv};
+pub use csv::{ExportError, Exported, TableForm, export_csv};
 pub use gaps::{Gap, GapCounter};
 pub use reader::{Ending, MAX_RECORD_BYTES, ReadError, Reader};
-pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions};
-pub use rotate::{RotateOptions, RotateSummary, RotatingWriter};
+pub use recorder::{
+    Companion, Companions, FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns,
+};
+pub use retention::{FreeSpace, Retention};
+pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
+pub use series::{ReadItems, Series, SeriesReader};
 pub use store::Store;
 pub use thread_group::{StopFlag, ThreadEnded, ThreadGroup, ThreadResult};
-pub use writer::{Channel, ChannelId, WriteError, Writer};
+pub use writer::{Channel, ChannelId, Schema, WriteError, Writer};
 
 /// First and last eight bytes of every MCAP file.
 pub const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";

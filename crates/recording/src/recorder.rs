@@ -8,6 +8,7 @@
 //! compresses, writes and syncs. Only the last two ever wait for a disk, and a topic that is being opened. The queue is
 //! bounded in bytes; what does not fit is dropped and counted, so that a slow disk costs messages and never memory.
 
+mod companion;
 mod queue;
 mod scan;
 mod summary;
@@ -26,6 +27,7 @@ use wire::{Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
 
 use crate::rotate::{RotateOptions, RotatingWriter};
 use crate::thread_group::{ThreadEnded, ThreadGroup, WAIT};
+pub use companion::{Companion, Companions};
 pub use queue::FLUSH_EVERY;
 use queue::{Queue, WriterThread};
 use scan::{ScanResult, TopicScan};
@@ -45,6 +47,8 @@ pub struct RecorderOptions {
     pub rotate: RotateOptions,
     /// Most that may wait for the disk, bytes.
     pub queue_bytes: u64,
+    /// Messages beside the samples' own.
+    pub companions: Option<Companions>,
 }
 
 /// A recording in progress.
@@ -121,14 +125,15 @@ impl Recorder {
         }
     }
 
-    /// Records until `stop` is set or the disk refuses; `report` is called 20 times a second with what is recorded so far.
+    /// Records until `stop` is set or the disk refuses; `report` is called 20 times a second with the recorder and what is recorded
+    /// so far.
     ///
     /// # Errors
     /// [`RecordError::Thread`]; the error of the disk comes from [`Recorder::finish`].
     pub fn run(
         &mut self,
         stop: &AtomicBool,
-        mut report: impl FnMut(&RecordSummary),
+        mut report: impl FnMut(&Self, &RecordSummary),
     ) -> Result<(), RecordError> {
         while !stop.load(Ordering::Relaxed) && !self.writer.has_ended() {
             if let Ok(result) = self.scans.recv_timeout(WAIT) {
@@ -136,9 +141,14 @@ impl Recorder {
             }
             self.threads.check()?;
             let summary = self.queue.summary().clone();
-            report(&summary);
+            report(self, &summary);
         }
         Ok(())
+    }
+
+    /// Ends the current file and begins the next one when the recording rotates; writes everything out in any case.
+    pub fn begin_new_file(&self) {
+        self.queue.begin_new_file();
     }
 
     /// Takes what has been published, writes what is waiting, closes the file.
@@ -162,14 +172,16 @@ impl Recorder {
         Ok(())
     }
 
-    /// Starts to record a topic, unless it is a field and fields are not asked for.
+    /// Starts to record a topic, unless it is a field and neither fields nor messages of them are asked for.
     fn follow(&mut self, topic: Topic) -> Result<Option<Receiver<Opened>>, RecordError> {
-        if topic.kind() == TopicKind::Field && !self.options.with_fields {
+        let companion = self.options.companions.as_ref().and_then(|companions| companions.of(&topic));
+        let is_recorded = topic.kind() != TopicKind::Field || self.options.with_fields;
+        if !is_recorded && companion.is_none() {
             return Ok(None);
         }
         let (sender, opened) = mpsc::channel();
         let name = topic.name().to_owned();
-        let (domain, sink) = (self.domain.clone(), self.queue.sink(topic));
+        let (domain, sink) = (self.domain.clone(), self.queue.sink(topic, is_recorded, companion));
         let started = self.threads.start(&name, move |stop| {
             topic::keep_moving(&domain, sink, &sender, stop);
             Ok(())
@@ -188,8 +200,8 @@ fn receive<T>(threads: &mut ThreadGroup, from: &Receiver<T>) -> Result<T, Thread
     }
 }
 
-/// Wall clock minus monotonic clock, taken once: a step of the wall clock while recording moves no message.
-fn wall_offset_ns() -> u64 {
+/// Wall clock minus monotonic clock, ns, to be taken once: a step of the wall clock later moves no message.
+pub fn wall_offset_ns() -> u64 {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(wall.as_nanos()).unwrap_or(u64::MAX).saturating_sub(now_ns())
 }

@@ -1,11 +1,13 @@
-//! A recording over many files: a new one by size or by time, the oldest removed when only so many are to be kept.
+//! A recording over many files: a new one by size or by time, the oldest removed when only so much is to be kept.
 
-use std::collections::{BTreeMap, VecDeque};
-use std::fs::{self, File};
-use std::io;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use crate::retention::{Retention, RoomyStore, SeriesFiles, SharedFiles, with_room};
+use crate::series;
 use crate::writer::{Channel, WriteError, Writer};
 
 /// When a new file is begun.
@@ -15,8 +17,15 @@ pub struct RotateOptions {
     pub max_bytes: Option<u64>,
     /// Begin a new file after this many nanoseconds of recorded time.
     pub max_time_ns: Option<u64>,
-    /// Keep only this many files of this run; older ones are removed.
-    pub keep: Option<usize>,
+    /// What is kept of the series; files of earlier runs count.
+    pub keep: Retention,
+}
+
+impl RotateOptions {
+    /// Whether there is more than one file.
+    fn rotates(&self) -> bool {
+        self.max_bytes.is_some() || self.max_time_ns.is_some()
+    }
 }
 
 /// What was recorded over all files.
@@ -24,41 +33,62 @@ pub struct RotateOptions {
 pub struct RotateSummary {
     /// Messages written, also those in files that were removed since.
     pub messages: u64,
-    /// Files that are still there, oldest first.
+    /// Files of this run that are still there, oldest first.
     pub files: Vec<PathBuf>,
-    /// Files removed because of [`RotateOptions::keep`].
+    /// Files removed because of [`RotateOptions::keep`], those of earlier runs too.
     pub removed: u64,
 }
 
-/// Writes `base.mcap`, or `base-0001.mcap`, `base-0002.mcap` ... when it rotates.
+/// What the series takes of the disk.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct DiskUse {
+    /// Files of the series, those of earlier runs too.
+    pub files: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Files removed by this run.
+    pub removed: u64,
+}
+
+/// Writes `base.mcap`, or `base-0001.mcap`, `base-0002.mcap` ... when it rotates; it then goes on behind the last number of
+/// earlier runs.
 pub struct RotatingWriter {
     base: PathBuf,
     options: RotateOptions,
-    writer: Option<Writer<File>>,
+    writer: Option<Writer<RoomyStore<File>>>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     started_ns: Option<u64>,
     number: u64,
     messages: u64,
-    files: VecDeque<PathBuf>,
-    removed: u64,
+    current: PathBuf,
+    files: SharedFiles,
 }
 
 impl RotatingWriter {
     /// Opens the first file. An existing file is never overwritten.
     ///
     /// # Errors
-    /// [`WriteError::Exists`], [`WriteError::Create`], [`WriteError::Store`].
+    /// [`WriteError::Exists`] without rotation, [`WriteError::Create`], [`WriteError::Store`].
     pub fn create(base: &Path, options: RotateOptions) -> Result<Self, WriteError> {
+        let folder = base.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new(".")).to_owned();
+        let (stem, suffix) = names(base);
+        let refused = |cause| WriteError::Create { path: base.to_owned(), cause };
+        let (earlier, number) = match options.rotates() {
+            true => series::numbered(&folder, &stem, &suffix).map_err(refused)?,
+            false => (Vec::new(), 0),
+        };
+        let files = SharedFiles::new(SeriesFiles::new(folder, options.keep, earlier));
         let mut rotating = Self {
             base: base.to_owned(),
             options,
             writer: None,
             metadata: BTreeMap::new(),
             started_ns: None,
-            number: 0,
+            number,
             messages: 0,
-            files: VecDeque::new(),
-            removed: 0,
+            current: PathBuf::new(),
+            files,
         };
         rotating.open_next()?;
         Ok(rotating)
@@ -98,14 +128,37 @@ impl RotatingWriter {
         Ok(())
     }
 
-    /// Forces everything so far onto the medium.
+    /// Forces everything so far onto the medium and removes what is not to be kept.
     ///
     /// # Errors
     /// [`WriteError`], also when the file was deleted meanwhile.
     pub fn flush(&mut self) -> Result<(), WriteError> {
         let writer = self.writer.as_mut().ok_or(WriteError::Ended)?;
         writer.flush()?;
-        require_name(writer.store(), self.files.back())
+        require_name(writer.store().inner(), &self.current)?;
+        let bytes = writer.bytes();
+        self.files.lock().enforce(bytes);
+        Ok(())
+    }
+
+    /// Ends the current file and begins the next one, where there are several and it holds a message; otherwise a flush.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    pub fn begin_new_file(&mut self) -> Result<(), WriteError> {
+        if !self.options.rotates() || self.started_ns.is_none() {
+            return self.flush();
+        }
+        self.close()?;
+        self.open_next()
+    }
+
+    /// What the series takes of the disk now.
+    pub fn disk_use(&self) -> DiskUse {
+        let files = self.files.lock();
+        let (bytes, count) = files.closed();
+        let current = self.writer.as_ref().map_or(0, Writer::bytes);
+        DiskUse { files: count + 1, bytes: bytes + current, removed: files.removed() }
     }
 
     /// Closes the last file.
@@ -114,41 +167,53 @@ impl RotatingWriter {
     /// [`WriteError`].
     pub fn finish(mut self) -> Result<RotateSummary, WriteError> {
         self.close()?;
-        Ok(RotateSummary { messages: self.messages, files: self.files.into(), removed: self.removed })
+        let files = self.files.lock();
+        let removed = files.removed();
+        Ok(RotateSummary { messages: self.messages, files: files.own().cloned().collect(), removed })
     }
 
     fn is_full(&self, now_ns: u64) -> bool {
         let bytes = self.writer.as_ref().map_or(0, Writer::bytes);
         let age_ns = self.started_ns.map_or(0, |started| now_ns.saturating_sub(started));
-        let too_big = self.options.max_bytes.is_some_and(|max| bytes >= max);
+        let quarter = self.options.keep.total_bytes.filter(|_| self.options.rotates()).map(|all| all / 4);
+        let too_big = self.options.max_bytes.into_iter().chain(quarter).any(|max| bytes >= max);
         self.started_ns.is_some() && (too_big || self.options.max_time_ns.is_some_and(|max| age_ns >= max))
     }
 
     fn close(&mut self) -> Result<(), WriteError> {
         self.started_ns = None;
-        let file = self.writer.take().ok_or(WriteError::Ended)?.finish()?;
-        require_name(&file, self.files.back())
+        let store = self.writer.take().ok_or(WriteError::Ended)?.finish()?;
+        self.files.lock().push(self.current.clone(), true);
+        require_name(store.inner(), &self.current)
     }
 
     fn open_next(&mut self) -> Result<(), WriteError> {
-        self.number += 1;
-        let path = self.path();
-        let opened = File::options().write(true).create_new(true).open(&path);
-        let file = opened.map_err(|cause| self.refused(&path, cause))?;
-        let mut writer = Writer::new(file)?;
+        let file = loop {
+            self.number += 1;
+            self.current = self.path();
+            let create = || File::options().write(true).create_new(true).open(&self.current);
+            match with_room(&self.files, create) {
+                // A second recorder of this series was quicker.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists && self.options.rotates() => {}
+                opened => break opened.map_err(|cause| self.refused(&self.current, cause))?,
+            }
+        };
+        // Tells other recorders of the series that this file is written. Where locks do not exist, there is nobody to tell.
+        let _no_locks_here = file.try_lock();
+        let mut writer = Writer::new(RoomyStore::new(file, self.files.clone()))?;
         for (name, entries) in &self.metadata {
             writer.metadata(name, entries)?;
         }
+        let bytes = writer.bytes();
         self.writer = Some(writer);
-        self.files.push_back(path);
-        self.remove_oldest();
+        self.files.lock().enforce(bytes);
         Ok(())
     }
 
     fn refused(&self, path: &Path, cause: io::Error) -> WriteError {
         let path = path.to_owned();
-        match (self.files.is_empty(), cause.kind()) {
-            (true, io::ErrorKind::AlreadyExists) => WriteError::Exists { path },
+        match (self.messages == 0, cause.kind()) {
+            (true, ErrorKind::AlreadyExists) => WriteError::Exists { path },
             (true, _) => WriteError::Create { path, cause },
             (false, kind) => WriteError::Store {
                 source: io::Error::new(kind, format!("{}: {cause}", path.display())),
@@ -158,31 +223,25 @@ impl RotatingWriter {
         }
     }
 
-    /// A file that cannot be removed stays in the list's place on disk: recording matters more than tidiness.
-    fn remove_oldest(&mut self) {
-        while self.options.keep.is_some_and(|keep| self.files.len() > keep.max(1)) {
-            if let Some(path) = self.files.pop_front()
-                && fs::remove_file(&path).is_ok()
-            {
-                self.removed += 1;
-            }
-        }
-    }
-
     fn path(&self) -> PathBuf {
-        if self.options.max_bytes.is_none() && self.options.max_time_ns.is_none() {
+        if !self.options.rotates() {
             return self.base.clone();
         }
-        let stem = self.base.file_stem().unwrap_or_default().to_string_lossy();
-        let suffix = self.base.extension().map_or("mcap".into(), |suffix| suffix.to_string_lossy());
+        let (stem, suffix) = names(&self.base);
         self.base.with_file_name(format!("{stem}-{:04}.{suffix}", self.number))
     }
 }
 
+/// Name and ending of the files of a series.
+fn names(base: &Path) -> (String, String) {
+    let text = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
+    (text(base.file_stem()).unwrap_or_default(), text(base.extension()).unwrap_or_else(|| "mcap".into()))
+}
+
 /// A file without a name vanishes with the last program that has it open.
-fn require_name(file: &File, path: Option<&PathBuf>) -> Result<(), WriteError> {
+fn require_name(file: &File, path: &Path) -> Result<(), WriteError> {
     match file.metadata().map(|about| about.nlink()) {
-        Ok(0) => Err(WriteError::Deleted { path: path.cloned().unwrap_or_default() }),
+        Ok(0) => Err(WriteError::Deleted { path: path.to_owned() }),
         _ => Ok(()),
     }
 }

@@ -1,7 +1,10 @@
 //! Samples of any kind as messages.
 
 use wire::layout::{Layout, Payload};
-use wire::{AnySample, Command, Estimate, FieldHeader, Grasp, Health, SensorSample, State, Topic, TopicKind};
+use wire::{
+    AnySample, Command, Estimate, FieldHeader, Grasp, Health, SensorSample, Setpoint, State, Topic,
+    TopicKind, Valve,
+};
 
 use crate::message::{self, FieldMessage, Recorded};
 use crate::writer::Channel;
@@ -16,6 +19,8 @@ pub fn channel(topic: &Topic) -> Channel {
         TopicKind::Grasp => Grasp::LAYOUT,
         TopicKind::Command => Command::LAYOUT,
         TopicKind::Estimate => Estimate::LAYOUT,
+        TopicKind::Setpoint | TopicKind::Override => Setpoint::LAYOUT,
+        TopicKind::Valve => Valve::LAYOUT,
     };
     message::channel(layout, topic.name())
 }

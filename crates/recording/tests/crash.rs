@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 use common::{read_all, text, write_some};
 use proptest::prelude::*;
-use recording::{Ending, Reader, RotateOptions, RotatingWriter, Store, WriteError};
+use recording::{Ending, Reader, Retention, RotateOptions, RotatingWriter, Store, WriteError};
 
 const MESSAGES: u64 = 24;
 const FLUSH_EVERY: u64 = 6;
@@ -234,7 +234,7 @@ fn a_record_that_reaches_into_the_padding_of_its_chunk_is_left_out() {
 fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = folder.path().join("run.mcap");
-    let options = RotateOptions { max_bytes: None, max_time_ns: Some(1_000), keep: None };
+    let options = RotateOptions { max_bytes: None, max_time_ns: Some(1_000), keep: Retention::default() };
     let mut writer = RotatingWriter::create(&base, options).expect("a file");
     writer.metadata("softtwin.model", &common::metadata()).expect("written");
     for index in 0..50u64 {
@@ -254,7 +254,8 @@ fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     }
     assert_eq!(texts, expected(50));
 
-    let kept = RotateOptions { max_bytes: Some(600), max_time_ns: None, keep: Some(2) };
+    let keep = Retention { files: Some(2), ..Retention::default() };
+    let kept = RotateOptions { max_bytes: Some(600), max_time_ns: None, keep };
     let mut writer = RotatingWriter::create(&folder.path().join("few.mcap"), kept).expect("a file");
     for index in 0..50u64 {
         writer.message(&common::channel("a"), 0, index, 0, text(index).as_bytes()).expect("written");

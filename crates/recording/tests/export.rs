@@ -1,7 +1,7 @@
 //! Recordings as tables.
 
 use recording::message::{self, Recorded};
-use recording::{Channel, Ending, Reader, Writer, export_csv};
+use recording::{Channel, Ending, Reader, TableForm, Writer, export_csv};
 use wire::{KeyExpr, Payload, SensorSample, State};
 
 fn recording() -> Vec<u8> {
@@ -28,14 +28,14 @@ fn each_topic_becomes_a_table_that_reads_back_to_the_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     let bytes = recording();
     let key = KeyExpr::new("softtwin/**").expect("a key");
-    let exported = export_csv(Reader::new(bytes.as_slice()).expect("a recording"), folder.path(), &key)
-        .expect("written");
-    assert_eq!((exported.rows.len(), exported.left_out, exported.ending), (2, 0, Ending::Complete));
+    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    let exported = export_csv(&mut reader, folder.path(), &key, TableForm::Whole).expect("written");
+    assert_eq!((exported.rows.len(), exported.left_out, reader.ending()), (2, 0, Some(&Ending::Complete)));
     let text = std::fs::read_to_string(folder.path().join("softtwin.finger.sensor.csv")).expect("there");
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(
         lines[0],
-        "log_time_ns,publish_time_ns,seq,t_sensor_ns,pressure_mpa,gap_mm,measured_force_n,markers_mm,t_trace_s,status,boot_id"
+        "log_time_ns,publish_time_ns,seq,t_sensor_ns,pressure_mpa,gap_mm,measured_force_n,markers_mm,t_trace_s,status,ages_ns,stale_values,fault_values,stale_total,boot_id"
     );
     assert_eq!(lines.len(), 4);
     let cells: Vec<&str> = lines[1].split(',').collect();
@@ -57,11 +57,31 @@ fn a_topic_cannot_lead_out_of_the_folder_and_texts_are_quoted() {
     writer.message(odd, 0, 0, 0, b"no object").expect("memory");
     let bytes = writer.finish().expect("memory");
     let key = KeyExpr::new("**").expect("a key");
-    let exported = export_csv(Reader::new(bytes.as_slice()).expect("a recording"), folder.path(), &key)
-        .expect("written");
+    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    let exported = export_csv(&mut reader, folder.path(), &key, TableForm::Whole).expect("written");
     assert_eq!(exported.left_out, 1);
     let path = folder.path().join("x.a.b.csv");
     assert_eq!(exported.rows.get(&path), Some(&1));
     let text = std::fs::read_to_string(path).expect("there");
     assert_eq!(text.lines().nth(1), Some(r#"0,0,"a ""b"", c",,"#));
+}
+
+#[test]
+fn tables_for_fmi_hold_time_and_numbers_only() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bytes = recording();
+    let key = KeyExpr::new("softtwin/*/sensor").expect("a key");
+    let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
+    export_csv(&mut reader, folder.path(), &key, TableForm::Fmi).expect("written");
+    let text = std::fs::read_to_string(folder.path().join("softtwin.finger.sensor.csv")).expect("there");
+    assert!(
+        text.starts_with("time,seq,t_sensor_ns,pressure_mpa,gap_mm,measured_force_n,t_trace_s"),
+        "{text}"
+    );
+    assert!(!text.lines().next().expect("a head").contains("boot_id"), "texts are left out");
+    let times: Vec<&str> = text.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
+    assert_eq!(times, ["0", "0.000000001", "0.000000002"]);
+    for cell in text.lines().skip(1).flat_map(|line| line.split(',')) {
+        assert!(cell.parse::<f64>().is_ok(), "{cell}");
+    }
 }

@@ -2,11 +2,19 @@
 
 use proptest::prelude::*;
 use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, decode_reading};
+use recording::{Channel, Schema};
 use serde_json::Value;
 use wire::layout::{
-    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PAYLOADS, Payload, VERSION, pack_name,
+    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PAYLOADS, Payload, VERSION, pack_name, set_slot,
 };
-use wire::{Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, State};
+use wire::{
+    Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve,
+};
+
+fn json_schema(channel: &Channel) -> Value {
+    let Schema::Json(text) = &channel.schema else { panic!("expected a JSON schema") };
+    serde_json::from_str(text).expect("a schema is JSON")
+}
 
 /// What draft 7 of JSON Schema says of the words that our schemas use. `$ref` passes over what stands beside it.
 fn violation(schema: &Value, root: &Value, value: &Value) -> Option<String> {
@@ -60,7 +68,7 @@ fn check(layout: &Layout, message: &dyn Recorded) -> Value {
     message.encode(&mut bytes);
     let value: Value = serde_json::from_slice(&bytes).expect("a message is JSON");
     let channel = channel(layout, "");
-    let schema: Value = serde_json::from_str(&channel.schema_json).expect("a schema is JSON");
+    let schema: Value = json_schema(&channel);
     assert_eq!(violation(&schema, &schema, &value), None, "{}: {value}", channel.schema_name);
     let properties = schema["properties"].as_object().expect("properties");
     assert!(value.as_object().expect("an object").keys().eq(properties.keys()), "{}", channel.schema_name);
@@ -96,11 +104,13 @@ fn every_payload_fits_its_schema_at_its_default_and_with_any_bits() {
     check_all::<Grasp>();
     check_all::<Command>();
     check_all::<Estimate>();
+    check_all::<Setpoint>();
+    check_all::<Valve>();
     check_all::<Query>();
     check_all::<Answer>();
     let header = FieldHeader { field_count: 2, ..FieldHeader::default() };
     check(FieldHeader::LAYOUT, &FieldMessage::new(&header, &[1.0, -2.5]));
-    assert_eq!(PAYLOADS.len(), 9, "a new payload belongs into this test");
+    assert_eq!(PAYLOADS.len(), 11, "a new payload belongs into this test");
 }
 
 #[test]
@@ -111,15 +121,14 @@ fn what_is_not_finite_is_a_text_that_the_schema_allows() {
         (&value["onset_pressure_mpa"], &value["gap_mm"], &value["force_halfwidth_n"]),
         (&"Infinity".into(), &"-Infinity".into(), &"NaN".into())
     );
-    let schema: Value =
-        serde_json::from_str(&channel(State::LAYOUT, "").schema_json).expect("a schema is JSON");
+    let schema = json_schema(&channel(State::LAYOUT, ""));
     for wrong in ["\"nan\"", "null", "\"1.0\"", "[1.0]"] {
         let value = serde_json::from_str(&format!("{{\"gap_mm\":{wrong}}}")).expect("JSON");
         assert!(violation(&schema, &schema, &value).is_some(), "{wrong} must not fit");
     }
 }
 
-/// The JSON form as it was before payloads described themselves; recordings and scripts rely on it.
+/// The JSON form as it was before payloads described themselves, and the inputs since; recordings and scripts rely on it.
 #[test]
 fn the_json_form_stays_as_it_was() {
     let mut state = State {
@@ -137,6 +146,8 @@ fn the_json_form_stays_as_it_was() {
         ..State::default()
     };
     (state.coefficients[0], state.coefficients[1], state.group_sizes[0]) = (0.5, -1.5, 2);
+    (state.input_count, state.inputs[0]) = (1, 2.5);
+    set_slot(&mut state.input_names, 0, "gap_mm");
     let mut bytes = Vec::new();
     state.view().encode(&mut bytes);
     assert_eq!(
@@ -146,7 +157,8 @@ fn the_json_form_stays_as_it_was() {
          \"force_halfwidth_n\":0.1,\"force_by_pressure_n_per_mpa\":\"NaN\",\"force_by_gap_n_per_mm\":\"NaN\",\
          \"onset_pressure_mpa\":\"Infinity\",\"measured_force_n\":\"NaN\",\"displacement_halfwidth_mm\":\"NaN\",\
          \"von_mises_halfwidth_mpa\":\"NaN\",\"domain_distance\":\"NaN\",\"domain_status\":1,\"outcome\":\"held: stale\",\
-         \"flags\":[\"stale\",\"held\",\"no-data\"],\"flag_bits\":131,\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\
+         \"flags\":[\"stale\",\"held\",\"no-data\"],\"flag_bits\":131,\"input_names\":[\"gap_mm\"],\
+         \"inputs\":[2.5],\"force_by_input\":[\"NaN\"],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\
          \"actuator\":\"finger\",\"model_hash\":\"00000000000000000000000000000000\",\
          \"boot_id\":\"0000000000000012\",\"sensor_boot_id\":\"0000000000000000\"}"
     );
@@ -166,6 +178,27 @@ fn older_recordings_are_read_by_their_own_keys() {
         (grasp.grasp_status, grasp.stop_pressure_halfwidth_mpa, grasp.force_halfwidth_n),
         (1, 0.001, 0.002)
     );
+}
+
+/// A reading of layout 3, without ages: all its values are as old as itself.
+#[test]
+fn a_reading_without_ages_is_read() {
+    let old = br#"{"seq":3,"t_sensor_ns":9,"pressure_mpa":0.03,"gap_mm":40.0,"measured_force_n":"NaN","markers_mm":[1.0,2.0,"NaN"],
+        "t_trace_s":"NaN","status":0,"boot_id":"00000000000000ff"}"#;
+    let reading = decode_reading(old).expect("a reading");
+    assert_eq!(
+        (reading.age_count, reading.stale_values, reading.fault_values, reading.stale_total),
+        (0, 0, 0, 0)
+    );
+    assert_eq!((reading.seq, reading.pressure_mpa, reading.marker_values), (3, 0.03, 3));
+    let mut aged = SensorSample { age_count: 11, stale_values: 0b1010, fault_values: 1, ..reading };
+    (aged.ages_ns[2], aged.stale_total, aged.boot_id) = (7_000_000, 12, 255);
+    let mut bytes = Vec::new();
+    aged.view().encode(&mut bytes);
+    let text = String::from_utf8(bytes.clone()).expect("text");
+    assert!(text.contains(r#""stale_values":["gap","marker1"],"fault_values":["pressure"]"#), "{text}");
+    let back = decode_reading(&bytes).expect("a reading");
+    assert_eq!((back.ages_ns, back.stale_values, back.age_count), (aged.ages_ns, 0b1010, 11));
 }
 
 #[test]

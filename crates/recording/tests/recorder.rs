@@ -20,6 +20,7 @@ fn options(path: std::path::PathBuf) -> RecorderOptions {
         path,
         rotate: RotateOptions::default(),
         queue_bytes: 64 << 20,
+        companions: None,
     }
 }
 
@@ -57,7 +58,7 @@ fn what_is_published_is_in_the_file() {
     let (seen, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     thread::scope(|scope| {
         let running = scope.spawn(|| {
-            recorder.run(&stop, |summary| seen.store(summary.messages.values().sum(), Ordering::Relaxed))
+            recorder.run(&stop, |_, summary| seen.store(summary.messages.values().sum(), Ordering::Relaxed))
         });
         for index in 1..=READINGS {
             let jump = if index > 1_000 { 5 } else { 0 };
@@ -123,7 +124,7 @@ fn what_does_not_fit_into_the_queue_is_counted() {
         Recorder::start(&domain, RecorderOptions { queue_bytes: 0, ..options(path) }).expect("a recorder");
     sensor.publish(reading(1)).expect("sent");
     let stop = AtomicBool::new(false);
-    recorder.run(&stop, |summary| stop.store(summary.dropped > 0, Ordering::Relaxed)).expect("recorded");
+    recorder.run(&stop, |_, summary| stop.store(summary.dropped > 0, Ordering::Relaxed)).expect("recorded");
     let summary = recorder.finish().expect("written");
     assert_eq!((summary.dropped, summary.files.messages), (1, 0));
     drop((sensor, bus));

@@ -207,7 +207,7 @@ impl Default for TrainConfig {
             centred: true,
             derive_magnitude: true,
             split_at_onset: true,
-            boundary_states: 24,
+            boundary_states: 32,
             boundary_overshoot: 0.55,
             obstacle: None,
             free: RegimeConfig::over(FREE_LENGTH),

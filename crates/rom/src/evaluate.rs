@@ -195,7 +195,7 @@ fn one_case(
     let (evaluation, out) = (state.evaluation(), state.fields());
     let regime = model.regime(evaluation.regime);
     let mut displacement = vec![0.0; nodes];
-    let (mut stress, mut fields) = (0.0_f64, Vec::new());
+    let (mut magnitude, mut stress, mut fields) = (0.0_f64, 0.0_f64, Vec::new());
     for (f, spec) in database.fields.iter().enumerate() {
         let truth: Vec<f64> = database.field(index, f).map(f64::from).collect();
         let prediction = &out[f * nodes..(f + 1) * nodes];
@@ -211,7 +211,8 @@ fn one_case(
                 displacement.iter_mut().zip(pairs).for_each(|(d, (t, p))| *d += (t - f64::from(*p)).powi(2));
             }
             FieldKind::Stress => stress = stress.max(errors.max),
-            FieldKind::Magnitude | FieldKind::Other => {}
+            FieldKind::Magnitude => magnitude = magnitude.max(errors.max),
+            FieldKind::Other => {}
         }
         fields.push(errors);
     }
@@ -230,7 +231,7 @@ fn one_case(
         force_n: evaluation.contact_force_n,
         force_relative: (case.contact_force_n > 0.0).then(|| error_n / case.contact_force_n),
         covered: Covered {
-            displacement: displacement.iter().copied().fold(0.0, f64::max).sqrt()
+            displacement: displacement.iter().copied().fold(0.0, f64::max).sqrt().max(magnitude)
                 <= halfwidths.displacement_mm,
             stress: stress <= halfwidths.stress_mpa,
             force: error_n <= halfwidths.force_n,

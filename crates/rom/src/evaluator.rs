@@ -176,6 +176,20 @@ impl Evaluator {
         self.run(inputs, out, false);
     }
 
+    /// The part of [`Self::evaluate`] that says where a state lies: regime, onset pressure, domain and its distance. Coefficients,
+    /// force and half-widths are left as they were. Less than 1 us for a model without parameters.
+    pub fn locate(&self, inputs: Inputs, out: &mut Evaluation) {
+        self.place(inputs.or(&self.values), out);
+    }
+
+    /// [`Self::locate`] with the contact force and its gradient: what a search for a force needs, without the fields.
+    pub fn force(&self, inputs: Inputs, out: &mut Evaluation) {
+        let (at, part) = self.place(inputs.or(&self.values), out);
+        if let Some(part) = part {
+            force(part, &at, &part.model.inputs.scale(&out.inputs), out);
+        }
+    }
+
     /// [`Self::evaluate`] with the derivatives of all coefficients, at about twice the cost: what single points are followed
     /// with ([`crate::probe`]).
     pub fn differentiate(&self, inputs: Inputs, out: &mut Evaluation) {
@@ -183,7 +197,20 @@ impl Evaluator {
     }
 
     fn run(&self, inputs: Inputs, out: &mut Evaluation, gradient: bool) {
-        let inputs = inputs.or(&self.values);
+        let (at, part) = self.place(inputs.or(&self.values), out);
+        let Some(part) = part else {
+            out.coefficients.clear();
+            return;
+        };
+        let x = part.model.inputs.scale(&out.inputs);
+        let local = part.model.local_halfwidths.as_ref();
+        out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
+        coefficients(part, &x, out, gradient);
+        force(part, &at, &x, out);
+    }
+
+    /// Where a state with all inputs lies, and the regime that answers there.
+    fn place(&self, inputs: Inputs, out: &mut Evaluation) -> (OnsetAt, Option<&RegimePart>) {
         out.room.reserve(&self.room);
         let at = self.onset_at(&inputs, out);
         let onset = at.onset;
@@ -204,15 +231,7 @@ impl Evaluator {
         };
         out.domain = Domain::status(out.domain_distance);
         out.flags.extrapolated = out.domain != DomainStatus::Inside;
-        let Some(part) = part else {
-            out.coefficients.clear();
-            return;
-        };
-        let x = part.model.inputs.scale(&inputs);
-        let local = part.model.local_halfwidths.as_ref();
-        out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
-        coefficients(part, &x, out, gradient);
-        force(part, &at, &x, out);
+        (at, part)
     }
 }
 

@@ -39,8 +39,8 @@ pub struct Pod {
 }
 
 impl Compact {
-    /// Compacts snapshots given as columns. The last `directions` columns are derivatives: they belong to the span, and have
-    /// no mean. Cost `O(n m^2)`.
+    /// Compacts snapshots given as columns. The last `directions` columns are derivatives or deviations: they belong to the span,
+    /// and the mean is not theirs. Cost `O(n m^2)`.
     ///
     /// # Errors
     /// [`PodError::Empty`] without columns.

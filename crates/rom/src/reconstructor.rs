@@ -1,7 +1,10 @@
 //! Coefficients -> fields, for one selection of fields and nodes. Nothing is allocated after construction.
 
 use crate::evaluation::Evaluation;
-use crate::kernel::{Affine, Basis, Field, Peaks, Precision, ReconstructError, Role, Source, Spec, Values};
+use crate::kernel::{
+    Affine, Basis, BasisError, Field, MAX_ROWS, Peaks, Precision, ReconstructError, Role, Shift, Source,
+    Spec, Values,
+};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
 use crate::snapshots::{FieldKind, RegimeKind};
 use std::mem::MaybeUninit;
@@ -13,6 +16,9 @@ pub struct Reconstructor {
     rows: usize,
     field_count: usize,
     max_coefficients: usize,
+    /// Inputs that move the undeformed mesh, with the value at which it is the model's: their differences follow the
+    /// coefficients.
+    moving: Vec<(usize, f64)>,
 }
 
 impl Reconstructor {
@@ -37,12 +43,19 @@ impl Reconstructor {
         header.check().map_err(ModelError::Inconsistent)?;
         let nodes = header.resolve_nodes(&selection.nodes)?;
         let fields = header.resolve_fields(selection.fields.as_deref())?;
+        let max_coefficients = header.regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0);
+        let moving = moving(model);
+        if !moving.is_empty() && max_coefficients + moving.len() > MAX_ROWS {
+            return Err(BasisError::Rows { found: max_coefficients + moving.len() }.into());
+        }
+        let shifts = shifts(model, &moving, max_coefficients);
         let basis = |regime: &RegimeModel| {
-            Ok((regime.kind, build(model, regime, &fields, nodes.as_deref(), precision)?))
+            Ok((regime.kind, build(model, regime, &fields, nodes.as_deref(), precision, &shifts)?))
         };
         Ok(Self {
             bases: header.regimes.iter().map(basis).collect::<Result<_, ModelError>>()?,
-            max_coefficients: header.regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0),
+            max_coefficients,
+            moving,
             rows: nodes.map_or(header.node_count, |n| n.len()),
             field_count: fields.len(),
         })
@@ -79,7 +92,7 @@ impl Reconstructor {
         evaluation: &Evaluation,
         out: &mut [f32],
     ) -> Result<Peaks, ReconstructError> {
-        self.basis_of(evaluation)?.reconstruct(&evaluation.coefficients, out)
+        self.with_coefficients(evaluation, |basis, coefficients| basis.reconstruct(coefficients, out))
     }
 
     /// The same into memory never written before, such as a loaned shared-memory sample. On `Ok` all of it is written.
@@ -91,7 +104,38 @@ impl Reconstructor {
         evaluation: &Evaluation,
         out: &mut [MaybeUninit<f32>],
     ) -> Result<Peaks, ReconstructError> {
-        self.basis_of(evaluation)?.reconstruct_uninit(&evaluation.coefficients, out)
+        self.with_coefficients(evaluation, |basis, coefficients| basis.reconstruct_uninit(coefficients, out))
+    }
+
+    /// What [`Basis::reconstruct`] takes for this evaluation: its coefficients, behind them how far each input that moves the
+    /// undeformed mesh is from the model's own.
+    ///
+    /// # Errors
+    /// An evaluation of another model.
+    pub fn coefficients(&self, evaluation: &Evaluation) -> Result<Vec<f64>, ReconstructError> {
+        self.with_coefficients(evaluation, |_, coefficients| Ok(coefficients.to_vec()))
+    }
+
+    fn with_coefficients<R>(
+        &self,
+        evaluation: &Evaluation,
+        run: impl FnOnce(&Basis, &[f64]) -> Result<R, ReconstructError>,
+    ) -> Result<R, ReconstructError> {
+        let basis = self.basis_of(evaluation)?;
+        let (own, expected) = (&evaluation.coefficients, self.max_coefficients);
+        if self.moving.is_empty() {
+            return run(basis, own);
+        }
+        if own.len() > expected {
+            return Err(ReconstructError::Coefficients { found: own.len(), expected });
+        }
+        let mut all = [0.0; MAX_ROWS];
+        all[..own.len()].copy_from_slice(own);
+        let values = evaluation.inputs.values();
+        for (to, (input, from)) in all[expected..].iter_mut().zip(&self.moving) {
+            *to = values[*input] - from;
+        }
+        run(basis, &all[..expected + self.moving.len()])
     }
 
     /// An evaluation of another model has no basis here: as if it had no coefficients.
@@ -101,14 +145,40 @@ impl Reconstructor {
     }
 }
 
+/// The inputs that move the undeformed mesh, each with the value at which it is the model's.
+fn moving(model: &Model) -> Vec<(usize, f64)> {
+    let mut found: Vec<(usize, f64)> = Vec::new();
+    for (kind, _) in &model.blocks {
+        if let BlockKind::UndeformedBy { input, from_bits, .. } = kind
+            && found.iter().all(|(known, _)| *known != *input as usize)
+        {
+            found.push((*input as usize, f64::from_bits(*from_bits)));
+        }
+    }
+    found
+}
+
+/// What these inputs move; their coefficients come behind those of the modes.
+fn shifts<'a>(model: &'a Model, moving: &[(usize, f64)], first: usize) -> Vec<Shift<'a>> {
+    let one = |(at, (input, from)): (usize, &(usize, f64))| {
+        let along = |axis| {
+            let kind = BlockKind::UndeformedBy { input: *input as u32, axis, from_bits: from.to_bits() };
+            model.f32_block(kind).map(Values::F32)
+        };
+        Shift { coefficient: first + at, axes: [0, 1, 2].map(along) }
+    };
+    moving.iter().enumerate().map(one).collect()
+}
+
 /// Describes the selected fields of a regime to the kernel and lets it lay them out. Coordinates a derived magnitude
 /// needs are computed though not published.
-fn build(
-    model: &Model,
+fn build<'a>(
+    model: &'a Model,
     regime: &RegimeModel,
     fields: &[usize],
     nodes: Option<&[u32]>,
     precision: Precision,
+    shifts: &[Shift<'a>],
 ) -> Result<Basis, ModelError> {
     let derived = fields.iter().filter_map(|f| model.header.fields[*f].magnitude_of).flatten();
     let hidden: Vec<usize> = derived.filter(|axis| !fields.contains(axis)).collect();
@@ -123,7 +193,7 @@ fn build(
         };
         let first = role == Role::Plain || !roles.contains(&role); // a maximum is reported for one field of a role
         roles.push(role);
-        let source = source(model, regime, &order, field)?;
+        let source = source(model, regime, &order, field, shifts)?;
         described.push(Field {
             source,
             role: if first { role } else { Role::Plain },
@@ -139,6 +209,7 @@ fn source<'a>(
     regime: &RegimeModel,
     order: &[usize],
     field: usize,
+    shifts: &[Shift<'a>],
 ) -> Result<Source<'a>, ModelError> {
     let node_count = model.header.node_count;
     let block = |kind: BlockKind, expected: usize| {
@@ -151,7 +222,8 @@ fn source<'a>(
     if let Some(axes) = model.header.fields[field].magnitude_of {
         let at = |axis: usize| order.iter().position(|f| *f == axis).unwrap_or(usize::MAX);
         let rest = |axis| block(BlockKind::Undeformed(axis), node_count);
-        return Ok(Source::Magnitude { coordinates: axes.map(at), rest: [rest(0)?, rest(1)?, rest(2)?] });
+        let rest = [rest(0)?, rest(1)?, rest(2)?];
+        return Ok(Source::Magnitude { coordinates: axes.map(at), rest, shifts: shifts.to_vec() });
     }
     let group = regime.groups.iter().find(|g| g.fields.contains(&field));
     let coefficients = group.map(|g| g.coefficients.clone()).unwrap_or(0..0);

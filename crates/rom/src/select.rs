@@ -133,7 +133,7 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
         }
     }
     if differentiated {
-        search.with_slopes(&slope_values);
+        search.with_slopes(&config.kernels, &slope_values);
     }
     search.choices()
 }
@@ -178,6 +178,8 @@ fn idle(samples: &Samples, states: States, tasks: &[Task], chosen: &Fit, axis: u
 
 /// Floating-point operations that may be spent on metrics with derivatives, over the cube of the system's size.
 const SLOPE_BUDGET: f64 = 4e10;
+/// Smallest factor that the derivatives may suggest for an input: one without any effect keeps its centres apart.
+const MIN_LENGTH_SCALE: f64 = 0.02;
 /// Smoothing that is tried with derivatives beside the kernel's own.
 const SLOPE_SMOOTHING: f64 = 1e-9;
 /// Factors on an input around the metric that was chosen without derivatives.
@@ -252,22 +254,54 @@ impl<'a> Search<'a> {
     /// The best few kernels again, fitted to the derivatives as well, then other metrics around the best of these. Where
     /// derivatives contradict their neighbours (a contact set that changes, a state that did not converge) a fit without
     /// those is tried too. Leave-one-out decides, as between any two candidates.
-    fn with_slopes(&mut self, values: &'a [f64]) {
+    fn with_slopes(&mut self, all: &[KernelSpec], values: &'a [f64]) {
         let kernels: Vec<_> =
             self.best_kernels().into_iter().filter(|(spec, ..)| spec.kernel.takes_derivatives()).collect();
         (self.samples.slopes, self.samples.slope_values) = (self.states.slopes, values);
         let size = self.samples.inputs.len() + values.len() / self.samples.outputs.max(1);
-        let tries = (SLOPE_BUDGET / (size as f64).powi(3)) as usize;
         let smoothings = [0.0, SLOPE_SMOOTHING];
         for (spec, metric, smoothing) in &kernels {
             smoothings.iter().for_each(|own| self.attempt(*spec, *metric, own.max(*smoothing)));
         }
-        let Some((spec, metric, smoothing)) = self.best_with_slopes() else { return };
-        let axes = 1..self.samples.dimensions;
-        let stretches =
-            axes.flat_map(|axis| SLOPE_STRETCHES.map(|f| metric.stretched(axis, metric.scale[axis] * f)));
-        stretches.take(tries).for_each(|metric| self.attempt(spec, metric, smoothing));
+        let over_parameters = self.states.operating < self.samples.dimensions;
+        if over_parameters && let Some(metric) = self.by_variation() {
+            let specs = all.iter().filter(|spec| spec.kernel.takes_derivatives());
+            specs.for_each(|spec| self.attempt(*spec, metric, 0.0));
+        }
+        let mut tries = (SLOPE_BUDGET / (size as f64).powi(3)) as usize;
+        let (sweeps, axes) = (if over_parameters { SWEEPS } else { 1 }, 1..self.samples.dimensions);
+        for axis in (0..sweeps).flat_map(|_| axes.clone()) {
+            let Some((spec, metric, smoothing)) = self.best_with_slopes() else { return };
+            for factor in SLOPE_STRETCHES.iter().take(tries) {
+                self.attempt(spec, metric.stretched(axis, metric.scale[axis] * factor), smoothing);
+            }
+            tries = tries.saturating_sub(SLOPE_STRETCHES.len());
+        }
         self.without_outliers();
+    }
+
+    /// Lengths by how much the derivatives along an input differ from state to state, against those along the first input: what
+    /// a tail takes up, the same derivative everywhere, needs no near centres. None where an input has no derivatives.
+    fn by_variation(&self) -> Option<Metric> {
+        let outputs = self.samples.outputs;
+        let variation = |axis: usize| {
+            let own =
+                (0..self.samples.slopes.len()).filter(|j| self.samples.slopes[*j].axis as usize == axis);
+            let rows: Vec<&[f64]> =
+                own.map(|j| &self.samples.slope_values[j * outputs..(j + 1) * outputs]).collect();
+            let count = rows.len() as f64;
+            let of_output = |k: usize| {
+                let mean = rows.iter().map(|row| row[k]).sum::<f64>() / count;
+                rows.iter().map(|row| (row[k] - mean).powi(2)).sum::<f64>() / count
+            };
+            (0..outputs).map(of_output).sum::<f64>().sqrt()
+        };
+        let first = variation(0);
+        let scale = |metric: Metric, axis: usize| {
+            metric.stretched(axis, (variation(axis) / first).clamp(MIN_LENGTH_SCALE, 1.0 / MIN_LENGTH_SCALE))
+        };
+        let metric = (1..self.samples.dimensions).fold(Metric::IDENTITY, scale);
+        metric.scale.iter().all(|s| s.is_finite()).then_some(metric)
     }
 
     /// The best candidate so far that was fitted to derivatives.

@@ -171,6 +171,8 @@ pub struct Database {
     pub snapshots: Vec<f32>,
     /// Undeformed node positions in mm, where known.
     pub undeformed_mm: Option<Vec<[f64; 3]>>,
+    /// Change of those positions per unit of each parameter, where parameters move them: parameter by parameter, mm per unit.
+    pub undeformed_by: Vec<Vec<[f32; 3]>>,
     /// Outer surface as triangles over node indices (for viewers); empty when unknown.
     pub surface_triangles: Vec<[u32; 3]>,
     /// Named node sets.
@@ -208,6 +210,7 @@ impl Database {
             cases: pressures_mpa.iter().enumerate().map(case).collect(),
             snapshots,
             undeformed_mm: None,
+            undeformed_by: Vec::new(),
             surface_triangles: Vec::new(),
             node_sets: Vec::new(),
             obstacle: Footprint::PLATE,
@@ -233,6 +236,16 @@ impl Database {
     /// One field of one case, node by node.
     pub fn field(&self, case: usize, field: usize) -> impl Iterator<Item = f32> + '_ {
         self.snapshot(case).iter().skip(field).step_by(self.fields.len()).copied()
+    }
+
+    /// Undeformed position of a node in a case (mm), along an axis; NaN without a mesh.
+    pub(crate) fn undeformed_at(&self, case: usize, node: usize, axis: usize) -> f64 {
+        let nominal = self.undeformed_mm.as_ref().map_or(f64::NAN, |mesh| mesh[node][axis]);
+        let values = self.cases[case].parameters.iter().zip(&self.parameters);
+        let moved = values.zip(&self.undeformed_by);
+        moved.fold(nominal, |x, ((value, parameter), by)| {
+            x + (value - parameter.nominal) * f64::from(by[node][axis])
+        })
     }
 
     /// Indices of the cases of a split, in file order.
@@ -263,6 +276,9 @@ impl Database {
         for parameter in &self.parameters {
             hasher.update(parameter.name.as_bytes()).update(&[0]).update(parameter.unit.as_bytes());
             hasher.update(&parameter.nominal.to_le_bytes());
+        }
+        for moved in &self.undeformed_by {
+            hash_values(&mut hasher, moved.as_flattened());
         }
         if let Some(sensitivities) = &self.sensitivities {
             for row in &sensitivities.rows {

@@ -43,6 +43,17 @@ impl Database {
         if let Some(mesh) = self.undeformed_mm.as_ref().filter(|m| m.len() != self.node_count) {
             problems.push(format!("mesh: expected {} nodes, found {}", self.node_count, mesh.len()));
         }
+        let moved = &self.undeformed_by;
+        if !moved.is_empty() && moved.len() != self.parameters.len() {
+            problems.push(format!(
+                "undeformed_by: expected {} parameters, found {}",
+                self.parameters.len(),
+                moved.len()
+            ));
+        }
+        if let Some(by) = moved.iter().find(|by| by.len() != self.node_count) {
+            problems.push(format!("undeformed_by: expected {} nodes, found {}", self.node_count, by.len()));
+        }
         let beyond = |nodes: &[u32]| nodes.iter().any(|n| *n as usize >= self.node_count);
         if beyond(self.surface_triangles.as_flattened()) {
             problems.push(format!("surface: a triangle names a node beyond {}", self.node_count));

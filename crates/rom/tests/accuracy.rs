@@ -96,7 +96,7 @@ fn fields_and_force_are_continuous_across_the_switch() {
     let state = ModelState::new(&plate.model, &Selection::default()).expect("fits");
     let mut sides = [(state.clone(), RegimeKind::Free), (state, RegimeKind::Contact)];
     let table = plate.model.header.onset.as_ref().expect("two regimes");
-    let (mut jump_mm, mut jump_n) = (0.0_f32, 0.0_f64);
+    let (mut jump_mm, mut jump_n, mut jump_stress) = (0.0_f32, 0.0_f64, 0.0_f32);
     let (sag, reach) = (table.sag_mm(), table.reach_mm());
     for step in 0..=200 {
         let gap_mm = (sag + (reach - sag) * f64::from(step) / 200.0).min(reach);
@@ -114,11 +114,16 @@ fn fields_and_force_are_continuous_across_the_switch() {
         let lengths = 4 * below.reconstructor().rows(); // x, y, z and the displacement
         let jumps = below.fields()[..lengths].iter().zip(above.fields()).map(|(a, b)| (a - b).abs());
         jump_mm = jumps.fold(jump_mm, f32::max);
+        let stresses = [below, above].map(|state| &state.fields()[lengths..]);
+        let largest = stresses[1].iter().fold(0.0, |most: f32, s| most.max(*s));
+        let jumps = stresses[0].iter().zip(stresses[1]).map(|(a, b)| (a - b).abs() / largest);
+        jump_stress = jumps.fold(jump_stress, f32::max);
         let [below_n, above_n] = [below, above].map(|state| state.evaluation().contact_force_n);
         jump_n = jump_n.max((above_n - below_n).abs());
     }
     at_most("jump at the switch, mm", f64::from(jump_mm), 0.05);
     at_most("jump at the switch, N", jump_n, 1e-3);
+    at_most("jump of stress at the switch, over the state's largest", f64::from(jump_stress), 3e-3);
 }
 
 #[test]

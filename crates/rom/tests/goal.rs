@@ -49,11 +49,12 @@ fn a_force_is_reached_within_the_bounds_and_the_formula_agrees() {
 
 #[test]
 fn what_cannot_be_reached_is_said_with_its_residual_at_the_bound() {
-    let found = for_force(5.0, &WITHIN);
+    // Bounds inside the samples: at their edge the model's own maximum may lie a little before it.
+    let found = for_force(5.0, &[(2, [0.65, 1.0]), (3, [2.6, 3.3])]);
     assert!(!found.is_met(), "{found:?}");
     let v = found.inputs.values();
     // Softer and longer chambers press more: the best is that corner.
-    assert!((v[2] - 0.6).abs() < 1e-9 && (v[3] - 3.4).abs() < 1e-9, "{v:?}");
+    assert!((v[2] - 0.65).abs() < 1e-9 && (v[3] - 3.3).abs() < 1e-9, "{v:?}");
     let left = found.residuals[0].value;
     assert!((left + 5.0 - design::force_n([v[0], v[1], v[2], v[3]])).abs() < 0.02, "{left}");
 }

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use rom::config::TrainConfig;
 use rom::inputs::{InputSpec, Inputs};
 use rom::model::{
-    BlockKind, MAGIC, Model, ModelError, ModelFileError, ModelReader, Nodes, PLAIN_VERSION, Selection,
-    VERSION,
+    BlockData, BlockKind, FIXED_VERSION, MAGIC, Model, ModelError, ModelFileError, ModelReader, Nodes,
+    PLAIN_VERSION, Selection, VERSION,
 };
 use rom::model_state::ModelState;
 use rom::reconstructor::Reconstructor;
@@ -63,6 +63,44 @@ fn a_model_of_version_2_is_read_and_answers_as_it_did() {
     ] {
         assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
     }
+}
+
+/// Files of later versions, kept: `SOFTTWIN_KEEP=1 cargo test --workspace --test model_file` writes those of this program, with what it
+/// answers. A new version of the file fails here until its file is kept.
+#[test]
+fn models_of_every_later_version_are_read_and_answer_as_they_did() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let answer = |model: &Model| {
+        let mut state = ModelState::new(model, &Selection::default()).expect("fits");
+        state.update(Inputs::new(0.06, 20.0)).expect("trained in contact");
+        let found = state.evaluation();
+        [found.contact_force_n, found.force_by_pressure_n_per_mpa(), found.halfwidths.displacement_mm]
+    };
+    let path = |version: u32| folder.join(format!("version{version}.twin"));
+    if std::env::var_os("SOFTTWIN_KEEP").is_some() {
+        let (model, bytes) = model();
+        std::fs::write(path(PLAIN_VERSION), bytes).expect("written");
+        let answers = answer(model).map(|value| format!("{value:?}")).join("\n");
+        std::fs::write(path(PLAIN_VERSION).with_extension("txt"), answers).expect("written");
+    }
+    let bytes = std::fs::read(path(PLAIN_VERSION)).expect("SOFTTWIN_KEEP=1 writes it; commit it");
+    assert_eq!(bytes[8..12], PLAIN_VERSION.to_le_bytes());
+    let found = answer(&Model::from_bytes(&bytes).expect("loads"));
+    let kept = std::fs::read_to_string(path(PLAIN_VERSION).with_extension("txt")).expect("beside the model");
+    for (found, kept) in found.iter().zip(kept.lines()) {
+        let kept: f64 = kept.parse().expect("a number");
+        assert!((found - kept).abs() <= 1e-9 * kept.abs(), "{found} is not {kept}");
+    }
+    // Models with parameters have a version of their own; with parameters that move the mesh, the newest.
+    let stiffness = folder.join("../../../../models/pneunet-stiffness/pneunet-stiffness.twin");
+    let bytes = std::fs::read(stiffness).expect("in the repository");
+    assert_eq!(bytes[8..12], FIXED_VERSION.to_le_bytes(), "keep a file of the version before");
+    let mut model = Model::from_bytes(&bytes).expect("loads");
+    let kind = BlockKind::UndeformedBy { input: 2, axis: 0, from_bits: 0.8_f64.to_bits() };
+    model.blocks.push((kind, BlockData::F32(vec![0.0; model.header.node_count])));
+    let bytes = model.to_bytes().expect("writes");
+    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(Model::from_bytes(&bytes).expect("loads"), model);
 }
 
 #[test]

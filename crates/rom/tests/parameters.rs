@@ -6,7 +6,8 @@ use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use rom::model::{Model, ModelError, PLAIN_VERSION, VERSION};
+use rom::model::{FIXED_VERSION, Model, ModelError, PLAIN_VERSION, Selection};
+use rom::model_state::ModelState;
 use rom::snapshots::{Database, RegimeKind, Split};
 use rom::synthetic::{self, design};
 use rom::train::{TrainError, train};
@@ -162,7 +163,7 @@ fn what_a_state_does_not_say_is_the_model_s_value_and_can_be_given_by_name() {
 fn the_file_keeps_parameters_and_a_model_without_them_stays_version_3() {
     let (model, _) = trained();
     let bytes = model.to_bytes().expect("encodes");
-    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(bytes[8..12], FIXED_VERSION.to_le_bytes());
     assert_eq!(*model, Model::from_bytes(&bytes).expect("loads"));
     for cut in [100, bytes.len() / 2, bytes.len() - 1] {
         assert!(Model::from_bytes(&bytes[..cut]).is_err());
@@ -272,7 +273,7 @@ fn derivatives_halve_the_error_of_few_states_and_survive_the_file() {
     println!("80 states: force without derivatives {:.2e}, with {:.2e} of the largest", errors[0], errors[1]);
     assert!(errors[1] < 0.5 * errors[0], "{errors:?}");
     let bytes = with.to_bytes().expect("encodes");
-    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
+    assert_eq!(bytes[8..12], FIXED_VERSION.to_le_bytes());
     assert_eq!(with, Model::from_bytes(&bytes).expect("loads"));
 }
 
@@ -374,5 +375,49 @@ fn an_evaluation_answers_repeatedly_and_says_what_it_costs() {
             evaluation.coefficients.len()
         );
         assert!(evaluation.contact_force_n > 0.0);
+    }
+}
+
+/// A displacement measured from a mesh that parameters move is not the distance from the nominal one.
+#[test]
+fn a_magnitude_that_does_not_follow_from_the_coordinates_is_interpolated_by_itself() {
+    let states: Vec<_> = design::states(0, 120).into_iter().map(|s| (Split::Train, s)).collect();
+    let mut database = design::database(&states, false);
+    let derived = |database: &Database| {
+        let (model, _) = train(database, &quick(), &mut |_| {}).expect("trains");
+        let field =
+            model.header.fields.iter().position(|field| field.spec.name == "displacement").expect("there");
+        (model.header.fields[field].magnitude_of, model.header.regimes[0].halfwidths.displacement_mm)
+    };
+    assert_eq!(derived(&database).0, Some([0, 1, 2]));
+    // All nodes of the undeformed body lie 1 mm higher for each mm of length beyond the nominal one.
+    let mesh = database.undeformed_mm.clone().expect("there");
+    for (case, snapshot) in database.cases.iter().zip(database.snapshots.chunks_exact_mut(5 * mesh.len())) {
+        let up = case.parameters[1] - 3.0;
+        for (node, x0) in snapshot.as_chunks_mut::<5>().0.iter_mut().zip(&mesh) {
+            let u = [0, 1, 2].map(|k| f64::from(node[k]) - x0[k] - if k == 1 { up } else { 0.0 });
+            node[3] = u.iter().map(|u| u * u).sum::<f64>().sqrt() as f32;
+        }
+    }
+    let (found, halfwidth_mm) = derived(&database);
+    assert_eq!(found, None);
+    assert!(halfwidth_mm > 0.0 && halfwidth_mm.is_finite(), "{halfwidth_mm}");
+    // Where the database says how the mesh moves, the displacement follows again, on states that no training saw too.
+    database.undeformed_by = vec![vec![[0.0; 3]; mesh.len()], vec![[0.0, 1.0, 0.0]; mesh.len()]];
+    let (model, _) = train(&database, &quick(), &mut |_| {}).expect("trains");
+    let model = Model::from_bytes(&model.to_bytes().expect("writes")).expect("loads");
+    assert_eq!(model.header.fields[3].magnitude_of, Some([0, 1, 2]));
+    let mut predicted = ModelState::new(&model, &Selection::default()).expect("fits");
+    let nodes = mesh.len();
+    for state in design::states(500, 20) {
+        predicted.update(inputs(state)).expect("trained");
+        let fields = predicted.fields();
+        for (n, x0) in mesh.iter().enumerate() {
+            let moved = [x0[0], x0[1] + state[3] - 3.0, x0[2]];
+            let u = [0, 1, 2].map(|k| f64::from(fields[k * nodes + n]) - moved[k]);
+            let length = u.iter().map(|u| u * u).sum::<f64>().sqrt();
+            let found = f64::from(fields[3 * nodes + n]);
+            assert!((found - length).abs() < 1e-3, "node {n} of {state:?}: {found} is not {length} mm");
+        }
     }
 }

@@ -3,9 +3,12 @@
 use crate::source::{BridgeWaker, Poll, SensorCounters, Source};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::time::Duration;
 use wire::{Bus, SensorWriter, Topic, WireError, boot_id, now_ns};
+
+/// The devices behind a bridge's sources: actuator, name of the sensor (empty where the scene names none), counters.
+pub type BridgeDevices = Vec<(String, String, Arc<SensorCounters>)>;
 
 /// The source and the topic of one actuator.
 #[derive(Debug)]
@@ -15,7 +18,12 @@ struct Line {
     writer: SensorWriter,
     seq: u64,
     has_ended: bool,
+    /// When its source began, s after the bridge.
+    begin_s: f64,
 }
+
+/// Sources by the name of their actuator.
+pub type Sources = Vec<(String, Box<dyn Source>)>;
 
 /// What the bridge has done so far; readable from other threads while it runs.
 #[derive(Debug, Default)]
@@ -45,7 +53,9 @@ pub struct Bridge {
     boot_id: u64,
     wakes: Receiver<()>,
     /// Kept, so that the channel stays open without a device.
-    _waker: BridgeWaker,
+    waker: BridgeWaker,
+    /// Sources that take the place of others.
+    replacements: Option<Receiver<Sources>>,
 }
 
 /// Why a bridge cannot start, or cannot go on.
@@ -78,23 +88,47 @@ impl Bridge {
     /// # Errors
     /// [`WireError::AlreadyPublished`] when another bridge feeds one of them, the other refusals of
     /// [`SensorWriter::create`], [`BridgeError::Sensor`].
-    pub fn start(bus: &Bus, sources: Vec<(String, Box<dyn Source>)>) -> Result<Self, BridgeError> {
+    pub fn start(bus: &Bus, sources: Sources) -> Result<Self, BridgeError> {
         let mut lines = Vec::new();
         for (actuator, source) in sources {
             let writer = SensorWriter::create(bus, &Topic::sensor(&actuator)?)?;
-            lines.push(Line { actuator, source, writer, seq: 0, has_ended: false });
+            lines.push(Line { actuator, source, writer, seq: 0, has_ended: false, begin_s: 0.0 });
         }
         let (waker, wakes) = sync_channel(1);
         for Line { actuator, source, .. } in &mut lines {
             let refused = |cause| BridgeError::Sensor { actuator: actuator.clone(), cause };
             source.start(&waker).map_err(refused)?;
         }
-        Ok(Self { lines, boot_id: boot_id(), wakes, _waker: waker })
+        Ok(Self { lines, boot_id: boot_id(), wakes, waker, replacements: None })
     }
 
-    /// Actuators whose source is a device, with its counters.
-    pub fn devices(&self) -> impl Iterator<Item = (&str, &Arc<SensorCounters>)> {
-        self.lines.iter().filter_map(|line| Some((line.actuator.as_str(), line.source.device()?)))
+    /// The devices behind the sources.
+    pub fn devices(&self) -> BridgeDevices {
+        let of_line = |line: &Line| {
+            let actuator = line.actuator.clone();
+            let devices = line.source.devices().into_iter();
+            devices.map(move |(sensor, counters)| (actuator.clone(), sensor, counters))
+        };
+        self.lines.iter().flat_map(of_line).collect()
+    }
+
+    /// From now on sources that come here take the places of those of the same actuators, between two readings; topics and numbers
+    /// of readings continue. An actuator that the bridge does not have is passed over.
+    pub fn accept_sources(&mut self) -> Sender<Sources> {
+        let (sender, replacements) = channel();
+        self.replacements = Some(replacements);
+        sender
+    }
+
+    fn replace(&mut self, sources: Sources, now_s: f64) -> Result<(), BridgeError> {
+        for (actuator, source) in sources {
+            let Some(line) = self.lines.iter_mut().find(|line| line.actuator == actuator) else { continue };
+            // The old one ends first: it may have the device that the new one opens.
+            line.source = source;
+            (line.begin_s, line.has_ended) = (now_s, false);
+            line.source.start(&self.waker).map_err(|cause| BridgeError::Sensor { actuator, cause })?;
+        }
+        Ok(())
     }
 
     /// Sends every reading when it is due or when its device has it, until all sources are at their end or `stop` is set. A
@@ -107,6 +141,10 @@ impl Bridge {
         let elapsed_s = || now_ns().saturating_sub(begin_ns) as f64 * 1e-9;
         while !stop.load(Ordering::Relaxed) {
             counters.turns.fetch_add(1, Ordering::Relaxed);
+            let replacements = self.replacements.as_ref().and_then(|new| new.try_recv().ok());
+            if let Some(sources) = replacements {
+                self.replace(sources, elapsed_s())?;
+            }
             let mut until_s = f64::INFINITY;
             for line in self.lines.iter_mut().filter(|line| !line.has_ended) {
                 until_s = until_s.min(line.send_due(elapsed_s, self.boot_id, counters)?);
@@ -133,10 +171,10 @@ impl Line {
         counters: &BridgeCounters,
     ) -> Result<f64, BridgeError> {
         for _ in 0..MAX_BATCH {
-            let now_s = elapsed_s();
+            let now_s = elapsed_s() - self.begin_s;
             let reading = match self.source.poll(now_s) {
                 Poll::Reading(reading) => reading,
-                Poll::Waiting { until_s } => return Ok(until_s),
+                Poll::Waiting { until_s } => return Ok(until_s + self.begin_s),
                 Poll::End => {
                     self.has_ended = true;
                     return Ok(f64::INFINITY);

@@ -1,7 +1,7 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure.
 
-use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, SigmaSpec};
-use crate::source::Reading;
+use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap};
+use crate::source::{FORCE, Reading};
 use estimate::{
     Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
 };
@@ -10,7 +10,7 @@ use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::snapshots::RegimeKind;
-use wire::layout::{estimate_alarm, estimate_status};
+use wire::layout::{AGES_MAX, estimate_alarm, estimate_status};
 use wire::{Estimate, SensorSample};
 
 /// Half-widths of the model hold for 90 % of the states: so many standard deviations of a normal distribution.
@@ -24,6 +24,8 @@ const MAX_BIAS: f64 = 1e3;
 /// All problems of the scene with this model.
 pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     let inputs = &model.header.inputs;
+    let sigmas = spec.sigmas();
+    let [pressure_sigma, gap_sigma, ..] = sigmas;
     let keys: Vec<String> = inputs.iter().map(InputSpec::key).collect();
     let names: Vec<&str> = keys.iter().map(String::as_str).chain(BIASES).collect();
     let mut problems: Vec<String> = Vec::new();
@@ -53,18 +55,16 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         })
     });
     let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
-        (PRESSURE, ..) => {
-            InputRole::Measured { sigma: spec.sigma.pressure_mpa, bias: position("pressure_bias_mpa") }
-        }
+        (PRESSURE, ..) => InputRole::Measured { sigma: pressure_sigma, bias: position("pressure_bias_mpa") },
         (_, Some(unknown), _) => InputRole::Estimated(unknown),
         (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
-        (GAP, None, _) => InputRole::Measured { sigma: spec.sigma.gap_mm, bias: None },
+        (GAP, None, _) => InputRole::Measured { sigma: gap_sigma, bias: None },
         _ => InputRole::Given(inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN)),
     };
     let out = Setup {
         unknowns: unknowns.collect(),
         inputs: keys.iter().enumerate().map(role).collect(),
-        rows: rows(spec, model, position("force_bias_n")),
+        rows: rows(spec, model, position("force_bias_n"), &sigmas),
         gap: Some(GAP),
         model_correlation_s: spec.sigma.model_correlation_s,
     };
@@ -75,8 +75,9 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
 }
 
 /// The force, then x, y, z of each marker.
-fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>) -> Vec<Row> {
-    let SigmaSpec { force_n, marker_mm, .. } = spec.sigma;
+fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>, sigmas: &[f64]) -> Vec<Row> {
+    let mut sigmas = sigmas.iter().copied().skip(FORCE);
+    let mut sigma = || sigmas.next().unwrap_or(f64::NAN);
     let regimes = model.header.regimes.iter();
     let (force, displacement) = regimes.fold((0.0_f64, 0.0_f64), |(force, displacement), regime| {
         (force.max(regime.halfwidths.force_n), displacement.max(regime.halfwidths.displacement_mm))
@@ -84,7 +85,7 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>) -> Vec<Ro
     let force = Row {
         name: "measured_force_n".into(),
         block: 0,
-        sigma: force_n,
+        sigma: sigma(),
         model_sigma: spec.sigma.model_force_n.unwrap_or(force / HALFWIDTH_SIGMAS),
         bias: force_bias,
     };
@@ -92,7 +93,7 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>) -> Vec<Ro
         ["x", "y", "z"].map(|axis| Row {
             name: format!("{} {axis}", marker.name),
             block: at + 1,
-            sigma: marker_mm,
+            sigma: sigma(),
             model_sigma: spec.sigma.model_mm.unwrap_or(displacement / HALFWIDTH_SIGMAS),
             bias: None,
         })
@@ -180,6 +181,26 @@ pub struct Estimator {
     filter: Filter,
     sensors: SensorModel,
     rejected_total: u64,
+    used: Used,
+}
+
+/// When force and markers that were used last were taken, ns: a measurement counts once, also where a slow sensor's value is
+/// in many readings.
+#[derive(Debug, Clone, Default)]
+struct Used([u64; AGES_MAX - FORCE]);
+
+impl Used {
+    /// Which of force and markers are new in this reading; they count as used from now on.
+    fn new_in(&mut self, sample: &SensorSample) -> [bool; AGES_MAX - FORCE] {
+        let mut is_new = [true; AGES_MAX - FORCE];
+        let ages = sample.ages_ns.iter().take(sample.age_count as usize).skip(FORCE);
+        for ((age_ns, used_ns), is_new) in ages.zip(&mut self.0).zip(&mut is_new) {
+            let taken_ns = sample.t_sensor_ns.saturating_sub(*age_ns);
+            *is_new = taken_ns > *used_ns;
+            *used_ns = taken_ns.max(*used_ns);
+        }
+        is_new
+    }
 }
 
 impl Estimator {
@@ -199,15 +220,18 @@ impl Estimator {
         };
         let filter = Filter::new(setup)
             .map_err(|errors| errors.iter().map(|error| format!("estimate: {error}")).collect::<Vec<_>>())?;
-        Ok(Some(Self { filter, sensors, rejected_total: 0 }))
+        Ok(Some(Self { filter, sensors, rejected_total: 0, used: Used::default() }))
     }
 
     /// Takes a reading into account; allocates nothing.
     pub(crate) fn update(&mut self, sample: &SensorSample) -> Update {
-        let markers = sample.markers_mm.iter().take(sample.marker_values as usize).copied();
+        let is_new = self.used.new_in(sample);
+        let once = |value: f64, is_new: Option<&bool>| if is_new == Some(&true) { value } else { f64::NAN };
+        let markers = sample.markers_mm.iter().take(sample.marker_values as usize);
+        let markers = markers.enumerate().map(|(at, value)| once(*value, is_new.get(1 + at / 3)));
         let inputs = [sample.pressure_mpa, sample.gap_mm];
-        let measurement =
-            measured(sample.t_sensor_ns as f64 * 1e-9, inputs, sample.measured_force_n, markers);
+        let force_n = once(sample.measured_force_n, is_new.first());
+        let measurement = measured(sample.t_sensor_ns as f64 * 1e-9, inputs, force_n, markers);
         let update = self.filter.update(&measurement, &mut self.sensors);
         self.rejected_total += u64::from(update.rejected.count_ones());
         update
@@ -274,4 +298,26 @@ fn measured(t_s: f64, inputs: [f64; 2], force_n: f64, markers_mm: impl Iterator<
     out.inputs.iter_mut().zip(inputs).for_each(|(to, from)| *to = from);
     out.rows.iter_mut().zip(std::iter::once(force_n).chain(markers_mm)).for_each(|(to, from)| *to = from);
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_measurement_in_many_readings_is_new_once() {
+        let mut used = Used::default();
+        let mut reading =
+            SensorSample { age_count: AGES_MAX as u32, t_sensor_ns: 1000, ..SensorSample::default() };
+        (reading.ages_ns[FORCE], reading.ages_ns[FORCE + 2]) = (10, 300);
+        assert_eq!(used.new_in(&reading), [true; AGES_MAX - FORCE]);
+        (reading.t_sensor_ns, reading.ages_ns) = (1500, [500; AGES_MAX]);
+        reading.ages_ns[FORCE] = 510; // the same force
+        reading.ages_ns[FORCE + 2] = 400; // the second marker was seen anew
+        let is_new = used.new_in(&reading);
+        assert_eq!((is_new[0], is_new[2]), (false, true));
+        // A single device's readings have no ages: all of each is new.
+        let single = SensorSample { t_sensor_ns: 10, ..SensorSample::default() };
+        assert_eq!(used.new_in(&single), [true; AGES_MAX - FORCE]);
+    }
 }

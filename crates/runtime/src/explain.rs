@@ -40,8 +40,8 @@ pub struct ExplainedInput {
     pub unit: String,
     /// The value used.
     pub value: f64,
-    /// Whether the scene gives it; otherwise it is the model's nominal value.
-    pub given: bool,
+    /// `given` by the scene, `estimated` (the value is its prior) or the model's `nominal` one.
+    pub from: &'static str,
 }
 
 /// One field topic, explained.
@@ -106,11 +106,18 @@ pub fn explain(loaded: &Loaded) -> Explained {
 
 /// The parameters with their values, in the model's order.
 pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
+    let parameters = loaded.evaluator.inputs().iter().filter(|spec| spec.value.is_some());
     let one = |spec: &InputSpec| {
-        let given = loaded.spec.inputs.contains_key(&spec.name);
-        Some(ExplainedInput { name: spec.name.clone(), unit: spec.unit.clone(), value: spec.value?, given })
+        let prior = loaded.spec.estimate.get(&spec.name).map(|unknown| unknown.prior);
+        let from = match (prior, loaded.spec.inputs.contains_key(&spec.name)) {
+            (Some(_), _) => "estimated",
+            (None, true) => "given",
+            (None, false) => "nominal",
+        };
+        let (name, unit) = (spec.name.clone(), spec.unit.clone());
+        Some(ExplainedInput { name, unit, value: prior.or(spec.value)?, from })
     };
-    loaded.evaluator.inputs().iter().filter_map(one).collect()
+    parameters.filter_map(one).collect()
 }
 
 /// A gap at which the costliest regime of the scene is evaluated: contact where it can occur.

@@ -5,8 +5,8 @@
 //!
 //! | | file | what happens | shape of the data |
 //! | --- | --- | --- | --- |
-//! | 1 | `source/sensor/modbus.rs` | asks the device, stamps its answer | registers -> [`source::Reading`] |
-//! | 2 | `source/sensor/register.rs` | registers to MPa, mm, N | |
+//! | 1 | `source/sensor/modbus.rs` | asks the device, stamps its answer | registers -> raw numbers |
+//! | 2 | `source/sensor/feed.rs`, `mixed.rs` | calibrates; newest values to a reading | -> [`source::Reading`] |
 //! | 3 | `bridge.rs` | numbers the reading, sends it | -> `wire::SensorSample` |
 //! | 4 | `wire/port/sized.rs` | writes it into shared memory; reads it there | |
 //! | 5 | `twin/actuator.rs` | calls the steps: poll, ingest, evaluate, reconstruct, publish | |
@@ -42,6 +42,7 @@ pub mod service;
 pub mod side_service;
 pub mod source;
 pub mod twin;
+pub mod valve;
 
 pub use recording::thread_group;
 pub use wire;

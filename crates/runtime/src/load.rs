@@ -105,7 +105,8 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let mut read = Vec::new();
     let file_block_bytes = reader.blocks().iter().map(|entry| entry.values * 4).sum();
     for entry in reader.blocks().to_vec() {
-        if needed.contains(&entry.kind) {
+        let moves = matches!(entry.kind, BlockKind::UndeformedBy { .. });
+        if needed.contains(&entry.kind) || (moves && needed.contains(&BlockKind::Undeformed(0))) {
             let block = reader.read_block(&entry).map_err(|error| at(error.to_string()))?;
             read.push(ReadBlock { kind: entry.kind, bytes: entry.values * 4 });
             model.blocks.push((entry.kind, block));

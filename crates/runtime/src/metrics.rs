@@ -1,8 +1,9 @@
 //! Counters and latencies for Prometheus (OpenMetrics text).
 
-use crate::bridge::BridgeCounters;
+use crate::bridge::{BridgeCounters, BridgeDevices};
 use crate::http;
-use crate::source::SensorCounters;
+use crate::thread_group::ThreadGroup;
+use crate::valve::ValveCounters;
 use axum::http::{Method, Request, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use hyper::body::Incoming;
@@ -12,14 +13,15 @@ use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::Registry;
+use recording::RecordSummary;
 use std::cell::RefCell;
 use std::convert::Infallible;
-use std::net::TcpListener;
+use std::net::{SocketAddr, TcpListener};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::layout::{estimate_alarm, flags, unpack_name};
+use wire::layout::{estimate_alarm, flags, unpack_name, valve_reason};
 use wire::{Estimate, Health, Outcome};
 
 /// How often the end of the process is checked for.
@@ -122,8 +124,98 @@ fn estimates(page: &mut Registry, estimates: &[Estimate]) {
     gauges(page, "softtwin_estimate_alarm", "1 for what has not fitted lately", alarms);
 }
 
-/// The page of a bridge process; devices with the name of their actuator.
-pub fn bridge(bridge: &BridgeCounters, devices: &[(String, Arc<SensorCounters>)]) -> String {
+/// The page of a recorder process; `free_bytes`: in the file system that is recorded to.
+pub fn recorder(summary: &RecordSummary, free_bytes: Option<u64>) -> String {
+    let mut page = Registry::default();
+    let by_topic = summary.messages.iter().map(|(topic, count)| (vec![("topic", topic.clone())], *count));
+    counters(&mut page, "softtwin_recorder_messages", "Messages recorded", by_topic);
+    for (name, help, value) in [
+        ("softtwin_recorder_missing", "Samples that were published and never arrived", summary.missing),
+        ("softtwin_recorder_dropped", "Messages dropped because the disk was too slow", summary.dropped),
+        ("softtwin_recorder_removed_files", "Old files removed", summary.disk.removed),
+        ("softtwin_recorder_flushes", "Times that everything was forced onto the disk", summary.flushes),
+    ] {
+        counters(&mut page, name, help, [(Vec::new(), value)]);
+    }
+    for (name, help, value) in [
+        ("softtwin_recorder_files", "Files of the series", Some(summary.disk.files as u64)),
+        ("softtwin_recorder_bytes", "Bytes of the series", Some(summary.disk.bytes)),
+        ("softtwin_recorder_free_bytes", "Free in the file system", free_bytes),
+        (
+            "softtwin_recorder_troubles",
+            "Topics that cannot be recorded at the moment",
+            Some(summary.troubles.len() as u64),
+        ),
+        (
+            "softtwin_recorder_skipped",
+            "Topics of programs of another version",
+            Some(summary.skipped.len() as u64),
+        ),
+    ] {
+        gauges(&mut page, name, help, value.map(|value| (Vec::new(), value as f64)));
+    }
+    text(&page)
+}
+
+/// The page of a gateway process: name, help and value of its counters, and how long the slowest message took to be sent, s.
+pub fn gateway(values: &[(&'static str, &'static str, u64)], longest_send_s: f64) -> String {
+    let mut page = Registry::default();
+    for (name, help, value) in values {
+        counters(&mut page, name, help, [(Vec::new(), *value)]);
+    }
+    let (name, help) = ("softtwin_gateway_longest_send_seconds", "Slowest hand-over to the network");
+    gauges(&mut page, name, help, [(Vec::new(), longest_send_s)]);
+    text(&page)
+}
+
+/// An address of this machine, from the command line.
+///
+/// # Errors
+/// What is expected instead.
+pub fn loopback(text: &str) -> Result<SocketAddr, String> {
+    let address: SocketAddr =
+        text.parse().map_err(|_| "expected an address such as 127.0.0.1:9464".to_owned())?;
+    if address.ip().is_loopback() {
+        Ok(address)
+    } else {
+        Err("expected a loopback address: the page has no password; put a proxy before it to reach it from elsewhere".into())
+    }
+}
+
+/// Opens the port, if there is to be one.
+///
+/// # Errors
+/// A port in use.
+pub fn listen(address: Option<SocketAddr>) -> std::io::Result<Option<TcpListener>> {
+    let Some(address) = address else { return Ok(None) };
+    let listener = TcpListener::bind(address).map_err(|error| {
+        let text = format!("--metrics {address}: cannot listen there: {error}; is the port in use?");
+        std::io::Error::new(error.kind(), text)
+    })?;
+    tracing::info!("metrics: http://{}/metrics", listener.local_addr()?);
+    Ok(Some(listener))
+}
+
+/// Serves the page in a thread of the group, if there is a port. `page` is made in that thread, and writes the text anew for each
+/// visitor.
+///
+/// # Errors
+/// The system refuses a thread.
+pub fn start<P: FnMut() -> String + 'static>(
+    group: &mut ThreadGroup,
+    listener: Option<TcpListener>,
+    page: impl FnOnce() -> P + Send + 'static,
+) -> std::io::Result<()> {
+    let Some(listener) = listener else { return Ok(()) };
+    group.start("metrics", move |end| Ok(serve(listener, end.as_atomic(), page())?))
+}
+
+/// The page of a bridge process; devices and valves with the name of their actuator.
+pub fn bridge(
+    bridge: &BridgeCounters,
+    devices: &BridgeDevices,
+    valves: &[(String, Arc<ValveCounters>)],
+) -> String {
     let mut page = Registry::default();
     for (name, help, value) in [
         ("softtwin_bridge_sent", "Readings sent", &bridge.sent),
@@ -134,10 +226,24 @@ pub fn bridge(bridge: &BridgeCounters, devices: &[(String, Arc<SensorCounters>)]
         counter.inc_by(value.load(Ordering::Relaxed));
         page.register(name, help, counter);
     }
-    let events = devices.iter().flat_map(|(actuator, device)| {
-        device.all().map(|(event, count)| (with(&[("actuator", actuator.clone())], "event", event), count))
+    let events = devices.iter().flat_map(|(actuator, sensor, device)| {
+        let mut labels = vec![("actuator", actuator.clone())];
+        labels.extend((!sensor.is_empty()).then(|| ("sensor", sensor.clone())));
+        device.all().map(|(event, count)| (with(&labels, "event", event), count))
     });
     counters(&mut page, "softtwin_sensor_events", "What became of the sensors' answers", events);
+    let events = valves.iter().flat_map(|(actuator, valve)| {
+        valve.all().map(|(event, count)| (with(&[("actuator", actuator.clone())], "event", event), count))
+    });
+    counters(&mut page, "softtwin_valve_events", "Writes to valves, and what has closed them", events);
+    let reasons = valves.iter().flat_map(|(actuator, valve)| {
+        let now = valve.reason.load(Ordering::Relaxed);
+        let labels = vec![("actuator", actuator.clone())];
+        valve_reason::ALL.iter().map(move |reason| {
+            (with(&labels, "reason", reason.name), f64::from(u8::from(reason.number == now)))
+        })
+    });
+    gauges(&mut page, "softtwin_valve_reason", "1 for why the valve has its value", reasons);
     text(&page)
 }
 

@@ -6,9 +6,10 @@ use crate::load::{GroupSizes, LoadedOutput};
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::hysteresis::RegimeLabel;
+use rom::inputs::InputSpec;
 use rom::kernel::Peaks;
 use rom::snapshots::RegimeKind;
-use wire::layout::{COEFFICIENTS_MAX, flags, pack_name, regime};
+use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, pack_name, regime, set_slot};
 use wire::{Answer, FieldHeader, State};
 
 /// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
@@ -19,6 +20,8 @@ macro_rules! write_evaluation {
         $payload.pressure_mpa = e.inputs.pressure_mpa();
         $payload.gap_mm = e.inputs.gap_mm();
         $payload.regime = regime_number(e.regime);
+        $payload.inputs = *e.inputs.values();
+        $payload.force_by_input = e.force_gradient;
         $payload.contact_force_n = e.contact_force_n;
         $payload.force_by_pressure_n_per_mpa = e.force_by_pressure_n_per_mpa();
         $payload.force_by_gap_n_per_mm = e.force_by_gap_n_per_mm();
@@ -58,12 +61,23 @@ macro_rules! write_peaks {
     }};
 }
 
+/// Number and names of a model's inputs, as states and answers carry them.
+pub(crate) type InputNames = (u32, [u8; 32 * INPUTS_MAX]);
+
+/// Number and names of a model's inputs, packed.
+pub(crate) fn input_names(inputs: &[InputSpec]) -> InputNames {
+    let mut names = [0; 32 * INPUTS_MAX];
+    inputs.iter().enumerate().for_each(|(at, input)| set_slot(&mut names, at, &input.key()));
+    (inputs.len().min(INPUTS_MAX) as u32, names)
+}
+
 /// Fills a state from an evaluation; without the extras that are not wanted.
 pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &GroupSizes, wanted: StateSpec) {
     write_evaluation!(state, evaluation, groups);
     if !wanted.gradients {
         state.force_by_pressure_n_per_mpa = f64::NAN;
         state.force_by_gap_n_per_mm = f64::NAN;
+        state.force_by_input = [f64::NAN; INPUTS_MAX];
     }
     if !wanted.bars {
         state.force_halfwidth_n = f32::NAN;
@@ -72,9 +86,10 @@ pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &Gr
     }
 }
 
-/// A state with the values of an evaluation and nothing else: no reading, no run, no times.
-pub fn state_of(evaluation: &Evaluation) -> State {
-    let mut state = State::default();
+/// A state with the values of an evaluation of a model with these inputs and nothing else: no reading, no run, no times.
+pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec]) -> State {
+    let (input_count, input_names) = input_names(inputs);
+    let mut state = State { input_count, input_names, ..State::default() };
     fill_state(&mut state, evaluation, &GroupSizes::new(), StateSpec { gradients: true, bars: true });
     state
 }

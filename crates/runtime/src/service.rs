@@ -67,16 +67,13 @@ pub fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// Ignores what would end a recorder that can go on: SIGHUP (its terminal was closed) and SIGXFSZ (a write beyond the limit of
-/// a file's size, which fails then instead).
+/// Ignores what would end a recorder that can go on: SIGXFSZ (a write beyond the limit of a file's size, which fails then
+/// instead).
 ///
 /// # Errors
 /// The system's refusal to handle signals.
-pub fn ignore_hangup_and_size_limit() -> std::io::Result<()> {
-    for signal in [SIGHUP, SIGXFSZ] {
-        signal_hook::flag::register(signal, Arc::default())?;
-    }
-    Ok(())
+pub fn ignore_size_limit() -> std::io::Result<()> {
+    signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
 
 /// A flag that SIGHUP sets: read the configuration again.

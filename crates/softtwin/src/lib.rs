@@ -19,8 +19,10 @@ pub mod sweep;
 pub mod testbed;
 pub mod unknowns;
 mod view;
+mod viewers;
 
 pub use cli::{daemon, failure, output, range};
 pub use cmd::Command;
 pub use cmd::bench::{compute, full_size, measure};
 pub use cmd::stability;
+pub use view::is_request as is_page_request;

@@ -3,22 +3,21 @@
 use crate::failure::configuration;
 use anyhow::{Context, Result};
 use recording::message::{decode, decode_field};
-use recording::{Ending, Item, Reader};
-use rom::inputs::Inputs;
+use recording::{Item, Message, ReadItems, Series, SeriesReader};
+use rom::inputs::{GAP, Inputs, PRESSURE};
 use std::collections::BTreeMap;
-use std::io::BufReader;
 use std::ops::Deref;
 use std::path::Path;
 use wire::{FieldHeader, KeyExpr, State, Topic, TopicKind};
 
 /// Fields that are kept of one actuator; of more, every second one is dropped until they fit.
 const MAX_FIELDS: usize = 600;
-/// States that pictures and the viewer keep of one actuator: 230 MB.
-pub const MAX_STATES: usize = 300_000;
+/// States that pictures and the viewer keep of one actuator: 100 MB.
+const MAX_STATES: usize = 130_000;
 
 /// A recording.
 pub struct RecordingData {
-    /// Its file's name.
+    /// What people call it.
     pub name: String,
     /// From the first message to the last, s.
     pub duration_s: f64,
@@ -92,9 +91,10 @@ impl RecordedState {
 
     /// The inputs at which a model can be evaluated for this state; none when it stands for no reading.
     pub fn inputs(&self) -> Option<Inputs> {
-        let State { pressure_mpa, gap_mm, .. } = self.values;
+        let State { pressure_mpa, gap_mm, inputs, .. } = self.values;
         let is_reading = pressure_mpa.is_finite() && pressure_mpa >= 0.0 && !gap_mm.is_nan();
-        is_reading.then(|| Inputs::new(pressure_mpa, gap_mm))
+        // Parameters of older recordings are not known: the model then takes its own.
+        is_reading.then(|| Inputs::from(inputs).with(PRESSURE, pressure_mpa).with(GAP, gap_mm))
     }
 }
 
@@ -109,41 +109,87 @@ pub struct RecordedField {
 }
 
 impl RecordedState {
-    fn read(data: &[u8], t_s: f64) -> Option<Self> {
+    /// From its message; none when it is no state.
+    pub fn read(data: &[u8], t_s: f64) -> Option<Self> {
         Some(Self { t_s, values: decode(data).ok()? })
     }
 }
 
 impl RecordedField {
-    fn read(data: &[u8], t_s: f64) -> Option<Self> {
+    /// From its message; none when it is no field.
+    pub fn read(data: &[u8], t_s: f64) -> Option<Self> {
         let (header, values) = decode_field(data).ok()?;
         Some(Self { t_s, header, values })
     }
 }
 
+/// The messages of a recording, of one file or of many, with their time.
+pub struct Messages {
+    reader: SeriesReader,
+    place: String,
+    first_ns: Option<u64>,
+    last_ns: u64,
+}
+
+impl Messages {
+    /// At the first message.
+    pub fn open(series: &Series) -> Self {
+        let place = series.files.first().map(|path| path.display().to_string()).unwrap_or_default();
+        Self { reader: series.reader(), place, first_ns: None, last_ns: 0 }
+    }
+
+    /// The next message on a topic of ours, with its time after the recording's first one, s.
+    ///
+    /// # Errors
+    /// A file that is no recording.
+    pub fn next_message(&mut self) -> Result<Option<(Topic, f64, Message)>> {
+        while let Some(item) = self.reader.next_item().map_err(configuration)? {
+            let Item::Message(message) = item else { continue };
+            let Some(topic) = Topic::parse(&message.channel.topic) else { continue };
+            let start = *self.first_ns.get_or_insert(message.log_time_ns);
+            self.last_ns = self.last_ns.max(message.log_time_ns);
+            let t_s = message.log_time_ns.saturating_sub(start) as f64 * 1e-9;
+            return Ok(Some((topic, t_s, message)));
+        }
+        Ok(None)
+    }
+
+    /// From the first message to the last so far, s.
+    fn duration_s(&self) -> f64 {
+        self.last_ns.saturating_sub(self.first_ns.unwrap_or(self.last_ns)) as f64 * 1e-9
+    }
+
+    /// At the end: logs what is not whole.
+    pub fn say_what_is_missing(&self) {
+        if !self.reader.incomplete().is_empty() {
+            tracing::warn!("{} is not whole, what can be read is used: {}", self.place, self.reader.ending());
+        }
+    }
+}
+
+/// The recording that a path names.
+///
+/// # Errors
+/// Nothing there, or several.
+pub fn series(path: &Path) -> Result<Series> {
+    Series::open(path).with_context(|| format!("cannot read the recording {}", path.display()))
+}
+
 impl RecordingData {
-    /// Reads a recording; of each actuator at most `max_states` states, all peaks among them, and of fields at most some
+    /// Reads a recording; of each actuator at most [`MAX_STATES`] states, all peaks among them, and of fields at most some
     /// hundreds, those of the topics that `fields` names.
     ///
     /// # Errors
-    /// A file that is no recording, or one without a state or field in it.
-    pub fn read(path: &Path, fields: Option<&KeyExpr>, max_states: usize) -> Result<Self> {
-        let place = || path.display().to_string();
-        let file = runtime::file::open(path, u64::MAX).with_context(place)?;
-        let mut reader = Reader::new(BufReader::new(file)).with_context(place).map_err(configuration)?;
+    /// What is no recording, or one without a state or field in it.
+    pub fn read(series: &Series, fields: Option<&KeyExpr>) -> Result<Self> {
+        let mut messages = Messages::open(series);
         let mut tracks: BTreeMap<String, Track> = BTreeMap::new();
-        let (mut first_ns, mut last_ns) = (None, 0);
-        while let Some(item) = reader.next_item().with_context(place)? {
-            let Item::Message(message) = item else { continue };
-            let Some(topic) = Topic::parse(&message.channel.topic) else { continue };
-            let start = *first_ns.get_or_insert(message.log_time_ns);
-            last_ns = last_ns.max(message.log_time_ns);
-            let t_s = message.log_time_ns.saturating_sub(start) as f64 * 1e-9;
+        while let Some((topic, t_s, message)) = messages.next_message()? {
             let track = tracks.entry(topic.actuator().to_owned()).or_insert_with(Track::new);
             match topic.kind() {
                 TopicKind::State => {
                     if let Some(state) = RecordedState::read(&message.data, t_s) {
-                        track.add_state(state, max_states);
+                        track.add_state(state);
                     }
                 }
                 TopicKind::Field if fields.is_some_and(|wanted| wanted.matches(&message.channel.topic)) => {
@@ -154,22 +200,23 @@ impl RecordingData {
         }
         tracks.retain(|_, track| !(track.states.is_empty() && track.fields.is_empty()));
         if tracks.is_empty() {
-            let expected = "expected a recording with states (softtwin/NAME/state), found none";
-            return Err(configuration(anyhow::anyhow!("{}: {expected}", place())));
+            return Err(no_states(&messages.place));
         }
         for (actuator, track) in tracks.iter().filter(|(_, track)| track.states.len() < track.recorded) {
             let (used, recorded) = (track.states.len(), track.recorded);
             tracing::warn!("{actuator}: {used} of {recorded} recorded states are used, all peaks among them");
         }
-        if let Some(ending) = reader.ending().filter(|ending| **ending != Ending::Complete) {
-            tracing::warn!("{} is not whole, what can be read is used: {ending}", place());
-        }
-        Ok(Self {
-            name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            duration_s: last_ns.saturating_sub(first_ns.unwrap_or(last_ns)) as f64 * 1e-9,
-            tracks,
-        })
+        // The wall clock may have been set back between two runs of the recorder.
+        tracks.values_mut().for_each(|track| track.states.sort_by(|a, b| a.t_s.total_cmp(&b.t_s)));
+        messages.say_what_is_missing();
+        Ok(Self { name: series.name.clone(), duration_s: messages.duration_s(), tracks })
     }
+}
+
+/// A recording without anything to show.
+pub fn no_states(place: &str) -> anyhow::Error {
+    let expected = "expected a recording with states (softtwin/NAME/state), found none";
+    configuration(anyhow::anyhow!("{place}: {expected}"))
 }
 
 impl Track {
@@ -177,10 +224,10 @@ impl Track {
         Self { states: Vec::new(), recorded: 0, fields: Thinned::new(MAX_FIELDS) }
     }
 
-    fn add_state(&mut self, state: RecordedState, max_states: usize) {
+    fn add_state(&mut self, state: RecordedState) {
         self.recorded += 1;
         self.states.push(state);
-        if self.states.len() > max_states {
+        if self.states.len() > MAX_STATES {
             keep_peaks(&mut self.states);
         }
     }

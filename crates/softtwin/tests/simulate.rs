@@ -269,6 +269,16 @@ fn names_and_values_that_cannot_be_set_are_refused() {
     refused("--set elastomer.law.mu_mpa=inf", 2, "finite number");
     place.put("list.csv", "case,regime,split,pressure_mpa,gap_mm,elastomer.law.mu\na,free,train,0.01,,0.7\n");
     place.run("simulate --actuator a.toml --cases list.csv --out db").refused(78, "elastomer.law.mu_mpa");
+    place.put("list.csv", "case,regime,split,pressure_mpa,gap_mm,base.lower_mm\na,free,train,0.01,,\n");
+    place.run("simulate --actuator a.toml --cases list.csv --out db").refused(78, "every case has one");
+    place.put("list.csv", "case,regime,split,gap_mm,base.lower_mm\na,free,train,,2.1\n");
+    place.run("simulate --actuator a.toml --cases list.csv --out db").refused(78, "pressure_mpa");
+    let sample = "sample --kind sequence --n 2 --actuator a.toml --out x.csv --parameter";
+    place.run(&format!("{sample} chambers.length_mm=2.6:8.0")).refused(78, "slots.width_mm");
+    let designs = "--states-per-design 4 --parameter elastomer.law.mu_mpa=0.6:1";
+    place
+        .run(&format!("sample --kind hypercube --n 2 --actuator a.toml --out x.csv {designs}"))
+        .refused(2, "--kind sequence");
     place
         .run("sample --kind sequence --n 2 --parameter elastomer.law.mu_mpa=0.6:1 --out x.csv")
         .refused(2, "--actuator");
@@ -314,6 +324,172 @@ fn threads_and_machines_change_no_byte_of_a_database_over_parameters() {
         assert!(machine.wait().unwrap().success());
     }
     assert!(whole == database(&place, "shared"), "one machine and two");
+}
+
+/// States of both regimes with derivatives, one of them kept aside: a database in `db`.
+fn both_regimes(place: &Place) {
+    let mut list = String::from("case,regime,split,pressure_mpa,gap_mm\naside,free,check,0.03,\n");
+    (0..6).for_each(|i| list += &format!("f{i},free,train,{:.3},\n", 0.012 * f64::from(i)));
+    for (i, j) in (0..4).flat_map(|i| [(i, 0), (i, 1), (i, 2)]) {
+        let (i, j) = (f64::from(i), f64::from(j));
+        let (pressure_mpa, gap_mm) = (0.015 + 0.015 * i + 0.002 * j, 0.1 + 0.1 * j + 0.01 * i);
+        list += &format!("c{i}{j},contact,train,{pressure_mpa:.3},{gap_mm:.2}\n");
+    }
+    place.put("list.csv", &list);
+    place.run("simulate --actuator a.toml --cases list.csv --sensitivities --json --out db").json();
+}
+
+/// By row and field: largest difference of two databases' derivatives over the first one's largest value.
+fn derivative_errors(place: &Place, [exact, other]: [&str; 2]) -> Vec<f32> {
+    let read = |folder: &str| {
+        let database = formats::database::read(&place.at(folder), formats::database::ObstacleKind::Plate);
+        database.unwrap()
+    };
+    let (exact, other) = (read(exact), read(other));
+    let (a, b) = (exact.sensitivities.as_ref().unwrap(), other.sensitivities.as_ref().unwrap());
+    let (fields, entries) = (a.fields.len(), a.fields.len() * exact.node_count);
+    let name = |database: &rom::snapshots::Database, case: usize| database.cases[case].name.clone();
+    let mut errors = Vec::new();
+    for (at, row) in b.rows.iter().enumerate() {
+        let case = name(&other, row.case);
+        let same = a.rows.iter().position(|r| name(&exact, r.case) == case && r.input == row.input).unwrap();
+        let [a, b] = [(&a.values, same), (&b.values, at)].map(|(v, i)| &v[i * entries..(i + 1) * entries]);
+        for field in 0..fields {
+            let pairs = || a.iter().zip(b).skip(field).step_by(fields);
+            let largest = pairs().fold(0.0, |most: f32, (a, _)| most.max(a.abs()));
+            let error = pairs().fold(0.0, |most: f32, (a, b)| most.max((a - b).abs()));
+            errors.push(if largest > 0.0 { error / largest } else { error });
+        }
+    }
+    errors
+}
+
+#[test]
+fn derivatives_are_packed_within_the_error_asked_for_and_no_better_than_needed() {
+    let place = Place::new();
+    both_regimes(&place);
+    let mut bytes = Vec::new();
+    for share in ["5e-4", "5e-3", "0.05"] {
+        let packed = format!("pack --database db --out small{share} --derivative-error {share} --json");
+        bytes.push(place.run(&packed).json()["bytes_of_derivatives"].as_u64().unwrap());
+        let errors = derivative_errors(&place, ["db", &format!("small{share}")]);
+        // 18 training states by the pressure, 12 of them by the gap as well; four fields each.
+        assert_eq!(errors.len(), 30 * 4, "derivatives of the state kept aside are left out");
+        let (largest, asked) = (errors.iter().copied().fold(0.0, f32::max), share.parse::<f32>().unwrap());
+        // `db` itself is packed within 5e-5; rounding to f32 adds its own.
+        assert!(largest <= asked * 1.01 + 2e-7 && largest > 0.1 * asked, "{largest} for {asked}");
+    }
+    assert!(bytes.windows(2).all(|pair| pair[0] > pair[1]), "{bytes:?}");
+}
+
+#[test]
+fn a_sealed_evaluation_looks_once_and_leaves_nothing_behind() {
+    let place = Place::new();
+    both_regimes(&place);
+    assert_eq!(place.run("train --database db --out a.twin").code, Some(0));
+    std::fs::create_dir(place.at("temporary")).unwrap();
+    let sealed = |seed: &str| {
+        let line = format!("evaluate --model a.twin --actuator a.toml --sealed 10 --json {seed}");
+        let mut command = place.command(&line);
+        let output = command.env("TMPDIR", place.at("temporary")).output().unwrap();
+        let left = std::fs::read_dir(place.at("temporary")).unwrap().count();
+        assert_eq!(left, 0, "the states are removed");
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    };
+    let found = sealed("--seed 5").json();
+    let states = found["cases"].as_array().unwrap();
+    let free = states.iter().filter(|case| case["gap_mm"].is_null()).count();
+    assert_eq!((states.len(), free), (10, 1), "{found}");
+    assert!(states.iter().all(|case| case["domain"] == "inside"), "{found}");
+    let quarters = found["sealed"]["quarters"].as_array().unwrap();
+    let counted: u64 = quarters.iter().map(|quarter| quarter["states"].as_u64().unwrap()).sum();
+    assert_eq!((counted, found["sealed"]["seed"].as_u64()), (9, Some(5)), "{found}");
+    assert!(found["sealed"]["stress_jump"].as_f64().unwrap() > 0.0);
+    let inputs = |found: &Value| -> Vec<String> {
+        let cases = found["cases"].as_array().unwrap().iter();
+        cases.map(|case| format!("{} {}", case["pressure_mpa"], case["gap_mm"])).collect()
+    };
+    assert_eq!(sealed("--seed 5").json(), found, "a seed is a set of states");
+    assert_ne!(inputs(&sealed("--seed 6").json()), inputs(&found));
+    sealed("").refused(2, "--seed");
+    place.run("evaluate --model a.twin --sealed 10 --seed 5").refused(2, "actuator.toml");
+    place.run("mesh --actuator a.toml --size-mm 5 --json");
+    sealed("--seed 5").refused(2, "another mesh");
+}
+
+#[test]
+fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
+    use rom::synthetic::design;
+    let place = Place::new();
+    let states: Vec<_> =
+        design::states(0, 160).into_iter().map(|s| (rom::snapshots::Split::Train, s)).collect();
+    let cells = formats::vtu::Cells::QuadraticTets(&[]);
+    formats::database::write(&place.at("db"), &design::database(&states, false), cells).unwrap();
+    let over =
+        "--actuator a.toml --parameter elastomer.law.mu_mpa=0.65:0.95 --parameter chambers.length_mm=2.7:3.3";
+    let sample = |line: &str| {
+        let ended = place.run(&format!("sample {line} {over} --out list.csv"));
+        assert_eq!(ended.code, Some(0), "{}", ended.err);
+        fem::cases::read(&place.at("list.csv")).unwrap()
+    };
+    let state = |case: &fem::cases::Case| {
+        [case.pressure_mpa, case.gap_mm.unwrap(), case.settings[0].1, case.settings[1].1]
+    };
+    let line =
+        "--kind sequence --n 6 --states-per-design 5 --regime both --gap-mm 10 35 --database db --prefix v";
+    let list = sample(line);
+    assert_eq!(list.len(), 30);
+    for design in list.chunks(5) {
+        assert!(design.iter().all(|case| case.settings == design[0].settings), "{design:?}");
+        let (free, touching) = design.split_at(2);
+        assert!(free.iter().all(|case| case.regime == "free" && case.gap_mm.is_none()));
+        assert!(touching.iter().all(|case| state(case)[0] > design::onset_mpa(state(case))), "{touching:?}");
+        assert!(touching.is_sorted_by(|a, b| a.gap_mm > b.gap_mm), "{touching:?}");
+    }
+    assert_eq!((list[0].name.as_str(), list[29].name.as_str()), ("v01f1", "v06c3"));
+    assert!(list.chunks(5).all(|design| design[0].settings != list[7].settings || design[0] == list[5]));
+    assert_eq!(sample(line), list, "the same seed gives the same list");
+    let onset = sample("--kind onset --n 12 --gap-mm 22 35 --database db");
+    assert!(onset.len() > 6, "{} of 12", onset.len());
+    for case in &onset {
+        let off = state(case)[0] - design::onset_mpa(state(case));
+        assert!(off.abs() < 1e-3, "{case:?}: off by {off} MPa");
+    }
+}
+
+#[test]
+fn a_displacement_is_the_distance_from_the_mesh_that_parameters_moved() {
+    let place = Place::new();
+    let row = |(k, name): (usize, &str)| {
+        let (lower, sheet) = (1.7 + 0.1 * k as f64, 0.1 + 0.01 * k as f64);
+        format!("{name},free,train,{},,0.8,{lower},{sheet}\n", 0.01 * k as f64)
+    };
+    let list: String = ["a", "b", "c"].into_iter().enumerate().map(row).collect();
+    let names = "elastomer.law.mu_mpa,base.lower_mm,sheet.thickness_mm";
+    place.put("list.csv", &format!("case,regime,split,pressure_mpa,gap_mm,{names}\n{list}"));
+    place.run("simulate --actuator a.toml --cases list.csv --json --out moved").json();
+    place.run("pack --database moved --out packed --json").json();
+    for folder in ["moved", "packed"] {
+        let kind = formats::database::ObstacleKind::Plate;
+        let database = formats::database::read(&place.at(folder), kind).unwrap();
+        let mesh = database.undeformed_mm.as_ref().unwrap();
+        assert!(database.undeformed_by[0].as_flattened().iter().all(|v| *v == 0.0), "silicone moves nothing");
+        for (case, known) in database.cases.iter().enumerate() {
+            let (mut worst, mut nominal) = (0.0_f64, 0.0_f64);
+            for (n, values) in database.snapshot(case).as_chunks::<5>().0.iter().enumerate() {
+                let steps = known.parameters.iter().zip(&database.parameters).map(|(v, p)| v - p.nominal);
+                let by: Vec<_> = steps.zip(&database.undeformed_by).collect();
+                let moved = |k: usize| by.iter().map(|(step, by)| step * f64::from(by[n][k])).sum::<f64>();
+                let [x, y, z] = [0, 1, 2].map(|k| f64::from(values[k]) - mesh[n][k]);
+                let length = |u: [f64; 3]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+                let own = length([x - moved(0), y - moved(1), z - moved(2)]);
+                worst = worst.max((own - f64::from(values[3])).abs());
+                nominal = nominal.max((length([x, y, z]) - f64::from(values[3])).abs());
+            }
+            assert!(worst < 1e-4 && nominal > 0.01, "{folder} {}: {worst}, nominal {nominal} mm", known.name);
+        }
+    }
 }
 
 #[test]

@@ -1,18 +1,21 @@
 //! `softtwind bridge`: sources to sensor topics.
 
+use crate::bridge_reload::BridgeReloader;
+use crate::files;
 use crate::options::BridgeOptions;
-use crate::{files, metrics};
+use crate::sources::{SharedDevices, open};
 use anyhow::Context;
-use runtime::bridge::{Bridge, BridgeCounters};
+use runtime::bridge::{Bridge, BridgeCounters, BridgeDevices, BridgeError};
 use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
 use runtime::metrics as page;
 use runtime::service::{self, Watchdog};
-use runtime::source::{SensorCounters, Source, SourceSpec};
+use runtime::source::{Devices, SourceSpec};
 use runtime::thread_group::{StopFlag, ThreadGroup};
+use runtime::valve::{self, OpenValve, ValveSpec};
 use runtime::wire::{Bus, Topic};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval of the status thread.
@@ -20,38 +23,51 @@ const INTERVAL: Duration = Duration::from_millis(50);
 /// How often the service manager gets a new status line.
 const STATUS_EVERY: Duration = Duration::from_secs(5);
 
-/// The devices of the bridge by actuator.
-type Devices = Vec<(String, Arc<SensorCounters>)>;
-
 /// Runs until the sources end or a signal comes.
 pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     tracing::info!("softtwind bridge {}", env!("CARGO_PKG_VERSION"));
     let scene = configure(options)?;
-    let specs =
-        scene.actuators.iter().filter_map(|actuator| Some((&actuator.name, actuator.source.as_ref()?)));
-    for (name, spec) in specs {
-        tracing::info!("{}: from {}", Topic::sensor(name)?, spec.describe());
+    for actuator in &scene.actuators {
+        for source in actuator.describe_sources() {
+            tracing::info!("{}: {source}", Topic::sensor(&actuator.name)?);
+        }
     }
-    let sources = open(&scene, &options.scene)?;
+    for (name, spec) in valves(&scene) {
+        tracing::info!("{}: to {}", Topic::valve(&name)?, spec.describe());
+    }
+    let paths = Devices::default();
+    let sources = open(&scene, &options.scene, &paths)?;
+    let valves = open_valves(&scene, &options.scene, &paths)?;
     let listener = options.metrics.open()?;
     let stop = service::stop_flag().context("cannot listen for signals")?;
     let bus = Bus::open(&options.domain.domain())?;
     let own_files = bus.own_files();
+    let has_sources = !sources.is_empty();
     let mut bridge = Bridge::start(&bus, sources)?;
+    let mut group = ThreadGroup::new(stop.clone());
+    paths.start(None).context("no thread for a device")?; // of valves, where there is no source
+    let valves = valve::start(&mut group, &options.domain.domain(), valves)?;
     service::notify_ready(&format!("bridge of scene {}, {} actuator(s)", scene.name, scene.actuators.len()));
 
     let counters = Arc::new(BridgeCounters::default());
-    let devices: Devices = bridge.devices().map(|(name, device)| (name.to_owned(), device.clone())).collect();
-    let mut group = ThreadGroup::new(stop.clone());
+    let devices: SharedDevices = Arc::new(Mutex::new(bridge.devices()));
     let (counted, of_devices) = (counters.clone(), devices.clone());
     group.start("status", move |end| {
         report(&counted, &of_devices, end);
         Ok(())
     })?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
+    let requested = service::reload_flag().context("cannot listen for signals")?;
+    let reloader =
+        BridgeReloader { scene, sources: bridge.accept_sources(), devices: devices.clone(), paths };
+    let again = options.clone();
+    group.start("loader", move |end| {
+        reloader.run(&requested, end, &again.scene, || configure(&again));
+        Ok(())
+    })?;
     let (counted, of_devices) = (counters.clone(), devices.clone());
-    metrics::serve(&mut group, listener, || move || page::bridge(&counted, &of_devices))?;
-    let ran = bridge.run(&stop, &counters);
+    page::start(&mut group, listener, || move || page::bridge(&counted, &lock(&of_devices), &valves))?;
+    let ran = if has_sources { bridge.run(&stop, &counters) } else { wait(&stop, &counters) };
     let ended = group.end();
 
     service::notify_stopping();
@@ -61,8 +77,8 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     tracing::info!(
         "stopped ({reason}): {sent} readings sent, {late} of them late, {failed} could not be sent"
     );
-    for (name, device) in &devices {
-        tracing::info!("{name}: {}", device.summary());
+    for (name, sensor, device) in &*lock(&devices) {
+        tracing::info!("{name} {sensor}: {}", device.summary());
     }
     ended?;
     ran?;
@@ -71,7 +87,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
 }
 
 /// The thread beside the loop: feeds the watchdog while the loop turns, and keeps the status line true.
-fn report(counters: &BridgeCounters, devices: &Devices, end: &StopFlag) {
+fn report(counters: &BridgeCounters, devices: &SharedDevices, end: &StopFlag) {
     let mut watchdog = Watchdog::from_env();
     let mut next_status = Instant::now() + STATUS_EVERY;
     while !end.is_set() {
@@ -79,8 +95,8 @@ fn report(counters: &BridgeCounters, devices: &Devices, end: &StopFlag) {
         if Instant::now() >= next_status {
             next_status = Instant::now() + STATUS_EVERY;
             let mut status = format!("{} readings sent", counters.sent.load(Ordering::Relaxed));
-            for (name, device) in devices {
-                status += &format!("; {name}: {}", device.summary());
+            for (name, sensor, device) in &*lock(devices) {
+                status += &format!("; {name} {sensor}: {}", device.summary());
             }
             service::notify_status(&status);
         }
@@ -100,6 +116,7 @@ fn configure(options: &BridgeOptions) -> Result<Scene, ConfigError> {
         // A path on the command line begins at the current folder, not at the scene's.
         let trace = std::path::absolute(trace).unwrap_or_else(|_| trace.clone());
         actuator.source = Some(SourceSpec::replay_of(trace));
+        (actuator.sensors, actuator.pace) = (Default::default(), None);
     }
     for actuator in &mut scene.actuators {
         if let Some(SourceSpec::Replay(replay)) = &mut actuator.source {
@@ -112,19 +129,28 @@ fn configure(options: &BridgeOptions) -> Result<Scene, ConfigError> {
     Ok(scene)
 }
 
-/// Sources by the name of their actuator.
-type Sources = Vec<(String, Box<dyn Source>)>;
+fn lock(devices: &SharedDevices) -> MutexGuard<'_, BridgeDevices> {
+    devices.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
-/// Opens all sources; actuators without one are fed by another program.
-fn open(scene: &Scene, path: &Path) -> Result<Sources, ConfigError> {
-    let open = |actuator: &ActuatorSpec| {
-        let spec = actuator.source.as_ref()?;
-        Some((spec.open(&scene.folder)).map(|source| (actuator.name.clone(), source)))
-    };
-    let opened =
-        scene.actuators.iter().filter_map(|actuator| Some((actuator.name.as_str(), open(actuator)?)));
-    let sources = config::collect(path, opened)?;
-    let none = "no actuator has a source; add [actuator.source] or use --trace".to_owned();
-    ConfigError::unless(path, if sources.is_empty() { vec![none] } else { Vec::new() })?;
-    Ok(sources)
+/// Turns until `stop` is set: a bridge that drives valves only.
+fn wait(stop: &AtomicBool, counters: &BridgeCounters) -> Result<(), BridgeError> {
+    while !stop.load(Ordering::Relaxed) {
+        counters.turns.fetch_add(1, Ordering::Relaxed);
+        std::thread::sleep(INTERVAL);
+    }
+    Ok(())
+}
+
+/// The valves by the name of their actuator.
+fn valves(scene: &Scene) -> Vec<(String, ValveSpec)> {
+    let valve = |actuator: &ActuatorSpec| Some((actuator.name.clone(), actuator.valve.clone()?));
+    scene.actuators.iter().filter_map(valve).collect()
+}
+
+/// The valves with their ways to the devices.
+fn open_valves(scene: &Scene, path: &Path, devices: &Devices) -> Result<Vec<OpenValve>, ConfigError> {
+    let valves = valves(scene);
+    let opened = valves.iter().map(|(name, spec)| (name.as_str(), valve::open(name, spec, devices)));
+    config::collect(path, opened)
 }

@@ -1,8 +1,6 @@
 //! The metrics page on a loopback port; off by default.
 
-use anyhow::Context;
 use runtime::metrics;
-use runtime::thread_group::ThreadGroup;
 use runtime::wire::{Bus, Domain, Estimate, EstimateReader, Health, HealthReader, Topic};
 use std::net::{SocketAddr, TcpListener};
 
@@ -10,18 +8,8 @@ use std::net::{SocketAddr, TcpListener};
 #[derive(Debug, Clone, clap::Args)]
 pub struct MetricsOptions {
     /// Serve Prometheus metrics at http://ADDR/metrics; loopback only [default: off]
-    #[arg(long = "metrics", value_name = "127.0.0.1:PORT", value_parser = loopback)]
+    #[arg(long = "metrics", value_name = "127.0.0.1:PORT", value_parser = metrics::loopback)]
     address: Option<SocketAddr>,
-}
-
-fn loopback(text: &str) -> Result<SocketAddr, String> {
-    let address: SocketAddr =
-        text.parse().map_err(|_| "expected an address such as 127.0.0.1:9464".to_owned())?;
-    if address.ip().is_loopback() {
-        Ok(address)
-    } else {
-        Err("expected a loopback address: the page has no password; put a proxy before it to reach it from elsewhere".into())
-    }
 }
 
 impl MetricsOptions {
@@ -29,26 +17,9 @@ impl MetricsOptions {
     ///
     /// # Errors
     /// A port in use.
-    pub fn open(&self) -> anyhow::Result<Option<TcpListener>> {
-        let Some(address) = self.address else { return Ok(None) };
-        let listener = TcpListener::bind(address)
-            .with_context(|| format!("--metrics {address}: cannot listen there; is the port in use?"))?;
-        tracing::info!("metrics: http://{}/metrics", listener.local_addr()?);
-        Ok(Some(listener))
+    pub fn open(&self) -> std::io::Result<Option<TcpListener>> {
+        metrics::listen(self.address)
     }
-}
-
-/// Serves the page in a thread, if there is a port. `page` is made in that thread, and writes the text anew for each visitor.
-///
-/// # Errors
-/// The system refuses a thread.
-pub fn serve<P: FnMut() -> String + 'static>(
-    group: &mut ThreadGroup,
-    listener: Option<TcpListener>,
-    page: impl FnOnce() -> P + Send + 'static,
-) -> std::io::Result<()> {
-    let Some(listener) = listener else { return Ok(()) };
-    group.start("metrics", move |end| Ok(metrics::serve(listener, end.as_atomic(), page())?))
 }
 
 /// The page of the twins: an ordinary reader of their topics, so that the loop knows nothing of it. Of each: its name, and whether it

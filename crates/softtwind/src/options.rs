@@ -10,10 +10,12 @@ Examples (two terminals):
   softtwind twin   --scene config/scenes/finger.toml
   softtwind bridge --scene config/scenes/finger.toml
   softtwind bridge --scene config/scenes/finger.toml --trace config/traces/gap80.csv --speed 2
+Replace a running twin by this version, without a gap:
+  softtwind twin   --scene config/scenes/finger.toml --take-over
 
-Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 78 configuration.
-RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly,
-SIGHUP makes a twin read its scene and models again.";
+Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 3 another twin has taken over,
+78 configuration. RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly, SIGHUP makes a twin read its scene and models
+again, and a bridge its scene: sources that have changed are replaced.";
 
 /// Digital twin daemon: readings in, deformed and stressed actuators out, through shared memory.
 #[derive(Debug, Parser)]
@@ -53,7 +55,7 @@ impl DomainOptions {
 }
 
 /// Options of `bridge`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct BridgeOptions {
     /// Scene file: names the actuators and their sources
     #[arg(long, visible_alias = "config", value_name = "FILE")]
@@ -88,6 +90,9 @@ pub struct TwinOptions {
     /// Settings file: limits and real time [default: built-in, see config/twin.toml]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// Take the topics over from the twin that serves this scene, with at most one reading's delay; without one, as without it
+    #[arg(long)]
+    pub take_over: bool,
     /// Use this model instead of the scene's (scenes with one actuator)
     #[arg(long, value_name = "TWIN")]
     pub model: Option<PathBuf>,

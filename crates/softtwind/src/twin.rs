@@ -1,8 +1,10 @@
 //! `softtwind twin`: readings to states and fields.
 
+use crate::exclusive::ExclusiveServices;
 use crate::options::TwinOptions;
 use crate::side_services::SideServices;
-use crate::{files, metrics, reload, reporter};
+use crate::take_over::{Ended, TakeOver};
+use crate::{files, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::load::{Loaded, load_scene};
@@ -12,9 +14,14 @@ use runtime::wire::{Bus, Health, Outcome, layout};
 use runtime::{realtime, service};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
+use std::sync::mpsc::channel;
+use std::time::Duration;
 
-/// Runs until a signal comes.
-pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
+/// How long a twin that takes over waits for the other one to give its topics, and to end.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Runs until a signal comes, or until another twin takes over.
+pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     tracing::info!("softtwind twin {}", env!("CARGO_PKG_VERSION"));
     let settings = options.config.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
     let scene = configure(options)?;
@@ -31,11 +38,13 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     let domain = options.domain.domain();
     let bus = Bus::open(&domain)?;
     let (sender, events) = event_channel();
-    let mut twin = Twin::start(&bus, loaded, &settings, &sender)?;
+    let enter = if options.take_over { Twin::stand_by } else { Twin::start };
+    let mut twin = enter(&bus, loaded, &settings, &sender)?;
+    let topics = twin.state_topics();
+    let replaced = TakeOver::new(bus.take_over_watch(&topics));
     let progress = Arc::new(AtomicU64::new(0));
     let (inbox, loader) = reload::pair();
     let reload = service::reload_flag().context("cannot listen for signals")?;
-    let listener = options.metrics.open()?;
     let own_files = bus.own_files();
     let mut group = ThreadGroup::new(stop.clone());
     // All threads start before this one takes real-time rights, so that they do not inherit them.
@@ -44,25 +53,59 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
         reporter::run(&events, &reported, &progressed, end);
         Ok(())
     })?;
-    let health_domain = domain.clone();
-    metrics::serve(&mut group, listener, move || metrics::twins(&health_domain, &shown))?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
-    let services = side_services.start(&mut group, &domain)?;
-    let reread_options = options.clone();
-    group.start("loader", move |end| {
-        loader.run(&reload, end, &services, || reread(&reread_options));
+    let looking = replaced.clone();
+    group.start("take-over", move |end| {
+        looking.look(end);
         Ok(())
     })?;
+    let metrics = options.metrics.clone();
+    let mut exclusive = Some(ExclusiveServices { metrics, shown, services: side_services, domain, topics });
+    let started =
+        exclusive.take_if(|_| !options.take_over).map(|services| services.start(&mut group)).transpose()?;
+    let (place, services) = started.unzip();
+    let (taken, when_taken) = channel();
+    let (reread_options, program) = (options.clone(), stop.clone());
+    group.start("loader", move |end| {
+        let mut late = ThreadGroup::new(program);
+        let (_place, services) = match (services, exclusive) {
+            (Some(services), _) => (None, services),
+            (None, Some(exclusive)) if when_taken.recv().is_ok() => {
+                let (place, services) = exclusive.start(&mut late)?;
+                (Some(place), services)
+            }
+            _ => return Ok(()), // it could not take over
+        };
+        loader.run(&reload, end, &services, || reread(&reread_options));
+        Ok(late.end()?)
+    })?;
     let granted = prepare(&settings, &twin)?;
+    if options.take_over {
+        let refused = "the twin that runs did not give its topics: it serves other actuators, hangs, or is of a version that cannot; \
+                       stop it first";
+        twin.take_over(&bus, PATIENCE).context(refused)?;
+        twin.turn(Duration::ZERO); // readings wait: everything else comes after them
+        tracing::info!("the topics are taken over");
+        taken.send(())?;
+    }
+    replaced.begin();
     service::notify_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
-    twin.run(&stop, &progress, |twin| inbox.swap(twin));
+    twin.run(&stop, &progress, |twin| {
+        inbox.swap(twin);
+        replaced.give_way(twin, &stop);
+    });
     service::notify_stopping();
     drop(granted);
     group.end()?;
+    drop(place);
     for (health, name) in twin.health().zip(&names) {
         tracing::info!("stopped: {name}: {}", summary(health));
     }
-    Ok(())
+    if replaced.is_replaced() {
+        tracing::info!("another twin has taken over");
+        return Ok(Ended::Replaced);
+    }
+    Ok(Ended::Stopped)
 }
 
 /// The scene with the command line's changes.
@@ -142,8 +185,8 @@ fn describe(loaded: &Loaded) {
         loaded.spec.model.display()
     );
     for input in runtime::explain::inputs(loaded) {
-        let from = if input.given { "given" } else { "nominal" };
-        tracing::info!("{}: {} = {} {} ({from})", loaded.spec.name, input.name, input.value, input.unit);
+        let (name, from) = (&loaded.spec.name, input.from);
+        tracing::info!("{name}: {} = {} {} ({from})", input.name, input.value, input.unit);
     }
     for output in &loaded.outputs {
         let topic = output.spec.topic_name().map(|set| format!("/{set}")).unwrap_or_default();

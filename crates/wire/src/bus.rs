@@ -79,6 +79,7 @@ impl Bus {
             WireError::InFlux { cause, .. } => WireError::Node { cause },
             other => other,
         })?;
+        places.share();
         let member = Rc::new(Member { node, places: places.clone(), _watch: watch });
         Ok(Self { places, removed, member })
     }

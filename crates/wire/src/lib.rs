@@ -5,7 +5,7 @@
 //! A program that wants to talk to a twin needs four things:
 //!
 //! 1. a [`Bus`] in a [`Domain`] (programs in different domains do not see one another),
-//! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health|command` or `softtwin/<scene>/grasp`,
+//! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health|estimate|command|setpoint|override|valve` or `softtwin/<scene>/grasp`,
 //! 3. a typed port: [`SensorWriter`], [`SensorReader`], [`FieldWriter`], [`FieldReader`], [`StateWriter`],
 //!    [`StateReader`], [`HealthWriter`], [`HealthReader`],
 //! 4. a [`WakeSet`] to sleep until one of several readers has something.
@@ -42,15 +42,16 @@ pub use error::WireError;
 pub use keyexpr::{KeyExpr, KeyExprError};
 pub use layout::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Outcome, Payload, Query, QueryStatus,
-    SensorSample, State,
+    SensorSample, Setpoint, State, Valve,
 };
 pub use leftover::Removed;
 pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
     FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter,
-    QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, Stamp, StateReader, StateWriter,
-    Writer,
+    Held, HeldWatch, QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader,
+    SetpointWriter, Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer, WriterRight,
+    take_rights, wait_for_rights,
 };
 pub use selector::{Selector, SelectorError};
 pub use topic::{Topic, TopicKind};

@@ -23,8 +23,9 @@ pub struct Qos {
     pub max_nodes: usize,
 }
 
-/// Writers of a topic at the same time. One: two twins for one actuator would contradict each other.
-pub(crate) const MAX_WRITERS: usize = 1;
+/// Writers' ports of a topic at the same time. Two, so that a program that takes over has its memory before the other one ends.
+/// Only one of them has the right to write (`port/writer_lock.rs`): two twins for one actuator would contradict each other.
+pub(crate) const MAX_WRITERS: usize = 2;
 
 /// The settings of a kind of topic.
 pub const fn of(kind: TopicKind) -> Qos {
@@ -44,11 +45,15 @@ pub const fn of(kind: TopicKind) -> Qos {
         TopicKind::Health => {
             Qos { max_readers: 32, buffer: 8, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 128 }
         }
+        // 2 s at 1 kHz.
+        TopicKind::Valve => {
+            Qos { max_readers: 16, buffer: 2048, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 64 }
+        }
         TopicKind::Grasp => {
             Qos { max_readers: 32, buffer: 64, max_borrowed: 4, history: 1, max_loans: 2, max_nodes: 64 }
         }
-        // Only the newest command counts; no history: a valve must not begin with what an earlier controller wanted.
-        TopicKind::Command => {
+        // Only the newest one counts; no history: a valve must not begin with what an earlier controller wanted.
+        TopicKind::Command | TopicKind::Setpoint | TopicKind::Override => {
             Qos { max_readers: 8, buffer: 16, max_borrowed: 4, history: 0, max_loans: 2, max_nodes: 32 }
         }
     }

@@ -1,10 +1,10 @@
 //! Selectors: a key expression with parameters, as Zenoh's `get` takes them.
 //!
 //! `softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30`: the key names actuator and kind of question, the parameters are
-//! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way).
+//! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way). A name with a dot is a parameter of the model.
 
 use crate::keyexpr::{KeyExpr, KeyExprError};
-use crate::layout::{Query, pack_name, query_kind};
+use crate::layout::{PARAMETERS_MAX, Query, pack_name, query_kind};
 use crate::topic::{MAX_NAME_LEN, ROOT, Topic};
 
 /// A question with the actuators it goes to.
@@ -30,7 +30,8 @@ pub enum SelectorError {
     },
     /// A parameter that is no `name=value`, or has an unknown name.
     #[error(
-        "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_halfwidth_n, field"
+        "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_halfwidth_n, field, or the dotted \
+         name of a parameter of the model (at most {PARAMETERS_MAX} of them)"
     )]
     Parameter {
         /// The parameter as given.
@@ -120,6 +121,8 @@ impl Selector {
 }
 
 fn set(query: &mut Query, pair: &str, name: &str, value: &str) -> Result<(), SelectorError> {
+    let number: Option<f64> = value.parse().ok().filter(|number: &f64| number.is_finite());
+    let number = || number.ok_or_else(|| SelectorError::Value { name: name.into(), found: value.into() });
     let slot = match name {
         "pressure_mpa" => &mut query.pressure_mpa,
         "gap_mm" => &mut query.gap_mm,
@@ -133,10 +136,11 @@ fn set(query: &mut Query, pair: &str, name: &str, value: &str) -> Result<(), Sel
             (query.want_field, query.node_set) = (1, pack_name(set));
             return Ok(());
         }
+        // As in lists of cases: only parameters have a dot in their name.
+        _ if name.contains('.') && query.set_parameter(name, number()?) => return Ok(()),
         _ => return Err(SelectorError::Parameter { found: pair.into() }),
     };
-    let number: Option<f64> = value.parse().ok().filter(|number: &f64| number.is_finite());
-    *slot = number.ok_or_else(|| SelectorError::Value { name: name.into(), found: value.into() })?;
+    *slot = number()?;
     Ok(())
 }
 

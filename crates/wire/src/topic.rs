@@ -24,6 +24,12 @@ pub enum TopicKind {
     Command,
     /// Estimated quantities: [`crate::Estimate`].
     Estimate,
+    /// What the owner of a valve wants: [`crate::Setpoint`].
+    Setpoint,
+    /// What an operator wants of a valve: [`crate::Setpoint`].
+    Override,
+    /// What a valve was told: [`crate::Valve`].
+    Valve,
 }
 
 impl TopicKind {
@@ -37,6 +43,9 @@ impl TopicKind {
             Self::Grasp => "grasp",
             Self::Command => "command",
             Self::Estimate => "estimate",
+            Self::Setpoint => "setpoint",
+            Self::Override => "override",
+            Self::Valve => "valve",
         }
     }
 }
@@ -107,6 +116,30 @@ impl Topic {
         Self::build(actuator, TopicKind::Estimate, None)
     }
 
+    /// `softtwin/<actuator>/setpoint`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn setpoint(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Setpoint, None)
+    }
+
+    /// `softtwin/<actuator>/override`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn operator(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Override, None)
+    }
+
+    /// `softtwin/<actuator>/valve`.
+    ///
+    /// # Errors
+    /// As [`Topic::sensor`].
+    pub fn valve(actuator: &str) -> Result<Self, WireError> {
+        Self::build(actuator, TopicKind::Valve, None)
+    }
+
     /// Reads a topic back from its name; `None` for names that are not ours.
     pub fn parse(name: &str) -> Option<Self> {
         let mut chunks = name.split('/');
@@ -122,6 +155,9 @@ impl Topic {
             "grasp" => TopicKind::Grasp,
             "command" => TopicKind::Command,
             "estimate" => TopicKind::Estimate,
+            "setpoint" => TopicKind::Setpoint,
+            "override" => TopicKind::Override,
+            "valve" => TopicKind::Valve,
             _ => return None,
         };
         let node_set = chunks.next();

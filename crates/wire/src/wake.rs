@@ -4,6 +4,7 @@ use crate::error::WireError;
 use crate::transport::Ipc;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::FileDescriptorBased;
+use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -72,6 +73,30 @@ impl WakeSet {
             })
             .collect();
         Self { listeners, poll }
+    }
+
+    /// A descriptor that is readable while a reader of the set is notified, for a program's own event loop. What it tells is taken
+    /// by [`Self::wait`] with no time.
+    ///
+    /// # Errors
+    /// [`WireError::Wait`] when the system refuses one more descriptor.
+    pub fn descriptor(&self) -> Result<OwnedFd, WireError> {
+        let refused = || WireError::Wait { cause: std::io::Error::last_os_error().to_string() };
+        // SAFETY: the call has no pointers.
+        let code = unsafe { libc::epoll_create1(libc::EPOLL_CLOEXEC) };
+        if code < 0 {
+            return Err(refused());
+        }
+        // SAFETY: the descriptor was just made and belongs to nobody else.
+        let all = unsafe { OwnedFd::from_raw_fd(code) };
+        for one in &self.poll {
+            let mut event = libc::epoll_event { events: libc::EPOLLIN as u32, u64: 0 };
+            // SAFETY: both descriptors are open (the listener's is kept in `listeners`), `event` lives across the call.
+            if unsafe { libc::epoll_ctl(all.as_raw_fd(), libc::EPOLL_CTL_ADD, one.fd, &mut event) } != 0 {
+                return Err(refused());
+            }
+        }
+        Ok(all)
     }
 
     /// Sleeps until a reader is notified, `timeout` is over, or a signal comes. Pending notifications are consumed, so

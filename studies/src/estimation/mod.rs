@@ -1,5 +1,6 @@
 //! Hidden truths: inflations with unknown gap, gauge bias and stiffness, and what the filter makes of their readings.
 
+mod cost;
 mod truth;
 mod unscented;
 
@@ -11,7 +12,6 @@ use serde_json::{Value, json};
 use softtwin::unknowns::Unknowns;
 use softtwin::{files, output, progress::Progress, range};
 use std::path::PathBuf;
-use std::time::Instant;
 use truth::{Readings, Truth};
 use unscented::Unscented;
 
@@ -19,13 +19,18 @@ const EXAMPLES: &str = "\
 Examples:
   100 truths of a model of another mesh; a truth takes a few seconds:
     softtwin-studies estimation --scene config/scenes/estimate.toml --truth second-mesh.twin
+  The readings of one truth as a trace:
+    softtwin-studies estimation --truth second-mesh.twin --truths 1 --trace config/traces/estimate.csv
   Truths of the scene's own model, which have no error of the mesh:
     softtwin-studies estimation --scene config/scenes/estimate.toml --truths 20
+  What an update costs with more unknowns and markers than the scene has (models/pneunet-design has five parameters):
+    softtwin-studies estimation --unknowns 5 --markers 8 --truths 10
 
 A truth is an inflation to 0.1 MPa in 10 s at 200 Hz with hidden unknowns: gap within 10 mm of its prior, gauge bias within 2 kPa, every
 other unknown within 20 % of its prior, but inside the truth's samples. Noise 0.5 kPa, 5 mN, 0.2 mm; 10 % of the markers' readings
 missing, 1 % outliers. The truth's model must have the inputs of the scene's model that are estimated; others take its own values. The
-medians are of absolute errors at the end of the inflation. Prints one JSON object.";
+medians are of absolute errors at the end of the inflation. The time of an update is the fastest of three, so that what the system does
+meanwhile does not count. Prints one JSON object.";
 
 /// Estimates hidden truths: errors, coverage, consistency, cost, beside an unscented filter and believing the readings.
 #[derive(clap::Args)]
@@ -40,9 +45,18 @@ pub struct Args {
     /// Truths (1 to 10000).
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = range::count(1, 10_000))]
     truths: usize,
+    /// Unknowns: those of the scene, then the model's other parameters and the load cell's bias; default: those of the scene
+    #[arg(long, value_name = "N", value_parser = range::count(1, 12))]
+    unknowns: Option<usize>,
+    /// Markers: those of the scene, then nodes all over the mesh; default: those of the scene
+    #[arg(long, value_name = "N", value_parser = range::count(1, 8))]
+    markers: Option<usize>,
     /// Begin of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 20)]
     seed: u64,
+    /// Also write the readings of the first truth as a trace that a bridge replays and `softtwin calibrate` reads.
+    #[arg(long, value_name = "FILE.csv")]
+    trace: Option<PathBuf>,
 }
 
 /// Names of the sets of sensors, and whether load cell and markers are in them.
@@ -63,25 +77,32 @@ struct Outcome {
     consistent: f64,
     /// From the first contact until the gap stays near the truth, s.
     converged_s: f64,
+    /// By reading: time of the update, us, and evaluations of the model in it.
+    cost: Vec<[f64; 2]>,
 }
 
 impl Args {
     /// Simulates, estimates, prints.
     pub fn run(self) -> anyhow::Result<()> {
-        let scene = Scene::load(&self.scene)?;
+        let mut scene = Scene::load(&self.scene)?;
+        cost::extend(&mut scene, self.unknowns, self.markers)?;
         let mut of = Unknowns::load(&scene, &self.scene, None)?;
         let path = self.truth.clone().unwrap_or_else(|| scene.resolve(&of.spec.model));
         let model = files::model(&path)?;
         let mut world = truth::World::new(&of, &model)?;
-        let (mut found, mut unscented, mut update_us) = ([vec![], vec![], vec![]], vec![], vec![]);
-        let (mut believed_n, mut progress) = (Vec::new(), Progress::new(false));
+        let (mut found, mut unscented) = ([vec![], vec![], vec![]], vec![]);
+        let (mut believed_n, mut mesh_n, mut progress) = (Vec::new(), Vec::new(), Progress::new(false));
         for number in 0..self.truths {
             progress.step(&format!("truth {} of {}", number + 1, self.truths));
             let truth = world.draw(&of.setup, self.seed + number as u64);
             let readings = world.inflate(&of, &truth);
-            for (found, (_, sensors)) in found.iter_mut().zip(SENSORS) {
-                found.push(filtered(&of.setup, &mut of.sensors, &truth, &readings, sensors, &mut update_us));
+            if let (0, Some(path)) = (number, &self.trace) {
+                truth::write_trace(path, &of.setup, &truth, &readings)?;
             }
+            for (found, (_, sensors)) in found.iter_mut().zip(SENSORS) {
+                found.push(filtered(&of.setup, &mut of.sensors, &truth, &readings, sensors));
+            }
+            mesh_n.push(force_n(&of.setup, &mut of.sensors, &readings.inputs) - readings.force_n);
             unscented.push(Unscented::run(&of.setup, &mut of.sensors, &truth, &readings));
             let prior: Vec<f64> = of.setup.unknowns.iter().map(|unknown| unknown.prior).collect();
             if let Some(last) = readings.measured.last() {
@@ -93,7 +114,8 @@ impl Args {
         let names: Vec<&str> = of.setup.unknowns.iter().map(|unknown| unknown.name.as_str()).collect();
         let mut out = json!({
             "truths": self.truths, "seed": self.seed, "scene": self.scene, "truth": path,
-            "update_us": { "median": quantile(&mut update_us, 0.5), "p99": quantile(&mut update_us, 0.99) },
+            "unknowns": names, "measured_values": of.setup.rows.len(),
+            "scene_model_at_the_truth": { "force_n": median(mesh_n.iter().map(|e| e.abs())) },
             "believing_the_readings": { "force_n": median(believed_n.iter().map(|e| e.abs())) },
             "unscented": { "median_error": medians(&names, &unscented) },
         });
@@ -111,14 +133,13 @@ fn filtered(
     truth: &Truth,
     readings: &Readings,
     [force, markers]: [bool; 2],
-    update_us: &mut Vec<f64>,
 ) -> Outcome {
     let Ok(mut filter) = Filter::new(setup.clone()) else {
         unreachable!("the setup was checked when it was made")
     };
     let gap = setup.unknowns.iter().position(|unknown| unknown.name == "gap_mm");
     let (mut used, mut consistent, mut since_s) = (0_u32, 0_u32, None);
-    let mut inputs = [f64::NAN; MAX_INPUTS];
+    let (mut inputs, mut cost) = ([f64::NAN; MAX_INPUTS], Vec::new());
     for measured in &readings.measured {
         let mut measured: Measurement = *measured;
         for (value, row) in measured.rows.iter_mut().zip(&setup.rows) {
@@ -126,9 +147,8 @@ fn filtered(
                 *value = f64::NAN;
             }
         }
-        let begin = Instant::now();
-        let update = filter.update(&measured, model);
-        update_us.push(begin.elapsed().as_secs_f64() * 1e6);
+        let (update, of_update) = cost::timed(&mut filter, &measured, model);
+        cost.push(of_update);
         inputs = update.inputs;
         if update.status == Status::Used && update.used > 0 {
             used += 1;
@@ -146,6 +166,7 @@ fn filtered(
         force_n: force_n(setup, model, &inputs) - readings.force_n,
         consistent: f64::from(consistent) / f64::from(used.max(1)),
         converged_s: since_s.map_or(f64::INFINITY, |since| (since - readings.contact_s).max(0.0)),
+        cost,
     }
 }
 
@@ -177,12 +198,8 @@ fn summary(names: &[&str], outcomes: &[Outcome]) -> Value {
         "told_and_beyond_3_sigma": share(&|(off, sigma, told)| *told && off.abs() > 3.0 * sigma),
         "truths_that_tell": told,
         "median_share_of_nis_in_band": median(outcomes.iter().map(|outcome| outcome.consistent)),
+        "update_us": cost::quantiles(outcomes.iter().flat_map(|outcome| outcome.cost.iter().map(|cost| cost[0]))),
+        "evaluations": cost::quantiles(outcomes.iter().flat_map(|outcome| outcome.cost.iter().map(|cost| cost[1]))),
         "median_s_from_contact_to_gap_within_0.5_mm": median(outcomes.iter().map(|outcome| outcome.converged_s)),
     })
-}
-
-fn quantile(values: &mut [f64], share: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let at = (share * values.len() as f64) as usize;
-    values.get(at.min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
 }

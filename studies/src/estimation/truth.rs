@@ -6,6 +6,8 @@ use rom::model::Model;
 use rom::rng::Rng;
 use runtime::estimation::SensorModel;
 use softtwin::unknowns::Unknowns;
+use std::fmt::Write as _;
+use std::path::Path;
 
 const RATE_HZ: f64 = 200.0;
 const SECONDS: f64 = 10.0;
@@ -31,6 +33,8 @@ pub(super) struct Readings {
     pub(super) contact_s: f64,
     /// Contact force of the truth at the end, N.
     pub(super) force_n: f64,
+    /// True inputs of the scene's model at the end.
+    pub(super) inputs: [f64; MAX_INPUTS],
 }
 
 /// The model that the truths are taken from.
@@ -84,7 +88,9 @@ impl World {
     /// The readings of one inflation.
     pub(super) fn inflate(&mut self, of: &Unknowns, truth: &Truth) -> Readings {
         let (setup, mut random) = (&of.setup, Rng::new(truth.seed ^ 0x5eed));
-        let mut out = Readings { measured: Vec::new(), contact_s: f64::INFINITY, force_n: 0.0 };
+        let unset = [f64::NAN; MAX_INPUTS];
+        let mut out =
+            Readings { measured: Vec::new(), contact_s: f64::INFINITY, force_n: 0.0, inputs: unset };
         let mut predicted = vec![Predicted::default(); setup.rows.len()];
         let [noise_mpa, noise_n, noise_mm] = NOISE;
         for k in 0..(SECONDS * RATE_HZ) as usize {
@@ -102,6 +108,7 @@ impl World {
                     }
                     InputRole::Measured { .. } => f64::NAN,
                 };
+                out.inputs[input] = value;
                 if let Some((place, _)) = place {
                     inputs[*place] = value;
                 }
@@ -125,4 +132,35 @@ impl World {
         }
         out
     }
+}
+
+/// Writes readings as a trace; comments say what is hidden.
+pub(super) fn write_trace(
+    path: &Path,
+    setup: &Setup,
+    truth: &Truth,
+    readings: &Readings,
+) -> anyhow::Result<()> {
+    let mut text = String::new();
+    for (unknown, value) in setup.unknowns.iter().zip(&truth.unknowns) {
+        writeln!(text, "# hidden: {} = {value:.6}", unknown.name)?;
+    }
+    text.push_str("t_s,pressure_mpa,measured_force_n");
+    for marker in 1..=setup.rows.len() / 3 {
+        ["x", "y", "z"].iter().try_for_each(|axis| write!(text, ",marker{marker}_{axis}_mm"))?;
+    }
+    text.push('\n');
+    for measured in &readings.measured {
+        write!(text, "{:.3},{:.5}", measured.t_s, measured.inputs[PRESSURE])?;
+        for (row, value) in measured.rows.iter().enumerate().take(setup.rows.len()) {
+            match (value.is_finite(), row) {
+                (true, 0) => write!(text, ",{value:.4}")?,
+                (true, _) => write!(text, ",{value:.2}")?,
+                (false, _) => text.push(','),
+            }
+        }
+        text.push('\n');
+    }
+    formats::file::replace(path, text.as_bytes())?;
+    Ok(())
 }

@@ -7,6 +7,7 @@ mod clients;
 mod fingers;
 mod gateway;
 mod model;
+mod stress;
 mod twin;
 mod view;
 
@@ -21,6 +22,8 @@ Examples:
     target/release/softtwin-studies measure view
   Models without a daemon (scripts/check.sh clients makes the Python environment):
     cargo build --release -p capi && target/release/softtwin-studies measure model
+  Stress from modes against stress from mechanics; no daemon:
+    target/release/softtwin-studies measure stress
 
 Run it in the repository's folder, on a machine that has nothing else to do. One JSON object a line.";
 
@@ -38,6 +41,7 @@ enum What {
     Fingers(fingers::Args),
     Gateway(gateway::Args),
     Model(model::Args),
+    Stress(stress::Args),
     View(view::Args),
 }
 
@@ -49,6 +53,7 @@ impl Args {
             What::Fingers(args) => args.run(),
             What::Gateway(args) => args.run(),
             What::Model(args) => args.run(),
+            What::Stress(args) => args.run(),
             What::View(args) => args.run(),
         }
     }

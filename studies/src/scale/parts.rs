@@ -68,7 +68,8 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
         role,
         published: true,
     };
-    let magnitude = Source::Magnitude { coordinates: [0, 1, 2], rest: [Values::F32(&rest); 3] };
+    let magnitude =
+        Source::Magnitude { coordinates: [0, 1, 2], rest: [Values::F32(&rest); 3], shifts: Vec::new() };
     let displacement = Field { source: magnitude, role: Role::Displacement, published: true };
     let mut fields: Vec<Field<'_>> = (0..3).map(|axis| field(axis, Role::Plain)).collect();
     fields.extend([displacement, field(3, Role::Stress)]);

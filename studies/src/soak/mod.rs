@@ -1,6 +1,7 @@
 //! Hours of running programs in one domain: a steady twin that nothing disturbs, another that is killed, stopped, reloaded and
 //! starved, a recorder of both, readers that verify every sample, and readers that come and go.
 
+pub mod cycles;
 mod faults;
 mod observe;
 mod reader;

@@ -68,7 +68,8 @@ pub fn echo(testbed: &Testbed, key: &str) -> anyhow::Result<Daemon> {
     Daemon::start("reader", command.args(["echo", key]).stdout(Stdio::null()))
 }
 
-fn count_files(folder: &Path) -> u64 {
+/// Files below a folder.
+pub fn count_files(folder: &Path) -> u64 {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.map(|entry| if entry.path().is_dir() { count_files(&entry.path()) } else { 1 }).sum()
 }

@@ -1,6 +1,7 @@
 //! What a soak test found, and what of it is wrong.
 
 use super::observe::{DISTURBED, Row, STEADY, Usage};
+use crate::slope::Slope;
 use crate::stats::median;
 use crate::verify::Counts;
 use anyhow::Context;
@@ -12,10 +13,10 @@ use std::collections::BTreeMap;
 const PROGRAMS: [&str; 3] = ["twin", "bridge", "recorder"];
 /// The first tenth of the rows is warm-up: pages are touched as samples first travel through them.
 const WARM_UP: f64 = 0.1;
-/// Growth of memory over the whole run that counts as a leak: single pages come and go with the allocator.
-const MAX_GROWTH_KB: f64 = 2048.0;
-/// Growth of a program's open files that counts as a leak; twice as much for files of the domain.
-const MAX_GROWTH_FILES: f64 = 4.0;
+/// The smallest growth over the whole run that its slope must show with confidence to count as a leak: memory, kB (the allocator keeps
+/// what a burst needed), and files.
+const LEAK_KB: f64 = 64.0;
+const LEAK_FILES: f64 = 1.0;
 /// Outcomes of readings that are not wrong: a newer reading replaced an older one.
 const HARMLESS: [&str; 2] = ["published", "dropped: superseded"];
 
@@ -32,6 +33,8 @@ pub struct Summary {
     verified: BTreeMap<&'static str, Counts>,
     unusual_outcomes_steady: BTreeMap<String, u64>,
     begin_end_max: BTreeMap<String, BeginEndMax>,
+    /// Growth from one row to the next.
+    slopes: BTreeMap<String, Slope>,
     latency_p50_us_first_and_second_half: [f64; 2],
     latency_p99_us_first_and_second_half: [f64; 2],
     /// What is wrong; nothing when all is well.
@@ -59,7 +62,11 @@ impl Summary {
             lost_in_recorder: number("missing")? + number("dropped")?,
             verified,
             unusual_outcomes_steady: unusual(rows),
-            begin_end_max: growth(settled),
+            begin_end_max: columns(settled, begin_end_max),
+            slopes: columns(settled, slope)
+                .into_iter()
+                .filter_map(|(name, slope)| Some((name, slope?)))
+                .collect(),
             latency_p50_us_first_and_second_half: halves(settled, "latency_p50_us"),
             latency_p99_us_first_and_second_half: halves(settled, "latency_p99_us"),
             wrong: Vec::new(),
@@ -85,15 +92,14 @@ impl Summary {
         if !self.unusual_outcomes_steady.is_empty() {
             wrong.push(format!("unusual outcomes {:?}", self.unusual_outcomes_steady));
         }
-        for (name, [begin, end, _]) in &self.begin_end_max {
-            let limit = match name.rsplit_once('.').map_or(name.as_str(), |(_, what)| what) {
-                "resident_kb" | "private_kb" => MAX_GROWTH_KB,
-                "open_files" => MAX_GROWTH_FILES,
+        for (name, slope) in &self.slopes {
+            let smallest = match name.rsplit_once('.').map_or(name.as_str(), |(_, what)| what) {
+                "resident_kb" | "private_kb" => LEAK_KB,
                 "threads" => f64::INFINITY,
-                _ => 2.0 * MAX_GROWTH_FILES,
+                _ => LEAK_FILES,
             };
-            if end - begin > limit {
-                wrong.push(format!("{name} grew from {begin} to {end}, at most {limit} more is allowed"));
+            if slope.grows(slope.points as f64, smallest) {
+                wrong.push(format!("{name} grows: {slope:?} a row, {} rows", slope.points));
             }
         }
         wrong
@@ -103,13 +109,22 @@ impl Summary {
 /// Name and value of what a program uses.
 type Quantity = (&'static str, fn(&Usage) -> u64);
 
-fn growth(rows: &[Row]) -> BTreeMap<String, BeginEndMax> {
+fn begin_end_max(values: &[f64]) -> BeginEndMax {
+    let tenth = (values.len() / 10).max(1).min(values.len());
+    let (begin, end) = (&values[..tenth], &values[values.len() - tenth..]);
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    [median(begin.iter().copied()), median(end.iter().copied()), largest]
+}
+
+fn slope(values: &[f64]) -> Option<Slope> {
+    Slope::of(&(0..).map(f64::from).zip(values.iter().copied()).collect::<Vec<_>>())
+}
+
+/// What `make` says of every quantity.
+fn columns<T>(rows: &[Row], make: impl Fn(&[f64]) -> T) -> BTreeMap<String, T> {
     let column = |of: &dyn Fn(&Row) -> u64| {
         let values: Vec<f64> = rows.iter().map(|row| of(row) as f64).collect();
-        let tenth = (values.len() / 10).max(1).min(values.len());
-        let (begin, end) = (&values[..tenth], &values[values.len() - tenth..]);
-        let largest = values.iter().copied().fold(0.0, f64::max);
-        [median(begin.iter().copied()), median(end.iter().copied()), largest]
+        make(&values)
     };
     let mut growth = BTreeMap::from([
         ("shared_memory_files".to_owned(), column(&|row| row.shared_memory_files)),

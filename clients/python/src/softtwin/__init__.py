@@ -25,10 +25,10 @@ from .errors import (
     VersionMismatch,
 )
 from .field import Field
-from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, State
+from .layout import Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve
 from .model import Input, Model
 from .prediction import Prediction
-from .publish import CommandPublisher, SensorPublisher
+from .publish import CommandPublisher, SensorPublisher, SetpointPublisher
 from .query import Client
 from .subscribe import Subscription, newest, subscribe
 
@@ -53,12 +53,15 @@ __all__ = [
     "SensorPublisher",
     "Estimate",
     "SensorSample",
+    "Setpoint",
+    "SetpointPublisher",
     "SofttwinError",
     "State",
     "Subscription",
     "TwinAbsent",
     "TwinRestarted",
     "TwinSilent",
+    "Valve",
     "VersionMismatch",
     "newest",
     "now_ns",

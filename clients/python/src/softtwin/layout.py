@@ -9,7 +9,7 @@ from typing import Dict, List, Type
 
 from .payload import Payload, pack, text
 
-VERSION = 3
+VERSION = 5
 """Layout version; it is part of every type name."""
 
 FIELD_NAMES: Dict[int, str] = {
@@ -95,6 +95,7 @@ QUERY_STATUSES: Dict[int, str] = {
     9: "not enough shared memory for the field: {limit} bytes are needed in /dev/shm",
     10: "this twin does not know that kind of question",
     11: "the model gave no finite value",
+    12: "a parameter of the question is no input of this model, which has {inputs}",
 }
 """How a question ended, by the answer's `status`; 0 is answered."""
 
@@ -120,6 +121,47 @@ FLAGS: Dict[int, str] = {
 }
 """Flags by bit."""
 
+VALVE_REASONS: Dict[int, str] = {
+    0: "no-setpoint",
+    1: "following",
+    2: "timeout",
+    3: "interlock",
+    4: "override",
+    5: "device-error",
+}
+"""Why a valve has its value, by number."""
+
+VALVE_INTERLOCKS: Dict[int, str] = {
+    1: "no-state",
+    2: "stale",
+    4: "outside-domain",
+    8: "force",
+    16: "no-force",
+    32: "force-mismatch",
+}
+"""What holds a valve at its safe value, by bit."""
+
+VALVE_LIMITS: Dict[int, str] = {
+    1: "range",
+    2: "rate",
+}
+"""What limits the value of a valve, by bit."""
+
+VALUES: Dict[int, str] = {
+    1: "pressure",
+    2: "gap",
+    4: "force",
+    8: "marker1",
+    16: "marker2",
+    32: "marker3",
+    64: "marker4",
+    128: "marker5",
+    256: "marker6",
+    512: "marker7",
+    1024: "marker8",
+}
+"""Values of a reading by bit."""
+
 QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}
 """Kinds of questions."""
 
@@ -127,25 +169,33 @@ QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}
 class SensorSample(Payload):
     """One reading of the sensors of one actuator, stamped by the bridge."""
 
-    _type = "softtwin.SensorSample.v3"
+    _type = "softtwin.SensorSample.v5"
     _fields_ = [
         ("boot_id", u64),  # The run of the bridge that sent it.
         ("seq", u64),  # Counts up by one per reading within a run, beginning at 1.
-        ("t_sensor_ns", u64),  # ns: When the reading was taken.
+        ("t_sensor_ns", u64),  # ns: When the reading was taken: of several sensors, the one that sets the pace.
         ("pressure_mpa", f64),  # MPa: Gauge pressure in the chambers.
         ("gap_mm", f64),  # mm: Distance from the underside of the undeformed base to the plate.
         ("measured_force_n", f64),  # N: Measured contact force; NaN without a load cell.
         ("t_trace_s", f64),  # s: Time in the source's own trace (replays); NaN when there is none.
-        ("status", u32),  # 0: good; anything else is the sensor's own fault code.
+        ("status", u32),  # 0: good; up to 255 a fault code that the sensor itself gives; 256: the pressure is too old; 257: the pressure lies outside its calibration.
         ("marker_values", u32),  # Coordinates below: three for each marker of the scene, 0 without markers.
         ("markers_mm", f64 * 24),  # mm: Measured x, y, z of the first marker, of the second, ..., in the camera's frame; NaN where one was not seen.
+        ("age_count", u32),  # Ages below: 0, all values were taken at `t_sensor_ns`; 11 where they come from several sensors.
+        ("stale_values", u32),  # Values that are absent because they are older than the scene allows.
+        ("fault_values", u32),  # Values that are absent because their sensor says that it is faulty, or because they lie outside its calibration.
+        ("reserved", u32),  # Zero.
+        ("ages_ns", u64 * 11),  # ns: Age at `t_sensor_ns` of pressure, gap, force, first marker, second, ...; of an absent value that of the last one.
+        ("stale_total", u64),  # Values that were left out because of their age since the start of the bridge.
+        ("reserved_more", u64 * 2),  # Zero; for later values.
     ]
+    _names = {"stale_values": VALUES, "fault_values": VALUES}
 
 
 class FieldHeader(Payload):
     """Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the first field in `field_ids`, then all of the second, and so on."""
 
-    _type = "softtwin.FieldHeader.v3"
+    _type = "softtwin.FieldHeader.v5"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -175,7 +225,7 @@ class FieldHeader(Payload):
 class State(Payload):
     """Force, gradients, coefficients and domain status of one evaluation."""
 
-    _type = "softtwin.State.v3"
+    _type = "softtwin.State.v5"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -205,9 +255,14 @@ class State(Payload):
         ("group_sizes", u8 * 8),  # Coefficients of each group, in the model's order; the rest 0. More in all than fit below: flag `coefficients-cut`.
         ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
-        ("reserved", u64 * 4),  # Zero; for later values.
+        ("input_count", u32),  # Inputs of the model.
+        ("reserved", u32),  # Zero.
+        ("inputs", f64 * 8),  # The model's inputs that the values stand for, in its order and units: measured, given, estimated or nominal.
+        ("force_by_input", f64 * 8),  # Gradient of the force by each input, N per unit of the input; NaN when not configured.
+        ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"actuator"}
+    _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
     _names = {"flags": FLAGS, "regime": REGIMES, "outcome": OUTCOMES}
 
@@ -215,7 +270,7 @@ class State(Payload):
 class Health(Payload):
     """Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes."""
 
-    _type = "softtwin.Health.v3"
+    _type = "softtwin.Health.v5"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags as in the newest state.
@@ -252,7 +307,7 @@ class Health(Payload):
 class Grasp(Payload):
     """The grasp of one scene: `n` fingers hold an object by friction when `n mu min(F) >= s m g`. The smallest finger force counts for all of them: what one finger pushes more than the others moves the object instead of holding it."""
 
-    _type = "softtwin.Grasp.v3"
+    _type = "softtwin.Grasp.v5"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags of all fingers.
@@ -284,7 +339,7 @@ class Grasp(Payload):
 class Command(Payload):
     """One pressure command, from a controller to a valve or a simulated plant."""
 
-    _type = "softtwin.Command.v3"
+    _type = "softtwin.Command.v5"
     _fields_ = [
         ("boot_id", u64),  # The run of the controller that sent it.
         ("seq", u64),  # Counts up by one per command within a run, beginning at 1.
@@ -298,7 +353,7 @@ class Command(Payload):
 class Estimate(Payload):
     """Estimated quantities after one reading, with what the reading said about model and sensors."""
 
-    _type = "softtwin.Estimate.v3"
+    _type = "softtwin.Estimate.v5"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("status", u32),  # What became of the reading.
@@ -335,29 +390,79 @@ class Estimate(Payload):
     _names = {"status": ESTIMATE_STATUSES, "alarm": ESTIMATE_ALARMS}
 
 
+class Setpoint(Payload):
+    """One setpoint. Hold-to-run: it counts until `valid_for_ns` after `t_publish_ns`; without a newer one the valve then takes its safe value. On the topic `override` it is the operator's and wins over the setpoint's until it is released."""
+
+    _type = "softtwin.Setpoint.v5"
+    _fields_ = [
+        ("boot_id", u64),  # The run of the owner that sent it.
+        ("seq", u64),  # Counts up by one per setpoint within a run, beginning at 1.
+        ("t_sensor_ns", u64),  # ns: When the reading that it answers was taken; 0: it answers none.
+        ("t_publish_ns", u64),  # ns: When it was sent.
+        ("valid_for_ns", u64),  # ns: How long it counts from then on. Of an override 0: until it is released.
+        ("pressure_mpa", f64),  # MPa: Gauge pressure that is wanted; NaN: none. Of an override NaN: released.
+        ("owner", u8 * 32),  # Name of the owner, zero-padded.
+        ("reserved", u64 * 2),  # Zero; for later values.
+    ]
+    _texts = {"owner"}
+
+
+class Valve(Payload):
+    """What the bridge has written to the valve of an actuator, one for each write or attempt."""
+
+    _type = "softtwin.Valve.v5"
+    _fields_ = [
+        ("boot_id", u64),  # The run of the bridge.
+        ("seq", u64),  # Counts up by one per sample within a run, beginning at 1.
+        ("t_sensor_ns", u64),  # ns: When the reading was taken that the setpoint answers; 0: it answers none.
+        ("t_publish_ns", u64),  # ns: When this was sent, after the write.
+        ("t_written_ns", u64),  # ns: When the device last confirmed a write; 0: never.
+        ("pressure_mpa", f64),  # MPa: Gauge pressure that was written, or was to be written where the device failed.
+        ("wanted_mpa", f64),  # MPa: Gauge pressure that the setpoint (or the override) wants; NaN: there is none.
+        ("safe_mpa", f64),  # MPa: Safe value.
+        ("valve_reason", u32),  # Why this value.
+        ("valve_interlock", u32),  # What holds the valve at its safe value, bits.
+        ("valve_limit", u32),  # What the written value was limited by, bits.
+        ("reserved", u32),  # Zero.
+        ("setpoint_boot_id", u64),  # The run of the setpoint's (or the override's) owner.
+        ("setpoint_seq", u64),  # Sequence number of that setpoint.
+        ("owner", u8 * 32),  # Name of its owner, zero-padded.
+        ("writes", u64),  # Writes that the device has confirmed since the start.
+        ("failures", u64),  # Writes that have failed since the start.
+        ("timeouts", u64),  # Times that the setpoint was not renewed in its time.
+        ("interlocks", u64),  # Times that an interlock has closed.
+        ("reserved_more", u64 * 2),  # Zero; for later values.
+    ]
+    _texts = {"owner"}
+    _names = {"valve_reason": VALVE_REASONS, "valve_interlock": VALVE_INTERLOCKS, "valve_limit": VALVE_LIMITS}
+
+
 class Query(Payload):
     """One question. What its kind does not need is NaN."""
 
-    _type = "softtwin.Query.v3"
+    _type = "softtwin.Query.v5"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("kind", u32),  # What is asked for.
         ("want_field", u32),  # 1: the field is wanted too, 0: the state is enough.
-        ("reserved", u32),  # Zero.
+        ("parameter_count", u32),  # Parameters given: model inputs beside pressure and gap. The others have the values that the twin uses itself.
         ("pressure_mpa", f64),  # MPa: Pressure.
         ("gap_mm", f64),  # mm: Gap.
         ("force_n", f64),  # N: Contact force: the target, or the measured one.
         ("force_halfwidth_n", f64),  # N: Half-width of the measured force; NaN or 0: exact.
         ("node_set", u8 * 32),  # Node set of the field that is wanted, zero-padded; empty or `all`: all nodes.
+        ("parameters", f64 * 6),  # Values of the parameters given.
+        ("parameter_names", u8 * 192),  # Their names, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"node_set"}
+    _text_lists = {"parameter_names": "parameter_count"}
     _names = {"kind": KINDS}
 
 
 class Answer(Payload):
     """The answer. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field topic), or empty when none was wanted."""
 
-    _type = "softtwin.Answer.v3"
+    _type = "softtwin.Answer.v5"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("status", u32),  # 0: answered, else the reason why there is no answer.
@@ -391,8 +496,14 @@ class Answer(Payload):
         ("coefficients", f32 * 128),  # Modal coefficients, group by group; the rest 0.
         ("node_set", u8 * 32),  # Name of the node set of the field, zero-padded.
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
+        ("input_count", u32),  # Inputs of the model.
+        ("reserved", u32),  # Zero.
+        ("inputs", f64 * 8),  # The model's inputs that the answer stands for, in its order and units; NaN where there is no answer.
+        ("force_by_input", f64 * 8),  # Gradient of the force by each input, N per unit of the input.
+        ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
     ]
     _texts = {"node_set", "actuator"}
+    _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
     _names = {"kind": KINDS, "regime": REGIMES, "flags": FLAGS}
 
@@ -405,6 +516,8 @@ PAYLOADS: List[Type[Payload]] = [
     Grasp,
     Command,
     Estimate,
+    Setpoint,
+    Valve,
     Query,
     Answer,
 ]

@@ -1,4 +1,4 @@
-"""Sending: sensor readings to a twin, pressure commands to a valve."""
+"""Sending: sensor readings to a twin, setpoints to a valve, pressure commands to a plant."""
 
 import math
 import os
@@ -8,7 +8,8 @@ import iceoryx2 as iox2
 
 from .bus import Bus, default_bus, now_ns, payload_type
 from .errors import AlreadyPublished, SofttwinError
-from .layout import Command, SensorSample
+from .layout import Command, SensorSample, Setpoint
+from .payload import pack
 from .qos import MAX_LOANS
 from .start import WriterLock
 
@@ -22,12 +23,12 @@ def _boot_id() -> int:
 class _Writer:
     """The one writer of a topic."""
 
-    def __init__(self, topic: str, bus: Optional[Bus]) -> None:
+    def __init__(self, topic: str, bus: Optional[Bus], owner: str = "") -> None:
         bus = bus or default_bus()
         #: The topic's name.
         self.topic = topic
         self._kind = payload_type(topic)
-        self._right = WriterLock(bus.places, topic)
+        self._right = WriterLock(bus.places, topic, owner)
         service = bus.open_topic(topic, create=True)
         try:
             with bus.places.starting():
@@ -101,6 +102,36 @@ class CommandPublisher(_Writer):
                 t_sensor_ns=t_sensor_ns,
                 t_publish_ns=now_ns(),
                 pressure_mpa=pressure_mpa,
+            )
+        )
+        return self._seq
+
+
+class SetpointPublisher(_Writer):
+    """The owner of an actuator's valve, which a bridge drives. A second owner gets `AlreadyPublished` with the first one's name."""
+
+    def __init__(self, actuator: str, owner: str, bus: Optional[Bus] = None) -> None:
+        if not owner or not owner.isprintable():
+            raise ValueError(f"expected a name of the owner, such as `my-controller`, found {owner!r}")
+        self._owner = pack(owner)
+        super().__init__(f"softtwin/{actuator}/setpoint", bus, owner)
+
+    def send(self, pressure_mpa: float, valid_for_s: float = 0.1, t_sensor_ns: int = 0) -> int:
+        """Sends one setpoint and returns its sequence number. It counts for `valid_for_s`; nobody renews it: the valve takes its safe
+        value. NaN: none is wanted, the valve takes its safe value at once. `t_sensor_ns`: the stamp of the reading that it answers.
+        """
+        if not 0.0 < valid_for_s < math.inf:
+            raise ValueError(f"valid_for_s: expected more than 0 seconds, found {valid_for_s}")
+        self._seq += 1
+        self._send(
+            Setpoint(
+                boot_id=self._boot_id,
+                seq=self._seq,
+                t_sensor_ns=t_sensor_ns,
+                t_publish_ns=now_ns(),
+                valid_for_ns=int(valid_for_s * 1e9),
+                pressure_mpa=pressure_mpa,
+                owner=self._owner,
             )
         )
         return self._seq

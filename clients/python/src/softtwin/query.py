@@ -2,7 +2,7 @@
 
 import math
 import time
-from typing import Any, Optional, Union, overload
+from typing import Any, Mapping, Optional, Union, overload
 
 import iceoryx2 as iox2
 
@@ -11,6 +11,9 @@ from .bus import Bus, default_bus
 from .errors import Refused, SofttwinError, TwinAbsent, TwinSilent
 from .field import Field, copy_of
 from .qos import MAX_CLIENTS, MAX_QUERY_NODES
+
+#: Values of a model's parameters by name.
+Inputs = Optional[Mapping[str, float]]
 
 
 class Client:
@@ -33,52 +36,65 @@ class Client:
             )
 
     @overload
-    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: None = None) -> layout.Answer: ...
+    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: None = None, inputs: Inputs = ...) -> layout.Answer: ...
 
     @overload
-    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: str) -> Field: ...
+    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: str, inputs: Inputs = ...) -> Field: ...
 
     def whatif(
-        self, pressure_mpa: float, gap_mm: float = math.nan, *, field: Optional[str] = None
+        self, pressure_mpa: float, gap_mm: float = math.nan, *, field: Optional[str] = None, inputs: Inputs = None
     ) -> Union[layout.Answer, Field]:
-        """State and force at a pressure (MPa) and a gap (mm; NaN: the scene's); with `field`, the node set's field too."""
-        return self._ask("whatif", field, pressure_mpa=pressure_mpa, gap_mm=gap_mm)
+        """State and force at a pressure (MPa) and a gap (mm; NaN: the scene's); with `field`, the node set's field too.
+
+        `inputs`: values of the model's parameters by name, such as {"elastomer.law.mu_mpa": 0.7}; the others are the scene's.
+        """
+        return self._ask("whatif", field, inputs, pressure_mpa=pressure_mpa, gap_mm=gap_mm)
 
     @overload
-    def pressure(self, force_n: float, gap_mm: float = ..., *, field: None = None) -> layout.Answer: ...
+    def pressure(self, force_n: float, gap_mm: float = ..., *, field: None = None, inputs: Inputs = ...) -> layout.Answer: ...
 
     @overload
-    def pressure(self, force_n: float, gap_mm: float = ..., *, field: str) -> Field: ...
+    def pressure(self, force_n: float, gap_mm: float = ..., *, field: str, inputs: Inputs = ...) -> Field: ...
 
     def pressure(
-        self, force_n: float, gap_mm: float = math.nan, *, field: Optional[str] = None
+        self, force_n: float, gap_mm: float = math.nan, *, field: Optional[str] = None, inputs: Inputs = None
     ) -> Union[layout.Answer, Field]:
         """The lowest pressure with this contact force (N) at this gap (mm): `pressure_mpa` +- `uncertainty`."""
-        return self._ask("pressure", field, force_n=force_n, gap_mm=gap_mm)
+        return self._ask("pressure", field, inputs, force_n=force_n, gap_mm=gap_mm)
 
     @overload
-    def gap(self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = ..., *, field: None = None) -> layout.Answer: ...
+    def gap(
+        self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = ..., *, field: None = None, inputs: Inputs = ...
+    ) -> layout.Answer: ...
 
     @overload
-    def gap(self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = ..., *, field: str) -> Field: ...
+    def gap(
+        self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = ..., *, field: str, inputs: Inputs = ...
+    ) -> Field: ...
 
     def gap(
-        self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = 0.0, *, field: Optional[str] = None
+        self, pressure_mpa: float, force_n: float, force_halfwidth_n: float = 0.0, *, field: Optional[str] = None, inputs: Inputs = None
     ) -> Union[layout.Answer, Field]:
         """The gap that explains a force (N, known to `force_halfwidth_n`) at a pressure (MPa): `gap_mm` +- `uncertainty`."""
-        return self._ask("gap", field, pressure_mpa=pressure_mpa, force_n=force_n, force_halfwidth_n=force_halfwidth_n)
+        return self._ask("gap", field, inputs, pressure_mpa=pressure_mpa, force_n=force_n, force_halfwidth_n=force_halfwidth_n)
 
-    def _ask(self, kind: str, field: Optional[str], **given: float) -> Union[layout.Answer, Field]:
+    def _ask(self, kind: str, field: Optional[str], inputs: Inputs, **given: float) -> Union[layout.Answer, Field]:
         query = layout.Query(layout_version=layout.VERSION, kind=layout.QUERY_KINDS[kind])
         for name in ("pressure_mpa", "gap_mm", "force_n", "force_halfwidth_n"):
             setattr(query, name, given.get(name, math.nan))
         if field is not None:
             query.want_field, query.node_set = 1, layout.pack(field)
+        for name, value in (inputs or {}).items():
+            at, packed = query.parameter_count, name.encode()[-31:]
+            if at == len(query.parameters):
+                raise SofttwinError(f"{self._name}: expected at most {at} parameters in a question")
+            query.parameters[at], query.parameter_count = value, at + 1
+            query.parameter_names[32 * at : 32 * at + len(packed)] = packed
         response = self._exchange(query)
         answer = copy_of(layout.Answer, response.user_header_ptr)
         if answer.status != 0:
             reason = layout.QUERY_STATUSES.get(answer.status, f"a reason of another version ({answer.status})")
-            raise Refused(f"{self._name}: no answer: {reason.format(limit=answer.limit)}", answer)
+            raise Refused(f"{self._name}: no answer: {reason.format(limit=answer.limit, inputs=', '.join(answer.text_list('input_names')))}", answer)
         return answer if field is None else Field(response, answer, response.payload_ptr)
 
     def _exchange(self, query: layout.Query) -> Any:

@@ -15,6 +15,7 @@ from .errors import AlreadyPublished, SofttwinError
 
 DEFAULT_ROOT = "/tmp/iceoryx2"  # iceoryx2's own
 _SHM = "/dev/shm"
+_DRIVING = ("setpoint", "override", "command")
 _PATIENCE_S = 2.0
 _LONGEST = 107 - 1 - 39 - len(".event")  # a socket's path in the folder has at most 107 bytes
 _F_SETSIG, _F_SETLEASE = 10, 1024
@@ -67,6 +68,13 @@ class Places:
         for path in _files(f"{self.root}/services", pattern):
             _remove_if_unused(path, lambda found: bool(found.st_mode & 0o200))
 
+    def writer_lock(self, topic: str) -> str:
+        """The lock file of a topic's writer. Who may drive a valve may be a group of its own: it has the folder `control`."""
+        file = f"{_number(topic):016x}.writer"
+        if topic.rsplit("/", 1)[-1] in _DRIVING and os.path.isdir(f"{self.root}/control"):
+            return f"{self.root}/control/{file}"
+        return f"{_SHM}/{self.prefix}softtwin_{_number(self.root):016x}_{file}"
+
     def _segments(self) -> list:
         return _files(_SHM, re.compile(re.escape(self.prefix) + r"[0-9a-f]{40}_.*"))
 
@@ -83,22 +91,23 @@ class Places:
 class WriterLock:
     """The right to write a topic; given back with `close`, or by the kernel when the program ends."""
 
-    def __init__(self, places: Places, topic: str) -> None:
-        self._path = f"{_SHM}/{places.prefix}softtwin_{_number(places.root):016x}_{_number(topic):016x}.writer"
+    def __init__(self, places: Places, topic: str, owner: str = "") -> None:
+        self._path = places.writer_lock(topic)
         while True:
             self._file: Optional[int] = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                holder = os.read(self._file, 32).decode().strip()
+                process, _, name = os.read(self._file, 256).decode("utf-8", "replace").strip().partition(" ")
                 os.close(self._file)
                 self._file = None
+                holder = f"`{name}`, process {process}" if name else f"process {process}"
                 raise AlreadyPublished(f"{topic}: another process publishes here already ({holder}); stop it first") from error
             if self._is_named():
                 break
             os.close(self._file)
         os.ftruncate(self._file, 0)
-        os.write(self._file, f"{os.getpid()}\n".encode())
+        os.write(self._file, f"{os.getpid()} {owner}\n".encode())
 
     def _is_named(self) -> bool:
         try:

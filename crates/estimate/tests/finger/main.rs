@@ -78,6 +78,22 @@ fn before_the_contact_only_smaller_gaps_are_excluded() {
     assert!((gap.value - 60.0).abs() < 0.5 && gap.identifiable, "{gap:?}");
 }
 
+/// A camera that has no picture yet says 0: no contact begins by that.
+#[test]
+fn wild_first_markers_begin_no_contact() {
+    for wild in [1, 2, 10] {
+        let mut random = Random(3);
+        let truth = Truth { gap: 60.0, bias: 0.001, stiffness: 0.8 };
+        let mut readings = readings(truth, &mut random);
+        readings[..wild].iter_mut().for_each(|reading| reading.rows[1..3].fill(0.0));
+        let onset = (Finger::onset_mpa(60.0, 0.8) / 0.1 * 2000.0) as usize;
+        let (filter, updates) = run(setup(true), &readings[..onset - 100]);
+        let gap = filter.estimates().next().expect("gap");
+        assert!(!updates.iter().any(|update| update.in_contact), "{wild}: {gap:?}");
+        assert!(gap.value > 55.0 && !gap.identifiable, "{wild}: {gap:?}");
+    }
+}
+
 #[test]
 fn outliers_are_rejected_and_counted_and_change_nothing() {
     let mut random = Random(11);

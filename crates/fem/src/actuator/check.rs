@@ -1,6 +1,6 @@
 //! What must be true of an actuator: no part vanishes or overlaps another, materials are possible.
 
-use super::file::Actuator;
+use super::file::{Actuator, ObstacleBody, ObstacleShape};
 use formats::Diagnostic;
 
 /// Walls thinner than this cannot be meshed with elements of useful shape.
@@ -142,6 +142,21 @@ impl Actuator {
             if !(low.is_finite() && high.is_finite() && low < high) {
                 found.add(key, "[lower, upper] in mm, rising", format!("[{low}, {high}]"));
             }
+        }
+        let ObstacleBody { kind, radius_mm, centre_mm, .. } = &self.obstacle;
+        let is_round = matches!(kind, ObstacleShape::Sphere | ObstacleShape::Cylinder);
+        if is_round && !radius_mm.is_some_and(|radius| radius.is_finite() && radius > 0.0) {
+            found.add("obstacle.radius_mm", "a finite number above 0 mm", format!("{radius_mm:?}"));
+        }
+        if is_round && !centre_mm.is_some_and(|centre| centre.iter().all(|c| c.is_finite())) {
+            found.add("obstacle.centre_mm", "[x, z] of the highest point in mm", format!("{centre_mm:?}"));
+        }
+        if !is_round && (radius_mm.is_some() || centre_mm.is_some()) {
+            found.add(
+                "obstacle",
+                "radius_mm and centre_mm of a sphere or cylinder only",
+                format!("{kind:?}"),
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The content of `actuator.toml`, typed.
 
 use crate::config::{ContactSettings, Load, NewtonSettings, ProblemConfig};
-use crate::contact::obstacle::Obstacle;
+use crate::contact::obstacle::{Form, Obstacle, Round};
 use crate::element::cavity::CavityLoad;
 use crate::material::{Elastomer, SheetMaterial};
 use formats::database::ObstacleKind;
@@ -141,12 +141,48 @@ pub enum Fixed {
     BaseStart,
 }
 
-/// A rigid, frictionless body below the base, its near face in the plane `y = -gap`.
+/// Bodies that can be touched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObstacleShape {
+    /// A plate below the actuator.
+    Plate,
+    /// The block that a finger grips.
+    Block,
+    /// A sphere in the plate's place.
+    Sphere,
+    /// A cylinder across the actuator in the plate's place.
+    Cylinder,
+}
+
+impl ObstacleShape {
+    /// The scene of its states.
+    #[must_use]
+    pub fn scene(self) -> ObstacleKind {
+        if self == Self::Block { ObstacleKind::Block } else { ObstacleKind::Plate }
+    }
+
+    fn form(self) -> Option<Form> {
+        match self {
+            Self::Plate | Self::Block => None,
+            Self::Sphere => Some(Form::Sphere),
+            Self::Cylinder => Some(Form::Cylinder),
+        }
+    }
+}
+
+/// A rigid, frictionless body below the base, its near face or highest point in the plane `y = -gap`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObstacleBody {
-    /// Plate or block.
-    pub kind: ObstacleKind,
+    /// Plate, block, sphere or cylinder.
+    pub kind: ObstacleShape,
+    /// Of sphere and cylinder: radius (mm).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius_mm: Option<f64>,
+    /// Of sphere and cylinder: x and z (mm) of the highest point; a cylinder lies along z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_mm: Option<[f64; 2]>,
     /// Lower and upper x (mm).
     pub x_mm: [f64; 2],
     /// Lower and upper z (mm).
@@ -178,12 +214,15 @@ impl Actuator {
     #[must_use]
     pub fn problem_config(&self) -> ProblemConfig {
         let footprint = Footprint { x_mm: self.obstacle.x_mm, z_mm: self.obstacle.z_mm };
+        let ObstacleBody { kind, radius_mm, centre_mm, .. } = self.obstacle;
+        let round = kind.form().zip(radius_mm.zip(centre_mm));
         ProblemConfig {
             elastomers: vec![self.elastomer],
             sheet: Some(self.sheet),
             cavity_load: self.loads.cavity_load,
             contact: self.contact,
             plate: footprint,
+            round: round.map(|(form, (radius_mm, centre_mm))| Round { form, radius_mm, centre_mm }),
             block: footprint,
             newton: self.newton,
         }
@@ -192,7 +231,7 @@ impl Actuator {
     /// The loads of a state; without a gap nothing can be touched.
     #[must_use]
     pub fn load(&self, pressure_mpa: f64, gap_mm: Option<f64>) -> Load {
-        let obstacle = match (gap_mm, self.obstacle.kind) {
+        let obstacle = match (gap_mm, self.obstacle.kind.scene()) {
             (None, _) => Obstacle::None,
             (Some(gap_mm), ObstacleKind::Plate) => Obstacle::Plate { gap_mm },
             (Some(gap_mm), ObstacleKind::Block) => Obstacle::Block { gap_mm },

@@ -13,7 +13,8 @@ mod shape;
 mod surfaces;
 
 pub use file::{
-    Actuator, Base, Body, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, Slots, Support,
+    Actuator, Base, Body, Chambers, Channels, Fixed, Loads, MeshSettings, ObstacleBody, ObstacleShape, Slots,
+    Support,
 };
 
 pub use parameters::{Setting, unit};

@@ -1,10 +1,11 @@
-//! Rigid plate and block below the base: a penalty at the base's surface nodes against the plane `y = -gap`.
+//! Rigid bodies below the base: a penalty at the base's surface nodes against the plane `y = -gap` (plate, block), or against
+//! a sphere or cylinder whose highest point lies in it, by the signed distance.
 
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 
 use super::penalty::{Penalty, penalty};
-use crate::algebra::Vec3;
+use crate::algebra::{Mat3, Vec3, axpy, norm, outer, scale, sub};
 
 /// What the base may touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -13,7 +14,7 @@ pub enum Obstacle {
     /// Nothing: free bending.
     #[default]
     None,
-    /// The plate, its top face at `y = -gap_mm`.
+    /// The plate, its top face at `y = -gap_mm`; or the round body in its place, its highest point there.
     Plate {
         /// Distance from the underside of the undeformed base (mm).
         gap_mm: f64,
@@ -50,29 +51,118 @@ impl Obstacle {
     }
 }
 
-/// A rigid face at a position, as the nodes see it.
+/// A round body in the place of the plate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Round {
+    /// Its form.
+    pub form: Form,
+    /// Radius (mm).
+    pub radius_mm: f64,
+    /// x and z (mm) of its highest point, which lies in the plane `y = -gap`; of a cylinder x counts.
+    pub centre_mm: [f64; 2],
+}
+
+/// Forms of a round body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// A sphere.
+    Sphere,
+    /// A cylinder along z, across the actuator.
+    Cylinder,
+}
+
+/// The surface of a rigid body at a position, as the nodes see it: a plane, or what is left of a round body within its extent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Face {
-    /// Extent of the face.
+    /// Extent of the body.
     pub(crate) footprint: Footprint,
+    /// Its round form; none: a plane.
+    pub(crate) round: Option<Round>,
     /// Distance from the undeformed base (mm).
     pub(crate) gap_mm: f64,
     /// Width over which the penalty is rounded (mm).
     pub(crate) smoothing_mm: f64,
 }
 
-impl Face {
-    /// Penalty terms of a node at deformed position `p`; `None` where it does not touch.
-    #[inline]
-    pub(crate) fn touch(&self, p: Vec3) -> Option<Penalty> {
-        let overlap = -self.gap_mm - p[1];
-        if overlap <= -self.smoothing_mm || !self.covers(p) {
-            return None;
-        }
-        Some(penalty(overlap, self.smoothing_mm))
+/// What a node feels that touches a surface of unit stiffness.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Touch {
+    /// Terms along the normal.
+    pub(crate) penalty: Penalty,
+    /// Unit normal, out of the obstacle.
+    pub(crate) normal: Vec3,
+    /// Derivative of the normal by the node's position (1/mm): the surface's curvature, 0 for a plane.
+    pub(crate) turning: Mat3,
+}
+
+impl Touch {
+    /// Force on the node per stiffness (mm).
+    pub(crate) fn force(&self) -> Vec3 {
+        scale(self.penalty.force, self.normal)
     }
 
-    /// Whether a deformed point lies above or below the face.
+    /// Tangent per stiffness: less the derivative of the force by the node's position.
+    pub(crate) fn tangent(&self) -> Mat3 {
+        let mut block = outer(self.penalty.stiffness, self.normal, self.normal);
+        block.iter_mut().zip(self.turning).for_each(|(row, turning)| axpy(-self.penalty.force, turning, row));
+        block
+    }
+
+    /// Force on the obstacle along y per stiffness (mm): what a load cell below it shows.
+    pub(crate) fn vertical(&self) -> f64 {
+        self.penalty.force * self.normal[1]
+    }
+}
+
+impl Face {
+    /// What a node at deformed position `p` feels; `None` where it does not touch.
+    #[inline]
+    pub(crate) fn touch(&self, p: Vec3) -> Option<Touch> {
+        let Some(round) = self.round else {
+            let overlap = -self.gap_mm - p[1];
+            let touches = overlap > -self.smoothing_mm && self.covers(p);
+            return touches.then(|| Touch {
+                penalty: penalty(overlap, self.smoothing_mm),
+                normal: [0.0, 1.0, 0.0],
+                turning: [[0.0; 3]; 3],
+            });
+        };
+        let arm = self.arm(&round, p);
+        let distance = norm(arm);
+        let overlap = round.radius_mm - distance;
+        // At the centre there is no normal; nothing that is solved comes near it.
+        if overlap <= -self.smoothing_mm || !self.covers(p) || distance <= 0.0 {
+            return None;
+        }
+        let normal = scale(1.0 / distance, arm);
+        let mut turning = outer(-1.0 / distance, normal, normal);
+        for (k, row) in turning.iter_mut().enumerate().filter(|(k, _)| *k < 2 || round.form == Form::Sphere) {
+            row[k] += 1.0 / distance;
+        }
+        Some(Touch { penalty: penalty(overlap, self.smoothing_mm), normal, turning })
+    }
+
+    /// From the centre of a round body, or the axis of a cylinder, to a point.
+    fn arm(&self, round: &Round, p: Vec3) -> Vec3 {
+        let [x, z] = round.centre_mm;
+        let arm = sub(p, [x, -self.gap_mm - round.radius_mm, z]);
+        if round.form == Form::Cylinder { [arm[0], arm[1], 0.0] } else { arm }
+    }
+
+    /// How far a deformed point lies behind the face (mm); 0 or less in front of it or beside it. Below its middle a round body
+    /// counts as going straight down: what reaches under it has passed it.
+    pub(crate) fn depth_mm(&self, p: Vec3) -> f64 {
+        if !self.covers(p) {
+            return 0.0;
+        }
+        let Some(round) = self.round else { return -self.gap_mm - p[1] };
+        let [x, y, z] = self.arm(&round, p);
+        round.radius_mm - norm([x, y.max(0.0), z])
+    }
+
+    /// Whether a deformed point lies within the body's extent, above or below its surface.
     fn covers(&self, p: Vec3) -> bool {
         let inside = |v: f64, [low, high]: [f64; 2]| v >= low && v <= high;
         inside(p[0], self.footprint.x_mm) && inside(p[2], self.footprint.z_mm)

@@ -2,10 +2,10 @@
 
 use super::derivatives::{self, Derivative};
 use super::store::Solved;
-use crate::actuator::{moved_nodes, unit};
+use crate::actuator::{Setting, moved_nodes, unit};
 use crate::algebra::norm;
 use crate::cases::{Case, VOLUME_COLUMNS, columns};
-use crate::family::{Family, VariantError};
+use crate::family::{Family, Variant, VariantError};
 use crate::solver::FORMULATION;
 use formats::database::{self, Input, Manifest};
 use formats::packed::{self, Snapshots, Stored};
@@ -21,6 +21,11 @@ const VOLUMES: &str = "volumes.csv";
 const SENSITIVITIES: &str = "sensitivities.pack";
 /// Largest error of a derivative, as a share of the largest of its row and field.
 const SENSITIVITY_SHARE: f64 = 5.0e-5;
+const UNDEFORMED_BY: &str = "undeformed_by.npy";
+/// Half the step of the difference of undeformed nodes, as a share of the parameter.
+const SHAPE_STEP: f64 = 1.0e-3;
+/// The map of the mesh is linear in each parameter, up to rounding.
+const FOLLOWS_WITHIN_MM: f64 = 1.0e-6;
 /// Columns of the balance of forces.
 const RESIDUAL_COLUMNS: [&str; 5] = ["case", "out_of_balance_n", "residual", "factorisations", "steps"];
 /// Fields of a snapshot: deformed coordinates, displacement magnitude, von Mises stress.
@@ -67,6 +72,10 @@ pub fn write(
         unit: unit(name).into(),
         nominal: family.actuator.quantity(name).ok(),
     }));
+    if let Some(values) = undeformed_by(dir, family, cases, solved)? {
+        npy::write_f32(&dir.join(UNDEFORMED_BY), &[parameters.len(), mesh.nodes_mm.len(), 3], &values)?;
+        manifest.undeformed_by = Some(UNDEFORMED_BY.into());
+    }
     if let Some(derivatives) = derivatives {
         write_sensitivities(dir, mesh.nodes_mm.len(), cases, solved, derivatives)?;
         manifest.sensitivities = Some(SENSITIVITIES.into());
@@ -134,7 +143,9 @@ pub fn extend(
     append("cases.csv", &manifest.cases, &case_columns(cases), to_text(&[], case_rows(cases, solved)))?;
     append(VOLUMES, VOLUMES, &VOLUME_COLUMNS, to_text(&[], volume_rows(cases, solved)))?;
     write_snapshots(dir, family, cases, before.values, solved)?;
-    file::copy(&from.join(&mesh_file), &dir.join(&mesh_file))?;
+    for name in [&mesh_file].into_iter().chain(&manifest.undeformed_by) {
+        file::copy(&from.join(name), &dir.join(name))?;
+    }
     manifest.copy_with_names(
         &from.join(DESCRIPTION),
         &dir.join(DESCRIPTION),
@@ -191,10 +202,9 @@ fn write_snapshots(
 ) -> Result<(), FormatError> {
     let nodes = family.problem.mesh().nodes_mm.len();
     for (index, state) in solved {
-        let undeformed = undeformed(family, &cases[*index]).map_err(|reason| {
-            let place = format!("case {}", cases[*index].name);
-            FormatError::one(dir, Diagnostic::new(place, "parameters that can be had", reason))
-        })?;
+        let case = &cases[*index];
+        let undeformed = family.variant(&case.settings).and_then(|variant| undeformed(family, &variant));
+        let undeformed = undeformed.map_err(|reason| impossible(dir, case, reason))?;
         for (n, x) in undeformed.iter().enumerate() {
             let u = state.state.displacement_mm[n];
             values.extend((0..3).map(|k| (x[k] + u[k]) as f32));
@@ -204,8 +214,51 @@ fn write_snapshots(
     npy::write_f32(&dir.join(SNAPSHOTS), &[values.len() / (nodes * FIELDS), nodes, FIELDS], &values)
 }
 
-/// Undeformed nodes of a case's variant.
-fn undeformed(family: &Family, case: &Case) -> Result<Vec<[f64; 3]>, VariantError> {
-    let actuator = family.actuator_of(&family.variant(&case.settings)?)?;
+fn impossible(dir: &Path, case: &Case, reason: VariantError) -> FormatError {
+    let place = format!("case {}", case.name);
+    FormatError::one(dir, Diagnostic::new(place, "parameters that can be had", reason))
+}
+
+/// Undeformed nodes of a variant.
+fn undeformed(family: &Family, variant: &Variant) -> Result<Vec<[f64; 3]>, VariantError> {
+    let actuator = family.actuator_of(variant)?;
     moved_nodes(family.problem.mesh(), &family.actuator, &actuator).map_err(VariantError::Values)
+}
+
+/// How the undeformed nodes move with each parameter (mm per unit), parameter by parameter. None where no parameter moves
+/// them, or where their places in a case do not follow from that.
+fn undeformed_by(
+    dir: &Path,
+    family: &Family,
+    cases: &[Case],
+    solved: &Indexed,
+) -> Result<Option<Vec<f32>>, FormatError> {
+    let Some(first) = cases.first().filter(|case| !case.settings.is_empty()) else { return Ok(None) };
+    let at =
+        |case: &Case, variant| undeformed(family, &variant).map_err(|reason| impossible(dir, case, reason));
+    let (mesh, nominal) = (&family.problem.mesh().nodes_mm, Variant::default());
+    let mut by = Vec::new();
+    for (name, _) in &first.settings {
+        let step = SHAPE_STEP * family.value(&nominal, name).abs();
+        let below = at(first, family.stepped(&nominal, name, -step))?;
+        let above = at(first, family.stepped(&nominal, name, step))?;
+        let slope = |(a, b): (&[f64; 3], &[f64; 3])| [0, 1, 2].map(|k| (a[k] - b[k]) / (2.0 * step));
+        by.push(above.iter().zip(&below).map(slope).collect::<Vec<_>>());
+    }
+    let mut moves = false;
+    for case in solved.iter().map(|(index, _)| &cases[*index]) {
+        let variant = family.variant(&case.settings).map_err(|reason| impossible(dir, case, reason))?;
+        let step = |(name, value): &Setting| value - family.value(&nominal, name);
+        let steps: Vec<f64> = case.settings.iter().map(step).collect();
+        for (n, x) in at(case, variant)?.iter().enumerate() {
+            moves |= *x != mesh[n];
+            let add =
+                |x: [f64; 3], (step, by): (&f64, &Vec<[f64; 3]>)| [0, 1, 2].map(|k| x[k] + step * by[n][k]);
+            let follows = steps.iter().zip(&by).fold(mesh[n], add);
+            if norm([0, 1, 2].map(|k| x[k] - follows[k])) > FOLLOWS_WITHIN_MM {
+                return Ok(None);
+            }
+        }
+    }
+    Ok(moves.then(|| by.iter().flat_map(|of| of.as_flattened()).map(|v| *v as f32).collect()))
 }

@@ -6,7 +6,7 @@ use super::derivatives::{self, DerivativeError};
 use super::schedule::{Start, starts};
 use super::store::{Sizes, Solved, Store};
 use crate::cases::Case;
-use crate::config::Load;
+use crate::config::{Load, flat};
 use crate::family::{Family, Variant, VariantError};
 use crate::linear::LinearError;
 use crate::problem::Problem;
@@ -423,6 +423,6 @@ pub fn fingerprint(problem: &Problem) -> [u8; 32] {
         hasher.update(&index.to_le_bytes());
     }
     // The debug form names every constant and prints floats so that they can be read back.
-    hasher.update(format!("{:?}", problem.config()).as_bytes());
+    hasher.update(flat(&format!("{:?}", problem.config())).as_bytes());
     *hasher.finalize().as_bytes()
 }

@@ -47,7 +47,7 @@ pub fn potential_n_mm(problem: &Problem, state: &State, load: &Load) -> Result<f
     }
     if let Some(face) = face(problem, load.obstacle) {
         let nodes = problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm);
-        let touching = nodes.filter_map(|(n, k)| Some(k * face.touch(x[*n as usize])?.energy));
+        let touching = nodes.filter_map(|(n, k)| Some(k * face.touch(x[*n as usize])?.penalty.energy));
         sum += touching.sum::<f64>();
     }
     Ok(sum)

@@ -23,6 +23,9 @@ fn the_committed_actuators_meshes_and_lists_are_sound() {
         assert_eq!(mesh.slots.len(), 10, "{name}");
         cases::read(&model(name).join("cases.csv")).unwrap();
     }
+    Actuator::read(&model("cylinder/actuator.toml")).unwrap();
+    let count = |list: &str| cases::read(&model("cylinder").join(list)).unwrap().len();
+    assert_eq!((count("cases.csv"), count("sealed.csv")), (60, 20));
 }
 
 #[test]

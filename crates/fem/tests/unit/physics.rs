@@ -12,7 +12,10 @@ use crate::newton::NewtonError;
 use crate::ordering::nested_dissection;
 use crate::sparse::CONSTRAINED;
 use crate::system::{Ahead, System};
-use crate::{Load, Obstacle, Problem, ProblemConfig, ProblemError, SolveError, Solver, State};
+use crate::{
+    Form, Load, Obstacle, Problem, ProblemConfig, ProblemError, Round, SolveError, Solver, State,
+    StressRecovery,
+};
 use rom::snapshots::Footprint;
 
 /// First scalar unknown of a node; `None` where it is fixed.
@@ -31,6 +34,33 @@ fn finger() -> Mesh {
     b.mesh.sheet = b.mesh.bottom.clone();
     b.mesh.fixed_nodes = b.nodes_where(|p| p[0] < 1.0e-9);
     b.mesh
+}
+
+#[test]
+fn stress_recovered_from_positions_is_that_of_the_solution_for_all_nodes_and_for_a_set() {
+    let problem = Arc::new(Problem::new(finger(), config()).unwrap());
+    let mut solver = Solver::new(Arc::clone(&problem)).unwrap();
+    let load = Load { pressure_mpa: 0.02, ..Load::default() };
+    let (state, _) = solver.solve_to(&solver.undeformed(), &load).unwrap();
+    let output = solver.output(&state);
+    let stress = |recovery: &StressRecovery, count: usize| {
+        let mut out = vec![0.0; count];
+        let positions: Vec<Vec3> =
+            recovery.needed().iter().map(|n| output.coordinates_mm[*n as usize]).collect();
+        recovery.evaluate(&positions, &mut out);
+        out
+    };
+    let nodes = output.von_mises_mpa.len();
+    let largest = output.von_mises_mpa.iter().copied().fold(0.0, f64::max);
+    let all = stress(&StressRecovery::new(Arc::clone(&problem), None), nodes);
+    for (node, (found, exact)) in all.iter().zip(&output.von_mises_mpa).enumerate() {
+        assert!((found - exact).abs() < 1.0e-12 * largest, "node {node}: {found} is not {exact}");
+    }
+    // In the order asked for, and from the positions around these nodes alone.
+    let set = [nodes as u32 - 1, 0, nodes as u32 / 2];
+    let of_set = StressRecovery::new(problem, Some(&set));
+    assert_eq!(stress(&of_set, 3), set.map(|node| all[node as usize]));
+    assert!(set.iter().all(|node| of_set.needed().contains(node)) && of_set.needed().len() < nodes / 2);
 }
 
 /// Two towers on a base with a slot of 1 mm between them.
@@ -126,43 +156,49 @@ fn patch_test_a_homogeneous_deformation_is_in_equilibrium_inside() {
 
 #[test]
 fn residual_is_the_derivative_of_the_energy_and_the_tangent_that_of_the_residual() {
-    let problem = Problem::new(finger(), config()).unwrap();
+    let round = |form| Round { form, radius_mm: 40.0, centre_mm: [12.0, 3.0] };
+    for round in [None, Some(round(Form::Sphere)), Some(round(Form::Cylinder))] {
+        derivatives_agree(&Problem::new(finger(), ProblemConfig { round, ..config() }).unwrap());
+    }
+}
+
+fn derivatives_agree(problem: &Problem) {
     let load = Load {
         pressure_mpa: 0.05,
         obstacle: Obstacle::Plate { gap_mm: 0.02 },
         gravity_mm_s2: [1.0e3, -9810.0, 2.0e3],
     };
-    let state = shaken(&problem, 0.05, load);
+    let state = shaken(problem, 0.05, load);
     let nodes = state.displacement_mm.len();
     let direction: Vec<Vec3> = (0..nodes)
-        .map(|n| unknown(&problem, n).map_or([0.0; 3], |_| std::array::from_fn(|i| noise(9000 + 3 * n + i))))
+        .map(|n| unknown(problem, n).map_or([0.0; 3], |_| std::array::from_fn(|i| noise(9000 + 3 * n + i))))
         .collect();
     let moved = |step: f64| {
         let u = state.displacement_mm.iter().zip(&direction).map(|(u, d)| add(*u, scale(step, *d))).collect();
-        follow(&problem, u, load)
+        follow(problem, u, load)
     };
     let step = 1.0e-6;
     let (up, down) = (moved(step), moved(-step));
-    let energy = |s: &State| potential_n_mm(&problem, s, &load).unwrap();
+    let energy = |s: &State| potential_n_mm(problem, s, &load).unwrap();
     let slope = (energy(&up) - energy(&down)) / (2.0 * step);
-    let mut system = System::new(&problem);
-    system.assemble(&problem, &state, &load, Ahead::default(), true).unwrap();
-    assert!(system.contact_force_n > 0.0, "the plate must touch for the test to mean anything");
+    let mut system = System::new(problem);
+    system.assemble(problem, &state, &load, Ahead::default(), true).unwrap();
+    assert!(system.contact_force_n > 0.0, "the obstacle must touch for the test to mean anything");
     let work: f64 = system.condensed.iter().zip(&direction).map(|(f, d)| dot(*f, *d)).sum();
     println!("energy: derivative {slope:.9e} N, force {:.9e} N along the same direction", -work);
     assert!(close(-work, slope, 1.0e-6), "{} against {slope}", -work);
 
     let mut v = vec![0.0; problem.pattern.unknowns()];
     for (n, d) in direction.iter().enumerate() {
-        if let Some(k) = unknown(&problem, n) {
+        if let Some(k) = unknown(problem, n) {
             v[k..k + 3].copy_from_slice(d);
         }
     }
     let kv = problem.pattern.multiply(&system.tangent, &v);
-    let (up, down) = (residual(&problem, &up, &load), residual(&problem, &down, &load));
+    let (up, down) = (residual(problem, &up, &load), residual(problem, &down, &load));
     let largest = kv.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     for n in 0..nodes {
-        if let Some(k) = unknown(&problem, n) {
+        if let Some(k) = unknown(problem, n) {
             for i in 0..3 {
                 let measured = -(up[n][i] - down[n][i]) / (2.0 * step);
                 assert!(
@@ -348,6 +384,41 @@ fn a_path_of_too_many_steps_ends() {
     let Err(SolveError::NotConverged(stop)) = solved else { panic!("expected too many steps: {solved:?}") };
     assert!(matches!(stop.reason, NewtonError::StepTooShort { share } if share < 1.0 / 256.0), "{stop}");
     assert_eq!((stop.report.cuts, stop.report.steps), (0, 0), "the first step says it already");
+}
+
+/// An iteration that lands far from where its step began has found another branch: a finger folded over balances its loads too.
+#[test]
+fn a_jump_to_another_place_is_no_step() {
+    let newton = NewtonSettings { step_length_mm: 0.05, ..NewtonSettings::default() };
+    let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
+    let mut solver = Solver::new(problem).unwrap();
+    // The equilibrium without loads is the undeformed body; the start is bent away from it by 1 mm.
+    let mut bent = solver.undeformed();
+    let nodes = solver.problem().mesh().nodes_mm.clone();
+    bent.displacement_mm.iter_mut().zip(nodes).for_each(|(u, x)| u[1] -= (x[0] / 24.0).powi(2));
+    let solved = solver.solve_to(&bent, &Load::default()).map(|(_, report)| report);
+    let Err(SolveError::NotConverged(stop)) = solved else { panic!("expected a jump: {solved:?}") };
+    assert!(
+        matches!(stop.reason, NewtonError::Jumped { moved_mm, .. } if (moved_mm - 1.0).abs() < 0.2),
+        "{stop}"
+    );
+}
+
+/// Contact is felt by the underside only: where another part has passed the obstacle, there is no state.
+#[test]
+fn a_body_behind_its_obstacle_is_refused() {
+    let mut mesh = finger();
+    let half = |face: &[u32; 6], nodes: &[Vec3]| face.iter().all(|n| nodes[*n as usize][0] < 12.1);
+    let (faces, nodes) = (mesh.bottom.clone(), mesh.nodes_mm.clone());
+    mesh.bottom = faces.into_iter().filter(|face| half(face, &nodes)).collect();
+    let mut solver = Solver::new(Arc::new(Problem::new(mesh, config()).unwrap())).unwrap();
+    let gravity_mm_s2 = GRAVITY_DOWN_MM_S2.map(|g| 120.0 * g);
+    let (rest, _) = solver.gravity_equilibrium(gravity_mm_s2).unwrap();
+    let lowest = solver.output(&rest).coordinates_mm.iter().map(|x| -x[1]).fold(0.0, f64::max);
+    assert!(lowest > 1.5, "the tip must hang far below: {lowest}");
+    let load = Load { obstacle: Obstacle::Plate { gap_mm: lowest - 1.2 }, gravity_mm_s2, ..Load::default() };
+    let solved = solver.solve_to(&rest, &load).map(|(_, report)| report);
+    assert!(matches!(solved, Err(SolveError::Behind { depth_mm }) if depth_mm > 1.0), "{solved:?}");
 }
 
 /// The walls' normal is held while force and tangent are formed; along a motion that does not turn the walls the

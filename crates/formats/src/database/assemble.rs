@@ -4,7 +4,7 @@ use super::mesh;
 use super::words::ObstacleKind;
 use crate::error::FormatError;
 use rom::inputs::Parameter;
-use rom::snapshots::{Case, Database, FieldSpec};
+use rom::snapshots::{Case, Database, FieldSpec, Sensitivities};
 use std::path::Path;
 
 /// What the reader of a layout found.
@@ -17,6 +17,9 @@ pub(crate) struct Parts {
     pub(crate) parameters: Vec<Parameter>,
     /// `cases x nodes x fields`.
     pub(crate) snapshots: Vec<f32>,
+    /// Empty where no parameter moves the mesh.
+    pub(crate) undeformed_by: Vec<Vec<[f32; 3]>>,
+    pub(crate) sensitivities: Option<Sensitivities>,
 }
 
 impl Parts {
@@ -39,11 +42,12 @@ impl Parts {
             cases: self.cases,
             snapshots: self.snapshots,
             undeformed_mm: has_mesh.then_some(body.points_mm),
+            undeformed_by: self.undeformed_by,
             surface_triangles: body.triangles,
             node_sets: body.node_sets,
             obstacle: obstacle.footprint(),
             parameters: self.parameters,
-            sensitivities: None,
+            sensitivities: self.sensitivities,
             hash: [0; 32],
         };
         database.hash = database.content_hash();

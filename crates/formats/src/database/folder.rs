@@ -11,6 +11,8 @@ use crate::{file, npy, vtu};
 use rom::snapshots::{Case, Database};
 use std::path::Path;
 
+const UNDEFORMED_BY: &str = "undeformed_by.npy";
+
 /// Reads the cases of one kind of obstacle.
 pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     let manifest = Manifest::read(&dir.join(FILE))?;
@@ -35,14 +37,33 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
     }
     let node_count = manifest.nodes;
     let parameters = manifest.parameters();
-    let parts = Parts { actuator: manifest.actuator, fields, node_count, cases, parameters, snapshots };
+    let moved = manifest.undeformed_by.as_ref();
+    let moved = moved.map(|name| undeformed_by(&dir.join(name), parameters.len(), node_count)).transpose()?;
+    let parts = Parts {
+        actuator: manifest.actuator,
+        fields,
+        node_count,
+        cases,
+        parameters,
+        snapshots,
+        undeformed_by: moved.unwrap_or_default(),
+        sensitivities: derivatives.map(|found| sensitivities::of_cases(found, &kept, node_count)),
+    };
     let mut database = parts.assemble(mesh.as_deref(), obstacle)?;
     database.obstacle = manifest.obstacle.unwrap_or(database.obstacle);
-    if let Some(derivatives) = derivatives {
-        database.sensitivities = Some(sensitivities::of_cases(derivatives, &kept, node_count));
-        database.hash = database.content_hash();
-    }
     Ok(database)
+}
+
+/// The change of the undeformed mesh per unit of each parameter.
+fn undeformed_by(path: &Path, parameters: usize, nodes: usize) -> Result<Vec<Vec<[f32; 3]>>, FormatError> {
+    let array = npy::read_f32(path)?;
+    let expected = [parameters, nodes, 3];
+    if array.shape != expected || array.data.iter().any(|v| !v.is_finite()) {
+        let expected = format!("{expected:?} finite values (parameters and nodes of {FILE})");
+        return Err(FormatError::one(path, Diagnostic::new("shape", expected, format!("{:?}", array.shape))));
+    }
+    let (points, _) = array.data.as_chunks::<3>();
+    Ok(points.chunks_exact(nodes).map(<[_]>::to_vec).collect())
 }
 
 /// The cases of one kind of obstacle and their snapshots, in file order.
@@ -92,6 +113,13 @@ pub fn write(dir: &Path, database: &Database, cells: vtu::Cells<'_>) -> Result<(
         unit: p.unit.clone(),
         nominal: Some(p.nominal),
     }));
+    if !database.undeformed_by.is_empty() {
+        manifest.undeformed_by = Some(UNDEFORMED_BY.into());
+        let values: Vec<f32> =
+            database.undeformed_by.iter().flat_map(|by| by.as_flattened()).copied().collect();
+        let shape = [database.parameters.len(), database.node_count, 3];
+        npy::write_f32(&dir.join(UNDEFORMED_BY), &shape, &values)?;
+    }
     if let Some(derivatives) = &database.sensitivities {
         sensitivities::write(dir, &mut manifest, database, derivatives)?;
     }

@@ -31,6 +31,10 @@ pub struct Manifest {
     /// File of the undeformed mesh, in the same folder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh: Option<String>,
+    /// File of the change of the undeformed mesh per unit of each parameter (`parameters x nodes x 3`, mm per unit), in the same
+    /// folder, where parameters move it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub undeformed_by: Option<String>,
     /// Where the mesh comes from; free text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh_origin: Option<String>,
@@ -138,6 +142,7 @@ impl Manifest {
             cases: "cases.csv".into(),
             snapshots: "snapshots.npy".into(),
             mesh: None,
+            undeformed_by: None,
             mesh_origin: None,
             solver: None,
             obstacle: None,
@@ -202,6 +207,7 @@ impl Manifest {
             ("cases", Some(&self.cases)),
             ("snapshots", Some(&self.snapshots)),
             ("mesh", self.mesh.as_ref()),
+            ("undeformed_by", self.undeformed_by.as_ref()),
             ("sensitivities", self.sensitivities.as_ref()),
         ] {
             if let Some(name) = name {

@@ -12,6 +12,22 @@ pub struct Label {
 }
 
 impl Label {
+    /// A state of the actuator by the names that every file gives them: pressure, gap (none without an obstacle), the further inputs,
+    /// contact force.
+    pub fn of_state(
+        pressure_mpa: f64,
+        gap_mm: Option<f64>,
+        parameters: impl IntoIterator<Item = (String, f64)>,
+        contact_force_n: f64,
+    ) -> Self {
+        let named = |name: &str, value| (name.to_owned(), value);
+        let mut numbers =
+            vec![named("pressure_mpa", pressure_mpa), named("gap_mm", gap_mm.unwrap_or(f64::INFINITY))];
+        numbers.extend(parameters);
+        numbers.push(named("contact_force_n", contact_force_n));
+        Self { name: String::new(), numbers }
+    }
+
     /// The numbers that are there.
     pub(crate) fn present(&self) -> impl Iterator<Item = (&str, f64)> {
         self.numbers

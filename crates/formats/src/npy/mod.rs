@@ -44,7 +44,23 @@ pub fn read_f64(path: &Path) -> Result<Array<f64>, FormatError> {
 
 fn read<T>(path: &Path, wide: fn(f64) -> T, narrow: fn(f32) -> T) -> Result<Array<T>, FormatError> {
     let (mut file, bytes) = file::open(path, file::MAX_DATA_BYTES)?;
-    let header = Header::read(&mut file, path, bytes)?;
+    read_from(&mut file, path, bytes, wide, narrow)
+}
+
+/// As [`read_f64`], from memory; `name` stands for the file in messages.
+pub(crate) fn parse_f64(mut bytes: &[u8], name: &Path) -> Result<Array<f64>, FormatError> {
+    let length = bytes.len() as u64;
+    read_from(&mut bytes, name, length, |v| v, f64::from)
+}
+
+fn read_from<T>(
+    file: &mut impl Read,
+    path: &Path,
+    bytes: u64,
+    wide: fn(f64) -> T,
+    narrow: fn(f32) -> T,
+) -> Result<Array<T>, FormatError> {
+    let header = Header::read(file, path, bytes)?;
     let mut data = Vec::with_capacity(header.elements);
     let mut buffer = vec![0_u8; CHUNK * header.element.bytes()];
     let mut left = header.elements;

@@ -213,6 +213,7 @@ impl Assembly {
             cases: self.cases,
             snapshots: self.snapshots,
             undeformed_mm: Some(self.points_mm),
+            undeformed_by: Vec::new(),
             surface_triangles: Vec::new(),
             node_sets: Vec::new(),
             obstacle: Footprint::PLATE,

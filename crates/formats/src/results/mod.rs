@@ -6,6 +6,7 @@
 //! | `.vtu` | VTK, one step | `vtk.rs` |
 //! | `.pvd` | ParaView's list of `.vtu` files, one step each | `vtk.rs` |
 //! | `.inp` | an Abaqus mesh; the results stand in a `.csv` of the same name | `nodal.rs` |
+//! | `.npz` | the same arrays as in a folder | `stacks.rs` |
 //! | a folder | NumPy arrays: `points.npy`, `tetra10.npy`, `displacement.npy` (steps x nodes x 3), ... | `stacks.rs` |
 
 mod assemble;
@@ -18,20 +19,20 @@ mod vtk;
 pub use assemble::{Assembly, Chosen, Wanted};
 pub use frd::parse as parse_frd;
 pub use run::{Quantity, Run, Step};
+pub use stacks::parse_archive as parse_npz;
 pub use vtk::parse_list as parse_pvd;
 
 use crate::error::{Diagnostic, FormatError};
 use std::path::Path;
 
 /// Formats of which the reader is another program.
-const ELSEWHERE: [(&str, &str); 8] = [
+const ELSEWHERE: [(&str, &str); 7] = [
     ("xdmf", "meshio convert run.xdmf run.vtu, or save as .pvd in ParaView"),
     ("h5", "meshio convert, or save as .pvd in ParaView"),
     ("vtk", "meshio convert run.vtk run.vtu"),
     ("xplt", "File > Export > VTK in FEBio Studio, then meshio convert to .vtu"),
     ("odb", "write mesh (.inp) and fields (.csv) from Abaqus' Python: docs/import.md shows the lines"),
     ("rst", "write nodal results with PRNSOL or PyMAPDL (save_as_vtk): docs/import.md"),
-    ("npz", "numpy: for name, a in np.load('run.npz').items(): np.save(f'run/{name}.npy', a)"),
     ("dat", "the .frd of the same job holds the fields"),
 ];
 
@@ -47,10 +48,11 @@ pub fn read(path: &Path) -> Result<Run, FormatError> {
         Some("vtu") => vtk::read(path),
         Some("pvd") => vtk::read_series(path),
         Some("inp") => nodal::read(path),
+        Some("npz") => stacks::read_archive(path),
         other => {
             let remedy = ELSEWHERE.iter().find(|(ending, _)| Some(*ending) == other);
             let expected = remedy.map_or_else(
-                || "results as .frd, .vtu, .pvd, .inp with .csv, or a folder of .npy".to_owned(),
+                || "results as .frd, .vtu, .pvd, .inp with .csv, .npz, or a folder of .npy".to_owned(),
                 |(_, remedy)| format!("a format that is read here; convert it: {remedy}"),
             );
             let found = other.map_or_else(|| "no ending".into(), |ending| format!(".{ending}"));

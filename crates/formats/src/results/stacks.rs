@@ -1,30 +1,76 @@
-//! A folder of NumPy arrays: `points.npy` (nodes x 3), one array of cells for each kind by meshio's name (`tetra10.npy`), and
+//! A folder of NumPy arrays, or the same arrays in one `.npz`: `points.npy` (nodes x 3), one array of cells for each kind by meshio's name (`tetra10.npy`), and
 //! quantities by name (`displacement.npy`), steps x nodes or steps x nodes x components. `time.npy` may give the times.
 
 use super::run::{Quantity, Run, Step, counted};
 use crate::cells::{Block, KINDS};
 use crate::error::{Diagnostic, FormatError};
-use crate::npy;
+use crate::file;
+use crate::npy::{self, Array};
+use std::collections::BTreeMap;
+use std::io::{Cursor, Read, Seek};
 use std::path::Path;
+use zip::ZipArchive;
+
+type Arrays = BTreeMap<String, Array<f64>>;
 
 /// Reads a folder.
 pub(super) fn read(dir: &Path) -> Result<Run, FormatError> {
+    let entries = std::fs::read_dir(dir).map_err(|error| FormatError::read(dir, error))?;
+    let mut arrays = Arrays::new();
+    for entry in entries.flatten() {
+        if let Some(name) = entry.file_name().to_string_lossy().strip_suffix(".npy") {
+            arrays.insert(name.to_owned(), npy::read_f64(&entry.path())?);
+        }
+    }
+    assemble(dir, arrays)
+}
+
+/// Reads a `.npz`, compressed or not.
+pub(super) fn read_archive(path: &Path) -> Result<Run, FormatError> {
+    let (file, _) = file::open(path, file::MAX_DATA_BYTES)?;
+    from_archive(file, path)
+}
+
+/// [`super::read`] of a `.npz` in memory.
+///
+/// # Errors
+/// As [`super::read`]; messages call it `bytes.npz`.
+pub fn parse_archive(bytes: &[u8]) -> Result<Run, FormatError> {
+    from_archive(Cursor::new(bytes), Path::new("bytes.npz"))
+}
+
+fn from_archive(file: impl Read + Seek, path: &Path) -> Result<Run, FormatError> {
+    let damaged = |place: &str, error: &dyn std::fmt::Display| {
+        FormatError::one(path, Diagnostic::new(place, "an archive that numpy.savez wrote", error))
+    };
+    let mut archive = ZipArchive::new(file).map_err(|error| damaged("archive", &error))?;
+    let mut arrays = Arrays::new();
+    for at in 0..archive.len() {
+        let entry = archive.by_index(at).map_err(|error| damaged(&format!("entry {}", at + 1), &error))?;
+        let name = entry.name().map_err(|error| damaged(&format!("entry {}", at + 1), &error))?.into_owned();
+        let Some(name) = name.strip_suffix(".npy").map(str::to_owned) else { continue };
+        // The size that the archive announces is not relied on: memory grows with what is really there.
+        let mut bytes = Vec::new();
+        let read = entry.take(file::MAX_DATA_BYTES).read_to_end(&mut bytes);
+        read.map_err(|error| damaged(&format!("{name}.npy"), &error))?;
+        arrays.insert(name.clone(), npy::parse_f64(&bytes, &path.join(format!("{name}.npy")))?);
+    }
+    assemble(path, arrays)
+}
+
+fn assemble(dir: &Path, mut arrays: Arrays) -> Result<Run, FormatError> {
     let path = dir.join("points.npy");
-    let points = npy::read_f64(&path)?;
+    let found = arrays.keys().map(|name| format!("{name}.npy")).collect::<Vec<_>>().join(", ");
+    let points = arrays.remove("points").ok_or_else(|| {
+        FormatError::one(dir, Diagnostic::new("arrays", "points.npy (nodes x 3) among them", found))
+    })?;
     let [nodes, 3] = points.shape[..] else { return Err(shape(&path, "nodes x 3", &points.shape)) };
     let points: Vec<[f64; 3]> = points.data.as_chunks::<3>().0.to_vec();
     let mut run = Run { points, ..Run::default() };
-    let mut names: Vec<String> = std::fs::read_dir(dir)
-        .map_err(|error| FormatError::read(dir, error))?
-        .flatten()
-        .filter_map(|entry| entry.file_name().to_string_lossy().strip_suffix(".npy").map(str::to_owned))
-        .filter(|name| name != "points" && name != "time")
-        .collect();
-    names.sort();
+    let times = arrays.remove("time").map_or_else(Vec::new, |times| times.data);
     let mut quantities = Vec::new();
-    for name in names {
+    for (name, array) in arrays {
         let path = dir.join(format!("{name}.npy"));
-        let array = npy::read_f64(&path)?;
         if let Some(kind) = KINDS.iter().find(|kind| kind.meshio == name) {
             let fits = matches!(array.shape[..], [_, count] if count == kind.nodes);
             if !fits || array.data.iter().any(|node| !(*node >= 0.0 && *node < nodes as f64)) {
@@ -47,8 +93,6 @@ pub(super) fn read(dir: &Path) -> Result<Run, FormatError> {
         let expected = format!("{steps} steps as in {}.npy", quantities[0].0);
         return Err(FormatError::one(dir, Diagnostic::new(format!("{name}.npy"), expected, found)));
     }
-    let times = dir.join("time.npy");
-    let times = if times.is_file() { npy::read_f64(&times)?.data } else { Vec::new() };
     run.steps = (0..steps)
         .map(|step| Step {
             name: format!("step {}", step + 1),

@@ -49,6 +49,7 @@ pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
         cases,
         snapshots,
         undeformed_mm: Some(points),
+        undeformed_by: Vec::new(),
         surface_triangles: vec![],
         node_sets: vec![],
         obstacle: Footprint::PLATE,

@@ -33,9 +33,20 @@ pub fn gateway_unready(stage: &Stage, config: &str) -> Program {
 
 /// The same with more in its environment.
 pub fn gateway_in(stage: &Stage, config: &str, environment: &[(&str, String)]) -> Program {
-    let path = stage.write("gateway.toml", config).display().to_string();
     let settings: String = environment.iter().map(|(name, value)| format!("{name}='{value}' ")).collect();
-    Program::shell(stage, &format!("{settings}exec softtwin-gateway --config {path}"))
+    started(stage, config, &settings, "")
+}
+
+/// A gateway with a metrics page at this address.
+pub fn gateway_with_page(stage: &Stage, config: &str, address: &str) -> Program {
+    let mut gateway = started(stage, config, "", &format!("--metrics {address}"));
+    gateway.wait_for("ready:");
+    gateway
+}
+
+fn started(stage: &Stage, config: &str, settings: &str, options: &str) -> Program {
+    let path = stage.write("gateway.toml", config).display().to_string();
+    Program::shell(stage, &format!("{settings}exec softtwin-gateway --config {path} {options}"))
 }
 
 /// The settings of a plain client of somebody who listens there.

@@ -5,4 +5,5 @@ mod common;
 mod inward;
 mod killed;
 mod outward;
+mod reloaded;
 mod watched;

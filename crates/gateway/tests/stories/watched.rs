@@ -1,9 +1,15 @@
 //! What the gateway tells of itself: to the service manager, and in its account.
 
-use crate::common::{FAST_SINE, far_end, free_port, gateway, gateway_in, subscribe, wait_sample};
-use serde_json::Value;
+use crate::common::{
+    FAST_SINE, far_end, free_port, gateway, gateway_in, gateway_with_page, get, get_until, subscribe,
+    wait_sample,
+};
+use serde_json::{Value, json};
+use tests::http::{free_address, metric};
+use tests::wait::wait_until;
 use tests::{Manager, Program, Stage};
-use wire::{FieldReader, Topic};
+use wire::{FieldReader, Topic, now_ns};
+use zenoh::Wait;
 
 /// Ready when it listens, alive while its threads turn, stopping when asked.
 #[test]
@@ -90,4 +96,88 @@ fn fields_whose_place_a_newer_one_took_are_counted() {
         "{sent} sent, {replaced} replaced: more than there were"
     );
     assert!(between > 100, "a twin at 500 Hz has more than {between} fields in two seconds");
+}
+
+/// What the page says is what the far end saw.
+#[test]
+fn the_metrics_say_what_happened() {
+    let stage = Stage::new("gwmetrics");
+    let scene = stage.finger(FAST_SINE);
+    let twin = Program::twin(&stage, &scene);
+    let (port, page) = (free_port(), free_address());
+    let config = format!(
+        "listen = [\"tcp/127.0.0.1:{port}\"]\nfield_rate_hz = 10.0\nreadings_from_network = [\"other\"]"
+    );
+    let gateway = gateway_with_page(&stage, &config, &page);
+    let value = |name: &str| {
+        metric(&page, &format!("softtwin_gateway_{name}")).unwrap_or_else(|| panic!("{name} is missing"))
+    };
+    let reaches = |name: &str, wanted: u64| {
+        wait_until(&format!("{name} {wanted}"), || (value(name) == wanted as f64).then_some(()));
+    };
+    for name in [
+        "messages",
+        "fields",
+        "fields_replaced",
+        "late_turns",
+        "lost",
+        "answers",
+        "refusals",
+        "readings",
+        "bad_readings",
+    ] {
+        assert_eq!(value(&format!("{name}_total")), 0.0, "{name}");
+    }
+    let session = far_end(port);
+    // States of a bridge that ends: a number that stays.
+    let states = subscribe(&session, "softtwin/finger/state");
+    let fields = subscribe(&session, "softtwin/finger/field");
+    let bridge = Program::bridge(&stage, &scene);
+    let (mut seen, mut drawn) = (0_u64, 0_u64);
+    wait_sample(&fields, "5 fields", |_| {
+        drawn += 1;
+        (drawn == 5).then_some(())
+    });
+    wait_sample(&states, "200 states", |_| {
+        seen += 1;
+        (seen == 200).then_some(())
+    });
+    assert!(bridge.stop().0.success() && twin.stop().0.success());
+    wait_until("all states that were counted", || {
+        seen += states.try_iter().count() as u64;
+        drawn += fields.try_iter().count() as u64;
+        (value("messages_total") == seen as f64).then_some(())
+    });
+    assert!(value("fields_total") >= drawn as f64 && value("fields_replaced_total") > 10.0);
+    assert_eq!(value("lost_total"), 0.0);
+    assert!(value("longest_send_seconds") > 0.0);
+    // Questions: one with an answer, one that is none, one that nobody answers.
+    let _twin = Program::twin(&stage, &scene);
+    get_until(&session, "softtwin/finger/whatif?pressure_mpa=0.03;gap_mm=30", Result::ok);
+    let (answers, refusals) = (value("answers_total") as u64, value("refusals_total") as u64);
+    assert!(answers > 0);
+    get(&session, "softtwin/finger/whatif?pressure_mpa=0.04;gap_mm=30").unwrap().unwrap();
+    reaches("answers_total", answers + 1);
+    get(&session, "softtwin/finger/whatif?pressure_mpa=oops").unwrap().unwrap_err();
+    reaches("refusals_total", refusals + 1);
+    // Readings: sent until the first one arrives, then counted.
+    let key = "softtwin/other/sensor";
+    let reading = |seq: u64| json!({ "boot_id": "aa", "seq": seq, "t_sensor_ns": now_ns(), "pressure_mpa": 0.03, "gap_mm": 30.0 });
+    let put = |message: Value| session.put(key, message.to_string()).wait().expect("sent");
+    wait_until("a reading", || {
+        put(reading(now_ns()));
+        (value("readings_total") > 0.0).then_some(())
+    });
+    let mut readings = 0;
+    wait_until("the readings on their way", || {
+        let before = std::mem::replace(&mut readings, value("readings_total") as u64);
+        (before == readings).then_some(())
+    });
+    put(json!("no reading"));
+    put(reading(u64::MAX));
+    reaches("bad_readings_total", 1);
+    reaches("readings_total", readings + 1);
+    let (status, said) = gateway.stop();
+    assert!(status.success(), "{said:?}");
+    assert_eq!(counted(&said, " readings taken"), readings + 1);
 }

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::{Recorded, schema, write};
 use crate::gaps::Gap;
-use crate::writer::Channel;
+use crate::writer::{Channel, Schema};
 
 /// A jump in the sequence numbers of a topic.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -38,7 +38,7 @@ impl GapMessage {
         Channel {
             topic: Self::TOPIC.to_owned(),
             schema_name: name.to_owned(),
-            schema_json: schema::object(name, properties),
+            schema: Schema::Json(schema::object(name, properties)),
         }
     }
 

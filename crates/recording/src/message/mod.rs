@@ -18,7 +18,7 @@ pub use json::{Json, answer};
 use serde::Serialize;
 use wire::layout::{Layout, View};
 
-use crate::writer::Channel;
+use crate::writer::{Channel, Schema};
 
 /// A message of a recording.
 pub trait Recorded {
@@ -31,7 +31,7 @@ pub fn channel(layout: &Layout, topic: &str) -> Channel {
     Channel {
         topic: topic.to_owned(),
         schema_name: layout.schema.to_owned(),
-        schema_json: schema::of(layout),
+        schema: Schema::Json(schema::of(layout)),
     }
 }
 

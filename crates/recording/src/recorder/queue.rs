@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use wire::layout::{hex, unpack_name};
 use wire::{AnySample, Stamp, State, Topic, WireError, now_ns};
 
+use super::companion::Companion;
 use super::summary::{RecordError, RecordSummary};
 use crate::gaps::GapCounter;
 use crate::message::{GapMessage, Recorded};
@@ -25,6 +26,7 @@ pub const FLUSH_EVERY: Duration = Duration::from_millis(500);
 enum Entry {
     Message { channel: Arc<Channel>, sequence: u32, log_time_ns: u64, publish_time_ns: u64, data: Vec<u8> },
     Metadata { name: String, entries: BTreeMap<String, String> },
+    NewFile,
 }
 
 /// The end that is filled. Each topic's thread has its own [`QueueSink`].
@@ -44,6 +46,9 @@ pub struct QueueSink {
     channel: Arc<Channel>,
     gap_channel: Arc<Channel>,
     gaps: GapCounter,
+    /// Whether the samples themselves are recorded.
+    is_recorded: bool,
+    companion: Option<Box<dyn Companion>>,
     /// The model of the newest state.
     model: Option<[u8; 16]>,
 }
@@ -65,28 +70,38 @@ pub fn start(
     let waiting_bytes = Arc::new(AtomicU64::new(0));
     let waiting = waiting_bytes.clone();
     let thread = thread::Builder::new().name("writer".into());
-    let handle = thread.spawn(move || write_all(file, &receiver, &waiting)).map_err(RecordError::Start)?;
-    let queue = Queue { sender, waiting_bytes, limit_bytes, offset_ns, summary: Arc::default() };
+    let summary = Arc::<Mutex<RecordSummary>>::default();
+    let seen = summary.clone();
+    let write = move || write_all(file, &receiver, &waiting, &seen);
+    let handle = thread.spawn(write).map_err(RecordError::Start)?;
+    let queue = Queue { sender, waiting_bytes, limit_bytes, offset_ns, summary };
     Ok((queue, WriterThread(handle)))
 }
 
 impl Queue {
-    /// A sink for the samples of `topic`.
-    pub fn sink(&self, topic: Topic) -> QueueSink {
+    /// A sink for the samples of `topic`, or for messages beside them only.
+    pub fn sink(&self, topic: Topic, is_recorded: bool, companion: Option<Box<dyn Companion>>) -> QueueSink {
         QueueSink {
             queue: self.clone(),
             channel: Arc::new(sample::channel(&topic)),
             gap_channel: Arc::new(GapMessage::channel()),
             topic,
             gaps: GapCounter::default(),
+            is_recorded,
+            companion,
             model: None,
         }
     }
 
     /// What was recorded so far, over all topics.
     pub fn summary(&self) -> MutexGuard<'_, RecordSummary> {
-        // Counts are whole after every line: a thread that panicked while it held the lock left nothing half done.
-        self.summary.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.summary)
+    }
+
+    /// Asks the writer to end its file and to begin the next one, see [`RotatingWriter::begin_new_file`].
+    pub fn begin_new_file(&self) {
+        // If the writer has ended, the recorder's loop sees it.
+        let _ = self.sender.send(Entry::NewFile);
     }
 
     /// Reserves `bytes` of the queue; false when they do not fit.
@@ -123,7 +138,18 @@ impl QueueSink {
         if let AnySample::State(state) = sample {
             self.note_model(state);
         }
-        self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
+        if self.is_recorded {
+            self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
+        }
+        let publish_time_ns = stamp.t_publish_ns.saturating_add(self.queue.offset_ns);
+        let further = self
+            .companion
+            .as_mut()
+            .map(|companion| companion.messages(sample, publish_time_ns))
+            .unwrap_or_default();
+        for (channel, data) in further {
+            self.enqueue(channel, stamp, data);
+        }
     }
 
     /// Records which model an actuator's states come from, whenever that changes.
@@ -170,10 +196,16 @@ impl WriterThread {
     }
 }
 
+fn lock(summary: &Mutex<RecordSummary>) -> MutexGuard<'_, RecordSummary> {
+    // Counts are whole after every line: a thread that panicked while it held the lock left nothing half done.
+    summary.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 fn write_all(
     mut file: RotatingWriter,
     receiver: &Receiver<Entry>,
     waiting_bytes: &AtomicU64,
+    summary: &Mutex<RecordSummary>,
 ) -> Result<RotateSummary, WriteError> {
     let mut flush_at = Instant::now() + FLUSH_EVERY;
     loop {
@@ -183,11 +215,13 @@ fn write_all(
                 file.message(&channel, sequence, log_time_ns, publish_time_ns, &data)?;
             }
             Ok(Entry::Metadata { name, entries }) => file.metadata(&name, &entries)?,
+            Ok(Entry::NewFile) => file.begin_new_file()?,
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return file.finish(),
         }
         if Instant::now() >= flush_at {
             file.flush()?;
+            lock(summary).flushed(file.disk_use());
             flush_at = Instant::now() + FLUSH_EVERY;
         }
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 use wire::WireError;
 
-use crate::rotate::RotateSummary;
+use crate::rotate::{DiskUse, RotateSummary};
 use crate::thread_group::ThreadEnded;
 use crate::writer::WriteError;
 
@@ -39,6 +39,10 @@ pub struct RecordSummary {
     pub troubles: BTreeMap<String, String>,
     /// Topics that a program of another version made, and what is different; they are not recorded.
     pub skipped: BTreeMap<String, String>,
+    /// What the series takes of the disk, since the last flush.
+    pub disk: DiskUse,
+    /// Flushes so far: they stand still when the disk hangs.
+    pub flushes: u64,
     /// The files; known at the end.
     pub files: RotateSummary,
 }
@@ -51,6 +55,12 @@ impl RecordSummary {
             Some(count) => *count += 1,
             None => _ = self.messages.insert(topic.to_owned(), 1),
         }
+    }
+
+    /// Everything so far is on the disk, which is used like this.
+    pub(super) fn flushed(&mut self, disk: DiskUse) {
+        self.disk = disk;
+        self.flushes += 1;
     }
 
     /// Counts samples that never arrived.

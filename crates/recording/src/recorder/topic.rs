@@ -4,7 +4,7 @@
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
-use wire::{AnyReader, Bus, Domain, WakeSet, Wakeable, Waking, WireError};
+use wire::{AnyReader, Bus, Domain, WakeSet, Wakeable, Waking, WireError, now_ns};
 
 use super::queue::QueueSink;
 use crate::thread_group::{StopFlag, WAIT};
@@ -40,14 +40,23 @@ fn open_and_move(
     let mut wakes = WakeSet::new([&reader as &dyn Wakeable]);
     while !stop.is_set() {
         wakes.wait(WAIT)?;
-        drain(&reader, sink)?;
+        while let Some(sample) = reader.next()? {
+            sink.put(&sample);
+            // A topic that is faster than this thread never runs empty.
+            if stop.is_set() {
+                break;
+            }
+        }
     }
-    drain(&reader, sink)
+    drain_published_before(now_ns(), &reader, sink)
 }
 
-fn drain(reader: &AnyReader, sink: &mut QueueSink) -> Result<(), WireError> {
+fn drain_published_before(end_ns: u64, reader: &AnyReader, sink: &mut QueueSink) -> Result<(), WireError> {
     while let Some(sample) = reader.next()? {
         sink.put(&sample);
+        if sample.stamp().t_publish_ns > end_ns {
+            break;
+        }
     }
     Ok(())
 }

@@ -54,6 +54,7 @@ impl Place {
             path: self.folder.path().join("run.mcap"),
             rotate: RotateOptions::default(),
             queue_bytes: 64 << 20,
+            companions: None,
         }
     }
 
@@ -113,7 +114,7 @@ fn while_recording(mut recorder: Recorder, story: impl FnOnce(&Reported)) -> Rec
     let (reported, stop) = (Reported::default(), AtomicBool::new(false));
     thread::scope(|scope| {
         let running = scope.spawn(|| {
-            recorder.run(&stop, |summary| reported.0.lock().unwrap().clone_from(summary)).unwrap();
+            recorder.run(&stop, |_, summary| reported.0.lock().unwrap().clone_from(summary)).unwrap();
             recorder
         });
         let ending = End(&stop);
@@ -279,7 +280,7 @@ fn a_thread_that_panics_ends_the_recording() {
         }
     });
     let mut recorder = recorder.unwrap();
-    let error = recorder.run(&AtomicBool::new(false), |_| {}).unwrap_err().to_string();
+    let error = recorder.run(&AtomicBool::new(false), |_, _| {}).unwrap_err().to_string();
     assert!(error.contains("`topic scan` ended") && error.contains("scan 2"), "{error}");
     recorder.finish().unwrap();
 }

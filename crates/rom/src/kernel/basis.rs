@@ -146,6 +146,7 @@ impl Basis {
         for op in &self.plan.ops {
             (0..usize::from(op.has_mean)).for_each(|_| push(1.0));
             coefficients[op.first_coefficient..][..op.modes].iter().for_each(|&a| push(a));
+            op.shifts.iter().for_each(|&at| push(-coefficients[at]));
             (0..usize::from(op.has_rest)).for_each(|_| push(1.0));
         }
         factors
@@ -180,7 +181,8 @@ impl Basis {
         for op in &self.plan.ops {
             let mut bound = if op.has_mean { next(1.0) } else { 0.0 };
             bound += coefficients[op.first_coefficient..][..op.modes].iter().map(|&a| next(a)).sum::<f64>();
-            squares += if op.in_magnitude { bound * bound } else { 0.0 };
+            let shifted = bound + op.shifts.iter().map(|&at| next(coefficients[at])).sum::<f64>();
+            squares += if op.in_magnitude { shifted * shifted } else { 0.0 };
             bound += if op.has_rest { next(1.0) } else { 0.0 };
             if op.slot == Some(slot) {
                 return bound;

@@ -35,7 +35,7 @@ mod tests;
 
 pub use basis::{Basis, Peak, Peaks, ReconstructError};
 pub use isa::Isa;
-pub use spec::{Affine, BasisError, Field, Role, Source, Spec, Values};
+pub use spec::{Affine, BasisError, Field, Role, Shift, Source, Spec, Values};
 pub use tiles::Precision;
 
 /// Nodes a tile: four AVX-512 registers of f32, eight of AVX2, sixteen of NEON. More than one register holds, because

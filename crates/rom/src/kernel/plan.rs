@@ -14,6 +14,8 @@ pub(super) struct Op {
     pub modes: usize,
     /// A row with the mean comes first; less the rest shape for a component of the displacement.
     pub has_mean: bool,
+    /// Behind the modes a row for each shift of the undeformed coordinate: its entry in the coefficient vector.
+    pub shifts: Vec<usize>,
     /// A row with the undeformed coordinate comes last.
     pub has_rest: bool,
     /// The result before the rest row is added is a component of the displacement.
@@ -25,9 +27,15 @@ pub(super) struct Op {
 }
 
 impl Op {
+    /// Least length of the coefficient vector that it needs.
+    fn coefficients(&self) -> usize {
+        let shifted = self.shifts.iter().max().map_or(0, |last| last + 1);
+        shifted.max(self.first_coefficient + self.modes)
+    }
+
     /// Rows it reads.
     fn rows(&self) -> usize {
-        usize::from(self.has_mean) + self.modes + usize::from(self.has_rest)
+        usize::from(self.has_mean) + self.modes + self.shifts.len() + usize::from(self.has_rest)
     }
 }
 
@@ -68,14 +76,14 @@ impl Plan {
                 Source::Affine(affine) => {
                     let in_magnitude = coordinates.contains(&index);
                     if slot.is_some() || in_magnitude {
-                        ops.push(op(index, field, affine, slot, in_magnitude));
+                        ops.push(op(spec, index, affine, slot, in_magnitude));
                     }
                 }
             }
         }
         let plan = Self {
             rows: ops.iter().map(Op::rows).sum(),
-            coefficients: ops.iter().map(|op| op.first_coefficient + op.modes).max().unwrap_or(0),
+            coefficients: ops.iter().map(Op::coefficients).max().unwrap_or(0),
             published: slots,
             nodes: spec.output_nodes(),
             magnitude_slot,
@@ -101,16 +109,18 @@ impl Plan {
 
 /// A component of the displacement is summed relative to the rest shape, so that small displacements keep their digits;
 /// the rest row is added where the coordinate itself is published.
-fn op(index: usize, field: &Field<'_>, affine: &Affine<'_>, slot: Option<usize>, in_magnitude: bool) -> Op {
+fn op(spec: &Spec<'_>, index: usize, affine: &Affine<'_>, slot: Option<usize>, in_magnitude: bool) -> Op {
+    let moves = spec.rest_of(index).filter(|_| in_magnitude).map(|(_, shifts)| shifts);
     Op {
         field: index,
         first_coefficient: affine.coefficients.start,
         modes: affine.coefficients.len(),
         has_mean: affine.mean.is_some() || in_magnitude,
+        shifts: moves.into_iter().flatten().map(|(coefficient, _)| coefficient).collect(),
         has_rest: in_magnitude && slot.is_some(),
         in_magnitude,
         slot,
-        role: field.role,
+        role: spec.fields[index].role,
     }
 }
 
@@ -145,8 +155,9 @@ fn check_lengths(spec: &Spec<'_>) -> Result<(), BasisError> {
                     .map_or(0, |last| last.saturating_mul(affine.stride).saturating_add(n));
                 expect(index, "the mode matrix", affine.modes.len(), needed, affine.modes.len() >= needed)?;
             }
-            Source::Magnitude { rest, .. } => {
-                for axis in rest {
+            Source::Magnitude { rest, shifts, .. } => {
+                let moves = shifts.iter().flat_map(|shift| shift.axes.iter().flatten());
+                for axis in rest.iter().chain(moves) {
                     expect(index, "the undeformed coordinate", axis.len(), n, axis.len() == n)?;
                 }
             }

@@ -61,17 +61,28 @@ pub struct Affine<'a> {
     pub coefficients: Range<usize>,
 }
 
+/// How the undeformed coordinates change with one more coefficient, which the kernel takes as it takes those of modes.
+#[derive(Debug, Clone)]
+pub struct Shift<'a> {
+    /// Index in the coefficient vector.
+    pub coefficient: usize,
+    /// Change of x, y, z per unit of it, one value a node; `None` where there is none.
+    pub axes: [Option<Values<'a>>; 3],
+}
+
 /// Where a field comes from.
 #[derive(Debug, Clone)]
 pub enum Source<'a> {
     /// A linear combination of modes.
     Affine(Affine<'a>),
-    /// `|x - x0|` of three affine fields.
+    /// `|x - x0 - sum_i shift_i coefficient_i|` of three affine fields.
     Magnitude {
         /// Indices of x, y, z in [`Spec::fields`].
         coordinates: [usize; 3],
         /// Undeformed x, y, z, one value a node.
         rest: [Values<'a>; 3],
+        /// What moves the undeformed coordinates.
+        shifts: Vec<Shift<'a>>,
     },
 }
 
@@ -109,7 +120,18 @@ pub struct Spec<'a> {
     pub fields: Vec<Field<'a>>,
 }
 
-impl Spec<'_> {
+impl<'a> Spec<'a> {
+    /// The undeformed coordinate that a magnitude measures an affine field from, and what moves it, each with its entry in the
+    /// coefficient vector.
+    pub(super) fn rest_of(&self, field: usize) -> Option<(Values<'a>, Vec<(usize, Values<'a>)>)> {
+        self.fields.iter().find_map(|of| {
+            let Source::Magnitude { coordinates, rest, shifts } = &of.source else { return None };
+            let axis = coordinates.iter().position(|&c| c == field)?;
+            let along = |shift: &Shift<'a>| Some((shift.coefficient, shift.axes[axis]?));
+            Some((rest[axis], shifts.iter().filter_map(along).collect()))
+        })
+    }
+
     /// Nodes that will be computed.
     pub fn output_nodes(&self) -> usize {
         self.nodes.map_or(self.node_count, <[u32]>::len)

@@ -253,7 +253,12 @@ impl<V: Lanes> Sweep<'_, V> {
             for op in &job.plan.ops {
                 let mut value = combine::<V, R>(op, &mut cursor, &mut factors);
                 if op.in_magnitude {
-                    squares = value.mul_add(value, squares);
+                    let mut moved = value;
+                    for j in 0..op.shifts.len() {
+                        moved = R::next::<V>(&mut cursor).mul_add(V::splat(*factors.add(j)), moved);
+                    }
+                    factors = factors.add(op.shifts.len());
+                    squares = moved.mul_add(moved, squares);
                 }
                 if op.has_rest {
                     value = R::plus(value, &mut cursor, *factors);

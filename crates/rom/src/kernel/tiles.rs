@@ -1,6 +1,7 @@
 //! The basis in the order of use.
 //!
-//! A tile holds, for [`TILE_NODES`] nodes and for each affine field in turn: the mean row, the mode rows, the rest row.
+//! A tile holds, for [`TILE_NODES`] nodes and for each affine field in turn: the mean row, the mode rows, the rows of what
+//! moves the rest shape, the rest row.
 //!
 //! ```text
 //! F32    64 f32    256 bytes a row
@@ -137,7 +138,7 @@ enum RowOf<'a> {
     Mean { mean: Option<Values<'a>>, rest: Option<Values<'a>> },
     /// A mode, from its first entry in the mode matrix.
     Mode { modes: Values<'a>, first: usize },
-    /// The undeformed coordinate.
+    /// The undeformed coordinate, or its change per unit of a coefficient.
     Rest(Values<'a>),
 }
 
@@ -155,21 +156,12 @@ impl RowOf<'_> {
 /// The rows of one field in their order.
 fn rows<'a>(spec: &Spec<'a>, op: &Op) -> Vec<RowOf<'a>> {
     let Source::Affine(affine) = &spec.fields[op.field].source else { return Vec::new() };
-    let rest = rest_of(spec, op);
+    let (rest, shifts) = spec.rest_of(op.field).filter(|_| op.in_magnitude).unzip();
     let mean = op.has_mean.then_some(RowOf::Mean { mean: affine.mean, rest });
     let modes = (0..op.modes).map(|j| RowOf::Mode { modes: affine.modes, first: j * affine.stride });
     let rest = rest.filter(|_| op.has_rest).map(RowOf::Rest);
-    mean.into_iter().chain(modes).chain(rest).collect()
-}
-
-/// The undeformed coordinate that belongs to a component of the displacement.
-fn rest_of<'a>(spec: &Spec<'a>, op: &Op) -> Option<Values<'a>> {
-    spec.fields.iter().find_map(|field| match &field.source {
-        Source::Magnitude { coordinates, rest } if op.in_magnitude => {
-            coordinates.iter().position(|&c| c == op.field).map(|axis| rest[axis])
-        }
-        _ => None,
-    })
+    let shifts = shifts.into_iter().flatten().map(|(_, by)| RowOf::Rest(by));
+    mean.into_iter().chain(modes).chain(shifts).chain(rest).collect()
 }
 
 fn tile_bytes(plan: &Plan, precision: Precision) -> usize {

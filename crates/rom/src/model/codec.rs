@@ -9,21 +9,27 @@ use serde::de::DeserializeOwned;
 /// Largest header that is written or read, in bytes: node sets and weights of thousands of cases fit a hundred times.
 pub(crate) const MAX_HEADER_BYTES: usize = 256 << 20;
 
-fn config() -> impl bincode::config::Config {
-    bincode::config::standard()
-        .with_fixed_int_encoding()
-        .with_little_endian()
-        .with_limit::<MAX_HEADER_BYTES>()
+/// Headers up to this size may claim a quarter of the memory that the largest may: a text is allocated as long as it claims to be.
+const USUAL_HEADER_BYTES: usize = 2 << 20;
+const USUAL_CLAIM_BYTES: usize = MAX_HEADER_BYTES / 4;
+
+fn config<const LIMIT: usize>() -> impl bincode::config::Config {
+    bincode::config::standard().with_fixed_int_encoding().with_little_endian().with_limit::<LIMIT>()
 }
 
 /// Encodes a value.
 pub(crate) fn encode(value: &impl Serialize) -> Result<Vec<u8>, String> {
-    bincode::serde::encode_to_vec(value, config()).map_err(|e| e.to_string())
+    bincode::serde::encode_to_vec(value, config::<MAX_HEADER_BYTES>()).map_err(|e| e.to_string())
 }
 
 /// Decodes a value that must fill the bytes exactly. Claimed lengths beyond the limit are refused before allocation.
 pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
-    let (value, used) = bincode::serde::decode_from_slice(bytes, config()).map_err(|e| e.to_string())?;
+    let decoded = if bytes.len() <= USUAL_HEADER_BYTES {
+        bincode::serde::decode_from_slice(bytes, config::<USUAL_CLAIM_BYTES>())
+    } else {
+        bincode::serde::decode_from_slice(bytes, config::<MAX_HEADER_BYTES>())
+    };
+    let (value, used) = decoded.map_err(|e| e.to_string())?;
     if used == bytes.len() { Ok(value) } else { Err(format!("{} bytes left over", bytes.len() - used)) }
 }
 
@@ -55,6 +61,8 @@ mod tests {
     fn claims_beyond_the_limit_and_left_over_bytes_are_refused() {
         assert!(decode::<Vec<u64>>(&u64::MAX.to_le_bytes()).is_err());
         assert!(decode::<Vec<u64>>(&(1_u64 << 40).to_le_bytes()).is_err());
+        let claim = |bytes: u64| decode::<String>(&bytes.to_le_bytes()).expect_err("no text behind it");
+        assert_ne!(claim(144 << 20), claim(16 << 20), "refused before it is allocated");
         assert!(decode::<u32>(&[1, 0, 0, 0, 9]).is_err_and(|e| e.contains("1 bytes left over")));
     }
 }

@@ -25,8 +25,10 @@ use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// The newest version: parameters, interpolants with derivatives. Models without are written as [`PLAIN_VERSION`].
-pub const VERSION: u32 = 4;
+/// The newest version: parameters that move the undeformed mesh. Models without are written as [`FIXED_VERSION`].
+pub const VERSION: u32 = 5;
+/// Parameters, interpolants with derivatives. Models without are written as [`PLAIN_VERSION`].
+pub const FIXED_VERSION: u32 = 4;
 /// Pressure and gap, local half-widths.
 pub const PLAIN_VERSION: u32 = 3;
 /// The oldest version that it reads: pressure and gap. Models are made again in seconds, so older layouts are refused.
@@ -133,8 +135,11 @@ impl Model {
             data.extend(bytes);
         }
         let header = FileHeader { blocks: table, model: &self.header };
+        let moving = header.blocks.iter().any(|block| matches!(block.kind, BlockKind::UndeformedBy { .. }));
         let (version, header) = match Further::of(&self.header) {
-            Some(further) => (VERSION, codec::encode(&(header, further))),
+            Some(further) => {
+                (if moving { VERSION } else { FIXED_VERSION }, codec::encode(&(header, further)))
+            }
             None => (PLAIN_VERSION, codec::encode(&header)),
         };
         let header = header.map_err(ModelFileError::Header)?;
@@ -284,7 +289,7 @@ impl<R: Read + Seek> ModelReader<R> {
             BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } => {
                 fields.contains(&(*field as usize))
             }
-            BlockKind::Undeformed(_) | BlockKind::Surface => true,
+            BlockKind::Undeformed(_) | BlockKind::UndeformedBy { .. } | BlockKind::Surface => true,
         };
         let entries: Vec<BlockEntry> =
             self.header.blocks.iter().filter(|b| needed(&b.kind)).cloned().collect();
@@ -297,7 +302,7 @@ impl<R: Read + Seek> ModelReader<R> {
 }
 
 fn decode(version: u32, bytes: &[u8]) -> Result<FileHeader<ModelHeader>, String> {
-    if version == VERSION {
+    if version >= FIXED_VERSION {
         let (mut header, further): (FileHeader<ModelHeader>, Further) = codec::decode(bytes)?;
         further.add_to(&mut header.model)?;
         return Ok(header);

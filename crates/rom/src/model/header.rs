@@ -168,6 +168,15 @@ pub enum BlockKind {
     Undeformed(u8),
     /// Surface triangles: `3 x triangles` u32.
     Surface,
+    /// Change of the undeformed coordinate along an axis per unit of an input: `node_count` f32 in mm per unit.
+    UndeformedBy {
+        /// Position of the input.
+        input: u32,
+        /// Axis.
+        axis: u8,
+        /// Bits (f64) of the input's value at which the mesh is the undeformed one.
+        from_bits: u64,
+    },
 }
 
 /// A block's numbers.

@@ -8,7 +8,7 @@ mod header;
 mod selection;
 mod version2;
 
-pub use file::{BlockEntry, MAGIC, ModelFileError, ModelReader, PLAIN_VERSION, VERSION};
+pub use file::{BlockEntry, FIXED_VERSION, MAGIC, ModelFileError, ModelReader, PLAIN_VERSION, VERSION};
 pub use header::{
     BlockData, BlockKind, Clearance, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField,
     RegimeModel,

@@ -93,6 +93,7 @@ pub fn database(states: &[State]) -> Database {
         cases: states.iter().enumerate().map(case).collect(),
         snapshots: states.iter().flat_map(|(_, p, gap)| snapshot(*p, *gap)).collect(),
         undeformed_mm: Some(mesh()),
+        undeformed_by: Vec::new(),
         surface_triangles: vec![[0, 1, 2], [2, 3, 4]],
         node_sets: vec![NodeSet { name: "tip".into(), nodes: (110..120).collect() }],
         obstacle: Footprint::PLATE,

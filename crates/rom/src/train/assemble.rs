@@ -5,7 +5,7 @@ use super::group::{GroupFit, Plan};
 use super::regime::Part;
 use crate::config::TrainConfig;
 use crate::datasheet::{Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
-use crate::inputs::InputSpec;
+use crate::inputs::{InputSpec, PARAMETERS};
 use crate::interpolant::Interpolant;
 use crate::model::{BlockData, BlockKind, Model, ModelHeader, OutputField};
 use crate::snapshots::Database;
@@ -59,6 +59,14 @@ pub(super) fn assemble(
         for axis in 0..3 {
             let values = mesh.iter().map(|x| x[axis] as f32).collect();
             blocks.push((BlockKind::Undeformed(axis as u8), BlockData::F32(values)));
+        }
+    }
+    for (at, by) in database.undeformed_by.iter().enumerate() {
+        let (input, from_bits) = ((PARAMETERS + at) as u32, database.parameters[at].nominal.to_bits());
+        for axis in (0..3).filter(|axis| by.iter().any(|x| x[*axis] != 0.0)) {
+            let values = by.iter().map(|x| x[axis]).collect();
+            let kind = BlockKind::UndeformedBy { input, axis: axis as u8, from_bits };
+            blocks.push((kind, BlockData::F32(values)));
         }
     }
     if !database.surface_triangles.is_empty() {

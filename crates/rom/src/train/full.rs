@@ -21,7 +21,7 @@ pub(super) fn full_leave_one_out(
     states: States,
 ) -> Option<f64> {
     let r = &compact.r;
-    let (rank, m, all) = (r.nrows(), states.inputs.len(), r.ncols());
+    let (rank, m, all) = (r.nrows(), states.inputs.len(), r.ncols()); // beyond the states: directions, without a mean
     let values: Vec<f64> = (0..m).flat_map(|j| r.col(j).iter().copied().collect::<Vec<_>>()).collect();
     let samples = Samples {
         dimensions: states.dimensions,
@@ -38,10 +38,11 @@ pub(super) fn full_leave_one_out(
     for &i in &scored {
         let others: Vec<usize> = (0..all).filter(|&j| j != i).collect();
         let mean = Col::from_fn(rank, |k| match centred {
-            true => others.iter().map(|&j| r[(k, j)]).sum::<f64>() / others.len() as f64,
+            true => others.iter().filter(|j| **j < m).map(|&j| r[(k, j)]).sum::<f64>() / (m - 1) as f64,
             false => 0.0,
         });
-        let rest = Mat::from_fn(rank, others.len(), |k, j| r[(k, others[j])] - mean[k]);
+        let deviation = |k: usize, j: usize| r[(k, j)] - if j < m { mean[k] } else { 0.0 };
+        let rest = Mat::from_fn(rank, others.len(), |k, j| deviation(k, others[j]));
         let pod = decompose(rest.as_ref()).ok()?;
         let u = pod.u.get(.., ..modes.min(pod.rank));
         let truth = r.col(i) - &mean;

@@ -6,7 +6,7 @@ use crate::config::{Grouping, ModeChoice, RegimeConfig, TrainConfig};
 use crate::inputs::Point;
 use crate::pod::{Compact, Pod, decompose};
 use crate::select::{Choice, States, Task, choose};
-use crate::snapshots::{Database, FieldKind};
+use crate::snapshots::{Database, FieldKind, Split};
 use faer::Mat;
 
 /// One group: a name and the fields it stacks.
@@ -17,6 +17,9 @@ pub(super) struct Group {
     pub coordinates: bool,
 }
 
+/// A stored magnitude is derived where it is the distance within this: above the rounding of a database, below any change of
+/// shape that matters.
+const DERIVED_WITHIN_MM: f64 = 1.0e-2;
 /// Beyond this many states the POD is not redone for every left-out one.
 const MAX_FULL_STATES: usize = 250;
 
@@ -30,15 +33,15 @@ pub(super) struct Plan {
 impl Plan {
     pub fn new(database: &Database, config: &TrainConfig) -> Self {
         let axes = match [0, 1, 2].map(|axis| database.coordinate(axis)) {
-            [Some(x), Some(y), Some(z)] if config.derive_magnitude && database.undeformed_mm.is_some() => {
-                Some([x, y, z])
-            }
+            [Some(x), Some(y), Some(z)] if config.derive_magnitude => Some([x, y, z]),
             _ => None,
         };
+        let derived = |field| axes.filter(|axes| follows(database, field, *axes));
         let magnitude_of: Vec<_> = database
             .fields
             .iter()
-            .map(|f| if f.kind == FieldKind::Magnitude { axes } else { None })
+            .enumerate()
+            .map(|(at, f)| if f.kind == FieldKind::Magnitude { derived(at) } else { None })
             .collect();
         let fields: Vec<usize> = (0..database.fields.len()).filter(|&f| magnitude_of[f].is_none()).collect();
         let groups = match config.grouping {
@@ -64,6 +67,25 @@ impl Plan {
     }
 }
 
+/// Whether a magnitude is everywhere the distance from the undeformed mesh, as the parameters move it. It is not where that
+/// is not known, or where the field means something else.
+fn follows(database: &Database, field: usize, axes: [usize; 3]) -> bool {
+    if database.undeformed_mm.is_none() {
+        return false;
+    }
+    database.of_split(Split::Train).all(|case| {
+        let mut coordinates = axes.map(|axis| database.field(case, axis));
+        database.field(case, field).enumerate().all(|(node, magnitude)| {
+            let along = |axis: usize| {
+                let x = coordinates[axis].next().map_or(f64::NAN, f64::from);
+                x - database.undeformed_at(case, node, axis)
+            };
+            let [x, y, z] = [0, 1, 2].map(along);
+            ((x * x + y * y + z * z).sqrt() - f64::from(magnitude)).abs() <= DERIVED_WITHIN_MM
+        })
+    })
+}
+
 /// A fitted group.
 pub(super) struct GroupFit {
     pub compact: Compact,
@@ -76,13 +98,47 @@ pub(super) struct GroupFit {
     pub full_error: Option<f64>,
 }
 
-/// Derivatives among the columns of a decomposition.
+/// The columns of a decomposition, in this order.
 #[derive(Clone, Copy)]
-pub(super) struct Directions {
-    /// How many.
-    pub count: usize,
-    /// What they were multiplied with: a derivative counts as a step of this share of the input's range.
+pub(super) struct Columns {
+    /// States that are interpolated between.
+    pub states: usize,
+    /// States along the onset: in the span of the modes only.
+    pub onset: usize,
+    /// Derivatives: in the span, and fitted where a kernel takes them.
+    pub derivatives: usize,
+    /// What derivatives were multiplied with: one counts as a step of this share of the input's range.
     pub weight: f64,
+}
+
+impl Columns {
+    /// All of them.
+    pub fn count(&self) -> usize {
+        self.states + self.onset + self.derivatives
+    }
+}
+
+/// What an onset state counts, beside 1 for a state that is interpolated between.
+const ONSET_WEIGHT: f64 = 1.5;
+/// One whose largest value is small counts more, but not more than so many times.
+const MOST_ONSET_WEIGHT: f64 = 4.0;
+
+/// Makes directions of the onset's columns: deviations from the mean of the states, each in relation to its own largest value,
+/// as jumps at the onset are measured.
+fn weigh_onset(y: &mut Mat<f64>, columns: Columns, centred: bool) {
+    let range = columns.states..columns.states + columns.onset;
+    let count = if centred { columns.states as f64 } else { f64::INFINITY };
+    let mut mean = vec![0.0; y.nrows()];
+    for j in 0..columns.states {
+        mean.iter_mut().zip(y.col_as_slice(j)).for_each(|(mean, v)| *mean += v / count);
+    }
+    let sizes: Vec<f64> = range.clone().map(|j| y.col(j).norm_max()).collect();
+    let largest = sizes.iter().copied().fold(0.0, f64::max);
+    for (j, size) in range.zip(sizes) {
+        let relative = if size > largest / MOST_ONSET_WEIGHT { largest / size } else { MOST_ONSET_WEIGHT };
+        let weight = ONSET_WEIGHT * relative;
+        y.col_as_slice_mut(j).iter_mut().zip(&mean).for_each(|(v, mean)| *v = weight * (*v - mean));
+    }
 }
 
 /// A decomposed group that waits for its kernel.
@@ -93,20 +149,20 @@ pub(super) struct Decomposed {
 }
 
 impl Decomposed {
-    /// Decomposes `snapshots`, one column a state, of which the first `states` are interpolated between; the last columns are
-    /// `directions`.
+    /// Decomposes `snapshots`.
     pub fn new(
         group: &Group,
-        snapshots: Mat<f64>,
-        states: usize,
-        directions: Directions,
+        mut snapshots: Mat<f64>,
+        columns: Columns,
         regime: &'static str,
         config: &RegimeConfig,
         centred: bool,
     ) -> Result<Self, TrainError> {
         let pod_error = |source| TrainError::Pod { group: group.name.clone(), regime, source };
-        let first = snapshots.ncols() - directions.count;
-        let compact = Compact::new(snapshots, directions.count, centred).map_err(pod_error)?;
+        let states = columns.states;
+        weigh_onset(&mut snapshots, columns, centred);
+        let compact =
+            Compact::new(snapshots, columns.onset + columns.derivatives, centred).map_err(pod_error)?;
         let pod = decompose(compact.r.as_ref()).map_err(pod_error)?;
         let limit = pod.rank.min(config.max_modes);
         let a = pod.u.get(.., ..limit).transpose() * &compact.r;
@@ -115,8 +171,8 @@ impl Decomposed {
         let task = Task {
             values: (0..states).flat_map(|j| a.col_as_slice(j)).copied().collect(),
             outputs: limit,
-            slope_values: (first..a.ncols())
-                .flat_map(|j| a.col_as_slice(j).iter().map(|v| v / directions.weight))
+            slope_values: (states + columns.onset..a.ncols())
+                .flat_map(|j| a.col_as_slice(j).iter().map(|v| v / columns.weight))
                 .collect(),
             dropped: (0..states).map(dropped).collect(),
             modes,

@@ -2,7 +2,7 @@
 
 use super::boundary::OnsetBoundary;
 use super::error::TrainError;
-use super::group::{Decomposed, Directions, Group, GroupFit, Plan, fit_groups};
+use super::group::{Columns, Decomposed, Group, GroupFit, Plan, fit_groups};
 use super::sort::Sorted;
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::datasheet::{Candidate, CaseError};
@@ -88,8 +88,8 @@ struct Training<'a> {
     /// 1 for cases inside the hull of the cases, 0 for the others.
     score: Vec<f64>,
     domain: Domain,
-    /// States on the onset beyond those above: the modes know them, the kernels do not.
-    far: Vec<Inputs>,
+    /// States along the whole onset: the modes know them, the kernels do not.
+    onset: Vec<Inputs>,
     /// Known derivatives by state, and the rows of the database's sensitivities that hold them.
     slopes: Vec<Slope>,
     slope_rows: Vec<usize>,
@@ -120,7 +120,7 @@ pub(super) fn contact(
     let cases = &sorted.contact;
     let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
     let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
-    let mut far = Vec::new();
+    let (mut far, mut along_onset) = (Vec::new(), Vec::new());
     match boundary {
         Some((_, onset)) if onset.has_parameters() => {
             points.extend(boundary_with_parameters(&points, onset, config, database));
@@ -128,6 +128,10 @@ pub(super) fn contact(
         Some((_, onset)) => {
             points.extend(boundary_points(&points, onset, config));
             far = far_points(&points[cases.len()..], &onset.table);
+            if points.len() > cases.len() + 1 {
+                let picked = spread(onset.table.gap_mm.len() - 1, ONSET_DIRECTIONS);
+                along_onset = picked.into_iter().map(|i| entry(&onset.table, i)).collect();
+            }
         }
         None => {}
     }
@@ -139,7 +143,7 @@ pub(super) fn contact(
         &varying(database, &[PRESSURE, GAP]),
         largest_gap,
     );
-    training.far = far.iter().copied().skip(1).step_by(FAR_STRIDE).collect();
+    training.onset = along_onset;
     let groups =
         training.groups(RegimeKind::Contact, config, &config.contact, plan, boundary.map(|b| b.0))?;
     let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
@@ -152,7 +156,7 @@ pub(super) fn contact(
     })
 }
 
-/// States on the onset, evenly spread over pressure; one only where all cases share a gap.
+/// States on the onset, see [`spread`]; one only where all cases share a gap.
 fn boundary_points(cases: &[Inputs], onset: &OnsetBoundary, config: &TrainConfig) -> Vec<Inputs> {
     let (count, table) = (config.boundary_states, &onset.table);
     let gap = cases[0].gap_mm();
@@ -164,9 +168,18 @@ fn boundary_points(cases: &[Inputs], onset: &OnsetBoundary, config: &TrainConfig
     let (low, high) = gaps().fold((f64::INFINITY, 0.0_f64), |(l, h), g| (l.min(g), h.max(g)));
     let limit = high + config.boundary_overshoot * (high - low);
     let last = table.gap_mm.partition_point(|g| *g <= limit).saturating_sub(1);
-    let pick = |i: usize| i * last / (count - 1).max(1);
     let state = |i: usize| cases[0].with(PRESSURE, table.pressure_mpa[i]).with(GAP, table.gap_mm[i]);
-    (0..count).map(pick).map(state).collect()
+    spread(last, count).into_iter().map(state).collect()
+}
+
+/// At most `count` numbers from 0 to `last`, closer at the low end: there stress is smallest beside its change with pressure, and
+/// its kinks at nodes without much stress show most.
+fn spread(last: usize, count: usize) -> Vec<usize> {
+    let share = |i: usize| i as f64 / count.saturating_sub(1).max(1) as f64;
+    let mut picked: Vec<usize> =
+        (0..count).map(|i| (last as f64 * share(i) * share(i).sqrt()).round() as usize).collect();
+    picked.dedup();
+    picked
 }
 
 /// States on the onset at the parameters of the cases, in turn: pressures evenly spread, gaps where the free model then is.
@@ -179,7 +192,8 @@ fn boundary_with_parameters(
     let gaps = || cases.iter().map(Inputs::gap_mm);
     let (low, high) = gaps().fold((f64::INFINITY, 0.0_f64), |(l, h), g| (l.min(g), h.max(g)));
     let limit = high + config.boundary_overshoot * (high - low);
-    let count = (config.boundary_states * (1 + database.parameters.len())).min(cases.len());
+    // Neighbours in the list differ in their parameters: fewer along the onset for each input.
+    let count = (config.boundary_states * 3 / 4 * (1 + database.parameters.len())).min(cases.len());
     let largest_mpa = onset.table.pressure_mpa.last().copied().unwrap_or(0.0);
     let state = |i: usize| {
         // Golden-ratio steps: no two neighbours in the list of cases get neighbouring pressures.
@@ -215,15 +229,20 @@ fn varying(database: &Database, first: &[usize]) -> Vec<usize> {
     first.iter().copied().chain((0..database.parameters.len()).map(|i| PARAMETERS + i)).collect()
 }
 
-/// Every so many entries of the onset table beyond the trained ones take part in the POD.
-const FAR_STRIDE: usize = 20;
+/// So many states along the onset take part in the POD: stress has kinks along it, which the few states that are interpolated
+/// between do not span.
+const ONSET_DIRECTIONS: usize = 80;
+
+fn entry(table: &OnsetTable, i: usize) -> Inputs {
+    Inputs::new(table.pressure_mpa[i], table.gap_mm[i])
+}
 
 /// The last onset state among `boundary` and all entries of the table beyond it; none when it is the table's end.
 fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
     let Some(last) = boundary.iter().copied().max_by(|a, b| a.gap_mm().total_cmp(&b.gap_mm())) else {
         return Vec::new();
     };
-    let entries = table.pressure_mpa.iter().zip(&table.gap_mm).map(|(p, gap)| Inputs::new(*p, *gap));
+    let entries = (0..table.gap_mm.len()).map(|i| entry(table, i));
     let beyond: Vec<Inputs> = entries.filter(|e| e.gap_mm() > last.gap_mm()).collect();
     if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
 }
@@ -262,7 +281,7 @@ impl<'a> Training<'a> {
         }
         let known = slopes(database, cases, &inputs, &sorted.doubtful);
         let (slopes, slope_rows) = known.into_iter().unzip();
-        Self { database, cases, points, inputs, scaled, score, domain, far: Vec::new(), slopes, slope_rows }
+        Self { database, cases, points, inputs, scaled, score, domain, onset: Vec::new(), slopes, slope_rows }
     }
 
     fn groups(
@@ -276,10 +295,9 @@ impl<'a> Training<'a> {
         let states = self.states(&self.scaled, &self.score);
         let one = |(g, group): (usize, &Group)| {
             let nodes = self.database.node_count;
-            let all = self.points.iter().chain(&self.far);
-            let states = self.points.len() + self.far.len();
-            let directions = self.directions(group);
-            let mut y = Mat::zeros(nodes * group.fields.len(), states + directions.count);
+            let all = self.points.iter().chain(&self.onset);
+            let columns = self.columns(group);
+            let mut y = Mat::zeros(nodes * group.fields.len(), columns.count());
             for (j, &case) in self.cases.iter().enumerate() {
                 for (at, &field) in group.fields.iter().enumerate() {
                     let column = &mut y.col_as_slice_mut(j)[at * nodes..(at + 1) * nodes];
@@ -295,22 +313,28 @@ impl<'a> Training<'a> {
                     y.col_as_slice_mut(j).copy_from_slice(&state);
                 }
             }
-            for j in 0..directions.count {
-                self.derivative(j, group, directions.weight, y.col_as_slice_mut(states + j));
+            for j in 0..columns.derivatives {
+                let at = columns.states + columns.onset + j;
+                self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
             }
-            Decomposed::new(group, y, self.points.len(), directions, kind.name(), choices, config.centred)
+            Decomposed::new(group, y, columns, kind.name(), choices, config.centred)
         };
         let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
         fit_groups(plan, decomposed, states, kind.name(), choices, config)
     }
 
-    /// How many derivatives a group has: all that are known, or none where one of its fields has none.
-    fn directions(&self, group: &Group) -> Directions {
+    /// What a group is decomposed from. Of derivatives: all that are known, or none where one of its fields has none.
+    fn columns(&self, group: &Group) -> Columns {
         let known = self.database.sensitivities.as_ref().map_or(&[][..], |s| &s.fields);
         let all = group.fields.iter().all(|field| known.contains(field));
         // Half the spacing of the states: so far a state speaks for its neighbourhood.
         let spacing = (self.cases.len() as f64).powf(-1.0 / self.inputs.dimensions() as f64);
-        Directions { count: if all { self.slopes.len() } else { 0 }, weight: 0.5 * spacing }
+        Columns {
+            states: self.points.len(),
+            onset: self.onset.len(),
+            derivatives: if all { self.slopes.len() } else { 0 },
+            weight: 0.5 * spacing,
+        }
     }
 
     /// A derivative of a group's fields by a scaled input, times `weight`.
@@ -415,11 +439,15 @@ impl<'a> Training<'a> {
     fn errors(&self, plan: &Plan, groups: &[GroupFit], force: Option<&[f64]>) -> Vec<CaseError> {
         let (cases, nodes) = (self.cases.len(), self.database.node_count);
         let mut displacement = Mat::<f64>::zeros(nodes, cases);
-        let mut stress = vec![0.0_f64; cases];
+        // Of a magnitude that is interpolated by itself, and of stress.
+        let (mut magnitude, mut stress) = (vec![0.0_f64; cases], vec![0.0_f64; cases]);
         for (group, fit) in plan.groups.iter().zip(groups) {
             let errors = fit.error_fields(cases);
             for (at, &field) in group.fields.iter().enumerate() {
                 let part = errors.get(at * nodes..(at + 1) * nodes, ..);
+                let raise = |largest: &mut Vec<f64>| {
+                    largest.iter_mut().enumerate().for_each(|(i, l)| *l = l.max(part.col(i).norm_max()));
+                };
                 match self.database.fields[field].kind {
                     FieldKind::Coordinate(_) => {
                         for i in 0..cases {
@@ -430,17 +458,16 @@ impl<'a> Training<'a> {
                                 .for_each(|(d, e)| *d += e * e);
                         }
                     }
-                    FieldKind::Stress => {
-                        (0..cases).for_each(|i| stress[i] = stress[i].max(part.col(i).norm_max()))
-                    }
-                    FieldKind::Magnitude | FieldKind::Other => {}
+                    FieldKind::Stress => raise(&mut stress),
+                    FieldKind::Magnitude => raise(&mut magnitude),
+                    FieldKind::Other => {}
                 }
             }
         }
         let case = |i: usize| CaseError {
             case: self.database.cases[self.cases[i]].name.clone(),
             on_hull: self.score[i] == 0.0,
-            displacement_mm: displacement.col(i).norm_max().sqrt(),
+            displacement_mm: displacement.col(i).norm_max().sqrt().max(magnitude[i]),
             stress_mpa: stress[i],
             force_n: force.map_or(0.0, |f| f[i].abs()),
         };

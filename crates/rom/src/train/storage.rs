@@ -15,9 +15,11 @@ pub(super) fn i16_bounds(model: &Model, database: &Database) -> Result<Vec<f64>,
     let mut bounds = vec![0.0_f64; database.fields.len()];
     for case in database.cases.iter().filter(|case| case.split == Split::Train) {
         evaluator.evaluate(case.inputs(), &mut evaluation);
-        if let Some(basis) = fields.basis(evaluation.regime) {
+        if let (Some(basis), Ok(coefficients)) =
+            (fields.basis(evaluation.regime), fields.coefficients(&evaluation))
+        {
             for (field, bound) in bounds.iter_mut().enumerate() {
-                *bound = bound.max(basis.error_bound(field, &evaluation.coefficients));
+                *bound = bound.max(basis.error_bound(field, &coefficients));
             }
         }
     }

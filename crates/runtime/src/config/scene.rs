@@ -3,7 +3,8 @@
 use super::error::{ConfigError, read};
 use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec};
-use crate::source::SourceSpec;
+use crate::source::{Devices, PaceSpec, QUANTITIES, Sensors, Source, SourceSpec, open_sensors, slot};
+use crate::valve::{self, ValveSpec};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -54,8 +55,15 @@ pub struct ActuatorSpec {
     /// Which questions are answered.
     #[serde(default)]
     pub queries: Queries,
-    /// What the bridge reads.
+    /// What the bridge reads: one device, a recording or a formula.
     pub source: Option<SourceSpec>,
+    /// In place of `source`: several sensors by name, each with values of its own.
+    #[serde(default)]
+    pub sensors: Sensors,
+    /// What sets the pace of the readings of `sensors`.
+    pub pace: Option<PaceSpec>,
+    /// The pressure source that the bridge drives.
+    pub valve: Option<ValveSpec>,
     /// Extras of the state topic.
     #[serde(default)]
     pub state: StateSpec,
@@ -239,13 +247,17 @@ impl Scene {
         if self.actuators.is_empty() {
             problems.push("actuator: expected at least one [[actuator]], found none".into());
         }
-        let mut names = BTreeSet::new();
+        let (mut names, devices) = (BTreeSet::new(), Devices::default());
         for (index, actuator) in self.actuators.iter().enumerate() {
             let place = format!("actuator[{index}] `{}`", actuator.name);
             if !names.insert(&actuator.name) {
                 problems.push(format!("{place}.name: another actuator has this name already"));
             }
             actuator.problems(&place, &mut problems);
+            actuator.sensor_problems(&place, &self.folder, &devices, &mut problems);
+            let valve = actuator.valve.as_ref().map(|valve| valve::open(&actuator.name, valve, &devices));
+            let found = valve.and_then(Result::err).into_iter().flatten();
+            problems.extend(found.map(|problem| format!("{place}.{problem}")));
         }
         if let Some(grasp) = &self.grasp {
             let names: Vec<&str> = self.actuators.iter().map(|actuator| actuator.name.as_str()).collect();
@@ -282,6 +294,61 @@ impl ActuatorSpec {
         self.sensor.as_deref().unwrap_or(&self.name)
     }
 
+    /// What the bridge reads, not started; `None` where another program publishes the readings. Device paths are shared
+    /// through `devices`, commands and traces begin at `folder`.
+    ///
+    /// # Errors
+    /// Every problem of the source or the sensors, as text for the user.
+    pub fn open_source(
+        &self,
+        folder: &Path,
+        devices: &Devices,
+    ) -> Option<Result<Box<dyn Source>, Vec<String>>> {
+        match &self.source {
+            Some(source) => Some(source.open_among(folder, devices)),
+            None if self.sensors.is_empty() => None,
+            None => Some(open_sensors(&self.sensors, self.pace.as_ref(), folder, devices)),
+        }
+    }
+
+    /// Where the readings come from, in words; one text for each device.
+    pub fn describe_sources(&self) -> Vec<String> {
+        let sensors = self.sensors.iter().map(|(name, sensor)| format!("{name}: {}", sensor.describe()));
+        self.source.iter().map(|source| format!("from {}", source.describe())).chain(sensors).collect()
+    }
+
+    /// Standard deviations of the sensors' noise by value, in the order of [`QUANTITIES`]: the sensor's own where it has
+    /// one, otherwise that of `sigma`.
+    pub(crate) fn sigmas(&self) -> [f64; QUANTITIES.len()] {
+        let mut sigmas = [self.sigma.marker_mm; QUANTITIES.len()];
+        let SigmaSpec { pressure_mpa, gap_mm, force_n, .. } = self.sigma;
+        sigmas.iter_mut().zip([pressure_mpa, gap_mm, force_n]).for_each(|(to, from)| *to = from);
+        for (name, sigma) in self.sensors.values().flat_map(|sensor| sensor.values()) {
+            if let (Some(to), Some(sigma)) = (slot(name).and_then(|slot| sigmas.get_mut(slot)), sigma) {
+                *to = sigma;
+            }
+        }
+        sigmas
+    }
+
+    /// What is wrong with the sensors by themselves and among those of the whole scene.
+    fn sensor_problems(&self, place: &str, folder: &Path, devices: &Devices, problems: &mut Vec<String>) {
+        if self.sensors.is_empty() {
+            if self.pace.is_some() {
+                problems.push(format!("{place}.pace: expected [actuator.sensors.NAME] with it, found none"));
+            }
+            return;
+        }
+        if self.source.is_some() {
+            problems.push(format!("{place}: expected either source or sensors, found both"));
+        }
+        if self.sensor.as_ref().is_some_and(|sensor| *sensor != self.name) {
+            problems.push(format!("{place}: has sensors of its own and listens to another's; leave one out"));
+        }
+        let found = open_sensors(&self.sensors, self.pace.as_ref(), folder, devices).err();
+        problems.extend(found.into_iter().flatten().map(|problem| format!("{place}.{problem}")));
+    }
+
     fn problems(&self, place: &str, problems: &mut Vec<String>) {
         if let Err(error) = wire::Topic::state(&self.name) {
             problems.push(format!("{place}.name: {error}"));
@@ -300,6 +367,9 @@ impl ActuatorSpec {
             }
         }
         self.place.problems(place, problems);
+        if let Some(valve) = &self.valve {
+            valve.problems(place, problems);
+        }
         estimate::problems(place, &self.estimate, &self.sigma, &self.markers, &self.camera, problems);
         let (min, max) = self.gap_mm.range_mm();
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {

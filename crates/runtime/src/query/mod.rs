@@ -11,9 +11,9 @@ pub use solve::{NoSolution, Solution, Solver};
 use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateSpec};
 use crate::file;
 use crate::load::{GroupSizes, Loaded, LoadedOutput, load};
-use crate::payload;
+use crate::payload::{self, InputNames};
 use crate::side_service::SideService;
-use rom::inputs::{GAP, PRESSURE};
+use rom::inputs::{GAP, Inputs, PARAMETERS, PRESSURE};
 use rom::model::{ModelHeader, ModelReader};
 use rom::snapshots::RegimeKind;
 use std::path::Path;
@@ -33,6 +33,9 @@ pub struct Answerer {
     solver: Solver,
     /// The gap that stands in when a question names none; none: it must.
     default_gap_mm: Option<f64>,
+    /// Names of the inputs, and the parameters' values that stand in when a question names none.
+    names: InputNames,
+    inputs: Inputs,
     group_sizes: GroupSizes,
     outputs: Vec<LoadedOutput>,
 }
@@ -57,12 +60,18 @@ impl Answerer {
         let [pressure_mpa, gap_mm] = ranges(header);
         let (min_mm, max_mm) = spec.gap_mm.range_mm();
         let fixed_mm = (min_mm == max_mm).then_some(min_mm);
+        let specs = loaded.evaluator.inputs();
+        let used = specs.iter().enumerate().filter_map(|(at, spec)| Some((at, spec.value?)));
+        let inputs = used.fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, value)| inputs.with(at, value));
+        let names = payload::input_names(specs);
         let constant_mm = (gap_mm[0] == gap_mm[1]).then_some(gap_mm[0]);
         Self {
             name: loaded.spec.name,
             model_hash: loaded.model_hash,
             solver: Solver::new(loaded.evaluator, pressure_mpa, gap_mm),
             default_gap_mm: fixed_mm.or(constant_mm),
+            names,
+            inputs,
             group_sizes: loaded.group_sizes,
             outputs: loaded.outputs,
         }
@@ -75,7 +84,8 @@ impl Answerer {
 
     /// The state that a twin would publish at this pressure and gap.
     pub fn state(&mut self, pressure_mpa: f64, gap_mm: f64) -> State {
-        let mut state = State::default();
+        let (input_count, input_names) = self.names;
+        let mut state = State { input_count, input_names, ..State::default() };
         let evaluation = self.solver.evaluate(pressure_mpa, gap_mm);
         payload::fill_state(&mut state, evaluation, &self.group_sizes, StateSpec::default());
         state
@@ -101,7 +111,8 @@ impl Answerer {
         let begin = Instant::now();
         let mut answer = Answer { kind: query.kind, actuator: pack_name(&self.name), ..Answer::default() };
         answer.model_hash = self.model_hash;
-        match self.find(query) {
+        (answer.input_count, answer.input_names) = self.names;
+        match self.take_parameters(query).and_then(|()| self.find(query)) {
             Ok((pressure_mpa, gap_mm, solution)) => {
                 if let Some(Solution { uncertainty, low, high, .. }) = solution {
                     (answer.uncertainty, answer.low, answer.high) = (uncertainty, low, high);
@@ -114,6 +125,21 @@ impl Answerer {
         }
         answer.compute_ns = begin.elapsed().as_nanos() as u64;
         answer
+    }
+
+    /// Works with the question's parameters from now on, and with the scene's where it names none.
+    fn take_parameters(&mut self, query: &Query) -> Result<(), NoSolution> {
+        let refuse = |status| NoSolution { status, limit: f64::NAN };
+        let mut inputs = self.inputs;
+        for (name, value) in query.parameters() {
+            let mut known = self.names.1.as_chunks::<32>().0.iter().take(self.names.0 as usize);
+            let at = known.position(|known| known == name).filter(|at| *at >= PARAMETERS);
+            inputs = inputs.with(at.ok_or_else(|| refuse(QueryStatus::UnknownInput))?, value);
+            if !value.is_finite() {
+                return Err(refuse(QueryStatus::NotFinite));
+            }
+        }
+        self.solver.give(&inputs).map_err(|_| refuse(QueryStatus::Model))
     }
 
     /// Pressure and gap that the question means or asks for.

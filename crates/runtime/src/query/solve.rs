@@ -10,6 +10,7 @@ use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
+use rom::model::ModelError;
 use rom::snapshots::RegimeKind;
 use wire::QueryStatus;
 
@@ -21,6 +22,8 @@ const THIRDS: usize = 60;
 const HALVES: usize = 60;
 /// Steps that find the nearest gap with samples, to a millionth of the way.
 const NEAREST: usize = 20;
+/// So far inside the sampled gaps, as a share of them, rounding cannot take a state out.
+const NEARBY: f64 = 1e-6;
 /// A force is met when it differs by less, N: above the rounding of the model's sums, far below its half-widths.
 const TOLERANCE_N: f64 = 1e-7;
 
@@ -93,6 +96,14 @@ impl Solver {
         self.evaluator.has_regime(self.evaluation.regime)
     }
 
+    /// Gives the parameters the values of a state for all that follows; NaN leaves one as it is.
+    ///
+    /// # Errors
+    /// The free model sinks at no pressure there; the values before stand.
+    pub(super) fn give(&mut self, inputs: &Inputs) -> Result<(), ModelError> {
+        self.evaluator.give(inputs, &mut self.evaluation)
+    }
+
     /// Evaluates one state.
     pub fn evaluate(&mut self, pressure_mpa: f64, gap_mm: f64) -> &Evaluation {
         self.evaluator.evaluate(Inputs::new(pressure_mpa, gap_mm), &mut self.evaluation);
@@ -159,7 +170,7 @@ impl Solver {
     /// The first place from one end of a sampled interval to the other at which the force is `force_n`.
     fn solve(&mut self, line: Line, [from, to]: [f64; 2], force_n: f64) -> Result<Root, NoSolution> {
         let at = |i: usize| from + (to - from) * i as f64 / GRID as f64;
-        let mut force = |at: f64| self.at(line, at).contact_force_n;
+        let mut force = |at: f64| self.force(line, at);
         let mut samples: Vec<Sample> = (0..GRID).map(|i| (at(i), force(at(i)))).collect();
         samples.push((to, force(to)));
         let target = Target { value: force_n, tolerance: TOLERANCE_N };
@@ -180,13 +191,21 @@ impl Solver {
     /// The sampled pressures in contact at a gap, the lowest first.
     fn sampled_pressures(&mut self, gap_mm: f64) -> Option<[f64; 2]> {
         let [lowest, highest] = self.pressure_mpa;
-        let onset = self.evaluate(highest, gap_mm).onset_pressure_mpa.unwrap_or(lowest).max(lowest);
+        self.evaluator.locate(Inputs::new(highest, gap_mm), &mut self.evaluation);
+        let onset = self.evaluation.onset_pressure_mpa.unwrap_or(lowest).max(lowest);
         self.sampled(Line::AtGap(gap_mm), [onset, highest])
     }
 
     /// The nearest gap towards the middle of the sampled ones at which some pressure is sampled, mm; NaN when there is none.
     fn nearest_gap_mm(&mut self, gap_mm: f64) -> f64 {
-        let (mut without, mut with) = (gap_mm, 0.5 * (self.gap_mm[0] + self.gap_mm[1]));
+        let [low, high] = self.gap_mm;
+        let edge = NEARBY * (high - low);
+        // Nearly always the end of the sampled gaps itself.
+        let end = gap_mm.max(low + edge).min(high - edge);
+        if end != gap_mm && self.sampled_pressures(end).is_some() {
+            return end;
+        }
+        let (mut without, mut with) = (gap_mm, 0.5 * (low + high));
         if self.sampled_pressures(with).is_none() {
             return f64::NAN;
         }
@@ -202,11 +221,16 @@ impl Solver {
         &self.evaluation
     }
 
+    fn force(&mut self, line: Line, at: f64) -> f64 {
+        self.evaluator.force(line.inputs(at), &mut self.evaluation);
+        self.evaluation.contact_force_n
+    }
+
     /// Distance to the sampled states in contact; infinite for a state without contact.
     fn distance(&mut self, line: Line, at: f64) -> f64 {
-        let found = self.at(line, at);
-        let is_contact = found.regime == RegimeKind::Contact && found.contact_force_n.is_finite();
-        if is_contact { found.domain_distance } else { f64::INFINITY }
+        self.evaluator.locate(line.inputs(at), &mut self.evaluation);
+        let found = &self.evaluation;
+        if found.regime == RegimeKind::Contact { found.domain_distance } else { f64::INFINITY }
     }
 
     fn is_sampled(&mut self, line: Line, at: f64) -> bool {
@@ -220,11 +244,15 @@ impl Solver {
     }
 
     /// A place in the domain: the distance to a convex domain is convex, so the third with the larger distance is left out
-    /// until one is inside.
+    /// until one is inside, or what is left is shorter than the way to the domain.
     fn inside(&mut self, line: Line, from: f64, to: f64) -> Option<f64> {
         if let Some(end) = [from, to].into_iter().find(|end| self.is_sampled(line, *end)) {
             return Some(end);
         }
+        let [low, high] = match line {
+            Line::AtGap(_) => self.pressure_mpa,
+            Line::AtPressure(_) => self.gap_mm,
+        };
         let (mut from, mut to) = (from, to);
         for _ in 0..THIRDS {
             let (a, b) = (from + (to - from) / 3.0, to - (to - from) / 3.0);
@@ -232,6 +260,11 @@ impl Solver {
                 return Some(a);
             }
             let distance = self.distance(line, a);
+            // Distances are over inputs scaled by their ranges in contact, more than half of these, and change by no more
+            // than the scaled inputs do.
+            if distance.is_finite() && distance > 2.0 * (to - from).abs() / (high - low) {
+                return None;
+            }
             if self.is_sampled(line, b) {
                 return Some(b);
             }

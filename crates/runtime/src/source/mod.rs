@@ -3,20 +3,25 @@
 mod reading;
 mod recorded;
 mod replay;
+mod replay_rows;
 mod sensor;
 mod simulate;
 mod trace;
 mod trace_error;
+mod value;
 
 pub use reading::{BridgeWaker, Poll, Reading, SensorCounters, Source, SourceReader};
 pub use replay::ReplaySpec;
 pub use sensor::{
-    Encoding, Filter, FilterSpec, LineBuffer, LineError, LinesSpec, MAX_LINE_BYTES, ModbusSpec, Parity,
-    Quantity, RegisterSpec, SerialSpec, Table, WordOrder, parse_line,
+    ByteOrder, CanNumber, CanSensor, CanSignal, Cell, Devices, Encoding, Filter, FilterSpec, IioSensor,
+    LineBuffer, LineError, LinesSensor, LinesSpec, MAX_LINE_BYTES, ModbusConnection, ModbusPath,
+    ModbusSensor, ModbusSpec, PaceSpec, Parity, Quantity, RegisterAt, RegisterSpec, SensorSpec, Sensors,
+    SerialSpec, Table, ValueSpec, Values, WordOrder, open as open_sensors, parse_line,
 };
 pub use simulate::{Profile, SimulateSpec};
 pub use trace::Trace;
 pub use trace_error::TraceError;
+pub(crate) use value::{FORCE, QUANTITIES, slot};
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -41,11 +46,19 @@ impl SourceSpec {
     /// # Errors
     /// Every problem of the specification and of the trace it names, as text for the user.
     pub fn open(&self, folder: &Path) -> Result<Box<dyn Source>, Vec<String>> {
+        self.open_among(folder, &Devices::default())
+    }
+
+    /// The same, sharing device paths with the other sources of a scene.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; also a path that another source uses otherwise.
+    pub fn open_among(&self, folder: &Path, devices: &Devices) -> Result<Box<dyn Source>, Vec<String>> {
         match self {
             Self::Replay(spec) => spec.open(folder),
             Self::Simulate(spec) => spec.open(),
-            Self::Modbus(spec) => spec.open(),
-            Self::Lines(spec) => spec.open(),
+            Self::Modbus(spec) => spec.open(devices),
+            Self::Lines(spec) => spec.open(devices),
         }
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
-use wire::layout::MARKERS_MAX;
+use wire::layout::{AGES_MAX, MARKERS_MAX};
 use wire::{SensorSample, now_ns};
 
 /// One reading of an actuator's sensors.
@@ -27,8 +27,18 @@ pub struct Reading {
     pub markers_mm: [f64; 3 * MARKERS_MAX],
     /// Coordinates that the source has; 0 without markers.
     pub marker_values: u32,
-    /// 0: good; anything else is the sensor's own fault code.
+    /// 0: good; anything else is a fault code, see [`SensorSample::status`].
     pub status: u32,
+    /// Entries of `ages_ns` that count: 0, all values are as old as the reading.
+    pub age_count: u32,
+    /// Age of pressure, gap, force and each marker at `t_sensor_ns`, ns.
+    pub ages_ns: [u64; AGES_MAX],
+    /// Values that are absent because they are too old, see [`wire::layout::value_bits`].
+    pub stale_values: u32,
+    /// Values that are absent because of a fault of their sensor.
+    pub fault_values: u32,
+    /// Values left out because of their age since the source's start.
+    pub stale_total: u64,
 }
 
 impl Reading {
@@ -50,6 +60,12 @@ impl Reading {
             status: self.status,
             markers_mm: self.markers_mm,
             marker_values: self.marker_values,
+            age_count: self.age_count,
+            ages_ns: self.ages_ns,
+            stale_values: self.stale_values,
+            fault_values: self.fault_values,
+            stale_total: self.stale_total,
+            ..SensorSample::default()
         }
     }
 }
@@ -67,6 +83,11 @@ impl Default for Reading {
             markers_mm: [f64::NAN; 3 * MARKERS_MAX],
             marker_values: 0,
             status: 0,
+            age_count: 0,
+            ages_ns: [0; AGES_MAX],
+            stale_values: 0,
+            fault_values: 0,
+            stale_total: 0,
         }
     }
 }
@@ -109,9 +130,9 @@ pub trait Source: Debug + Send {
     /// The next reading that is due `elapsed_s` after the start; infinity takes readings ahead of their time.
     fn poll(&mut self, elapsed_s: f64) -> Poll;
 
-    /// Counters of the device behind the source, if there is one.
-    fn device(&self) -> Option<&Arc<SensorCounters>> {
-        None
+    /// The devices behind the source: name of the sensor, empty where the scene names none, and its counters.
+    fn devices(&self) -> Vec<(String, Arc<SensorCounters>)> {
+        Vec::new()
     }
 }
 
@@ -140,6 +161,9 @@ impl<I: Iterator<Item = Reading> + Debug + Send> Source for Scheduled<I> {
     }
 }
 
+/// Longest wait of a reader without a look at its source.
+const LOOK: Duration = Duration::from_millis(10);
+
 /// Reads a source without a bridge, every reading ahead of its time.
 #[derive(Debug)]
 pub struct SourceReader {
@@ -166,8 +190,9 @@ impl SourceReader {
                 Poll::Reading(reading) => return Some(reading),
                 Poll::Waiting { .. } => {
                     let left = end.saturating_duration_since(Instant::now());
-                    // The device's end wakes without a reading; the channel closes with the device.
-                    if self.wakes.recv_timeout(left).is_err() && Instant::now() >= end {
+                    // The device's end wakes without a reading; the channel closes with the device. A reading that is due by
+                    // a clock wakes nobody.
+                    if self.wakes.recv_timeout(left.min(LOOK)).is_err() && Instant::now() >= end {
                         return None;
                     }
                 }
@@ -176,9 +201,9 @@ impl SourceReader {
         }
     }
 
-    /// Counters of the device, if there is one.
-    pub fn device(&self) -> Option<&Arc<SensorCounters>> {
-        self.source.device()
+    /// The devices behind the source, see [`Source::devices`].
+    pub fn devices(&self) -> Vec<(String, Arc<SensorCounters>)> {
+        self.source.devices()
     }
 }
 
@@ -199,11 +224,13 @@ pub struct SensorCounters {
     pub refusals: AtomicU64,
     /// Readings discarded because the bridge did not take them.
     pub overflows: AtomicU64,
+    /// Readings sent without a value of this sensor because it was too old.
+    pub stale: AtomicU64,
 }
 
 impl SensorCounters {
     /// Names and values, in a fixed order.
-    pub fn all(&self) -> [(&'static str, u64); 7] {
+    pub fn all(&self) -> [(&'static str, u64); 8] {
         [
             ("readings", &self.readings),
             ("timeouts", &self.timeouts),
@@ -212,6 +239,7 @@ impl SensorCounters {
             ("disconnects", &self.disconnects),
             ("refusals", &self.refusals),
             ("overflows", &self.overflows),
+            ("stale", &self.stale),
         ]
         .map(|(name, counter)| (name, counter.load(Ordering::Relaxed)))
     }

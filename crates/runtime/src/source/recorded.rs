@@ -1,20 +1,25 @@
-//! Traces out of recordings: the readings as they were published, to the bit.
+//! Traces out of recordings: the readings as they were published, to the bit. A recording is a file or a folder of rotated files.
 
 use super::reading::Reading;
 use super::trace_error::TraceError;
 use crate::file;
 use recording::message::decode_reading;
-use recording::{Item, Reader};
+use recording::{Item, ReadItems, Series, SeriesReader};
 use std::collections::BTreeSet;
-use std::io::{BufReader, Read};
+use std::io::Read;
 use std::path::Path;
 use wire::{Payload, SensorSample};
 
-/// Most readings taken from one recording: 11 hours at 1 kHz, 2 GB of memory.
+/// Most readings taken into memory from one recording: 11 hours at 1 kHz. A replay takes them one by one and has no limit.
 pub const MAX_ROWS: usize = 40_000_000;
+/// Metadata of every file, and what added to a stamp of its run gives the time since 1970: stamps begin anew when a machine does.
+const OF_RUN: (&str, &str) = ("softtwin.recording", "wall_minus_monotonic_ns");
 
-/// Whether the file begins as a recording does.
+/// Whether the path is a recording: a file that begins as one does, or no file.
 pub(super) fn is_recording(path: &Path) -> std::io::Result<bool> {
+    if path.is_dir() || (!path.exists() && Series::open(path).is_ok()) {
+        return Ok(true);
+    }
     let mut head = Vec::new();
     file::open(path, u64::MAX)?.take(recording::MAGIC.len() as u64).read_to_end(&mut head)?;
     Ok(head == recording::MAGIC)
@@ -22,49 +27,111 @@ pub(super) fn is_recording(path: &Path) -> std::io::Result<bool> {
 
 /// The readings of one sensor topic, `topic` or the only one. A recording that stops early gives what it has.
 pub(super) fn rows(path: &Path, topic: Option<&str>) -> Result<Vec<Reading>, Vec<TraceError>> {
-    let unreadable = |cause: String| vec![TraceError::Unreadable { cause }];
-    let file = file::open(path, u64::MAX).map_err(|error| unreadable(error.to_string()))?;
-    let mut reader = Reader::new(BufReader::new(file)).map_err(|error| unreadable(error.to_string()))?;
-    let (mut rows, mut topics, mut begin_ns) = (Vec::<Reading>::new(), BTreeSet::new(), None);
-    while let Some(item) = reader.next_item().map_err(|error| unreadable(error.to_string()))? {
-        let Item::Message(message) = item else { continue };
-        if message.channel.schema_name != SensorSample::LAYOUT.schema {
-            continue;
-        }
-        if topics.len() < 64 && !topics.contains(&message.channel.topic) {
-            topics.insert(message.channel.topic.clone());
-        }
-        if topic.is_some_and(|topic| topic != message.channel.topic) {
-            continue;
-        }
-        let reading = decode_reading(&message.data).map_err(|error| {
-            vec![TraceError::NotAReading { number: rows.len() + 1, cause: error.to_string() }]
-        })?;
-        if rows.len() >= MAX_ROWS {
+    let mut rows = Rows::open(path, topic).map_err(|error| vec![error])?;
+    let mut all = Vec::new();
+    while let Some(row) = rows.next_row().map_err(|error| vec![error])? {
+        if all.len() >= MAX_ROWS {
             return Err(vec![TraceError::TooManyRows { limit: MAX_ROWS }]);
         }
-        let begin_ns = *begin_ns.get_or_insert(reading.t_sensor_ns);
+        all.push(row);
+    }
+    rows.check_topics().map_err(|error| vec![error])?;
+    Ok(all)
+}
+
+/// Readings of a recording, one after the other. Memory: one chunk of the recording.
+#[derive(Debug)]
+pub(super) struct Rows {
+    reader: SeriesReader,
+    topic: Option<String>,
+    topics: BTreeSet<String>,
+    /// What added to a stamp gives the time since 1970; 0 where the recording does not say.
+    offset_ns: u64,
+    begin_ns: Option<u64>,
+    last_s: f64,
+    number: usize,
+}
+
+impl Rows {
+    pub(super) fn open(path: &Path, topic: Option<&str>) -> Result<Self, TraceError> {
+        let series =
+            Series::open(path).map_err(|error| TraceError::Unreadable { cause: error.to_string() })?;
+        Ok(Self {
+            reader: series.reader(),
+            topic: topic.map(str::to_owned),
+            topics: BTreeSet::new(),
+            offset_ns: 0,
+            begin_ns: None,
+            last_s: f64::NEG_INFINITY,
+            number: 0,
+        })
+    }
+
+    /// The next reading of the topic, in order of time.
+    pub(super) fn next_row(&mut self) -> Result<Option<Reading>, TraceError> {
+        while let Some(item) = self.next_item()? {
+            let message = match item {
+                Item::Message(message) => message,
+                Item::Metadata { name, entries } => {
+                    let offset = entries.get(OF_RUN.1).filter(|_| name == OF_RUN.0);
+                    self.offset_ns = offset.and_then(|text| text.parse().ok()).unwrap_or(self.offset_ns);
+                    continue;
+                }
+            };
+            if message.channel.schema_name != SensorSample::LAYOUT.schema {
+                continue;
+            }
+            if self.topics.len() < 64 && !self.topics.contains(&message.channel.topic) {
+                self.topics.insert(message.channel.topic.clone());
+            }
+            if self.topic.as_ref().is_none_or(|topic| *topic == message.channel.topic) {
+                return self.row(&message.data).map(Some);
+            }
+        }
+        Ok(None)
+    }
+
+    fn next_item(&mut self) -> Result<Option<Item>, TraceError> {
+        self.reader.next_item().map_err(|error| TraceError::Unreadable { cause: error.to_string() })
+    }
+
+    fn row(&mut self, data: &[u8]) -> Result<Reading, TraceError> {
+        self.number += 1;
+        let reading = decode_reading(data)
+            .map_err(|error| TraceError::NotAReading { number: self.number, cause: error.to_string() })?;
+        let t_ns = reading.t_sensor_ns.wrapping_add(self.offset_ns);
+        let begin_ns = *self.begin_ns.get_or_insert(t_ns);
         let row = Reading {
-            t_trace_s: reading.t_sensor_ns.wrapping_sub(begin_ns).cast_signed() as f64 * 1e-9,
+            t_trace_s: t_ns.wrapping_sub(begin_ns).cast_signed() as f64 * 1e-9,
             pressure_mpa: reading.pressure_mpa,
             gap_mm: reading.gap_mm,
             measured_force_n: reading.measured_force_n,
             status: reading.status,
             markers_mm: reading.markers_mm,
             marker_values: reading.marker_values,
+            age_count: reading.age_count,
+            ages_ns: reading.ages_ns,
+            stale_values: reading.stale_values,
+            fault_values: reading.fault_values,
+            stale_total: reading.stale_total,
             ..Reading::default()
         };
-        if let Some(before) = rows.last().map(|last| last.t_trace_s).filter(|before| row.t_trace_s < *before)
-        {
-            return Err(vec![TraceError::TimeOrder { line: rows.len() + 1, before, found: row.t_trace_s }]);
+        let (before, found) = (self.last_s, row.t_trace_s);
+        if found < before {
+            return Err(TraceError::TimeOrder { line: self.number, before, found });
         }
-        rows.push(row);
+        self.last_s = found;
+        Ok(row)
     }
-    let found = topics.into_iter().collect::<Vec<_>>().join(", ");
-    match (topic, rows.is_empty()) {
-        (Some(topic), true) => Err(vec![TraceError::NoSuchTopic { topic: topic.into(), found }]),
-        (None, _) if found.contains(',') => Err(vec![TraceError::SeveralTopics { found }]),
-        (None, true) => Err(vec![TraceError::Empty { what: "readings" }]),
-        _ => Ok(rows),
+
+    /// At the end: whether it was clear which topic is meant, and there was one.
+    pub(super) fn check_topics(&self) -> Result<(), TraceError> {
+        let found = self.topics.iter().cloned().collect::<Vec<_>>().join(", ");
+        match (&self.topic, self.number == 0) {
+            (Some(topic), true) => Err(TraceError::NoSuchTopic { topic: topic.clone(), found }),
+            (None, _) if found.contains(',') => Err(TraceError::SeveralTopics { found }),
+            (None, true) => Err(TraceError::Empty { what: "readings" }),
+            _ => Ok(()),
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Replays a recorded trace with its original timing, faster, slower, in part or repeatedly.
 
 use super::reading::{Reading, Scheduled, Source};
-use super::trace::Trace;
+use super::replay_rows::{About, Part, Rows};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -52,28 +52,24 @@ impl ReplaySpec {
             problems.push("source.trace: expected a file, found nothing".into());
             return Err(problems);
         }
-        match Trace::read_topic(&path, self.topic.as_deref()) {
-            Ok(trace) => {
-                let gaps = trace.gaps.clone();
-                match Replay::new(self, trace) {
-                    Some(replay) if problems.is_empty() => {
-                        for (line, seconds) in gaps {
-                            let trace = path.display();
-                            tracing::warn!(
-                                "the trace has a gap of {seconds:.3} s before line {line} ({trace})"
-                            );
-                        }
-                        return Ok(Box::new(Scheduled::new(replay)));
+        let part = Part { from_s: self.from_s, to_s: self.to_s };
+        match Rows::open(&path, self.topic.as_deref(), part) {
+            Ok((rows, about)) => match Replay::new(self, rows, &about) {
+                Some(replay) if problems.is_empty() => {
+                    for (line, seconds) in about.gaps {
+                        let trace = path.display();
+                        tracing::warn!("the trace has a gap of {seconds:.3} s before line {line} ({trace})");
                     }
-                    Some(_) => {}
-                    None => problems.push(format!(
-                        "source.from_s, source.to_s: no row of the trace lies within {} .. {} s ({})",
-                        self.from_s,
-                        self.to_s,
-                        path.display()
-                    )),
+                    return Ok(Box::new(Scheduled::new(replay)));
                 }
-            }
+                Some(_) => {}
+                None => problems.push(format!(
+                    "source.from_s, source.to_s: no row of the trace lies within {} .. {} s ({})",
+                    self.from_s,
+                    self.to_s,
+                    path.display()
+                )),
+            },
             Err(errors) => problems.extend(
                 errors.into_iter().map(|error| format!("source.trace: {error} ({})", path.display())),
             ),
@@ -85,33 +81,24 @@ impl ReplaySpec {
 /// The rows of a trace that are still to come.
 #[derive(Debug)]
 struct Replay {
-    rows: Vec<Reading>,
+    rows: Rows,
     speed: f64,
     repeat: bool,
     /// Time of the trace that is second 0 of the replay.
     begin_s: f64,
     /// Length of one round, s of the trace, one period after the last row included.
     round_s: f64,
-    next: usize,
     rounds: u32,
 }
 
 impl Replay {
     /// `None` when no row is left.
-    fn new(spec: &ReplaySpec, mut trace: Trace) -> Option<Self> {
-        trace.rows.retain(|row| row.t_trace_s >= spec.from_s && row.t_trace_s <= spec.to_s);
-        let (first, last) = (trace.rows.first()?.t_trace_s, trace.rows.last()?.t_trace_s);
+    fn new(spec: &ReplaySpec, rows: Rows, about: &About) -> Option<Self> {
+        let (first_s, last_s) = about.first_and_last_s?;
         // A single row would otherwise repeat without any time between.
-        let period_s = if trace.period_s > 0.0 { trace.period_s } else { 1.0 };
-        Some(Self {
-            rows: trace.rows,
-            speed: spec.speed,
-            repeat: spec.repeat,
-            begin_s: first,
-            round_s: last - first + period_s,
-            next: 0,
-            rounds: 0,
-        })
+        let period_s = if about.period_s > 0.0 { about.period_s } else { 1.0 };
+        let round_s = last_s - first_s + period_s;
+        Some(Self { rows, speed: spec.speed, repeat: spec.repeat, begin_s: first_s, round_s, rounds: 0 })
     }
 }
 
@@ -120,12 +107,14 @@ impl Iterator for Replay {
 
     /// The next row; at the end the first again when repeating.
     fn next(&mut self) -> Option<Reading> {
-        if self.next >= self.rows.len() && self.repeat {
-            self.next = 0;
-            self.rounds += 1;
-        }
-        let row = *self.rows.get(self.next)?;
-        self.next += 1;
+        let row = match self.rows.next() {
+            None if self.repeat => {
+                self.rounds += 1;
+                self.rows.restart();
+                self.rows.next()?
+            }
+            row => row?,
+        };
         let elapsed_s = row.t_trace_s - self.begin_s + f64::from(self.rounds) * self.round_s;
         Some(Reading { due_s: elapsed_s / self.speed, ..row })
     }

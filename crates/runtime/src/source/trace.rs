@@ -8,6 +8,7 @@
 use super::reading::Reading;
 use super::recorded;
 use super::trace_error::{MAX_BYTES, TraceError};
+use super::value::{MARKERS, QUANTITIES};
 use crate::file;
 use std::path::Path;
 use wire::layout::MARKERS_MAX;
@@ -17,9 +18,9 @@ use wire::layout::MARKERS_MAX;
 pub struct Trace {
     /// Readings in order of their time in the trace; at least one.
     pub rows: Vec<Reading>,
-    /// Median time between rows, s; 0 for a single row.
+    /// Median time between rows (of the first 65,537), s; 0 for a single row.
     pub period_s: f64,
-    /// Places where time jumps by more than 5 periods: (line, seconds).
+    /// Places where time jumps by more than 5 periods: (line, seconds); at most 1000.
     pub gaps: Vec<(usize, f64)>,
 }
 
@@ -37,32 +38,9 @@ struct Columns {
 }
 
 /// Names of a marker's columns, by coordinate: `marker1_x_mm`, `marker1_y_mm`, ...
-const MARKER_COLUMNS: [&str; 3 * MARKERS_MAX] = [
-    "marker1_x_mm",
-    "marker1_y_mm",
-    "marker1_z_mm",
-    "marker2_x_mm",
-    "marker2_y_mm",
-    "marker2_z_mm",
-    "marker3_x_mm",
-    "marker3_y_mm",
-    "marker3_z_mm",
-    "marker4_x_mm",
-    "marker4_y_mm",
-    "marker4_z_mm",
-    "marker5_x_mm",
-    "marker5_y_mm",
-    "marker5_z_mm",
-    "marker6_x_mm",
-    "marker6_y_mm",
-    "marker6_z_mm",
-    "marker7_x_mm",
-    "marker7_y_mm",
-    "marker7_z_mm",
-    "marker8_x_mm",
-    "marker8_y_mm",
-    "marker8_z_mm",
-];
+fn marker_columns() -> impl Iterator<Item = &'static str> {
+    QUANTITIES.into_iter().skip(MARKERS)
+}
 
 impl Trace {
     /// Reads and checks a file: CSV or a recording, recognised by its first bytes.
@@ -127,19 +105,61 @@ impl Trace {
 
     /// Adds what is known about time as a whole.
     fn of_rows(rows: Vec<Reading>, line_of: Vec<usize>) -> Self {
-        let period_s = median_period(&rows);
-        let gaps = rows
-            .windows(2)
-            .zip(line_of.iter().skip(1))
-            .filter_map(|(pair, line)| match pair {
-                [a, b] if period_s > 0.0 && b.t_trace_s - a.t_trace_s > GAP_FACTOR * period_s => {
-                    Some((*line, b.t_trace_s - a.t_trace_s))
-                }
-                _ => None,
-            })
-            .collect();
+        let mut survey = Survey::default();
+        rows.iter().for_each(|row| survey.take(row.t_trace_s));
+        let (period_s, gaps) = survey.finish();
+        // Rows are counted without comments and header.
+        let line = |row: usize| line_of.get(row - 1).copied().unwrap_or(row);
+        let gaps = gaps.into_iter().map(|(row, seconds)| (line(row), seconds)).collect();
         Self { rows, period_s, gaps }
     }
+}
+
+/// Steps from which the median period is taken.
+const MAX_STEPS: usize = 1 << 16;
+/// Most gaps that are listed.
+const MAX_GAPS: usize = 1000;
+
+/// Period and gaps of a trace whose times come one by one. Memory is bounded, whatever its length.
+#[derive(Debug, Default)]
+pub(super) struct Survey {
+    rows: usize,
+    last_s: f64,
+    /// The first steps, s.
+    steps: Vec<f64>,
+    /// Later steps that are gaps: number of the row behind it, seconds.
+    later: Vec<(usize, f64)>,
+    period_s: Option<f64>,
+}
+
+impl Survey {
+    /// The time of the next row, s.
+    pub(super) fn take(&mut self, t_s: f64) {
+        let step_s = t_s - self.last_s;
+        self.last_s = t_s;
+        self.rows += 1;
+        if self.rows == 1 {
+            return;
+        }
+        if self.steps.len() < MAX_STEPS {
+            return self.steps.push(step_s);
+        }
+        let period_s = *self.period_s.get_or_insert_with(|| median(&self.steps));
+        if is_gap(step_s, period_s) && self.later.len() < MAX_GAPS {
+            self.later.push((self.rows, step_s));
+        }
+    }
+
+    /// Median step, s, and gaps as (number of the row behind it, from 1; seconds).
+    pub(super) fn finish(self) -> (f64, Vec<(usize, f64)>) {
+        let period_s = self.period_s.unwrap_or_else(|| median(&self.steps));
+        let early = (2..).zip(self.steps.iter().copied()).filter(|(_, step_s)| is_gap(*step_s, period_s));
+        (period_s, early.chain(self.later.iter().copied()).take(MAX_GAPS).collect())
+    }
+}
+
+fn is_gap(step_s: f64, period_s: f64) -> bool {
+    period_s > 0.0 && step_s > GAP_FACTOR * period_s
 }
 
 impl Columns {
@@ -158,7 +178,7 @@ impl Columns {
                 pressure_mpa,
                 gap_mm: place("gap_mm"),
                 measured_force_n: place("measured_force_n"),
-                markers: MARKER_COLUMNS.iter().map(|name| place(name)).collect(),
+                markers: marker_columns().map(place).collect(),
             }),
             (t_s, pressure) => Err([t_s.err(), pressure.err()].into_iter().flatten().collect()),
         }
@@ -176,8 +196,9 @@ impl Columns {
         let optional = |column, place: Option<usize>| place.map_or(Ok(f64::NAN), |place| cell(column, place));
         let mut markers_mm = [f64::NAN; 3 * MARKERS_MAX];
         let mut marker_values = 0;
-        for (at, (value, column)) in markers_mm.iter_mut().zip(&self.markers).enumerate() {
-            let (Some(place), Some(name)) = (*column, MARKER_COLUMNS.get(at)) else { continue };
+        let columns = self.markers.iter().zip(marker_columns());
+        for (at, (value, (column, name))) in markers_mm.iter_mut().zip(columns).enumerate() {
+            let Some(place) = *column else { continue };
             // A marker that was not seen leaves its cells empty.
             let is_empty = text.split(',').nth(place).is_some_and(|cell| cell.trim().is_empty());
             *value = if is_empty { f64::NAN } else { cell(name, place)? };
@@ -200,14 +221,8 @@ impl Columns {
     }
 }
 
-fn median_period(rows: &[Reading]) -> f64 {
-    let mut steps: Vec<f64> = rows
-        .windows(2)
-        .filter_map(|pair| match pair {
-            [a, b] => Some(b.t_trace_s - a.t_trace_s),
-            _ => None,
-        })
-        .collect();
+fn median(steps: &[f64]) -> f64 {
+    let mut steps = steps.to_vec();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }

@@ -1,6 +1,7 @@
 //! The steps of one actuator's readings, in their order: poll, ingest, evaluate, reconstruct into the loan, publish, record
 //! the outcome.
 
+use super::entry::Entry;
 use super::events::{EventKind, EventSender};
 use super::force_watch::ForceWatch;
 use super::ingest::Validator;
@@ -11,6 +12,7 @@ use crate::config::{ActuatorSpec, Gap, Limits, OutsideDomain, StateSpec, ms_to_n
 use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
 use crate::load::{GroupSizes, Loaded};
 use crate::payload;
+use crate::source::FORCE;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
@@ -19,8 +21,8 @@ use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use wire::layout::{VERSION, flags, pack_name};
 use wire::{
-    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
-    StateWriter, Topic, WireError, now_ns,
+    Bus, Estimate, EstimateWriter, Health, Outcome, SensorReader, SensorSample, State, StateWriter, Topic,
+    WireError, WriterRight, now_ns,
 };
 
 /// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.
@@ -72,20 +74,21 @@ impl ActuatorTwin {
         limits: Limits,
         boot_id: u64,
         events: EventSender,
+        entry: Entry,
     ) -> Result<Self, WireError> {
         let name = loaded.spec.name.clone();
         // The state topic comes first: it is the one that a second twin is refused at.
-        let state_writer = StateWriter::create(bus, &Topic::state(&name)?)?;
-        let health_writer = HealthWriter::create(bus, &Topic::health(&name)?)?;
+        let state_writer = entry.writer(bus, &Topic::state(&name)?)?;
+        let health_writer = entry.writer(bus, &Topic::health(&name)?)?;
         let outputs = loaded
             .outputs
             .into_iter()
-            .map(|output| FieldOutput::start(bus, &name, loaded.model_hash, boot_id, output))
+            .map(|output| FieldOutput::start(bus, &name, loaded.model_hash, boot_id, output, entry))
             .collect::<Result<_, WireError>>()?;
         let estimation = loaded
             .estimator
             .map(|estimator| {
-                let writer = EstimateWriter::create(bus, &Topic::estimate(&name)?)?;
+                let writer: EstimateWriter = entry.writer(bus, &Topic::estimate(&name)?)?;
                 let (model_hash, actuator) = (loaded.model_hash, pack_name(&name));
                 let estimate = Estimate { model_hash, boot_id, actuator, ..estimator.payload() };
                 Ok::<_, WireError>((estimator, writer, estimate))
@@ -93,6 +96,7 @@ impl ActuatorTwin {
             .transpose()?;
         let reader = SensorReader::attach(bus, &Topic::sensor(loaded.spec.sensor())?)?;
         let (model_hash, actuator) = (loaded.model_hash, pack_name(&name));
+        let (input_count, input_names) = payload::input_names(loaded.evaluator.inputs());
         let health = Health { model_hash, boot_id, actuator, ..Health::default() };
         let record = Record::new(number, health_writer, health, events);
         let last_good_ns = record.start_ns();
@@ -108,15 +112,46 @@ impl ActuatorTwin {
             waiting: VecDeque::with_capacity(loaded.spec.backlog),
             backlog: loaded.spec.backlog,
             force_watch: ForceWatch::default(),
-            force_sigma_n: loaded.spec.sigma.force_n,
+            force_sigma_n: loaded.spec.sigmas().get(FORCE).copied().unwrap_or(f64::NAN),
             group_sizes: loaded.group_sizes,
             wanted: loaded.spec.state,
             limits,
-            state: State { model_hash, boot_id, actuator, ..State::default() },
+            state: State { model_hash, boot_id, actuator, input_count, input_names, ..State::default() },
             record,
             last_good_ns,
             next_deadline_ns: last_good_ns + ms_to_ns(limits.deadline_ms),
         })
+    }
+
+    /// Everything it writes to.
+    pub(super) fn rights(&self) -> impl Iterator<Item = &dyn WriterRight> {
+        let estimate = self.estimation.iter().map(|(_, writer, _)| writer as &dyn WriterRight);
+        let fields = self.outputs.iter().map(FieldOutput::right);
+        let state = &self.state_writer as &dyn WriterRight;
+        [state, self.record.right()].into_iter().chain(fields).chain(estimate)
+    }
+
+    /// The topic that stands for the actuator.
+    pub(super) fn state_topic(&self) -> &Topic {
+        self.state_writer.topic()
+    }
+
+    /// Continues where another twin ended, whose last state this is: readings that it has answered are passed over, the others
+    /// are taken.
+    pub(super) fn continue_after(&mut self, last: Option<&State>) {
+        let now = now_ns();
+        self.last_good_ns = now;
+        self.next_deadline_ns = now + ms_to_ns(self.limits.deadline_ms);
+        let Some(last) = last.filter(|last| last.sensor_boot_id != 0) else { return };
+        self.validator.continue_after(last);
+        self.record.health.sensor_boot_id = last.sensor_boot_id;
+        for _ in 0..MAX_BATCH {
+            let Some(sample) = self.poll() else { break };
+            let is_answered = sample.boot_id == last.sensor_boot_id && sample.seq <= last.sensor_seq;
+            if !is_answered {
+                self.ingest(sample);
+            }
+        }
     }
 
     /// What its readers hold on to.
@@ -132,6 +167,7 @@ impl ActuatorTwin {
     /// Continues with another model; the caller has checked that names and shapes are the same.
     pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Retired) {
         self.evaluation = loaded.evaluator.evaluation();
+        (self.state.input_count, self.state.input_names) = payload::input_names(loaded.evaluator.inputs());
         let new = HysteresisEvaluator::new(loaded.evaluator);
         retired.evaluators.push(std::mem::replace(&mut self.evaluator, new));
         for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {

@@ -1,7 +1,7 @@
 //! Validation of a reading before anything is computed from it.
 
 use crate::config::{Gap, Limits, ms_to_ns};
-use wire::{Outcome, SensorSample};
+use wire::{Outcome, SensorSample, State};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.
 const MAX_JUMP: u64 = 65_536;
@@ -40,6 +40,13 @@ impl Validator {
     /// Continues with another gap; what came before stays known.
     pub(super) fn set_gap(&mut self, gap: Gap) {
         self.gap = gap;
+    }
+
+    /// Continues behind the reading of this state, which another twin answered.
+    pub(super) fn continue_after(&mut self, last: &State) {
+        self.boot_id = last.sensor_boot_id;
+        self.last_seq = last.sensor_seq;
+        self.last_t_sensor_ns = last.t_sensor_ns;
     }
 
     /// Validates `sample`, which arrived at `now_ns`, and remembers it.

@@ -16,12 +16,14 @@
 //! wake-up of readers.
 
 mod actuator;
+mod entry;
 mod events;
 mod force_watch;
 mod ingest;
 mod reconstruct;
 mod record;
 mod swap;
+mod take_over;
 
 pub use events::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
@@ -29,6 +31,7 @@ pub use swap::{Retired, SwapError};
 use crate::config::Settings;
 use crate::load::Loaded;
 use actuator::ActuatorTwin;
+use entry::Entry;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 use wire::{Bus, Health, WakeSet, Wakeable, WireError, boot_id, now_ns};
@@ -56,11 +59,34 @@ impl Twin {
         settings: &Settings,
         events: &EventSender,
     ) -> Result<Self, WireError> {
+        Self::enter(bus, loaded, settings, events, Entry::AtOnce)
+    }
+
+    /// As [`Self::start`], with all memory and without the right to serve, which [`Self::take_over`] takes.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn stand_by(
+        bus: &Bus,
+        loaded: Vec<Loaded>,
+        settings: &Settings,
+        events: &EventSender,
+    ) -> Result<Self, WireError> {
+        Self::enter(bus, loaded, settings, events, Entry::StandBy)
+    }
+
+    fn enter(
+        bus: &Bus,
+        loaded: Vec<Loaded>,
+        settings: &Settings,
+        events: &EventSender,
+        entry: Entry,
+    ) -> Result<Self, WireError> {
         let boot_id = boot_id();
         let actuators: Vec<ActuatorTwin> = (0..)
             .zip(loaded)
             .map(|(number, loaded)| {
-                ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, events.clone())
+                ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, events.clone(), entry)
             })
             .collect::<Result<_, WireError>>()?;
         let wake = WakeSet::new(actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable));

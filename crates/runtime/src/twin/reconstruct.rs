@@ -1,11 +1,12 @@
 //! One field topic: reconstructs into the memory that the readers map, and sends it.
 
+use super::entry::Entry;
 use crate::load::LoadedOutput;
 use crate::payload;
 use rom::evaluation::Evaluation;
 use rom::kernel::Peaks;
 use rom::reconstructor::Reconstructor;
-use wire::{Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
+use wire::{Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError, WriterRight};
 
 /// A field topic of a running twin.
 #[derive(Debug)]
@@ -36,10 +37,11 @@ impl FieldOutput {
         model_hash: [u8; 16],
         boot_id: u64,
         loaded: LoadedOutput,
+        entry: Entry,
     ) -> Result<Self, WireError> {
         let topic = Topic::field(actuator, loaded.spec.topic_name())?;
         let mut output = Self {
-            writer: FieldWriter::create(bus, &topic, loaded.reconstructor.entries())?,
+            writer: entry.field_writer(bus, &topic, loaded.reconstructor.entries())?,
             header: FieldHeader { model_hash, boot_id, ..payload::field_header(&loaded) },
             period_ns: period_ns(&loaded),
             reconstructor: loaded.reconstructor,
@@ -48,6 +50,11 @@ impl FieldOutput {
         };
         output.loan_ahead();
         Ok(output)
+    }
+
+    /// The right to write.
+    pub(super) fn right(&self) -> &dyn WriterRight {
+        &self.writer
     }
 
     /// Last chunk of the topic and values of a sample, for messages.

@@ -6,7 +6,7 @@ use super::ingest::SampleCheck;
 use crate::{latency, service};
 use hdrhistogram::Histogram;
 use wire::layout::flags;
-use wire::{Health, HealthWriter, Outcome, SensorSample, now_ns};
+use wire::{Health, HealthWriter, Outcome, SensorSample, WriterRight, now_ns};
 
 /// Interval of the health topic, ns.
 const HEALTH_NS: u64 = 1_000_000_000;
@@ -46,6 +46,11 @@ impl Record {
         }
     }
 
+    /// The right to write the health.
+    pub(super) fn right(&self) -> &dyn WriterRight {
+        &self.writer
+    }
+
     /// Start of the twin.
     pub(super) fn start_ns(&self) -> u64 {
         self.start_ns
@@ -59,7 +64,7 @@ impl Record {
     /// Counts a reading that was taken from the sensor topic.
     pub(super) fn ingested(&mut self, sample: &SensorSample, check: &SampleCheck) {
         self.health.received += 1;
-        self.health.missed += check.missed;
+        self.health.missed = self.health.missed.saturating_add(check.missed);
         if check.missed > 0 {
             self.event(EventKind::Missed, check.missed);
         }

@@ -1,6 +1,7 @@
 //! Tests of `src/metrics.rs` that need its private parts.
 
 use super::*;
+use crate::source::SensorCounters;
 use wire::layout::pack_name;
 
 #[test]
@@ -47,7 +48,11 @@ fn a_page_has_every_counter_of_every_twin_in_the_format() {
 fn labels_are_escaped_and_a_bridge_has_its_devices() {
     let device = Arc::new(SensorCounters::default());
     device.timeouts.store(2, Ordering::Relaxed);
-    let page = bridge(&BridgeCounters::default(), &[("q\"\\\n".into(), device)]);
+    let devices =
+        vec![("q\"\\\n".into(), String::new(), device.clone()), ("finger".into(), "gauge".into(), device)];
+    let page = bridge(&BridgeCounters::default(), &devices, &[]);
+    let named = "softtwin_sensor_events_total{actuator=\"finger\",sensor=\"gauge\",event=\"timeouts\"} 2\n";
+    assert!(page.contains(named), "{page}");
     let event = "softtwin_sensor_events_total{actuator=\"q\\\"\\\\\\n\",event=\"timeouts\"} 2\n";
     assert!(page.contains(event), "{page}");
     assert!(page.contains("\nsofttwin_bridge_sent_total 0\n"), "{page}");

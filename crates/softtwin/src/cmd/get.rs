@@ -20,6 +20,8 @@ Examples:
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30'
   With the whole field, as an array of fields x nodes (x, y, z, displacement, von Mises), float32
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;field=all' --out state.npy
+  With other values of the model's parameters than the scene's (by their dotted names)
+    softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;elastomer.law.mu_mpa=0.7'
   The inverse: which pressure gives 0.3 N at a gap of 30 mm
     softtwin get 'softtwin/finger/pressure?force_n=0.3;gap_mm=30'
   The gap that explains 0.3 N (known to 5 mN) at 0.05 MPa, with its uncertainty
@@ -34,7 +36,7 @@ the reason is printed and the exit code is 1.";
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Selector: softtwin/<actuator>/whatif|pressure|gap?name=value;... with pressure_mpa, gap_mm, force_n, force_halfwidth_n, field.
+    /// Selector: softtwin/<actuator>/whatif|pressure|gap?name=value;... with pressure_mpa, gap_mm, force_n, force_halfwidth_n, field, parameters.
     #[arg(value_name = "SELECTOR")]
     selector: String,
     /// File for the field (.npy), with `field=...` in the selector.

@@ -13,6 +13,7 @@ mod doctor;
 mod echo;
 mod evaluate;
 mod export;
+mod foxglove;
 mod get;
 mod grasp;
 mod hz;
@@ -32,6 +33,7 @@ mod render;
 mod replay;
 mod sample;
 mod scene;
+mod setpoint;
 mod simulate;
 pub mod stability;
 mod top;
@@ -59,8 +61,8 @@ macro_rules! commands {
 
 commands! {
     "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor, Bench => bench,
-        Manual => manual;
-    "Look": View => view, Top => top, List => list, Info => info, Echo => echo, Hz => hz, Get => get, Export => export,
+        Setpoint => setpoint, Manual => manual;
+    "Look": View => view, Top => top, List => list, Info => info, Echo => echo, Hz => hz, Foxglove => foxglove, Get => get, Export => export,
         Plot => plot, Render => render;
     "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train,
         Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;

@@ -136,7 +136,8 @@ impl Args {
 
     /// What needs no packing, and files named by the caller.
     fn copy_rest(&self, manifest: &Manifest, more: &[Option<&str>]) -> anyhow::Result<()> {
-        let tables = [Some(manifest.cases.as_str()), manifest.mesh.as_deref()];
+        let tables =
+            [Some(manifest.cases.as_str()), manifest.mesh.as_deref(), manifest.undeformed_by.as_deref()];
         let names = tables.iter().chain(more).flatten().chain(&["volumes.csv", "residuals.csv"]);
         for name in names.filter(|name| self.database.join(name).is_file()) {
             file::copy(&self.database.join(name), &self.out.join(name))?;

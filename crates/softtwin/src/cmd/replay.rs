@@ -20,6 +20,8 @@ Examples:
     softtwin replay run.mcap --actuator finger --from-s 10 --to-s 20 --speed 10 --loop
   One reading each time Enter is pressed:
     softtwin replay config/traces/gap40.csv --actuator finger --step
+  All files of a recorder that rotates, as one recording:
+    softtwin replay /var/lib/softtwin --actuator finger
   A recording of two actuators: say which one:
     softtwin replay run.mcap --actuator left --topic softtwin/left/sensor
 
@@ -29,7 +31,7 @@ A running bridge of the same actuator must be stopped first: there is one sensor
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Recording or trace
+    /// Recording (a file, or a folder of rotated files) or trace
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Actuator whose sensor to be

@@ -57,8 +57,7 @@ fn print(explained: &Explained) -> anyhow::Result<()> {
         explained.regimes.join(" and ")
     )?;
     for input in &explained.inputs {
-        let from = if input.given { "given" } else { "nominal" };
-        output!("  input {} = {} {} ({from})", input.name, input.value, input.unit)?;
+        output!("  input {} = {} {} ({})", input.name, input.value, input.unit, input.from)?;
     }
     output!(
         "  reads {:.2} MB of the model's {:.2} MB ({} blocks)",

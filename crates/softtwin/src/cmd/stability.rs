@@ -11,7 +11,7 @@ Examples:
     softtwin stability --model finger.twin --states 100000 --json
 
 At random states inside the contact domain the force must not be negative, must grow with pressure and fall with the gap. Along
-the onset of contact coordinates and force of both regimes must meet. Ends with 1 when one of these does not hold.";
+the onset of contact coordinates, stress and force of both regimes must meet. Ends with 1 when one of these does not hold.";
 
 /// Check a model at thousands of random states: force, continuity at the onset of contact, conditioning.
 #[derive(clap::Args)]
@@ -45,7 +45,13 @@ pub struct Extent {
     /// Largest jump of the force at the onset that is accepted, in N.
     #[arg(long, value_name = "N", default_value_t = 1e-3, value_parser = range::number(0.0, 1e3))]
     pub jump_n: f64,
+    /// Largest jump of the stress at the onset that is accepted, as a share of the state's largest stress (0 to 1).
+    #[arg(long, value_name = "SHARE", default_value_t = MAX_STRESS_JUMP, value_parser = range::number(0.0, 1.0))]
+    pub jump_stress: f64,
 }
+
+/// What a model may jump in stress at the onset, over the state's largest.
+pub const MAX_STRESS_JUMP: f64 = 3e-3;
 
 impl Args {
     /// Sweeps and prints.
@@ -74,12 +80,14 @@ impl Extent {
             "{found} violations at {states} states; first: {}",
             sweep.violations.join("; ")
         );
-        let (mm, n) = (sweep.largest_jump_mm, sweep.largest_jump_n);
+        let (mm, n, stress) = (sweep.largest_jump_mm, sweep.largest_jump_n, sweep.largest_stress_jump);
         anyhow::ensure!(
-            mm <= self.jump_mm && n <= self.jump_n,
-            "the regimes do not meet at the onset: expected jumps of at most {} mm and {} N, found {mm} mm and {n} N",
+            mm <= self.jump_mm && n <= self.jump_n && stress <= self.jump_stress,
+            "the regimes do not meet at the onset: expected jumps of at most {} mm, {} N and a share of {} of the largest \
+             stress, found {mm} mm, {n} N and {stress:.4}",
             self.jump_mm,
-            self.jump_n
+            self.jump_n,
+            self.jump_stress
         );
         Ok(())
     }

@@ -1,12 +1,9 @@
 //! `softtwin view`: the live view in a browser.
 
-use crate::failure::{configuration, usage};
+use crate::failure::usage;
 use crate::live::DomainArgs;
-use crate::load::LoadedModel;
 use crate::output;
-use crate::view::{
-    Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, Shared, Stand, open_port,
-};
+use crate::view::{Catalogue, Command, Guard, Hub, Library, Player, Reader, Server, Shared, open_port};
 use anyhow::{Context, Result};
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -32,6 +29,7 @@ Examples:
     softtwin view --model finger.twin
   A recording, or a folder of recordings to choose from:
     softtwin view --model finger.twin --recording run.mcap
+    softtwin view --model finger.twin --recording /var/lib/softtwin      # rotated files of a series are one recording
   For other machines, with a token in the printed address:
     softtwin view --model finger.twin --bind 0.0.0.0
 
@@ -82,18 +80,7 @@ impl Args {
     /// A port in use, a model that cannot be read, a key expression that is none.
     pub fn run(self) -> Result<()> {
         let key = KeyExpr::new(&self.key).map_err(|error| usage(format!("--key {:?}: {error}", self.key)))?;
-        let scene = self.scene.as_deref().map(runtime::config::Scene::load).transpose();
-        let scene = scene.map_err(configuration)?;
-        let mut paths = self.model.clone();
-        if let Some(scene) = &scene {
-            for path in scene.actuators.iter().map(|actuator| scene.resolve(&actuator.model)) {
-                if !paths.contains(&path) {
-                    paths.push(path);
-                }
-            }
-        }
-        let models = paths.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
-        let catalogue = Arc::new(Catalogue::new(models, scene.as_ref().map(Stand::of).unwrap_or_default())?);
+        let catalogue = Arc::new(Catalogue::load(&self.model, self.scene.as_deref())?);
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().context("no web runtime")?;
         runtime.block_on(self.serve(key, catalogue))

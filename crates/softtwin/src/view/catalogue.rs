@@ -1,6 +1,7 @@
 //! The models the viewer knows: their visible surfaces, and predictions for "what if".
 
 use super::frame::{FrameHead, bits, encode};
+use crate::failure::configuration;
 use crate::load::LoadedModel;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
@@ -12,6 +13,7 @@ use runtime::config::{BlockSpec, PlaceSpec, Scene};
 use runtime::payload::state_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use wire::layout::field_id;
 
@@ -40,18 +42,25 @@ impl Stand {
         let places = given.map(|actuator| (actuator.name.clone(), actuator.place)).collect();
         Self { places, blocks: scene.blocks.clone() }
     }
+
+    /// Where an actuator stands; at the origin when the scene does not say.
+    pub fn place(&self, actuator: &str) -> PlaceSpec {
+        self.places.get(actuator).copied().unwrap_or_default()
+    }
 }
 
 /// One model as the page sees it.
 struct Known {
     card: Card,
     hash: [u8; 16],
-    /// Keys of all inputs, in the model's order.
-    keys: Vec<String>,
+    /// All inputs, in the model's order.
+    inputs: Vec<InputSpec>,
     node_sets: Vec<rom::snapshots::NodeSet>,
     node_count: usize,
     /// The visible nodes, ascending.
     visible: Vec<u32>,
+    /// The visible facets, by places among the visible nodes.
+    corners: Vec<u32>,
     mesh_message: Option<Vec<u8>>,
     prediction: Mutex<Prediction>,
 }
@@ -80,6 +89,8 @@ struct InputCard {
     range: [f64; 2],
     /// Values that are answered.
     limits: [f64; 2],
+    /// Of a parameter: the model's nominal value.
+    nominal: Option<f64>,
 }
 
 /// A model's visible nodes at one state, with the names of its fields.
@@ -112,6 +123,24 @@ impl Catalogue {
         &self.stand
     }
 
+    /// Loads the models that are named and those of a scene, which also says where the actuators stand.
+    ///
+    /// # Errors
+    /// A scene or a model that cannot be read.
+    pub fn load(models: &[PathBuf], scene: Option<&Path>) -> Result<Self> {
+        let scene = scene.map(Scene::load).transpose().map_err(configuration)?;
+        let mut paths = models.to_vec();
+        if let Some(scene) = &scene {
+            for path in scene.actuators.iter().map(|actuator| scene.resolve(&actuator.model)) {
+                if !paths.contains(&path) {
+                    paths.push(path);
+                }
+            }
+        }
+        let models = paths.iter().map(|path| LoadedModel::read(path)).collect::<Result<_>>()?;
+        Self::new(models, scene.as_ref().map(Stand::of).unwrap_or_default())
+    }
+
     /// What the page receives first.
     pub fn cards(&self) -> Vec<&Card> {
         self.models.iter().map(|known| &known.card).collect()
@@ -125,6 +154,11 @@ impl Catalogue {
     /// The model with this hash, if it is known.
     pub fn find(&self, hash: [u8; 16]) -> Option<usize> {
         self.models.iter().position(|known| known.hash == hash)
+    }
+
+    /// The visible facets of a model, three places each among its visible nodes; none without a surface.
+    pub fn corners(&self, model: usize) -> &[u32] {
+        self.models.get(model).map_or(&[], |known| &known.corners)
     }
 
     /// For each visible node of a model its place in a sample of a node set; none when some are not in it.
@@ -188,7 +222,7 @@ impl Known {
         let mut inputs = Inputs::new(f64::NAN, f64::INFINITY);
         for card in cards {
             let [low, high] = card.limits;
-            match (values.get(&card.key), self.keys.iter().position(|key| *key == card.key)) {
+            match (values.get(&card.key), self.inputs.iter().position(|input| input.key() == card.key)) {
                 (Some(value), Some(at)) if (low..=high).contains(value) => inputs = inputs.with(at, *value),
                 (None, Some(GAP)) => {}
                 (found, _) => {
@@ -210,9 +244,10 @@ impl Known {
         let mut visible: Vec<u32> = visible_facets.as_flattened().to_vec();
         visible.sort_unstable();
         visible.dedup();
+        let corners = corners(header.node_count, &visible, &visible_facets);
         let mesh_message = undeformed
             .filter(|_| !visible.is_empty())
-            .map(|nodes| mesh_message(id, &nodes, &visible, &visible_facets));
+            .map(|nodes| mesh_message(id, &nodes, &visible, &corners));
         let nodes = if visible.is_empty() { Nodes::All } else { Nodes::List(visible.clone()) };
         Ok(Self {
             card: Card {
@@ -222,10 +257,11 @@ impl Known {
                 obstacle: Footprint::PLATE,
             },
             hash: loaded.hash16(),
-            keys: header.inputs.iter().map(InputSpec::key).collect(),
+            inputs: header.inputs.clone(),
             node_sets: header.node_sets.clone(),
             node_count: header.node_count,
             visible,
+            corners,
             mesh_message,
             prediction: Mutex::new(Prediction::new(loaded, nodes)?),
         })
@@ -239,20 +275,25 @@ impl InputCard {
         let beyond = 10.0 * (high - low).max(high.abs());
         let least = if low >= 0.0 { 0.0 } else { low - beyond };
         let (key, name, unit) = (spec.key(), spec.name.clone(), spec.unit.clone());
-        let card = Self { key, name, unit, range: spec.range, limits: [least, high + beyond] };
+        let card =
+            Self { key, name, unit, range: spec.range, limits: [least, high + beyond], nominal: spec.value };
         beyond.is_finite().then_some(card)
     }
 }
 
-fn mesh_message(id: usize, nodes: &[[f32; 3]], visible: &[u32], facets: &[[u32; 3]]) -> Vec<u8> {
-    let mut place = vec![0; nodes.len()];
+/// The corners of facets as places among the visible nodes.
+fn corners(node_count: usize, visible: &[u32], facets: &[[u32; 3]]) -> Vec<u32> {
+    let mut place = vec![0; node_count];
     for (k, node) in visible.iter().enumerate() {
         place[*node as usize] = k as u32;
     }
+    facets.as_flattened().iter().map(|node| place[*node as usize]).collect()
+}
+
+fn mesh_message(id: usize, nodes: &[[f32; 3]], visible: &[u32], corners: &[u32]) -> Vec<u8> {
     let coordinates = bits(visible.iter().flat_map(|node| nodes[*node as usize]));
-    let corners: Vec<u32> = facets.as_flattened().iter().map(|node| place[*node as usize]).collect();
-    let head = MeshHead { kind: "mesh", model: id, nodes: visible.len(), facets: facets.len() };
-    encode(&head, &[&coordinates, &corners, visible])
+    let head = MeshHead { kind: "mesh", model: id, nodes: visible.len(), facets: corners.len() / 3 };
+    encode(&head, &[&coordinates, corners, visible])
 }
 
 impl Prediction {
@@ -285,7 +326,7 @@ impl Prediction {
         let mut head = FrameHead::empty(PREDICTION);
         let values = self.shape(inputs, known, &mut head)?;
         head.predicted = true;
-        head.set_state(&state_of(self.state.evaluation()));
+        head.set_state(&state_of(self.state.evaluation(), &known.inputs));
         Ok(encode(&head, &[&values]))
     }
 }

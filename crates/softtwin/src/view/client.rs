@@ -46,6 +46,11 @@ enum Request {
     Open { name: String },
 }
 
+/// Whether a text is a request that a page may send.
+pub fn is_request(text: &str) -> bool {
+    serde_json::from_str::<Request>(text).is_ok()
+}
+
 /// What a page receives besides frames.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]

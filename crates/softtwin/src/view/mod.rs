@@ -16,8 +16,8 @@ mod reader;
 mod readings;
 mod server;
 
-pub use catalogue::{Catalogue, Stand};
-pub use client::Shared;
+pub use catalogue::Catalogue;
+pub use client::{Shared, is_request};
 pub use guard::Guard;
 pub use hub::Hub;
 pub use player::{Command, Library, Player};

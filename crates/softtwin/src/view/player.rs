@@ -3,10 +3,11 @@
 use super::catalogue::Catalogue;
 use super::frame::{FrameHead, bits, encode};
 use super::hub::Hub;
-use crate::recording_data::{MAX_STATES, RecordedState, RecordingData, Track};
+use crate::recording_data::{RecordedState, RecordingData, Track, series};
 use anyhow::{Context, Result};
+use recording::Series;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -32,40 +33,38 @@ pub enum Command {
     Open(String),
 }
 
-/// The recordings that pages may choose from: one file, or those of one folder.
+/// The recordings that pages may choose from: one, or those of one folder. Rotated files are one recording.
 #[derive(Clone, Debug)]
 pub struct Library {
-    files: Vec<PathBuf>,
+    recordings: Vec<Series>,
 }
 
 impl Library {
-    /// A file alone, or all `.mcap` files of a folder by name.
+    /// A recording alone, or all of a folder by name.
     ///
     /// # Errors
     /// A path that is not there, or a folder without recordings.
     pub fn new(path: &Path) -> Result<Self> {
-        let place = || format!("cannot read the recording {}", path.display());
-        if !std::fs::metadata(path).with_context(place)?.is_dir() {
-            return Ok(Self { files: vec![path.into()] });
+        if !path.is_dir() {
+            return Ok(Self { recordings: vec![series(path)?] });
         }
-        let entries = std::fs::read_dir(path).with_context(place)?;
-        let files = entries.filter_map(|entry| entry.ok().map(|entry| entry.path()));
-        let mut files: Vec<PathBuf> =
-            files.filter(|file| file.extension().is_some_and(|end| end == "mcap")).collect();
-        files.sort();
-        anyhow::ensure!(!files.is_empty(), "expected recordings (.mcap) in {}, found none", path.display());
-        Ok(Self { files })
+        let place = || format!("cannot read the recording {}", path.display());
+        let recordings = Series::all_in(path).with_context(place)?;
+        anyhow::ensure!(
+            !recordings.is_empty(),
+            "expected recordings (.mcap) in {}, found none",
+            path.display()
+        );
+        Ok(Self { recordings })
     }
 
     /// Names of the recordings, as pages show them.
     pub fn names(&self) -> Vec<String> {
-        let name = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.files.iter().map(name).collect()
+        self.recordings.iter().map(|recording| recording.name.clone()).collect()
     }
 
-    fn file(&self, name: &str) -> Option<&Path> {
-        let at = self.names().iter().position(|known| known == name)?;
-        Some(&self.files[at])
+    fn find(&self, name: &str) -> Option<&Series> {
+        self.recordings.iter().find(|recording| recording.name == name)
     }
 }
 
@@ -109,7 +108,7 @@ impl Player {
     /// # Errors
     /// What is wrong with it.
     pub fn new(library: Library, catalogue: Arc<Catalogue>, hub: Arc<Hub>) -> Result<Self> {
-        let data = read(&library.files[0], &catalogue)?;
+        let data = read(&library.recordings[0], &catalogue)?;
         let player = Self { library, catalogue, hub, data, at_s: 0.0, playing: true };
         player.announce();
         Ok(player)
@@ -156,8 +155,8 @@ impl Player {
     }
 
     fn open(&mut self, name: &str) {
-        let Some(file) = self.library.file(name) else { return };
-        match read(file, &self.catalogue) {
+        let Some(recording) = self.library.find(name) else { return };
+        match read(recording, &self.catalogue) {
             Ok(data) => {
                 self.hub.clear();
                 (self.data, self.at_s, self.playing) = (data, 0.0, true);
@@ -210,16 +209,12 @@ impl Player {
 }
 
 /// Recorded fields are only needed where no model can make them again.
-fn read(path: &Path, catalogue: &Catalogue) -> Result<RecordingData> {
-    let data = RecordingData::read(path, None, MAX_STATES)?;
+fn read(recording: &Series, catalogue: &Catalogue) -> Result<RecordingData> {
+    let data = RecordingData::read(recording, None)?;
     let mut states = data.tracks.values().flat_map(|track| track.states.last());
     let all_known = !data.tracks.values().any(|track| track.states.is_empty())
         && states.all(|state| catalogue.find(state.values.model_hash).is_some());
-    if all_known {
-        Ok(data)
-    } else {
-        RecordingData::read(path, Some(&KeyExpr::new("softtwin/**")?), MAX_STATES)
-    }
+    if all_known { Ok(data) } else { RecordingData::read(recording, Some(&KeyExpr::new("softtwin/**")?)) }
 }
 
 impl<'a> Strip<'a> {

@@ -10,7 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use wire::{Bus, Domain, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind, Waking};
+use wire::{
+    Bus, Domain, EstimateReader, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind,
+    Waking,
+};
 
 /// Frames at most this often: a screen's rate.
 const TICK: Duration = Duration::from_millis(16);
@@ -35,6 +38,7 @@ pub struct Reader {
 struct Source {
     field: Option<FieldReader>,
     state: Option<StateReader>,
+    estimate: Option<EstimateReader>,
     last_state: Option<State>,
     head: FrameHead,
     pace: Pace,
@@ -80,7 +84,7 @@ impl Reader {
             for (actuator, source) in &mut sources {
                 if let Err(error) = source.update(actuator, &self.catalogue, &self.hub) {
                     tracing::warn!("{actuator}: reading failed; the topic is opened again: {error}");
-                    (source.field, source.state) = (None, None);
+                    (source.field, source.state, source.estimate) = (None, None, None);
                 }
             }
         }
@@ -110,12 +114,13 @@ impl Reader {
         live.sort_by_key(rank);
         for topic in live {
             let opened = match topic.kind() {
-                TopicKind::Field | TopicKind::State => {
+                TopicKind::Field | TopicKind::State | TopicKind::Estimate => {
                     let source = sources.entry(topic.actuator().to_owned());
                     source.or_insert_with(|| Source::new(topic.actuator())).open(bus, &topic)
                 }
                 TopicKind::Grasp => grasps.open(bus, &topic),
-                TopicKind::Sensor | TopicKind::Health | TopicKind::Command | TopicKind::Estimate => Ok(()),
+                TopicKind::Sensor | TopicKind::Health | TopicKind::Command => Ok(()),
+                TopicKind::Setpoint | TopicKind::Override | TopicKind::Valve => Ok(()),
             };
             if let Err(error) = opened
                 && warned.insert(topic.name().to_owned())
@@ -131,6 +136,7 @@ impl Source {
         Self {
             field: None,
             state: None,
+            estimate: None,
             last_state: None,
             head: FrameHead::empty(actuator),
             pace: Pace { since: Instant::now(), seq: 0 },
@@ -147,12 +153,15 @@ impl Source {
             TopicKind::State if self.state.is_none() => {
                 self.state = Some(StateReader::attach_as(bus, topic, Waking::Never)?)
             }
+            TopicKind::Estimate if self.estimate.is_none() => {
+                self.estimate = Some(EstimateReader::attach_as(bus, topic, Waking::Never)?)
+            }
             _ => {}
         }
         Ok(())
     }
 
-    /// Reads both topics: every state and every field's header for the charts; of the newest a frame goes to the hub.
+    /// Reads all topics: every state, estimate and field's header for the charts; of the newest a frame goes to the hub.
     fn update(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
         let (mut state, mut sample) = (None, None);
         while let Some(next) = self.state.as_ref().map(StateReader::next).transpose()?.flatten() {
@@ -162,6 +171,9 @@ impl Source {
         if let Some(state) = state {
             self.pace.count(state.seq, &mut self.head);
             self.last_state = Some(state);
+        }
+        while let Some(next) = self.estimate.as_ref().map(EstimateReader::next).transpose()?.flatten() {
+            hub.record(actuator, Reading::of_estimate(&next));
         }
         while let Some(next) = self.field.as_ref().map(FieldReader::next).transpose()?.flatten() {
             hub.record(actuator, Reading::of_field(next.header(), self.state.is_some()));

@@ -3,19 +3,21 @@
 use super::frame::{bits, encode};
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
-use wire::{FieldHeader, State};
+use wire::{Estimate, FieldHeader, State};
 
 /// Readings of one actuator that wait for pages: eight seconds at 1 kHz.
 const KEPT: usize = 8192;
-/// What is sent of a reading, in this order; not a number where it is not known.
+/// What is sent of a state or a field, in this order; not a number where it is not known.
 const COLUMNS: [&str; 6] =
     ["pressure_mpa", "contact_force_n", "measured_force_n", "gap_mm", "max_von_mises_mpa", "latency_ms"];
 
-/// One published state, or one published field, as the strip charts draw it.
-#[derive(Clone, Copy, Debug)]
+/// One published state, field or estimate, as the strip charts draw it.
+#[derive(Clone, Debug)]
 pub struct Reading {
     t_s: f64,
-    values: [f32; COLUMNS.len()],
+    values: Vec<f32>,
+    /// Of an estimate: the names of its quantities.
+    unknowns: Option<Vec<String>>,
 }
 
 impl Reading {
@@ -31,7 +33,7 @@ impl Reading {
             f64::NAN,
             latency_ms,
         ];
-        Self { t_s: state.t_publish_ns as f64 * 1e-9, values: values.map(|value| value as f32) }
+        Self::new(state.t_publish_ns, &values)
     }
 
     /// What a field's header says; only its stress where the states say the rest.
@@ -45,23 +47,47 @@ impl Reading {
             header.max_von_mises_mpa,
             f64::NAN,
         ];
-        Self { t_s: header.t_publish_ns as f64 * 1e-9, values: values.map(|value| value as f32) }
+        Self::new(header.t_publish_ns, &values)
+    }
+
+    /// What an estimate says: each quantity's value, then each one's standard deviation.
+    pub fn of_estimate(estimate: &Estimate) -> Self {
+        let count = estimate.unknown_count.min(wire::layout::UNKNOWNS_MAX as u32) as usize;
+        let values = estimate.values.iter().take(count).chain(estimate.sigmas.iter().take(count)).copied();
+        let values: Vec<f64> = values.collect();
+        let unknowns = Some((0..count).map(|at| estimate.name(at)).collect());
+        Self { unknowns, ..Self::new(estimate.t_publish_ns, &values) }
+    }
+
+    fn new(t_publish_ns: u64, values: &[f64]) -> Self {
+        let values = values.iter().map(|value| *value as f32).collect();
+        Self { t_s: t_publish_ns as f64 * 1e-9, values, unknowns: None }
+    }
+
+    /// Names of the values.
+    fn columns(&self) -> Vec<String> {
+        let Some(unknowns) = &self.unknowns else { return COLUMNS.map(str::to_owned).to_vec() };
+        let named = |prefix: &'static str| unknowns.iter().map(move |name| format!("{prefix} {name}"));
+        named("estimate").chain(named("sigma")).collect()
     }
 }
 
-/// The newest readings by actuator, with how many there were before them.
-#[derive(Debug, Default)]
-pub struct Readings(BTreeMap<String, (u64, VecDeque<Reading>)>);
+/// An actuator, and whether its estimates are meant.
+type Source = (String, bool);
 
-/// For each actuator how many readings a page has.
-pub type Cursors = BTreeMap<String, u64>;
+/// The newest readings by source, with how many there were before them.
+#[derive(Debug, Default)]
+pub struct Readings(BTreeMap<Source, (u64, VecDeque<Reading>)>);
+
+/// For each source how many readings a page has.
+pub type Cursors = BTreeMap<Source, u64>;
 
 /// Header of a message of readings: behind it the seconds after `origin_s`, then the columns, `count` numbers each.
 #[derive(Serialize)]
 struct Head<'a> {
     kind: &'static str,
     actuator: &'a str,
-    columns: [&'static str; COLUMNS.len()],
+    columns: Vec<String>,
     count: usize,
     origin_s: f64,
 }
@@ -69,10 +95,8 @@ struct Head<'a> {
 impl Readings {
     /// Adds a reading; the oldest of a full list goes.
     pub fn push(&mut self, actuator: &str, reading: Reading) {
-        if !self.0.contains_key(actuator) {
-            self.0.insert(actuator.to_owned(), Default::default());
-        }
-        let Some((gone, kept)) = self.0.get_mut(actuator) else { return };
+        let source = (actuator.to_owned(), reading.unknowns.is_some());
+        let (gone, kept) = self.0.entry(source).or_default();
         if kept.len() == KEPT {
             kept.pop_front();
             *gone += 1;
@@ -83,15 +107,18 @@ impl Readings {
     /// One message for each actuator that has readings which the page has not, and the page has them.
     pub fn since(&self, cursors: &mut Cursors) -> Vec<Vec<u8>> {
         let mut messages = Vec::new();
-        for (actuator, (gone, kept)) in &self.0 {
-            let had = cursors.insert(actuator.clone(), gone + kept.len() as u64).unwrap_or(0);
+        for (source @ (actuator, _), (gone, kept)) in &self.0 {
+            let had = cursors.insert(source.clone(), gone + kept.len() as u64).unwrap_or(0);
             let new: Vec<&Reading> = kept.iter().skip(had.saturating_sub(*gone) as usize).collect();
             let Some(first) = new.first() else { continue };
-            let head =
-                Head { kind: "readings", actuator, columns: COLUMNS, count: new.len(), origin_s: first.t_s };
+            let columns = first.columns();
+            let width = columns.len();
+            let head = Head { kind: "readings", actuator, columns, count: new.len(), origin_s: first.t_s };
             let times = bits(new.iter().map(|reading| (reading.t_s - first.t_s) as f32));
-            let columns = (0..COLUMNS.len()).flat_map(|k| new.iter().map(move |reading| reading.values[k]));
-            messages.push(encode(&head, &[&times, &bits(columns)]));
+            // After a reload there may be fewer quantities.
+            let value = |reading: &Reading, k: usize| reading.values.get(k).copied().unwrap_or(f32::NAN);
+            let values = (0..width).flat_map(|k| new.iter().map(move |reading| value(reading, k)));
+            messages.push(encode(&head, &[&times, &bits(values)]));
         }
         messages
     }
@@ -109,6 +136,24 @@ mod tests {
     fn header(message: &[u8]) -> serde_json::Value {
         let length = u32::from_le_bytes(message[..4].try_into().expect("four bytes")) as usize;
         serde_json::from_slice(&message[4..4 + length]).expect("JSON")
+    }
+
+    #[test]
+    fn estimates_come_by_name_beside_the_readings() {
+        let (mut readings, mut page) = (Readings::default(), Cursors::new());
+        let mut estimate = Estimate { unknown_count: 2, ..Estimate::default() };
+        ["gap_mm", "pressure_bias_mpa"].iter().enumerate().for_each(|(at, name)| estimate.set_name(at, name));
+        estimate.values[..2].copy_from_slice(&[40.0, 0.001]);
+        estimate.sigmas[..2].copy_from_slice(&[1.0, 0.002]);
+        readings.push("left", reading(1));
+        readings.push("left", Reading::of_estimate(&estimate));
+        let messages = readings.since(&mut page);
+        let columns: Vec<_> = messages.iter().map(|message| header(message)["columns"].clone()).collect();
+        assert_eq!(columns[0], serde_json::json!(COLUMNS));
+        let named =
+            ["estimate gap_mm", "estimate pressure_bias_mpa", "sigma gap_mm", "sigma pressure_bias_mpa"];
+        assert_eq!(columns[1], serde_json::json!(named));
+        assert!(readings.since(&mut page).is_empty(), "nothing twice");
     }
 
     #[test]

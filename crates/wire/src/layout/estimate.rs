@@ -1,12 +1,10 @@
 //! What a twin estimates beside what it is told.
 
 use super::payload::payload;
-use super::{VERSION, estimate_alarm, estimate_status};
+use super::{INPUTS_MAX, VERSION, estimate_alarm, estimate_status, set_slot, slot};
 
 /// Most quantities that one twin estimates.
 pub const UNKNOWNS_MAX: usize = 8;
-/// Most model inputs.
-pub const INPUTS_MAX: usize = 8;
 
 payload! {
     /// Estimated quantities after one reading, with what the reading said about model and sensors.
@@ -77,17 +75,11 @@ payload! {
 impl Estimate {
     /// The name of the quantity at a position.
     pub fn name(&self, at: usize) -> String {
-        self.names.as_chunks::<32>().0.get(at).map_or_else(String::new, |name| super::unpack_name(name))
+        slot(&self.names, at)
     }
 
     /// Sets the name of the quantity at a position. Of a name of more than 31 bytes the end is kept, which says more.
     pub fn set_name(&mut self, at: usize, name: &str) {
-        let mut begin = name.len().saturating_sub(31);
-        while !name.is_char_boundary(begin) {
-            begin += 1;
-        }
-        if let Some(slot) = self.names.as_chunks_mut::<32>().0.get_mut(at) {
-            *slot = super::pack_name(&name[begin..]);
-        }
+        set_slot(&mut self.names, at, name);
     }
 }

@@ -9,7 +9,7 @@
 /// The layout version as a literal, for type names.
 macro_rules! layout_version {
     () => {
-        3
+        5
     };
 }
 
@@ -25,29 +25,34 @@ mod payload;
 mod query;
 mod query_status;
 mod sensor;
+mod setpoint;
 mod state;
+mod valve;
 
 pub use codes::{Code, Codes};
 pub use command::Command;
-pub use estimate::{Estimate, INPUTS_MAX, UNKNOWNS_MAX};
+pub use estimate::{Estimate, UNKNOWNS_MAX};
 pub use field::{FIELD_SLOTS, FieldHeader};
 pub use grasp::{FINGERS_MAX, Grasp};
 pub use health::{Health, OUTCOME_SLOTS};
 pub use numbers::{
     domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind, regime,
+    value_bits, valve_interlock, valve_limit, valve_reason,
 };
 pub use outcome::Outcome;
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};
 pub use query::{Answer, Query};
 pub use query_status::QueryStatus;
-pub use sensor::{MARKERS_MAX, SensorSample};
+pub use sensor::{AGES_MAX, MARKERS_MAX, SensorSample};
+pub use setpoint::Setpoint;
 pub use state::{COEFFICIENTS_MAX, GROUPS_MAX, State};
+pub use valve::Valve;
 
 /// Version of all layouts. Raised with any change of size, offset or meaning; it is part of every type name.
 pub const VERSION: u32 = layout_version!();
 
 /// Every payload.
-pub const PAYLOADS: [&Layout; 9] = [
+pub const PAYLOADS: [&Layout; 11] = [
     SensorSample::LAYOUT,
     FieldHeader::LAYOUT,
     State::LAYOUT,
@@ -55,9 +60,16 @@ pub const PAYLOADS: [&Layout; 9] = [
     Grasp::LAYOUT,
     Command::LAYOUT,
     Estimate::LAYOUT,
+    Setpoint::LAYOUT,
+    Valve::LAYOUT,
     Query::LAYOUT,
     Answer::LAYOUT,
 ];
+
+/// Most model inputs.
+pub const INPUTS_MAX: usize = 8;
+/// Most model inputs beside pressure and gap.
+pub const PARAMETERS_MAX: usize = INPUTS_MAX - 2;
 
 /// Hexadecimal digits, for hashes.
 pub fn hex(bytes: &[u8]) -> String {
@@ -71,6 +83,22 @@ pub fn pack_name(name: &str) -> [u8; 32] {
         *to = from;
     }
     packed
+}
+
+/// The name in a slot of several, 32 bytes each, zero-padded; empty where there is no such slot.
+pub fn slot(names: &[u8], at: usize) -> String {
+    names.as_chunks::<32>().0.get(at).map_or_else(String::new, |name| unpack_name(name))
+}
+
+/// Sets the name in a slot of several. Of a name of more than 31 bytes the end is kept, which says more.
+pub fn set_slot(names: &mut [u8], at: usize, name: &str) {
+    let mut begin = name.len().saturating_sub(31);
+    while !name.is_char_boundary(begin) {
+        begin += 1;
+    }
+    if let Some(slot) = names.as_chunks_mut::<32>().0.get_mut(at) {
+        *slot = pack_name(&name[begin..]);
+    }
 }
 
 /// Reads a zero-padded name; bytes that are not UTF-8 are shown as the replacement character.

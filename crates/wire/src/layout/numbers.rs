@@ -35,6 +35,38 @@ codes! {
 }
 
 codes! {
+    /// Bits of `stale_values` and `fault_values` of a reading.
+    value_bits: u32 {
+        /// Pressure.
+        PRESSURE = 1 << 0, "pressure";
+        /// Gap.
+        GAP = 1 << 1, "gap";
+        /// Measured force.
+        FORCE = 1 << 2, "force";
+        /// First marker.
+        MARKER1 = 1 << 3, "marker1";
+        /// Second marker.
+        MARKER2 = 1 << 4, "marker2";
+        /// Third marker.
+        MARKER3 = 1 << 5, "marker3";
+        /// Fourth marker.
+        MARKER4 = 1 << 6, "marker4";
+        /// Fifth marker.
+        MARKER5 = 1 << 7, "marker5";
+        /// Sixth marker.
+        MARKER6 = 1 << 8, "marker6";
+        /// Seventh marker.
+        MARKER7 = 1 << 9, "marker7";
+        /// Eighth marker.
+        MARKER8 = 1 << 10, "marker8";
+    }
+    /// The names of the set bits.
+    pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {
+        ALL.iter().filter(move |code| bits & code.number != 0).map(|code| code.name)
+    }
+}
+
+codes! {
     /// Numbers of `regime`.
     regime: u32 {
         /// No reading yet.
@@ -144,5 +176,59 @@ codes! {
         MARGINAL = 2, "held, within the error bar";
         /// Friction carries the object with the forces less their half-widths, too.
         HELD = 3, "held";
+    }
+}
+
+codes! {
+    /// Numbers of `valve_reason`: why the valve has its value.
+    valve_reason: u32 {
+        /// No setpoint has come yet: the safe value.
+        NO_SETPOINT = 0, "no-setpoint";
+        /// The setpoint, within range and rate.
+        FOLLOWING = 1, "following";
+        /// The setpoint was not renewed within its time: the safe value.
+        TIMEOUT = 2, "timeout";
+        /// An interlock (see `valve_interlock`): the safe value.
+        INTERLOCK = 3, "interlock";
+        /// The operator's value, within range and rate, whatever setpoint and interlocks say.
+        OVERRIDE = 4, "override";
+        /// The device did not confirm the write; what it does is up to its own time-out.
+        DEVICE_ERROR = 5, "device-error";
+    }
+}
+
+codes! {
+    /// Bits of `valve_interlock`.
+    valve_interlock: u32 {
+        /// The twin has sent no state yet.
+        NO_STATE = 1 << 0, "no-state";
+        /// The reading behind the newest state is older than allowed: twin, bridge or sensor has failed.
+        STALE = 1 << 1, "stale";
+        /// The state lies outside the sampled states.
+        OUTSIDE_DOMAIN = 1 << 2, "outside-domain";
+        /// The force, measured or predicted, was beyond its limit; stays until the owner asks for the safe value or begins a new run.
+        FORCE = 1 << 3, "force";
+        /// A measured force is needed, and the newest state has none.
+        NO_FORCE = 1 << 4, "no-force";
+        /// The measured force contradicts the predicted one.
+        FORCE_MISMATCH = 1 << 5, "force-mismatch";
+    }
+    /// The names of the set bits.
+    pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {
+        ALL.iter().filter(move |code| bits & code.number != 0).map(|code| code.name)
+    }
+}
+
+codes! {
+    /// Bits of `valve_limit`.
+    valve_limit: u32 {
+        /// The value that is wanted lies outside the range.
+        RANGE = 1 << 0, "range";
+        /// The value moves towards the wanted one at the greatest rate.
+        RATE = 1 << 1, "rate";
+    }
+    /// The names of the set bits.
+    pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {
+        ALL.iter().filter(move |code| bits & code.number != 0).map(|code| code.name)
     }
 }

@@ -2,21 +2,21 @@
 
 use super::payload::payload;
 use super::{
-    COEFFICIENTS_MAX, FIELD_SLOTS, GROUPS_MAX, QueryStatus, VERSION, domain_status, field_id, flags,
-    query_kind, regime,
+    COEFFICIENTS_MAX, FIELD_SLOTS, GROUPS_MAX, INPUTS_MAX, PARAMETERS_MAX, QueryStatus, VERSION,
+    domain_status, field_id, flags, query_kind, regime, set_slot, slot,
 };
 
 payload! {
     /// One question. What its kind does not need is NaN.
-    Query "softtwin.Query" 80 {
+    Query "softtwin.Query" 320 {
         /// Layout version.
         0 layout_version: u32 = VERSION, "";
         /// What is asked for.
         4 kind: u32 = query_kind::WHATIF, "", Show::Code(query_kind::ALL);
         /// 1: the field is wanted too, 0: the state is enough.
         8 want_field: u32 = 0, "";
-        /// Zero.
-        12 reserved: u32 = 0, "";
+        /// Parameters given: model inputs beside pressure and gap. The others have the values that the twin uses itself.
+        12 parameter_count: u32 = 0, "";
         /// Pressure.
         16 pressure_mpa: f64 = f64::NAN, "MPa";
         /// Gap.
@@ -27,14 +27,37 @@ payload! {
         40 force_halfwidth_n: f64 = f64::NAN, "N";
         /// Node set of the field that is wanted, zero-padded; empty or `all`: all nodes.
         48 node_set: [u8; 32] = [0; 32], "", Show::Name;
+        /// Values of the parameters given.
+        80 parameters: [f64; PARAMETERS_MAX] = [f64::NAN; PARAMETERS_MAX], "", Show::Counted("parameter_count");
+        /// Their names, 32 bytes each, zero-padded; a longer name is cut from the left.
+        128 parameter_names: [u8; 32 * PARAMETERS_MAX] = [0; 32 * PARAMETERS_MAX], "", Show::Names("parameter_count");
     }
-    json [kind, pressure_mpa, gap_mm, force_n, force_halfwidth_n, want_field, node_set]
+    json [
+        kind, pressure_mpa, gap_mm, force_n, force_halfwidth_n, want_field, node_set, parameter_names, parameters,
+    ]
+}
+
+impl Query {
+    /// Gives one more parameter a value; false: a question has no room for so many.
+    pub fn set_parameter(&mut self, name: &str, value: f64) -> bool {
+        let Some(to) = self.parameters.get_mut(self.parameter_count as usize) else { return false };
+        *to = value;
+        set_slot(&mut self.parameter_names, self.parameter_count as usize, name);
+        self.parameter_count += 1;
+        true
+    }
+
+    /// The parameters given: name as it is on the wire, and value.
+    pub fn parameters(&self) -> impl Iterator<Item = (&[u8; 32], f64)> {
+        let names = self.parameter_names.as_chunks::<32>().0;
+        names.iter().zip(self.parameters).take(self.parameter_count as usize)
+    }
 }
 
 payload! {
     /// The answer. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field
     /// topic), or empty when none was wanted.
-    Answer "softtwin.Answer" 768 {
+    Answer "softtwin.Answer" 1160 {
         /// Layout version.
         0 layout_version: u32 = VERSION, "";
         /// 0: answered, else the reason why there is no answer.
@@ -99,11 +122,22 @@ payload! {
         704 node_set: [u8; 32] = [0; 32], "", Show::Name;
         /// Name of the actuator, zero-padded.
         736 actuator: [u8; 32] = [0; 32], "", Show::Name;
+        /// Inputs of the model.
+        768 input_count: u32 = 0, "";
+        /// Zero.
+        772 reserved: u32 = 0, "";
+        /// The model's inputs that the answer stands for, in its order and units; NaN where there is no answer.
+        776 inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        /// Gradient of the force by each input, N per unit of the input.
+        840 force_by_input: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        /// Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
+        904 input_names: [u8; 32 * INPUTS_MAX] = [0; 32 * INPUTS_MAX], "", Show::Names("input_count");
     }
     json [
         kind, limit, pressure_mpa, gap_mm, regime, contact_force_n, force_halfwidth_n, force_by_pressure_n_per_mpa,
         force_by_gap_n_per_mm, onset_pressure_mpa, uncertainty, low, high, displacement_halfwidth_mm,
-        von_mises_halfwidth_mpa, domain_distance, domain_status, flags, coefficients, compute_ns, actuator, model_hash,
+        von_mises_halfwidth_mpa, domain_distance, domain_status, flags, input_names, inputs, force_by_input, coefficients,
+        compute_ns, actuator, model_hash,
     ]
 }
 
@@ -119,7 +153,15 @@ impl Answer {
             (QueryStatus::OutsideDomain, _) => " mm",
             _ => "",
         };
-        Some(status.as_str().replace("{limit}", &format!("{:.6}{unit}", self.limit)))
+        let names: Vec<String> = self.inputs().map(|(name, ..)| name).collect();
+        let text = status.as_str().replace("{limit}", &format!("{:.6}{unit}", self.limit));
+        Some(text.replace("{inputs}", &names.join(", ")))
+    }
+
+    /// The model's inputs: name, value, gradient of the force by it.
+    pub fn inputs(&self) -> impl Iterator<Item = (String, f64, f64)> {
+        let values = self.inputs.iter().zip(&self.force_by_input).take(self.input_count as usize);
+        values.enumerate().map(|(at, (value, by))| (slot(&self.input_names, at), *value, *by))
     }
 
     /// Entries of the field: nodes x fields.

@@ -29,5 +29,7 @@ coded_enum! {
         UnknownKind = 10, "this twin does not know that kind of question";
         /// The model gave a value that is not finite.
         Model = 11, "the model gave no finite value";
+        /// A parameter of the question is none of the model's.
+        UnknownInput = 12, "a parameter of the question is no input of this model, which has {inputs}";
     }
 }

@@ -1,7 +1,7 @@
 //! The small state a controller needs.
 
 use super::payload::payload;
-use super::{Outcome, VERSION, domain_status, flags, regime};
+use super::{INPUTS_MAX, Outcome, VERSION, domain_status, flags, regime, slot};
 
 /// Most modal coefficients in one state.
 pub const COEFFICIENTS_MAX: usize = 128;
@@ -10,7 +10,7 @@ pub const GROUPS_MAX: usize = 8;
 
 payload! {
     /// Force, gradients, coefficients and domain status of one evaluation.
-    State "softtwin.State" 752 {
+    State "softtwin.State" 1112 {
         /// Layout version.
         0 layout_version: u32 = VERSION, "";
         /// Set flags.
@@ -67,18 +67,33 @@ payload! {
         176 coefficients: [f32; COEFFICIENTS_MAX] = [0.0; COEFFICIENTS_MAX], "", Show::Counted("coefficient_count");
         /// Name of the actuator, zero-padded.
         688 actuator: [u8; 32] = [0; 32], "", Show::Name;
-        /// Zero; for later values.
-        720 reserved: [u64; 4] = [0; 4], "";
+        /// Inputs of the model.
+        720 input_count: u32 = 0, "";
+        /// Zero.
+        724 reserved: u32 = 0, "";
+        /// The model's inputs that the values stand for, in its order and units: measured, given, estimated or nominal.
+        728 inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        /// Gradient of the force by each input, N per unit of the input; NaN when not configured.
+        792 force_by_input: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        /// Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
+        856 input_names: [u8; 32 * INPUTS_MAX] = [0; 32 * INPUTS_MAX], "", Show::Names("input_count");
     }
     json [
         seq, sensor_seq, t_sensor_ns, t_publish_ns, age_ns, pressure_mpa, gap_mm, regime, contact_force_n,
         force_halfwidth_n, force_by_pressure_n_per_mpa, force_by_gap_n_per_mm, onset_pressure_mpa, measured_force_n,
         displacement_halfwidth_mm, von_mises_halfwidth_mpa, domain_distance, domain_status, outcome, flags,
-        flag_bits: flags as Show::Number, group_sizes, coefficients, actuator, model_hash, boot_id, sensor_boot_id,
+        flag_bits: flags as Show::Number, input_names, inputs, force_by_input, group_sizes, coefficients, actuator, model_hash,
+        boot_id, sensor_boot_id,
     ]
 }
 
 impl State {
+    /// The model's inputs: name, value, gradient of the force by it.
+    pub fn inputs(&self) -> impl Iterator<Item = (String, f64, f64)> {
+        let values = self.inputs.iter().zip(&self.force_by_input).take(self.input_count as usize);
+        values.enumerate().map(|(at, (value, by))| (slot(&self.input_names, at), *value, *by))
+    }
+
     /// The coefficients in use.
     pub fn coefficients(&self) -> &[f32] {
         self.coefficients.get(..self.coefficient_count as usize).unwrap_or(&[])

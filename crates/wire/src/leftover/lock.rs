@@ -50,6 +50,7 @@ impl Places {
             // SAFETY: the descriptor is open for the whole call.
             let code = unsafe { libc::flock(file.as_raw_fd(), kind | libc::LOCK_NB) };
             if code == 0 && names_this_file(&self.lock_path(), &file) {
+                self.share_lock();
                 return Ok(Some(StartLock { _file: file }));
             }
             // The file that was locked may have been removed meanwhile; then the new one counts.

@@ -11,6 +11,7 @@ mod half_made;
 mod lock;
 mod nodes;
 mod places;
+mod share;
 mod sweep;
 mod unused;
 mod watch;

@@ -7,6 +7,11 @@ use std::path::{Path, PathBuf};
 /// Ending of the writers' lock files.
 const WRITER_LOCK: &str = ".writer";
 
+/// Folder of the locks of those who drive an actuator: where it exists, only those who may write there may publish what drives one.
+const CONTROL: &str = "control";
+/// The topics that drive an actuator.
+const DRIVING: [&str; 3] = ["/setpoint", "/override", "/command"];
+
 /// The folders and names of one domain.
 #[derive(Debug, Clone)]
 pub(crate) struct Places {
@@ -96,7 +101,12 @@ impl Places {
     }
 
     pub(crate) fn writer_lock(&self, topic: &str) -> PathBuf {
-        PathBuf::from(format!("{}{:016x}{WRITER_LOCK}", self.writer_locks(), number(topic.as_bytes())))
+        let file = format!("{:016x}{WRITER_LOCK}", number(topic.as_bytes()));
+        let control = self.root.join(CONTROL);
+        if DRIVING.iter().any(|kind| topic.ends_with(kind)) && control.is_dir() {
+            return control.join(file);
+        }
+        PathBuf::from(format!("{}{file}", self.writer_locks()))
     }
 
     /// Whether a file in /dev/shm is a writer's lock of this domain.

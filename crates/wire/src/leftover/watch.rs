@@ -6,10 +6,12 @@
 use super::places::Places;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often it looks. It takes some 50 us.
 const PERIOD: Duration = Duration::from_millis(200);
+/// How often it gives to the group what this program has made, in a domain that a group shares: some 200 us each time.
+const SHARING_PERIOD: Duration = Duration::from_millis(10);
 /// The thread calls little and keeps little.
 const STACK_BYTES: usize = 128 << 10;
 
@@ -26,8 +28,15 @@ impl Watch {
         let (stop, stopped) = channel::<()>();
         let watch = move || {
             leave_signals_to_others();
-            while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                places.remove_half_made();
+            let mut looked = Instant::now();
+            // Connections are made while samples are sent: those of a shared domain are given to the group soon.
+            let period = if places.group().is_some() { SHARING_PERIOD } else { PERIOD };
+            while stopped.recv_timeout(period) == Err(RecvTimeoutError::Timeout) {
+                places.share();
+                if period == PERIOD || looked.elapsed() >= PERIOD {
+                    looked = Instant::now();
+                    places.remove_half_made();
+                }
             }
         };
         let thread =

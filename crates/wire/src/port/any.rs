@@ -4,7 +4,7 @@ use super::field::{FieldReader, FieldSample};
 use super::sized::Reader;
 use crate::bus::Bus;
 use crate::error::WireError;
-use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, State, View};
+use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, Setpoint, State, Valve, View};
 use crate::topic::{Topic, TopicKind};
 use crate::wake::{Wakeable, Waker, Waking};
 
@@ -102,7 +102,10 @@ macro_rules! kinds {
         }
     };
 }
-kinds!(Sensor: SensorSample, State: State, Health: Health, Grasp: Grasp, Command: Command, Estimate: Estimate);
+kinds!(
+    Sensor: SensorSample, State: State, Health: Health, Grasp: Grasp, Command: Command, Estimate: Estimate, Setpoint: Setpoint,
+    Override: Setpoint, Valve: Valve
+);
 
 /// Identity and times of a sample, as its sender wrote them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

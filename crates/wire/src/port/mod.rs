@@ -8,6 +8,7 @@ pub(crate) mod retry;
 pub(crate) mod segment;
 pub(crate) mod service;
 mod sized;
+mod take_over;
 mod writer_lock;
 
 pub use any::{AnyReader, AnySample, Stamp};
@@ -15,5 +16,7 @@ pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
 pub use query::{AnswerSample, QueryClient, QueryServer, Question};
 pub use sized::{
     CommandReader, CommandWriter, EstimateReader, EstimateWriter, GraspReader, GraspWriter, HealthReader,
-    HealthWriter, Reader, SensorReader, SensorWriter, StateReader, StateWriter, Writer,
+    HealthWriter, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter, StateReader,
+    StateWriter, ValveReader, ValveWriter, Writer,
 };
+pub use take_over::{Held, HeldWatch, WriterRight, take_rights, wait_for_rights};

@@ -34,7 +34,10 @@ pub(crate) fn within<T>(
         tries += 1;
         let tried = locked(places, &mut attempt)?;
         let refusal = match tried {
-            Ok(done) => return Ok(done),
+            Ok(done) => {
+                places.share();
+                return Ok(done);
+            }
             Err(Refusal::Final(WireError::NoSuchTopic { topic })) => {
                 return Err(WireError::NoSuchTopic { topic });
             }

@@ -169,7 +169,6 @@ fn open_failed(topic: &Topic, error: OpenError) -> Refusal {
         | OpenError::DoesNotSupportRequestedAmountOfSubscribers
         | OpenError::DoesNotSupportRequestedAmountOfNodes
         | OpenError::VersionMismatch => Refusal::Final(WireError::Incompatible { topic: topic_name, cause }),
-        OpenError::InsufficientPermissions => Refusal::Final(WireError::Open { topic: topic_name, cause }),
         OpenError::ExceedsMaxNumberOfNodes => {
             let limit = qos::of(topic.kind()).max_nodes;
             Refusal::Full(WireError::TooManyPrograms { name: topic_name, limit })
@@ -247,6 +246,10 @@ fn participants(bus: &Bus, topic: &Topic) -> Result<(Vec<u32>, Vec<u32>), WireEr
         TopicKind::Grasp => of(&sized::<layout::Grasp>(bus, topic, Missing::Refuse)?),
         TopicKind::Command => of(&sized::<layout::Command>(bus, topic, Missing::Refuse)?),
         TopicKind::Estimate => of(&sized::<layout::Estimate>(bus, topic, Missing::Refuse)?),
+        TopicKind::Setpoint | TopicKind::Override => {
+            of(&sized::<layout::Setpoint>(bus, topic, Missing::Refuse)?)
+        }
+        TopicKind::Valve => of(&sized::<layout::Valve>(bus, topic, Missing::Refuse)?),
         TopicKind::Field => of(&slices(bus, topic, Missing::Refuse)?),
     })
 }

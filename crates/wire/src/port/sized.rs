@@ -1,11 +1,12 @@
-//! Ports of topics with a payload of fixed size: sensor, state, health, grasp, command.
+//! Ports of topics with a payload of fixed size: everything but fields.
 
 use super::segment;
 use super::service::{self, Missing};
-use super::writer_lock::WriterLock;
+use super::take_over::WriterRight;
+use super::writer_lock::{Right, WriterLock};
 use crate::bus::Bus;
 use crate::error::WireError;
-use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, State};
+use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, Setpoint, State, Valve};
 use crate::qos;
 use crate::topic::Topic;
 use crate::transport::Ipc;
@@ -21,7 +22,7 @@ pub struct Writer<P: Payload> {
     publisher: Publisher<Ipc, P, ()>,
     notifier: Notifier<Ipc>,
     // Last: given back after the ports are.
-    _right: WriterLock,
+    right: Right,
 }
 
 /// One of many readers of a topic. Dropping it gives its slot back.
@@ -56,6 +57,14 @@ pub type EstimateReader = Reader<Estimate>;
 pub type CommandWriter = Writer<Command>;
 /// Receives pressure commands.
 pub type CommandReader = Reader<Command>;
+/// Sends setpoints or overrides, under the owner's name.
+pub type SetpointWriter = Writer<Setpoint>;
+/// Receives setpoints or overrides.
+pub type SetpointReader = Reader<Setpoint>;
+/// Sends what a valve was told.
+pub type ValveWriter = Writer<Valve>;
+/// Receives what a valve was told.
+pub type ValveReader = Reader<Valve>;
 
 impl<P: Payload> Writer<P> {
     /// Becomes the writer of `topic` and reserves all its memory.
@@ -64,8 +73,28 @@ impl<P: Payload> Writer<P> {
     /// [`WireError::AlreadyPublished`] when a living process writes already, [`WireError::NoMemory`] when /dev/shm is
     /// full, [`WireError::Incompatible`] when a program of another version made the topic.
     pub fn create(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
+        Self::create_named(bus, topic, "")
+    }
+
+    /// [`Self::create`] under a name, by which a second writer is told who writes already.
+    ///
+    /// # Errors
+    /// As [`Self::create`].
+    pub fn create_named(bus: &Bus, topic: &Topic, owner: &str) -> Result<Self, WireError> {
+        let lock = service::retry(bus, topic.name(), || WriterLock::take(&bus.places, topic.name(), owner))?;
+        Self::with_right(bus, topic, Right::new(&bus.places, topic.name(), Some(lock)))
+    }
+
+    /// A writer with all its memory and without the right to write, beside the one that has it, see [`WriterRight`].
+    ///
+    /// # Errors
+    /// As [`Self::create`]; [`WireError::AlreadyPublished`] when two programs have ports for writing already.
+    pub fn stand_by(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
+        Self::with_right(bus, topic, Right::new(&bus.places, topic.name(), None))
+    }
+
+    fn with_right(bus: &Bus, topic: &Topic, right: Right) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
-        let right = service::retry(bus, topic.name(), || WriterLock::take(&bus.places, topic.name()))?;
         let service = service::sized::<P>(bus, topic, Missing::Create)?;
         let publisher = service::retry(bus, topic.name(), || {
             service
@@ -78,7 +107,7 @@ impl<P: Payload> Writer<P> {
         })?;
         segment::reserve(&bus.places, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
-        Ok(Self { topic: topic.clone(), publisher, notifier, _right: right })
+        Ok(Self { topic: topic.clone(), publisher, notifier, right })
     }
 
     /// Sends one sample and wakes the readers. Cost: under a microsecond, and 5-8 us per waiting reader to wake it.
@@ -109,6 +138,16 @@ impl<P: Payload> Writer<P> {
     /// The topic.
     pub fn topic(&self) -> &Topic {
         &self.topic
+    }
+}
+
+impl<P: Payload> WriterRight for Writer<P> {
+    fn take_right(&self) -> Result<(), WireError> {
+        self.right.take()
+    }
+
+    fn give_right(&self) {
+        self.right.give();
     }
 }
 

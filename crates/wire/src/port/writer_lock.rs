@@ -4,11 +4,16 @@
 use super::retry::Refusal;
 use crate::WireError;
 use crate::leftover::{Places, names_this_file};
+use std::cell::RefCell;
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Pause between two tries: a fraction of a reading's period at 1 kHz.
+pub(super) const PAUSE: Duration = Duration::from_micros(100);
 
 /// The right to write a topic. Given back when dropped; the kernel takes it back from a program that is killed.
 #[derive(Debug)]
@@ -18,8 +23,8 @@ pub(crate) struct WriterLock {
 }
 
 impl WriterLock {
-    /// Takes the right to write `topic`.
-    pub(crate) fn take(places: &Places, topic: &str) -> Result<Self, Refusal> {
+    /// Takes the right to write `topic`; `owner` is who does, for the message to a second writer, or empty.
+    pub(crate) fn take(places: &Places, topic: &str, owner: &str) -> Result<Self, Refusal> {
         let path = places.writer_lock(topic);
         let refused = |error: std::io::Error| {
             let cause = format!("{}: {error}", path.display());
@@ -39,9 +44,49 @@ impl WriterLock {
         if !names_this_file(&path, &file) {
             return Err(Refusal::Passing(format!("{} was removed at the same time", path.display())));
         }
-        // The number only helps a reader of the message; the lock is what counts.
-        let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
+        // Number and name only help a reader of the message; the lock is what counts.
+        let _ = file.set_len(0).and_then(|()| writeln!(file, "{} {owner}", std::process::id()));
         Ok(Self { path, file })
+    }
+}
+
+impl WriterLock {
+    /// Whether somebody who lives holds the lock of this file.
+    pub(crate) fn is_held(path: &Path) -> bool {
+        let Ok(file) = File::open(path) else { return false };
+        // SAFETY: the descriptor is open for the whole call; closing it gives the lock back.
+        let code = unsafe { libc::flock(file.as_raw_fd(), libc::LOCK_SH | libc::LOCK_NB) };
+        code != 0 && std::io::Error::last_os_error().kind() == ErrorKind::WouldBlock
+    }
+}
+
+/// A writer's right, which it may give away and take again.
+#[derive(Debug)]
+pub(crate) struct Right {
+    places: Places,
+    topic: String,
+    lock: RefCell<Option<WriterLock>>,
+}
+
+impl Right {
+    /// Nobody's yet, or taken already.
+    pub(crate) fn new(places: &Places, topic: &str, lock: Option<WriterLock>) -> Self {
+        Self { places: places.clone(), topic: topic.to_owned(), lock: RefCell::new(lock) }
+    }
+
+    /// Takes it, if nobody else has it.
+    pub(crate) fn take(&self) -> Result<(), WireError> {
+        if self.lock.borrow().is_some() {
+            return Ok(());
+        }
+        let lock = try_until(Instant::now(), || WriterLock::take(&self.places, &self.topic, ""))?;
+        *self.lock.borrow_mut() = Some(lock);
+        Ok(())
+    }
+
+    /// Gives it away.
+    pub(crate) fn give(&self) {
+        *self.lock.borrow_mut() = None;
     }
 }
 
@@ -55,7 +100,25 @@ impl Drop for WriterLock {
 
 fn already_published(topic: &str, file: &mut File) -> WireError {
     let mut text = String::new();
-    let number = file.read_to_string(&mut text).ok().and_then(|_| text.trim().parse::<u32>().ok());
-    let holder = number.map(|pid| format!(" (process {pid})")).unwrap_or_default();
+    let _unreadable_is_unnamed = file.read_to_string(&mut text);
+    let (number, owner) = text.trim().split_once(' ').unwrap_or((text.trim(), ""));
+    let named = if owner.is_empty() { String::new() } else { format!("`{owner}`, ") };
+    let holder = number.parse::<u32>().map(|pid| format!(" ({named}process {pid})")).unwrap_or_default();
     WireError::AlreadyPublished { topic: topic.to_owned(), holder }
+}
+
+/// Tries to take a lock until it is free or the time is over.
+pub(crate) fn try_until(
+    end: Instant,
+    mut take: impl FnMut() -> Result<WriterLock, Refusal>,
+) -> Result<WriterLock, WireError> {
+    loop {
+        match take() {
+            Ok(lock) => return Ok(lock),
+            Err(Refusal::Passing(_)) => {}
+            Err(Refusal::Final(error) | Refusal::Full(error)) if Instant::now() >= end => return Err(error),
+            Err(_) => {}
+        }
+        std::thread::sleep(PAUSE);
+    }
 }

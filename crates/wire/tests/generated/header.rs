@@ -5,7 +5,7 @@ use std::fmt::Write;
 use wire::QueryStatus;
 use wire::layout::{
     self, Codes, Scalar, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
-    query_kind, regime,
+    query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 
 const HEAD: &str = "\
@@ -57,6 +57,7 @@ fn constants(out: &mut String) {
         ("COEFFICIENTS_MAX", layout::COEFFICIENTS_MAX, "Most modal coefficients in one state."),
         ("GROUPS_MAX", layout::GROUPS_MAX, "Most groups of fields in one state."),
         ("MARKERS_MAX", layout::MARKERS_MAX, "Most markers of one actuator."),
+        ("AGES_MAX", layout::AGES_MAX, "Values of a reading with an age of their own."),
         ("UNKNOWNS_MAX", layout::UNKNOWNS_MAX, "Most quantities that one twin estimates."),
         ("INPUTS_MAX", layout::INPUTS_MAX, "Most inputs of a model."),
         ("OUTCOME_SLOTS", layout::OUTCOME_SLOTS, "Counters of outcomes."),
@@ -75,6 +76,7 @@ fn constants(out: &mut String) {
         }
     };
     codes("FLAG", flags::ALL);
+    codes("VALUE", value_bits::ALL);
     codes("FIELD", field_id::ALL);
     codes("REGIME", regime::ALL);
     codes("DOMAIN", domain_status::ALL);
@@ -82,6 +84,9 @@ fn constants(out: &mut String) {
     codes("GRASP", grasp_status::ALL);
     codes("ESTIMATE", estimate_status::ALL);
     codes("ESTIMATE_ALARM", estimate_alarm::ALL);
+    codes("VALVE_REASON", valve_reason::ALL);
+    codes("VALVE_INTERLOCK", valve_interlock::ALL);
+    codes("VALVE_LIMIT", valve_limit::ALL);
     codes("QUERY", query_kind::ALL);
     codes("QUERY_STATUS", QueryStatus::CODES);
     out.push('\n');

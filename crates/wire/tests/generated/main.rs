@@ -7,7 +7,9 @@ mod python;
 
 use std::path::{Path, PathBuf};
 use wire::layout::{Field, Layout, Number, Payload, View};
-use wire::{Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, State};
+use wire::{
+    Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve,
+};
 
 /// A payload's description with its default.
 struct Described {
@@ -27,7 +29,7 @@ impl Described {
     }
 }
 
-fn described() -> [Described; 9] {
+fn described() -> [Described; 11] {
     fn of<P: Payload>() -> Described {
         Described { layout: P::LAYOUT, default: P::default().view().bytes.to_vec() }
     }
@@ -39,6 +41,8 @@ fn described() -> [Described; 9] {
         of::<Grasp>(),
         of::<Command>(),
         of::<Estimate>(),
+        of::<Setpoint>(),
+        of::<Valve>(),
         of::<Query>(),
         of::<Answer>(),
     ];

@@ -4,11 +4,11 @@ use super::{Described, line};
 use std::fmt::Write;
 use wire::layout::{
     self, Codes, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind,
-    regime,
+    regime, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
-const KINDS: [TopicKind; 7] = [
+const KINDS: [TopicKind; 10] = [
     TopicKind::Sensor,
     TopicKind::Field,
     TopicKind::State,
@@ -16,6 +16,9 @@ const KINDS: [TopicKind; 7] = [
     TopicKind::Grasp,
     TopicKind::Command,
     TopicKind::Estimate,
+    TopicKind::Setpoint,
+    TopicKind::Override,
+    TopicKind::Valve,
 ];
 
 /// The page with all tables as the definitions say.
@@ -66,6 +69,7 @@ fn numbers() -> String {
         writeln!(out).expect("memory");
     };
     table("`flags`, bits:", flags::ALL);
+    table("`stale_values`, `fault_values`, bits:", value_bits::ALL);
     table("`regime`:", regime::ALL);
     table("`domain_status`:", domain_status::ALL);
     table("`field_ids`:", field_id::ALL);
@@ -73,6 +77,9 @@ fn numbers() -> String {
     table("`grasp_status`:", grasp_status::ALL);
     table("`status` of an estimate:", estimate_status::ALL);
     table("`alarm` of an estimate:", estimate_alarm::ALL);
+    table("`valve_reason`:", valve_reason::ALL);
+    table("`valve_interlock`, bits:", valve_interlock::ALL);
+    table("`valve_limit`, bits:", valve_limit::ALL);
     table("`kind` of a question:", query_kind::ALL);
     table("`status` of an answer; `{limit}` is the answer's `limit`:", QueryStatus::CODES);
     out.trim_end().to_owned() + "\n"

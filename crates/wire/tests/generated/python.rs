@@ -4,7 +4,7 @@ use super::{Described, line};
 use std::fmt::Write;
 use wire::layout::{
     self, Scalar, Show, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
-    query_kind, regime,
+    query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
@@ -49,6 +49,15 @@ pub fn layout(payloads: &[Described]) -> String {
     );
     names(&mut out, "KINDS", query_kind::ALL, "Kinds of questions by number.");
     names(&mut out, "FLAGS", flags::ALL, "Flags by bit.");
+    names(&mut out, "VALVE_REASONS", valve_reason::ALL, "Why a valve has its value, by number.");
+    names(
+        &mut out,
+        "VALVE_INTERLOCKS",
+        valve_interlock::ALL,
+        "What holds a valve at its safe value, by bit.",
+    );
+    names(&mut out, "VALVE_LIMITS", valve_limit::ALL, "What limits the value of a valve, by bit.");
+    names(&mut out, "VALUES", value_bits::ALL, "Values of a reading by bit.");
     out.push_str("QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}\n\"\"\"Kinds of questions.\"\"\"\n\n");
     for described in payloads {
         class(&mut out, described);
@@ -113,7 +122,11 @@ fn class(out: &mut String, described: &Described) {
             Show::Code(codes) if codes == estimate_alarm::ALL => Some("ESTIMATE_ALARMS".into()),
             Show::Code(codes) if codes == Outcome::CODES => Some("OUTCOMES".into()),
             Show::Code(codes) if codes == query_kind::ALL => Some("KINDS".into()),
+            Show::Code(codes) if codes == valve_reason::ALL => Some("VALVE_REASONS".into()),
             Show::Code(_) => panic!("{}: its names are not in the module", field.name),
+            Show::Flags(codes) if codes == valve_interlock::ALL => Some("VALVE_INTERLOCKS".into()),
+            Show::Flags(codes) if codes == valve_limit::ALL => Some("VALVE_LIMITS".into()),
+            Show::Flags(codes) if codes == value_bits::ALL => Some("VALUES".into()),
             Show::Flags(_) => Some("FLAGS".into()),
             _ => None,
         }),
@@ -137,6 +150,9 @@ pub fn qos() -> String {
         TopicKind::Grasp,
         TopicKind::Command,
         TopicKind::Estimate,
+        TopicKind::Setpoint,
+        TopicKind::Override,
+        TopicKind::Valve,
     ] {
         let q = qos::of(kind);
         writeln!(

@@ -110,6 +110,8 @@ pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         cases,
         parameters: Vec::new(),
         snapshots,
+        undeformed_by: Vec::new(),
+        sensitivities: None,
     };
     let mut database = parts.assemble(mesh.as_deref(), obstacle)?;
     if mesh.is_none() {

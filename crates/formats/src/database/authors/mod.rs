@@ -98,6 +98,8 @@ pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         cases: all.cases,
         parameters: Vec::new(),
         snapshots: all.snapshots,
+        undeformed_by: Vec::new(),
+        sensitivities: None,
     };
     parts.assemble(mesh.as_deref(), obstacle)
 }

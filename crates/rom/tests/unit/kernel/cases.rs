@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::kernel::{Affine, Field, Isa, Role, Source, Spec, Values};
+use crate::kernel::{Affine, Field, Isa, Role, Shift, Source, Spec, Values};
 
 /// Data that a [`Spec`] can borrow from.
 #[derive(Debug, Clone)]
@@ -12,7 +12,10 @@ pub struct Body {
     pub rest: [Vec<f64>; 3],
     pub means: [Vec<f64>; 4],
     pub bases: [Vec<f64>; 4],
+    /// Modal coefficients, behind them two that move the undeformed coordinates.
     pub coefficients: Vec<f64>,
+    /// What these move: x and y by the first, z by the second.
+    pub moves: [Vec<f64>; 3],
 }
 
 /// A small generator, so that a case is its seed.
@@ -42,8 +45,10 @@ impl Body {
             None => random.vector(nodes, 0.1),
         });
         let bases = std::array::from_fn(|_| random.vector(nodes * modes, 0.02));
-        let coefficients = random.vector(4 * modes, 500.0);
-        Self { nodes, modes, rest, means, bases, coefficients }
+        let mut coefficients = random.vector(4 * modes, 500.0);
+        coefficients.extend(random.vector(2, 0.4));
+        let moves = std::array::from_fn(|_| random.vector(nodes, 5.0));
+        Self { nodes, modes, rest, means, bases, coefficients, moves }
     }
 
     fn range(&self, field: usize) -> Range<usize> {
@@ -63,12 +68,15 @@ impl Body {
             published,
         };
         let rest = [0, 1, 2].map(|axis| Values::F64(&self.rest[axis]));
+        let [x, y, z] = [0, 1, 2].map(|axis| Some(Values::F64(&self.moves[axis])));
+        let shift = |at: usize, axes| Shift { coefficient: 4 * self.modes + at, axes };
+        let shifts = vec![shift(0, [x, y, None]), shift(1, [None, None, z])];
         let fields = vec![
             affine(0, Role::Plain, published[0]),
             affine(1, Role::Plain, published[1]),
             affine(2, Role::Plain, published[2]),
             Field {
-                source: Source::Magnitude { coordinates: [0, 1, 2], rest },
+                source: Source::Magnitude { coordinates: [0, 1, 2], rest, shifts },
                 role: Role::Displacement,
                 published: published[3],
             },

@@ -18,13 +18,17 @@ pub fn reconstruct(spec: &Spec<'_>, coefficients: &[f64]) -> Vec<Reference> {
                     let sum = combine(affine, coefficients, node);
                     Reference { terms: sum.terms + 2.0 * rest_of(spec, index, node), ..sum }
                 }
-                Source::Magnitude { coordinates, rest } => {
+                Source::Magnitude { coordinates, rest, shifts } => {
                     let mut squares = Reference { value: 0.0, terms: 0.0 };
-                    for (&coordinate, rest) in coordinates.iter().zip(rest) {
+                    for (axis, (&coordinate, rest)) in coordinates.iter().zip(rest).enumerate() {
                         let Source::Affine(affine) = &spec.fields[coordinate].source else { continue };
                         let x = combine(affine, coefficients, node);
-                        squares.value += (x.value - rest.get(node)).powi(2);
-                        squares.terms += (x.terms + rest.get(node).abs()).powi(2);
+                        let moves = shifts.iter().filter_map(|shift| {
+                            shift.axes[axis].map(|by| by.get(node) * coefficients[shift.coefficient])
+                        });
+                        let (moved, terms) = moves.fold((0.0, 0.0), |(m, t), by| (m + by, t + by.abs()));
+                        squares.value += (x.value - rest.get(node) - moved).powi(2);
+                        squares.terms += (x.terms + rest.get(node).abs() + terms).powi(2);
                     }
                     Reference { value: squares.value.sqrt(), terms: squares.terms.sqrt() }
                 }
@@ -52,7 +56,7 @@ pub struct Reference {
 /// Magnitude of the undeformed coordinate that a published magnitude measures field `index` against, or 0.
 fn rest_of(spec: &Spec<'_>, index: usize, node: usize) -> f64 {
     let of_magnitude = |field: &Field<'_>| match &field.source {
-        Source::Magnitude { coordinates, rest } if field.published => {
+        Source::Magnitude { coordinates, rest, .. } if field.published => {
             let axis = coordinates.iter().position(|&coordinate| coordinate == index)?;
             Some(rest[axis].get(node).abs())
         }

@@ -1,9 +1,11 @@
-//! The line protocol: one reading a line, `pressure`, `pressure; gap`, `pressure; gap; force`, or a JSON object.
+//! The line protocol: one reading a line, `pressure`, `pressure; gap`, `pressure; gap; force`, or a JSON object; and the lines of
+//! sensors whose cells or keys the scene names.
 
 use serde::Deserialize;
+use serde_json::{Map, Value};
 
 /// Longest accepted line; what is longer is skipped to its end.
-pub const MAX_LINE_BYTES: usize = 512;
+pub const MAX_LINE_BYTES: usize = 2048;
 
 /// Why a line is no reading.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -26,6 +28,17 @@ pub enum LineError {
         /// How many.
         found: usize,
     },
+    /// A cell that the scene names is empty or missing.
+    #[error("cell {cell} is empty or missing, the line has {found}")]
+    NoCell {
+        /// Number of the cell, from 1.
+        cell: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// None of the values that the scene names.
+    #[error("the line has none of the values that the scene names")]
+    NoValue,
     /// A comma that may be a decimal comma.
     #[error(
         "`{found}`: a comma between digits may be a decimal comma; expected a decimal point, and `;` or `, ` between numbers \
@@ -57,36 +70,73 @@ fn unknown() -> f64 {
     f64::NAN
 }
 
+/// What stands in a line.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Cells {
+    /// Numbers between separators; `None` where there is nothing.
+    Numbers(Vec<Option<f64>>),
+    /// A JSON object.
+    Json(Map<String, Value>),
+}
+
+/// Takes one line without its end apart. `None` for empty lines and comments (`#`).
+///
+/// # Errors
+/// [`LineError`].
+pub(super) fn parse_cells(line: &[u8], comma_separates: bool) -> Result<Option<Cells>, LineError> {
+    let Some(text) = text_of(line)? else { return Ok(None) };
+    if text.starts_with('{') {
+        let object = serde_json::from_str(text);
+        return object.map(|object| Some(Cells::Json(object))).map_err(json_error);
+    }
+    if !comma_separates && has_doubtful_comma(text) {
+        return Err(LineError::Comma { found: text.chars().take(40).collect() });
+    }
+    let number = |cell: &str| match cell.trim() {
+        "" => Ok(None),
+        cell => cell.parse().map(Some).map_err(|_| not_a_number(cell)),
+    };
+    text.split([',', ';', '\t'])
+        .map(number)
+        .collect::<Result<_, _>>()
+        .map(|cells| Some(Cells::Numbers(cells)))
+}
+
+fn not_a_number(cell: &str) -> LineError {
+    LineError::NotANumber { found: cell.chars().take(40).collect() }
+}
+
+fn json_error(error: serde_json::Error) -> LineError {
+    LineError::Json { cause: error.to_string() }
+}
+
+/// The text of a line; `None` for empty lines and comments.
+fn text_of(line: &[u8]) -> Result<Option<&str>, LineError> {
+    if line.len() > MAX_LINE_BYTES {
+        return Err(LineError::TooLong);
+    }
+    let text = std::str::from_utf8(line).map_err(|_| LineError::NotText)?.trim();
+    Ok((!text.is_empty() && !text.starts_with('#')).then_some(text))
+}
+
 /// Parses one line without its end into pressure, gap and force in the units of the line, NaN for what it does not
 /// contain. `None` for empty lines and comments (`#`). `comma_separates`: a comma between digits is never a decimal comma.
 ///
 /// # Errors
 /// [`LineError`].
 pub fn parse_line(line: &[u8], comma_separates: bool) -> Result<Option<[f64; 3]>, LineError> {
-    if line.len() > MAX_LINE_BYTES {
-        return Err(LineError::TooLong);
-    }
-    let text = std::str::from_utf8(line).map_err(|_| LineError::NotText)?.trim();
-    if text.is_empty() || text.starts_with('#') {
-        return Ok(None);
-    }
+    let Some(text) = text_of(line)? else { return Ok(None) };
     if text.starts_with('{') {
-        let line: JsonLine =
-            serde_json::from_str(text).map_err(|error| LineError::Json { cause: error.to_string() })?;
+        let line: JsonLine = serde_json::from_str(text).map_err(json_error)?;
         return Ok(Some([line.pressure, line.gap, line.force]));
     }
-    if !comma_separates && has_doubtful_comma(text) {
-        return Err(LineError::Comma { found: text.chars().take(40).collect() });
-    }
+    let Some(Cells::Numbers(cells)) = parse_cells(line, comma_separates)? else { return Ok(None) };
     let mut numbers = [f64::NAN; 3];
-    let cells: Vec<&str> = text.split([',', ';', '\t']).collect();
     if cells.len() > numbers.len() {
         return Err(LineError::TooMany { found: cells.len() });
     }
     for (number, cell) in numbers.iter_mut().zip(&cells) {
-        let cell = cell.trim();
-        *number =
-            cell.parse().map_err(|_| LineError::NotANumber { found: cell.chars().take(40).collect() })?;
+        *number = cell.ok_or_else(|| not_a_number(""))?;
     }
     Ok(Some(numbers))
 }
@@ -115,11 +165,17 @@ impl LineBuffer {
 
     /// Takes bytes as they come and calls `each` with every finished line.
     pub fn push(&mut self, bytes: &[u8], mut each: impl FnMut(Result<Option<[f64; 3]>, LineError>)) {
+        let comma_separates = self.comma_separates;
+        self.split(bytes, |line| each(parse_line(line, comma_separates)));
+    }
+
+    /// Takes bytes as they come and calls `each` with every finished line as it is, without its end.
+    pub(super) fn split(&mut self, bytes: &[u8], mut each: impl FnMut(&[u8])) {
         for byte in bytes {
             match byte {
                 b'\n' | b'\r' => {
                     if !self.line.is_empty() {
-                        each(parse_line(&self.line, self.comma_separates));
+                        each(&self.line);
                     }
                     self.line.clear();
                 }

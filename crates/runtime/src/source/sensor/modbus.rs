@@ -1,246 +1,473 @@
-//! Modbus RTU and TCP: gauge, gap sensor and load cell polled at a fixed rate.
+//! Modbus RTU and TCP. One thread has a path (an address, a serial port) and asks every sensor behind it in turn, and writes
+//! what others want written, one request at a time.
 //!
 //! After anything but a clean answer the connection is thrown away: on a serial line a late answer carries no number that
-//! would tell it from the answer to the next request.
+//! would tell it from the answer to the next request. There the line is listened to until it has been silent for as long as
+//! the device had for its answer. A device that does not answer is asked less and less often, so that others on the path go on.
 
-use super::device::{Backoff, Device, Feed, Sensor};
-use super::filter::{Filter, FilterSpec};
-use super::register::{Quantity, RegisterSpec, Table};
+use super::feed::{Backoff, Feed, STOP_CHECK};
+use super::register::{RegisterAt, Table};
 use super::serial::SerialSpec;
-use crate::source::reading::{Reading, Source};
-use serde::{Deserialize, Serialize};
+use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
+use tokio::io::AsyncReadExt;
 use tokio::runtime::Runtime;
-use tokio::time::{MissedTickBehavior, interval, timeout};
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, WeakUnboundedSender, unbounded_channel};
+use tokio::time::{Instant, sleep_until, timeout};
 use tokio_modbus::client::{Client, Context, rtu, tcp};
 use tokio_modbus::slave::SlaveContext;
 use tokio_modbus::{Error, ExceptionCode, Request, Response, Slave};
+use wire::now_ns;
 
-/// A Modbus sensor as written in a scene file: `tcp` or `serial`, and where each quantity stands.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ModbusSpec {
-    /// Modbus TCP: `host:port`, usually port 502.
-    #[serde(default)]
-    pub tcp: Option<String>,
+/// Least time for an attempt to connect.
+const CONNECT: Duration = Duration::from_secs(1);
+/// A line that never falls silent is used again after so many times the silence waited for.
+const DRAIN_TIMES: u32 = 10;
+
+/// Where Modbus devices are reached.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ModbusPath {
+    /// Modbus TCP: `host:port`.
+    Tcp(String),
     /// Modbus RTU.
-    #[serde(default)]
-    pub serial: Option<SerialSpec>,
-    /// Polls a second.
-    #[serde(default = "usual_rate")]
-    pub poll_hz: f64,
-    /// Longest wait for the answers of one poll, ms.
-    #[serde(default = "usual_timeout")]
-    pub timeout_ms: f64,
-    /// Longest pause between attempts to reconnect, ms.
-    #[serde(default = "usual_backoff")]
-    pub backoff_max_ms: f64,
-    /// Smoothing of the pressure.
-    #[serde(default)]
-    pub filter: FilterSpec,
-    /// The gauge.
-    pub pressure: RegisterSpec,
-    /// The gap sensor, if there is one.
-    #[serde(default)]
-    pub gap: Option<RegisterSpec>,
-    /// The load cell, if there is one.
-    #[serde(default)]
-    pub force: Option<RegisterSpec>,
+    Serial(SerialSpec),
 }
 
-fn usual_rate() -> f64 {
-    50.0
-}
-
-fn usual_timeout() -> f64 {
-    200.0
-}
-
-fn usual_backoff() -> f64 {
-    5000.0
-}
-
-impl ModbusSpec {
-    /// Everything that is wrong with it.
-    pub fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        if self.tcp.is_some() == self.serial.is_some() {
-            problems.push("source.tcp, source.serial: expected exactly one of them".into());
+impl ModbusPath {
+    /// The path of a checked specification; `None` unless exactly one of the two is there.
+    pub fn new(tcp: Option<&str>, serial: Option<&SerialSpec>) -> Option<Self> {
+        match (tcp, serial) {
+            (Some(address), None) => Some(Self::Tcp(address.to_owned())),
+            (None, Some(serial)) => Some(Self::Serial(serial.clone())),
+            _ => None,
         }
-        if let Some(address) = &self.tcp
-            && !address
-                .rsplit_once(':')
-                .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
-        {
-            problems.push(format!("source.tcp: expected `host:port`, found `{address}`"));
-        }
-        if let Some(serial) = &self.serial {
-            serial.problems("source.serial", &mut problems);
-        }
-        for (key, value, min, max) in [
-            ("poll_hz", self.poll_hz, 1e-3, 20_000.0),
-            ("timeout_ms", self.timeout_ms, 0.1, 600_000.0),
-            ("backoff_max_ms", self.backoff_max_ms, 0.1, 3_600_000.0),
-        ] {
-            if !(min..=max).contains(&value) {
-                problems.push(format!("source.{key}: expected {min} to {max}, found {value}"));
-            }
-        }
-        self.filter.problems("source.filter", &mut problems);
-        self.pressure.problems("source.pressure", Quantity::Pressure, &mut problems);
-        if let Some(gap) = &self.gap {
-            gap.problems("source.gap", Quantity::Gap, &mut problems);
-        }
-        if let Some(force) = &self.force {
-            force.problems("source.force", Quantity::Force, &mut problems);
-        }
-        problems
     }
 
-    /// A source that is not started.
+    /// Notes what is wrong with the two keys at `key`.
+    pub(crate) fn problems(
+        tcp: Option<&str>,
+        serial: Option<&SerialSpec>,
+        key: &str,
+        problems: &mut Vec<String>,
+    ) {
+        if tcp.is_some() == serial.is_some() {
+            let found = if tcp.is_some() { "both" } else { "neither" };
+            problems.push(format!("{key}.tcp, {key}.serial: expected exactly one of them, found {found}"));
+        }
+        if let Some(address) = tcp {
+            check_address(address, &format!("{key}.tcp"), problems);
+        }
+        if let Some(serial) = serial {
+            serial.problems(&format!("{key}.serial"), problems);
+        }
+    }
+
+    /// Names the path among those of a scene.
+    pub(super) fn key(&self) -> String {
+        match self {
+            Self::Tcp(address) => format!("modbus tcp {address}"),
+            Self::Serial(serial) => format!("serial {}", serial.port.display()),
+        }
+    }
+
+    /// Text for the log.
+    pub(super) fn place(&self) -> String {
+        match self {
+            Self::Tcp(address) => address.clone(),
+            Self::Serial(serial) => serial.port.display().to_string(),
+        }
+    }
+}
+
+/// Notes a problem unless it is `host:port`.
+pub(super) fn check_address(address: &str, key: &str, problems: &mut Vec<String>) {
+    let parts = address.rsplit_once(':');
+    if !parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok()) {
+        problems.push(format!("{key}: expected `host:port`, found `{address}`"));
+    }
+}
+
+/// A sensor on a path: what it is asked, and when.
+#[derive(Debug)]
+pub(super) struct Polled {
+    feed: Feed,
+    registers: Vec<RegisterAt>,
+    period: Duration,
+    /// For all answers of one poll.
+    timeout: Duration,
+    due: Instant,
+    backoff: Backoff,
+}
+
+impl Polled {
+    /// `registers` in the order of the feed's values.
+    pub(super) fn new(
+        feed: Feed,
+        registers: Vec<RegisterAt>,
+        rate_hz: f64,
+        timeout_ms: f64,
+        backoff_max_ms: f64,
+    ) -> Self {
+        Self {
+            feed,
+            registers,
+            period: Duration::from_secs_f64(1.0 / rate_hz),
+            timeout: Duration::from_secs_f64(timeout_ms * 1e-3),
+            due: Instant::now(),
+            backoff: Backoff::new(Duration::from_secs_f64(backoff_max_ms * 1e-3)),
+        }
+    }
+}
+
+/// Registers to be written.
+#[derive(Debug)]
+pub(super) struct Write {
+    unit_id: u8,
+    register: u16,
+    words: Vec<u16>,
+    timeout: Duration,
+    /// Not sent later: its caller has given up.
+    begin_by: Instant,
+    done: SyncSender<Result<u64, String>>,
+}
+
+/// What reaches a thread that runs.
+#[derive(Debug)]
+pub(super) enum Job {
+    /// Registers to be written.
+    Write(Write),
+    /// One more sensor.
+    Add(Polled),
+}
+
+/// The way to write to the devices of a path that sensors may be read on, too. Clones share the connection.
+#[derive(Debug, Clone)]
+pub struct ModbusConnection {
+    jobs: UnboundedSender<Job>,
+}
+
+impl ModbusConnection {
+    pub(super) fn new(jobs: UnboundedSender<Job>) -> Self {
+        Self { jobs }
+    }
+
+    /// Writes holding registers and waits for the device's confirmation: one register by function 6, several by function
+    /// 16. It goes before all questions; for the one on its way it waits for `timeout` at most, and then as long for its own
+    /// answer. Gives the number of the connection, from 1: a new one may be that of a device that was off meanwhile.
     ///
     /// # Errors
-    /// [`Self::problems`].
-    pub(crate) fn open(&self) -> Result<Box<dyn Source>, Vec<String>> {
-        Sensor::open(self.clone(), self.problems())
-    }
-
-    fn timeout(&self) -> Duration {
-        Duration::from_secs_f64(self.timeout_ms * 1e-3)
-    }
-}
-
-impl Device for ModbusSpec {
-    fn place(&self) -> String {
-        match (&self.tcp, &self.serial) {
-            (Some(address), _) => address.clone(),
-            (None, Some(serial)) => serial.port.display().to_string(),
-            (None, None) => "nowhere".into(),
+    /// What went wrong, for people: no connection, no answer in time, an exception, another answer. What was not sent in
+    /// its time is never sent.
+    pub fn write(&self, unit_id: u8, register: u16, words: &[u16], timeout: Duration) -> Result<u64, String> {
+        let (done, result) = sync_channel(1);
+        let begin_by = Instant::now() + timeout;
+        let write = Write { unit_id, register, words: words.to_vec(), timeout, begin_by, done };
+        self.jobs.send(Job::Write(write)).map_err(|_| "the connection's thread has ended".to_owned())?;
+        match result.recv_timeout(2 * timeout) {
+            Ok(result) => result,
+            Err(RecvTimeoutError::Timeout) => Err(NoAnswer::Silence(2 * timeout).text()),
+            Err(RecvTimeoutError::Disconnected) => Err("the connection's thread has ended".to_owned()),
         }
     }
-
-    fn run(&self, feed: Feed, runtime: &Runtime) {
-        runtime.block_on(run(self, feed));
-    }
 }
 
-/// Why a poll gave no reading.
-enum NoReading {
+/// The work of a path's thread.
+#[derive(Debug)]
+pub(super) struct ModbusThread {
+    pub(super) path: ModbusPath,
+    sensors: Vec<Polled>,
+    jobs: UnboundedReceiver<Job>,
+    /// Given away on demand; the thread itself must not keep its own queue open.
+    sender: Option<UnboundedSender<Job>>,
+    is_reachable: bool,
+    /// Connections made so far.
+    connections: u64,
+}
+
+/// Why a request gave no answer.
+#[derive(Debug)]
+enum NoAnswer {
+    Silence(Duration),
     Exception(ExceptionCode),
     Garbage(String),
     Broken(String),
 }
 
-/// Polls until the stop flag is set.
-async fn run(spec: &ModbusSpec, mut feed: Feed) {
-    let mut backoff = Backoff::new(Duration::from_secs_f64(spec.backoff_max_ms * 1e-3));
-    let mut filter = Filter::new(spec.filter);
-    while !feed.is_stopped() {
-        match connect(spec).await {
-            Ok(mut context) => poll(spec, &mut context, &mut feed, &mut backoff, &mut filter).await,
-            Err(cause) => feed.failed(|c| &c.refusals, &format!("cannot connect: {cause}")),
+impl NoAnswer {
+    fn text(&self) -> String {
+        match self {
+            Self::Silence(limit) => format!("no answer within {} ms", limit.as_secs_f64() * 1e3),
+            Self::Exception(code) => format!("exception {} ({code})", u8::from(*code)),
+            Self::Garbage(cause) => format!("not understood: {cause}"),
+            Self::Broken(cause) => format!("connection lost: {cause}"),
         }
-        backoff.wait(&feed).await;
     }
 }
 
-async fn connect(spec: &ModbusSpec) -> Result<Context, String> {
-    let first = Slave(spec.pressure.unit_id);
-    if let Some(serial) = &spec.serial {
-        return serial.open().map(|port| rtu::attach_slave(port, first)).map_err(|error| error.to_string());
+/// Why a connection is given up, with the silence to wait for before the next question on a serial line.
+enum GivenUp {
+    /// A device's answer was not clean.
+    Unclean(Duration),
+    /// The connection itself.
+    Broken,
+    /// Nobody wants it any more.
+    Unwanted,
+}
+
+impl ModbusThread {
+    pub(super) fn new(path: ModbusPath) -> Self {
+        let (sender, jobs) = unbounded_channel();
+        Self { path, sensors: Vec::new(), jobs, sender: Some(sender), is_reachable: false, connections: 0 }
     }
-    let address = spec.tcp.as_deref().unwrap_or_default();
-    let open = async {
-        let stream = tokio::net::TcpStream::connect(address).await?;
-        // Requests are a dozen bytes: waiting to fill a packet would cost 40 ms each.
-        stream.set_nodelay(true)?;
-        Ok::<_, std::io::Error>(tcp::attach_slave(stream, first))
-    };
-    match timeout(spec.timeout().max(Duration::from_secs(1)), open).await {
-        Ok(result) => result.map_err(|error| error.to_string()),
-        Err(_) => Err("no answer to the attempt to connect".into()),
+
+    pub(super) fn add(&mut self, sensor: Polled) {
+        self.sensors.push(sensor);
+    }
+
+    /// The way to it for as long as somebody else has it.
+    pub(super) fn reach(&self) -> Option<WeakUnboundedSender<Job>> {
+        self.sender.as_ref().map(UnboundedSender::downgrade)
+    }
+
+    /// The way to it; it runs as long as somebody has it.
+    pub(super) fn jobs(&mut self) -> Option<UnboundedSender<Job>> {
+        self.is_reachable = true;
+        self.sender.clone()
+    }
+
+    /// Runs until all sensors are stopped and all writers gone.
+    pub(super) fn run(mut self, runtime: &Runtime) {
+        self.sender = None;
+        runtime.block_on(self.serve());
+    }
+
+    fn is_wanted(&mut self) -> bool {
+        self.sensors.retain(|sensor| !sensor.feed.is_stopped());
+        !self.sensors.is_empty() || self.is_reachable
+    }
+
+    async fn serve(&mut self) {
+        let longest = self.sensors.iter().map(|sensor| sensor.backoff.max()).max();
+        let mut pauses = Backoff::new(longest.unwrap_or(CONNECT));
+        let mut silence = Duration::ZERO;
+        while self.is_wanted() {
+            let cause = match self.connect(silence).await {
+                Ok(mut context) => {
+                    self.connections += 1;
+                    match self.use_connection(&mut context, &mut pauses).await {
+                        GivenUp::Unwanted => return,
+                        GivenUp::Unclean(wanted) => {
+                            silence = wanted;
+                            continue;
+                        }
+                        GivenUp::Broken => "the connection was lost".to_owned(),
+                    }
+                }
+                Err(cause) => {
+                    for sensor in &mut self.sensors {
+                        sensor.feed.failed(|c| &c.refusals, &format!("cannot connect: {cause}"));
+                    }
+                    format!("cannot connect: {cause}")
+                }
+            };
+            self.pause(pauses.take(), &cause).await;
+        }
+    }
+
+    /// Waits; what is to be written meanwhile is refused with the cause.
+    async fn pause(&mut self, pause: Duration, cause: &str) {
+        let end = Instant::now() + pause;
+        while self.is_wanted() && Instant::now() < end {
+            let until = end.min(Instant::now() + STOP_CHECK);
+            match next_job(&mut self.jobs, &mut self.is_reachable, until).await {
+                Some(Job::Write(write)) => drop(write.done.try_send(Err(cause.to_owned()))),
+                Some(Job::Add(sensor)) => self.sensors.push(sensor),
+                None => {}
+            }
+        }
+    }
+
+    async fn connect(&self, silence: Duration) -> Result<Context, String> {
+        match &self.path {
+            ModbusPath::Serial(serial) => {
+                let mut port = serial.open().map_err(|error| error.to_string())?;
+                let end = Instant::now() + silence * DRAIN_TIMES;
+                let mut late = [0; 256];
+                while !silence.is_zero()
+                    && Instant::now() < end
+                    && timeout(silence, port.read(&mut late))
+                        .await
+                        .is_ok_and(|read| read.is_ok_and(|n| n > 0))
+                {}
+                Ok(rtu::attach(port))
+            }
+            ModbusPath::Tcp(address) => {
+                let open = async {
+                    let stream = tokio::net::TcpStream::connect(address).await?;
+                    // Requests are a dozen bytes: waiting to fill a packet would cost 40 ms each.
+                    stream.set_nodelay(true)?;
+                    Ok::<_, std::io::Error>(tcp::attach(stream))
+                };
+                match timeout(CONNECT, open).await {
+                    Ok(result) => result.map_err(|error| error.to_string()),
+                    Err(_) => Err("no answer to the attempt to connect".into()),
+                }
+            }
+        }
+    }
+
+    /// Writes first, then the sensor that has waited longest.
+    async fn use_connection(&mut self, context: &mut Context, pauses: &mut Backoff) -> GivenUp {
+        loop {
+            if !self.is_wanted() {
+                return GivenUp::Unwanted;
+            }
+            let due = self.sensors.iter().map(|sensor| sensor.due).min();
+            let look = Instant::now() + STOP_CHECK;
+            let until = due.map_or(look, |due| due.min(look));
+            match next_job(&mut self.jobs, &mut self.is_reachable, until).await {
+                Some(Job::Write(write)) => {
+                    if let Some(given_up) = confirm(context, write, self.connections).await {
+                        return given_up;
+                    }
+                    pauses.reset();
+                    continue;
+                }
+                Some(Job::Add(sensor)) => self.sensors.push(sensor),
+                None => {}
+            }
+            let next = self.sensors.iter_mut().min_by_key(|sensor| sensor.due);
+            let Some(sensor) = next.filter(|sensor| sensor.due <= Instant::now()) else { continue };
+            match sensor.poll(context).await {
+                None => pauses.reset(),
+                Some(given_up) => return given_up,
+            }
+        }
     }
 }
 
-/// Polls one connection until it breaks or the stop flag is set.
-async fn poll(
-    spec: &ModbusSpec,
-    context: &mut Context,
-    feed: &mut Feed,
-    backoff: &mut Backoff,
-    filter: &mut Filter,
-) {
-    let mut ticks = interval(Duration::from_secs_f64(1.0 / spec.poll_hz));
-    // A slow device is polled as fast as it answers; missed polls are not made up for.
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    loop {
-        ticks.tick().await;
-        if feed.is_stopped() {
-            return;
+/// What comes next before `until`.
+async fn next_job(jobs: &mut UnboundedReceiver<Job>, is_reachable: &mut bool, until: Instant) -> Option<Job> {
+    if !*is_reachable {
+        sleep_until(until).await;
+        return None;
+    }
+    tokio::select! {
+        biased;
+        job = jobs.recv() => {
+            *is_reachable = job.is_some();
+            job
         }
-        let Ok(answer) = timeout(spec.timeout(), read_all(spec, context)).await else {
-            return feed.failed(|c| &c.timeouts, &format!("no answer within {} ms", spec.timeout_ms));
+        () = sleep_until(until) => None,
+    }
+}
+
+impl Polled {
+    /// Asks for all values once. `None`: the connection is good.
+    async fn poll(&mut self, context: &mut Context) -> Option<GivenUp> {
+        // A slow device is asked as fast as it answers; missed polls are not made up for.
+        self.due = (self.due + self.period).max(Instant::now());
+        let answer = match timeout(self.timeout, read_all(&self.registers, context)).await {
+            Ok(answer) => answer,
+            Err(_) => Err(NoAnswer::Silence(self.timeout)),
         };
-        match answer {
-            Ok(reading) => {
-                let pressure_mpa = filter.apply(reading.t_sensor_ns, reading.pressure_mpa);
-                feed.send(Reading { pressure_mpa, ..reading });
-                feed.recovered();
-                backoff.reset();
+        let error = match answer {
+            Ok((t_ns, raw)) => {
+                self.feed.send(t_ns, raw.into_iter().enumerate());
+                self.backoff.reset();
+                return None;
             }
+            Err(error) => error,
+        };
+        match &error {
             // The device answers that it cannot: the twin gets the fault code, and the connection is kept.
-            Err(NoReading::Exception(code)) => {
-                let number = u32::from(u8::from(code));
-                feed.failed(|c| &c.exceptions, &format!("exception {number} ({code})"));
-                feed.send(Reading { status: number.max(1), ..Reading::now() });
-                backoff.reset();
+            NoAnswer::Exception(code) => {
+                self.feed.failed(|c| &c.exceptions, &error.text());
+                self.feed.fault(u8::from(*code).into());
+                self.backoff.reset();
+                return None;
             }
-            Err(NoReading::Garbage(cause)) => {
-                return feed.failed(|c| &c.garbage, &format!("not understood: {cause}"));
-            }
-            Err(NoReading::Broken(cause)) => {
-                return feed.failed(|c| &c.disconnects, &format!("connection lost: {cause}"));
+            NoAnswer::Silence(_) => self.feed.failed(|c| &c.timeouts, &error.text()),
+            NoAnswer::Garbage(_) => self.feed.failed(|c| &c.garbage, &error.text()),
+            NoAnswer::Broken(_) => {
+                self.feed.failed(|c| &c.disconnects, &error.text());
+                return Some(GivenUp::Broken);
             }
         }
+        self.due = Instant::now() + self.backoff.take();
+        Some(GivenUp::Unclean(self.timeout))
     }
 }
 
-/// One reading of all quantities, stamped when the last answer has come.
-async fn read_all(spec: &ModbusSpec, context: &mut Context) -> Result<Reading, NoReading> {
-    let mut values = [f64::NAN; 3];
-    let wanted = [
-        (Some(&spec.pressure), Quantity::Pressure),
-        (spec.gap.as_ref(), Quantity::Gap),
-        (spec.force.as_ref(), Quantity::Force),
-    ];
-    for (value, (register, quantity)) in values.iter_mut().zip(wanted) {
-        let Some(register) = register else { continue };
-        *value = read(context, register, quantity).await?;
+/// All values of a sensor as the device has them, with the time of the last answer.
+async fn read_all(registers: &[RegisterAt], context: &mut Context) -> Result<(u64, Vec<f64>), NoAnswer> {
+    let mut raw = Vec::with_capacity(registers.len());
+    for register in registers {
+        raw.push(read(context, register).await?);
     }
-    let [pressure_mpa, gap_mm, measured_force_n] = values;
-    Ok(Reading { pressure_mpa, gap_mm, measured_force_n, ..Reading::now() })
+    Ok((now_ns(), raw))
 }
 
-async fn read(context: &mut Context, spec: &RegisterSpec, quantity: Quantity) -> Result<f64, NoReading> {
-    context.set_slave(Slave(spec.unit_id));
+async fn read(context: &mut Context, at: &RegisterAt) -> Result<f64, NoAnswer> {
     // The library's typed readers assert that the device sent as many registers as were asked for; a device may not.
-    let request = match spec.table {
-        Table::Input => Request::ReadInputRegisters(spec.register, spec.count()),
-        Table::Holding => Request::ReadHoldingRegisters(spec.register, spec.count()),
+    let request = match at.table {
+        Table::Input => Request::ReadInputRegisters(at.register, at.count()),
+        Table::Holding => Request::ReadHoldingRegisters(at.register, at.count()),
     };
-    match context.call(request).await {
-        Ok(Ok(Response::ReadInputRegisters(registers) | Response::ReadHoldingRegisters(registers))) => {
-            spec.decode(quantity, &registers).ok_or_else(|| {
-                NoReading::Garbage(format!("{} registers, {} asked for", registers.len(), spec.count()))
+    match call(context, at.unit_id, request).await? {
+        Response::ReadInputRegisters(registers) | Response::ReadHoldingRegisters(registers) => {
+            at.raw(&registers).ok_or_else(|| {
+                NoAnswer::Garbage(format!("{} registers, {} asked for", registers.len(), at.count()))
             })
         }
-        Ok(Ok(other)) => Err(NoReading::Garbage(format!("registers asked for, {other:?} sent"))),
-        Ok(Err(code)) => Err(NoReading::Exception(code)),
-        Err(Error::Protocol(error)) => Err(NoReading::Garbage(error.to_string())),
+        other => Err(NoAnswer::Garbage(format!("registers asked for, {other:?} sent"))),
+    }
+}
+
+/// Carries out a write and tells its caller. `None`: the connection is good.
+async fn confirm(context: &mut Context, write: Write, connection: u64) -> Option<GivenUp> {
+    let Write { unit_id, register, words, timeout: limit, begin_by, done } = write;
+    if Instant::now() > begin_by {
+        let _caller_gone = done.try_send(Err("not sent: the connection was busy".to_owned()));
+        return None;
+    }
+    let (request, expected) = match words.as_slice() {
+        [word] => {
+            (Request::WriteSingleRegister(register, *word), Response::WriteSingleRegister(register, *word))
+        }
+        _ => {
+            let count = words.len() as u16;
+            let request = Request::WriteMultipleRegisters(register, words.into());
+            (request, Response::WriteMultipleRegisters(register, count))
+        }
+    };
+    let result = match timeout(limit, call(context, unit_id, request)).await {
+        Ok(Ok(answer)) if answer == expected => Ok(connection),
+        Ok(Ok(answer)) => {
+            Err(NoAnswer::Garbage(format!("expected {expected:?}, the device sent {answer:?}")))
+        }
+        Ok(Err(error)) => Err(error),
+        Err(_) => Err(NoAnswer::Silence(limit)),
+    };
+    let given_up = match &result {
+        Ok(_) | Err(NoAnswer::Exception(_)) => None,
+        Err(NoAnswer::Broken(_)) => Some(GivenUp::Broken),
+        Err(_) => Some(GivenUp::Unclean(limit)),
+    };
+    let _caller_gone = done.try_send(result.map_err(|error| error.text()));
+    given_up
+}
+
+async fn call(context: &mut Context, unit_id: u8, request: Request<'_>) -> Result<Response, NoAnswer> {
+    context.set_slave(Slave(unit_id));
+    match context.call(request).await {
+        Ok(Ok(response)) => Ok(response),
+        Ok(Err(code)) => Err(NoAnswer::Exception(code)),
+        Err(Error::Protocol(error)) => Err(NoAnswer::Garbage(error.to_string())),
         // A frame with a wrong checksum ends as "invalid data".
         Err(Error::Transport(error)) if error.kind() == std::io::ErrorKind::InvalidData => {
-            Err(NoReading::Garbage(error.to_string()))
+            Err(NoAnswer::Garbage(error.to_string()))
         }
-        Err(Error::Transport(error)) => Err(NoReading::Broken(error.to_string())),
+        Err(Error::Transport(error)) => Err(NoAnswer::Broken(error.to_string())),
     }
 }

@@ -33,6 +33,26 @@ pub struct RegisterSpec {
     pub unit: Option<String>,
 }
 
+/// Where a number stands in a device, and how it is written there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegisterAt {
+    /// Unit identifier ("slave address") of the device, 1-247; gateways on TCP often ignore it.
+    #[serde(default = "first_unit")]
+    pub unit_id: u8,
+    /// Address of the first register, from 0.
+    pub register: u16,
+    /// Which table it stands in.
+    #[serde(default)]
+    pub table: Table,
+    /// How the number is written.
+    #[serde(default)]
+    pub encoding: Encoding,
+    /// Which of two registers comes first.
+    #[serde(default)]
+    pub word_order: WordOrder,
+}
+
 fn first_unit() -> u8 {
     1
 }
@@ -124,7 +144,7 @@ impl Quantity {
     }
 }
 
-impl RegisterSpec {
+impl RegisterAt {
     /// How many registers to ask for.
     pub fn count(&self) -> u16 {
         match self.encoding {
@@ -133,18 +153,16 @@ impl RegisterSpec {
         }
     }
 
-    /// The quantity in its base unit (MPa, mm, N); `None` when the device sent another number of registers than was
-    /// asked for, or the unit is unknown.
-    pub fn decode(&self, quantity: Quantity, registers: &[u16]) -> Option<f64> {
-        let raw = match (self.encoding, registers) {
+    /// The number; `None` when the device sent another number of registers than was asked for.
+    pub fn raw(&self, registers: &[u16]) -> Option<f64> {
+        Some(match (self.encoding, registers) {
             (Encoding::U16, [word]) => f64::from(*word),
             (Encoding::I16, [word]) => f64::from(word.cast_signed()),
             (Encoding::U32, [a, b]) => f64::from(self.join(*a, *b)),
             (Encoding::I32, [a, b]) => f64::from(self.join(*a, *b).cast_signed()),
             (Encoding::F32, [a, b]) => f64::from(f32::from_bits(self.join(*a, *b))),
             _ => return None,
-        };
-        Some((raw * self.scale + self.offset) * quantity.factor(self.unit.as_deref())?)
+        })
     }
 
     fn join(&self, first: u16, second: u16) -> u32 {
@@ -155,8 +173,8 @@ impl RegisterSpec {
         u32::from(high) << 16 | u32::from(low)
     }
 
-    /// Everything that is wrong with the specification; `key` is its place in the file.
-    pub fn problems(&self, key: &str, quantity: Quantity, problems: &mut Vec<String>) {
+    /// Everything that is wrong with it; `key` is its place in the file.
+    pub fn problems(&self, key: &str, problems: &mut Vec<String>) {
         if !(1..=247).contains(&self.unit_id) {
             problems.push(format!("{key}.unit_id: expected 1-247, found {}", self.unit_id));
         }
@@ -164,6 +182,58 @@ impl RegisterSpec {
             problems
                 .push(format!("{key}.register: expected room for two registers, found {}", self.register));
         }
+    }
+}
+
+impl RegisterSpec {
+    /// Where the number stands.
+    pub fn at(&self) -> RegisterAt {
+        let Self { unit_id, register, table, encoding, word_order, .. } = *self;
+        RegisterAt { unit_id, register, table, encoding, word_order }
+    }
+
+    /// How many registers to ask for.
+    pub fn count(&self) -> u16 {
+        self.at().count()
+    }
+
+    /// The quantity in its base unit (MPa, mm, N); `None` when the device sent another number of registers than was
+    /// asked for, or the unit is unknown.
+    pub fn decode(&self, quantity: Quantity, registers: &[u16]) -> Option<f64> {
+        let raw = self.at().raw(registers)?;
+        Some((raw * self.scale + self.offset) * quantity.factor(self.unit.as_deref())?)
+    }
+
+    /// The registers that [`Self::decode`] reads as this value in the base unit; `None` when it does not fit, or the unit is
+    /// unknown. Whole numbers are rounded to the nearest.
+    pub fn encode(&self, quantity: Quantity, value: f64) -> Option<Vec<u16>> {
+        let raw = (value / quantity.factor(self.unit.as_deref())? - self.offset) / self.scale;
+        let whole = |min: f64, max: f64| {
+            let rounded = raw.round();
+            (min..=max).contains(&rounded).then_some(rounded as i64)
+        };
+        Some(match self.encoding {
+            Encoding::U16 => vec![whole(0.0, f64::from(u16::MAX))? as u16],
+            Encoding::I16 => vec![(whole(f64::from(i16::MIN), f64::from(i16::MAX))? as i16).cast_unsigned()],
+            Encoding::U32 => self.split(whole(0.0, f64::from(u32::MAX))? as u32),
+            Encoding::I32 => {
+                self.split((whole(f64::from(i32::MIN), f64::from(i32::MAX))? as i32).cast_unsigned())
+            }
+            Encoding::F32 => self.split(Some(raw as f32).filter(|raw| raw.is_finite())?.to_bits()),
+        })
+    }
+
+    fn split(&self, bits: u32) -> Vec<u16> {
+        let (high, low) = ((bits >> 16) as u16, bits as u16);
+        match self.word_order {
+            WordOrder::Big => vec![high, low],
+            WordOrder::Little => vec![low, high],
+        }
+    }
+
+    /// Everything that is wrong with the specification; `key` is its place in the file.
+    pub fn problems(&self, key: &str, quantity: Quantity, problems: &mut Vec<String>) {
+        self.at().problems(key, problems);
         if !(self.scale.is_finite() && self.scale != 0.0) {
             problems
                 .push(format!("{key}.scale: expected a finite number other than 0, found {}", self.scale));

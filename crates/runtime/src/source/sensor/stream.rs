@@ -1,155 +1,300 @@
-//! Lines of text from a serial line or standard input.
+//! Lines of text: from a serial line, a TCP connection, UDP datagrams, the standard input, or a program of one's own.
+//! One thread has a path; every sensor that reads it gets every line.
 
-use super::device::{Backoff, Device, Feed, STOP_CHECK, Sensor};
-use super::filter::{Filter, FilterSpec};
-use super::lines::LineBuffer;
-use super::register::Quantity;
+use super::feed::{Backoff, Feed, STOP_CHECK};
+use super::lines::{Cells, LineBuffer, LineError, parse_cells, parse_line};
+use super::plugin::{Plugin, PluginSpec};
 use super::serial::SerialSpec;
-use crate::source::reading::{Reading, Source};
+use crate::source::reading::SensorCounters;
+use crate::source::value::{MARKERS, slot};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
+use std::sync::atomic::AtomicU64;
 use std::time::Duration;
-use tokio::io::AsyncReadExt;
+use tokio::io::{AsyncRead, AsyncReadExt};
+use tokio::net::{TcpStream, UdpSocket};
 use tokio::runtime::Runtime;
+use tokio::time::{Instant, timeout};
+use wire::now_ns;
 
-/// A line sensor as written in a scene file.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LinesSpec {
-    /// The serial line; without it, standard input is read.
-    pub serial: Option<SerialSpec>,
-    /// A comma between digits separates two numbers, although it may look like a decimal comma.
-    pub comma_separates: bool,
-    /// Unit of the pressure; default MPa.
-    pub pressure_unit: Option<String>,
-    /// Unit of the gap; default mm.
-    pub gap_unit: Option<String>,
-    /// Unit of the force; default N.
-    pub force_unit: Option<String>,
-    /// Smoothing of the pressure.
-    pub filter: FilterSpec,
-}
-
-/// Longest pause between attempts to open the line again.
+/// Longest pause between attempts to open the path again.
 const MAX_BACKOFF: Duration = Duration::from_secs(5);
+/// Longest wait for a TCP connection.
+const CONNECT: Duration = Duration::from_secs(2);
+/// A TCP connection on which nothing has come for so long is made anew: a pulled cable ends no connection.
+const TCP_SILENCE: Duration = Duration::from_secs(2);
+/// Largest datagram.
+const DATAGRAM: usize = 65_536;
 
-impl LinesSpec {
-    /// Everything that is wrong with it.
-    pub fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        if let Some(serial) = &self.serial {
-            serial.problems("source.serial", &mut problems);
+/// Where lines come from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum LinesPath {
+    Stdin,
+    Serial(SerialSpec),
+    /// `host:port` to connect to.
+    Tcp(String),
+    /// `address:port` to listen on.
+    Udp(String),
+    Plugin(PluginSpec),
+}
+
+impl LinesPath {
+    /// Names the path among those of a scene.
+    pub(super) fn key(&self) -> String {
+        match self {
+            Self::Stdin => "the standard input".into(),
+            Self::Serial(serial) => format!("serial {}", serial.port.display()),
+            Self::Tcp(address) => format!("lines tcp {address}"),
+            Self::Udp(address) => format!("udp {address}"),
+            Self::Plugin(plugin) => format!("command {plugin:?}"),
         }
-        Quantity::Pressure.check_unit("source.pressure_unit", self.pressure_unit.as_deref(), &mut problems);
-        Quantity::Gap.check_unit("source.gap_unit", self.gap_unit.as_deref(), &mut problems);
-        Quantity::Force.check_unit("source.force_unit", self.force_unit.as_deref(), &mut problems);
-        self.filter.problems("source.filter", &mut problems);
-        problems
     }
 
-    /// A source that is not started.
-    ///
-    /// # Errors
-    /// [`Self::problems`].
-    pub(crate) fn open(&self) -> Result<Box<dyn Source>, Vec<String>> {
-        Sensor::open(self.clone(), self.problems())
+    /// Text for the log.
+    pub(super) fn place(&self) -> String {
+        match self {
+            Self::Stdin => "standard input".into(),
+            Self::Serial(serial) => serial.port.display().to_string(),
+            Self::Tcp(address) | Self::Udp(address) => address.clone(),
+            Self::Plugin(plugin) => plugin.place(),
+        }
+    }
+
+    async fn open(&self) -> Result<Input, String> {
+        let text = |error: std::io::Error| error.to_string();
+        match self {
+            Self::Serial(serial) => Ok(Input::Stream(Box::new(serial.open().map_err(text)?))),
+            Self::Tcp(address) => match timeout(CONNECT, TcpStream::connect(address)).await {
+                Ok(stream) => Ok(Input::Stream(Box::new(stream.map_err(text)?))),
+                Err(_) => Err("no answer to the attempt to connect".into()),
+            },
+            Self::Udp(address) => Ok(Input::Datagrams(UdpSocket::bind(address).await.map_err(text)?)),
+            Self::Plugin(plugin) => plugin.start().map(Input::Plugin).map_err(text),
+            Self::Stdin => Err("it is read by a loop of its own".into()),
+        }
     }
 }
 
-impl Device for LinesSpec {
-    fn place(&self) -> String {
-        self.serial.as_ref().map_or("standard input".into(), |serial| serial.port.display().to_string())
+/// An open path.
+enum Input {
+    Stream(Box<dyn AsyncRead + Unpin>),
+    Datagrams(UdpSocket),
+    Plugin(Plugin),
+}
+
+impl Input {
+    /// The next bytes; none at the end. A datagram ends its last line.
+    async fn read(&mut self, bytes: &mut Vec<u8>) -> std::io::Result<usize> {
+        bytes.resize(DATAGRAM, 0);
+        let count = match self {
+            Self::Stream(stream) => stream.read(bytes).await?,
+            Self::Plugin(plugin) => plugin.read(bytes).await?,
+            Self::Datagrams(socket) => {
+                let count = socket.recv(bytes).await?;
+                bytes.truncate(count);
+                bytes.push(b'\n');
+                return Ok(bytes.len());
+            }
+        };
+        bytes.truncate(count);
+        Ok(count)
+    }
+}
+
+/// Where a value stands in a line: the number of its cell, from 1, or its key in a JSON object.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Cell {
+    /// Cell, from 1.
+    Number(usize),
+    /// Key.
+    Key(String),
+}
+
+impl Cell {
+    pub(super) fn problems(&self, key: &str, problems: &mut Vec<String>) {
+        let found = match self {
+            Self::Number(number) if (1..=64).contains(number) => return,
+            Self::Key(name) if !name.is_empty() => return,
+            Self::Number(number) => number.to_string(),
+            Self::Key(_) => "no text".into(),
+        };
+        problems.push(format!("{key}: expected a cell, 1 to 64, or a JSON key, found {found}"));
+    }
+}
+
+/// What a sensor takes from a line.
+#[derive(Debug)]
+pub(super) enum Pick {
+    /// Pressure, gap, force, in this order or by these keys.
+    Three,
+    /// For each value in the feed's order its place; whether an empty cell is a marker that was not seen.
+    Cells(Vec<(Cell, bool)>),
+}
+
+impl Pick {
+    /// For values by name.
+    pub(super) fn cells<'a>(values: impl Iterator<Item = (&'a String, &'a Cell)>) -> Self {
+        let is_marker = |name: &str| slot(name).is_some_and(|slot| slot >= MARKERS);
+        Self::Cells(values.map(|(name, cell)| (cell.clone(), is_marker(name))).collect())
     }
 
-    /// Reads until the stop flag is set, or to the end of standard input.
-    fn run(&self, feed: Feed, runtime: &Runtime) {
-        let mut reader = LineReader::new(self, feed);
-        match &self.serial {
-            Some(serial) => runtime.block_on(read_serial(serial, &mut reader)),
-            None => read_stdin(&mut reader),
+    /// The raw numbers of a line, each with the position of its value; `None` for a line without any.
+    fn numbers(&self, line: &[u8], comma_separates: bool) -> Result<Option<Vec<(usize, f64)>>, LineError> {
+        let wanted = match self {
+            Self::Three => {
+                let numbers = parse_line(line, comma_separates)?;
+                return Ok(numbers.map(|numbers| numbers.into_iter().enumerate().collect()));
+            }
+            Self::Cells(wanted) => wanted,
+        };
+        let Some(cells) = parse_cells(line, comma_separates)? else { return Ok(None) };
+        let mut found = Vec::with_capacity(wanted.len());
+        for (position, (cell, is_marker)) in wanted.iter().enumerate() {
+            let number = match (cell, &cells) {
+                (Cell::Number(number), Cells::Numbers(cells)) => match cells.get(number - 1) {
+                    Some(Some(number)) => *number,
+                    Some(None) if *is_marker => f64::NAN,
+                    _ => return Err(LineError::NoCell { cell: *number, found: cells.len() }),
+                },
+                (Cell::Key(key), Cells::Json(object)) => match object.get(key) {
+                    // A line may carry some of the values only.
+                    None => continue,
+                    Some(serde_json::Value::Null) => f64::NAN,
+                    Some(value) => value.as_f64().ok_or_else(|| LineError::NotANumber {
+                        found: value.to_string().chars().take(40).collect(),
+                    })?,
+                },
+                (Cell::Number(_), Cells::Json(_)) | (Cell::Key(_), Cells::Numbers(_)) => continue,
+            };
+            found.push((position, number));
+        }
+        if found.is_empty() { Err(LineError::NoValue) } else { Ok(Some(found)) }
+    }
+}
+
+/// A sensor on a path of lines.
+#[derive(Debug)]
+pub(super) struct LineSensor {
+    pub(super) feed: Feed,
+    pub(super) pick: Pick,
+    pub(super) comma_separates: bool,
+}
+
+impl LineSensor {
+    fn take(&mut self, t_ns: u64, line: &[u8]) {
+        match self.pick.numbers(line, self.comma_separates) {
+            Ok(Some(numbers)) => self.feed.send(t_ns, numbers),
+            Ok(None) => {}
+            Err(error) => self.feed.failed(|c| &c.garbage, &error.to_string()),
         }
     }
 }
 
-struct LineReader {
-    feed: Feed,
+/// The work of a path's thread.
+#[derive(Debug)]
+pub(super) struct LinesThread {
+    pub(super) path: LinesPath,
+    sensors: Vec<LineSensor>,
     buffer: LineBuffer,
-    filter: Filter,
-    /// Of pressure, gap and force.
-    factors: [f64; 3],
+    /// The line that is on its way when a serial line is opened has lost its beginning.
+    skip_line: bool,
 }
 
-impl LineReader {
-    fn new(spec: &LinesSpec, feed: Feed) -> Self {
-        let factor =
-            |quantity: Quantity, unit: &Option<String>| quantity.factor(unit.as_deref()).unwrap_or(f64::NAN);
-        Self {
-            feed,
-            buffer: LineBuffer::new(spec.comma_separates),
-            filter: Filter::new(spec.filter),
-            factors: [
-                factor(Quantity::Pressure, &spec.pressure_unit),
-                factor(Quantity::Gap, &spec.gap_unit),
-                factor(Quantity::Force, &spec.force_unit),
-            ],
+impl LinesThread {
+    pub(super) fn new(path: LinesPath) -> Self {
+        Self { path, sensors: Vec::new(), buffer: LineBuffer::default(), skip_line: false }
+    }
+
+    pub(super) fn add(&mut self, sensor: LineSensor) {
+        self.sensors.push(sensor);
+    }
+
+    /// Reads until all sensors are stopped, or to the end of standard input.
+    pub(super) fn run(mut self, runtime: &Runtime) {
+        if self.path == LinesPath::Stdin { self.read_stdin() } else { runtime.block_on(self.serve()) }
+    }
+
+    fn is_wanted(&mut self) -> bool {
+        self.sensors.retain(|sensor| !sensor.feed.is_stopped());
+        !self.sensors.is_empty()
+    }
+
+    fn failed(&mut self, counter: impl Fn(&SensorCounters) -> &AtomicU64, what: &str) {
+        for sensor in &mut self.sensors {
+            sensor.feed.failed(&counter, what);
         }
     }
 
     fn push(&mut self, bytes: &[u8]) {
-        let Self { feed, buffer, filter, factors: [to_mpa, to_mm, to_n] } = self;
-        buffer.push(bytes, |line| match line {
-            Ok(Some([pressure, gap, force])) => {
-                let reading = Reading::now();
-                feed.send(Reading {
-                    pressure_mpa: filter.apply(reading.t_sensor_ns, pressure * *to_mpa),
-                    gap_mm: gap * *to_mm,
-                    measured_force_n: force * *to_n,
-                    ..reading
-                });
-                feed.recovered();
-            }
-            Ok(None) => {}
-            Err(error) => feed.failed(|c| &c.garbage, &error.to_string()),
-        });
+        let (t_ns, sensors) = (now_ns(), &mut self.sensors);
+        let end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        let bytes = match (self.skip_line, end) {
+            (false, _) => bytes,
+            (true, None) => return,
+            (true, Some(end)) => bytes.get(end..).unwrap_or_default(),
+        };
+        self.skip_line = false;
+        self.buffer.split(bytes, |line| sensors.iter_mut().for_each(|sensor| sensor.take(t_ns, line)));
     }
-}
 
-async fn read_serial(serial: &SerialSpec, reader: &mut LineReader) {
-    let mut backoff = Backoff::new(MAX_BACKOFF);
-    while !reader.feed.is_stopped() {
-        match serial.open() {
-            Ok(mut port) => {
-                let mut bytes = [0; 1024];
-                while !reader.feed.is_stopped() {
-                    match tokio::time::timeout(STOP_CHECK, AsyncReadExt::read(&mut port, &mut bytes)).await {
-                        Err(_) => {} // nothing sent: check the stop flag, go on reading
-                        Ok(Ok(count)) if count > 0 => {
-                            reader.push(bytes.get(..count).unwrap_or_default());
-                            backoff.reset();
-                        }
-                        Ok(end) => {
-                            let cause = end.err().map_or("end of file".into(), |error| error.to_string());
-                            reader.feed.failed(|c| &c.disconnects, &cause);
-                            break;
-                        }
+    async fn serve(&mut self) {
+        let mut backoff = Backoff::new(MAX_BACKOFF);
+        while self.is_wanted() {
+            match self.path.open().await {
+                Ok(input) => {
+                    (self.buffer, self.skip_line) =
+                        (LineBuffer::default(), matches!(self.path, LinesPath::Serial(_)));
+                    let (began, is_plugin) = (Instant::now(), matches!(input, Input::Plugin(_)));
+                    // A program that says something and ends at once is no success.
+                    if self.read(input).await && (!is_plugin || began.elapsed() > MAX_BACKOFF) {
+                        backoff.reset();
                     }
                 }
+                Err(cause) => self.failed(|c| &c.refusals, &format!("cannot open it: {cause}")),
             }
-            Err(error) => reader.feed.failed(|c| &c.refusals, &format!("cannot open it: {error}")),
+            let end = Instant::now() + backoff.take();
+            while self.is_wanted() && Instant::now() < end {
+                tokio::time::sleep(STOP_CHECK.min(end - Instant::now())).await;
+            }
         }
-        backoff.wait(&reader.feed).await;
     }
-}
 
-fn read_stdin(reader: &mut LineReader) {
-    let mut bytes = [0; 1024];
-    let mut input = std::io::stdin().lock();
-    while !reader.feed.is_stopped() {
-        match input.read(&mut bytes) {
-            Ok(0) => return,
-            Ok(count) => reader.push(bytes.get(..count).unwrap_or_default()),
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return reader.feed.failed(|c| &c.disconnects, &error.to_string()),
+    /// Reads to the end of the input; says whether anything came.
+    async fn read(&mut self, mut input: Input) -> bool {
+        let (mut bytes, mut last, mut has_come) = (Vec::new(), Instant::now(), false);
+        while self.is_wanted() {
+            match timeout(STOP_CHECK, input.read(&mut bytes)).await {
+                Ok(Ok(count)) if count > 0 => {
+                    (last, has_come) = (Instant::now(), true);
+                    self.push(&bytes);
+                }
+                Ok(end) => {
+                    let cause = end.err().map_or("end of file".into(), |error| error.to_string());
+                    self.failed(|c| &c.disconnects, &cause);
+                    break;
+                }
+                Err(_) if matches!(self.path, LinesPath::Tcp(_)) && last.elapsed() > TCP_SILENCE => {
+                    let silence = format!("nothing for {} s: connecting anew", TCP_SILENCE.as_secs());
+                    self.failed(|c| &c.timeouts, &silence);
+                    break;
+                }
+                Err(_) => {} // nothing sent: check the stop flag, go on reading
+            }
+        }
+        has_come
+    }
+
+    fn read_stdin(&mut self) {
+        let mut bytes = [0; 1024];
+        let mut input = std::io::stdin().lock();
+        while self.is_wanted() {
+            match input.read(&mut bytes) {
+                Ok(0) => return,
+                Ok(count) => self.push(bytes.get(..count).unwrap_or_default()),
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(error) => return self.failed(|c| &c.disconnects, &error.to_string()),
+            }
         }
     }
 }

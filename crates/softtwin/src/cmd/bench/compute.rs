@@ -123,7 +123,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let mut tip = ModelState::new(model, &tip)?;
     full.update(inputs[0])?;
     let regime = full.evaluation().regime;
-    let coefficients = full.evaluation().coefficients.clone();
+    let coefficients = full.reconstructor().coefficients(full.evaluation())?;
     let basis = |fields: &Reconstructor| fields.basis(regime).cloned().context("the model has no regime");
     let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
 
@@ -139,7 +139,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
         nodes: wide.nodes(),
         fields: wide.fields(),
         entries: wide.output_len(),
-        coefficients: coefficients.len(),
+        coefficients: full.evaluation().coefficients.len(),
         read_gbps: f32.read_gbps,
         kernel: Kernels { f32, i16 },
         predict_us_p50: predictions[0].p50(),

@@ -103,6 +103,7 @@ fn database() -> Database {
         cases,
         snapshots,
         undeformed_mm: Some(mesh),
+        undeformed_by: Vec::new(),
         surface_triangles: Vec::new(),
         node_sets,
         obstacle: Footprint::PLATE,

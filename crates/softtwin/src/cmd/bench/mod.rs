@@ -1,5 +1,6 @@
 //! `softtwin bench`: what a twin costs on this machine, against what the machine can do.
 
+mod comparison;
 pub mod compute;
 pub mod full_size;
 mod live;
@@ -9,14 +10,17 @@ mod report;
 
 use crate::progress::Progress;
 use crate::{files, output};
+use cli::shared_files;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  Everything, with a synthetic model of full size (25,022 nodes, 6 modes a field); about two minutes:
+  Everything, with the shipped model models/pneunet/pneunet.twin; about two minutes:
     softtwin bench
-  The trained model, for a script, with a picture of the distributions:
-    softtwin bench --model models/pneunet/pneunet.twin --json --picture latency.svg
+  Another model, for a script, with a picture of the distributions:
+    softtwin bench --model finger.twin --json --picture latency.svg
+  What the parameters of a model cost, beside a model without:
+    softtwin bench --model models/pneunet-stiffness/pneunet-stiffness.twin --plain models/pneunet/pneunet.twin
   Computation only, no processes:
     softtwin bench --no-live
 
@@ -30,9 +34,15 @@ Use a release build: cargo build --release -p softtwin -p softtwind";
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Model to measure; a synthetic one of full size when left out.
+    /// Model to measure; the shipped models/pneunet/pneunet.twin when left out.
     #[arg(long, value_name = "FILE.twin")]
     model: Option<PathBuf>,
+    /// Instead: the cost of the whole field beside that of this model without parameters.
+    #[arg(long, value_name = "FILE.twin", requires = "model", conflicts_with_all = ["picture", "no_live"])]
+    plain: Option<PathBuf>,
+    /// Measure a synthetic model of full size instead: 25,022 nodes, 6 modes a field.
+    #[arg(long, conflicts_with = "model", help_heading = "Selection")]
+    synthetic: bool,
     /// Samples of each computation (10 to 1000000).
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = crate::range::count(10, 1_000_000))]
     samples: usize,
@@ -50,15 +60,25 @@ pub struct Args {
     picture: Option<PathBuf>,
 }
 
+/// What a user has who trains nothing.
+const SHIPPED: &str = "models/pneunet/pneunet.twin";
+
 impl Args {
     /// Measures and prints.
     pub fn run(self) -> anyhow::Result<()> {
         let mut progress = Progress::new(false);
         progress.step("preparing the model");
-        let model = match &self.model {
-            Some(path) => files::model(path)?,
-            None => full_size::model()?,
+        let (name, model) = if self.synthetic {
+            ("synthetic, 6 modes a field".into(), full_size::model()?)
+        } else {
+            let path = self.model.map_or_else(|| shared_files::find(SHIPPED), Ok)?;
+            (path.display().to_string(), files::model(&path)?)
         };
+        if let Some(plain) = &self.plain {
+            let comparison = comparison::run(&model, &files::model(plain)?, self.samples)?;
+            drop(progress);
+            return if self.json { output::json(&comparison) } else { comparison.print() };
+        }
         let (compute, mut series) = compute::run(&model, self.samples, &mut progress)?;
         let rows = if self.no_live { Vec::new() } else { live::run(&model, self.seconds, &mut progress)? };
         drop(progress);
@@ -75,7 +95,7 @@ impl Args {
         if let Some(path) = &self.picture {
             picture::draw(path, &series)?;
         }
-        let report = report::Report { compute, end_to_end, notes };
+        let report = report::Report { model: name, compute, end_to_end, notes };
         if self.json { output::json(&report) } else { report.print() }
     }
 }

@@ -8,6 +8,8 @@ use serde::Serialize;
 /// The whole result.
 #[derive(Debug, Serialize)]
 pub struct Report {
+    /// The model's file, or that it is synthetic.
+    pub model: String,
     /// In this process.
     #[serde(flatten)]
     pub compute: Compute,
@@ -21,6 +23,7 @@ impl Report {
     /// Tables for people.
     pub fn print(&self) -> anyhow::Result<()> {
         let c = &self.compute;
+        output!("model: {}", self.model)?;
         let (nodes, fields, entries, isa) = (c.nodes, c.fields, c.entries, &c.isa);
         output!(
             "{nodes} nodes x {fields} fields = {entries} entries, {} coefficients, {isa}",

@@ -4,6 +4,7 @@ mod domain;
 mod finding;
 mod machine;
 mod scene;
+mod services;
 
 use crate::live::DomainArgs;
 use crate::output;
@@ -18,6 +19,8 @@ Examples:
     softtwin doctor
   A service as it is installed, its scene, settings, models and sensors too:
     sudo -u softtwin SOFTTWIN_ROOT=/run/softtwin softtwin doctor --scene /etc/softtwin/finger.toml --config /etc/softtwin/twin.toml
+  A recorder's folder and a gateway's configuration:
+    softtwin doctor --recordings /var/lib/softtwin --gateway /etc/softtwin/gateway.toml
 
 Exit code 0 when nothing is wrong (warnings allowed), 1 otherwise. Each sensor is read once; a serial port that a running
 bridge holds cannot be read.";
@@ -32,6 +35,12 @@ pub struct Args {
     /// Settings file to check, with its real-time options
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Folder of recordings to check: free space, series, whether they grow
+    #[arg(long, value_name = "DIR")]
+    recordings: Option<PathBuf>,
+    /// Configuration of a gateway to check, by `softtwin-gateway --check`
+    #[arg(long, value_name = "FILE")]
+    gateway: Option<PathBuf>,
     /// JSON instead of text
     #[arg(long)]
     json: bool,
@@ -75,6 +84,8 @@ impl Args {
             Err(error) => Finding::bad("settings", error, "correct the file"),
         }));
         findings.extend(self.scene.iter().flat_map(|path| scene::scene(path)));
+        findings.extend(self.recordings.iter().flat_map(|path| services::recordings(path)));
+        findings.extend(self.gateway.iter().map(|path| services::gateway(path)));
         findings
     }
 }

@@ -3,9 +3,12 @@
 use super::finding::Finding;
 use runtime::config::Scene;
 use runtime::load::load_scene;
-use runtime::source::{SourceReader, SourceSpec};
+use runtime::source::SensorCounters;
+use runtime::source::{Devices, Reading, Source, SourceReader};
+use runtime::wire::layout::value_bits;
 use std::path::Path;
-use std::time::Duration;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// How long a sensor may take to answer once, its own time-outs and first attempts to reconnect included.
 const SENSOR_TIMEOUT: Duration = Duration::from_secs(3);
@@ -17,11 +20,14 @@ pub fn scene(path: &Path) -> Vec<Finding> {
         Err(error) => return vec![Finding::bad("scene", error, "correct the file")],
     };
     let mut findings = vec![models(&scene, path)];
+    let (devices, mut opened_all) = (Devices::default(), Vec::new());
     for actuator in &scene.actuators {
-        if let Some(spec) = &actuator.source {
-            findings.push(source(&format!("source of `{}`", actuator.name), spec, &scene.folder));
+        if let Some(opened) = actuator.open_source(&scene.folder, &devices) {
+            opened_all.push((format!("source of `{}`", actuator.name), opened));
         }
     }
+    // All are opened before the first starts: sensors of several actuators may share a device path.
+    findings.extend(opened_all.into_iter().map(|(subject, opened)| source(&subject, opened)));
     findings
 }
 
@@ -38,9 +44,21 @@ fn models(scene: &Scene, path: &Path) -> Finding {
     }
 }
 
+/// The first reading in which no value is missing; the last one if none comes in time.
+fn complete(source: &mut SourceReader) -> Option<Reading> {
+    let (end, mut last) = (Instant::now() + SENSOR_TIMEOUT, None);
+    while let Some(reading) = source.next(end.saturating_duration_since(Instant::now())) {
+        last = Some(reading);
+        if reading.stale_values == 0 || Instant::now() >= end {
+            break;
+        }
+    }
+    last
+}
+
 /// Takes one reading.
-fn source(subject: &str, spec: &SourceSpec, folder: &Path) -> Finding {
-    let mut source = match spec.open(folder).map(SourceReader::start) {
+fn source(subject: &str, opened: Result<Box<dyn Source>, Vec<String>>) -> Finding {
+    let mut source = match opened.map(SourceReader::start) {
         Ok(Ok(source)) => source,
         Ok(Err(error)) => {
             return Finding::bad(subject, error, "the system has no thread left: raise TasksMax");
@@ -49,14 +67,26 @@ fn source(subject: &str, spec: &SourceSpec, folder: &Path) -> Finding {
             return Finding::bad(subject, diagnostics.join("; "), "correct the scene or the trace");
         }
     };
-    let reading = source.next(SENSOR_TIMEOUT);
-    let Some(device) = source.device() else {
+    let reading = complete(&mut source);
+    let devices = source.devices();
+    if devices.is_empty() {
         return match reading {
             Some(reading) => Finding::good(subject, format!("first reading {} MPa", reading.pressure_mpa)),
             None => Finding::bad(subject, "it has no readings", "choose another part of the trace"),
         };
+    }
+    let summary = || {
+        let of_device =
+            |(name, device): &(String, Arc<SensorCounters>)| format!("{name} {}", device.summary());
+        devices.iter().map(of_device).collect::<Vec<_>>().join("; ")
     };
+    let absent = |bits: u32| value_bits::names(bits).collect::<Vec<_>>().join(", ");
     match reading {
+        Some(reading) if reading.stale_values != 0 => Finding::bad(
+            subject,
+            format!("no answer with {} ({})", absent(reading.stale_values), summary()),
+            "timeouts: wiring, unit_id, baud; refusals: address, port, rights; garbage: parity, baud, `from` of its values",
+        ),
         Some(reading) if reading.status == 0 => Finding::good(
             subject,
             format!(
@@ -70,7 +100,7 @@ fn source(subject: &str, spec: &SourceSpec, folder: &Path) -> Finding {
             "Modbus: 2 wrong register, 4 the device itself is faulty; see its manual",
         ),
         None => {
-            let found = format!("no reading within {} s ({})", SENSOR_TIMEOUT.as_secs(), device.summary());
+            let found = format!("no reading within {} s ({})", SENSOR_TIMEOUT.as_secs(), summary());
             let remedy = "timeouts: wiring, unit_id, baud; refusals: address, port, rights (group dialout), a bridge that holds \
                           the port; garbage: parity, baud, encoding";
             Finding::bad(subject, found, remedy)

@@ -2,6 +2,7 @@
 
 mod body;
 mod fmu;
+mod recorded;
 mod source;
 mod tables;
 
@@ -11,6 +12,7 @@ use crate::output;
 use anyhow::Result;
 pub use body::Body;
 use formats::export::SeriesFormat;
+use recording::TableForm;
 use serde_json::json;
 pub use source::prediction_label;
 use source::{Options, Source};
@@ -32,6 +34,11 @@ Examples:
   A recording as CSV tables, one for each topic (tables/softtwin.finger.state.csv and so on), or its states only:
     softtwin export run.mcap --out tables
     softtwin export run.mcap --out tables --key 'softtwin/*/state'
+  The same as inputs of a simulation in FMI tools: time in s and numbers only
+    softtwin export run.mcap --fmi --out tables --key 'softtwin/*/state'
+  All files of a recorder that rotates, as one recording; of one series where the folder holds several:
+    softtwin export /var/lib/softtwin --out tables
+    softtwin export /var/lib/softtwin/finger --out tables
   A model for Simulink, Modelica and others, as an FMU of FMI 3.0, with two nodes as outputs (docs/fmi.md):
     softtwin export finger.twin --fmu finger.fmu --node tip=9696 --node middle=120
 
@@ -42,7 +49,7 @@ VTU files (as field data) and CSV files (as columns) carry every input, the cont
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// What to export: a model (.twin), a database folder, or a recording (.mcap).
+    /// What to export: a model (.twin), a database folder, or a recording (.mcap, or a folder of rotated files).
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
     /// File to write; its ending says the format. Of a recording also a folder, for tables.
@@ -53,6 +60,9 @@ pub struct Args {
     /// Of a recording: topics, as a key expression; of several field topics it chooses one.
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
+    /// Of a recording's tables: time in s, then single numbers only, as FMI tools read them.
+    #[arg(long)]
+    fmi: bool,
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the states shall have; the surface when left out.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
@@ -70,9 +80,14 @@ impl Args {
     /// # Errors
     /// A source that cannot be read, options that do not belong to it, a file that cannot be written.
     pub fn run(self) -> Result<()> {
-        let recording = self.source.extension().is_some_and(|ending| ending == "mcap");
-        if recording && self.out.extension().is_none() {
-            return tables::write(&self.source, &self.out, &self.key, self.json);
+        if source::is_recording(&self.source) && self.out.extension().is_none() {
+            let form = if self.fmi { TableForm::Fmi } else { TableForm::Whole };
+            return tables::write(&self.source, &self.out, &self.key, form, self.json);
+        }
+        if self.fmi {
+            return Err(usage(
+                "--fmi belongs to tables of a recording: softtwin export RUN.mcap --fmi --out FOLDER",
+            ));
         }
         if self.out.extension().is_some_and(|ending| ending == "fmu") {
             return fmu::write(&self.source, &self.out, self.nodes, self.json);

@@ -1,12 +1,14 @@
 //! Where exported states come from: a model asked for readings, a database, the fields of a recording.
 
 use super::body::Body;
+use super::recorded::Recorded;
 use crate::failure::usage;
 use crate::files;
-use crate::recording_data::{RecordedField, RecordingData, Track};
+use crate::recording_data::RecordedField;
 use anyhow::Result;
 use formats::database::ObstacleKind;
 use formats::export::{Label, Moment};
+use recording::Series;
 use rom::evaluation::Evaluation;
 use rom::inputs::{InputSpec, Inputs};
 use rom::model::{Model, Selection};
@@ -45,8 +47,10 @@ pub enum Source {
     Readings { model: Box<Model>, fields: Vec<FieldSpec>, readings: Vec<(f64, Inputs)> },
     /// Cases of a database.
     Cases { database: Box<Database>, chosen: Vec<usize> },
+    /// Recorded states that a model makes fields of.
+    Replayed { model: Box<Model>, fields: Vec<FieldSpec>, recorded: Recorded },
     /// Recorded fields.
-    Recorded { track: Track, fields: Vec<FieldSpec>, every: usize },
+    Recorded { recorded: Recorded, fields: Vec<FieldSpec> },
 }
 
 impl Source {
@@ -57,12 +61,12 @@ impl Source {
     pub fn open(path: &Path, options: &Options, key: &str) -> Result<Self> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         let kind = match ending {
+            _ if is_recording(path) => "recording",
             _ if path.is_dir() => "database",
             Some("twin") => "model",
-            Some("mcap") => "recording",
             _ => {
                 return Err(usage(format!(
-                    "expected a model (.twin), a database folder or a recording (.mcap), found {}",
+                    "expected a model (.twin), a database folder or a recording (.mcap, or a folder of them), found {}",
                     path.display()
                 )));
             }
@@ -122,42 +126,28 @@ impl Source {
 
     fn recording(options: &Options, path: &Path, key: &str) -> Result<Self> {
         let topics = KeyExpr::new(key).map_err(usage)?;
-        let fields = options.model.is_none().then_some(&topics);
-        let mut data = RecordingData::read(path, fields, usize::MAX)?;
-        let names: Vec<String> = data.tracks.keys().cloned().collect();
-        let name = match (&options.actuator, names.as_slice()) {
-            (Some(name), _) => name.clone(),
-            (None, [only]) => only.clone(),
-            _ => return Err(usage(format!("--actuator: which of {}?", names.join(", ")))),
-        };
-        let track = data
-            .tracks
-            .remove(&name)
-            .ok_or_else(|| usage(format!("--actuator {name}: the recording has {}", names.join(", "))))?;
-        let every = options.every;
+        let states = options.model.is_some();
+        let recorded = Recorded::find(path, topics, options.actuator.as_deref(), states, options.every)?;
         if let Some(model) = &options.model {
-            let inputs = track.states.iter().filter_map(|state| Some((state.t_s, state.inputs()?)));
-            return Self::readings(model, inputs.step_by(every).collect());
+            let model = files::model(model)?;
+            let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
+            return Ok(Self::Replayed { model: Box::new(model), fields, recorded });
         }
-        let Some(first) = track.fields.first() else {
+        let Some(first) = recorded.first_field() else {
             return Err(usage(
                 "the recording holds no fields; name the model that makes them with --model FILE.twin",
             ));
         };
-        let fields = first.header.fields().map(|id| spec(field_id::as_str(id))).collect();
-        let shape = |field: &RecordedField| (field.header.node_count, field.header.field_ids);
-        if track.fields.iter().any(|field| shape(field) != shape(first)) {
-            let expected = "expected fields of one topic, found several shapes; choose one with --key (`softtwin export RECORDING --out \
-                            tables` lists the topics), or make the fields with --model";
-            return Err(usage(expected));
-        }
-        Ok(Self::Recorded { track, fields, every })
+        let fields = first.fields().map(|id| spec(field_id::as_str(id))).collect();
+        Ok(Self::Recorded { recorded, fields })
     }
 
     /// Fields of every state.
     pub fn fields(&self) -> &[FieldSpec] {
         match self {
-            Self::Readings { fields, .. } | Self::Recorded { fields, .. } => fields,
+            Self::Readings { fields, .. } | Self::Replayed { fields, .. } | Self::Recorded { fields, .. } => {
+                fields
+            }
             Self::Cases { database, .. } => &database.fields,
         }
     }
@@ -167,7 +157,7 @@ impl Source {
         match self {
             Self::Readings { readings, .. } => readings.len(),
             Self::Cases { chosen, .. } => chosen.len(),
-            Self::Recorded { track, every, .. } => track.fields.len().div_ceil(*every),
+            Self::Replayed { recorded, .. } | Self::Recorded { recorded, .. } => recorded.count(),
         }
     }
 
@@ -177,9 +167,11 @@ impl Source {
     /// A mesh file that does not fit.
     pub fn body(&self, mesh: Option<&Path>) -> Result<Body> {
         let body = match self {
-            Self::Readings { model, .. } => Body::of_model(model),
+            Self::Readings { model, .. } | Self::Replayed { model, .. } => Body::of_model(model),
             Self::Cases { database, .. } => Body::of_database(database),
-            Self::Recorded { track, .. } => Body::of_points(track.fields[0].header.node_count as usize),
+            Self::Recorded { recorded, .. } => {
+                Body::of_points(recorded.first_field().map_or(0, |header| header.node_count as usize))
+            }
         };
         body.with_mesh(mesh)
     }
@@ -187,36 +179,32 @@ impl Source {
     /// The states, made one after the other.
     pub fn moments(&self) -> Box<dyn Iterator<Item = Result<Moment>> + '_> {
         match self {
-            Self::Readings { model, readings, .. } => predictions(model, readings),
+            Self::Readings { model, readings, .. } => predictions(model, readings.iter().map(|one| Ok(*one))),
             Self::Cases { database, chosen } => Box::new(chosen.iter().map(|k| Ok(case(database, *k)))),
-            Self::Recorded { track, every, .. } => {
-                Box::new(track.fields.iter().step_by(*every).map(|field| {
-                    let header = &field.header;
-                    let numbers = named([
-                        ("pressure_mpa", header.pressure_mpa),
-                        ("gap_mm", header.gap_mm),
-                        ("contact_force_n", header.contact_force_n),
-                    ]);
-                    let label = Label { name: String::new(), numbers };
-                    Ok(Moment { time: field.t_s, label, values: field.values.clone() })
-                }))
-            }
+            Self::Replayed { model, recorded, .. } => predictions(model, recorded.readings()),
+            Self::Recorded { recorded, .. } => Box::new(recorded.fields().map(|field| {
+                let RecordedField { t_s, header, values } = field?;
+                let (gap_mm, force_n) = (Some(header.gap_mm), header.contact_force_n);
+                let label = Label::of_state(header.pressure_mpa, gap_mm, [], force_n);
+                Ok(Moment { time: t_s, label, values })
+            })),
         }
     }
 }
 
 fn predictions<'a>(
     model: &'a Model,
-    readings: &'a [(f64, Inputs)],
+    readings: impl Iterator<Item = Result<(f64, Inputs)>> + 'a,
 ) -> Box<dyn Iterator<Item = Result<Moment>> + 'a> {
     let mut state = match ModelState::new(model, &Selection::default()) {
         Ok(state) => state,
         Err(error) => return Box::new(std::iter::once(Err(error.into()))),
     };
-    Box::new(readings.iter().map(move |(time, inputs)| {
-        state.update(*inputs)?;
+    Box::new(readings.map(move |reading| {
+        let (time, inputs) = reading?;
+        state.update(inputs)?;
         let label = prediction_label(&model.header.inputs, state.evaluation());
-        Ok(Moment { time: *time, label, values: state.fields().to_vec() })
+        Ok(Moment { time, label, values: state.fields().to_vec() })
     }))
 }
 
@@ -224,24 +212,25 @@ fn predictions<'a>(
 fn case(database: &Database, k: usize) -> Moment {
     let case = &database.cases[k];
     let values = (0..database.fields.len()).flat_map(|field| database.field(k, field)).collect();
-    let mut numbers =
-        named([("pressure_mpa", case.pressure_mpa), ("gap_mm", case.gap_mm.unwrap_or(f64::INFINITY))]);
-    let parameters = database.parameters.iter().map(|parameter| parameter.name.clone());
-    numbers.extend(parameters.zip(case.parameters.iter().copied()));
-    numbers.extend(named([("contact_force_n", case.contact_force_n)]));
-    Moment { time: k as f64, label: Label { name: case.name.clone(), numbers }, values }
+    let names = database.parameters.iter().map(|parameter| parameter.name.clone());
+    let parameters = names.zip(case.parameters.iter().copied());
+    let label = Label::of_state(case.pressure_mpa, case.gap_mm, parameters, case.contact_force_n);
+    Moment { time: k as f64, label: Label { name: case.name.clone(), ..label }, values }
 }
 
 /// What a prediction's file says of the state: every input and the contact force.
 pub fn prediction_label(inputs: &[InputSpec], evaluation: &Evaluation) -> Label {
     let values = evaluation.inputs.values().iter().copied();
     let mut numbers: Vec<(String, f64)> = inputs.iter().map(InputSpec::key).zip(values).collect();
-    numbers.extend(named([("contact_force_n", evaluation.contact_force_n)]));
+    numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
     Label { name: String::new(), numbers }
 }
 
-fn named<const N: usize>(numbers: [(&str, f64); N]) -> Vec<(String, f64)> {
-    numbers.map(|(name, value)| (name.to_owned(), value)).to_vec()
+/// Whether a path names a recording: a file, a folder of such files, one of several in a folder.
+pub fn is_recording(path: &Path) -> bool {
+    let of_name = path.extension().is_some_and(|ending| ending == "mcap");
+    let in_folder = || Series::all_in(path).is_ok_and(|all| !all.is_empty());
+    of_name || in_folder() || (!path.exists() && Series::open(path).is_ok())
 }
 
 /// A field of the wire by its name.

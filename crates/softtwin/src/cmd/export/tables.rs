@@ -3,9 +3,8 @@
 use crate::failure::{configuration, usage};
 use crate::output;
 use anyhow::{Context, Result};
-use recording::{Exported, Reader, export_csv};
+use recording::{ExportError, Exported, Series, TableForm, export_csv};
 use serde_json::json;
-use std::io::BufReader;
 use std::path::Path;
 use wire::KeyExpr;
 
@@ -13,15 +12,18 @@ use wire::KeyExpr;
 ///
 /// # Errors
 /// A file that is no recording, a folder that cannot be written.
-pub fn write(recording: &Path, folder: &Path, key: &str, json: bool) -> Result<()> {
+pub fn write(recording: &Path, folder: &Path, key: &str, form: TableForm, json: bool) -> Result<()> {
     let topics = KeyExpr::new(key).map_err(usage)?;
-    let file = runtime::file::open(recording, u64::MAX)
+    let series = Series::open(recording)
         .with_context(|| format!("cannot read the recording ({})", recording.display()))
         .map_err(configuration)?;
-    let reader = Reader::new(BufReader::new(file)).map_err(configuration)?;
+    let mut reader = series.reader();
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-    let exported = export_csv(reader, folder, &topics)?;
-    let ending = exported.ending.to_string();
+    let exported = export_csv(&mut reader, folder, &topics, form).map_err(|error| match error {
+        error @ ExportError::Read(_) => configuration(error),
+        error => error.into(),
+    })?;
+    let ending = reader.ending();
     if json {
         let rows: serde_json::Map<String, serde_json::Value> =
             exported.rows.iter().map(|(path, rows)| (path.display().to_string(), json!(rows))).collect();

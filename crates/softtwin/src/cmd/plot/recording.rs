@@ -1,7 +1,7 @@
 //! A recording over time: one panel a quantity, one line an actuator.
 
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::recording_data::{MAX_STATES, RecordedState, RecordingData};
+use crate::recording_data::{RecordedState, RecordingData, series};
 use anyhow::Result;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
@@ -30,7 +30,7 @@ const LATENCY: &str = "latency, sensor to published [ms]";
 /// # Errors
 /// What is wrong with the recording or the model.
 pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
-    let data = RecordingData::read(path, None, MAX_STATES)?;
+    let data = RecordingData::read(&series(path)?, None)?;
     let mut panels: Vec<Panel> = Vec::new();
     for (label, value) in QUANTITIES {
         let series = data.tracks.iter().enumerate().map(|(colour, (name, track))| {

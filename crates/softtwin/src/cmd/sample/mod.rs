@@ -1,5 +1,6 @@
 //! `softtwin sample`: lists of cases to simulate, and cases where a trained model is least sure.
 
+mod designs;
 mod gain;
 pub(super) mod parameters;
 mod refine;
@@ -8,13 +9,12 @@ mod regime;
 use crate::failure::usage;
 use crate::files::{self, save};
 use crate::output;
-use anyhow::Context;
+use designs::{Designs, Onset};
 use fem::cases::{Case, to_csv};
 use fem::sample;
-use formats::database::{ObstacleKind, bottom_nodes};
+use formats::database::ObstacleKind;
 use refine::{Refinement, Target};
 use regime::Regime;
-use rom::snapshots::{Database, RegimeKind};
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -24,12 +24,17 @@ Examples:
   States over pressure, gap and two parameters of the actuator, every fourth without the plate:
     softtwin sample --kind sequence --n 100 --regime both --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \
       --parameter base.lower_mm=1.6:2.4 --out design.csv
+  48 designs, each with two free states and five that touch (where --database says when the actuator as its file has it does):
+    softtwin sample --kind sequence --n 48 --states-per-design 7 --regime both --database models/pneunet/database \
+      --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter base.lower_mm=1.6:2.4 --out designs.csv
   Seventeen pressures for the free regime:
     softtwin sample --kind hypercube --n 17 --regime free --out free.csv
   A grid of 10 pressures by 9 gaps:
     softtwin sample --kind grid --n 10 --n-gaps 9 --regime contact --out grid.csv
   States on the onset of contact, read off the free states of a database:
     softtwin sample --kind onset --n 20 --database database --out onset.csv
+  The same over a parameter of a database that has it
+    softtwin sample --kind onset --n 20 --database design --actuator actuator.toml --parameter base.lower_mm=1.6:2.4 --out onset.csv
 Then:
     softtwin simulate --actuator actuator.toml --cases cases.csv --out database
   Eight more states where the model trained on a database is least sure: simulated, added, retrained, compared:
@@ -74,6 +79,9 @@ pub struct Args {
     /// Number of gaps of a grid.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, MAX_STATES), help_heading = "Sampling")]
     n_gaps: usize,
+    /// --n counts designs (sets of parameters), each with so many states: two free, the rest with the obstacle (3 to 100).
+    #[arg(long, value_name = "N", requires = "parameter", value_parser = crate::range::count(3, 100), help_heading = "Sampling")]
+    states_per_design: Option<usize>,
     /// Regime of the states.
     #[arg(long, value_enum, default_value = "contact", help_heading = "Sampling")]
     regime: Regime,
@@ -86,13 +94,14 @@ pub struct Args {
     /// Lower and upper gap in mm.
     #[arg(long, value_name = "MM", num_args = 2, default_values_t = [10.0, 50.0], value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Vec<f64>,
-    /// A parameter and its range: dotted key of actuator.toml, such as elastomer.law.mu_mpa=0.6:1.0. Hypercubes and sequences.
+    /// A parameter and its range: dotted key of actuator.toml, such as elastomer.law.mu_mpa=0.6:1.0. Not of a grid.
     #[arg(long, value_name = "NAME=LOW:HIGH", requires = "actuator", group = "simulated", value_parser = parameters::range, help_heading = "State")]
     parameter: Vec<parameters::Parameter>,
     /// Seed of the hypercube or the sequence.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Computing")]
     seed: u64,
-    /// Database whose free states give the onset of contact, or which is refined.
+    /// Database whose free states give the onset of contact, or which is refined; with --states-per-design, states that surely
+    /// touch are chosen by it.
     #[arg(long, value_name = "DIR", required_if_eq("kind", "onset"))]
     database: Option<PathBuf>,
     /// First part of the cases' names; when left out it says kind, regime and purpose, so that lists can be joined.
@@ -120,11 +129,17 @@ impl Args {
         };
         let mut bounds = self.bounds(n)?;
         if !self.parameter.is_empty() {
-            if !matches!(kind, Kind::Hypercube | Kind::Sequence) {
-                return Err(usage("--parameter: expected --kind hypercube or sequence"));
+            if kind == Kind::Grid {
+                return Err(usage("--parameter: expected --kind hypercube, sequence or onset"));
             }
             parameters::check(self.refinement.actuator.as_deref().unwrap_or(Path::new("")), &self.parameter)?;
             bounds.extend(self.parameter.iter().map(|p| p.range));
+        }
+        if let Some(states) = self.states_per_design {
+            if kind != Kind::Sequence || self.regime != Regime::Both {
+                return Err(usage("--states-per-design: expected --kind sequence and --regime both"));
+            }
+            return self.write(&self.designs(n, states)?);
         }
         let points = match kind {
             Kind::Sequence => sample::sequence(n, &bounds, self.seed),
@@ -133,9 +148,32 @@ impl Args {
             Kind::Onset => self.onset(n)?,
         };
         let cases: Vec<Case> = points.iter().enumerate().map(|(i, p)| self.case(i, p)).collect();
-        save(&self.out, to_csv(&cases).as_bytes())?;
+        self.write(&cases)
+    }
+
+    fn write(&self, cases: &[Case]) -> anyhow::Result<()> {
+        save(&self.out, to_csv(cases).as_bytes())?;
         output!("{}: {} cases", self.out.display(), cases.len())?;
         Ok(())
+    }
+
+    fn designs(&self, count: usize, states: usize) -> anyhow::Result<Vec<Case>> {
+        let onset = self.database.as_deref().map(|path| self.known_onset(path)).transpose()?;
+        let designs = Designs {
+            parameters: &self.parameter,
+            count,
+            states,
+            loads: [&self.pressure_mpa, &self.gap_mm].map(|range| [range[0], range[1]]),
+            prefix: &self.prefix(),
+            split: self.split(),
+            seed: self.seed,
+        };
+        designs.cases(onset)
+    }
+
+    fn known_onset(&self, path: &Path) -> anyhow::Result<Onset> {
+        let names: Vec<&str> = self.parameter.iter().map(|p| p.name.as_str()).collect();
+        Onset::of(&files::database(path, ObstacleKind::Plate)?, &names)
     }
 
     /// One range a dimension: pressure, and gap unless free.
@@ -165,15 +203,28 @@ impl Args {
             return Err(usage("--kind onset: expected --regime contact or gripper, found free"));
         }
         let path = self.database.as_deref().unwrap_or(Path::new("."));
-        let database = files::database(path, ObstacleKind::Plate)?;
-        let clearances =
-            clearances(&database).context("the onset needs the undeformed mesh and a field y")?;
-        let points = sample::onset(n, &clearances, [self.gap_mm[0], self.gap_mm[1]]);
+        let mut onset = self.known_onset(path)?;
+        let gaps = [self.gap_mm[0], self.gap_mm[1]];
+        let points: Vec<Vec<f64>> = match &mut onset {
+            Onset::OneDesign(_) if !self.parameter.is_empty() => {
+                return Err(usage(format!(
+                    "--database: expected one over the parameters, {} has none",
+                    path.display()
+                )));
+            }
+            Onset::OneDesign(clearances) => sample::onset(n, clearances, gaps),
+            Onset::Model(..) => {
+                let ranges: Vec<[f64; 2]> =
+                    [gaps].into_iter().chain(self.parameter.iter().map(|p| p.range)).collect();
+                let places = sample::sequence(n, &ranges, self.seed);
+                let point = |at: Vec<f64>| Some([&[onset.pressure_mpa(at[0], &at[1..])?], &at[..]].concat());
+                places.into_iter().filter_map(point).collect()
+            }
+        };
         if points.is_empty() {
             anyhow::bail!(
-                "{}: its {} free states reach no gap of {} to {} mm; simulate free states at higher pressures",
+                "{}: its free states reach no gap of {} to {} mm; simulate free states at higher pressures",
                 path.display(),
-                clearances.len(),
                 self.gap_mm[0],
                 self.gap_mm[1]
             );
@@ -193,28 +244,22 @@ impl Args {
         self.prefix.clone().unwrap_or_else(|| format!("{}{kind}{purpose}", self.regime.name()))
     }
 
+    fn split(&self) -> &'static str {
+        if self.split == Split::Train { "train" } else { "check" }
+    }
+
     fn case(&self, index: usize, point: &[f64]) -> Case {
-        let split = if self.split == Split::Train { "train" } else { "check" };
         let name = format!("{}{:03}", self.prefix(), index + 1);
         let (load, values) = point.split_at(point.len() - self.parameter.len());
         let regime = self.regime.of(index);
-        let mut case =
-            regime.case(name, split, (load[0], load.get(1).copied().filter(|_| regime != Regime::Free)));
+        let mut case = regime.case(
+            name,
+            self.split(),
+            (load[0], load.get(1).copied().filter(|_| regime != Regime::Free)),
+        );
         let rounded = |value: f64| (value * 1e9).round() / 1e9;
         case.settings =
             self.parameter.iter().zip(values).map(|(p, v)| (p.name.clone(), rounded(*v))).collect();
         case
     }
-}
-
-/// Pressure and depth of the lowest point of the base's underside for each free state.
-fn clearances(database: &Database) -> Option<Vec<(f64, f64)>> {
-    let y = database.coordinate(1)?;
-    let bottom = bottom_nodes(database.undeformed_mm.as_ref()?);
-    let free = (0..database.cases.len()).filter(|i| database.cases[*i].regime == RegimeKind::Free);
-    let depth = |case: usize| {
-        let values: Vec<f32> = database.field(case, y).collect();
-        bottom.iter().map(|n| -f64::from(values[*n as usize])).fold(f64::NEG_INFINITY, f64::max)
-    };
-    Some(free.map(|case| (database.cases[case].pressure_mpa, depth(case))).collect())
 }

@@ -93,11 +93,8 @@ fn line(output: &Output, clearance_mm: f64, pressure_mpa: f64, gap_mm: Option<f6
 
 /// What the file says of the state: what was asked for, and the force that came out.
 fn label(target: &Target, output: &Output) -> Label {
-    let gap_mm = target.gap_mm.unwrap_or(f64::INFINITY);
-    let mut numbers = vec![("pressure_mpa".to_owned(), target.pressure_mpa), ("gap_mm".to_owned(), gap_mm)];
-    numbers.extend(target.settings.iter().cloned());
-    numbers.push(("contact_force_n".to_owned(), output.contact_force_n));
-    Label { name: String::new(), numbers }
+    let settings = target.settings.iter().cloned();
+    Label::of_state(target.pressure_mpa, target.gap_mm, settings, output.contact_force_n)
 }
 
 fn write(problem: &Problem, output: &Output, label: &Label, out: &Path) -> anyhow::Result<()> {

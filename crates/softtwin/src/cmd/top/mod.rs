@@ -22,7 +22,8 @@ Examples:
   softtwin top --once --json | jq '.[] | select(.alive | not)'
 
 RATE readings a second, P50/P99 time from sensor stamp to publication in microseconds, AGE of the newest good reading,
-HELD/DROP readings held and dropped since the start; below a twin that estimates, its estimates and alarm. A twin that has published nothing for 3 s is marked `gone`.";
+HELD/DROP readings held and dropped since the start; below a twin the values of its model's parameters with the force's gradient by each,
+and its estimates and alarm. A twin that has published nothing for 3 s is marked `gone`.";
 
 /// Watch all twins: rate, latency, age, regime, force, flags, faults.
 #[derive(clap::Args)]
@@ -113,6 +114,9 @@ impl Args {
         output!("{clear_screen}{}", table::head())?;
         for (name, twin) in twins {
             output!("{}", table::row(name, twin.state.as_ref(), twin.health.as_ref(), now))?;
+            if let Some(parameters) = twin.state.as_ref().and_then(table::parameter_row) {
+                output!("{parameters}")?;
+            }
             if let Some(estimate) = estimate(name) {
                 output!("{}", table::estimate_row(estimate))?;
             }

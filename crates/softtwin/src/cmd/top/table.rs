@@ -53,6 +53,12 @@ pub fn estimate_row(estimate: &Estimate) -> String {
     format!("          {}", live::text::estimates(estimate))
 }
 
+/// One line for the values of a model's parameters, below the twin; none without parameters.
+pub fn parameter_row(state: &State) -> Option<String> {
+    let text = live::text::parameters(state.inputs());
+    (!text.is_empty()).then(|| format!("        {text}"))
+}
+
 /// One line for a grasp, below the fingers.
 pub fn grasp_row(scene: &str, grasp: &Grasp) -> String {
     format!("{scene:<9.9} grasp: {}", live::text::grasp(grasp))
@@ -105,6 +111,7 @@ pub fn json(
         "pressure_mpa": state.map(|state| state.pressure_mpa),
         "gap_mm": state.map(|state| state.gap_mm),
         "contact_force_n": state.map(|state| state.contact_force_n),
+        "inputs": state.map(|state| state.inputs().map(|(name, value, _)| (name, value)).collect::<BTreeMap<_, _>>()),
         "flags": flags::names(state.map_or(0, |state| state.flags)).collect::<Vec<_>>(),
         "received": health.map(|health| health.received),
         "missed": health.map(|health| health.missed),

@@ -6,6 +6,7 @@ export const COLOURS = ["#2f81f7", "#e8742c", "#2da44e", "#a475f9", "#d4a72c", "
 const BREAK_MS = 300; // a longer silence interrupts a line, unless readings come slower than that
 const BREAK_TIMES = 6; // their usual distance
 const LEFT = 44;
+const NEWEST = 40; // bins that are searched for quantities
 
 const STRIPS = [
   { key: "pressure_mpa", name: "pressure", unit: "MPa", digits: 4, why: () => "no reading yet" },
@@ -17,9 +18,27 @@ const STRIPS = [
     why: (mode) => (mode === "whatif" ? "a prediction here has no sensor" : "readings carry no time stamp") },
 ];
 
+const ESTIMATE = "estimate ";
+const BAND = 1.645; // half of a 90 % band in standard deviations
+const UNITS = { mm: ["mm", 2], mpa: ["MPa", 4], n: ["N", 3] };
+
+// The strip of an estimated quantity, by the name of its column.
+function estimateStrip(key) {
+  const quantity = key.slice(ESTIMATE.length);
+  const [, name, unit] = quantity.match(/^(.*)_(mm|mpa|n)$/) ?? [null, quantity, null];
+  const [shown, digits] = UNITS[unit] ?? ["-", 4];
+  return { key, band: `sigma ${quantity}`, name: `estimated ${name.replaceAll("_", " ")}, 90 % band`, unit: shown, digits, why: () => "no estimate in this time" };
+}
+
 export class Charts {
   constructor(parent) {
-    this.strips = STRIPS.map((strip) => {
+    this.parent = parent;
+    this.strips = [];
+    this.add(STRIPS);
+  }
+
+  add(strips) {
+    this.strips.push(...strips.map((strip) => {
       const make = (tag, className) => Object.assign(document.createElement(tag), { className });
       const [box, name, canvas, why] = [make("div", "chart"), make("div", "name"), make("canvas", ""), make("div", "why")];
       const [label, values] = [make("span", ""), make("span", "")];
@@ -27,19 +46,27 @@ export class Charts {
       canvas.setAttribute("aria-label", `${strip.name} over time`);
       name.append(label, values);
       box.append(name, canvas, why);
-      parent.append(box);
+      this.parent.append(box);
       return { ...strip, canvas, values, whyBox: why };
-    });
+    }));
+  }
+
+  // Strips for quantities that are estimated, as soon as there are any.
+  addEstimated(series) {
+    const keys = new Set(series.flatMap(({ bins }) => bins.slice(-NEWEST).flatMap((bin) => Object.keys(bin))));
+    const known = new Set(this.strips.map(({ key }) => key));
+    this.add([...keys].filter((key) => key.startsWith(ESTIMATE) && !known.has(key)).map(estimateStrip));
   }
 
   // `series`: [{ bins, shift_ms, isSteady, colour }] (steady: a value holds until the next one); of the window `now` is the right end, `age_ms` where the cursor stands before it.
   // `mode`: what is shown, for the word on an empty chart: "live", "waiting", "recording" or "whatif".
   draw(series, window, style, mode) {
+    this.addEstimated(series);
     for (const strip of this.strips) this.drawStrip(strip, series, window, style, mode);
   }
 
   drawStrip(strip, series, { now, age_ms, span_ms }, { ink, line, faint }, mode) {
-    const { canvas, key, beside, digits, values, whyBox, why } = strip;
+    const { canvas, key, beside, band, digits, values, whyBox, why } = strip;
     const lines = series.flatMap(({ bins, shift_ms, isSteady, colour }, k) => [{ bins, shift_ms, isSteady, colour, key, dash: k ? [7, 5] : [], wide: k ? 1.7 : series.length > 1 ? 3.2 : 1.9 },
       ...(beside ? [{ bins, shift_ms, colour: ink, key: beside, dash: [2, 3], wide: 1.5 }] : [])]);
     const shown = lines.map((entry) => ({ ...entry, bins: within(entry, now, span_ms) })).filter(({ bins }) => bins.length);
@@ -51,7 +78,7 @@ export class Charts {
     const context = canvas.getContext("2d");
     context.scale(ratio, ratio);
     const place = strip.log ? Math.log10 : (value) => value;
-    const [low, high] = rangeOf(shown, place, strip.log);
+    const [low, high] = rangeOf(shown, place, strip.log, band);
     const [top, bottom] = [7, height - 7];
     const y = (value) => bottom - ((place(value) - low) / (high - low)) * (bottom - top);
     const x = (time) => LEFT + (1 - Math.max(0, now - time) / span_ms) * (width - LEFT - 3);
@@ -60,6 +87,7 @@ export class Charts {
     context.beginPath();
     context.rect(LEFT, 0, width - LEFT, height);
     context.clip();
+    for (const entry of band ? shown : []) drawBand(context, entry, band, x, y);
     for (const entry of shown) drawLine(context, entry, x, y);
     context.restore();
     if (age_ms > 0) {
@@ -123,9 +151,25 @@ function drawLine(context, { bins, shift_ms, isSteady, key, colour, dash, wide }
   context.globalAlpha = 1;
 }
 
-function rangeOf(lines, place, log) {
+// The band of a quantity around its newest values.
+function drawBand(context, { bins, shift_ms, key, colour }, band, x, y) {
+  const known = bins.filter((bin) => bin[band]);
+  const edge = (bin, sign) => [x(bin.t_ms + shift_ms), y(bin[key][2] + sign * BAND * bin[band][2])];
+  context.beginPath();
+  for (const bin of known) context.lineTo(...edge(bin, 1));
+  for (const bin of known.toReversed()) context.lineTo(...edge(bin, -1));
+  Object.assign(context, { fillStyle: colour, globalAlpha: 0.2 });
+  context.fill();
+  context.globalAlpha = 1;
+}
+
+function rangeOf(lines, place, log, band) {
   let [low, high] = [Infinity, -Infinity];
-  for (const { bins, key } of lines) for (const bin of bins) { low = Math.min(low, bin[key][0]); high = Math.max(high, bin[key][1]); }
+  for (const { bins, key } of lines) for (const bin of bins) {
+    const half = band && bin[band] ? BAND * bin[band][2] : 0;
+    low = Math.min(low, bin[key][0] - half);
+    high = Math.max(high, bin[key][1] + half);
+  }
   if (!(high >= low)) return [0, 1];
   if (log) return [Math.floor(place(Math.max(low, 1e-4))), Math.max(Math.ceil(place(Math.max(high, 1e-4))), Math.floor(place(Math.max(low, 1e-4))) + 1)];
   if (low > 0 && low < 0.6 * high) low = 0;

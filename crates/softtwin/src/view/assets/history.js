@@ -2,7 +2,6 @@
 // 0.005 mm.
 
 export const SPAN_MS = 60000;
-export const QUANTITIES_KEPT = ["pressure_mpa", "contact_force_n", "measured_force_n", "gap_mm", "max_von_mises_mpa", "latency_ms"];
 const FINE_MS = 50;
 const MOST_BINS = 2400;
 const SHAPE_EVERY_MS = 100;
@@ -17,13 +16,15 @@ export class Series {
 
   add(t_ms, values) {
     const start = Math.floor(t_ms / this.bin_ms) * this.bin_ms;
-    let bin = this.bins[this.bins.length - 1];
-    if (!bin || start > bin.t_ms) {
+    let at = this.bins.length; // estimates come a little after the states of the same time
+    while (at > 0 && this.bins[at - 1].t_ms > start) at -= 1;
+    let bin = this.bins[at - 1];
+    if (bin?.t_ms !== start) {
       bin = { t_ms: start };
-      this.bins.push(bin);
+      this.bins.splice(at, 0, bin);
       this.trim();
     }
-    for (const key of QUANTITIES_KEPT) if (Number.isFinite(values[key])) join(bin, key, [values[key], values[key], values[key]]);
+    for (const [key, value] of Object.entries(values)) if (Number.isFinite(value)) join(bin, key, [value, value, value]);
   }
 
   trim() {
@@ -34,7 +35,7 @@ export class Series {
       this.bin_ms *= 2;
       this.bins = bins.filter((bin, k) => {
         if (k === 0 || Math.floor(bin.t_ms / this.bin_ms) !== Math.floor(bins[k - 1].t_ms / this.bin_ms)) return true;
-        for (const key of QUANTITIES_KEPT) if (bin[key]) join(bins[k - 1], key, bin[key]);
+        for (const [key, range] of Object.entries(bin)) if (key !== "t_ms") join(bins[k - 1], key, range);
         return false;
       });
     }

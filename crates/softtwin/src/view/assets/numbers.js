@@ -31,6 +31,11 @@ export function showNumbers(parent, frame, fps) {
     const main = known(value) ? [value.toFixed(row.digits), row.unit] : [row.none ?? "–", ""];
     return cell(row, main, row.more(frame).filter(Boolean).join(" · "));
   });
+  const { input_names = [], inputs = [], force_by_input = [] } = frame;
+  input_names.slice(2).forEach((name, k) => { // parameters: measured, given, estimated or nominal
+    const [value, by] = [inputs[k + 2], force_by_input[k + 2]];
+    if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""));
+  });
   const drawn = fps > 0 ? `${fps.toFixed(0)} frames/s drawn` : "";
   cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));

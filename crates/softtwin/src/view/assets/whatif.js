@@ -62,7 +62,7 @@ function slider(card) {
   const [label, output, note, input] = [make("label", "slider"), make("output", ""), make("small", ""), make("input", "")];
   const whole = (value) => Math.round(value / step) * step;
   Object.assign(input, { type: "range", id: `input-${card.name}`, min: whole(Math.max(card.limits[0], low - margin)), max: whole(high + margin), step });
-  input.value = whole((low + high) / 2);
+  input.value = card.nominal ?? whole((low + high) / 2);
   input.setAttribute("aria-label", `${card.name} in ${card.unit}`);
   label.append(card.name, output, input, note);
   return { card, label, input, output, note };

@@ -1,0 +1,91 @@
+"""The notebook runs as it stands; the environment is one that Gymnasium accepts and that can be controlled."""
+
+import os
+import warnings
+
+import gymnasium
+import nbclient
+import nbformat
+import numpy as np
+import pytest
+import softtwin
+import softtwin.environment
+from conftest import REPOSITORY
+from gymnasium.utils.env_checker import check_env
+
+MODEL = REPOSITORY / "models/pneunet/pneunet.twin"
+NOTEBOOK = REPOSITORY / "clients/python/examples/twin.ipynb"
+
+
+def test_the_notebook_runs_and_draws(monkeypatch):
+    monkeypatch.setenv("SOFTTWIN_MODEL", str(MODEL))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(REPOSITORY / "clients/python/src"), os.environ.get("PYTHONPATH", "")]))
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    assert all(not cell.get("outputs") for cell in notebook.cells), "committed without results"
+    done = nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    pictures = [out for cell in done.cells for out in cell.get("outputs", []) if "image/png" in out.get("data", {})]
+    assert len(pictures) == 2
+
+
+@pytest.fixture
+def environment():
+    made = gymnasium.make("softtwin/HoldForce-v0", model=MODEL)
+    yield made
+    made.close()
+
+
+def test_gymnasium_accepts_the_environment(environment):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        check_env(environment.unwrapped)
+    found = [str(warning.message) for warning in said]
+    # Readings have noise, so no finite box holds them all.
+    assert all("-infinity" in text or "infinity" in text for text in found), found
+
+
+def test_the_same_seed_gives_the_same_episode(environment):
+    def episode():
+        seen = [environment.reset(seed=7)[0]]
+        for action in np.linspace(-1.0, 1.0, 30):
+            seen.append(environment.step(np.array([action], np.float32))[0])
+        return np.array(seen)
+
+    np.testing.assert_array_equal(episode(), episode())
+
+
+def test_the_model_controls_its_plant(environment):
+    """Pressure by the model's gradient: the force settles at what is wanted, and doing nothing earns less."""
+    model = environment.unwrapped.model
+
+    def total(law):
+        observation, info = environment.reset(seed=3, options={"force_n": 0.3, "gap_mm": 30.0})
+        rewards = []
+        while True:
+            observation, reward, ended, cut, info = environment.step(np.array([law(info)], np.float32))
+            rewards.append(reward)
+            if ended or cut:
+                return sum(rewards), info
+
+    def hold(info):
+        found = model.predict(info["command_mpa"], info["gap_mm"], fields=False)
+        slope = found.force_gradient["pressure_mpa"]
+        goal = info["command_mpa"] + (0.3 - found.contact_force_n) / slope if slope > 0 else environment.unwrapped.supply_mpa
+        return np.clip(2.0 * goal / environment.unwrapped.supply_mpa - 1.0, -1.0, 1.0)
+
+    earned, info = total(hold)
+    assert info["force_n"] == pytest.approx(0.3, abs=1e-3) and info["step"] == 250
+    assert earned > 0.2 * total(lambda _: -1.0)[0]
+
+
+def test_mistakes_are_named(environment):
+    plain = environment.unwrapped
+    with pytest.raises(ValueError, match="expected one number from -1 to 1, found"):
+        plain.reset()
+        plain.step(np.array([2.0]))
+    with pytest.raises(ValueError, match="expected force_n and gap_mm, found speed"):
+        plain.reset(options={"speed": 1.0})
+    with pytest.raises(ValueError, match="gap_mm: expected two gaps from"):
+        softtwin.environment.HoldForce(MODEL, gap_mm=(30.0, 1000.0))
+    with pytest.raises(RuntimeError, match="call reset before step"):
+        softtwin.environment.HoldForce(MODEL).step(np.array([0.0]))
+

@@ -1,0 +1,111 @@
+//! The inverse of a model along the pressure: Newton's method on the model's own gradient, kept in a bracket by bisection.
+
+/// What a model says of one state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Contact force, N; 0 without contact.
+    pub force_n: f64,
+    /// Its derivative by the pressure, N/MPa.
+    pub force_by_pressure: f64,
+    /// The tip's coordinate that is followed, mm.
+    pub tip_mm: f64,
+    /// Its derivative by the pressure, mm/MPa.
+    pub tip_by_pressure: f64,
+    /// Pressure of first contact at this gap, MPa; infinite out of reach.
+    pub onset_mpa: f64,
+}
+
+/// A model of the actuator: any state is answered, without allocation.
+pub trait Model {
+    /// Force and tip at a pressure in MPa and a gap in mm.
+    fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point;
+    /// Pressures that the model knows, MPa.
+    fn range_mpa(&self) -> [f64; 2];
+    /// Whether the tip's coordinate grows with the pressure.
+    fn tip_grows(&self) -> bool;
+}
+
+/// What is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// The contact force, N: grows with the pressure, from the onset on.
+    Force,
+    /// The tip's coordinate, mm: falls or grows with the pressure.
+    Tip,
+}
+
+impl Quantity {
+    /// Value and derivative by the pressure.
+    pub fn of(self, point: &Point) -> (f64, f64) {
+        match self {
+            Self::Force => (point.force_n, point.force_by_pressure),
+            Self::Tip => (point.tip_mm, point.tip_by_pressure),
+        }
+    }
+}
+
+/// An answer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inverse {
+    /// The pressure, MPa; an end of the model's range where the value lies beyond it.
+    pub pressure_mpa: f64,
+    /// Derivative of the quantity by the pressure there.
+    pub slope: f64,
+    /// Value asked for less the model's, in the quantity's unit, before the last correction.
+    pub residual: f64,
+    /// The value is within the model's range.
+    pub is_reached: bool,
+}
+
+/// Most evaluations of one search; a search that begins near its end takes one or two.
+const MAX_EVALUATIONS: usize = 24;
+/// The first correction below this is the last, MPa: what Newton's method leaves after it is of its square.
+const TOLERANCE_MPA: f64 = 1e-5;
+
+/// The pressure at which `quantity` has `value` at this gap, searched from `start_mpa`. Never allocates; at most
+/// `MAX_EVALUATIONS` evaluations.
+pub fn inverse(
+    model: &mut impl Model,
+    quantity: Quantity,
+    gap_mm: f64,
+    value: f64,
+    start_mpa: f64,
+) -> Inverse {
+    let [mut low, mut high] = model.range_mpa();
+    let mut at = start_mpa.clamp(low, high);
+    let mut found = Inverse { pressure_mpa: at, slope: 0.0, residual: f64::NAN, is_reached: false };
+    let grows = quantity == Quantity::Force || model.tip_grows();
+    for _ in 0..MAX_EVALUATIONS {
+        let point = model.at(at, gap_mm);
+        if quantity == Quantity::Force && value <= 0.0 {
+            // Every pressure up to the onset has no force; the onset is where one begins.
+            let pressure_mpa = point.onset_mpa.clamp(low, high);
+            let is_reached = point.onset_mpa <= high;
+            return Inverse { pressure_mpa, slope: 0.0, residual: 0.0, is_reached };
+        }
+        let (now, slope) = quantity.of(&point);
+        let error = value - now;
+        found = Inverse { pressure_mpa: at, slope, residual: error, is_reached: false };
+        let is_above = (error > 0.0) == grows;
+        if is_above {
+            low = at
+        } else {
+            high = at
+        }
+        // Without contact there is no slope; the onset is as near as a force can be.
+        let newton = match quantity == Quantity::Force && point.force_n == 0.0 && point.onset_mpa > at {
+            true => point.onset_mpa + 1e-9,
+            false => at + error / slope,
+        };
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        let step = next - at;
+        if error == 0.0 || step.abs() < TOLERANCE_MPA {
+            found.pressure_mpa = if error == 0.0 { at } else { next };
+            // The last correction is what a search within the range ends with; at its ends the residual stays.
+            found.is_reached = error.abs() <= 2.0 * (slope * TOLERANCE_MPA).abs() || error == 0.0;
+            return found;
+        }
+        at = next;
+    }
+    found
+}

@@ -1,0 +1,106 @@
+//! A trained model as the controller sees it: force and one coordinate of the tip with their gradients, in one pass.
+
+use crate::inverse::{Model, Point};
+use rom::evaluation::Evaluation;
+use rom::inputs::{Inputs, PRESSURE};
+use rom::model::ModelError;
+use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
+use std::path::Path;
+
+/// Force and tip of a model.
+#[derive(Debug)]
+pub struct TwinModel {
+    probes: Probes,
+    evaluation: Evaluation,
+    positions: [ProbePosition; 1],
+    axis: usize,
+    range_mpa: [f64; 2],
+    tip_grows: bool,
+}
+
+/// A point of the undeformed mesh, mm, and the axis (0, 1, 2: x, y, z) that is followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tip {
+    /// Undeformed coordinates, mm.
+    pub at_mm: [f64; 3],
+    /// Its axis.
+    pub axis: usize,
+}
+
+impl Tip {
+    /// The middle of the free end of the reference actuator's base, up and down.
+    pub const REFERENCE: Self = Self { at_mm: [115.0, 2.0, 16.0], axis: 1 };
+}
+
+/// A gap that no actuator closes, mm.
+const OUT_OF_REACH_MM: f64 = 1e4;
+
+/// Why a model cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TwinModelError {
+    /// The file.
+    #[error("{path}: {cause}")]
+    File {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        cause: String,
+    },
+    /// The model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The tip.
+    #[error("tip: {0}")]
+    Point(#[from] PointError),
+}
+
+impl TwinModel {
+    /// Takes a point of a model.
+    ///
+    /// # Errors
+    /// [`TwinModelError`]: no such point, or blocks that were not loaded.
+    pub fn new(model: &rom::model::Model, tip: Tip) -> Result<Self, TwinModelError> {
+        let probes = Probes::new(model, &[MeshPoint::at(model, tip.at_mm)?])?;
+        let range_mpa = model.header.inputs[PRESSURE].range;
+        let evaluation = probes.evaluation();
+        let (positions, axis) = ([ProbePosition::default()], tip.axis.min(2));
+        let mut new = Self { probes, evaluation, positions, axis, range_mpa, tip_grows: false };
+        let [first, last] = range_mpa.map(|pressure_mpa| new.at(pressure_mpa, OUT_OF_REACH_MM).tip_mm);
+        new.tip_grows = last > first;
+        Ok(new)
+    }
+
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// [`TwinModelError`].
+    pub fn load(path: &Path, tip: Tip) -> Result<Self, TwinModelError> {
+        let fail = |cause: String| TwinModelError::File { path: path.display().to_string(), cause };
+        let bytes = std::fs::read(path).map_err(|error| fail(error.to_string()))?;
+        let model = rom::model::Model::from_bytes(&bytes).map_err(|error| fail(error.to_string()))?;
+        Self::new(&model, tip)
+    }
+}
+
+impl Model for TwinModel {
+    fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Point {
+        let inputs = Inputs::new(pressure_mpa, gap_mm);
+        self.probes.evaluate(inputs, &mut self.evaluation, &mut self.positions);
+        let [tip] = &self.positions;
+        Point {
+            force_n: self.evaluation.contact_force_n,
+            force_by_pressure: self.evaluation.force_by_pressure_n_per_mpa(),
+            tip_mm: tip.position_mm[self.axis],
+            tip_by_pressure: tip.gradient[self.axis][PRESSURE],
+            onset_mpa: self.evaluation.onset_pressure_mpa.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    fn range_mpa(&self) -> [f64; 2] {
+        self.range_mpa
+    }
+
+    fn tip_grows(&self) -> bool {
+        self.tip_grows
+    }
+}

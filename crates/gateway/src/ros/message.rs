@@ -1,0 +1,109 @@
+//! Samples as messages of ROS 2: SI units, as ROS asks for.
+
+use super::cdr::Cdr;
+use wire::layout::{field_id, flags};
+use wire::{FieldHeader, Health, State};
+
+/// A type: its name in keys and the hash of its description.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MessageType {
+    /// As `geometry_msgs::msg::dds_::WrenchStamped_`.
+    pub name: &'static str,
+    /// `RIHS01_` and the hash, the same in all releases since Iron.
+    pub hash: &'static str,
+}
+
+/// `geometry_msgs/msg/WrenchStamped`.
+pub const WRENCH: MessageType = MessageType {
+    name: "geometry_msgs::msg::dds_::WrenchStamped_",
+    hash: "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
+};
+/// `sensor_msgs/msg/PointCloud2`.
+pub const POINTS: MessageType = MessageType {
+    name: "sensor_msgs::msg::dds_::PointCloud2_",
+    hash: "RIHS01_9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5",
+};
+/// `sensor_msgs/msg/FluidPressure`.
+pub const PRESSURE: MessageType = MessageType {
+    name: "sensor_msgs::msg::dds_::FluidPressure_",
+    hash: "RIHS01_22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32",
+};
+/// `diagnostic_msgs/msg/DiagnosticArray`.
+pub const DIAGNOSTICS: MessageType = MessageType {
+    name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",
+    hash: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+};
+
+/// Pascals a megapascal.
+pub const PA_PER_MPA: f64 = 1e6;
+/// `PointField.FLOAT32`.
+const FLOAT32: u8 = 7;
+/// Levels of `DiagnosticStatus`.
+const OK: u8 = 0;
+const WARN: u8 = 1;
+const STALE: u8 = 3;
+
+/// The plate's force on the actuator, N, along y of the actuator's axes; frame and origin are the contact's.
+pub fn wrench(state: &State, actuator: &str, time_ns: u64) -> Vec<u8> {
+    let force = [0.0, state.contact_force_n, 0.0, 0.0, 0.0, 0.0];
+    Cdr::new().header(time_ns, &format!("{actuator}_contact")).doubles(&force).finish()
+}
+
+/// The pressure that the state stands for, Pa. Variance 0: unknown.
+pub fn pressure(state: &State, actuator: &str, time_ns: u64) -> Vec<u8> {
+    Cdr::new().header(time_ns, actuator).doubles(&[state.pressure_mpa * PA_PER_MPA, 0.0]).finish()
+}
+
+/// The nodes of a field in m, with its other fields; none without x, y and z. `O(values)`.
+pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
+    let nodes = (header.node_count as usize).max(1);
+    let columns: Vec<(u8, &[f32])> = header.fields().zip(values.chunks_exact(nodes)).collect();
+    let coordinates = [field_id::X, field_id::Y, field_id::Z];
+    let coordinate = |id| columns.iter().find(|(found, _)| *found == id).map(|(_, column)| *column);
+    let [x, y, z] = [coordinate(coordinates[0])?, coordinate(coordinates[1])?, coordinate(coordinates[2])?];
+    let others: Vec<&(u8, &[f32])> = columns.iter().filter(|(id, _)| !coordinates.contains(id)).collect();
+    let named = |id: u8| match id {
+        field_id::DISPLACEMENT => "displacement_mm".to_owned(),
+        field_id::VON_MISES => "von_mises_mpa".to_owned(),
+        other => format!("field_{other}"),
+    };
+    let names = ["x", "y", "z"].map(str::to_owned).into_iter().chain(others.iter().map(|(id, _)| named(*id)));
+    let (step, nodes) = (4 * (3 + others.len()) as u32, nodes as u32);
+    let mut message = Cdr::new().header(time_ns, actuator).word(1).word(nodes).word(3 + others.len() as u32);
+    for (offset, name) in (0..).step_by(4).zip(names) {
+        message = message.text(&name).word(offset).byte(FLOAT32).word(1);
+    }
+    let mut data = Vec::with_capacity((step * nodes) as usize);
+    for node in 0..nodes as usize {
+        let place = [x, y, z].map(|column| column[node] * 1e-3);
+        let all = place.into_iter().chain(others.iter().map(|(_, column)| column[node]));
+        data.extend(all.flat_map(f32::to_le_bytes));
+    }
+    Some(message.byte(0).word(step).word(step * nodes).bytes(&data).byte(1).finish())
+}
+
+/// The twin's health as one status.
+pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
+    let set: Vec<&str> =
+        flags::ALL.iter().filter(|flag| health.flags & flag.number != 0).map(|flag| flag.name).collect();
+    let is_stale = health.flags & (flags::STALE | flags::NO_DATA) != 0;
+    let level = if is_stale {
+        STALE
+    } else if set.is_empty() {
+        OK
+    } else {
+        WARN
+    };
+    let said = if set.is_empty() { "running".to_owned() } else { set.join(", ") };
+    let values = [
+        ("rate_hz", format!("{:.1}", health.rate_hz)),
+        ("latency_p99_us", format!("{:.1}", health.latency_p99_ns as f64 * 1e-3)),
+        ("received", health.received.to_string()),
+        ("missed", health.missed.to_string()),
+        ("late", health.late.to_string()),
+    ];
+    let message = Cdr::new().header(time_ns, "").word(1).byte(level);
+    let message =
+        message.text(&format!("softtwin: {actuator}")).text(&said).text(actuator).word(values.len() as u32);
+    values.iter().fold(message, |message, (key, value)| message.text(key).text(value)).finish()
+}

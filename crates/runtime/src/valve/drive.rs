@@ -1,0 +1,255 @@
+//! The thread of a valve: at a fixed rate it looks at setpoint, override and state, decides, writes, and says what it did.
+
+use super::decide::{Decision, Governor};
+use super::device::Device;
+use super::spec::ValveSpec;
+use crate::source::{Devices, ModbusConnection, ModbusPath};
+use recording::thread_group::{StopFlag, ThreadGroup};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+use wire::layout::{valve_interlock, valve_reason};
+use wire::{
+    Bus, Domain, Setpoint, SetpointReader, State, StateReader, Topic, Valve, ValveWriter, Waking, WireError,
+    boot_id, now_ns,
+};
+
+/// What a valve has done so far; readable from other threads.
+#[derive(Debug, Default)]
+pub struct ValveCounters {
+    /// Writes that the device has confirmed.
+    pub writes: AtomicU64,
+    /// Writes that have failed.
+    pub failures: AtomicU64,
+    /// Times that the setpoint was not renewed in its time.
+    pub timeouts: AtomicU64,
+    /// Times that an interlock has closed.
+    pub interlocks: AtomicU64,
+    /// Why it has its value: one of `wire::layout::valve_reason`.
+    pub reason: AtomicU32,
+}
+
+impl ValveCounters {
+    /// All counts with their names.
+    pub fn all(&self) -> [(&'static str, u64); 4] {
+        let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        [
+            ("write", count(&self.writes)),
+            ("failure", count(&self.failures)),
+            ("timeout", count(&self.timeouts)),
+            ("interlock", count(&self.interlocks)),
+        ]
+    }
+}
+
+/// Why the valves cannot be driven.
+#[derive(Debug, thiserror::Error)]
+pub enum ValveError {
+    /// The topics.
+    #[error(transparent)]
+    Wire(#[from] WireError),
+    /// The system refuses a thread, or what its device needs.
+    #[error("no thread for the valve of `{actuator}`: {cause}")]
+    Thread {
+        /// The actuator.
+        actuator: String,
+        /// The system's message.
+        cause: std::io::Error,
+    },
+}
+
+/// Valves by the name of their actuator.
+pub type Valves = Vec<(String, Arc<ValveCounters>)>;
+
+/// A valve with its way to the device.
+#[derive(Debug)]
+pub struct OpenValve {
+    actuator: String,
+    spec: ValveSpec,
+    /// Where the device is on Modbus.
+    modbus: Option<ModbusConnection>,
+}
+
+/// Takes the connections of valves on Modbus among the device paths of a scene, before any of them starts.
+///
+/// # Errors
+/// A path that a sensor or another valve uses otherwise, as text for the user.
+pub fn open(actuator: &str, spec: &ValveSpec, devices: &Devices) -> Result<OpenValve, Vec<String>> {
+    let path = spec.modbus.as_ref();
+    let path = path.and_then(|modbus| ModbusPath::new(modbus.tcp.as_deref(), modbus.serial.as_ref()));
+    let modbus = path.map(|path| devices.modbus(&path)).transpose();
+    let modbus = modbus.map_err(|problem| vec![format!("valve.modbus: {problem}")])?;
+    Ok(OpenValve { actuator: actuator.to_owned(), spec: spec.clone(), modbus })
+}
+
+/// Starts a thread for each valve and returns when all have their topics. A thread that is asked to end writes the safe value.
+///
+/// # Errors
+/// [`WireError::AlreadyPublished`] when another bridge drives one of them, other refusals of the wire, [`ValveError::Thread`].
+pub fn start(group: &mut ThreadGroup, domain: &Domain, valves: Vec<OpenValve>) -> Result<Valves, ValveError> {
+    let mut started = Valves::new();
+    for OpenValve { actuator, spec, modbus } in valves {
+        let counters = Arc::<ValveCounters>::default();
+        let (opened, result) = sync_channel(1);
+        let (name, counted, domain) = (actuator.clone(), counters.clone(), domain.clone());
+        group
+            .start("valve", move |end| run(&name, &spec, modbus, &domain, &counted, opened, end))
+            .map_err(|cause| ValveError::Thread { actuator: actuator.clone(), cause })?;
+        // A thread that panics drops its end: the group names it.
+        result.recv().unwrap_or(Ok(()))?;
+        started.push((actuator, counters));
+    }
+    Ok(started)
+}
+
+fn run(
+    actuator: &str,
+    spec: &ValveSpec,
+    modbus: Option<ModbusConnection>,
+    domain: &Domain,
+    counters: &ValveCounters,
+    opened: SyncSender<Result<(), ValveError>>,
+    end: &StopFlag,
+) -> recording::thread_group::ThreadResult {
+    let mut drive = match Drive::open(actuator, spec, modbus, domain) {
+        Ok(drive) => drive,
+        Err(error) => {
+            // The starter gets the error and ends the group.
+            let _starter_is_gone = opened.send(Err(error));
+            end.pause(Duration::MAX);
+            return Ok(());
+        }
+    };
+    let _starter_is_gone = opened.send(Ok(()));
+    let period = Duration::from_secs_f64(1.0 / spec.write_hz);
+    let mut due = Instant::now();
+    while !end.is_set() {
+        drive.turn(counters)?;
+        // A slow device is written to as fast as it answers; missed turns are not made up for.
+        due = (due + period).max(Instant::now());
+        end.pause(due.saturating_duration_since(Instant::now()));
+    }
+    drive.close(counters)
+}
+
+/// One valve at work. Everything is of its own thread.
+struct Drive {
+    actuator: String,
+    safe_mpa: f64,
+    device: Option<Device>,
+    governor: Governor,
+    setpoints: SetpointReader,
+    overrides: SetpointReader,
+    states: StateReader,
+    output: ValveWriter,
+    setpoint: Option<Setpoint>,
+    operator: Option<Setpoint>,
+    state: Option<State>,
+    sample: Valve,
+    trouble: Option<String>,
+}
+
+impl Drive {
+    fn open(
+        actuator: &str,
+        spec: &ValveSpec,
+        modbus: Option<ModbusConnection>,
+        domain: &Domain,
+    ) -> Result<Self, ValveError> {
+        let bus = Bus::open(domain)?;
+        // First: a second bridge is refused before it writes anything.
+        let output = ValveWriter::create(&bus, &Topic::valve(actuator)?)?;
+        let refused = |cause| ValveError::Thread { actuator: actuator.to_owned(), cause };
+        Ok(Self {
+            actuator: actuator.to_owned(),
+            safe_mpa: spec.safe_mpa,
+            device: Device::new(spec, modbus).map_err(refused)?,
+            governor: Governor::new(spec, now_ns()),
+            setpoints: SetpointReader::attach_as(&bus, &Topic::setpoint(actuator)?, Waking::Never)?,
+            overrides: SetpointReader::attach_as(&bus, &Topic::operator(actuator)?, Waking::Never)?,
+            states: StateReader::attach_as(&bus, &Topic::state(actuator)?, Waking::Never)?,
+            output,
+            setpoint: None,
+            operator: None,
+            state: None,
+            sample: Valve { boot_id: boot_id(), safe_mpa: spec.safe_mpa, ..Valve::default() },
+            trouble: None,
+        })
+    }
+
+    fn turn(&mut self, counters: &ValveCounters) -> recording::thread_group::ThreadResult {
+        self.setpoint = self.setpoints.newest()?.or(self.setpoint);
+        self.operator = self.overrides.newest()?.or(self.operator);
+        self.state = self.states.newest()?.or(self.state);
+        let (setpoint, operator, state) =
+            (self.setpoint.as_ref(), self.operator.as_ref(), self.state.as_ref());
+        let decision = self.governor.decide(now_ns(), setpoint, operator, state);
+        self.write(decision, counters)
+    }
+
+    /// The safe value, whatever the device says to it.
+    fn close(&mut self, counters: &ValveCounters) -> recording::thread_group::ThreadResult {
+        let (reason, wanted_mpa) = (valve_reason::NO_SETPOINT, f64::NAN);
+        let pressure_mpa = self.safe_mpa;
+        self.write(Decision { pressure_mpa, wanted_mpa, reason, interlock: 0, limit: 0 }, counters)
+    }
+
+    fn write(
+        &mut self,
+        decision: Decision,
+        counters: &ValveCounters,
+    ) -> recording::thread_group::ThreadResult {
+        let written = self.device.as_mut().map_or(Ok(()), |device| device.write(decision.pressure_mpa));
+        let before = (self.sample.valve_reason, self.sample.valve_interlock);
+        let reason = if written.is_ok() { decision.reason } else { valve_reason::DEVICE_ERROR };
+        let owner = match decision.reason {
+            valve_reason::OVERRIDE => self.operator,
+            _ => self.setpoint,
+        };
+        let owner = owner.unwrap_or_default();
+        let sample = &mut self.sample;
+        sample.seq += 1;
+        (sample.t_sensor_ns, sample.t_publish_ns) = (owner.t_sensor_ns, now_ns());
+        (sample.pressure_mpa, sample.wanted_mpa) = (decision.pressure_mpa, decision.wanted_mpa);
+        (sample.valve_reason, sample.valve_interlock) = (reason, decision.interlock);
+        sample.valve_limit = decision.limit;
+        (sample.setpoint_boot_id, sample.setpoint_seq) = (owner.boot_id, owner.seq);
+        sample.owner = owner.owner;
+        if written.is_ok() {
+            sample.t_written_ns = sample.t_publish_ns;
+            sample.writes += 1;
+        } else {
+            self.governor.failed();
+            sample.failures += 1;
+        }
+        let begins = |of: u32| u64::from(reason == of && before.0 != of);
+        sample.timeouts += begins(valve_reason::TIMEOUT);
+        sample.interlocks += u64::from(decision.interlock & !before.1 != 0);
+        counters.writes.store(sample.writes, Ordering::Relaxed);
+        counters.failures.store(sample.failures, Ordering::Relaxed);
+        counters.timeouts.store(sample.timeouts, Ordering::Relaxed);
+        counters.interlocks.store(sample.interlocks, Ordering::Relaxed);
+        counters.reason.store(reason, Ordering::Relaxed);
+        let sample = *sample;
+        self.output.publish(sample)?;
+        self.log(before, &sample, written.err());
+        Ok(())
+    }
+
+    /// One line for each change.
+    fn log(&mut self, before: (u32, u32), now: &Valve, trouble: Option<String>) {
+        let actuator = &self.actuator;
+        if trouble.is_some() && trouble != self.trouble {
+            tracing::warn!("valve of {actuator}: {}", trouble.as_deref().unwrap_or_default());
+        }
+        self.trouble = trouble;
+        if before != (now.valve_reason, now.valve_interlock) {
+            let interlocks: Vec<&str> = valve_interlock::names(now.valve_interlock).collect();
+            let names =
+                if interlocks.is_empty() { String::new() } else { format!(" ({})", interlocks.join(", ")) };
+            let reason = valve_reason::as_str(now.valve_reason);
+            tracing::info!("valve of {actuator}: {reason}{names}, {} MPa", now.pressure_mpa);
+        }
+    }
+}

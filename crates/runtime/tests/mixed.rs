@@ -1,0 +1,564 @@
+//! Sensors of several kinds at once, over real sockets, pseudo-terminals, processes and files, with the other end in the test.
+
+use runtime::config::Scene;
+use runtime::source::{Devices, ModbusPath, Reading, SensorCounters, SourceReader};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::os::fd::{AsRawFd, BorrowedFd};
+use std::os::unix::fs::{OpenOptionsExt, symlink};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+use tokio_serial::{SerialPort, SerialStream};
+
+/// Longest wait for something that must come; a failing test ends there.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A scene of one actuator for each text; models are not opened.
+fn scene(folder: &Path, actuators: &[&str]) -> Result<Scene, String> {
+    let mut text = "name = \"bench\"\n".to_owned();
+    for (at, body) in actuators.iter().enumerate() {
+        text += &format!("[[actuator]]\nname = \"finger{at}\"\nmodel = \"m.twin\"\n{body}\n");
+    }
+    let path = folder.join("scene.toml");
+    fs::write(&path, text).unwrap();
+    Scene::load(&path).map_err(|error| error.to_string())
+}
+
+/// The sources of all actuators, opened together and started.
+fn start(scene: &Scene, devices: &Devices) -> Vec<SourceReader> {
+    let open = |actuator: &runtime::config::ActuatorSpec| {
+        actuator.open_source(&scene.folder, devices).expect("sensors").unwrap_or_else(|why| panic!("{why:?}"))
+    };
+    let opened: Vec<_> = scene.actuators.iter().map(open).collect();
+    opened.into_iter().map(|source| SourceReader::start(source).unwrap()).collect()
+}
+
+fn start_one(folder: &Path, actuator: &str) -> SourceReader {
+    start(&scene(folder, &[actuator]).unwrap(), &Devices::default()).remove(0)
+}
+
+/// The first reading that fits.
+fn wait_for(source: &mut SourceReader, what: &str, fits: impl Fn(&Reading) -> bool) -> Reading {
+    let end = Instant::now() + PATIENCE;
+    let mut last = None;
+    while let Some(reading) = source.next(end.saturating_duration_since(Instant::now())) {
+        if fits(&reading) {
+            return reading;
+        }
+        last = Some(reading);
+        assert!(Instant::now() < end, "{what} did not come; the last: {last:?}; {}", summary(source));
+    }
+    panic!("{what} did not come; the last: {last:?}; {}", summary(source));
+}
+
+fn counters(source: &SourceReader, sensor: &str) -> Arc<SensorCounters> {
+    source.devices().into_iter().find(|(name, _)| name == sensor).expect("a sensor").1
+}
+
+fn count(counters: &SensorCounters, name: &str) -> u64 {
+    counters.all().into_iter().find(|(found, _)| *found == name).unwrap().1
+}
+
+fn summary(source: &SourceReader) -> String {
+    source.devices().iter().map(|(name, device)| format!("{name}: {}; ", device.summary())).collect()
+}
+
+fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let end = Instant::now() + PATIENCE;
+    while !is_so() {
+        assert!(Instant::now() < end, "{what} within {PATIENCE:?}");
+        thread::yield_now();
+    }
+}
+
+/// What a Modbus device answers to unit, function, register and the word that is written.
+type Answer = Arc<dyn Fn(u8, u8, u16, u16) -> u16 + Send + Sync>;
+
+/// A Modbus TCP device that takes one request at a time; with the number of its connections, and whether a second request
+/// ever came before the answer to the first.
+fn modbus_tcp(answer: Answer) -> (SocketAddr, Arc<AtomicUsize>, Arc<AtomicBool>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let (connections, overlapped) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
+    let (counted, seen) = (connections.clone(), overlapped.clone());
+    thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            counted.fetch_add(1, Ordering::SeqCst);
+            let (answer, seen) = (answer.clone(), seen.clone());
+            thread::spawn(move || {
+                let mut bytes = [0u8; 64];
+                while let Ok(count) = stream.read(&mut bytes) {
+                    if count != 12 {
+                        seen.fetch_or(count > 12, Ordering::SeqCst);
+                        return;
+                    }
+                    let word = |at: usize| u16::from_be_bytes([bytes[at], bytes[at + 1]]);
+                    let (unit, function) = (bytes[6], bytes[7]);
+                    let [high, low] = answer(unit, function, word(8), word(10)).to_be_bytes();
+                    let reply = match function {
+                        6 => bytes[..12].to_vec(),
+                        _ => [&bytes[..4], &[0, 5, unit, function, 2, high, low]].concat(),
+                    };
+                    if stream.write_all(&reply).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+    });
+    (address, connections, overlapped)
+}
+
+#[test]
+fn two_actuators_and_a_writer_share_one_connection_to_several_units() {
+    let written = Arc::new(Mutex::new(BTreeMap::new()));
+    let noted = written.clone();
+    let (address, connections, overlapped) = modbus_tcp(Arc::new(move |unit, function, register, word| {
+        if function == 6 {
+            noted.lock().unwrap().insert((unit, register), word);
+        }
+        u16::from(unit) * 100 + register
+    }));
+    let folder = tempfile::tempdir().unwrap();
+    let actuator = |unit: u8| {
+        format!(
+            "pace = \"gauge\"\n[actuator.sensors.gauge]\nkind = \"modbus\"\ntcp = \"{address}\"\nrate_hz = 200\n\
+             timeout_ms = 2000\nvalues.pressure_mpa = {{ from = {{ unit_id = {unit}, register = 1 }}, unit = \"Pa\" }}\n\
+             [actuator.sensors.gap]\nkind = \"modbus\"\ntcp = \"{address}\"\nrate_hz = 100\ntimeout_ms = 2000\n\
+             values.gap_mm = {{ from = {{ unit_id = {}, register = 5 }}, scale = 0.1 }}",
+            unit + 10
+        )
+    };
+    let scene = scene(folder.path(), &[&actuator(1), &actuator(2)]).unwrap();
+    let devices = Devices::default();
+    let writer = devices.modbus(&ModbusPath::Tcp(address.to_string())).unwrap();
+    let mut sources = start(&scene, &devices);
+    for (source, unit) in sources.iter_mut().zip([1.0, 2.0]) {
+        let whole = |reading: &Reading| reading.stale_values == 0 && reading.status == 0;
+        let reading = wait_for(source, "all values", whole);
+        assert!((reading.pressure_mpa - (unit * 100.0 + 1.0) * 1e-6).abs() < 1e-15, "{reading:?}");
+        assert!(
+            (reading.gap_mm - (unit * 10.0 + 100.0 + 0.5)).abs() < 1e-9,
+            "unit {}: {reading:?}",
+            unit + 10.0
+        );
+    }
+    for word in 1..20 {
+        assert_eq!(writer.write(3, 7, &[word], PATIENCE), Ok(1), "confirmed on the first connection");
+        assert_eq!(written.lock().unwrap()[&(3, 7)], word);
+    }
+    assert_eq!(connections.load(Ordering::SeqCst), 1, "one connection for four sensors and a writer");
+    assert!(!overlapped.load(Ordering::SeqCst), "a request came before the answer to the one before");
+    drop(sources.remove(0));
+    wait_for(&mut sources[0], "readings after another source has ended", |reading| reading.status == 0);
+    drop(sources);
+    assert_eq!(writer.write(3, 7, &[9], PATIENCE), Ok(1), "a writer keeps the connection");
+    let mut again = start(&scene, &devices);
+    wait_for(&mut again[1], "readings of new sensors", |reading| reading.stale_values == 0);
+    assert_eq!(connections.load(Ordering::SeqCst), 1, "they join the connection that the writer has kept");
+}
+
+/// The test's end of a pseudo-terminal, reading without a time-out, with what keeps the other end from hanging up.
+fn terminal() -> (File, File, PathBuf) {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let _inside = runtime.enter();
+    let (ours, theirs) = SerialStream::pair().unwrap();
+    let port = PathBuf::from(theirs.name().expect("a pseudo-terminal has a name"));
+    let held = File::options().read(true).custom_flags(libc::O_NOCTTY).open(&port).unwrap();
+    drop(theirs);
+    // SAFETY: the descriptor is open for as long as `ours` is borrowed, and only duplicated here.
+    let ours = File::from(unsafe { BorrowedFd::borrow_raw(ours.as_raw_fd()) }.try_clone_to_owned().unwrap());
+    // SAFETY: the descriptor is open; waiting reads are all that the test does with it.
+    assert_eq!(unsafe { libc::fcntl(ours.as_raw_fd(), libc::F_SETFL, 0) }, 0);
+    (ours, held, port)
+}
+
+fn crc(bytes: &[u8]) -> u16 {
+    let step = |crc: u16| if crc & 1 == 1 { (crc >> 1) ^ 0xa001 } else { crc >> 1 };
+    bytes.iter().fold(0xffff_u16, |crc, byte| (0..8).fold(crc ^ u16::from(*byte), |crc, _| step(crc)))
+}
+
+fn rtu(bytes: &[u8]) -> Vec<u8> {
+    [bytes, &crc(bytes).to_le_bytes()].concat()
+}
+
+/// What a device on the bus does with a question for unit 2; unit 1 always behaves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Trouble {
+    None,
+    BadCrc,
+    Half,
+    WrongUnit,
+    Silence,
+    /// The answer comes when the one who asked has given up.
+    Late,
+}
+
+/// A bus with a gauge (unit 1, 45 kPa) and a gap sensor (unit 2, 40 mm) that is in trouble; in every wrong answer there is
+/// 27.3, which no reading may ever show.
+#[test]
+fn trouble_of_one_unit_on_a_bus_never_gives_a_wrong_value_and_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut ours, _held, port) = terminal();
+    let trouble = Arc::new(Mutex::new(Trouble::None));
+    let gap_counters: Arc<Mutex<Option<Arc<SensorCounters>>>> = Arc::default();
+    let (of_device, counted) = (trouble.clone(), gap_counters.clone());
+    thread::spawn(move || {
+        let (mut bytes, mut byte) = (Vec::new(), [0u8; 1]);
+        while ours.read_exact(&mut byte).is_ok() {
+            bytes.push(byte[0]);
+            // A request is eight bytes with their checksum; what is left of another is cut off.
+            let Some(request) = bytes.len().checked_sub(8).map(|from| bytes[from..].to_vec()) else {
+                continue;
+            };
+            if crc(&request) != 0 {
+                continue;
+            }
+            bytes.clear();
+            let (good, wrong) =
+                (|unit, value: u16| rtu(&[unit, 4, 2, (value >> 8) as u8, value as u8]), 273u16);
+            let reply = match (request[0], *of_device.lock().unwrap()) {
+                (1, _) => good(1, 450),
+                (2, Trouble::None) => good(2, 400),
+                (2, Trouble::BadCrc) => [&good(2, wrong)[..5], &[0xde, 0xad]].concat(),
+                (2, Trouble::Half) => good(2, wrong)[..4].to_vec(),
+                (2, Trouble::WrongUnit) => good(1, wrong),
+                (2, Trouble::Late) => {
+                    let counters = counted.lock().unwrap().clone().expect("a sensor");
+                    let before = count(&counters, "timeouts");
+                    wait_until("the question is given up", || count(&counters, "timeouts") > before);
+                    good(1, wrong) // just what the next question waits for
+                }
+                _ => continue,
+            };
+            if ours.write_all(&reply).is_err() {
+                return;
+            }
+        }
+    });
+    let port = port.display();
+    let body = format!(
+        "pace = \"gauge\"\n[actuator.sensors.gauge]\nkind = \"modbus\"\nserial = {{ port = \"{port}\", baud = 115200 }}\n\
+         rate_hz = 100\nage_limit_ms = 2000\ntimeout_ms = 1000\n\
+         values.pressure_mpa = {{ from = {{ unit_id = 1, register = 0 }}, scale = 0.1, unit = \"kPa\" }}\n\
+         [actuator.sensors.gap]\nkind = \"modbus\"\nserial = {{ port = \"{port}\", baud = 115200 }}\nrate_hz = 100\n\
+         age_limit_ms = 100\ntimeout_ms = 60\nbackoff_max_ms = 100\n\
+         values.gap_mm = {{ from = {{ unit_id = 2, register = 0 }}, scale = 0.1 }}"
+    );
+    let mut source = start_one(folder.path(), &body);
+    let gap = counters(&source, "gap");
+    *gap_counters.lock().unwrap() = Some(gap.clone());
+    let right = |reading: &Reading| {
+        assert!((reading.pressure_mpa - 0.045).abs() < 1e-12 || reading.pressure_mpa.is_nan(), "{reading:?}");
+        assert!((reading.gap_mm - 40.0).abs() < 1e-9 || reading.gap_mm.is_nan(), "{reading:?}");
+    };
+    for next in [Trouble::BadCrc, Trouble::Half, Trouble::WrongUnit, Trouble::Silence, Trouble::Late] {
+        wait_for(&mut source, "both values", |reading| {
+            right(reading);
+            reading.gap_mm.is_finite() && reading.pressure_mpa.is_finite()
+        });
+        let failures =
+            || ["timeouts", "garbage", "disconnects"].map(|name| count(&gap, name)).iter().sum::<u64>();
+        let before = failures();
+        *trouble.lock().unwrap() = next;
+        let without = wait_for(&mut source, "a reading without the gap", |reading| {
+            right(reading);
+            reading.gap_mm.is_nan()
+        });
+        assert_eq!((without.stale_values, without.status), (0b10, 0), "{next:?}: the gauge goes on");
+        let pressures = wait_for(&mut source, "a reading of the gauge", |reading| {
+            right(reading);
+            reading.pressure_mpa.is_finite() && reading.t_sensor_ns > without.t_sensor_ns
+        });
+        assert!(pressures.ages_ns[1] > 100_000_000, "{next:?}: {pressures:?}");
+        assert!(failures() > before, "{next:?} was counted as nothing");
+        *trouble.lock().unwrap() = Trouble::None;
+    }
+    wait_for(&mut source, "the gap again", |reading| {
+        right(reading);
+        reading.gap_mm.is_finite()
+    });
+}
+
+/// Says a line again and again until the source has made a reading that fits of it.
+fn say_until(
+    source: &mut SourceReader,
+    mut say: impl FnMut(),
+    what: &str,
+    fits: impl Fn(&Reading) -> bool,
+) -> Reading {
+    let end = Instant::now() + PATIENCE;
+    while Instant::now() < end {
+        say();
+        if let Some(reading) = source.next(Duration::from_millis(5)).filter(&fits) {
+            return reading;
+        }
+    }
+    panic!("{what} did not come; {}", summary(source));
+}
+
+/// Pressure by Modbus TCP, gap by a serial line, force by a TCP connection, a marker by UDP. One after the other is pulled
+/// and plugged in again; the others go on.
+#[test]
+fn four_kinds_at_once_are_pulled_and_plugged_in_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (gauge, ..) = modbus_tcp(Arc::new(|_, _, _, _| 450));
+    let link = folder.path().join("distance");
+    let (mut distance, held, port) = terminal();
+    symlink(&port, &link).unwrap();
+    let scale = TcpListener::bind("127.0.0.1:0").unwrap();
+    let scale_address = scale.local_addr().unwrap();
+    let camera = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let camera_address = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let body = format!(
+        "pace = 200\n\
+         [actuator.sensors.gauge]\nkind = \"modbus\"\ntcp = \"{gauge}\"\nrate_hz = 100\nage_limit_ms = 3000\ntimeout_ms = 2000\n\
+         values.pressure_mpa = {{ from = {{ register = 2 }}, points = [[0, 0.0], [900, 90.0]], unit = \"kPa\" }}\n\
+         [actuator.sensors.distance]\nkind = \"lines\"\nserial = {{ port = \"{}\", baud = 115200 }}\nage_limit_ms = 200\n\
+         values.gap_mm = {{ from = 2, unit = \"um\", offset = 500 }}\n\
+         [actuator.sensors.scale]\nkind = \"lines\"\ntcp = \"{scale_address}\"\nage_limit_ms = 200\n\
+         values.force_n = {{ from = \"grams\", unit = \"gf\", filter = {{ median = 3 }} }}\n\
+         [actuator.sensors.camera]\nkind = \"lines\"\nudp = \"{camera_address}\"\nage_limit_ms = 200\n\
+         values.marker1_x_mm = {{ from = 1 }}\nvalues.marker1_y_mm = {{ from = 2 }}\nvalues.marker1_z_mm = {{ from = 3 }}",
+        link.display()
+    );
+    let mut source = start_one(folder.path(), &body);
+    let (mut weighing, _) = scale.accept().unwrap();
+    let say = |distance: &mut File, weighing: &mut TcpStream| {
+        let _maybe_pulled = distance.write_all(b"7; 39500\r\n");
+        let _maybe_pulled = weighing.write_all(b"{\"grams\": 100.0}\n");
+        camera.send_to(b"1.5; 2.5; -3.5", camera_address).unwrap();
+    };
+    let whole = |reading: &Reading| reading.stale_values == 0;
+    let all = say_until(&mut source, || say(&mut distance, &mut weighing), "all values", whole);
+    assert!((all.pressure_mpa - 0.045).abs() < 1e-12, "{all:?}");
+    assert!((all.gap_mm - 40.0).abs() < 1e-9, "{all:?}: 39500 + 500 um");
+    assert!((all.measured_force_n - 0.980_665).abs() < 1e-12, "{all:?}: 100 gf");
+    assert_eq!((all.marker_values, all.markers_mm[..3].to_vec()), (3, vec![1.5, 2.5, -3.5]));
+    assert!(all.ages_ns.iter().all(|age_ns| *age_ns <= 3_000_000_000) && all.status == 0);
+
+    // The plug of the distance sensor is pulled, and put in again under the same name.
+    drop((distance, held));
+    let without = say_until(
+        &mut source,
+        || {
+            weighing.write_all(b"{\"grams\": 100.0}\n").unwrap();
+            camera.send_to(b"1.5; 2.5; -3.5", camera_address).unwrap();
+        },
+        "a reading without the gap",
+        |reading| reading.stale_values == 0b10,
+    );
+    assert!(
+        without.gap_mm.is_nan() && without.pressure_mpa.is_finite() && without.measured_force_n.is_finite()
+    );
+    assert!((200_000_000..400_000_000).contains(&without.ages_ns[1]), "absent within its limit: {without:?}");
+    wait_until("the pulled plug is counted", || {
+        let distance = counters(&source, "distance");
+        count(&distance, "disconnects") + count(&distance, "refusals") > 0
+    });
+    let (mut distance, _held, port) = terminal();
+    let renamed = folder.path().join("new");
+    symlink(&port, &renamed).unwrap();
+    fs::rename(&renamed, &link).unwrap();
+    say_until(&mut source, || say(&mut distance, &mut weighing), "the gap again", whole);
+
+    // The scale goes off and on again: a new connection.
+    drop(weighing);
+    let without_force = |reading: &Reading| reading.stale_values == 0b100;
+    let quiet = |distance: &mut File| {
+        distance.write_all(b"7; 39500\n").unwrap();
+        camera.send_to(b"1.5; 2.5; -3.5", camera_address).unwrap();
+    };
+    say_until(&mut source, || quiet(&mut distance), "a reading without the force", without_force);
+    let (mut weighing, _) = scale.accept().unwrap();
+    say_until(&mut source, || say(&mut distance, &mut weighing), "the force again", whole);
+
+    // The camera sees nothing, then says nonsense, then nothing at all.
+    camera.send_to(b";;", camera_address).unwrap();
+    let unseen = wait_for(&mut source, "a marker that is not seen", |reading| reading.markers_mm[0].is_nan());
+    assert_eq!((unseen.stale_values & 0b1000, unseen.fault_values), (0, 0), "{unseen:?}");
+    camera.send_to(b"1.5; two", camera_address).unwrap();
+    wait_for(&mut source, "a silent camera", |reading| reading.stale_values & 0b1000 != 0);
+    assert_eq!(count(&counters(&source, "camera"), "garbage"), 1);
+}
+
+/// A converter as the kernel shows it, in a folder of the test.
+#[test]
+fn a_converter_is_read_by_its_name_through_unplugging() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("devices");
+    let plug = |number: u8, raw: &str| {
+        let made = folder.path().join("made");
+        fs::create_dir_all(&made).unwrap();
+        fs::create_dir_all(&root).unwrap();
+        for (file, text) in [
+            ("name", "ads1115\n"),
+            ("in_voltage0_raw", raw),
+            ("in_voltage0_scale", "0.125\n"),
+            ("in_voltage_offset", "-4\n"),
+            ("in_voltage1_raw", "8\n"),
+            ("in_voltage1_scale", "2\n"),
+        ] {
+            fs::write(made.join(file), text).unwrap();
+        }
+        fs::rename(&made, root.join(format!("iio:device{number}"))).unwrap();
+    };
+    plug(0, "2004\n");
+    let body = format!(
+        "[actuator.sensors.adc]\nkind = \"iio\"\nroot = \"{}\"\ndevice = \"ads1115\"\nrate_hz = 200\nage_limit_ms = 100\n\
+         values.pressure_mpa = {{ from = \"voltage0\", scale = 0.2, offset = 1.0, unit = \"kPa\" }}\n\
+         values.gap_mm = {{ from = \"voltage1\", points = [[0, 10], [16, 18]] }}",
+        root.display()
+    );
+    let mut source = start_one(folder.path(), &body);
+    let first = wait_for(&mut source, "a reading", |reading| reading.status == 0);
+    assert!((first.pressure_mpa - 0.051).abs() < 1e-12, "{first:?}: (2004 - 4) x 0.125 mV x 0.2 + 1 kPa");
+    assert_eq!(first.gap_mm, 14.0, "(8 - 4) x 2 mV in the middle of the table");
+    // A value beyond the table of its calibration is refused, not clamped.
+    fs::write(root.join("iio:device0/in_voltage1_raw"), "400\n").unwrap();
+    let outside = wait_for(&mut source, "a value outside", |reading| reading.fault_values == 0b10);
+    assert!(outside.gap_mm.is_nan() && outside.pressure_mpa.is_finite() && outside.status == 0);
+    fs::rename(root.join("iio:device0"), folder.path().join("pulled")).unwrap();
+    let pulled = wait_for(&mut source, "the silence", |reading| reading.status == 256);
+    assert!(pulled.pressure_mpa.is_nan() && pulled.stale_values == 0b11);
+    plug(3, "4004\n");
+    let back = wait_for(&mut source, "the new number", |reading| reading.status == 0);
+    assert!((back.pressure_mpa - 0.101).abs() < 1e-12, "{back:?}");
+    fs::write(root.join("iio:device3/in_voltage0_raw"), "broken\n").unwrap();
+    wait_for(&mut source, "nonsense in the file", |reading| reading.status == 256);
+    assert!(count(&counters(&source, "adc"), "disconnects") > 0);
+}
+
+fn runs(pid: u32) -> bool {
+    fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| !stat.contains(") Z "))
+}
+
+/// A program that prints lines: restarted when it ends, and killed, with what it has started, when the source ends.
+#[test]
+fn a_program_that_prints_lines_is_restarted_and_ends_with_the_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("sensor.sh");
+    // Its number, that of a program it starts, then the end as soon as a file asks for it.
+    let text = "#!/bin/sh\nsleep 1000 &\necho \"trouble\" >&2\nwhile [ ! -e stop ]; do echo \"0.03; $$; $!\"; sleep 0.01; done\nkill $!; rm stop\n";
+    fs::write(&script, text).unwrap();
+    let body = "[actuator.sensors.own]\nkind = \"lines\"\ncommand = [\"/bin/sh\", \"sensor.sh\"]\nage_limit_ms = 300\n\
+         values.pressure_mpa = { from = 1 }\nvalues.gap_mm = { from = 2 }\nvalues.force_n = { from = 3 }";
+    let mut source = start_one(folder.path(), body);
+    let first = wait_for(&mut source, "a line", |reading| reading.status == 0);
+    let first_pid = first.gap_mm as u32;
+    assert!(runs(first_pid) && first.pressure_mpa == 0.03);
+    fs::write(folder.path().join("stop"), "").unwrap();
+    let second = wait_for(&mut source, "a line of another start", |reading| {
+        reading.status == 0 && reading.gap_mm as u32 != first_pid
+    });
+    assert!(!runs(first_pid) && count(&counters(&source, "own"), "disconnects") > 0);
+    let started = [second.gap_mm as u32, second.measured_force_n as u32];
+    assert!(started.iter().all(|pid| runs(*pid)));
+    drop(source);
+    wait_until("the program and what it has started are gone", || !started.iter().any(|pid| runs(*pid)));
+}
+
+#[test]
+fn a_program_that_does_not_start_is_tried_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = "[actuator.sensors.own]\nkind = \"lines\"\ncommand = [\"./sensor\"]\nage_limit_ms = 50\n\
+         values.pressure_mpa = { from = \"p\" }";
+    let mut source = start_one(folder.path(), body);
+    let without = wait_for(&mut source, "a reading without a value", |_| true);
+    assert!(without.status == 256 && without.stale_values == 1);
+    wait_until("a refusal", || count(&counters(&source, "own"), "refusals") > 0);
+    let program = folder.path().join("new");
+    fs::write(&program, "#!/bin/sh\nwhile echo '{\"p\": 0.02}'; do sleep 0.01; done\n").unwrap();
+    let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    fs::set_permissions(&program, executable).unwrap();
+    fs::rename(&program, folder.path().join("sensor")).unwrap();
+    wait_for(&mut source, "its first line", |reading| reading.pressure_mpa == 0.02);
+}
+
+/// Two actuators take their own cells out of the same datagrams.
+#[test]
+fn two_actuators_read_the_same_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let body = |cell: u8| {
+        format!(
+            "[actuator.sensors.board]\nkind = \"lines\"\nudp = \"{address}\"\nvalues.pressure_mpa = {{ from = {cell} }}"
+        )
+    };
+    let scene = scene(folder.path(), &[&body(1), &body(2)]).unwrap();
+    let mut sources = start(&scene, &Devices::default());
+    let (sender, (stop, stopped)) = (UdpSocket::bind("127.0.0.1:0").unwrap(), sync_channel::<()>(0));
+    let board = thread::spawn(move || {
+        while stopped.try_recv() != Err(std::sync::mpsc::TryRecvError::Disconnected) {
+            sender.send_to(b"0.01; 0.02\n0.01; 0.02", address).unwrap();
+            thread::yield_now();
+        }
+    });
+    for (source, expected) in sources.iter_mut().zip([0.01, 0.02]) {
+        let reading = wait_for(source, "a line", |reading| reading.status == 0);
+        assert_eq!(reading.pressure_mpa, expected);
+    }
+    drop(stop);
+    board.join().unwrap();
+}
+
+#[test]
+fn everything_wrong_with_the_sensors_of_a_scene_is_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = "pace = \"gouge\"\nsensor = \"other\"\n\
+        [actuator.sensors.gauge]\nkind = \"modbus\"\ntcp = \"here\"\nserial = { port = \"/dev/ttyX\", baud = 7 }\nrate_hz = 5\n\
+        values.pressure = { from = { unit_id = 0, register = 1 } }\n\
+        [actuator.sensors.gap]\nkind = \"lines\"\ntcp = \"a:1\"\nudp = \"b\"\nvalues.gap_mm = { from = 0, unit = \"bar\" }\n\
+        [actuator.sensors.cell]\nkind = \"can\"\ninterface = \"\"\nvalues.gap_mm = { from = { id = 1, start_bit = 60, bits = 8 } }\n\
+        [actuator.sensors.adc]\nkind = \"iio\"\ndevice = \"../x\"\nrate_hz = 0\nvalues.force_n = { from = \"\" }";
+    let text = scene(folder.path(), &[first]).unwrap_err();
+    for (key, found) in [
+        ("pace", "found `gouge`"),
+        ("sensors.gauge.tcp, ", "found both"),
+        ("sensors.gauge.tcp: expected `host:port`", "found `here`"),
+        ("sensors.gauge.serial.baud", "found 7"),
+        ("sensors.gauge.values.pressure", "`pressure_mpa`"),
+        ("sensors.gauge.values.pressure.from.unit_id", "found 0"),
+        ("sensors.gauge.age_limit_ms", "200 ms between"),
+        ("sensors.gap: expected at most one", "found tcp, udp"),
+        ("sensors.gap.udp", "found `b`"),
+        ("sensors.gap.values.gap_mm.from", "found 0"),
+        ("sensors.gap.values.gap_mm.unit", "found `bar`"),
+        ("sensors.gap.values.gap_mm", "`cell` too"),
+        ("sensors.cell.interface", "found ``"),
+        ("sensors.cell.values.gap_mm.from.start_bit", "8 bits from bit 60"),
+        ("sensors.adc.device", "found `../x`"),
+        ("sensors.adc.rate_hz", "found 0"),
+        ("sensors.adc.values.force_n.from", "found ``"),
+        ("sensors: expected a sensor with pressure_mpa", "found none"),
+        ("listens to another's", "sensors of its own"),
+    ] {
+        let said =
+            text.lines().any(|line| line.contains(key) && line.contains(found) && line.contains("`finger0`"));
+        assert!(said, "{key} ... {found} is missing:\n{text}");
+    }
+    let port = |baud: u32, name: &str| {
+        format!(
+            "[actuator.sensors.{name}]\nkind = \"modbus\"\nserial = {{ port = \"/dev/ttyX\", baud = {baud} }}\n\
+             values.pressure_mpa = {{ from = {{ register = 1 }} }}"
+        )
+    };
+    assert!(scene(folder.path(), &[&port(9600, "a"), &port(9600, "b")]).is_ok(), "one bus for both");
+    let text = scene(folder.path(), &[&port(9600, "a"), &port(19_200, "b")]).unwrap_err();
+    assert!(text.contains("finger1") && text.contains("sensors.b: expected the same settings"), "{text}");
+    let valve = "[actuator.valve]\nrange_mpa = [0.0, 0.1]\n[actuator.valve.modbus]\nserial = { port = \"/dev/ttyX\", baud = 300 }\n\
+         value = { register = 3, encoding = \"f32\" }";
+    let text = scene(folder.path(), &[&format!("{}\n{valve}", port(9600, "a"))]).unwrap_err();
+    assert!(text.contains("valve.modbus: expected the same settings"), "{text}");
+    let text = scene(folder.path(), &["pace = 3"]).unwrap_err();
+    assert!(text.contains("pace: expected [actuator.sensors.NAME]"), "{text}");
+    let text = scene(folder.path(), &["[actuator.sensors.a]\nkind = \"modbus\"\nrate = 3\nvalues = {}"])
+        .unwrap_err();
+    assert!(text.contains("unknown field `rate`"), "{text}");
+}

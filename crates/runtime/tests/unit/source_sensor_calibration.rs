@@ -1,0 +1,74 @@
+//! Tests of `src/source/sensor/calibration.rs` that need its private parts.
+
+use super::*;
+use proptest::prelude::*;
+
+fn spec(points: &[[f64; 2]]) -> ValueSpec<()> {
+    let (scale, offset, filter) = (1.0, 0.0, FilterSpec::Off);
+    ValueSpec { from: (), scale, offset, points: points.to_vec(), unit: None, filter, sigma: None }
+}
+
+fn told(name: &str, value: ValueSpec<()>) -> Vec<String> {
+    let (mut found, values) = (Vec::new(), Values::from([(name.to_owned(), value)]));
+    problems(&values, "values", &mut found, |(), _, _| {});
+    found
+}
+
+#[test]
+fn factor_offset_and_unit() {
+    let value = ValueSpec { scale: 2.0, offset: -1.0, unit: Some("kPa".into()), ..spec(&[]) };
+    let channel = value.channel("pressure_mpa").unwrap();
+    assert_eq!((channel.slot, channel.calibration.apply(26.0)), (0, Some(51.0 * 1e-3)));
+    assert!(channel.calibration.apply(f64::NAN).unwrap().is_nan());
+    assert_eq!(spec(&[]).channel("marker2_z_mm").unwrap().slot, 8);
+    assert!(spec(&[]).channel("gap").is_none());
+}
+
+#[test]
+fn a_table_is_straight_between_its_points_and_has_no_value_outside() {
+    let channel = spec(&[[0.5, 0.0], [2.5, 10.0], [4.5, 40.0]]).channel("gap_mm").unwrap();
+    let at = |raw| channel.calibration.apply(raw);
+    assert_eq!([at(0.5), at(1.5), at(2.5), at(4.5)], [Some(0.0), Some(5.0), Some(10.0), Some(40.0)]);
+    assert_eq!([at(0.4999), at(4.5001), at(-1e300)], [None; 3], "refused, not clamped");
+}
+
+#[test]
+fn everything_wrong_with_a_value_is_told_at_once() {
+    let bad = ValueSpec {
+        scale: 0.0,
+        offset: f64::NAN,
+        unit: Some("bar".into()),
+        filter: FilterSpec::Median(2),
+        sigma: Some(0.0),
+        ..spec(&[[1.0, 0.0], [1.0, 2.0]])
+    };
+    let found = told("gap_mm", bad);
+    for key in ["unit", "scale", "offset", "points", "sigma", "filter"] {
+        let said = found.iter().find(|text| text.contains(&format!("values.gap_mm.{key}")));
+        assert!(
+            said.is_some_and(|text| text.contains("expected") && text.contains("found")),
+            "{key}: {found:#?}"
+        );
+    }
+    assert!(told("pressure", spec(&[]))[0].contains("did you mean `pressure_mpa`?"));
+    assert!(told("marker9_x_mm", spec(&[]))[0].contains("marker"));
+    assert!(
+        told("gap_mm", ValueSpec { scale: 3.0, ..spec(&[[0.0, 0.0], [1.0, 1.0]]) })[0].contains("either")
+    );
+}
+
+proptest! {
+    /// Between its ends a rising table is rising, and a table of two points is a line.
+    #[test]
+    fn a_rising_table_is_rising(steps in prop::collection::vec((0.01f64..5.0, 0.01f64..5.0), 1..8), a in 0.0f64..1.0, b in 0.0f64..1.0) {
+        let mut points = vec![[0.0, 0.0]];
+        for (dx, dy) in &steps {
+            let [x, y] = points[points.len() - 1];
+            points.push([x + dx, y + dy]);
+        }
+        let end = points[points.len() - 1][0];
+        let channel = spec(&points).channel("force_n").unwrap();
+        let at = |share: f64| channel.calibration.apply(share * end).unwrap();
+        prop_assert!((a <= b) == (at(a) <= at(b)) || (a - b).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,149 @@
+use super::*;
+use crate::valve::ValveSpec;
+use proptest::prelude::*;
+
+const MS: u64 = 1_000_000;
+const NOW: u64 = 1_000_000 * MS;
+
+fn spec(more: &str) -> ValveSpec {
+    toml::from_str(&format!("range_mpa = [0.0, 0.08]\n{more}")).unwrap()
+}
+
+fn governor(more: &str) -> Governor {
+    Governor::new(&spec(more), NOW)
+}
+
+fn wants(pressure_mpa: f64, age_ms: u64) -> Setpoint {
+    let t_publish_ns = NOW - age_ms * MS;
+    Setpoint { boot_id: 7, seq: 1, t_publish_ns, valid_for_ns: 40 * MS, pressure_mpa, ..Setpoint::default() }
+}
+
+fn fresh(force_n: f64) -> State {
+    State { flags: 0, t_sensor_ns: NOW - 10 * MS, contact_force_n: force_n, ..State::default() }
+}
+
+#[test]
+fn what_closes_the_valve_is_named() {
+    let setpoint = wants(0.05, 10);
+    let reason = |setpoint: Option<&Setpoint>, state: Option<&State>, more: &str| {
+        let found = governor(more).decide(NOW + MS, setpoint, None, state);
+        assert!(found.reason == valve_reason::FOLLOWING || found.pressure_mpa == 0.0, "{found:?}");
+        (found.reason, found.interlock)
+    };
+    assert_eq!(reason(Some(&setpoint), Some(&fresh(0.1)), ""), (valve_reason::FOLLOWING, 0));
+    assert_eq!(reason(None, Some(&fresh(0.1)), ""), (valve_reason::NO_SETPOINT, 0));
+    assert_eq!(reason(Some(&wants(f64::NAN, 0)), Some(&fresh(0.1)), ""), (valve_reason::NO_SETPOINT, 0));
+    assert_eq!(reason(Some(&wants(0.05, 45)), Some(&fresh(0.1)), ""), (valve_reason::TIMEOUT, 0));
+    // The scene's longest validity counts, whatever the setpoint says.
+    assert_eq!(reason(Some(&setpoint), Some(&fresh(0.1)), "valid_max_ms = 5").0, valve_reason::TIMEOUT);
+    let closed = |interlock| (valve_reason::INTERLOCK, interlock);
+    assert_eq!(reason(Some(&setpoint), None, ""), closed(valve_interlock::NO_STATE));
+    let old = State { t_sensor_ns: NOW - 60 * MS, ..fresh(0.1) };
+    assert_eq!(reason(Some(&setpoint), Some(&old), ""), closed(valve_interlock::STALE));
+    let outside = State { domain_status: domain_status::OUTSIDE, ..fresh(0.1) };
+    assert_eq!(reason(Some(&setpoint), Some(&outside), ""), closed(valve_interlock::OUTSIDE_DOMAIN));
+    assert_eq!(reason(Some(&setpoint), Some(&outside), "stop_outside_domain = false").1, 0);
+    assert_eq!(
+        reason(Some(&setpoint), Some(&fresh(0.1)), "needs_force = true"),
+        closed(valve_interlock::NO_FORCE)
+    );
+    assert_eq!(
+        reason(Some(&setpoint), Some(&fresh(0.6)), "force_max_n = 0.5"),
+        closed(valve_interlock::FORCE)
+    );
+    let cell = State { measured_force_n: 0.6, ..fresh(0.1) };
+    assert_eq!(reason(Some(&setpoint), Some(&cell), "force_max_n = 0.5"), closed(valve_interlock::FORCE));
+    let contradicts = State { flags: flags::FORCE_MISMATCH, ..fresh(0.1) };
+    let found = reason(Some(&setpoint), Some(&contradicts), "stop_on_mismatch = true");
+    assert_eq!(found, closed(valve_interlock::FORCE_MISMATCH));
+}
+
+#[test]
+fn a_force_beyond_its_limit_stays_until_the_owner_has_seen_it() {
+    let mut governor = governor("force_max_n = 0.5");
+    let mut decide = |setpoint: Setpoint, force_n| {
+        governor.decide(NOW, Some(&setpoint), None, Some(&fresh(force_n))).reason
+    };
+    assert_eq!(decide(wants(0.05, 0), 0.6), valve_reason::INTERLOCK);
+    assert_eq!(decide(wants(0.05, 0), 0.0), valve_reason::INTERLOCK, "the owner still pushes");
+    assert_eq!(decide(wants(0.0, 0), 0.0), valve_reason::FOLLOWING, "the owner asks for the safe value");
+    assert_eq!(decide(wants(0.05, 0), 0.0), valve_reason::FOLLOWING);
+    assert_eq!(decide(wants(0.05, 0), 0.6), valve_reason::INTERLOCK);
+    assert_eq!(
+        decide(Setpoint { boot_id: 8, ..wants(0.05, 0) }, 0.0),
+        valve_reason::FOLLOWING,
+        "another run"
+    );
+}
+
+#[test]
+fn the_operator_wins_until_released() {
+    let mut governor = governor("");
+    let operator = Setpoint { valid_for_ns: 0, ..wants(0.02, 0) };
+    let (stale, later) = (State { t_sensor_ns: 0, ..fresh(0.1) }, NOW + 3600 * 1000 * MS);
+    let found = governor.decide(later, Some(&wants(0.05, 0)), Some(&operator), Some(&stale));
+    assert_eq!((found.reason, found.pressure_mpa), (valve_reason::OVERRIDE, 0.02));
+    assert_eq!(found.interlock, valve_interlock::STALE, "what it overrides is still said");
+    let released = Setpoint { pressure_mpa: f64::NAN, ..operator };
+    let found = governor.decide(later, None, Some(&released), Some(&fresh(0.1)));
+    assert_eq!((found.reason, found.pressure_mpa), (valve_reason::NO_SETPOINT, 0.0));
+    let limited = Setpoint { valid_for_ns: 5 * MS, ..wants(0.02, 0) };
+    assert_eq!(governor.decide(NOW + 6 * MS, None, Some(&limited), None).reason, valve_reason::NO_SETPOINT);
+}
+
+#[test]
+fn after_a_failure_the_way_up_begins_at_the_safe_value() {
+    let mut governor = governor("rate_mpa_per_s = 1.0");
+    let decide = |governor: &mut Governor, at_ms| {
+        governor.decide(NOW + at_ms * MS, Some(&wants(0.05, 0)), None, Some(&fresh(0.1)))
+    };
+    assert!((decide(&mut governor, 10).pressure_mpa - 0.01).abs() < 1e-12);
+    assert!((decide(&mut governor, 20).pressure_mpa - 0.02).abs() < 1e-12);
+    governor.failed();
+    assert!((decide(&mut governor, 30).pressure_mpa - 0.01).abs() < 1e-12);
+}
+
+proptest! {
+    /// Whatever comes: a value within the range; never faster than the rate, but for the way to the safe value.
+    #[test]
+    fn values_stay_within_range_and_rate(
+        steps in prop::collection::vec((0_u64..30, -0.2..0.2_f64, 0_u64..80, 0.0..1.0_f64, any::<bool>(), 0_u64..120), 1..60)
+    ) {
+        let mut governor = governor("rate_mpa_per_s = 0.7\nforce_max_n = 0.8\nsafe_mpa = 0.01");
+        let (mut now, mut last) = (NOW, 0.01);
+        for (dt_ms, pressure_mpa, age_ms, force_n, is_override, state_age_ms) in steps {
+            now += dt_ms * MS;
+            let setpoint = Setpoint { t_publish_ns: now - age_ms * MS, ..wants(pressure_mpa, 0) };
+            let operator = is_override.then_some(Setpoint { valid_for_ns: 0, ..setpoint });
+            let state = State { t_sensor_ns: now - state_age_ms * MS, ..fresh(force_n) };
+            let found = governor.decide(now, Some(&setpoint), operator.as_ref(), Some(&state));
+            prop_assert!((0.0..=0.08).contains(&found.pressure_mpa));
+            let is_moving = matches!(found.reason, valve_reason::FOLLOWING | valve_reason::OVERRIDE);
+            if is_moving {
+                prop_assert!((found.pressure_mpa - last).abs() <= 0.7e-3 * dt_ms as f64 + 1e-12);
+            } else {
+                prop_assert_eq!(found.pressure_mpa, 0.01);
+            }
+            if !is_override && (age_ms > 40 || state_age_ms > 50 || force_n > 0.8) {
+                prop_assert!(!is_moving, "{:?}", found);
+            }
+            last = found.pressure_mpa;
+        }
+    }
+}
+
+#[test]
+fn numbers_and_clocks_at_their_limits_never_open_the_valve() {
+    let at = |now_ns: u64, setpoint: Setpoint| {
+        let state = State { t_sensor_ns: now_ns, ..fresh(0.1) };
+        Governor::new(&spec(""), now_ns).decide(now_ns, Some(&setpoint), None, Some(&state)).reason
+    };
+    let last = Setpoint { seq: u64::MAX, valid_for_ns: u64::MAX, ..wants(0.05, 0) };
+    assert_eq!(at(NOW, last), valve_reason::FOLLOWING, "the scene's longest validity counts");
+    assert_eq!(at(NOW + 501 * MS, last), valve_reason::TIMEOUT);
+    assert_eq!(at(u64::MAX, last), valve_reason::TIMEOUT);
+    assert_eq!(at(u64::MAX, Setpoint { t_publish_ns: u64::MAX, ..last }), valve_reason::FOLLOWING);
+    // A stamp of another clock is none, also when it never grows old.
+    assert_eq!(at(NOW, Setpoint { t_publish_ns: u64::MAX, ..last }), valve_reason::NO_SETPOINT);
+    assert_eq!(at(NOW, Setpoint { t_publish_ns: 0, ..last }), valve_reason::TIMEOUT);
+}

@@ -1,0 +1,150 @@
+//! Several states of each of many designs: what a design's free states cost is shared by all of its states.
+
+use super::parameters::Parameter;
+use crate::failure::configuration;
+use anyhow::Context;
+use fem::cases::Case;
+use fem::sample::{onset_pressure_mpa, sequence};
+use formats::database::bottom_nodes;
+use rom::config::TrainConfig;
+use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
+use rom::inputs::{Inputs, PARAMETERS};
+use rom::snapshots::{Database, RegimeKind};
+
+/// Free states of a design: one in the lower, one in the upper part of the pressures, each this share of them.
+const FREE: usize = 2;
+const FREE_SHARE: f64 = 4.0 / 9.0;
+/// Seeds of loads and free pressures beside that of the designs.
+const LOADS_SEED: u64 = 4;
+const FREE_SEED: u64 = 6;
+/// Loads drawn for each that is wanted.
+const DRAWS: usize = 20;
+/// A state touches for sure above this multiple of the onset pressure: another design's onset may lie higher than the known one.
+const SURELY: f64 = 1.3;
+const SURELY_MPA: f64 = 1.5e-3;
+
+/// What is listed.
+pub struct Designs<'a> {
+    /// What differs between designs.
+    pub parameters: &'a [Parameter],
+    /// Number of designs.
+    pub count: usize,
+    /// States of each: [`FREE`] free ones, the rest with the obstacle.
+    pub states: usize,
+    /// Pressures (MPa) and gaps (mm).
+    pub loads: [[f64; 2]; 2],
+    /// First part of all names.
+    pub prefix: &'a str,
+    /// `train` or `check`.
+    pub split: &'a str,
+    /// Seed of the sequences.
+    pub seed: u64,
+}
+
+impl Designs<'_> {
+    /// The states, design after design, the free ones first, then from the farthest obstacle to the nearest.
+    pub fn cases(&self, mut onset: Option<Onset>) -> anyhow::Result<Vec<Case>> {
+        let [pressures, gaps] = self.loads;
+        let ranges: Vec<[f64; 2]> = self.parameters.iter().map(|p| p.range).collect();
+        let part = FREE_SHARE * (pressures[1] - pressures[0]);
+        let free = [[pressures[0], pressures[0] + part], [pressures[1] - part, pressures[1]]];
+        let free = sequence(self.count, &free, self.seed.wrapping_add(FREE_SEED));
+        let touching = self.states - FREE;
+        let draws =
+            sequence(self.count * touching * DRAWS, &[pressures, gaps], self.seed.wrapping_add(LOADS_SEED));
+        let mut draws = draws.into_iter();
+        let mut cases = Vec::new();
+        for (design, (values, free)) in sequence(self.count, &ranges, self.seed).iter().zip(free).enumerate()
+        {
+            let touches =
+                |load: &Vec<f64>| onset.as_mut().is_none_or(|onset| onset.is_surely_exceeded(load, values));
+            let mut loads: Vec<Vec<f64>> = draws.by_ref().filter(touches).take(touching).collect();
+            anyhow::ensure!(
+                loads.len() == touching,
+                "too few states touch between {pressures:?} MPa and {gaps:?} mm; raise --pressure-mpa or lower --gap-mm"
+            );
+            loads.sort_by(|a, b| b[1].total_cmp(&a[1]));
+            let name = |kind: &str, k: usize| format!("{}{:02}{kind}{}", self.prefix, design + 1, k + 1);
+            let free = free.iter().enumerate().map(|(k, p)| self.case(name("f", k), (*p, None), values));
+            let loads =
+                loads.iter().enumerate().map(|(k, l)| self.case(name("c", k), (l[0], Some(l[1])), values));
+            cases.extend(free.chain(loads));
+        }
+        Ok(cases)
+    }
+
+    /// A case, rounded to 1e-6 of the units (gaps to 1e-4 mm) for shorter lists.
+    fn case(&self, name: String, (pressure_mpa, gap_mm): (f64, Option<f64>), values: &[f64]) -> Case {
+        let rounded = |value: f64, per_unit: f64| (value * per_unit).round() / per_unit;
+        let settings = self.parameters.iter().zip(values);
+        Case {
+            name,
+            regime: if gap_mm.is_some() { "contact" } else { "free" }.into(),
+            split: self.split.into(),
+            pressure_mpa: rounded(pressure_mpa, 1e6),
+            gap_mm: gap_mm.map(|gap| rounded(gap, 1e4)),
+            settings: settings.map(|(p, value)| (p.name.clone(), rounded(*value, 1e6))).collect(),
+        }
+    }
+}
+
+/// When contact begins, as a database knows it.
+pub enum Onset {
+    /// By free states of one design: pressure in MPa and depth in mm of the lowest point, by rising pressure.
+    OneDesign(Vec<(f64, f64)>),
+    /// By a model trained over parameters (room for its answers first), and the place of each listed parameter among its inputs.
+    Model(Box<Evaluation>, Box<Evaluator>, Vec<usize>),
+}
+
+impl Onset {
+    /// Reads it off a database; `names` are the parameters of the states it is wanted for.
+    pub fn of(database: &Database, names: &[&str]) -> anyhow::Result<Self> {
+        if database.parameters.is_empty() {
+            let mut table =
+                clearances(database).context("the onset needs the undeformed mesh and a field y")?;
+            table.sort_by(|a, b| a.0.total_cmp(&b.0));
+            return Ok(Self::OneDesign(table));
+        }
+        let known: Vec<&str> = database.parameters.iter().map(|p| p.name.as_str()).collect();
+        let place = |name: &&str| {
+            let place = known.iter().position(|known| known == name).map(|at| PARAMETERS + at);
+            place.with_context(|| format!("the database has no parameter {name}, only {}", known.join(", ")))
+        };
+        let places = names.iter().map(place).collect::<Result<_, _>>()?;
+        let trained =
+            rom::train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)?;
+        let evaluator = Evaluator::new(&trained.0.header)?;
+        Ok(Self::Model(evaluator.evaluation().into(), evaluator.into(), places))
+    }
+
+    /// Onset pressure (MPa) of a gap at a design: 0 where gravity alone touches, none beyond reach.
+    pub fn pressure_mpa(&mut self, gap_mm: f64, values: &[f64]) -> Option<f64> {
+        match self {
+            Self::OneDesign(table) if table.first().is_some_and(|rest| gap_mm <= rest.1) => Some(0.0),
+            Self::OneDesign(table) => onset_pressure_mpa(table, gap_mm),
+            Self::Model(out, evaluator, places) => {
+                let at = |inputs: Inputs, (place, value): (&usize, &f64)| inputs.with(*place, *value);
+                let inputs = places.iter().zip(values).fold(Inputs::new(0.0, gap_mm), at);
+                evaluator.locate(inputs, out);
+                out.onset_pressure_mpa
+            }
+        }
+    }
+
+    fn is_surely_exceeded(&mut self, load: &[f64], values: &[f64]) -> bool {
+        self.pressure_mpa(load[1], values).is_some_and(|onset| load[0] > SURELY * onset + SURELY_MPA)
+    }
+}
+
+/// Pressure and depth of the lowest point of the base's underside for each free state.
+fn clearances(database: &Database) -> Option<Vec<(f64, f64)>> {
+    let y = database.coordinate(1)?;
+    let bottom = bottom_nodes(database.undeformed_mm.as_ref()?);
+    let free = (0..database.cases.len()).filter(|i| database.cases[*i].regime == RegimeKind::Free);
+    let depth = |case: usize| {
+        let values: Vec<f32> = database.field(case, y).collect();
+        bottom.iter().map(|n| -f64::from(values[*n as usize])).fold(f64::NEG_INFINITY, f64::max)
+    };
+    Some(free.map(|case| (database.cases[case].pressure_mpa, depth(case))).collect())
+}

@@ -1,0 +1,142 @@
+//! `softtwin setpoint`.
+
+use crate::live::{DomainArgs, text};
+use crate::output;
+use anyhow::Context;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+use wire::layout::{pack_name, valve_reason};
+use wire::{
+    Bus, Setpoint, SetpointWriter, Topic, Valve, ValveReader, WakeSet, Wakeable, WireError, boot_id, now_ns,
+};
+
+const EXAMPLES: &str = "\
+Examples:
+  Hold 0.03 MPa as the owner of the valve, until Ctrl-C:
+    softtwin setpoint finger --pressure-mpa 0.03
+  The operator's value, whatever setpoint and interlocks say, until it is released:
+    softtwin setpoint finger --override --pressure-mpa 0.02
+    softtwin setpoint finger --release
+
+An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends.
+What the valve does: softtwin echo softtwin/finger/valve";
+
+/// Drive a valve by hand, or override its owner.
+#[derive(clap::Args)]
+#[command(before_help = EXAMPLES)]
+pub struct Args {
+    /// Actuator.
+    actuator: String,
+    /// Gauge pressure in MPa.
+    #[arg(long, value_name = "MPA", required_unless_present = "release", value_parser = crate::range::pressure_mpa)]
+    pressure_mpa: Option<f64>,
+    /// The operator's value: wins over the owner's setpoint and the interlocks until it is released.
+    #[arg(long = "override")]
+    is_override: bool,
+    /// Release the override.
+    #[arg(long, conflicts_with_all = ["pressure_mpa", "is_override"])]
+    release: bool,
+    /// Ends after so many seconds (without --override).
+    #[arg(long, value_name = "S", default_value_t = 3600.0, value_parser = crate::range::number(0.0, 1e9))]
+    seconds: f64,
+    #[command(flatten)]
+    domain: DomainArgs,
+}
+
+/// Name of the owner.
+const OWNER: &str = "softtwin-setpoint";
+/// A setpoint counts for so long, and is renewed four times in that.
+const VALID: Duration = Duration::from_millis(200);
+/// Longest wait for the bridge to take up an override.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+impl Args {
+    /// Sends setpoints, or one override.
+    pub fn run(self) -> anyhow::Result<()> {
+        let bus = self.domain.join()?;
+        let valves = match ValveReader::open(&bus, &Topic::valve(&self.actuator)?) {
+            Err(WireError::NoSuchTopic { .. }) => anyhow::bail!(
+                "no bridge drives a valve of `{0}`: start `softtwind bridge` with a scene whose actuator `{0}` has [actuator.valve]",
+                self.actuator
+            ),
+            opened => opened?,
+        };
+        match self.is_override || self.release {
+            true => self.operate(&bus, &valves),
+            false => self.hold(&bus, &valves),
+        }
+    }
+
+    /// One override or its release; done when the bridge says that it acts on it.
+    fn operate(&self, bus: &Bus, valves: &ValveReader) -> anyhow::Result<()> {
+        let mut sender = Sender::new(bus, &Topic::operator(&self.actuator)?)?;
+        sender.send(self.pressure_mpa.unwrap_or(f64::NAN), Duration::ZERO)?;
+        let is_done = |valve: &Valve| {
+            let is_ours =
+                valve.valve_reason == valve_reason::OVERRIDE && valve.setpoint_boot_id == sender.boot_id;
+            if self.release { valve.valve_reason != valve_reason::OVERRIDE } else { is_ours }
+        };
+        let (mut wake, begin) = (WakeSet::new([valves as &dyn Wakeable]), Instant::now());
+        let mut last = None;
+        while begin.elapsed() < PATIENCE {
+            while let Some(valve) = valves.next()? {
+                // One that was sent before is none of the answers.
+                if valve.t_publish_ns > sender.sent_ns && is_done(&valve) {
+                    output!("{}", text::valve(&valve))?;
+                    return Ok(());
+                }
+                last = Some(valve);
+            }
+            wake.wait(Duration::from_millis(100))?;
+        }
+        let last = last.as_ref().map_or("nothing".into(), text::valve);
+        anyhow::bail!("the bridge has not taken it up within {} s; it said last: {last}", PATIENCE.as_secs())
+    }
+
+    /// Setpoints until a signal, each renewed in time; every change of what the valve does is printed.
+    fn hold(&self, bus: &Bus, valves: &ValveReader) -> anyhow::Result<()> {
+        let pressure_mpa = self.pressure_mpa.context("--pressure-mpa is missing")?;
+        let mut sender = Sender::new(bus, &Topic::setpoint(&self.actuator)?)?;
+        let stop = runtime::service::stop_flag().context("cannot listen for signals")?;
+        let (begin, mut before) = (Instant::now(), None);
+        while !stop.load(Ordering::Relaxed) && begin.elapsed().as_secs_f64() < self.seconds {
+            sender.send(pressure_mpa, VALID)?;
+            while let Some(valve) = valves.next()? {
+                let now = (valve.valve_reason, valve.valve_interlock, valve.valve_limit);
+                if before.replace(now) != Some(now) {
+                    output!("{}", text::valve(&valve))?;
+                }
+            }
+            std::thread::sleep(VALID / 4);
+        }
+        sender.send(f64::NAN, VALID) // released: the valve closes at once
+    }
+}
+
+struct Sender {
+    writer: SetpointWriter,
+    boot_id: u64,
+    seq: u64,
+    sent_ns: u64,
+}
+
+impl Sender {
+    fn new(bus: &Bus, topic: &Topic) -> anyhow::Result<Self> {
+        let writer = SetpointWriter::create_named(bus, topic, OWNER)?;
+        Ok(Self { writer, boot_id: boot_id(), seq: 0, sent_ns: 0 })
+    }
+
+    fn send(&mut self, pressure_mpa: f64, valid: Duration) -> anyhow::Result<()> {
+        self.seq += 1;
+        self.sent_ns = now_ns();
+        Ok(self.writer.publish(Setpoint {
+            boot_id: self.boot_id,
+            seq: self.seq,
+            t_publish_ns: self.sent_ns,
+            valid_for_ns: valid.as_nanos() as u64,
+            pressure_mpa,
+            owner: pack_name(OWNER),
+            ..Setpoint::default()
+        })?)
+    }
+}

@@ -1,0 +1,35 @@
+//! The plant's table from a database of a second mesh.
+
+use anyhow::Context;
+use control::table::COLUMNS;
+use formats::database::{self, ObstacleKind};
+use softtwin::files::{refusal, save};
+use std::fmt::Write;
+use std::path::Path;
+
+/// The tip of the reference actuator, undeformed, mm.
+const TIP_MM: [f64; 3] = control::twin_model::Tip::REFERENCE.at_mm;
+/// A tip farther from every node than this is another one's, mm.
+const NEAR_MM: f64 = 0.5;
+
+/// Reads force, tip and lowest point of every state, and writes them.
+pub fn write(dir: &Path, out: &Path) -> anyhow::Result<()> {
+    let database = database::read(dir, ObstacleKind::Plate).map_err(refusal)?;
+    let y = database.coordinate(1).context("the database has no coordinate y")?;
+    let undeformed = database.undeformed_mm.as_ref().context("the database has no mesh")?;
+    let distance = |at: &[f64; 3]| at.iter().zip(TIP_MM).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    let tip =
+        (0..undeformed.len()).min_by(|a, b| distance(&undeformed[*a]).total_cmp(&distance(&undeformed[*b])));
+    let tip = tip.filter(|tip| distance(&undeformed[*tip]) < NEAR_MM).context("no node is at the tip")?;
+    let mut text = format!(
+        "# Written by `softtwin-studies control --database DIR`; what it means: crates/control/src/table.rs\n{COLUMNS}\n"
+    );
+    for (at, case) in database.cases.iter().enumerate() {
+        let heights: Vec<f32> = database.field(at, y).collect();
+        let lowest = heights.iter().copied().fold(f32::INFINITY, f32::min);
+        let gap = case.gap_mm.map(|gap_mm| gap_mm.to_string()).unwrap_or_default();
+        let (pressure, force) = (case.pressure_mpa, case.contact_force_n);
+        writeln!(text, "{pressure},{gap},{force:.6},{:.4},{lowest:.4}", heights[tip])?;
+    }
+    save(out, text.as_bytes())
+}

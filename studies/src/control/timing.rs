@@ -1,0 +1,60 @@
+//! Time of one turn of the controller: its own computation, nothing else.
+
+use super::bench::Bench;
+use control::inverse::Quantity;
+use control::law::{Controller, Reading};
+use control::report::{Percentiles, percentiles};
+use serde_json::{Value, json};
+use std::time::Instant;
+
+/// Turns that are measured.
+const TURNS: usize = 20_000;
+/// Turns of one target.
+const A_TARGET: usize = 500;
+
+/// Force with a measured value, force without, tip without.
+pub fn measure(bench: &Bench) -> anyhow::Result<Value> {
+    let mut all = serde_json::Map::new();
+    for (name, quantity, is_measured) in [
+        ("force, load cell", Quantity::Force, true),
+        ("force, no load cell", Quantity::Force, false),
+        ("tip, no camera", Quantity::Tip, false),
+    ] {
+        all.insert(name.into(), json!(turns(bench, quantity, is_measured)?));
+    }
+    Ok(Value::Object(all))
+}
+
+fn turns(bench: &Bench, quantity: Quantity, is_measured: bool) -> anyhow::Result<Percentiles> {
+    let mut controller = Controller::new(bench.model()?, quantity, bench.settings);
+    let (mut pressure_mpa, mut durations_ns) = (0.02, Vec::with_capacity(TURNS));
+    for turn in 0..TURNS {
+        let high = (turn / A_TARGET).is_multiple_of(2);
+        let (target, gap_mm) = match quantity {
+            Quantity::Force => (if high { 0.4 } else { 0.1 }, 35.0),
+            Quantity::Tip => (if high { -30.0 } else { -45.0 }, 70.0),
+        };
+        let measured = if is_measured { (pressure_mpa - 0.008) * 10.0 } else { f64::NAN };
+        let reading = Reading { pressure_mpa, gap_mm, measured };
+        let begin = Instant::now();
+        let found = controller.update(target, reading, 1e-3);
+        durations_ns.push(begin.elapsed().as_nanos() as u64);
+        pressure_mpa += (found.pressure_mpa - pressure_mpa) * 0.0124; // a lag of 80 ms
+    }
+    Ok(percentiles(&mut durations_ns))
+}
+
+/// As lines for people.
+pub fn text(times: &Value) -> String {
+    let mut out = String::from("one turn of the controller (this build, this machine)\n");
+    for (name, found) in times.as_object().into_iter().flatten() {
+        let number = |key: &str| found[key].as_f64().unwrap_or(f64::NAN);
+        out += &format!(
+            "  {name}: median {:.1} us, 99 of 100 {:.1} us, slowest {:.1} us of {TURNS}\n",
+            number("p50_us"),
+            number("p99_us"),
+            number("max_us")
+        );
+    }
+    out
+}

@@ -1,0 +1,92 @@
+//! What an update costs: its time and the evaluations of the model in it, also with more unknowns and markers than a scene has.
+
+use estimate::{Filter, MAX_INPUTS, Measurement, Model, Predicted, Update};
+use rom::inputs::{InputSpec, PARAMETERS};
+use runtime::config::{MarkerSpec, Scene, UnknownSpec};
+use runtime::estimation::SensorModel;
+use serde_json::{Value, json};
+use softtwin::files;
+use std::time::Instant;
+
+/// Updates of which the fastest counts.
+const REPEATS: usize = 3;
+/// Standard deviation of a parameter before any reading, by its range.
+const PARAMETER_SHARE: f64 = 0.25;
+/// That of the load cell's bias, N.
+const FORCE_BIAS_N: f64 = 0.01;
+
+/// Gives the only actuator of a scene more unknowns and markers, where so many are asked for.
+pub(super) fn extend(
+    scene: &mut Scene,
+    unknowns: Option<usize>,
+    markers: Option<usize>,
+) -> anyhow::Result<()> {
+    let Some(spec) = scene.actuators.first() else { return Ok(()) };
+    let model = files::model(&scene.resolve(&spec.model))?;
+    let Some(spec) = scene.actuators.first_mut() else { return Ok(()) };
+    let of_parameter = |input: &InputSpec| {
+        let [low, high] = input.range;
+        let prior = input.value.unwrap_or(0.5 * (low + high));
+        (input.key(), UnknownSpec { prior, sigma: PARAMETER_SHARE * (high - low), drift: 0.0 })
+    };
+    let parameters = model.header.inputs.iter().skip(PARAMETERS).map(of_parameter);
+    let bias = ("force_bias_n".to_owned(), UnknownSpec { prior: 0.0, sigma: FORCE_BIAS_N, drift: 0.0 });
+    for (name, unknown) in parameters.chain([bias]) {
+        if spec.estimate.len() < unknowns.unwrap_or(0) && !spec.estimate.contains_key(&name) {
+            spec.inputs.remove(&name);
+            spec.estimate.insert(name, unknown);
+        }
+    }
+    let wanted = markers.unwrap_or(0);
+    for at in spec.markers.len()..wanted {
+        let node = (at * model.header.node_count / wanted) as u32;
+        spec.markers.push(MarkerSpec { name: format!("node {node}"), node: Some(node), at_mm: None });
+    }
+    Ok(())
+}
+
+/// A model that counts how often it is asked.
+struct Counted<'a> {
+    model: &'a mut SensorModel,
+    calls: u32,
+}
+
+impl Model for Counted<'_> {
+    fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
+        self.calls += 1;
+        self.model.predict(inputs, out)
+    }
+
+    fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
+        self.calls += 1;
+        self.model.onset_gap_mm(inputs)
+    }
+}
+
+/// One update, with its time, us, and the evaluations in it.
+pub(super) fn timed(
+    filter: &mut Filter,
+    measured: &Measurement,
+    model: &mut SensorModel,
+) -> (Update, [f64; 2]) {
+    let before = filter.clone();
+    let mut fastest_us = f64::INFINITY;
+    for _ in 1..REPEATS {
+        let mut again = before.clone();
+        let begin = Instant::now();
+        again.update(measured, model);
+        fastest_us = fastest_us.min(begin.elapsed().as_secs_f64() * 1e6);
+    }
+    let (mut counted, begin) = (Counted { model, calls: 0 }, Instant::now());
+    let update = filter.update(measured, &mut counted);
+    fastest_us = fastest_us.min(begin.elapsed().as_secs_f64() * 1e6);
+    (update, [fastest_us, f64::from(counted.calls)])
+}
+
+/// Median, 99th percentile and largest.
+pub(super) fn quantiles(values: impl Iterator<Item = f64>) -> Value {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).or(sorted.last()).copied();
+    json!({ "median": at(0.5), "p99": at(0.99), "max": at(1.0) })
+}

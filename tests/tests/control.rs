@@ -1,0 +1,307 @@
+//! Whole loops: simulated hardware behind Modbus, bridge, twin and controller, each a process; the plant is not the twin's model.
+
+use serde_json::Value;
+use std::ffi::CStr;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Write};
+use std::os::fd::{AsRawFd, FromRawFd};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tests::{PATIENCE, Program, Stage};
+use wire::layout::{pack_name, unpack_name, valve_interlock, valve_reason};
+use wire::{Bus, Setpoint, SetpointWriter, Topic, Valve, ValveReader, now_ns};
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap()
+}
+
+/// The rig with its keyboard.
+struct Rig {
+    program: Program,
+    keys: File,
+    scene: PathBuf,
+}
+
+impl Rig {
+    fn start(stage: &Stage) -> Self {
+        let keys = stage.path("keys");
+        let name = std::ffi::CString::new(keys.display().to_string()).unwrap();
+        // SAFETY: the path is a C string that lives across the call.
+        assert_eq!(unsafe { libc::mkfifo(name.as_ptr(), 0o600) }, 0);
+        let mut program = Program::shell(stage, "exec softtwin-rig --listen 127.0.0.1:0 < keys");
+        let keys = File::options().write(true).open(keys).unwrap();
+        let ready = program.wait_for("ready: rig at ");
+        let port = ready.rsplit_once(':').unwrap().1;
+        let shipped = std::fs::read_to_string(repository().join("config/scenes/rig.toml")).unwrap();
+        let model = repository().join("models/pneunet/pneunet.twin").display().to_string();
+        let scene = shipped
+            .replace(":5020", &format!(":{port}"))
+            .replace("../../models/pneunet/pneunet.twin", &model);
+        Self { program, keys, scene: stage.write("rig.toml", &scene) }
+    }
+
+    fn type_line(&mut self, line: &str) {
+        writeln!(self.keys, "{line}").unwrap();
+    }
+
+    /// The time stamp of the next line of that kind that is not before `since_ns`.
+    fn event(&mut self, what: &str, since_ns: u64) -> u64 {
+        loop {
+            let line = self.program.wait_for(what);
+            let t_ns: u64 = line.rsplit_once(' ').unwrap().1.parse().unwrap();
+            if t_ns >= since_ns {
+                return t_ns;
+            }
+        }
+    }
+
+    /// Fails unless the valve has closed within 100 ms of `since_ns`.
+    fn is_safe_since(&mut self, since_ns: u64, what: &str) {
+        let took_ms = (self.event("safe ", since_ns) - since_ns) / 1_000_000;
+        println!("safe {took_ms} ms after {what}");
+        assert!(took_ms < 100, "{what}: safe after {took_ms} ms");
+    }
+}
+
+fn controller(stage: &Stage, rig: &Rig) -> Program {
+    Program::named(
+        stage,
+        &["softtwin-hold-force", "--scene", &rig.scene.display().to_string(), "--target-n", "0.3"],
+    )
+}
+
+fn valves(bus: &Bus) -> ValveReader {
+    ValveReader::open(bus, &Topic::valve("finger").unwrap()).unwrap()
+}
+
+fn wait_valve(reader: &ValveReader, what: &str, mut wanted: impl FnMut(&Valve) -> bool) -> Valve {
+    tests::wait::wait_for(reader, what, |reader| {
+        while let Some(valve) = reader.next().unwrap() {
+            if wanted(&valve) {
+                return Some(valve);
+            }
+        }
+        None
+    })
+}
+
+/// Waits until the valve has followed for this long without a break.
+fn follow(bus: &Bus, time: Duration) {
+    let (reader, mut since) = (valves(bus), None);
+    wait_valve(&reader, "a valve that follows", |valve| {
+        if valve.valve_reason != valve_reason::FOLLOWING {
+            since = None;
+            return false;
+        }
+        valve.t_publish_ns - *since.get_or_insert(valve.t_publish_ns) > time.as_nanos() as u64
+    });
+}
+
+#[test]
+fn the_loop_holds_the_force_and_is_safe_whatever_is_killed_or_pulled() {
+    let stage = Stage::new("loop");
+    let mut rig = Rig::start(&stage);
+    let mut twin = Program::twin(&stage, &rig.scene);
+    let mut bridge = Program::bridge(&stage, &rig.scene);
+    let bus = Bus::open(&stage.domain()).unwrap();
+    let mut holds = controller(&stage, &rig);
+    rig.event("driven", 0);
+    follow(&bus, Duration::from_millis(2500));
+    rig.type_line("report");
+    let report = rig.program.wait_for("report ");
+    println!("{report}");
+    let report: Value = serde_json::from_str(report.strip_prefix("report ").unwrap()).unwrap();
+    assert!(report["settling_s"].as_f64().is_some_and(|s| s <= 1.0), "{report}");
+    assert!(report["final_error"].as_f64().is_some_and(|share| share.abs() < 0.05), "{report}");
+
+    for sensor in ["gauge", "gap", "cell"] {
+        let pulled_ns = now_ns();
+        rig.type_line(&format!("pull {sensor}"));
+        rig.is_safe_since(pulled_ns, &format!("pulling the {sensor}"));
+        rig.type_line(&format!("plug {sensor}"));
+        rig.event("driven", now_ns());
+        follow(&bus, Duration::from_millis(200));
+    }
+    let killed_ns = now_ns();
+    holds.kill();
+    rig.is_safe_since(killed_ns, "killing the controller");
+    holds = controller(&stage, &rig);
+    follow(&bus, Duration::from_millis(200));
+
+    let killed_ns = now_ns();
+    twin.kill();
+    rig.is_safe_since(killed_ns, "killing the twin");
+    drop(holds);
+    twin = Program::twin(&stage, &rig.scene);
+    holds = controller(&stage, &rig);
+    follow(&bus, Duration::from_millis(200));
+
+    let killed_ns = now_ns();
+    bridge.kill();
+    rig.is_safe_since(killed_ns, "killing the bridge");
+    bridge = Program::bridge(&stage, &rig.scene);
+    rig.event("driven", killed_ns);
+    drop((bridge, twin, holds));
+}
+
+#[test]
+fn one_owner_drives_and_the_operator_wins() {
+    let stage = Stage::new("owner");
+    let mut rig = Rig::start(&stage);
+    let twin = Program::twin(&stage, &rig.scene);
+    let bridge = Program::bridge(&stage, &rig.scene);
+    let bus = Bus::open(&stage.domain()).unwrap();
+    let holds = controller(&stage, &rig);
+    rig.event("driven", 0);
+    let reader = valves(&bus);
+    let owner = wait_valve(&reader, "an owner", |valve| valve.valve_reason == valve_reason::FOLLOWING).owner;
+    assert_eq!(unpack_name(&owner), "softtwin-hold-force");
+
+    let (status, said) = Program::tool(&stage, &["setpoint", "finger", "--pressure-mpa", "0.01"]).ended();
+    let refusal = format!("(`softtwin-hold-force`, process {})", holds.id());
+    assert!(!status.success() && said.join("\n").contains(&refusal), "{said:?}");
+
+    let (status, said) =
+        Program::tool(&stage, &["setpoint", "finger", "--override", "--pressure-mpa", "0.02"]).ended();
+    assert!(status.success() && said.join("\n").contains("override"), "{said:?}");
+    // The command has ended; the operator's value stays, also without a twin.
+    twin.kill();
+    let closed = |valve: &Valve| valve.valve_interlock & valve_interlock::STALE != 0;
+    let valve = wait_valve(&reader, "a stale state", closed);
+    assert_eq!((valve.valve_reason, valve.wanted_mpa), (valve_reason::OVERRIDE, 0.02));
+    let settled = wait_valve(&reader, "the operator's value", |valve| valve.pressure_mpa == 0.02);
+    assert_eq!(settled.valve_limit, 0);
+
+    let (status, said) = Program::tool(&stage, &["setpoint", "finger", "--release"]).ended();
+    assert!(status.success(), "{said:?}");
+    let valve = wait_valve(&reader, "the release", |valve| valve.valve_reason != valve_reason::OVERRIDE);
+    assert_eq!(valve.pressure_mpa, 0.0, "{valve:?}");
+    let (_, said) = bridge.stop();
+    assert!(said.join("\n").contains("valve of finger: override"), "{said:?}");
+}
+
+/// A regulator on a serial line: a pseudo-terminal behind a name, as a device behind `/dev/ttyUSB0`. It answers each line with
+/// `reply`; an empty one is silence.
+struct Regulator {
+    lines: Receiver<String>,
+    reply: Arc<Mutex<&'static str>>,
+    device: JoinHandle<()>,
+}
+
+impl Regulator {
+    fn plug(port: &Path) -> Self {
+        // SAFETY: each call gets the open descriptor of the one before, and a buffer with its length.
+        let (line, name) = unsafe {
+            let line = File::from_raw_fd(libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY));
+            let (descriptor, mut name) = (line.as_raw_fd(), [0; 64]);
+            assert_eq!(libc::grantpt(descriptor) + libc::unlockpt(descriptor), 0);
+            assert_eq!(libc::ptsname_r(descriptor, name.as_mut_ptr(), name.len()), 0);
+            (line, CStr::from_ptr(name.as_ptr()).to_str().unwrap().to_owned())
+        };
+        // Held open, so that a bridge that opens it anew is no end of the line.
+        let held = File::options().read(true).custom_flags(libc::O_NOCTTY).open(&name).unwrap();
+        let _first_time = std::fs::remove_file(port);
+        std::os::unix::fs::symlink(name, port).unwrap();
+        let reply = Arc::new(Mutex::new("OK\r\n"));
+        let (sender, lines) = channel();
+        let (mut answers, said) = (line.try_clone().unwrap(), reply.clone());
+        let device = std::thread::spawn(move || {
+            let _held = held;
+            for line in BufReader::new(line).lines().map_while(Result::ok) {
+                let reply = *said.lock().unwrap();
+                if sender.send(line).is_err() || answers.write_all(reply.as_bytes()).is_err() {
+                    return;
+                }
+            }
+        });
+        Self { lines, reply, device }
+    }
+
+    fn answers(&self, reply: &'static str) {
+        *self.reply.lock().unwrap() = reply;
+    }
+
+    /// Waits until this line comes.
+    fn gets(&self, wanted: &str) {
+        while self.lines.recv_timeout(PATIENCE).unwrap_or_else(|_| panic!("`{wanted}` did not come"))
+            != wanted
+        {}
+    }
+
+    /// The line is pulled: the other end hangs up.
+    fn pull(self) {
+        drop(self.lines);
+        self.device.join().unwrap();
+    }
+}
+
+/// One valve behind a line protocol: driven, refused, silent, released by its time-out, pulled and plugged in again.
+#[test]
+fn a_valve_is_driven_by_lines_on_a_serial_port() {
+    let stage = Stage::new("linevalve");
+    let port = stage.path("regulator");
+    let regulator = Regulator::plug(&port);
+    let source = "kind = \"simulate\"\nrate_hz = 200.0\ngap_mm = 30.0";
+    let scene = stage.finger(source);
+    let text = std::fs::read_to_string(&scene).unwrap();
+    // A loaded machine must close nothing.
+    let valve = format!(
+        "[actuator.valve]\nrange_mpa = [0.0, 0.08]\nvalid_max_ms = 60000\nstate_max_age_ms = 60000\nstop_outside_domain = false\n\
+         [actuator.valve.lines]\nserial = {{ port = \"{}\", baud = 115200 }}\nformat = \"SP {{value}}\\r\\n\"\nunit = \"kPa\"\n\
+         decimals = 2\nreply = \"OK\"\ntimeout_ms = 1000\n",
+        port.display()
+    );
+    let text = text.lines().map(str::trim).collect::<Vec<_>>().join("\n") + "\n" + &valve;
+    std::fs::write(&scene, text).unwrap();
+    let _twin = Program::twin(&stage, &scene);
+    let bridge = Program::bridge(&stage, &scene);
+    regulator.gets("SP 0.00");
+    let bus = stage.bus();
+    let reader = valves(&bus);
+    let mut owner = SetpointWriter::create_named(&bus, &Topic::setpoint("finger").unwrap(), "story").unwrap();
+    let mut seq = 0;
+    let mut ask = |pressure_mpa: f64, valid: Duration| {
+        seq += 1;
+        let (t_publish_ns, valid_for_ns) = (now_ns(), valid.as_nanos() as u64);
+        let setpoint =
+            Setpoint { boot_id: 9, seq, t_publish_ns, valid_for_ns, pressure_mpa, ..Setpoint::default() };
+        owner.publish(Setpoint { owner: pack_name("story"), ..setpoint }).unwrap();
+    };
+    let becomes = |reason: u32, pressure_mpa: f64| {
+        let fits = |valve: &Valve| valve.valve_reason == reason && valve.pressure_mpa == pressure_mpa;
+        wait_valve(&reader, valve_reason::as_str(reason), fits)
+    };
+    ask(0.04, PATIENCE);
+    let followed = becomes(valve_reason::FOLLOWING, 0.04);
+    assert_eq!((unpack_name(&followed.owner).as_str(), followed.setpoint_seq), ("story", 1));
+    regulator.gets("SP 40.00");
+    regulator.answers("ERR 5\r\n");
+    let refused = becomes(valve_reason::DEVICE_ERROR, 0.04);
+    assert!(refused.failures > 0 && refused.writes >= followed.writes);
+    regulator.answers(""); // silence: the time-out of the line
+    let failures = refused.failures;
+    wait_valve(&reader, "a write without an answer", |valve| valve.failures > failures + 1);
+    regulator.answers("OK\r\n");
+    becomes(valve_reason::FOLLOWING, 0.04);
+    ask(0.05, Duration::from_millis(50));
+    let closed = becomes(valve_reason::TIMEOUT, 0.0);
+    assert_eq!(closed.timeouts, 1);
+    regulator.gets("SP 0.00");
+    regulator.pull();
+    becomes(valve_reason::DEVICE_ERROR, 0.0);
+    let regulator = Regulator::plug(&port);
+    becomes(valve_reason::TIMEOUT, 0.0);
+    ask(0.03, PATIENCE);
+    regulator.gets("SP 30.00");
+    let (status, said) = bridge.stop();
+    assert!(status.success(), "{said:?}");
+    regulator.gets("SP 0.00");
+    let said = said.join("\n");
+    for expected in ["the device sent `ERR 5`", "no answer within 1000 ms", "device-error"] {
+        assert!(said.contains(expected), "`{expected}` is missing in {said}");
+    }
+}

@@ -1,0 +1,120 @@
+//! A domain that a group shares: its members read, strangers are refused, and those who may drive are a group of their own.
+//!
+//! Programs run as users that exist nowhere but in these tests, which takes root.
+
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use tests::skip::{Missing, skipped};
+use tests::{Program, Stage};
+use wire::{Bus, SetpointWriter, StateReader, Topic, WakeSet, Wakeable};
+
+const SERVICE: u32 = 61_001;
+const MEMBER: u32 = 61_002;
+const STRANGER: u32 = 61_003;
+const READERS: u32 = 62_001;
+const DRIVERS: u32 = 62_002;
+const OTHERS: u32 = 62_003;
+
+const STEADY: &str = "kind = \"simulate\"\nrate_hz = 200.0\ngap_mm = 30.0";
+/// Says to this program what to do as another user.
+const ROLE: &str = "SOFTTWIN_TEST_ROLE";
+
+/// A stage whose domain the group `READERS` shares, and whose valves the group `DRIVERS` drives.
+fn shared(label: &str) -> Stage {
+    let stage = Stage::new(label);
+    let open =
+        |path: &Path, mode| std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+    open(stage.folder.path(), 0o755);
+    for (folder, group) in [(stage.root(), READERS), (stage.root().join("control"), DRIVERS)] {
+        std::fs::create_dir(&folder).unwrap();
+        chown(&folder, Some(SERVICE), Some(group)).unwrap();
+        open(&folder, 0o2770);
+    }
+    stage
+}
+
+fn as_user(user: u32, groups: &[u32], line: &str) -> String {
+    let all: Vec<String> = groups.iter().map(u32::to_string).collect();
+    format!("exec setpriv --reuid {user} --regid {} --groups {} {line}", all[0], all.join(","))
+}
+
+/// This test program as another user, in a role.
+fn in_role(stage: &Stage, user: u32, groups: &[u32], role: &str) -> Program {
+    let own = std::env::current_exe().unwrap();
+    let line = as_user(user, groups, &format!("{} --exact in_another_role --nocapture", own.display()));
+    Program::shell(stage, &format!("export {ROLE}={role}; {line}"))
+}
+
+/// What this program does as another user; without a role it is nobody.
+#[test]
+fn in_another_role() {
+    let Ok(role) = std::env::var(ROLE) else { return };
+    let domain = wire::Domain::from_env();
+    let said = match role.as_str() {
+        "read" => Bus::open(&domain).and_then(|bus| {
+            let states = StateReader::open(&bus, &Topic::state("finger")?)?;
+            let (mut wake, end) =
+                (WakeSet::new([&states as &dyn Wakeable]), Instant::now() + tests::PATIENCE);
+            let (mut first, mut count) = (None, 0u64);
+            while count < 200 && Instant::now() < end {
+                wake.wait(Duration::from_millis(100))?;
+                while let Some(state) = states.next()? {
+                    first.get_or_insert(state.seq);
+                    count += 1;
+                    assert_eq!(state.seq, first.unwrap_or_default() + count - 1, "a state was lost");
+                }
+            }
+            Ok(format!("{count} states"))
+        }),
+        "drive" => Bus::open(&domain).and_then(|bus| {
+            SetpointWriter::create_named(
+                &bus,
+                &Topic::parse("softtwin/finger/setpoint").expect("a topic"),
+                "test",
+            )
+            .map(|_| "drives".to_owned())
+        }),
+        other => panic!("no role {other}"),
+    };
+    println!("SAID {}", said.unwrap_or_else(|error| format!("refused: {error}")));
+}
+
+#[test]
+fn members_of_the_group_read_strangers_do_not_and_only_drivers_drive() {
+    // SAFETY: the call has no arguments and cannot fail.
+    let is_root = unsafe { libc::geteuid() } == 0;
+    if !is_root
+        || !Command::new("setpriv").arg("--version").output().is_ok_and(|output| output.status.success())
+    {
+        return skipped(Missing::SecondUser);
+    }
+    let stage = shared("share");
+    let scene = stage.finger(STEADY).display().to_string();
+    let start = |role: &str| {
+        let line = as_user(SERVICE, &[READERS, DRIVERS], &format!("softtwind {role} --scene {scene}"));
+        let mut program = Program::shell(&stage, &line);
+        program.wait_for("ready:");
+        program
+    };
+    let (twin, bridge) = (start("twin"), start("bridge"));
+    for _ in 0..3 {
+        let line = in_role(&stage, MEMBER, &[READERS], "read").wait_for("SAID");
+        assert!(line.contains(" states") && !line.contains(" 0 states"), "{line}");
+    }
+    let line = in_role(&stage, STRANGER, &[OTHERS], "read").wait_for("SAID");
+    assert!(line.contains("refused") && line.contains("Permission denied"), "{line}");
+
+    let line = in_role(&stage, MEMBER, &[READERS], "drive").wait_for("SAID");
+    assert!(line.contains("refused") && line.contains("Permission denied"), "{line}");
+    let line = in_role(&stage, MEMBER, &[READERS, DRIVERS], "drive").wait_for("SAID");
+    assert!(line.contains("drives"), "{line}");
+
+    // The service itself did not notice.
+    for program in [bridge, twin] {
+        let (status, said) = program.stop();
+        assert!(status.success(), "{said:?}");
+        assert!(!said.iter().any(|line| line.contains("refused") || line.contains("failed")), "{said:?}");
+    }
+}
