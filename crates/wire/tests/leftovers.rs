@@ -103,6 +103,41 @@ fn a_file_without_a_size_that_somebody_uses_is_named_instead_of_waited_for() {
     StateWriter::create(&bus, &topic()).unwrap();
 }
 
+/// A notifier keeps the memory of a listener that is dead until its next notification.
+#[test]
+fn a_dead_listeners_memory_is_removed_though_others_have_it_mapped_and_a_living_ones_stays() {
+    let place = Place::new("listener");
+    let bus = Bus::open(&place.domain).unwrap();
+    let (dead, living) = (dead_process(), std::process::id());
+    let memory = |process: u32| {
+        let path = format!("/dev/shm/{}{TYPE}_{}.event_mgmt", place.domain.prefix, port_of(process));
+        let file = File::create_new(&path).unwrap();
+        file.set_len(4096).unwrap();
+        (PathBuf::from(path), file)
+    };
+    let ((of_dead, _open), (of_living, _too)) = (memory(dead), memory(living));
+    let node =
+        std::fs::read_dir(place.root().join("nodes")).unwrap().flatten().find(|e| e.path().is_dir()).unwrap();
+    let tag = node.path().join(format!("{}{}.port_tag", place.domain.prefix, port_of(dead)));
+    File::create_new(&tag).unwrap();
+    assert_eq!(bus.clean_up(Duration::from_secs(1)).files, 0, "a node of this domain has the port");
+    std::fs::remove_file(&tag).unwrap();
+    assert_eq!(bus.clean_up(Duration::from_secs(1)).files, 1);
+    assert!(!of_dead.exists() && of_living.exists());
+}
+
+/// A port's number, as iceoryx2 forms it: counter, process, time, each of 32 bits or two times 32.
+fn port_of(process: u32) -> u128 {
+    (1 << 96) | (u128::from(process) << 64) | 7
+}
+
+/// The number of a process that has ended.
+fn dead_process() -> u32 {
+    let mut child = std::process::Command::new("true").spawn().unwrap();
+    child.wait().unwrap();
+    child.id()
+}
+
 /// The thread of every bus does so, whatever the program itself is waiting for.
 #[test]
 fn a_running_program_removes_what_others_leave_half_made() {

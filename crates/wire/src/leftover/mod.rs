@@ -7,6 +7,7 @@
 //! Nothing here is decided by age or process id. A program keeps every file that it makes open (or mapped) for as long as it
 //! uses it, and the kernel closes it when the program ends: [`unused`] asks the kernel whether anybody has a file open.
 
+mod events;
 mod half_made;
 mod lock;
 mod nodes;

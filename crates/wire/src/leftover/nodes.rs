@@ -104,12 +104,12 @@ impl Places {
     }
 }
 
-/// The process id within a node's number: seconds, nanoseconds, process id, counter, each of 32 bits.
-fn process_of(id: u128) -> u32 {
+/// The process id within a node's or a port's number: seconds, nanoseconds, process id, counter, each of 32 bits.
+pub(super) fn process_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
 
-fn is_process(pid: u32) -> bool {
+pub(super) fn is_process(pid: u32) -> bool {
     Path::new("/proc").join(pid.to_string()).exists()
 }
 

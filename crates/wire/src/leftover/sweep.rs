@@ -46,7 +46,7 @@ impl Places {
         let Ok(Some(_lock)) = self.lock_to_remove(patience) else { return removed };
         let _one_at_a_time = IN_THIS_PROCESS.lock();
         (removed.nodes, removed.failed) = self.remove_dead_nodes();
-        removed.files += self.remove_ownerless();
+        removed.files += self.remove_dead_listeners() + self.remove_ownerless();
         removed
     }
 
