@@ -33,13 +33,13 @@ for name in "$@"; do
         continue
     fi
     if [ "$name" = design ]; then
-        # Pressure, gap and five parameters of the reference actuator: designs of seven states each, which share a way from rest.
+        # Pressure, gap and five parameters of the reference actuator: designs of ten states each, which share a way from rest.
         # Any first part of the list is a list too.
         set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 --parameter chambers.width_mm=13:15 \
             --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
         mkdir -p target/database
         softtwin sample --actuator models/pneunet/actuator.toml --database models/pneunet/database --kind sequence --regime both \
-            --n 48 --states-per-design 7 --seed 7 --prefix v "$@" --out target/database/design.csv
+            --n 36 --states-per-design 10 --seed 7 --prefix v "$@" --out target/database/design.csv
         solve_and_check design target/database/design.csv target/pneunet-design.twin 60 "$@"
         continue
     fi

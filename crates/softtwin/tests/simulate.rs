@@ -275,7 +275,7 @@ fn names_and_values_that_cannot_be_set_are_refused() {
     place.run("simulate --actuator a.toml --cases list.csv --out db").refused(78, "pressure_mpa");
     let sample = "sample --kind sequence --n 2 --actuator a.toml --out x.csv --parameter";
     place.run(&format!("{sample} chambers.length_mm=2.6:8.0")).refused(78, "slots.width_mm");
-    let designs = "--states-per-design 4 --parameter elastomer.law.mu_mpa=0.6:1";
+    let designs = "--states-per-design 6 --parameter elastomer.law.mu_mpa=0.6:1";
     place
         .run(&format!("sample --kind hypercube --n 2 --actuator a.toml --out x.csv {designs}"))
         .refused(2, "--kind sequence");
@@ -437,18 +437,26 @@ fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
         [case.pressure_mpa, case.gap_mm.unwrap(), case.settings[0].1, case.settings[1].1]
     };
     let line =
-        "--kind sequence --n 6 --states-per-design 5 --regime both --gap-mm 10 35 --database db --prefix v";
+        "--kind sequence --n 6 --states-per-design 7 --regime both --gap-mm 10 35 --database db --prefix v";
     let list = sample(line);
-    assert_eq!(list.len(), 30);
-    for design in list.chunks(5) {
+    assert_eq!(list.len(), 42);
+    for design in list.chunks(7) {
         assert!(design.iter().all(|case| case.settings == design[0].settings), "{design:?}");
-        let (free, touching) = design.split_at(2);
+        let (free, touching) = design.split_at(4);
         assert!(free.iter().all(|case| case.regime == "free" && case.gap_mm.is_none()));
+        assert!(
+            free[0].pressure_mpa == 0.0 && free.is_sorted_by(|a, b| a.pressure_mpa < b.pressure_mpa),
+            "{free:?}"
+        );
+        assert!(
+            touching.iter().any(|case| case.pressure_mpa <= 0.17 * 0.09),
+            "one at low pressure: {touching:?}"
+        );
         assert!(touching.iter().all(|case| state(case)[0] > design::onset_mpa(state(case))), "{touching:?}");
         assert!(touching.is_sorted_by(|a, b| a.gap_mm > b.gap_mm), "{touching:?}");
     }
-    assert_eq!((list[0].name.as_str(), list[29].name.as_str()), ("v01f1", "v06c3"));
-    assert!(list.chunks(5).all(|design| design[0].settings != list[7].settings || design[0] == list[5]));
+    assert_eq!((list[0].name.as_str(), list[41].name.as_str()), ("v01f1", "v06c3"));
+    assert!(list.chunks(7).all(|design| design[0].settings != list[9].settings || design[0] == list[7]));
     assert_eq!(sample(line), list, "the same seed gives the same list");
     let onset = sample("--kind onset --n 12 --gap-mm 22 35 --database db");
     assert!(onset.len() > 6, "{} of 12", onset.len());

@@ -12,11 +12,14 @@ use rom::evaluator::Evaluator;
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::snapshots::{Database, RegimeKind};
 
-/// Free states of a design: one in the lower, one in the upper part of the pressures, each this share of them.
-const FREE: usize = 2;
-const FREE_SHARE: f64 = 4.0 / 9.0;
-/// Seeds of loads and free pressures beside that of the designs.
+/// Free states of a design, each in a part of the pressures given by shares of their range. Stress is small at low pressures and
+/// its error counts by its largest value, hence a state at the lowest pressure and one a little above.
+const FREE_SHARES: [[f64; 2]; 4] = [[0.0, 0.0], [0.03, 0.15], [0.15, 0.5], [0.55, 1.0]];
+/// One of the states that touch has a pressure within this share of the range, for the same reason.
+const LOW_SHARE: f64 = 0.17;
+/// Seeds of loads, of loads at low pressure and of free pressures beside that of the designs.
 const LOADS_SEED: u64 = 4;
+const LOW_SEED: u64 = 5;
 const FREE_SEED: u64 = 6;
 /// Loads drawn for each that is wanted.
 const DRAWS: usize = 20;
@@ -30,7 +33,7 @@ pub struct Designs<'a> {
     pub parameters: &'a [Parameter],
     /// Number of designs.
     pub count: usize,
-    /// States of each: [`FREE`] free ones, the rest with the obstacle.
+    /// States of each: a free one for each of [`FREE_SHARES`], the rest with the obstacle.
     pub states: usize,
     /// Pressures (MPa) and gaps (mm).
     pub loads: [[f64; 2]; 2],
@@ -47,19 +50,24 @@ impl Designs<'_> {
     pub fn cases(&self, mut onset: Option<Onset>) -> anyhow::Result<Vec<Case>> {
         let [pressures, gaps] = self.loads;
         let ranges: Vec<[f64; 2]> = self.parameters.iter().map(|p| p.range).collect();
-        let part = FREE_SHARE * (pressures[1] - pressures[0]);
-        let free = [[pressures[0], pressures[0] + part], [pressures[1] - part, pressures[1]]];
-        let free = sequence(self.count, &free, self.seed.wrapping_add(FREE_SEED));
-        let touching = self.states - FREE;
-        let draws =
-            sequence(self.count * touching * DRAWS, &[pressures, gaps], self.seed.wrapping_add(LOADS_SEED));
-        let mut draws = draws.into_iter();
+        let at = |share: f64| pressures[0] + share * (pressures[1] - pressures[0]);
+        let free =
+            sequence(self.count, &FREE_SHARES.map(|part| part.map(at)), self.seed.wrapping_add(FREE_SEED));
+        let touching = self.states - FREE_SHARES.len();
+        let draws = |states: usize, pressures: [f64; 2], seed: u64| {
+            sequence(self.count * states * DRAWS, &[pressures, gaps], self.seed.wrapping_add(seed))
+                .into_iter()
+        };
+        let mut low_draws = draws(1, [pressures[0], at(LOW_SHARE)], LOW_SEED);
+        let mut draws = draws(touching, pressures, LOADS_SEED);
         let mut cases = Vec::new();
         for (design, (values, free)) in sequence(self.count, &ranges, self.seed).iter().zip(free).enumerate()
         {
-            let touches =
+            let mut touches =
                 |load: &Vec<f64>| onset.as_mut().is_none_or(|onset| onset.is_surely_exceeded(load, values));
-            let mut loads: Vec<Vec<f64>> = draws.by_ref().filter(touches).take(touching).collect();
+            let low = low_draws.by_ref().filter(&mut touches).take(1).collect::<Vec<_>>();
+            let high = draws.by_ref().filter(&mut touches).take(touching - low.len());
+            let mut loads: Vec<Vec<f64>> = low.into_iter().chain(high).collect();
             anyhow::ensure!(
                 loads.len() == touching,
                 "too few states touch between {pressures:?} MPa and {gaps:?} mm; raise --pressure-mpa or lower --gap-mm"

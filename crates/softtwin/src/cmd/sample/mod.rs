@@ -24,8 +24,8 @@ Examples:
   States over pressure, gap and two parameters of the actuator, every fourth without the plate:
     softtwin sample --kind sequence --n 100 --regime both --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \
       --parameter base.lower_mm=1.6:2.4 --out design.csv
-  48 designs, each with two free states and five that touch (where --database says when the actuator as its file has it does):
-    softtwin sample --kind sequence --n 48 --states-per-design 7 --regime both --database models/pneunet/database \
+  36 designs, each with four free states and six that touch (where --database says when the actuator as its file has it does):
+    softtwin sample --kind sequence --n 36 --states-per-design 10 --regime both --database models/pneunet/database \
       --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter base.lower_mm=1.6:2.4 --out designs.csv
   Seventeen pressures for the free regime:
     softtwin sample --kind hypercube --n 17 --regime free --out free.csv
@@ -79,8 +79,8 @@ pub struct Args {
     /// Number of gaps of a grid.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, MAX_STATES), help_heading = "Sampling")]
     n_gaps: usize,
-    /// --n counts designs (sets of parameters), each with so many states: two free, the rest with the obstacle (3 to 100).
-    #[arg(long, value_name = "N", requires = "parameter", value_parser = crate::range::count(3, 100), help_heading = "Sampling")]
+    /// --n counts designs (sets of parameters), each with so many states: four free, the rest with the obstacle (6 to 100).
+    #[arg(long, value_name = "N", requires = "parameter", value_parser = crate::range::count(6, 100), help_heading = "Sampling")]
     states_per_design: Option<usize>,
     /// Regime of the states.
     #[arg(long, value_enum, default_value = "contact", help_heading = "Sampling")]
