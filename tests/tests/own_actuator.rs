@@ -58,6 +58,14 @@ fn story(label: &str, options: &str) -> Value {
         serde_json::from_str(&done(&stage, &format!("predict {state} --json"))).expect("JSON");
     assert_eq!((&answer["regime"], &answer["in_domain"]), (&"contact".into(), &true.into()), "{answer}");
     let scene = stage.path("finger/scene.toml");
+    // Pictures show the plate that was solved.
+    let table = |path: &Path| -> toml::Table {
+        std::fs::read_to_string(path).expect("just made").parse().expect("TOML")
+    };
+    let (drawn, solved) = (table(&scene), table(&stage.path("finger/actuator.toml")));
+    for key in ["x_mm", "z_mm"] {
+        assert_eq!(drawn["actuator"][0]["plate"][key], solved["obstacle"][key], "{drawn}");
+    }
     let _twin = Program::twin(&stage, &scene);
     let _bridge = Program::bridge(&stage, &scene);
     let (status, said) =

@@ -154,6 +154,21 @@ impl Footprint {
     pub const PLATE: Self = Self { x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };
     /// The block that stands for the gripped object.
     pub const BLOCK: Self = Self { x_mm: [85.0, 115.0], z_mm: [1.0, 31.0] };
+    /// How far the paper's plate reaches beyond the actuator's tip and beyond each of its sides, mm.
+    pub const PLATE_BEYOND_MM: [f64; 2] = [5.0, 9.0];
+
+    /// A plate below these undeformed nodes (mm), as far beyond them as the paper's plate; none without nodes. `O(nodes)`.
+    pub fn plate_below(nodes_mm: &[[f32; 3]]) -> Option<Self> {
+        let extent = |axis: usize| {
+            let values = nodes_mm.iter().map(|node| f64::from(node[axis]));
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+        };
+        let [beyond_tip, beyond_side] = Self::PLATE_BEYOND_MM;
+        let ([left, tip], [front, back]) = (extent(0), extent(2));
+        let plate =
+            Self { x_mm: [left.min(0.0), tip + beyond_tip], z_mm: [front - beyond_side, back + beyond_side] };
+        (!nodes_mm.is_empty()).then_some(plate)
+    }
 }
 
 /// Snapshots with their inputs: `Y_snap` of Eq. (2) and everything needed to read it.
@@ -297,5 +312,17 @@ fn hash_values(hasher: &mut blake3::Hasher, values: &[f32]) {
         bytes.clear();
         bytes.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
         hasher.update(&bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plate_below_the_papers_actuator_is_the_papers_plate() {
+        let corners = [[0.0, 0.0, 0.0], [115.0, 19.0, 32.0]];
+        assert_eq!(Footprint::plate_below(&corners), Some(Footprint::PLATE));
+        assert_eq!(Footprint::plate_below(&[]), None);
     }
 }

@@ -4,6 +4,7 @@ use crate::files;
 use anyhow::Result;
 use rom::inputs::{GAP, PRESSURE};
 use rom::model::{BlockKind, Model};
+use rom::snapshots::Footprint;
 use std::path::{Path, PathBuf};
 
 /// A model and where it came from.
@@ -40,6 +41,11 @@ impl LoadedModel {
         let axis = |k| self.model.f32_block(BlockKind::Undeformed(k));
         let (x, y, z) = (axis(0)?, axis(1)?, axis(2)?);
         Some(x.iter().zip(y).zip(z).map(|((x, y), z)| [*x, *y, *z]).collect())
+    }
+
+    /// Extent of a plate below it, for pictures; the paper's where the model has no mesh.
+    pub fn plate(&self) -> Footprint {
+        self.undeformed_mm().and_then(|nodes| Footprint::plate_below(&nodes)).unwrap_or(Footprint::PLATE)
     }
 
     /// Facets of the surface, cavities included; empty when unknown.

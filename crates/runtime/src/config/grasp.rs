@@ -1,5 +1,6 @@
 //! The object between the fingers of a scene, and the places of actuators and blocks.
 
+use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use wire::layout::FINGERS_MAX;
 
@@ -69,6 +70,15 @@ impl PlaceSpec {
                 "{place}.place.offset_mm: expected three finite numbers, found {:?}",
                 self.offset_mm
             ));
+        }
+    }
+}
+
+pub(super) fn plate_problems(plate: &Footprint, place: &str, problems: &mut Vec<String>) {
+    for (key, [low, high]) in [("x_mm", plate.x_mm), ("z_mm", plate.z_mm)] {
+        if !(low < high && (high - low).is_finite()) {
+            problems
+                .push(format!("{place}.plate.{key}: expected [least, largest] in mm, found {low} .. {high}"));
         }
     }
 }

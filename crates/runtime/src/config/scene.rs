@@ -2,9 +2,10 @@
 
 use super::error::{ConfigError, read};
 use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec};
-use super::grasp::{BlockSpec, GraspSpec, PlaceSpec};
+use super::grasp::{BlockSpec, GraspSpec, PlaceSpec, plate_problems};
 use crate::source::{Devices, PaceSpec, QUANTITIES, Sensors, Source, SourceSpec, open_sensors, slot};
 use crate::valve::{self, ValveSpec};
+use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -52,6 +53,8 @@ pub struct ActuatorSpec {
     /// Where it stands in the scene, for pictures.
     #[serde(default)]
     pub place: PlaceSpec,
+    /// Extent of the plate below it in its own frame, for pictures; none: one that suits the model's nodes.
+    pub plate: Option<Footprint>,
     /// Which questions are answered.
     #[serde(default)]
     pub queries: Queries,
@@ -367,6 +370,9 @@ impl ActuatorSpec {
             }
         }
         self.place.problems(place, problems);
+        if let Some(plate) = &self.plate {
+            plate_problems(plate, place, problems);
+        }
         if let Some(valve) = &self.valve {
             valve.problems(place, problems);
         }

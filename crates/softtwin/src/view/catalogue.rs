@@ -9,7 +9,7 @@ use rom::inputs::{GAP, InputSpec, Inputs};
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
-use runtime::config::{BlockSpec, PlaceSpec, Scene};
+use runtime::config::{ActuatorSpec, BlockSpec, PlaceSpec, Scene};
 use runtime::payload::state_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -31,6 +31,8 @@ pub struct Catalogue {
 pub struct Stand {
     /// Actuators by name; without any they stand one behind the other.
     places: BTreeMap<String, PlaceSpec>,
+    /// Plates by the actuators above them; below others the one of their model's card.
+    plates: BTreeMap<String, Footprint>,
     blocks: Vec<BlockSpec>,
 }
 
@@ -40,7 +42,12 @@ impl Stand {
         let is_given = scene.actuators.iter().any(|actuator| actuator.place != PlaceSpec::default());
         let given = scene.actuators.iter().filter(|_| is_given);
         let places = given.map(|actuator| (actuator.name.clone(), actuator.place)).collect();
-        Self { places, blocks: scene.blocks.clone() }
+        let plated = |actuator: &ActuatorSpec| Some((actuator.name.clone(), actuator.plate?));
+        Self {
+            places,
+            plates: scene.actuators.iter().filter_map(plated).collect(),
+            blocks: scene.blocks.clone(),
+        }
     }
 
     /// Where an actuator stands; at the origin when the scene does not say.
@@ -74,7 +81,7 @@ pub struct Card {
     name: String,
     /// What can be asked for.
     inputs: Vec<InputCard>,
-    /// The plate's extent.
+    /// Extent of a plate that suits its nodes.
     obstacle: Footprint,
 }
 
@@ -254,7 +261,7 @@ impl Known {
                 id,
                 name: loaded.name(),
                 inputs: header.inputs.iter().filter_map(InputCard::new).collect(),
-                obstacle: Footprint::PLATE,
+                obstacle: loaded.plate(),
             },
             hash: loaded.hash16(),
             inputs: header.inputs.clone(),
@@ -328,5 +335,28 @@ impl Prediction {
         head.predicted = true;
         head.set_state(&state_of(self.state.evaluation(), &known.inputs));
         Ok(encode(&head, &[&values]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plate_of_the_scene_is_that_of_its_actuator() {
+        let text = r#"
+            name = "two"
+            [[actuator]]
+            name = "short"
+            model = "short.twin"
+            plate = { x_mm = [0.0, 58.0], z_mm = [-9.0, 41.0] }
+            [[actuator]]
+            name = "other"
+            model = "other.twin"
+        "#;
+        let scene: Scene = toml::from_str(text).expect("a scene");
+        let plates = Stand::of(&scene).plates;
+        assert_eq!(plates.len(), 1);
+        assert_eq!(plates["short"], Footprint { x_mm: [0.0, 58.0], z_mm: [-9.0, 41.0] });
     }
 }

@@ -176,7 +176,7 @@ impl Args {
         output!("  softtwind twin --scene {scene}")?;
         output!("  softtwind bridge --scene {scene}")?;
         output!(
-            "  softtwin view                      in a browser; or: softtwin demo --scene {scene} --seconds 10"
+            "  softtwin view --scene {scene}      in a browser; or: softtwin demo --scene {scene} --seconds 10"
         )?;
         output!("ask it without starting it, and draw it:")?;
         output!("  softtwin predict {state}")?;

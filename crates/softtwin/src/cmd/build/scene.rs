@@ -13,11 +13,12 @@ pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
     let gap = (5.0 * (plan.gaps_mm[0] + plan.gaps_mm[1])).round() / 10.0;
     format!(
         "# Scene of {name}, made by `softtwin build`. Every key is explained in OPERATIONS.md.\n\
-         #   softtwind twin --scene scene.toml, and the same with bridge; softtwin view\n\
+         #   softtwind twin --scene scene.toml, and the same with bridge; softtwin view --scene scene.toml\n\
          name = \"{name}\"\n\n\
          [[actuator]]\n\
          name = \"{name}\"\n\
          model = \"{name}.twin\"\n\
+         plate = {{ x_mm = {:?}, z_mm = {:?} }} # mm, its extent in actuator.toml\n\
          queries = \"fields\"\n\n\
          [actuator.source]                # readings by formula; put your sensor here (kind = \"modbus\" or \"lines\")\n\
          kind = \"simulate\"\n\
@@ -30,6 +31,8 @@ pub fn text(actuator: &Actuator, plan: &Plan, pressures: &Pressures) -> String {
          name = \"tip\"\n\
          nodes = {{ box = {{ min = {:?}, max = {:?} }} }}\n\
          fields = [\"x\", \"y\", \"z\"]\n",
+        actuator.obstacle.x_mm,
+        actuator.obstacle.z_mm,
         tip.map(|mm| mm - 0.01),
         tip.map(|mm| mm + 0.01),
     )

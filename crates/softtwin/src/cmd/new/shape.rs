@@ -1,5 +1,7 @@
 //! From the few lengths people think in to every length of `actuator.toml`, in the proportions of the reference actuator.
 
+use rom::snapshots::Footprint;
+
 /// Margins of the base before and behind the body, mm.
 const MARGIN_MM: f64 = 6.0;
 /// Width of a slot, mm.
@@ -8,8 +10,6 @@ const SLOT_MM: f64 = 1.0;
 const PITCH_MM: f64 = 9.0;
 /// Smallest length of a cavity along the actuator, mm: shorter ones cannot be cast.
 const SHORTEST_CAVITY_MM: f64 = 1.0;
-/// How far the plate reaches beyond the base: at the tip and at either side, mm.
-const PLATE_BEYOND_MM: [f64; 2] = [5.0, 9.0];
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +64,7 @@ impl Shape {
         }
         let mm = |value: f64| format!("{:?}", (value * 1e6).round() / 1e6);
         let range = |low: f64, high: f64| format!("[{}, {}]", mm(low), mm(high));
-        let [beyond_tip, beyond_side] = PLATE_BEYOND_MM;
+        let [beyond_tip, beyond_side] = Footprint::PLATE_BEYOND_MM;
         Ok(vec![
             ("base", "length_mm", mm(length)),
             ("base", "width_mm", mm(self.width_mm)),

@@ -49,7 +49,7 @@ pub const SILICONES: [Silicone; 5] = [
         law: &[("law", "\"yeoh\""), ("c10_mpa", "0.017"), ("c20_mpa", "-0.0002"), ("c30_mpa", "0.000023")],
         density_t_per_mm3: "1.07e-9",
         shear_mpa: 0.034,
-        source: "SOROTOKI (github.com/BJCaasenbrood/SorotokiCode), material Ecoflex0030; density of the data sheet",
+        source: "SOROTOKI (github.com/BJCaasenbrood/SorotokiCode), Ecoflex0030.m, in its comment; density of the data sheet",
     },
 ];
 

@@ -68,6 +68,7 @@ impl Group {
 /// A model of which states are drawn.
 pub(super) struct StateDrawer {
     state: ModelState,
+    footprint: Footprint,
     facets: Vec<[u32; 3]>,
     /// Positions of x, y, z and the shown field.
     columns: [usize; 4],
@@ -93,7 +94,7 @@ impl StateDrawer {
             ));
         }
         let state = ModelState::new(&loaded.model, &Selection::default())?;
-        Ok(Self { columns: [x, y, z, shown], facets, state })
+        Ok(Self { columns: [x, y, z, shown], facets, footprint: loaded.plate(), state })
     }
 
     pub(super) fn draw_state(&mut self, pressure_mpa: f64, gap_mm: Option<f64>) -> Result<DrawnState> {
@@ -107,7 +108,7 @@ impl StateDrawer {
                 facets: self.facets.clone(),
                 values: column(3).to_vec(),
             },
-            plate: gap_mm.map(plate),
+            plate: gap_mm.map(|gap_mm| plate(gap_mm, &self.footprint)),
             blocks: Vec::new(),
             force_n: evaluation.contact_force_n,
             outside: evaluation.flags.extrapolated,
@@ -116,10 +117,9 @@ impl StateDrawer {
     }
 }
 
-fn plate(gap_mm: f64) -> Plate {
-    let Footprint { x_mm, z_mm } = Footprint::PLATE;
+fn plate(gap_mm: f64, extent: &Footprint) -> Plate {
     let narrow = |range: [f64; 2]| range.map(|v| v as f32);
-    Plate { gap_mm: gap_mm as f32, x_mm: narrow(x_mm), z_mm: narrow(z_mm) }
+    Plate { gap_mm: gap_mm as f32, x_mm: narrow(extent.x_mm), z_mm: narrow(extent.z_mm) }
 }
 
 /// One state of a model.
@@ -207,17 +207,13 @@ fn drawn_case(database: &Database, index: usize, shown: Shown) -> Result<DrawnSt
         database.undeformed_mm.as_ref().context("the database has no mesh.vtu, so no surface to draw")?;
     let undeformed: Vec<[f32; 3]> = undeformed.iter().map(|p| p.map(|v| v as f32)).collect();
     let case = &database.cases[index];
-    let drawn = |gap: f64| {
-        let Footprint { x_mm, z_mm } = database.obstacle;
-        Plate { x_mm: x_mm.map(|v| v as f32), z_mm: z_mm.map(|v| v as f32), ..plate(gap) }
-    };
     Ok(DrawnState {
         body: Body {
             nodes_mm: x.zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect(),
             facets: visible_facets(&undeformed, &database.surface_triangles),
             values: database.field(index, shown).collect(),
         },
-        plate: case.gap_mm.map(drawn),
+        plate: case.gap_mm.map(|gap_mm| plate(gap_mm, &database.obstacle)),
         blocks: Vec::new(),
         force_n: if case.regime == RegimeKind::Contact { case.contact_force_n } else { 0.0 },
         outside: false,

@@ -64,12 +64,18 @@ impl Axis {
         }
     }
 
+    /// Of names, every how-many-th is written so that none touches the next, by the axis's length and the widest name's, in pixels.
+    pub(super) fn stride(&self, length: u32, widest: u32) -> usize {
+        (self.names.len() as u32 * widest).div_ceil(length.max(1)).max(1) as usize
+    }
+
     /// Label of a drawing coordinate; empty where none belongs.
-    pub(super) fn text(&self, placed: f64) -> String {
+    pub(super) fn text(&self, placed: f64, stride: usize) -> String {
         let whole = (placed - placed.round()).abs() < 1e-6;
         match () {
             () if !self.names.is_empty() => {
-                let name = self.names.get(placed.round().max(0.0) as usize).filter(|_| whole);
+                let at = placed.round().max(0.0) as usize;
+                let name = self.names.get(at).filter(|_| whole && at.is_multiple_of(stride));
                 name.cloned().unwrap_or_default()
             }
             () if self.log && whole => power(placed.round() as i32),
@@ -106,9 +112,20 @@ mod tests {
     fn decades_enclose_the_values_and_skip_what_has_no_logarithm() {
         let axis = Axis::log("mse");
         assert_eq!(axis.range([3e-4, 0.0, f64::NAN, 2.0].into_iter()), -4.0..1.0);
-        assert_eq!(axis.text(-4.0), "1e-4");
-        assert_eq!(axis.text(-2.0), "0.01");
-        assert_eq!(axis.text(0.5), "");
+        assert_eq!(axis.text(-4.0, 1), "1e-4");
+        assert_eq!(axis.text(-2.0, 1), "0.01");
+        assert_eq!(axis.text(0.5, 1), "");
+    }
+
+    #[test]
+    fn names_that_would_touch_are_left_out() {
+        let names: Vec<String> = (1..=16).map(|k| format!("check{k:02}")).collect();
+        let axis = Axis::names("case", names);
+        let written = |length: u32| {
+            let stride = axis.stride(length, 50);
+            (0..16).map(|k| axis.text(f64::from(k), stride)).filter(|text| !text.is_empty()).count()
+        };
+        assert_eq!((written(800), written(799), written(1)), (16, 8, 1));
     }
 
     #[test]

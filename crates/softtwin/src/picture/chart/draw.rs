@@ -15,6 +15,12 @@ use std::sync::Once;
 const PANEL: (u32, u32) = (560, 400);
 const TITLE_HEIGHT: u32 = 44;
 const BAR_WIDTH: u32 = 110;
+/// Room for the vertical axis's labels and name.
+const Y_LABELS: u32 = 72;
+const MARGIN: u32 = 10;
+const MARGIN_RIGHT: u32 = 24;
+/// Size of labels.
+const LABEL: u32 = 14;
 /// Pictures of pixels are drawn this much larger and then halved, so that lines are smooth: twice the size in the end, which
 /// is 9.5 cm a panel at 300 dots an inch.
 const PIXELS: u32 = 4;
@@ -115,12 +121,18 @@ fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>, unit: u32) -
     let top = head(panel, &area, unit as i32)?;
     let (xs, ys) = panel.ranges();
     let (x_labels, y_labels) = (panel.x.labels(&xs), panel.y.labels(&ys));
+    let mut widest = 0;
+    for name in &panel.x.names {
+        widest = widest.max(area.estimate_text_size(name, &(FONT, LABEL * unit).into())?.0 + LABEL * unit);
+    }
+    let along = area.dim_in_pixel().0.saturating_sub((Y_LABELS + MARGIN + MARGIN_RIGHT) * unit);
+    let stride = panel.x.stride(along, widest);
     let mut chart = ChartBuilder::on(&area)
-        .margin(10 * unit)
+        .margin(MARGIN * unit)
         .margin_top(top)
-        .margin_right(24 * unit)
+        .margin_right(MARGIN_RIGHT * unit)
         .x_label_area_size(48 * unit)
-        .y_label_area_size(72 * unit)
+        .y_label_area_size(Y_LABELS * unit)
         .build_cartesian_2d(xs, ys)?;
     if let Some(map) = &panel.map {
         chart.draw_series(cells(map))?;
@@ -131,13 +143,13 @@ fn draw_panel<B: DrawingBackend>(panel: &Panel, area: &Area<'_, B>, unit: u32) -
         .bold_line_style(if panel.map.is_some() { TRANSPARENT } else { BLACK.mix(0.12) }.stroke_width(unit))
         .x_labels(x_labels)
         .y_labels(y_labels)
-        .x_label_formatter(&|v| panel.x.text(*v))
-        .y_label_formatter(&|v| panel.y.text(*v))
+        .x_label_formatter(&|v| panel.x.text(*v, stride))
+        .y_label_formatter(&|v| panel.y.text(*v, 1))
         .x_desc(&panel.x.label)
         .y_desc(&panel.y.label)
         .axis_style(BLACK.stroke_width(unit))
         .set_all_tick_mark_size(5 * unit)
-        .label_style((FONT, 14 * unit))
+        .label_style((FONT, LABEL * unit))
         .axis_desc_style((FONT, 15 * unit))
         .draw()?;
     for series in &panel.series {
@@ -225,7 +237,7 @@ fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>, unit: u32) -> Dr
         .margin_top(40 * unit)
         .margin_bottom(58 * unit)
         .margin_right(12 * unit)
-        .y_label_area_size(72 * unit)
+        .y_label_area_size(Y_LABELS * unit)
         .build_cartesian_2d(0.0..1.0, low..high.max(low + f64::MIN_POSITIVE))?;
     let steps = 64;
     let step = (high - low) / f64::from(steps);
@@ -246,7 +258,7 @@ fn colour_bar<B: DrawingBackend>(map: &Map, area: &Area<'_, B>, unit: u32) -> Dr
         .y_desc(&map.label)
         .axis_style(BLACK.stroke_width(unit))
         .set_all_tick_mark_size(5 * unit)
-        .label_style((FONT, 14 * unit))
+        .label_style((FONT, LABEL * unit))
         .axis_desc_style((FONT, 15 * unit))
         .draw()
 }

@@ -9,10 +9,10 @@ const TOUCH_MM = 0.35; // nodes this near to the plate touch it
 const SPACING_MM = 70; // where the scene does not say where it stands: one behind the other
 
 export class Actuator {
-  constructor(name, index, colour, place) {
+  constructor(name, index, colour, place, plate) {
     const where = place ? { offset: place.offset_mm, flip: place.mirrored ? -1 : 1 } : { offset: [0, 0, index * SPACING_MM], flip: 1 };
     where.scale = [1, where.flip, 1];
-    Object.assign(this, { name, colour, place: where, history: new History(), latest: null, shown: null, shape: null, body: null, largest: NaN });
+    Object.assign(this, { name, colour, place: where, plate, history: new History(), latest: null, shown: null, shape: null, body: null, largest: NaN });
   }
 
   // Takes a frame that has just come in.

@@ -21,7 +21,7 @@ const SHORTEST_MS = 2000; // that the charts show
 const READINGS_EVERY_MS = 100;
 
 const table = new Uint8Array(await (await fetch(`colours${location.search}`)).arrayBuffer());
-const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, places: {}, blocks: [], up: false, everUp: false, paused: false,
+const state = { models: new Map(), meshes: new Map(), actuators: new Map(), chosen: null, places: {}, plates: {}, blocks: [], up: false, everUp: false, paused: false,
   age_ms: 0, frozen_ms: 0, dirty: true, lit: true, lines: false, drawn: [], frames: 0, reason: "" };
 
 const touch = () => { state.dirty = true; };
@@ -48,9 +48,9 @@ const link = new Link({
 const recording = new Recording((message) => link.send(message));
 const whatIf = new WhatIf((message) => link.send(message), () => { scene.forget(); choose(null); reshow(); touch(); });
 
-function hello({ models, places, blocks }) {
+function hello({ models, places, plates, blocks }) {
   state.models = new Map(models.map((model) => [model.id, model]));
-  state.places = places;
+  Object.assign(state, { places, plates });
   state.blocks = blocks.map(({ min_mm, max_mm }) => ({ low: min_mm, high: max_mm, mesh: block(min_mm, max_mm) }));
   whatIf.useModel(models[0] ?? null);
 }
@@ -97,7 +97,7 @@ function addFrame(header, buffer, start) {
 function actuatorOf(name) {
   if (!state.actuators.has(name)) {
     const index = name === PREDICTION ? 0 : [...state.actuators.keys()].filter((key) => key !== PREDICTION).length;
-    state.actuators.set(name, new Actuator(name, index, COLOURS[index % COLOURS.length], state.places[name]));
+    state.actuators.set(name, new Actuator(name, index, COLOURS[index % COLOURS.length], state.places[name], state.plates[name]));
     choose(state.chosen);
   }
   return state.actuators.get(name);

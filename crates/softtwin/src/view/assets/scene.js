@@ -30,8 +30,9 @@ export class Scene {
     return actuators.flatMap((actuator) => {
       const model = models.get(actuator.shown?.model);
       const gap = actuator.shown?.gap_mm;
-      if (!model?.obstacle || !Number.isFinite(gap)) return [];
-      const { x_mm, z_mm } = model.obstacle;
+      const plate = actuator.plate ?? model?.obstacle;
+      if (!plate || !Number.isFinite(gap)) return [];
+      const { x_mm, z_mm } = plate;
       const { offset, flip } = actuator.place;
       const y = -gap * flip + offset[1];
       return [{ actuator, low: [x_mm[0] + offset[0], y, z_mm[0] + offset[2]], high: [x_mm[1] + offset[0], y, z_mm[1] + offset[2]] }];
