@@ -1,5 +1,6 @@
 //! Scenes in one process: what is loaded, what is published, and that what a scene leaves out costs nothing.
 
+use rom::inputs::Inputs;
 use rom::model::BlockKind;
 use rom::snapshots::RegimeKind;
 use runtime::config::{OutsideDomain, Scene, Settings};
@@ -182,6 +183,31 @@ fn a_failed_reconstruction_has_an_outcome_and_an_event_of_its_own() {
         bench.events.try_iter().map(|event| (event.kind, event.value)).collect();
     assert!(failures.contains(&(EventKind::ReconstructionFailed, 2)), "{failures:?}");
     assert!(!failures.iter().any(|(kind, _)| *kind == EventKind::SendFailed), "{failures:?}");
+}
+
+/// The coefficients are interpolated for fields; a state carries them where the scene says so, and then all of them.
+#[test]
+fn states_carry_coefficients_only_where_the_scene_asks_for_them() {
+    let stress = "[[actuator.output]]\nfields = [\"von_mises\"]\n";
+    let fields = |keys: &str| {
+        let stage = Stage::new("coefficients");
+        let text = actuator(&format!("{keys}{stress}"));
+        let whole = load(&stage, &text).remove(0);
+        let (mut expected, inputs) = (whole.evaluator.evaluation(), Inputs::new(0.05, 30.0));
+        whole.evaluator.evaluate(inputs, &mut expected);
+        let mut bench = Bench::start(&stage, &text);
+        let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
+        let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();
+        bench.sensor("finger").publish(reading(1, 0.05, 30.0)).unwrap();
+        bench.turn();
+        let state = states.newest().unwrap().expect("a state");
+        let expected: Vec<f32> = expected.coefficients.iter().map(|a| *a as f32).collect();
+        (state.coefficients().to_vec(), expected, fields.next().unwrap().expect("a field").values().to_vec())
+    };
+    let (without, _, field) = fields("");
+    let (with, expected, same) = fields("state = { coefficients = true }\n");
+    assert!(without.is_empty() && with == expected && !with.is_empty(), "{without:?} {with:?}");
+    assert_eq!(field, same, "the field does not depend on what the state carries");
 }
 
 #[test]

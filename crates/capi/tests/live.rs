@@ -135,6 +135,7 @@ fn a_valve_has_one_owner_in_c() {
     let program = compile(&stage, "cc", "-std=c11", "setpoint.c").expect("a C compiler");
     let (status, said) = Program::shell(&stage, &program).end();
     assert_eq!(status.code(), Some(1), "without a bridge: {said:?}");
+    let in_cpp = compile(&stage, "c++", "-std=c++17", "setpoint.cpp");
     let _twin = Program::twin(&stage, &scene);
     let _bridge = Program::bridge(&stage, &scene);
     let written = |wanted: &str| {
@@ -146,7 +147,8 @@ fn a_valve_has_one_owner_in_c() {
     owner.wait_for("follows: 0.0200 MPa");
     written("1000");
     let refusal = format!("(`setpoint.c`, process {})", owner.id());
-    for second in [&*program, "softtwin setpoint finger --pressure-mpa 0.05"] {
+    let others = [Some(&*program), Some("softtwin setpoint finger --pressure-mpa 0.05"), in_cpp.as_deref()];
+    for second in others.into_iter().flatten() {
         let (status, said) = Program::shell(&stage, second).end();
         assert!(!status.success() && said.join("\n").contains(&refusal), "{second}: {said:?}");
     }
@@ -155,6 +157,15 @@ fn a_valve_has_one_owner_in_c() {
     let (status, said) = Program::shell(&stage, &format!("{program} finger 0.04 1")).end();
     assert!(status.success(), "{said:?}");
     written("0");
+    if let Some(in_cpp) = in_cpp {
+        let owner = Program::shell(&stage, &format!("exec {in_cpp} finger 0.03 600"));
+        written("1500");
+        owner.kill();
+        written("0");
+        let (status, said) = Program::shell(&stage, &format!("{in_cpp} finger 0.04 0.2")).end();
+        assert!(status.success(), "{said:?}");
+        written("0");
+    }
     for (owner, expected) in [("", "name of 1 to 31 bytes"), ("a\nb", "name of 1 to 31 bytes")] {
         let text = refused_owner(&stage, owner);
         assert!(text.contains(expected), "{owner:?}: {text}");

@@ -23,13 +23,7 @@ struct RegimePart {
 
 impl RegimePart {
     fn new(model: RegimeModel) -> Self {
-        let shares = |a: &GroupModel, b: &GroupModel| a.surrogate.shares_kernel_with(&b.surrogate);
-        let sums = |groups: &[GroupModel]| {
-            let all: Vec<&Interpolant> = groups.iter().map(|group| &group.surrogate).collect();
-            let (first, last) = (&groups[0], &groups[groups.len() - 1]);
-            (Sums::new(&all), first.coefficients.start..last.coefficients.end)
-        };
-        let groups = model.groups.chunk_by(shares).map(sums).collect();
+        let groups = sums(model.groups.iter());
         let force = model.force.as_ref().map(|force| Sums::new(&[&force.surrogate]));
         Self { coefficient_count: model.coefficient_count(), groups, force, model }
     }
@@ -37,6 +31,19 @@ impl RegimePart {
     fn all(&self) -> impl Iterator<Item = &Sums> {
         self.groups.iter().map(|group| &group.0).chain(&self.force)
     }
+}
+
+/// Groups in a row that share their kernel, summed in one pass, with the range of their coefficients.
+fn sums<'a>(groups: impl Iterator<Item = &'a GroupModel>) -> Vec<(Sums, Range<usize>)> {
+    let groups: Vec<&GroupModel> = groups.collect();
+    let joined = |a: &&GroupModel, b: &&GroupModel| {
+        a.coefficients.end == b.coefficients.start && a.surrogate.shares_kernel_with(&b.surrogate)
+    };
+    let one = |groups: &[&GroupModel]| {
+        let all: Vec<&Interpolant> = groups.iter().map(|group| &group.surrogate).collect();
+        (Sums::new(&all), groups[0].coefficients.start..groups[groups.len() - 1].coefficients.end)
+    };
+    groups.chunk_by(joined).map(one).collect()
 }
 
 /// The small part of a model, made ready to answer. It has no memory: the same inputs always give the same evaluation.
@@ -173,7 +180,8 @@ impl Evaluator {
     /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
     /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the state is on.
     pub fn evaluate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.run(inputs, out, false);
+        self.state(inputs, out);
+        self.coefficients(out, false);
     }
 
     /// The part of [`Self::evaluate`] that says where a state lies: regime, onset pressure, domain and its distance. Coefficients,
@@ -190,23 +198,46 @@ impl Evaluator {
         }
     }
 
-    /// [`Self::evaluate`] with the derivatives of all coefficients, at about twice the cost: what single points are followed
-    /// with ([`crate::probe`]).
-    pub fn differentiate(&self, inputs: Inputs, out: &mut Evaluation) {
-        self.run(inputs, out, true);
-    }
-
-    fn run(&self, inputs: Inputs, out: &mut Evaluation, gradient: bool) {
+    /// All of [`Self::evaluate`] but the coefficients, of which there are none afterwards: what a state without fields needs, a
+    /// tenth of the cost. [`Self::complete`] adds them.
+    pub fn state(&self, inputs: Inputs, out: &mut Evaluation) {
         let (at, part) = self.place(inputs.or(&self.values), out);
-        let Some(part) = part else {
-            out.coefficients.clear();
-            return;
-        };
+        out.coefficients.clear();
+        out.gradients.iter_mut().for_each(Vec::clear);
+        let Some(part) = part else { return };
         let x = part.model.inputs.scale(&out.inputs);
         let local = part.model.local_halfwidths.as_ref();
         out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
-        coefficients(part, &x, out, gradient);
         force(part, &at, &x, out);
+    }
+
+    /// Adds the coefficients to what [`Self::state`] gave, where they are not there yet.
+    pub fn complete(&self, out: &mut Evaluation) {
+        if out.coefficients.is_empty() {
+            self.coefficients(out, false);
+        }
+    }
+
+    /// From now on the coefficients of fields other than these (indices into [`ModelHeader::fields`]) are not interpolated and
+    /// mean nothing, where they share no group with one of these.
+    pub fn restrict(&mut self, fields: &[usize]) {
+        for part in &mut self.parts {
+            let is_used = |group: &&GroupModel| group.fields.iter().any(|field| fields.contains(field));
+            part.groups = sums(part.model.groups.iter().filter(is_used));
+        }
+    }
+
+    /// [`Self::evaluate`] with the derivatives of all coefficients, at about twice the cost: what single points are followed
+    /// with ([`crate::probe`]).
+    pub fn differentiate(&self, inputs: Inputs, out: &mut Evaluation) {
+        self.state(inputs, out);
+        self.coefficients(out, true);
+    }
+
+    fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
+        if let Some(part) = self.parts.iter().find(|part| part.model.kind == out.regime) {
+            coefficients(part, &part.model.inputs.scale(&out.inputs), out, gradient);
+        }
     }
 
     /// Where a state with all inputs lies, and the regime that answers there.

@@ -32,9 +32,9 @@ impl HysteresisEvaluator {
         self.evaluator
     }
 
-    /// As [`Evaluator::evaluate`], with the label.
-    pub fn evaluate(&mut self, inputs: Inputs, out: &mut Evaluation) -> RegimeLabel {
-        self.evaluator.evaluate(inputs, out);
+    /// As [`Evaluator::state`], with the label.
+    pub fn state(&mut self, inputs: Inputs, out: &mut Evaluation) -> RegimeLabel {
+        self.evaluator.state(inputs, out);
         let margin_mpa = self.evaluator.hysteresis_mpa();
         let held = self.last == Some(RegimeKind::Contact)
             && out.regime == RegimeKind::Free
@@ -42,5 +42,10 @@ impl HysteresisEvaluator {
         let regime = if held { RegimeKind::Contact } else { out.regime };
         self.last = Some(regime);
         RegimeLabel { regime, held }
+    }
+
+    /// As [`Evaluator::complete`].
+    pub fn complete(&self, out: &mut Evaluation) {
+        self.evaluator.complete(out);
     }
 }

@@ -9,7 +9,7 @@ use rom::hysteresis::HysteresisEvaluator;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
-use rom::snapshots::{RegimeKind, Split};
+use rom::snapshots::{FieldKind, RegimeKind, Split};
 use rom::synthetic;
 use rom::train::train;
 use std::sync::OnceLock;
@@ -132,7 +132,7 @@ fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
     let margin = model().header.hysteresis_mpa;
     let mut evaluation = self::evaluator().evaluation();
     let mut say = |offset: f64| {
-        let label = evaluator.evaluate(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
+        let label = evaluator.state(Inputs::new(onset + offset * margin, 30.0), &mut evaluation);
         (label.regime, evaluation.regime, label.held)
     };
     use RegimeKind::{Contact, Free};
@@ -143,6 +143,34 @@ fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
         assert_eq!(say(0.4), (Contact, Contact, false));
     }
     assert_eq!(say(-1.1), (Free, Free, false), "a real release drops it");
+}
+
+/// What a state alone takes and what its fields add give together the bits of one call; a part of the fields gives theirs.
+#[test]
+fn a_state_is_evaluated_without_the_coefficients_that_nobody_asked_for() {
+    let evaluator = evaluator();
+    let stress = model().header.fields.iter().position(|field| field.spec.kind == FieldKind::Stress).unwrap();
+    let mut restricted = evaluator.clone();
+    restricted.restrict(&[stress]);
+    let (mut whole, mut parts, mut some) =
+        (evaluator.evaluation(), evaluator.evaluation(), evaluator.evaluation());
+    for inputs in [Inputs::new(0.06, 20.0), Inputs::new(0.02, f64::INFINITY), Inputs::new(0.2, 5.0)] {
+        evaluator.evaluate(inputs, &mut whole);
+        evaluator.state(inputs, &mut parts);
+        assert!(parts.coefficients.is_empty() && !whole.coefficients.is_empty());
+        let small =
+            |e: &Evaluation| (e.contact_force_n, e.force_gradient, e.halfwidths, e.domain_distance, e.flags);
+        assert_eq!(small(&parts), small(&whole));
+        evaluator.complete(&mut parts);
+        assert_eq!(parts.coefficients, whole.coefficients);
+        restricted.evaluate(inputs, &mut some);
+        let regime = model().header.regimes.iter().find(|regime| regime.kind == whole.regime).unwrap();
+        for group in &regime.groups {
+            let range = group.coefficients.clone();
+            let same = some.coefficients[range.clone()] == whole.coefficients[range];
+            assert_eq!(same, group.fields.contains(&stress), "{}", group.name);
+        }
+    }
 }
 
 #[test]

@@ -70,14 +70,23 @@ const ROUNDS: usize = 200;
 pub fn explain(loaded: &Loaded) -> Explained {
     let state = Inputs::new(0.03, costly_gap_mm(loaded));
     let mut evaluation = loaded.evaluator.evaluation();
-    let state_us = median_us(|| loaded.evaluator.evaluate(state, &mut evaluation));
+    let carried = loaded.spec.state.coefficients;
+    let state_us = median_us(|| {
+        loaded.evaluator.state(state, &mut evaluation);
+        if carried {
+            loaded.evaluator.complete(&mut evaluation);
+        }
+    });
     let actuator = loaded.spec.name.clone();
     let outputs = loaded
         .outputs
         .iter()
         .map(|output| {
             let mut values = vec![0.0; output.reconstructor.entries()];
-            let field_us = median_us(|| output.reconstructor.reconstruct_into(&evaluation, &mut values));
+            let us = median_us(|| {
+                loaded.evaluator.evaluate(state, &mut evaluation);
+                output.reconstructor.reconstruct_into(&evaluation, &mut values)
+            });
             let sample_bytes = 4 * values.len() as u64;
             let topic = Topic::field(&actuator, output.spec.topic_name());
             ExplainedOutput {
@@ -87,7 +96,7 @@ pub fn explain(loaded: &Loaded) -> Explained {
                 basis_bytes: output.basis_bytes,
                 sample_bytes,
                 reserved_bytes: sample_bytes * qos::of(TopicKind::Field).samples_in_use() as u64,
-                us: state_us + field_us,
+                us,
             }
         })
         .collect();

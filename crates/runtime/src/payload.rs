@@ -90,7 +90,12 @@ pub(crate) fn fill_state(state: &mut State, evaluation: &Evaluation, groups: &Gr
 pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec]) -> State {
     let (input_count, input_names) = input_names(inputs);
     let mut state = State { input_count, input_names, ..State::default() };
-    fill_state(&mut state, evaluation, &GroupSizes::new(), StateSpec { gradients: true, bars: true });
+    fill_state(
+        &mut state,
+        evaluation,
+        &GroupSizes::new(),
+        StateSpec { gradients: true, bars: true, coefficients: true },
+    );
     state
 }
 

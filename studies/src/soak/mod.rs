@@ -122,7 +122,12 @@ impl<'a> Soak<'a> {
             let file = format!("{name}.twin");
             testbed.write(&file, model)?;
             let readings = Sine::through_the_onset(rate_hz, 40.0);
-            let text = readings.scene(name, file.as_ref(), "", &["nodes = \"all\"".into()]);
+            let text = readings.scene(
+                name,
+                file.as_ref(),
+                "state = { coefficients = true }",
+                &["nodes = \"all\"".into()],
+            );
             testbed.write(&format!("{name}.toml"), text)
         };
         let (steady, disturbed) = (scene(STEADY, rate_hz.into())?, scene(DISTURBED, 200.0)?);

@@ -150,11 +150,13 @@ pub struct StateSpec {
     pub gradients: bool,
     /// Publish half-widths of force, displacement and stress.
     pub bars: bool,
+    /// Publish the modal coefficients: they are then interpolated before the state is sent, and all of them.
+    pub coefficients: bool,
 }
 
 impl Default for StateSpec {
     fn default() -> Self {
-        Self { gradients: true, bars: true }
+        Self { gradients: true, bars: true, coefficients: false }
     }
 }
 

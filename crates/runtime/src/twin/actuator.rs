@@ -10,13 +10,15 @@ use super::record::Record;
 use super::swap::{Retired, Running};
 use crate::config::{ActuatorSpec, Gap, Limits, OutsideDomain, StateSpec, ms_to_ns};
 use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
-use crate::load::{GroupSizes, Loaded};
+use crate::load::{GroupSizes, Loaded, ReadBlock};
 use crate::payload;
 use crate::source::FORCE;
 use rom::evaluation::Evaluation;
+use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
 use rom::inputs::Inputs;
+use rom::model::BlockKind;
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use wire::layout::{VERSION, flags, pack_name};
@@ -34,6 +36,18 @@ const WATCH_SIGMAS: f64 = 2.0;
 /// An estimated gap is no part of a reading: whatever the reading says about it is not looked at.
 fn gap_of(spec: &ActuatorSpec) -> Gap {
     spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
+}
+
+/// The evaluator of what the scene publishes: coefficients of the fields whose modes were read, of all when states carry them.
+fn evaluator_of(mut evaluator: Evaluator, wanted: StateSpec, read: &[ReadBlock]) -> HysteresisEvaluator {
+    if !wanted.coefficients {
+        let field = |block: &ReadBlock| match block.kind {
+            BlockKind::Modes { field, .. } => Some(field as usize),
+            _ => None,
+        };
+        evaluator.restrict(&read.iter().filter_map(field).collect::<Vec<_>>());
+    }
+    HysteresisEvaluator::new(evaluator)
 }
 
 /// One actuator of a running twin.
@@ -105,7 +119,7 @@ impl ActuatorTwin {
             state_writer,
             outputs,
             evaluation: loaded.evaluator.evaluation(),
-            evaluator: HysteresisEvaluator::new(loaded.evaluator),
+            evaluator: evaluator_of(loaded.evaluator, loaded.spec.state, &loaded.read),
             estimation,
             label: RegimeLabel { regime: RegimeKind::Free, held: false },
             validator: Validator::new(limits, gap_of(&loaded.spec)),
@@ -168,7 +182,7 @@ impl ActuatorTwin {
     pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Retired) {
         self.evaluation = loaded.evaluator.evaluation();
         (self.state.input_count, self.state.input_names) = payload::input_names(loaded.evaluator.inputs());
-        let new = HysteresisEvaluator::new(loaded.evaluator);
+        let new = evaluator_of(loaded.evaluator, loaded.spec.state, &loaded.read);
         retired.evaluators.push(std::mem::replace(&mut self.evaluator, new));
         for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {
             retired.reconstructors.push(output.swap(loaded.model_hash, new));
@@ -259,7 +273,7 @@ impl ActuatorTwin {
         }
     }
 
-    /// Step 3: coefficients, force, gradients and half-widths of the reading.
+    /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
     fn evaluate(&mut self, sample: &SensorSample) -> Result<(), Outcome> {
         let inputs = match &mut self.estimation {
             None => Inputs::new(sample.pressure_mpa, self.validator.gap_mm(sample)),
@@ -269,7 +283,10 @@ impl ActuatorTwin {
                 Inputs::from(update.inputs)
             }
         };
-        self.label = self.evaluator.evaluate(inputs, &mut self.evaluation);
+        self.label = self.evaluator.state(inputs, &mut self.evaluation);
+        if self.wanted.coefficients {
+            self.evaluator.complete(&mut self.evaluation);
+        }
         if !payload::is_finite(&self.evaluation) {
             return Err(Outcome::DroppedModel);
         }
@@ -287,6 +304,7 @@ impl ActuatorTwin {
         let mut outcome = if self.send_state() { Outcome::Published } else { Outcome::DroppedNotSent };
         self.send_estimate(sample);
         for output in self.outputs.iter_mut().filter(|output| output.is_due(sample.t_sensor_ns)) {
+            self.evaluator.complete(&mut self.evaluation);
             let field = output.reconstruct(&self.evaluation);
             match field.and_then(|field| output.publish(field, &self.state)) {
                 Ok(()) => self.record.health.fields_sent += 1,

@@ -79,6 +79,9 @@ impl FieldOutput {
 
     /// Step 4: writes the field into a sample on loan.
     pub(super) fn reconstruct(&mut self, evaluation: &Evaluation) -> Result<(FieldLoan, Peaks), FieldError> {
+        if !payload::is_finite(evaluation) {
+            return Err(FieldError::Reconstruction);
+        }
         let mut loan = match self.next.take() {
             Some(loan) => loan,
             None => self.writer.loan().map_err(|_| FieldError::Transport)?,

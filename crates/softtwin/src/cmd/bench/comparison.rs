@@ -75,7 +75,7 @@ pub fn run(model: &Model, plain: &Model, samples: usize) -> anyhow::Result<Compa
     for subject in &mut subjects {
         let mut evaluation = subject.evaluator.evaluation();
         for input in subject.inputs.iter().cycle().take(samples) {
-            subject.state.time(|| subject.evaluator.evaluate(*input, &mut evaluation));
+            subject.state.time(|| subject.evaluator.state(*input, &mut evaluation));
         }
     }
     let [model, plain] = subjects.each_ref().map(Subject::cost);

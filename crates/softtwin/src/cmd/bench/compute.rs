@@ -201,7 +201,7 @@ fn predictions(
     // In loops of their own: a twin of these small sets alone keeps them in the first caches.
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
-        state.time(|| evaluator.evaluate(input, &mut evaluation));
+        state.time(|| evaluator.state(input, &mut evaluation));
     }
     for sample in 0..samples {
         let input = inputs[sample % inputs.len()];
