@@ -198,7 +198,8 @@ fn states_carry_coefficients_only_where_the_scene_asks_for_them() {
         let mut bench = Bench::start(&stage, &text);
         let states = StateReader::open(&bench.bus, &Topic::state("finger").unwrap()).unwrap();
         let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();
-        bench.sensor("finger").publish(reading(1, 0.05, 30.0)).unwrap();
+        let mut sensor = bench.sensor("finger");
+        sensor.publish(reading(1, 0.05, 30.0)).unwrap();
         bench.turn();
         let state = states.newest().unwrap().expect("a state");
         let expected: Vec<f32> = expected.coefficients.iter().map(|a| *a as f32).collect();

@@ -8,6 +8,7 @@ use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::kernel::{Basis, Precision};
 use rom::model::{BlockKind, Model, Nodes, Selection};
 use rom::model_state::ModelState;
+use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::reconstructor::Reconstructor;
 use serde::Serialize;
 
@@ -67,8 +68,10 @@ pub struct Compute {
     pub kernel: Kernels,
     /// Input to full field in memory, f32, median.
     pub predict_us_p50: f64,
-    /// Coefficients, force, gradients, bars; no field: median.
+    /// Regime, force, gradients, bars; no coefficients, no field: median.
     pub state_only_us_p50: f64,
+    /// The same with the position of one node and its derivatives by every input (`rom::probe`): median.
+    pub position_us_p50: f64,
     /// Input to the fields of a set of `tip_nodes` nodes, median.
     pub tip_us_p50: f64,
     /// Nodes of that set.
@@ -133,6 +136,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     progress.step("prediction");
     let evaluator = Evaluator::new(&model.header)?;
     let predictions = predictions(&inputs, &evaluator, &mut full, &mut tip, samples)?;
+    let position = position(model, &inputs, samples)?;
     let [f32, i16] = [subjects[0].result(), subjects[1].result()];
     let compute = Compute {
         isa: wide.isa().to_string(),
@@ -145,10 +149,11 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
         predict_us_p50: predictions[0].p50(),
         state_only_us_p50: predictions[1].p50(),
         tip_us_p50: predictions[2].p50(),
+        position_us_p50: position.p50(),
         tip_nodes: tip.reconstructor().rows(),
     };
     let kernels = subjects.into_iter().flat_map(|s| [s.warm, s.evicted]);
-    Ok((compute, kernels.chain(predictions).collect()))
+    Ok((compute, kernels.chain(predictions).chain([position]).collect()))
 }
 
 /// Warm and evicted, both precisions in turn.
@@ -207,6 +212,18 @@ fn predictions(
         let input = inputs[sample % inputs.len()];
         tip_series.time(|| tip.update(input));
         tip.update(input)?;
+    }
+    Ok(series)
+}
+
+/// The position of one node of the tip, as a controller or a filter follows it.
+fn position(model: &Model, inputs: &[Inputs], samples: usize) -> anyhow::Result<Series> {
+    let node = *tip_nodes(model).last().context("the model has no nodes")?;
+    let probes = Probes::new(model, &[MeshPoint::node(model, node)?])?;
+    let (mut evaluation, mut at) = (probes.evaluation(), [ProbePosition::default()]);
+    let mut series = Series::new("position");
+    for input in inputs.iter().cycle().take(samples) {
+        series.time(|| probes.evaluate(*input, &mut evaluation, &mut at));
     }
     Ok(series)
 }

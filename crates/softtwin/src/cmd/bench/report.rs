@@ -41,6 +41,7 @@ impl Report {
         let beyond = c.predict_us_p50 - f32.warm_us_p50;
         output!("input to full field     {:8.2}   (kernel + {beyond:.2})", c.predict_us_p50)?;
         output!("input to {:4} nodes      {:8.2}", c.tip_nodes, c.tip_us_p50)?;
+        output!("state, one position     {:8.2}   (with derivatives)", c.position_us_p50)?;
         output!("state only              {:8.2}", c.state_only_us_p50)?;
         self.print_end_to_end()
     }
