@@ -85,6 +85,7 @@ struct Options {
 }
 
 fn main() -> ExitCode {
+    service::keep_memory_small();
     let options = Options::parse(); // clap itself leaves with 2 on wrong usage
     service::start_logging("warn,runtime=info,softtwin_gateway=info");
     match run(&options) {

@@ -36,6 +36,7 @@ pub fn command() -> clap::Command {
 
 /// The program: reads the command line, logs, runs; returns the exit code.
 pub fn main() -> ExitCode {
+    service::keep_memory_small();
     let options = options::Options::parse(); // clap itself leaves with 2 on wrong usage
     service::start_logging("info");
     let ended = match options.command {

@@ -95,6 +95,7 @@ impl Args {
     /// # Errors
     /// Wrong key expressions or options, an existing file, a disk that refuses.
     pub fn run(self) -> Result<()> {
+        service::keep_memory_small();
         let options = self.options()?;
         let stop = service::stop_flag()?;
         let new_file = service::reload_flag()?;
