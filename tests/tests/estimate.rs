@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use tests::process::binary;
 use tests::wait::{states, wait_for, wait_state};
 use tests::{Program, Stage};
-use wire::layout::{estimate_alarm, estimate_status};
+use wire::layout::{estimate_alarm, estimate_status, input_source};
 use wire::{EstimateReader, Topic};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
@@ -254,6 +254,8 @@ fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate
     let state =
         wait_state(&published, "a state of a later reading", |state| state.sensor_seq > last.sensor_seq);
     assert!((state.gap_mm - 46.0).abs() < 0.5, "{state:?}");
+    let sources: Vec<u8> = state.inputs().map(|input| input.source).collect();
+    assert_eq!(sources, [input_source::ESTIMATED, input_source::ESTIMATED, input_source::NOMINAL]);
     assert!(f64::from(state.force_halfwidth_n) > 1.6 * last.force_sigma_n * 0.5, "{state:?}");
     // The commands that watch show it.
     let (status, table) = Program::tool(&stage, &["top", "--once"]).end();

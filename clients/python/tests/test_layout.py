@@ -35,6 +35,20 @@ def test_settings_are_those_of_the_page():
     assert all(f"| {bit} | {name} |" in PAGE for bit, name in layout.FLAGS.items())
 
 
+@pytest.mark.parametrize("payload", [layout.State, layout.FieldHeader])
+def test_inputs_have_names_values_and_sources(payload):
+    sample = payload()
+    sample.input_count = 2
+    for at, (name, value, source) in enumerate([("pressure_mpa", 0.05, 1), ("elastomer.law.mu_mpa", 0.72, 2)]):
+        sample.input_names[32 * at : 32 * at + 32] = layout.pack(name)
+        sample.inputs[at], sample.input_sources[at] = value, source
+    expected = {"pressure_mpa": (0.05, "measured"), "elastomer.law.mu_mpa": (0.72, "given")}
+    assert sample.input_values == expected
+    sample.input_sources[1] = 99
+    assert sample.input_values["elastomer.law.mu_mpa"] == (0.72, "unknown")
+    assert layout.Answer().input_values == {} and layout.Health().input_values == {}
+
+
 def test_names_are_packed_and_read_back():
     assert layout.text(layout.pack("finger")) == "finger"
     with pytest.raises(ValueError, match="at most 31"):

@@ -58,6 +58,7 @@ def test_states_and_health_are_read(live):
     state = seen[-1]
     assert state.regime_name in ("free", "contact") and state.contact_force_n >= 0
     assert state.to_dict()["actuator"] == "finger"
+    assert state.input_values["pressure_mpa"] == (state.pressure_mpa, "measured")
     health = softtwin.newest("softtwin/finger/health", WAIT_S, bus=live.bus)
     assert health.received == sum(health.outcomes)
 
@@ -96,6 +97,7 @@ def test_questions_are_answered(live):
     assert field.x.shape == (25022,) and not field.x.flags.writeable
     assert field.header.contact_force_n == there.contact_force_n
     assert there.text_list("input_names") == ["pressure_mpa", "gap_mm"] and list(there.inputs[:2]) == [0.06, 30.0]
+    assert there.input_values["gap_mm"] == (30.0, "unknown")
     assert there.force_by_input[0] == there.force_by_pressure_n_per_mpa
     with pytest.raises(softtwin.Refused, match="no input of this model, which has pressure_mpa, gap_mm"):
         twin.whatif(0.06, 30.0, inputs={"elastomer.law.mu_mpa": 0.7})

@@ -45,6 +45,11 @@
 #define SOFTTWIN_FIELD_DISPLACEMENT 4u /* Magnitude of the displacement, mm. */
 #define SOFTTWIN_FIELD_VON_MISES 5u /* Von Mises stress, MPa. */
 #define SOFTTWIN_FIELD_OTHER 128u /* From here on: 128 + position in the model, for fields without a number of their own. */
+#define SOFTTWIN_INPUT_UNKNOWN 0u /* Not said: no such input, or a recording of an earlier version. */
+#define SOFTTWIN_INPUT_MEASURED 1u /* A sensor says it, with every reading. */
+#define SOFTTWIN_INPUT_GIVEN 2u /* The scene says it. */
+#define SOFTTWIN_INPUT_NOMINAL 3u /* Nobody says it: the model's nominal value. */
+#define SOFTTWIN_INPUT_ESTIMATED 4u /* The twin estimates it, or a measured value less a bias that it estimates; before the first reading its prior. */
 #define SOFTTWIN_REGIME_UNKNOWN 0u /* No reading yet. */
 #define SOFTTWIN_REGIME_FREE 1u /* The actuator does not touch the plate: the model's input is the pressure. */
 #define SOFTTWIN_REGIME_CONTACT 2u /* The actuator touches the plate: the model's inputs are pressure and gap. */
@@ -155,6 +160,11 @@ typedef struct {
   uint32_t field_count; /**< Fields in this sample. */
   uint8_t field_ids[16]; /**< Which field is where; unused slots are 0. */
   uint8_t node_set[32]; /**< Name of the node set, zero-padded. */
+  uint32_t input_count; /**< Inputs of the model. */
+  uint32_t reserved; /**< Zero. */
+  double inputs[8]; /**< The model's inputs that the field was made for, in its order and units. */
+  uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
+  uint8_t input_sources[8]; /**< Where the value of each input comes from. */
 } softtwin_field_header;
 
 /** Force, gradients, coefficients and domain status of one evaluation. */
@@ -189,9 +199,10 @@ typedef struct {
   uint8_t actuator[32]; /**< Name of the actuator, zero-padded. */
   uint32_t input_count; /**< Inputs of the model. */
   uint32_t reserved; /**< Zero. */
-  double inputs[8]; /**< The model's inputs that the values stand for, in its order and units: measured, given, estimated or nominal. */
+  double inputs[8]; /**< The model's inputs that the values stand for, in its order and units. */
   double force_by_input[8]; /**< Gradient of the force by each input, N per unit of the input; NaN when not configured. */
   uint8_t input_names[256]; /**< Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left. */
+  uint8_t input_sources[8]; /**< Where the value of each input comes from. */
 } softtwin_state;
 
 /** Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes. */
@@ -408,7 +419,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved) == 268);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, ages_ns) == 272);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, stale_total) == 360);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved_more) == 368);
-SOFTTWIN_CHECK(sizeof(softtwin_field_header) == 168);
+SOFTTWIN_CHECK(sizeof(softtwin_field_header) == 504);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, model_hash) == 8);
@@ -428,7 +439,12 @@ SOFTTWIN_CHECK(offsetof(softtwin_field_header, node_count) == 112);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, field_count) == 116);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, field_ids) == 120);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, node_set) == 136);
-SOFTTWIN_CHECK(sizeof(softtwin_state) == 1112);
+SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_count) == 168);
+SOFTTWIN_CHECK(offsetof(softtwin_field_header, reserved) == 172);
+SOFTTWIN_CHECK(offsetof(softtwin_field_header, inputs) == 176);
+SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_names) == 240);
+SOFTTWIN_CHECK(offsetof(softtwin_field_header, input_sources) == 496);
+SOFTTWIN_CHECK(sizeof(softtwin_state) == 1120);
 SOFTTWIN_CHECK(offsetof(softtwin_state, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_state, flags) == 4);
 SOFTTWIN_CHECK(offsetof(softtwin_state, model_hash) == 8);
@@ -462,6 +478,7 @@ SOFTTWIN_CHECK(offsetof(softtwin_state, reserved) == 724);
 SOFTTWIN_CHECK(offsetof(softtwin_state, inputs) == 728);
 SOFTTWIN_CHECK(offsetof(softtwin_state, force_by_input) == 792);
 SOFTTWIN_CHECK(offsetof(softtwin_state, input_names) == 856);
+SOFTTWIN_CHECK(offsetof(softtwin_state, input_sources) == 1112);
 SOFTTWIN_CHECK(sizeof(softtwin_health) == 416);
 SOFTTWIN_CHECK(offsetof(softtwin_health, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_health, flags) == 4);

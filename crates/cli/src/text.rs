@@ -1,8 +1,8 @@
 //! Samples and answers as one line for people. Every command and the page use these texts.
 
 use wire::layout::{
-    estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind, regime, unpack_name,
-    value_bits, valve_interlock, valve_limit, valve_reason,
+    InputValue, estimate_alarm, estimate_status, field_id, flags, grasp_status, input_source, query_kind,
+    regime, unpack_name, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{
     Answer, AnySample, Estimate, FieldHeader, FieldSample, Grasp, Health, Outcome, SensorSample, Setpoint,
@@ -73,9 +73,10 @@ fn sensor(sample: &SensorSample) -> String {
 fn state(state: &State) -> String {
     let outcome = Outcome::from_code(state.outcome).filter(|outcome| *outcome != Outcome::Published);
     format!(
-        "#{:<7} {}{}  {:7}  {}{}  age {}{}{}",
+        "#{:<7} {}{}{}  {:7}  {}{}  age {}{}{}",
         state.seq,
         inputs(state.pressure_mpa, state.gap_mm),
+        not_measured(state.inputs()),
         parameters(state.inputs()),
         regime::as_str(state.regime),
         force(
@@ -171,9 +172,10 @@ fn field(sample: &FieldSample) -> String {
 /// Number, inputs, regime and force of a field.
 pub fn field_header(header: &FieldHeader) -> String {
     format!(
-        "#{:<7} {}  {:7}  {}",
+        "#{:<7} {}{}  {:7}  {}",
         header.seq,
         inputs(header.pressure_mpa, header.gap_mm),
+        parameters(header.inputs()),
         regime::as_str(header.regime),
         force(header.contact_force_n, f32::NAN, [f64::NAN; 2]),
     )
@@ -248,10 +250,27 @@ fn inputs(pressure_mpa: f64, gap_mm: f64) -> String {
     format!("P {pressure_mpa:8.5} MPa  gap {gap}")
 }
 
-/// What a model takes beside pressure and gap, with the force's gradient by it: `  elastomer.law.mu_mpa 0.72 (dF 0.1234 N a unit)`.
-pub fn parameters(inputs: impl Iterator<Item = (String, f64, f64)>) -> String {
-    let by = |by: f64| if by.is_nan() { String::new() } else { format!(" (dF {by:.4} N a unit)") };
-    inputs.skip(2).map(|(name, value, gradient)| format!("  {name} {value:.5}{}", by(gradient))).collect()
+/// Which of pressure and gap is not as it was measured: ` (pressure_mpa estimated, gap_mm given)`.
+fn not_measured(inputs: impl Iterator<Item = InputValue>) -> String {
+    let other = |input: &InputValue| ![input_source::UNKNOWN, input_source::MEASURED].contains(&input.source);
+    let named = |input: InputValue| format!("{} {}", input.name, input_source::as_str(input.source));
+    in_brackets(inputs.take(2).filter(other).map(named).collect())
+}
+
+/// What a model takes beside pressure and gap, where its value comes from and the force's gradient by it:
+/// `  elastomer.law.mu_mpa 0.72 (given, dF 0.1234 N a unit)`.
+pub fn parameters(inputs: impl Iterator<Item = InputValue>) -> String {
+    let one = |InputValue { name, value, force_by, source }: InputValue| {
+        let source = Some(source).filter(|source| *source != input_source::UNKNOWN);
+        let gradient = Some(force_by).filter(|by| !by.is_nan()).map(|by| format!("dF {by:.4} N a unit"));
+        let more = source.map(|source| input_source::as_str(source).to_owned()).into_iter().chain(gradient);
+        format!("  {name} {value:.5}{}", in_brackets(more.collect()))
+    };
+    inputs.skip(2).map(one).collect()
+}
+
+fn in_brackets(notes: Vec<String>) -> String {
+    if notes.is_empty() { String::new() } else { format!(" ({})", notes.join(", ")) }
 }
 
 /// Contact force (N) with its half-width and its gradients by pressure and gap, those that are known.
@@ -291,6 +310,22 @@ mod tests {
     #[test]
     fn the_range_leaves_nan_out() {
         assert_eq!(range(&[2.0, f32::NAN, -1.0]), (-1.0, 2.0));
+    }
+
+    #[test]
+    fn inputs_show_where_they_come_from() {
+        let input =
+            |name: &str, source| InputValue { name: name.into(), value: 0.72, force_by: f64::NAN, source };
+        let [measured, given] = [input_source::MEASURED, input_source::GIVEN];
+        let all = |sources: [u8; 3]| {
+            let [pressure, gap, mu] = sources;
+            [input("pressure_mpa", pressure), input("gap_mm", gap), input("mu_mpa", mu)].into_iter()
+        };
+        assert_eq!(parameters(all([measured, measured, given])), "  mu_mpa 0.72000 (given)");
+        assert_eq!(not_measured(all([measured, given, given])), " (gap_mm given)");
+        assert_eq!(not_measured(all([measured, measured, given])), "");
+        let unknown = all([input_source::UNKNOWN; 3]).map(|input| InputValue { force_by: 1.5, ..input });
+        assert_eq!(parameters(unknown), "  mu_mpa 0.72000 (dF 1.5000 N a unit)");
     }
 
     #[test]

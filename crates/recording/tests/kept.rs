@@ -5,10 +5,10 @@
 
 use std::path::{Path, PathBuf};
 
-use recording::message::{Recorded, channel, decode, decode_reading};
-use recording::{Ending, Item, ReadItems, Series, Writer};
+use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, decode_reading};
+use recording::{ChannelId, Ending, Item, ReadItems, Series, Writer};
 use wire::layout::{Layout, VERSION};
-use wire::{Command, Estimate, Grasp, Health, Payload, SensorSample, Setpoint, State, Valve};
+use wire::{Command, Estimate, FieldHeader, Grasp, Health, Payload, SensorSample, Setpoint, State, Valve};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data")
@@ -29,11 +29,23 @@ fn filled<P: Payload>() -> P {
 fn add<P: Payload>(writer: &mut Writer<Vec<u8>>, topic: &str, messages: &mut u64) {
     let id = writer.channel(&channel(P::LAYOUT, topic)).expect("a channel");
     for payload in [P::default(), filled::<P>()] {
-        let mut bytes = Vec::new();
-        payload.view().encode(&mut bytes);
-        *messages += 1;
-        writer.message(id, *messages as u32, *messages, *messages, &bytes).expect("memory");
+        write(writer, id, &payload.view(), messages);
     }
+}
+
+/// Fields have values behind their header; these have none.
+fn add_fields(writer: &mut Writer<Vec<u8>>, topic: &str, messages: &mut u64) {
+    let id = writer.channel(&channel(FieldHeader::LAYOUT, topic)).expect("a channel");
+    for header in [FieldHeader::default(), filled()] {
+        write(writer, id, &FieldMessage::new(&header, &[]), messages);
+    }
+}
+
+fn write(writer: &mut Writer<Vec<u8>>, id: ChannelId, message: &impl Recorded, messages: &mut u64) {
+    let mut bytes = Vec::new();
+    message.encode(&mut bytes);
+    *messages += 1;
+    writer.message(id, *messages as u32, *messages, *messages, &bytes).expect("memory");
 }
 
 /// One message of every payload at its default, one with numbers.
@@ -42,6 +54,7 @@ fn recording() -> Vec<u8> {
     let mut count = 0;
     add::<SensorSample>(&mut writer, "softtwin/finger/sensor", &mut count);
     add::<State>(&mut writer, "softtwin/finger/state", &mut count);
+    add_fields(&mut writer, "softtwin/finger/field", &mut count);
     add::<Health>(&mut writer, "softtwin/finger/health", &mut count);
     add::<Estimate>(&mut writer, "softtwin/finger/estimate", &mut count);
     add::<Command>(&mut writer, "softtwin/finger/command", &mut count);
@@ -57,6 +70,7 @@ fn read(schema: &str, data: &[u8]) -> Result<(), String> {
     let text = |error: serde_json::Error| error.to_string();
     match () {
         () if is(SensorSample::LAYOUT) => decode_reading(data).map(drop).map_err(text),
+        () if is(FieldHeader::LAYOUT) => decode_field(data).map(drop).map_err(text),
         () if is(State::LAYOUT) => decode::<State>(data).map(drop).map_err(text),
         () if is(Health::LAYOUT) => decode::<Health>(data).map(drop).map_err(text),
         () if is(Estimate::LAYOUT) => decode::<Estimate>(data).map(drop).map_err(text),

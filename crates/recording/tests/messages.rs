@@ -5,7 +5,8 @@ use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, 
 use recording::{Channel, Schema};
 use serde_json::Value;
 use wire::layout::{
-    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PAYLOADS, Payload, VERSION, pack_name, set_slot,
+    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PAYLOADS, Payload, VERSION, input_source, pack_name,
+    set_slot,
 };
 use wire::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve,
@@ -146,7 +147,7 @@ fn the_json_form_stays_as_it_was() {
         ..State::default()
     };
     (state.coefficients[0], state.coefficients[1], state.group_sizes[0]) = (0.5, -1.5, 2);
-    (state.input_count, state.inputs[0]) = (1, 2.5);
+    (state.input_count, state.inputs[0], state.input_sources[0]) = (1, 2.5, input_source::GIVEN);
     set_slot(&mut state.input_names, 0, "gap_mm");
     let mut bytes = Vec::new();
     state.view().encode(&mut bytes);
@@ -158,7 +159,7 @@ fn the_json_form_stays_as_it_was() {
          \"onset_pressure_mpa\":\"Infinity\",\"measured_force_n\":\"NaN\",\"displacement_halfwidth_mm\":\"NaN\",\
          \"von_mises_halfwidth_mpa\":\"NaN\",\"domain_distance\":\"NaN\",\"domain_status\":1,\"outcome\":\"held: stale\",\
          \"flags\":[\"stale\",\"held\",\"no-data\"],\"flag_bits\":131,\"input_names\":[\"gap_mm\"],\
-         \"inputs\":[2.5],\"force_by_input\":[\"NaN\"],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\
+         \"inputs\":[2.5],\"input_sources\":[\"given\"],\"force_by_input\":[\"NaN\"],\"group_sizes\":[2],\"coefficients\":[0.5,-1.5],\
          \"actuator\":\"finger\",\"model_hash\":\"00000000000000000000000000000000\",\
          \"boot_id\":\"0000000000000012\",\"sensor_boot_id\":\"0000000000000000\"}"
     );

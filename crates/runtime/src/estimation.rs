@@ -1,6 +1,6 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure.
 
-use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap};
+use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS};
 use crate::source::{FORCE, Reading};
 use estimate::{
     Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
@@ -55,7 +55,7 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
         })
     });
     let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
-        (PRESSURE, ..) => InputRole::Measured { sigma: pressure_sigma, bias: position("pressure_bias_mpa") },
+        (PRESSURE, ..) => InputRole::Measured { sigma: pressure_sigma, bias: position(PRESSURE_BIAS) },
         (_, Some(unknown), _) => InputRole::Estimated(unknown),
         (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
         (GAP, None, _) => InputRole::Measured { sigma: gap_sigma, bias: None },

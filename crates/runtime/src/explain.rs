@@ -2,10 +2,12 @@
 
 use crate::latency;
 use crate::load::Loaded;
+use crate::payload;
 use rom::inputs::{InputSpec, Inputs};
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
 use std::time::Instant;
+use wire::layout::input_source;
 use wire::{Topic, TopicKind, qos};
 
 /// One actuator of a scene, explained.
@@ -115,18 +117,15 @@ pub fn explain(loaded: &Loaded) -> Explained {
 
 /// The parameters with their values, in the model's order.
 pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
-    let parameters = loaded.evaluator.inputs().iter().filter(|spec| spec.value.is_some());
-    let one = |spec: &InputSpec| {
+    let inputs = loaded.evaluator.inputs();
+    let sources = payload::input_sources(&loaded.spec, inputs);
+    let one = |(spec, source): (&InputSpec, u8)| {
+        let value = spec.value?;
         let prior = loaded.spec.estimate.get(&spec.name).map(|unknown| unknown.prior);
-        let from = match (prior, loaded.spec.inputs.contains_key(&spec.name)) {
-            (Some(_), _) => "estimated",
-            (None, true) => "given",
-            (None, false) => "nominal",
-        };
-        let (name, unit) = (spec.name.clone(), spec.unit.clone());
-        Some(ExplainedInput { name, unit, value: prior.or(spec.value)?, from })
+        let (name, unit, from) = (spec.name.clone(), spec.unit.clone(), input_source::as_str(source));
+        Some(ExplainedInput { name, unit, value: prior.unwrap_or(value), from })
     };
-    parameters.filter_map(one).collect()
+    inputs.iter().zip(sources).filter_map(one).collect()
 }
 
 /// A gap at which the costliest regime of the scene is evaluated: contact where it can occur.

@@ -1,15 +1,15 @@
 //! The one mapping from an evaluation to payloads of the wire: the twin's state, the answer to a question, the description
 //! of a field.
 
-use crate::config::StateSpec;
+use crate::config::{ActuatorSpec, Gap, PRESSURE_BIAS, StateSpec};
 use crate::load::{GroupSizes, LoadedOutput};
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::hysteresis::RegimeLabel;
-use rom::inputs::InputSpec;
+use rom::inputs::{GAP, InputSpec, PARAMETERS, PRESSURE};
 use rom::kernel::Peaks;
 use rom::snapshots::RegimeKind;
-use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, pack_name, regime, set_slot};
+use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, input_source, pack_name, regime, set_slot};
 use wire::{Answer, FieldHeader, State};
 
 /// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
@@ -61,7 +61,7 @@ macro_rules! write_peaks {
     }};
 }
 
-/// Number and names of a model's inputs, as states and answers carry them.
+/// Number and names of a model's inputs, as states, fields and answers carry them.
 pub(crate) type InputNames = (u32, [u8; 32 * INPUTS_MAX]);
 
 /// Number and names of a model's inputs, packed.
@@ -69,6 +69,24 @@ pub(crate) fn input_names(inputs: &[InputSpec]) -> InputNames {
     let mut names = [0; 32 * INPUTS_MAX];
     inputs.iter().enumerate().for_each(|(at, input)| set_slot(&mut names, at, &input.key()));
     (inputs.len().min(INPUTS_MAX) as u32, names)
+}
+
+/// Where the value of each input comes from in this scene: numbers of [`input_source`].
+pub(crate) fn input_sources(spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; INPUTS_MAX] {
+    let mut sources = [input_source::UNKNOWN; INPUTS_MAX];
+    for ((at, input), source) in inputs.iter().enumerate().zip(&mut sources) {
+        let key = input.key();
+        let is_estimated =
+            spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
+        let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_))) || spec.inputs.contains_key(&key);
+        *source = match (is_estimated, is_given) {
+            (true, _) => input_source::ESTIMATED,
+            (false, true) => input_source::GIVEN,
+            (false, false) if at < PARAMETERS => input_source::MEASURED,
+            (false, false) => input_source::NOMINAL,
+        };
+    }
+    sources
 }
 
 /// Fills a state from an evaluation; without the extras that are not wanted.
@@ -133,6 +151,9 @@ pub(crate) fn fill_field_header(header: &mut FieldHeader, state: &State, peaks: 
     header.gap_mm = state.gap_mm;
     header.contact_force_n = state.contact_force_n;
     header.regime = state.regime;
+    header.inputs = state.inputs;
+    header.input_names = state.input_names;
+    (header.input_count, header.input_sources) = (state.input_count, state.input_sources);
     write_peaks!(header, peaks);
 }
 

@@ -147,6 +147,15 @@ VALVE_LIMITS: Dict[int, str] = {
 }
 """What limits the value of a valve, by bit."""
 
+INPUT_SOURCES: Dict[int, str] = {
+    0: "unknown",
+    1: "measured",
+    2: "given",
+    3: "nominal",
+    4: "estimated",
+}
+"""Where an input's value comes from, by number."""
+
 VALUES: Dict[int, str] = {
     1: "pressure",
     2: "gap",
@@ -216,10 +225,16 @@ class FieldHeader(Payload):
         ("field_count", u32),  # Fields in this sample.
         ("field_ids", u8 * 16),  # Which field is where; unused slots are 0.
         ("node_set", u8 * 32),  # Name of the node set, zero-padded.
+        ("input_count", u32),  # Inputs of the model.
+        ("reserved", u32),  # Zero.
+        ("inputs", f64 * 8),  # The model's inputs that the field was made for, in its order and units.
+        ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
+        ("input_sources", u8 * 8),  # Where the value of each input comes from.
     ]
     _texts = {"node_set"}
+    _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
-    _names = {"flags": FLAGS, "regime": REGIMES}
+    _names = {"flags": FLAGS, "regime": REGIMES, "input_sources": INPUT_SOURCES}
 
 
 class State(Payload):
@@ -257,14 +272,15 @@ class State(Payload):
         ("actuator", u8 * 32),  # Name of the actuator, zero-padded.
         ("input_count", u32),  # Inputs of the model.
         ("reserved", u32),  # Zero.
-        ("inputs", f64 * 8),  # The model's inputs that the values stand for, in its order and units: measured, given, estimated or nominal.
+        ("inputs", f64 * 8),  # The model's inputs that the values stand for, in its order and units.
         ("force_by_input", f64 * 8),  # Gradient of the force by each input, N per unit of the input; NaN when not configured.
         ("input_names", u8 * 256),  # Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
+        ("input_sources", u8 * 8),  # Where the value of each input comes from.
     ]
     _texts = {"actuator"}
     _text_lists = {"input_names": "input_count"}
     _hashes = {"model_hash"}
-    _names = {"flags": FLAGS, "regime": REGIMES, "outcome": OUTCOMES}
+    _names = {"flags": FLAGS, "regime": REGIMES, "outcome": OUTCOMES, "input_sources": INPUT_SOURCES}
 
 
 class Health(Payload):

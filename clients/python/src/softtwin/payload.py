@@ -1,7 +1,7 @@
 """What all payloads share; the payloads themselves are in `layout`, which is generated."""
 
 import ctypes
-from typing import Dict, List, Set
+from typing import Dict, List, Set, Tuple
 
 from ctypes import c_uint8 as u8
 
@@ -49,6 +49,21 @@ class Payload(ctypes.Structure):
         count = int(getattr(self, self._text_lists[field]))
         pieces = (packed[32 * at : 32 * at + 32] for at in range(count))
         return [piece.split(b"\0", 1)[0].decode("utf-8", "replace") for piece in pieces]
+
+    def names_of(self, field: str) -> List[str]:
+        """The names of the numbers in a list, such as `measured` and `given` in `input_sources` of a state."""
+        names = self._names.get(field, {})
+        return [names.get(number, "unknown") for number in getattr(self, field)]
+
+    @property
+    def input_values(self) -> Dict[str, Tuple[float, str]]:
+        """Of each model input the value that a state, field or answer stands for, and where it comes from: `measured`, `given`,
+        `nominal`, `estimated`; `unknown` in an answer. Empty for other payloads."""
+        if "input_names" not in self._text_lists:
+            return {}
+        names = self.text_list("input_names")
+        sources = self.names_of("input_sources") if hasattr(self, "input_sources") else ["unknown"] * len(names)
+        return {name: (value, source) for name, value, source in zip(names, getattr(self, "inputs"), sources)}
 
     @property
     def regime_name(self) -> str:

@@ -110,6 +110,10 @@ fn set<P: Payload>(payload: &mut P, field: &Field, value: &Value) -> Option<()> 
                 put(payload, field, 0, &number.into())?;
             }
         }
+        Show::Codes(codes, _) => {
+            let numbers = texts()?.into_iter().map(|name| number(codes, name).unwrap_or(0).into());
+            list(payload, field, &numbers.collect::<Vec<Value>>())?;
+        }
         Show::FieldNames => {
             let names = texts()?;
             let ids = names.iter().map(|name| field_id::from_name(name).unwrap_or(field_id::OTHER).into());

@@ -62,6 +62,9 @@ impl Serialize for Property<'_> {
                 to.collect_seq(codes.iter().filter(|code| bits & code.number != 0).map(|code| code.name))
             }
             Show::Code(codes) => to.serialize_str(name(codes, whole())),
+            Show::Codes(codes, count) => {
+                to.collect_seq(view.wholes(field).take(used(count)).map(|number| name(codes, number as u32)))
+            }
             Show::FieldNames => {
                 let names = view.bytes(field).iter().map(|id| field_id::as_str(*id));
                 to.collect_seq(names.take(used("field_count")))

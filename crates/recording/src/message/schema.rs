@@ -48,7 +48,7 @@ fn property(field: &Field) -> Value {
         Show::Number if field.count == 1 => number(field.scalar),
         Show::Number | Show::Counted(_) | Show::UntilZero => numbers,
         Show::Hex | Show::Name | Show::Code(_) => json!({"type": "string"}),
-        Show::Flags(_) | Show::FieldNames | Show::Names(_) => texts,
+        Show::Flags(_) | Show::Codes(..) | Show::FieldNames | Show::Names(_) => texts,
         Show::PerCode(codes) => {
             let counts: Map<String, Value> =
                 codes.iter().map(|code| (code.name.to_owned(), number(field.scalar))).collect();

@@ -90,7 +90,9 @@ impl CameraSpec {
 }
 
 /// Names of estimated quantities that are no model input.
-pub const BIASES: [&str; 2] = ["pressure_bias_mpa", "force_bias_n"];
+pub const BIASES: [&str; 2] = [PRESSURE_BIAS, "force_bias_n"];
+/// The pressure gauge's bias: where it is estimated, so is the pressure.
+pub(crate) const PRESSURE_BIAS: &str = "pressure_bias_mpa";
 
 /// What is wrong with the estimation of an actuator, as far as the scene alone can tell.
 pub(super) fn problems(

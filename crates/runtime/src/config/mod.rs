@@ -8,6 +8,7 @@ mod scene;
 mod settings;
 
 pub use error::{ConfigError, collect, read};
+pub(crate) use estimate::PRESSURE_BIAS;
 pub use estimate::{BIASES, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, UnknownSpec};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
 pub use scene::{

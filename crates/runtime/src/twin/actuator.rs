@@ -110,7 +110,9 @@ impl ActuatorTwin {
             .transpose()?;
         let reader = SensorReader::attach(bus, &Topic::sensor(loaded.spec.sensor())?)?;
         let (model_hash, actuator) = (loaded.model_hash, pack_name(&name));
-        let (input_count, input_names) = payload::input_names(loaded.evaluator.inputs());
+        let inputs = loaded.evaluator.inputs();
+        let (input_count, input_names) = payload::input_names(inputs);
+        let input_sources = payload::input_sources(&loaded.spec, inputs);
         let health = Health { model_hash, boot_id, actuator, ..Health::default() };
         let record = Record::new(number, health_writer, health, events);
         let last_good_ns = record.start_ns();
@@ -130,7 +132,15 @@ impl ActuatorTwin {
             group_sizes: loaded.group_sizes,
             wanted: loaded.spec.state,
             limits,
-            state: State { model_hash, boot_id, actuator, input_count, input_names, ..State::default() },
+            state: State {
+                model_hash,
+                boot_id,
+                actuator,
+                input_count,
+                input_names,
+                input_sources,
+                ..State::default()
+            },
             record,
             last_good_ns,
             next_deadline_ns: last_good_ns + ms_to_ns(limits.deadline_ms),
@@ -181,7 +191,9 @@ impl ActuatorTwin {
     /// Continues with another model; the caller has checked that names and shapes are the same.
     pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Retired) {
         self.evaluation = loaded.evaluator.evaluation();
-        (self.state.input_count, self.state.input_names) = payload::input_names(loaded.evaluator.inputs());
+        let inputs = loaded.evaluator.inputs();
+        (self.state.input_count, self.state.input_names) = payload::input_names(inputs);
+        self.state.input_sources = payload::input_sources(&loaded.spec, inputs);
         let new = evaluator_of(loaded.evaluator, loaded.spec.state, &loaded.read);
         retired.evaluators.push(std::mem::replace(&mut self.evaluator, new));
         for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {

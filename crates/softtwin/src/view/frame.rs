@@ -72,6 +72,10 @@ impl FrameHead {
             contact_force_n: header.contact_force_n,
             regime: header.regime,
             flags: header.flags,
+            inputs: header.inputs,
+            input_count: header.input_count,
+            input_names: header.input_names,
+            input_sources: header.input_sources,
             ..self.state
         });
     }

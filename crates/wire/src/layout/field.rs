@@ -1,7 +1,8 @@
 //! The header of a field sample.
 
+use super::input::inputs_of;
 use super::payload::payload;
-use super::{VERSION, field_id, flags, regime};
+use super::{INPUTS_MAX, InputValue, VERSION, field_id, flags, input_source, regime};
 
 /// Most fields in one sample.
 pub const FIELD_SLOTS: usize = 16;
@@ -9,7 +10,7 @@ pub const FIELD_SLOTS: usize = 16;
 payload! {
     /// Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the
     /// first field in `field_ids`, then all of the second, and so on.
-    FieldHeader "softtwin.Field" 168 {
+    FieldHeader "softtwin.Field" 504 {
         /// Layout version.
         0 layout_version: u32 = VERSION, "";
         /// Set flags.
@@ -48,10 +49,21 @@ payload! {
         120 field_ids: [u8; FIELD_SLOTS] = [field_id::NONE; FIELD_SLOTS], "", Show::FieldNames;
         /// Name of the node set, zero-padded.
         136 node_set: [u8; 32] = [0; 32], "", Show::Name;
+        /// Inputs of the model.
+        168 input_count: u32 = 0, "";
+        /// Zero.
+        172 reserved: u32 = 0, "";
+        /// The model's inputs that the field was made for, in its order and units.
+        176 inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
+        /// Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
+        240 input_names: [u8; 32 * INPUTS_MAX] = [0; 32 * INPUTS_MAX], "", Show::Names("input_count");
+        /// Where the value of each input comes from.
+        496 input_sources: [u8; INPUTS_MAX] = [input_source::UNKNOWN; INPUTS_MAX], "", Show::Codes(input_source::ALL, "input_count");
     }
     json [
         seq, sensor_seq, t_sensor_ns, t_publish_ns, pressure_mpa, gap_mm, regime, contact_force_n, max_von_mises_mpa,
-        max_von_mises_node, flags, node_set, node_count, fields: field_ids, model_hash, boot_id,
+        max_von_mises_node, flags, node_set, node_count, fields: field_ids, input_names, inputs, input_sources, model_hash,
+        boot_id,
     ]
 }
 
@@ -59,6 +71,12 @@ impl FieldHeader {
     /// Entries of the payload: nodes x fields.
     pub fn entries(&self) -> u64 {
         u64::from(self.node_count) * u64::from(self.field_count)
+    }
+
+    /// The model's inputs that the field was made for; a field has no gradients of the force.
+    pub fn inputs(&self) -> impl Iterator<Item = InputValue> {
+        let (count, unknown) = (self.input_count, &[f64::NAN; INPUTS_MAX]);
+        inputs_of(count, &self.input_names, &self.inputs, unknown, &self.input_sources)
     }
 
     /// The fields in their order, as numbers of [`super::field_id`].

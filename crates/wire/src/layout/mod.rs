@@ -19,6 +19,7 @@ mod estimate;
 mod field;
 mod grasp;
 mod health;
+mod input;
 mod numbers;
 mod outcome;
 mod payload;
@@ -35,9 +36,10 @@ pub use estimate::{Estimate, UNKNOWNS_MAX};
 pub use field::{FIELD_SLOTS, FieldHeader};
 pub use grasp::{FINGERS_MAX, Grasp};
 pub use health::{Health, OUTCOME_SLOTS};
+pub use input::InputValue;
 pub use numbers::{
-    domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, query_kind, regime,
-    value_bits, valve_interlock, valve_limit, valve_reason,
+    domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status, input_source, query_kind,
+    regime, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 pub use outcome::Outcome;
 pub use payload::{Field, Layout, Number, Payload, Scalar, Show, View};

@@ -91,6 +91,22 @@ codes! {
 }
 
 codes! {
+    /// Numbers of the entries of `input_sources`.
+    input_source: u8 {
+        /// Not said: no such input, or a recording of an earlier version.
+        UNKNOWN = 0, "unknown";
+        /// A sensor says it, with every reading.
+        MEASURED = 1, "measured";
+        /// The scene says it.
+        GIVEN = 2, "given";
+        /// Nobody says it: the model's nominal value.
+        NOMINAL = 3, "nominal";
+        /// The twin estimates it, or a measured value less a bias that it estimates; before the first reading its prior.
+        ESTIMATED = 4, "estimated";
+    }
+}
+
+codes! {
     /// Numbers of the entries of `field_ids`.
     field_id: u8 {
         /// No field in this slot.

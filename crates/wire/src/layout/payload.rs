@@ -99,6 +99,8 @@ pub enum Show {
     Code(Codes),
     /// As the names of the fields, as many as `field_count` says.
     FieldNames,
+    /// As a list of the names of as many numbers as the field of this name says.
+    Codes(Codes, &'static str),
     /// As texts: zero-padded names of 32 bytes, as many as the field of this name says.
     Names(&'static str),
     /// As one number for each name.

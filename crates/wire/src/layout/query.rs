@@ -1,9 +1,10 @@
 //! A question to a twin and its answer.
 
+use super::input::inputs_of;
 use super::payload::payload;
 use super::{
-    COEFFICIENTS_MAX, FIELD_SLOTS, GROUPS_MAX, INPUTS_MAX, PARAMETERS_MAX, QueryStatus, VERSION,
-    domain_status, field_id, flags, query_kind, regime, set_slot, slot,
+    COEFFICIENTS_MAX, FIELD_SLOTS, GROUPS_MAX, INPUTS_MAX, InputValue, PARAMETERS_MAX, QueryStatus, VERSION,
+    domain_status, field_id, flags, input_source, query_kind, regime, set_slot,
 };
 
 payload! {
@@ -153,15 +154,15 @@ impl Answer {
             (QueryStatus::OutsideDomain, _) => " mm",
             _ => "",
         };
-        let names: Vec<String> = self.inputs().map(|(name, ..)| name).collect();
+        let names: Vec<String> = self.inputs().map(|input| input.name).collect();
         let text = status.as_str().replace("{limit}", &format!("{:.6}{unit}", self.limit));
         Some(text.replace("{inputs}", &names.join(", ")))
     }
 
-    /// The model's inputs: name, value, gradient of the force by it.
-    pub fn inputs(&self) -> impl Iterator<Item = (String, f64, f64)> {
-        let values = self.inputs.iter().zip(&self.force_by_input).take(self.input_count as usize);
-        values.enumerate().map(|(at, (value, by))| (slot(&self.input_names, at), *value, *by))
+    /// The model's inputs.
+    pub fn inputs(&self) -> impl Iterator<Item = InputValue> {
+        let (count, sources) = (self.input_count, &[input_source::UNKNOWN; INPUTS_MAX]);
+        inputs_of(count, &self.input_names, &self.inputs, &self.force_by_input, sources)
     }
 
     /// Entries of the field: nodes x fields.

@@ -1,7 +1,8 @@
 //! The small state a controller needs.
 
+use super::input::inputs_of;
 use super::payload::payload;
-use super::{INPUTS_MAX, Outcome, VERSION, domain_status, flags, regime, slot};
+use super::{INPUTS_MAX, InputValue, Outcome, VERSION, domain_status, flags, input_source, regime};
 
 /// Most modal coefficients in one state.
 pub const COEFFICIENTS_MAX: usize = 128;
@@ -10,7 +11,7 @@ pub const GROUPS_MAX: usize = 8;
 
 payload! {
     /// Force, gradients, coefficients and domain status of one evaluation.
-    State "softtwin.State" 1112 {
+    State "softtwin.State" 1120 {
         /// Layout version.
         0 layout_version: u32 = VERSION, "";
         /// Set flags.
@@ -71,27 +72,34 @@ payload! {
         720 input_count: u32 = 0, "";
         /// Zero.
         724 reserved: u32 = 0, "";
-        /// The model's inputs that the values stand for, in its order and units: measured, given, estimated or nominal.
+        /// The model's inputs that the values stand for, in its order and units.
         728 inputs: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
         /// Gradient of the force by each input, N per unit of the input; NaN when not configured.
         792 force_by_input: [f64; INPUTS_MAX] = [f64::NAN; INPUTS_MAX], "", Show::Counted("input_count");
         /// Names of the inputs, 32 bytes each, zero-padded; a longer name is cut from the left.
         856 input_names: [u8; 32 * INPUTS_MAX] = [0; 32 * INPUTS_MAX], "", Show::Names("input_count");
+        /// Where the value of each input comes from.
+        1112 input_sources: [u8; INPUTS_MAX] = [input_source::UNKNOWN; INPUTS_MAX], "", Show::Codes(input_source::ALL, "input_count");
     }
     json [
         seq, sensor_seq, t_sensor_ns, t_publish_ns, age_ns, pressure_mpa, gap_mm, regime, contact_force_n,
         force_halfwidth_n, force_by_pressure_n_per_mpa, force_by_gap_n_per_mm, onset_pressure_mpa, measured_force_n,
         displacement_halfwidth_mm, von_mises_halfwidth_mpa, domain_distance, domain_status, outcome, flags,
-        flag_bits: flags as Show::Number, input_names, inputs, force_by_input, group_sizes, coefficients, actuator, model_hash,
-        boot_id, sensor_boot_id,
+        flag_bits: flags as Show::Number, input_names, inputs, input_sources, force_by_input, group_sizes, coefficients, actuator,
+        model_hash, boot_id, sensor_boot_id,
     ]
 }
 
 impl State {
-    /// The model's inputs: name, value, gradient of the force by it.
-    pub fn inputs(&self) -> impl Iterator<Item = (String, f64, f64)> {
-        let values = self.inputs.iter().zip(&self.force_by_input).take(self.input_count as usize);
-        values.enumerate().map(|(at, (value, by))| (slot(&self.input_names, at), *value, *by))
+    /// The model's inputs.
+    pub fn inputs(&self) -> impl Iterator<Item = InputValue> {
+        inputs_of(
+            self.input_count,
+            &self.input_names,
+            &self.inputs,
+            &self.force_by_input,
+            &self.input_sources,
+        )
     }
 
     /// The coefficients in use.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use wire::QueryStatus;
 use wire::layout::{
     self, Codes, Scalar, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
-    query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
+    input_source, query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 
 const HEAD: &str = "\
@@ -78,6 +78,7 @@ fn constants(out: &mut String) {
     codes("FLAG", flags::ALL);
     codes("VALUE", value_bits::ALL);
     codes("FIELD", field_id::ALL);
+    codes("INPUT", input_source::ALL);
     codes("REGIME", regime::ALL);
     codes("DOMAIN", domain_status::ALL);
     codes("OUTCOME", wire::Outcome::CODES);

@@ -4,7 +4,7 @@ use super::{Described, line};
 use std::fmt::Write;
 use wire::layout::{
     self, Scalar, Show, domain_status, estimate_alarm, estimate_status, field_id, flags, grasp_status,
-    query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
+    input_source, query_kind, regime, value_bits, valve_interlock, valve_limit, valve_reason,
 };
 use wire::{Outcome, QueryStatus, TopicKind, qos};
 
@@ -57,6 +57,7 @@ pub fn layout(payloads: &[Described]) -> String {
         "What holds a valve at its safe value, by bit.",
     );
     names(&mut out, "VALVE_LIMITS", valve_limit::ALL, "What limits the value of a valve, by bit.");
+    names(&mut out, "INPUT_SOURCES", input_source::ALL, "Where an input's value comes from, by number.");
     names(&mut out, "VALUES", value_bits::ALL, "Values of a reading by bit.");
     out.push_str("QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}\n\"\"\"Kinds of questions.\"\"\"\n\n");
     for described in payloads {
@@ -124,6 +125,8 @@ fn class(out: &mut String, described: &Described) {
             Show::Code(codes) if codes == query_kind::ALL => Some("KINDS".into()),
             Show::Code(codes) if codes == valve_reason::ALL => Some("VALVE_REASONS".into()),
             Show::Code(_) => panic!("{}: its names are not in the module", field.name),
+            Show::Codes(codes, _) if codes == input_source::ALL => Some("INPUT_SOURCES".into()),
+            Show::Codes(..) => panic!("{}: its names are not in the module", field.name),
             Show::Flags(codes) if codes == valve_interlock::ALL => Some("VALVE_INTERLOCKS".into()),
             Show::Flags(codes) if codes == valve_limit::ALL => Some("VALVE_LIMITS".into()),
             Show::Flags(codes) if codes == value_bits::ALL => Some("VALUES".into()),

@@ -3,7 +3,7 @@
 use crate::live;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use wire::layout::{flags, regime};
+use wire::layout::{flags, input_source, regime};
 use wire::{AnySample, Estimate, Grasp, Health, Outcome, State};
 
 /// Health comes once a second; after so long without, the twin is gone.
@@ -111,7 +111,11 @@ pub fn json(
         "pressure_mpa": state.map(|state| state.pressure_mpa),
         "gap_mm": state.map(|state| state.gap_mm),
         "contact_force_n": state.map(|state| state.contact_force_n),
-        "inputs": state.map(|state| state.inputs().map(|(name, value, _)| (name, value)).collect::<BTreeMap<_, _>>()),
+        "inputs": state.map(|state| state.inputs().map(|input| (input.name, input.value)).collect::<BTreeMap<_, _>>()),
+        "input_sources": state.map(|state| {
+            let named = state.inputs().map(|input| (input.name, input_source::as_str(input.source)));
+            named.collect::<BTreeMap<_, _>>()
+        }),
         "flags": flags::names(state.map_or(0, |state| state.flags)).collect::<Vec<_>>(),
         "received": health.map(|health| health.received),
         "missed": health.map(|health| health.missed),

@@ -4,8 +4,8 @@ const ROWS = [
   { name: "contact force", unit: "N", main: true, value: (f) => f.contact_force_n, digits: 3, more: (f) => [halfwidthText(f.force_halfwidth_n, 3, "N")] },
   { name: "measured force", unit: "N", main: true, value: (f) => f.measured_force_n, digits: 3, wanted: (f) => known(f.measured_force_n),
     more: (f) => [known(f.contact_force_n) ? `predicted ${signed(f.contact_force_n - f.measured_force_n, 3)} N` : ""] },
-  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, more: (f) => [onsetText(f.onset_pressure_mpa)] },
-  { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", more: () => [] },
+  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, more: (f) => [sourceText(f, 0), onsetText(f.onset_pressure_mpa)] },
+  { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", more: (f) => [sourceText(f, 1)] },
   { name: "largest stress", unit: "MPa", value: (f) => f.max_von_mises_mpa, digits: 3,
     more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), known(f.max_von_mises_node) ? `node ${f.max_von_mises_node}` : ""] },
   { name: "largest displacement", unit: "mm", value: (f) => f.max_displacement_mm, digits: 2, more: (f) => [halfwidthText(f.displacement_halfwidth_mm, 2, "mm")] },
@@ -15,6 +15,12 @@ const ROWS = [
 const known = (value) => Number.isFinite(value);
 const signed = (value, digits) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(digits)}`;
 const halfwidthText = (half, digits, unit) => (known(half) ? `± ${half.toFixed(digits + 1)} ${unit}`.trim() : "");
+
+// Where the value of an input comes from: measured, given, nominal, estimated; empty where nobody says.
+function sourceText({ input_sources = [] }, at) {
+  const source = input_sources[at] ?? "unknown";
+  return source === "unknown" ? "" : source;
+}
 
 function onsetText(onset_mpa) {
   if (onset_mpa === "Infinity") return "plate out of reach";
@@ -32,9 +38,10 @@ export function showNumbers(parent, frame, fps) {
     return cell(row, main, row.more(frame).filter(Boolean).join(" · "));
   });
   const { input_names = [], inputs = [], force_by_input = [] } = frame;
-  input_names.slice(2).forEach((name, k) => { // parameters: measured, given, estimated or nominal
+  input_names.slice(2).forEach((name, k) => { // the parameters
     const [value, by] = [inputs[k + 2], force_by_input[k + 2]];
-    if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""));
+    const more = [sourceText(frame, k + 2), known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""];
+    if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more.filter(Boolean).join(" · ")));
   });
   const drawn = fps > 0 ? `${fps.toFixed(0)} frames/s drawn` : "";
   cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
