@@ -3,9 +3,10 @@
 use formats::npy;
 use serde_json::Value;
 use std::path::Path;
-use tests::wait::{states, wait_state};
+use tests::wait::{states, wait_for, wait_state};
 use tests::{Program, Stage};
-use wire::{SensorSample, SensorWriter, Topic, now_ns};
+use wire::layout::input_source;
+use wire::{FieldReader, SensorSample, SensorWriter, Topic, now_ns};
 
 const MODEL: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/../models/pneunet-stiffness/pneunet-stiffness.twin");
@@ -58,6 +59,7 @@ fn a_given_parameter_is_used_and_shown_everywhere() {
     let scene = scene(&stage, &format!("\"{STIFFNESS}\" = 0.72"));
     let twin = Program::twin(&stage, &scene);
     let mut sensor = SensorWriter::create(&stage.bus(), &Topic::sensor("finger").unwrap()).unwrap();
+    let fields = FieldReader::attach(&stage.bus(), &Topic::field("finger", Some("bottom")).unwrap()).unwrap();
     let run_file = stage.path("run.mcap").display().to_string();
     let mut recorder = Program::tool(&stage, &["record", "--out", &run_file, "--seconds", "2", "--json"]);
     publish(&stage, &mut sensor, 1);
@@ -71,9 +73,17 @@ fn a_given_parameter_is_used_and_shown_everywhere() {
         let (found, exact) = (number(&state["force_by_input"][at]), number(&expected["dforce"][name]));
         assert!((found - exact).abs() <= 1e-12 * exact.abs() && exact != 0.0, "{name}: {found}, {exact}");
     }
+    assert_eq!(state["input_sources"], serde_json::json!(["measured", "measured", "given"]), "{state}");
+    // A field says by itself which inputs it was made for.
+    let field = wait_for(&fields, "the field of the reading", |reader| reader.newest().expect("readable"));
+    let of_field: Vec<_> = field.header().inputs().map(|i| (i.name, i.value, i.source)).collect();
+    let known = [("pressure_mpa", PRESSURE_MPA), ("gap_mm", GAP_MM), (STIFFNESS, 0.72)];
+    let sources = [input_source::MEASURED, input_source::MEASURED, input_source::GIVEN];
+    let known = known.iter().zip(sources).map(|((name, value), source)| ((*name).to_owned(), *value, source));
+    assert_eq!(of_field, known.collect::<Vec<_>>());
     for (arguments, text) in [
-        (&["echo", "softtwin/finger/state", "--once"][..], "elastomer.law.mu_mpa 0.72000 (dF "),
-        (&["top", "--once"], "elastomer.law.mu_mpa 0.72000 (dF "),
+        (&["echo", "softtwin/finger/state", "--once"][..], "elastomer.law.mu_mpa 0.72000 (given, dF "),
+        (&["top", "--once"], "elastomer.law.mu_mpa 0.72000 (given, dF "),
         (&["scene", "explain", "given.toml"], "elastomer.law.mu_mpa = 0.72 MPa (given)"),
         (&["inspect", MODEL], "elastomer.law.mu_mpa = 0.8 MPa nominal"),
     ] {
@@ -82,6 +92,7 @@ fn a_given_parameter_is_used_and_shown_everywhere() {
     }
     let top = json(&stage, &["top", "--once", "--json"]);
     assert_eq!(top[0]["inputs"][STIFFNESS], 0.72, "{top}");
+    assert_eq!(top[0]["input_sources"][STIFFNESS], "given", "{top}");
     publish(&stage, &mut sensor, 2);
     let (status, said) = recorder.end();
     assert!(status.success(), "{said:?}");
@@ -97,7 +108,7 @@ fn the_recording_has_the_value(stage: &Stage, recording: &str) {
     assert_eq!(code, Some(0), "{said}");
     let table = std::fs::read_to_string(Path::new(&tables).join("softtwin.finger.state.csv")).unwrap();
     assert!(table.contains(&format!("pressure_mpa gap_mm {STIFFNESS}")), "{table}");
-    assert!(table.contains("0.06 40.0 0.72"), "{table}");
+    assert!(table.contains("0.06 40.0 0.72") && table.contains("measured measured given"), "{table}");
     let [replayed, exact] = ["replayed.npy", "exact.npy"].map(|name| stage.path(name).display().to_string());
     let (code, said) =
         run(stage, &["export", recording, "--model", MODEL, "--every", "1000000", "--out", &replayed]);
@@ -144,6 +155,15 @@ fn questions_take_parameters_and_answer_with_the_gradient_by_each() {
     let (code, said) = run(&stage, &["get", "softtwin/finger/whatif?pressure_mpa=0.06;elastomer.law.mu=0.9"]);
     let known = format!("no input of this model, which has pressure_mpa, gap_mm, {STIFFNESS}");
     assert!(code == Some(1) && said.contains(&known), "{said}");
+    // A name needs no dot to be a parameter; the nearest that there is stands in the refusal.
+    for name in ["mu_mpa", "elastomer.law.mu", "elastomr.law.mu_mpa"] {
+        let question = format!("softtwin/finger/whatif?pressure_mpa=0.06;gap_mm=40;{name}=0.9");
+        let nearest = format!("`{name}`: did you mean {STIFFNESS}?");
+        for form in [&["get", &question][..], &["get", &question, "--json"]] {
+            let (code, said) = run(&stage, form);
+            assert!(code == Some(1) && said.contains(&nearest), "{form:?}: {said}");
+        }
+    }
     let text =
         run(&stage, &["get", &format!("softtwin/finger/whatif?pressure_mpa=0.06;gap_mm=40;{STIFFNESS}=0.9")])
             .1;

@@ -351,7 +351,11 @@ fn selectors_are_read_as_zenoh_writes_them() {
         ("softtwin/finger/gap", "needs pressure_mpa and force_n"),
         ("softtwin/finger/whatif?pressure_mpa=x", "finite number"),
         ("softtwin/finger/whatif?pressure_mpa=0.1;pressure_mpa=0.2", "twice"),
-        ("softtwin/finger/whatif?pressure=0.1", "expected name=value"),
+        (
+            "softtwin/finger/whatif?pressure=0.1",
+            "needs pressure_mpa; taken for parameters of the model: pressure",
+        ),
+        ("softtwin/finger/whatif?pressure_mpa=0.1;=3", "expected name=value"),
         ("softtwin/finger/whatif?pressure_mpa=0.1;field=a b", "node set"),
     ] {
         let error: SelectorError = Selector::parse(text).unwrap_err();

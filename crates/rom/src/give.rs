@@ -1,7 +1,7 @@
 //! Values of parameters that a model is told once: what a state takes that says nothing about them.
 
 use crate::evaluator::Evaluator;
-use crate::inputs::PARAMETERS;
+use crate::inputs::{PARAMETERS, nearest_name};
 use crate::model::{ModelError, ModelHeader};
 
 impl ModelHeader {
@@ -34,7 +34,7 @@ impl ModelHeader {
         let found = self.inputs.iter().skip(PARAMETERS).position(|input| input.name == name);
         found.map(|at| PARAMETERS + at).ok_or_else(|| {
             let known: Vec<String> = self.inputs.iter().skip(PARAMETERS).map(|i| i.name.clone()).collect();
-            let nearest = known.iter().min_by_key(|known| strsim::levenshtein(known, name)).cloned();
+            let nearest = nearest_name(name, &known).cloned();
             ModelError::UnknownInput { found: name.into(), nearest, known }
         })
     }

@@ -23,6 +23,14 @@ pub(crate) fn square_distance(a: &Point, b: &Point) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
+/// The name that an unknown one most likely stands for: one that ends with it (`mu_mpa`), or contains it, or differs by the
+/// fewest letters.
+pub fn nearest_name<'a>(name: &str, known: &'a [String]) -> Option<&'a String> {
+    let differs =
+        |known: &&String| (!known.ends_with(name), !known.contains(name), strsim::levenshtein(known, name));
+    known.iter().min_by_key(differs)
+}
+
 /// A quantity of material or geometry that differs between the cases: an input beside pressure and gap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {

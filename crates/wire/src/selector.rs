@@ -1,10 +1,11 @@
 //! Selectors: a key expression with parameters, as Zenoh's `get` takes them.
 //!
 //! `softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30`: the key names actuator and kind of question, the parameters are
-//! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way). A name with a dot is a parameter of the model.
+//! `name=value` pairs separated by `;` (Zenoh's way) or `&` (a browser's way). A name that is none of the questions' own is a
+//! parameter of the model; the twin refuses those that its model does not have.
 
 use crate::keyexpr::{KeyExpr, KeyExprError};
-use crate::layout::{PARAMETERS_MAX, Query, pack_name, query_kind};
+use crate::layout::{PARAMETERS_MAX, Query, pack_name, query_kind, unpack_name};
 use crate::topic::{MAX_NAME_LEN, ROOT, Topic};
 
 /// A question with the actuators it goes to.
@@ -28,9 +29,9 @@ pub enum SelectorError {
         /// The key as given.
         found: String,
     },
-    /// A parameter that is no `name=value`, or has an unknown name.
+    /// A parameter without a name, or one more than a model can have.
     #[error(
-        "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_halfwidth_n, field, or the dotted \
+        "`{found}`: expected name=value with one of the names pressure_mpa, gap_mm, force_n, force_halfwidth_n, field, or the \
          name of a parameter of the model (at most {PARAMETERS_MAX} of them)"
     )]
     Parameter {
@@ -52,12 +53,14 @@ pub enum SelectorError {
         name: String,
     },
     /// A parameter that the kind of question needs.
-    #[error("a question for `{kind}` needs {missing}")]
+    #[error("a question for `{kind}` needs {missing}{}", taken_for_parameters(.parameters))]
     Missing {
         /// The kind.
         kind: &'static str,
         /// The parameters that are missing.
         missing: String,
+        /// The names given that are taken for parameters of the model: one may be a misspelling of a missing one.
+        parameters: Vec<String>,
     },
     /// A node set's name that cannot be one.
     #[error(
@@ -136,12 +139,18 @@ fn set(query: &mut Query, pair: &str, name: &str, value: &str) -> Result<(), Sel
             (query.want_field, query.node_set) = (1, pack_name(set));
             return Ok(());
         }
-        // As in lists of cases: only parameters have a dot in their name.
-        _ if name.contains('.') && query.set_parameter(name, number()?) => return Ok(()),
+        _ if !name.is_empty() && query.set_parameter(name, number()?) => return Ok(()),
         _ => return Err(SelectorError::Parameter { found: pair.into() }),
     };
     *slot = number()?;
     Ok(())
+}
+
+fn taken_for_parameters(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        names => format!("; taken for parameters of the model: {}", names.join(", ")),
+    }
 }
 
 fn needs(query: &Query) -> Result<(), SelectorError> {
@@ -156,5 +165,7 @@ fn needs(query: &Query) -> Result<(), SelectorError> {
     if missing.is_empty() {
         return Ok(());
     }
-    Err(SelectorError::Missing { kind: query_kind::as_str(query.kind), missing: missing.join(" and ") })
+    let (kind, missing) = (query_kind::as_str(query.kind), missing.join(" and "));
+    let parameters = query.parameters().map(|(name, _)| unpack_name(name)).collect();
+    Err(SelectorError::Missing { kind, missing, parameters })
 }

@@ -6,11 +6,12 @@ use crate::output;
 use anyhow::Context;
 use formats::npy;
 use recording::message;
+use rom::inputs::nearest_name;
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
 use wire::layout::{field_id, unpack_name};
-use wire::{AnswerSample, Bus, KeyExpr, Query, QueryClient, Selector, TopicKind};
+use wire::{Answer, AnswerSample, Bus, KeyExpr, Query, QueryClient, QueryStatus, Selector, TopicKind};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -20,7 +21,7 @@ Examples:
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30'
   With the whole field, as an array of fields x nodes (x, y, z, displacement, von Mises), float32
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;field=all' --out state.npy
-  With other values of the model's parameters than the scene's (by their dotted names)
+  With other values of the model's parameters than the scene's (by their names in `softtwin inspect MODEL`)
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;elastomer.law.mu_mpa=0.7'
   The inverse: which pressure gives 0.3 N at a gap of 30 mm
     softtwin get 'softtwin/finger/pressure?force_n=0.3;gap_mm=30'
@@ -74,23 +75,26 @@ impl Args {
             let mut client = QueryClient::open(&bus, actuator)?;
             let sample = client.ask(query, Duration::from_millis(self.timeout_ms))?;
             refused += usize::from(sample.answer().refusal().is_some());
-            self.show(&sample)?;
+            self.show(query, &sample)?;
         }
         anyhow::ensure!(refused == 0, "{refused} of {} questions have no answer, see above", questions.len());
         Ok(())
     }
 
-    fn show(&self, sample: &AnswerSample) -> anyhow::Result<()> {
+    fn show(&self, query: &Query, sample: &AnswerSample) -> anyhow::Result<()> {
         let answer = sample.answer();
         if let (Some(out), None) = (&self.out, answer.refusal()) {
             let shape = [answer.field_count as usize, answer.node_count as usize];
             npy::write_f32(out, &shape, sample.values()).context("the field was not written")?;
         }
         if !self.json {
-            return Ok(output!("{}", live::text::answer(answer))?);
+            return Ok(output!("{}{}", live::text::answer(answer), did_you_mean(query, answer))?);
         }
         let fields: Vec<&str> = answer.fields().map(field_id::as_str).collect();
         let mut value = message::answer(answer);
+        if let Some(reason) = answer.refusal() {
+            value["refusal"] = (reason + &did_you_mean(query, answer)).into();
+        }
         if answer.entries() > 0 {
             value["field"] = json!({
                 "node_set": unpack_name(&answer.node_set),
@@ -102,6 +106,22 @@ impl Args {
         }
         output::json(&value)
     }
+}
+
+/// For every parameter of a question that the model does not have, the name that it most likely stands for.
+fn did_you_mean(query: &Query, answer: &Answer) -> String {
+    if answer.status != QueryStatus::UnknownInput.code() {
+        return String::new();
+    }
+    let inputs: Vec<String> = answer.inputs().map(|input| input.name).collect();
+    let own = ["force_n", "force_halfwidth_n", "field"].map(str::to_owned);
+    let known = [&inputs[..], &own].concat();
+    let asked = query.parameters().map(|(name, _)| unpack_name(name));
+    let hint = |name: String| {
+        let nearest = nearest_name(&name, &known)?;
+        Some(format!("; `{name}`: did you mean {nearest}?"))
+    };
+    asked.filter(|name| !inputs.contains(name)).filter_map(hint).collect()
 }
 
 /// The actuator named, or all that publish a state and match.
