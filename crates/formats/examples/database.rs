@@ -1,7 +1,7 @@
 //! Arrays of one's own as a database that a model can be trained on, read back, and one state as a file for ParaView.
 
 use formats::database::{self, ObstacleKind};
-use formats::export::{Label, Series};
+use formats::export::{Label, Moment, Series};
 use formats::vtu::Cells;
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
 
@@ -42,7 +42,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let by_field: Vec<f32> = (0..5).flat_map(|field| mine.field(1, field)).collect();
     let series =
         Series { fields: &mine.fields, nodes: 2, cells: Cells::Triangles(&[]), undeformed: None, count: 1 };
-    series.write_state(&folder.join("inflated.vtu"), &by_field, &Label::default())?;
+    let state = Moment { time: 0.0, label: Label::default(), values: by_field, moved: None };
+    series.write_state(&folder.join("inflated.vtu"), &state)?;
     println!("{}", folder.display());
     Ok(())
 }

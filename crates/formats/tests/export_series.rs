@@ -24,8 +24,9 @@ fn write(
     let cases = [0.01, 0.02, 0.05].map(|p| common::case(&format!("{p}"), Split::Train, p, None));
     let (database, tets) = common::database(cases.to_vec());
     let state = |k: usize| (0..5).flat_map(|field| database.field(k, field)).collect();
-    let mut moments: Vec<Moment> =
-        (0..3).map(|k| Moment { time: k as f64 / 2.0, label: label(k), values: state(k) }).collect();
+    let mut moments: Vec<Moment> = (0..3)
+        .map(|k| Moment { time: k as f64 / 2.0, label: label(k), values: state(k), moved: None })
+        .collect();
     change(&mut moments);
     let series = Series {
         fields: &database.fields,

@@ -253,6 +253,17 @@ impl Database {
         self.snapshot(case).iter().skip(field).step_by(self.fields.len()).copied()
     }
 
+    /// How far a case's parameters move the undeformed nodes from the nominal mesh, by axis (mm). None where none does.
+    pub fn moved_mm(&self, case: usize) -> Option<[Vec<f32>; 3]> {
+        let steps = self.cases[case].parameters.iter().zip(&self.parameters);
+        let steps: Vec<f64> = steps.map(|(value, parameter)| value - parameter.nominal).collect();
+        let moved = |node: usize, axis: usize| -> f64 {
+            steps.iter().zip(&self.undeformed_by).map(|(step, by)| step * f64::from(by[node][axis])).sum()
+        };
+        let along = |axis| (0..self.node_count).map(|node| moved(node, axis) as f32).collect();
+        (!self.undeformed_by.is_empty()).then(|| [0, 1, 2].map(along))
+    }
+
     /// Undeformed position of a node in a case (mm), along an axis; NaN without a mesh.
     pub(crate) fn undeformed_at(&self, case: usize, node: usize, axis: usize) -> f64 {
         let nominal = self.undeformed_mm.as_ref().map_or(f64::NAN, |mesh| mesh[node][axis]);

@@ -326,6 +326,31 @@ fn threads_and_machines_change_no_byte_of_a_database_over_parameters() {
     assert!(whole == database(&place, "shared"), "one machine and two");
 }
 
+#[test]
+fn a_list_over_other_parameters_in_the_same_folder_gives_a_database_of_its_own() {
+    let place = Place::new();
+    let list = |name: &str, parameter: &str, value: f64| {
+        let row = |k: i32| format!("s{k},free,train,0.0{k},,{value}\n");
+        let rows: String = (1..3).map(row).collect();
+        place.put(name, &format!("case,regime,split,pressure_mpa,gap_mm,{parameter}\n{rows}"));
+    };
+    list("soft.csv", "elastomer.law.mu_mpa", 0.7);
+    list("thick.csv", "base.lower_mm", 2.1);
+    let simulate = |cases: &str, out: &str| {
+        place.run(&format!("simulate --actuator a.toml --cases {cases} --json --out {out}")).json()
+    };
+    simulate("soft.csv", "one");
+    assert_eq!(simulate("thick.csv", "one")["reused"], 0, "states of other parameters are other states");
+    simulate("thick.csv", "own");
+    let (one, mut own) = (database(&place, "one"), database(&place, "own"));
+    own.retain(|name, _| name != "residuals.csv"); // the work from other starting states
+    assert!(own.iter().all(|(name, bytes)| one.get(name) == Some(bytes)), "{:?}", one.keys());
+    assert!(
+        place.read("one/cases.csv").contains("base.lower_mm")
+            && !place.read("one/cases.csv").contains("mu_mpa")
+    );
+}
+
 /// States of both regimes with derivatives, one of them kept aside: a database in `db`.
 fn both_regimes(place: &Place) {
     let mut list = String::from("case,regime,split,pressure_mpa,gap_mm\naside,free,check,0.03,\n");

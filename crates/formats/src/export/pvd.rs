@@ -1,6 +1,5 @@
 //! ParaView's collection: a `.pvd` that lists one `.vtu` a state, with its time.
 
-use super::label::Label;
 use super::layout::Layout;
 use super::series::{Moment, Series};
 use crate::error::{Diagnostic, FormatError};
@@ -37,7 +36,7 @@ impl Layout for Pvd<'_> {
 
     fn state(&mut self, out: &mut dyn Write, index: usize, moment: &Moment) -> io::Result<()> {
         let file = state_file(&self.path, index);
-        write_vtu(&file, &self.series, &moment.values, &moment.label).map_err(io::Error::other)?;
+        write_vtu(&file, &self.series, moment).map_err(io::Error::other)?;
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         let name = quick_xml::escape::escape(name.as_ref());
         writeln!(out, "<DataSet timestep=\"{}\" part=\"0\" file=\"{name}\"/>", moment.time)
@@ -52,12 +51,8 @@ impl Layout for Pvd<'_> {
 ///
 /// # Errors
 /// A state without coordinates, or as [`vtu::write`].
-pub(crate) fn write_vtu(
-    path: &Path,
-    series: &Series<'_>,
-    values: &[f32],
-    label: &Label,
-) -> Result<(), FormatError> {
+pub(crate) fn write_vtu(path: &Path, series: &Series<'_>, moment: &Moment) -> Result<(), FormatError> {
+    let Moment { label, values, moved, .. } = moment;
     let deformed = series.coordinates(values);
     if deformed.iter().any(|axis| axis.len() != series.nodes) {
         let diagnostic = Diagnostic::new("fields", "the coordinates x, y and z", "a state without them");
@@ -65,7 +60,8 @@ pub(crate) fn write_vtu(
     }
     let points: Vec<[f64; 3]> = (0..series.nodes).map(|i| deformed.map(|c| f64::from(c[i]))).collect();
     let vector: Option<Vec<f32>> = series.undeformed.map(|undeformed| {
-        let offset = |i: usize| (0..3).map(move |k| deformed[k][i] - undeformed[k][i]);
+        let moved = |k: usize, i: usize| moved.as_ref().map_or(0.0, |moved| moved[k][i]);
+        let offset = |i: usize| (0..3).map(move |k| deformed[k][i] - (undeformed[k][i] + moved(k, i)));
         (0..series.nodes).flat_map(offset).collect()
     });
     let named: Vec<(usize, String)> = series.quantities().collect();

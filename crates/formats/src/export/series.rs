@@ -14,6 +14,8 @@ pub struct Moment {
     pub label: Label,
     /// Field-major: all nodes of the first field, then of the next.
     pub values: Vec<f32>,
+    /// How far parameters have moved the undeformed nodes from [`Series::undeformed`], by axis in mm; none: not at all.
+    pub moved: Option<[Vec<f32>; 3]>,
 }
 
 /// What all states share.

@@ -46,11 +46,12 @@ impl StateFormat {
 }
 
 impl Series<'_> {
-    /// Writes a single state, field-major, in the format its name asks for; [`Series::count`] has no meaning here.
+    /// Writes a single state in the format its name asks for; [`Series::count`] and the state's time have no meaning here.
     ///
     /// # Errors
     /// An unknown ending, a state that does not fit together, or the operating system's refusal.
-    pub fn write_state(&self, path: &Path, values: &[f32], label: &Label) -> Result<(), FormatError> {
+    pub fn write_state(&self, path: &Path, state: &Moment) -> Result<(), FormatError> {
+        let Moment { label, values, .. } = state;
         self.check_length("state", values).map_err(|diagnostic| FormatError::one(path, diagnostic))?;
         match StateFormat::of(path)? {
             StateFormat::Npy => {
@@ -58,11 +59,10 @@ impl Series<'_> {
                 npy::write_f32(path, &[self.nodes, self.fields.len()], &by_node)
             }
             StateFormat::Csv => file::replace(path, table_of(self, values, label).as_bytes()),
-            StateFormat::Vtu => write_vtu(path, self, values, label),
+            StateFormat::Vtu => write_vtu(path, self, state),
             StateFormat::OneOfSeries => {
-                let moment = Moment { time: 0.0, label: label.clone(), values: values.to_vec() };
                 let one = Series { count: 1, ..*self };
-                one.write(path, std::iter::once(Ok::<_, FormatError>(moment))).map(drop)
+                one.write(path, std::iter::once(Ok::<_, FormatError>(state.clone()))).map(drop)
             }
         }
     }

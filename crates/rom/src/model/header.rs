@@ -2,7 +2,7 @@
 
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
-use crate::inputs::{InputMap, InputSpec};
+use crate::inputs::{InputMap, InputSpec, Inputs};
 use crate::interpolant::Interpolant;
 use crate::pod::truncation_error;
 use crate::regime::OnsetTable;
@@ -209,6 +209,25 @@ impl Model {
             BlockData::F32(values) if *k == kind => Some(values.as_slice()),
             _ => None,
         })
+    }
+
+    /// How far these inputs move the undeformed nodes from the model's own mesh, by axis (mm). None where no input does.
+    /// `O(nodes x inputs that move them)`.
+    pub fn moved_mm(&self, inputs: &Inputs) -> Option<[Vec<f32>; 3]> {
+        let mut moved: Option<[Vec<f32>; 3]> = None;
+        for (kind, data) in &self.blocks {
+            let (BlockKind::UndeformedBy { input, axis, from_bits }, BlockData::F32(by)) = (kind, data)
+            else {
+                continue;
+            };
+            let all = moved.get_or_insert_with(|| [0, 1, 2].map(|_| vec![0.0; self.header.node_count]));
+            // A file may name what no model has.
+            let found = inputs.values().get(*input as usize).zip(all.get_mut(usize::from(*axis)));
+            let Some((value, along)) = found else { continue };
+            let step = (value - f64::from_bits(*from_bits)) as f32;
+            along.iter_mut().zip(by).for_each(|(to, by)| *to += step * by);
+        }
+        moved
     }
 
     /// A block of indices, if it was loaded.

@@ -3,7 +3,7 @@
 use crate::failure::usage;
 use crate::files::refusal;
 use crate::output;
-use formats::database::{Kind, Manifest, PACKED, pack_sensitivities, read_snapshots};
+use formats::database::{Kind, Manifest, PACKED, obstacle_kinds, pack_sensitivities, read_snapshots};
 use formats::packed::{self, Snapshots, Stored};
 use formats::{file, npy};
 use serde_json::json;
@@ -54,6 +54,8 @@ impl Args {
     /// Packs, reads back, measures, writes.
     pub fn run(self) -> anyhow::Result<()> {
         let manifest = Manifest::read(&self.database.join("database.toml")).map_err(refusal)?;
+        // A table of cases that is not this description's (of other parameters) is not carried on.
+        obstacle_kinds(&self.database).map_err(refusal)?;
         let mesh = match &manifest.mesh {
             Some(file) => Some(formats::vtu::read(&self.database.join(file)).map_err(refusal)?.points_mm),
             None => None,

@@ -1,6 +1,6 @@
 //! `softtwin predict`.
 
-use super::export::{Body, prediction_label};
+use super::export::{Body, prediction};
 use crate::failure::usage;
 use crate::{files, output};
 use anyhow::Context;
@@ -91,9 +91,8 @@ impl Args {
         let Some(out) = &self.out else { return Ok(()) };
         let fields: Vec<FieldSpec> = model.header.fields.iter().map(|f| f.spec.clone()).collect();
         let body = Body::of_model(model).with_mesh(self.mesh.as_deref())?;
-        let label = prediction_label(&model.header.inputs, state.evaluation());
         body.series(&fields, 1)
-            .write_state(out, state.fields(), &label)
+            .write_state(out, &prediction(model, state, 0.0))
             .context("the fields were not written")
     }
 }

@@ -14,7 +14,7 @@ pub use body::Body;
 use formats::export::SeriesFormat;
 use recording::TableForm;
 use serde_json::json;
-pub use source::prediction_label;
+pub use source::prediction;
 use source::{Options, Source};
 use std::path::PathBuf;
 
@@ -24,6 +24,8 @@ Examples:
     softtwin export finger.twin --pressure-mpa 0.01,0.025,0.04,0.055,0.07 --gap-mm 40 --out sweep.pvd
   The same with the inside of the body (the model itself knows its surface only), for Tecplot:
     softtwin export finger.twin --pressure-mpa 0.01,0.04,0.07 --mesh mesh.vtu --out sweep.dat
+  Of a model over parameters, with another wall; the displacement is that from the mesh of this wall:
+    softtwin export design.twin --pressure-mpa 0.05 --gap-mm 40 --set chambers.length_mm=3.2 --out wall.pvd
   Two cases of a database, or all of them as one array (cases x nodes x fields):
     softtwin export models/pneunet/database --case A --case C --out cases.xdmf
     softtwin export models/pneunet/database --out all.npy

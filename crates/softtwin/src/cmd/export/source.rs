@@ -4,13 +4,13 @@ use super::body::Body;
 use super::recorded::Recorded;
 use crate::failure::usage;
 use crate::files;
+use crate::options::setting;
 use crate::recording_data::RecordedField;
 use anyhow::Result;
 use formats::database::ObstacleKind;
 use formats::export::{Label, Moment};
 use recording::Series;
-use rom::evaluation::Evaluation;
-use rom::inputs::{InputSpec, Inputs};
+use rom::inputs::{InputSpec, Inputs, PARAMETERS};
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{Database, FieldKind, FieldSpec};
@@ -27,6 +27,9 @@ pub struct Options {
     /// Of a model: the gap in mm; no obstacle when left out.
     #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
+    /// Of a model: another value of a parameter, such as elastomer.law.mu_mpa=0.72; the others have their nominal values.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
+    set: Vec<(String, f64)>,
     /// Of a database: the names of cases; all when left out.
     #[arg(long, value_name = "NAME", help_heading = "State")]
     case: Vec<String>,
@@ -74,6 +77,7 @@ impl Source {
         let given = [
             ("--pressure-mpa", "model", !options.pressure_mpa.is_empty()),
             ("--gap-mm", "model", options.gap_mm.is_some()),
+            ("--set", "model", !options.set.is_empty()),
             ("--case", "database", !options.case.is_empty()),
             ("--model", "recording", options.model.is_some()),
             ("--actuator", "recording", options.actuator.is_some()),
@@ -94,11 +98,10 @@ impl Source {
         }
         let gap_mm = options.gap_mm.unwrap_or(f64::INFINITY);
         let inputs = options.pressure_mpa.iter().map(|&pressure_mpa| Inputs::new(pressure_mpa, gap_mm));
-        Self::readings(path, (0..).map(f64::from).zip(inputs).step_by(options.every).collect())
-    }
-
-    fn readings(model: &Path, readings: Vec<(f64, Inputs)>) -> Result<Self> {
-        let model = files::model(model)?;
+        let readings = (0..).map(f64::from).zip(inputs).step_by(options.every).collect();
+        let mut model = files::model(path)?;
+        let given = options.set.iter().map(|(name, value)| (name.as_str(), *value));
+        model.header.give(given).map_err(|error| usage(format!("--set: {error}")))?;
         let fields = model.header.fields.iter().map(|field| field.spec.clone()).collect();
         Ok(Self::Readings { model: Box::new(model), fields, readings })
     }
@@ -185,8 +188,9 @@ impl Source {
             Self::Recorded { recorded, .. } => Box::new(recorded.fields().map(|field| {
                 let RecordedField { t_s, header, values } = field?;
                 let (gap_mm, force_n) = (Some(header.gap_mm), header.contact_force_n);
-                let label = Label::of_state(header.pressure_mpa, gap_mm, [], force_n);
-                Ok(Moment { time: t_s, label, values })
+                let parameters = header.inputs().skip(PARAMETERS).map(|input| (input.name, input.value));
+                let label = Label::of_state(header.pressure_mpa, gap_mm, parameters, force_n);
+                Ok(Moment { time: t_s, label, values, moved: None })
             })),
         }
     }
@@ -203,8 +207,7 @@ fn predictions<'a>(
     Box::new(readings.map(move |reading| {
         let (time, inputs) = reading?;
         state.update(inputs)?;
-        let label = prediction_label(&model.header.inputs, state.evaluation());
-        Ok(Moment { time, label, values: state.fields().to_vec() })
+        Ok(prediction(model, &state, time))
     }))
 }
 
@@ -215,15 +218,19 @@ fn case(database: &Database, k: usize) -> Moment {
     let names = database.parameters.iter().map(|parameter| parameter.name.clone());
     let parameters = names.zip(case.parameters.iter().copied());
     let label = Label::of_state(case.pressure_mpa, case.gap_mm, parameters, case.contact_force_n);
-    Moment { time: k as f64, label: Label { name: case.name.clone(), ..label }, values }
+    let label = Label { name: case.name.clone(), ..label };
+    Moment { time: k as f64, label, values, moved: database.moved_mm(k) }
 }
 
-/// What a prediction's file says of the state: every input and the contact force.
-pub fn prediction_label(inputs: &[InputSpec], evaluation: &Evaluation) -> Label {
+/// A model's state for a file, with every input and the contact force.
+pub fn prediction(model: &Model, state: &ModelState, time: f64) -> Moment {
+    let (inputs, evaluation) = (&model.header.inputs, state.evaluation());
     let values = evaluation.inputs.values().iter().copied();
     let mut numbers: Vec<(String, f64)> = inputs.iter().map(InputSpec::key).zip(values).collect();
     numbers.push(("contact_force_n".to_owned(), evaluation.contact_force_n));
-    Label { name: String::new(), numbers }
+    let label = Label { name: String::new(), numbers };
+    let moved = model.moved_mm(&evaluation.inputs);
+    Moment { time, label, values: state.fields().to_vec(), moved }
 }
 
 /// Whether a path names a recording: a file, a folder of such files, one of several in a folder.

@@ -5,7 +5,7 @@ use crate::output;
 use anyhow::Context;
 use fem::actuator::{Setting, mesh_quality};
 use fem::{Family, Output, Problem, Report, SolveError, Solver};
-use formats::export::{Label, Series, StateFormat};
+use formats::export::{Label, Moment, Series, StateFormat};
 use formats::vtu::Cells;
 use rom::snapshots::FieldSpec;
 use serde_json::{Value, json};
@@ -110,5 +110,7 @@ fn write(problem: &Problem, output: &Output, label: &Label, out: &Path) -> anyho
         undeformed: Some(undeformed.each_ref().map(Vec::as_slice)),
         count: 1,
     };
-    Ok(series.write_state(out, &values, label)?)
+    // The mesh is that of this state's own parameters.
+    let state = Moment { time: 0.0, label: label.clone(), values, moved: None };
+    Ok(series.write_state(out, &state)?)
 }
