@@ -84,6 +84,13 @@ impl Args {
     }
 }
 
+/// Room for a series whose pages are in use from the beginning: this program is among those observed.
+fn room() -> Vec<(f64, f64)> {
+    let mut points = vec![(1.0, 1.0); POINTS + 1];
+    points.clear();
+    points
+}
+
 /// What was observed while something was repeated.
 struct Phase {
     cycles: usize,
@@ -105,7 +112,7 @@ impl Phase {
             cycle(number)?;
             if number % every == 0 && number as f64 >= WARM_UP * cycles as f64 {
                 for (name, value) in observe() {
-                    series.entry(name).or_default().push((number as f64, value));
+                    series.entry(name).or_insert_with(room).push((number as f64, value));
                 }
             }
         }
