@@ -5,6 +5,7 @@
 #   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
 #   scripts/check.sh view --rate                 instead: frames a second that the browser draws
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
+#   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX; needs root to install ccx
 #   scripts/check.sh clients [pytest arguments]  the Python client against live twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
@@ -51,6 +52,13 @@ exports() {
     python=python3
     if ! python3 -c 'import meshio, numpy, h5py' 2>/dev/null; then python readers 'meshio==5.3.5' 'numpy<3' h5py; fi
     exec "$python" scripts/checks/exports.py --programs "$target/debug"
+}
+
+calculix() {
+    command -v ccx >/dev/null || { apt-get update -qq && apt-get install -y -qq calculix-ccx; }
+    build
+    python calculix 'meshio==5.3.5' 'numpy<3' scipy
+    exec "$python" scripts/checks/calculix.py --programs "$target/debug" "$@"
 }
 
 clients() {
@@ -146,8 +154,8 @@ aarch64() {
 }
 
 case ${1:-} in
-    view | exports | clients | c | gateway | aarch64) "$@" ;;
+    view | exports | calculix | clients | c | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
-    -h | --help) sed -n '2,14s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,14s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

@@ -1,0 +1,211 @@
+"""A finger of our mesher solved by `softtwin simulate` and by CalculiX, and why they differ where they do. See scripts/check.sh.
+
+Two numerical methods, one law: `crates/fem` has one pressure an element, CalculiX' C3D10 has the pressure of each Gauss point.
+`elements.py` has both, so each program is compared with its own method on the same mesh, and the methods with each other.
+"""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import tempfile
+
+import meshio
+import numpy
+import scipy.spatial
+
+from elements import FACES, Body
+
+LAW, DENSITY, GRAVITY = (0.4, 0.02, 0.004), 1e-9, 9810.0  # MPa, t/mm3, mm/s2
+PLATE_MPA_PER_MM, ROUNDING_MM = 66.3, 0.0015
+# One chamber in a bar: no slots, walls as wide as the hole, and the sheet too soft to be felt.
+FINGER = {
+    "base.length_mm": 60.0, "base.width_mm": 6.0, "base.lower_mm": 2.0, "base.upper_mm": 2.0,
+    "body.start_mm": 0.0, "body.length_mm": 60.0, "body.width_mm": 6.0, "body.top_mm": 8.0, "body.pocket_mm": 0.0,
+    "chambers.count": 1, "chambers.first_mm": 4.0, "chambers.length_mm": 52.0, "chambers.pitch_mm": 60.0, "chambers.width_mm": 2.0,
+    "chambers.top_mm": 6.0, "channels.width_mm": 2.0, "channels.top_mm": 5.0,
+    "elastomer.density_t_per_mm3": DENSITY, "sheet.youngs_mpa": 1e-9, "support.fixed": '"base-start"',
+    "loads.cavity_load": '"consistent"', "mesh.file": '"mesh.vtu"', "mesh.nodes": 0,
+    "contact.obstacle_penalty_mpa_per_mm": PLATE_MPA_PER_MM, "contact.obstacle_smoothing_mm": ROUNDING_MM,
+}  # fmt: skip
+YEOH = ['law = "yeoh"', *(f"c{k}0_mpa = {c}" for k, c in zip((1, 2, 3), LAW))]
+# CalculiX stops at a residual of half a per cent of the mean force unless it is told otherwise.
+TOLERANCES = ["*CONTROLS, PARAMETERS=FIELD", "1e-5,1e-4"]
+CORNERS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+BARS = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+QUADS = [[0, 1, 2, 3], [4, 7, 6, 5], [0, 4, 5, 1], [1, 5, 6, 2], [2, 6, 7, 3], [3, 7, 4, 0]]
+
+
+def actuator(bulk):
+    """The reference's file with the finger's values."""
+    values, lines, section = {**FINGER, "elastomer.bulk_mpa": float(bulk)}, [], ""
+    for line in pathlib.Path("models/pneunet/actuator.toml").read_text().splitlines():
+        if line.startswith("["):
+            section = line[1 : line.index("]")]
+        key = f"{section}.{line.split(' = ')[0]}"
+        if section == "elastomer.law" and " = " in line:
+            lines, line = lines + YEOH if line.startswith("law") else lines, None
+        elif key in values:
+            line = f"{line.split(' = ')[0]} = {values.pop(key)}"
+        lines += [line] if line is not None else []
+    assert not values, f"not in the reference's actuator.toml: {list(values)}"
+    return "\n".join(lines) + "\n"
+
+
+class Finger:
+    """A mesh, solved by every program for the same loads."""
+
+    def __init__(self, programs, folder, size, bulk):
+        self.program, self.folder, self.bulk = pathlib.Path(programs).resolve() / "softtwin", folder, bulk
+        folder.mkdir()
+        self.file = folder / "finger.toml"
+        self.file.write_text(actuator(bulk))
+        self.run("mesh", "--actuator", self.file, "--size-mm", size)
+        mesh = meshio.read(folder / "mesh.vtu")
+        self.points, self.tets = mesh.points.astype(float), mesh.cells[0].data
+        self.fixed = numpy.flatnonzero(numpy.abs(self.points[:, 0]) < 1e-6)
+        self.high = self.points.max(0)
+
+    def run(self, *arguments):
+        ended = subprocess.run([self.program, *map(str, arguments)], capture_output=True, text=True)
+        assert ended.returncode == 0, f"{arguments}: {ended.returncode}\n{ended.stderr}"
+        return ended.stdout
+
+    def ours(self, pressure, gap):
+        plate = [] if gap is None else ["--gap-mm", gap]
+        out = self.folder / "state.npy"
+        state = self.run("simulate", "--actuator", self.file, "--pressure-mpa", pressure, *plate, "--out", out)
+        return numpy.load(out)[:, :3] - self.points, json.loads(state.splitlines()[-1])["contact_force_n"]
+
+    def surfaces(self, elements, faces):
+        """(element, face) on the cavity's walls and on the underside: every outer face lies on a side of the bar."""
+        owners = {}
+        for e, element in enumerate(elements):
+            for f, face in enumerate(faces):
+                owners.setdefault(tuple(sorted(element[face])), []).append((e, f))
+        cavity, bottom = [], []
+        for nodes, owner in owners.items():
+            at = self.points[list(nodes)]
+            outer = numpy.concatenate([at.max(0) < 1e-6, (self.high - at).max(0) < 1e-6])
+            if len(owner) == 1:
+                cavity += [] if outer.any() else owner
+                bottom += owner if outer[1] else []
+        return cavity, bottom
+
+    def second(self, found, volumetric, face_points, pressure, gap):
+        """By elements.py, from what a program found."""
+        surfaces = self.surfaces(self.tets, [face[:3] for face in FACES])
+        material = (LAW, self.bulk, DENSITY, volumetric, face_points, (PLATE_MPA_PER_MM, ROUNDING_MM))
+        return Body(self.points, self.tets, self.fixed, *surfaces, *material).solve(found[0], GRAVITY, pressure, gap)
+
+    def hexahedra(self):
+        """The boxes whose six tetrahedra the mesh has, as 20-node hexahedra."""
+        low, high = self.points[self.tets].min(1), self.points[self.tets].max(1)
+        boxes = numpy.unique(numpy.round(numpy.hstack([low, high]), 4), axis=0).reshape(-1, 2, 3)
+        assert 6 * len(boxes) == len(self.tets), "the mesh is not one of boxes in six tetrahedra each"
+        corners = [[[box[c[k], k] for k in range(3)] for c in CORNERS] for box in boxes]
+        places = [c + [numpy.mean([c[i], c[j]], 0) for i, j in BARS] for c in corners]
+        away, nodes = scipy.spatial.cKDTree(self.points).query(places)
+        assert away.max() < 1e-3, f"no node at a corner or an edge's middle of a box, the nearest {away.max():.3g} mm away"
+        return nodes
+
+    def calculix(self, kind, pressure, gap):
+        """By CalculiX with elements C3D10 (the same tetrahedra) or C3D20R (the boxes); displacements are NaN where it has no node."""
+        elements, faces = (self.tets, [f[:3] for f in FACES]) if kind == "C3D10" else (self.hexahedra(), QUADS)
+        cavity, bottom = self.surfaces(elements, faces)
+        used = numpy.unique(elements)
+        lines = ["*NODE, NSET=BODY", *(f"{n + 1},{','.join(f'{v:.9g}' for v in self.points[n])}" for n in used)]
+        lines += [f"*ELEMENT, TYPE={kind}, ELSET=RUBBER"]
+        for e, nodes in enumerate(elements + 1):
+            words = [str(e + 1), *map(str, nodes)]
+            lines += [",".join(words[:11]) + ("," if len(words) > 11 else "")] + [",".join(words[11:])][: len(words) // 12]
+        lines += ["*NSET, NSET=FIXED", *(f"{n + 1}," for n in numpy.intersect1d(self.fixed, used)), "*BOUNDARY", "FIXED,1,3"]
+        constants = ",".join(map(str, LAW))
+        lines += ["*MATERIAL, NAME=YEOH", "*HYPERELASTIC, YEOH", f"{constants},{2 / self.bulk:.9e},0,0", "*DENSITY", f"{DENSITY}"]
+        lines += ["*SOLID SECTION, ELSET=RUBBER, MATERIAL=YEOH"]
+        if gap is not None:
+            lines += plate_lines(len(self.points) + 1, len(elements) + 1, gap, self.high)
+            lines += ["*SURFACE, NAME=UNDERSIDE", *(f"{e + 1},S{f + 1}" for e, f in bottom)]
+            lines += ["*SURFACE INTERACTION, NAME=PENALTY", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR"]
+            lines += [f"{PLATE_MPA_PER_MM}", "*CONTACT PAIR, INTERACTION=PENALTY, TYPE=SURFACE TO SURFACE", "UNDERSIDE,TOP"]
+        lines += ["*STEP, NLGEOM, INC=200", "*STATIC", "0.5,1.0,1e-4", *TOLERANCES, "*DLOAD", f"RUBBER,GRAV,{GRAVITY},0,-1,0"]
+        lines += [f"{e + 1},P{f + 1},{pressure}" for e, f in cavity]
+        lines += ["*NODE PRINT, NSET=BODY, FREQUENCY=999", "U"]
+        lines += [] if gap is None else ["*NODE PRINT, NSET=PLATE, FREQUENCY=999, TOTALS=ONLY", "RF"]
+        (self.folder / "job.inp").write_text("\n".join([*lines, "*END STEP", ""]))
+        ended = subprocess.run(["ccx", "-i", "job"], cwd=self.folder, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+        assert "Job finished" in ended.stdout, f"ccx: {ended.stdout[-1500:]}"
+        moved, force = numpy.full_like(self.points, numpy.nan), 0.0
+        for row in (line.split() for line in (self.folder / "job.dat").read_text().splitlines()):
+            if len(row) == 4 and row[0].isdigit():
+                moved[int(row[0]) - 1] = [float(v) for v in row[1:]]
+            elif len(row) == 3 and gap is not None:
+                force = float(row[1])
+        return moved, force
+
+
+def plate_lines(node, element, gap, high):
+    """A rigid block below, its top face in the plane y = -gap."""
+    low, top = (-5.0, -gap - 2.0, -5.0), (high[0] + 5.0, -gap, high[2] + 5.0)
+    places = [[(low, top)[c[k]][k] for k in range(3)] for c in CORNERS]
+    lines = ["*NODE, NSET=PLATE", *(f"{node + i},{','.join(f'{v:.9g}' for v in p)}" for i, p in enumerate(places))]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=BLOCK", ",".join(map(str, [element, *range(node, node + 8)])), "*BOUNDARY", "PLATE,1,3"]
+    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", "200000,0.3", "*SOLID SECTION, ELSET=BLOCK, MATERIAL=STEEL"]
+    return [*lines, "*SURFACE, NAME=TOP", f"{element},S5"]
+
+
+class Book:
+    """Comparisons, printed as they come."""
+
+    def __init__(self):
+        self.missed = []
+        print(f"{'':58} {'displacement':>22} {'force (N)':>18}\n{'':58} {'largest (mm)   off':>22} {'':>9} {'off':>8}")
+
+    def compare(self, what, found, reference, bounds=None):
+        """Largest distance of a node from the reference's place, relative to the largest displacement; force relative to force."""
+        (moved, force), (expected, expected_force) = found, reference
+        there = ~numpy.isnan(moved + expected).any(1)
+        largest = numpy.linalg.norm(expected[there], axis=1).max()
+        errors = [numpy.linalg.norm((moved - expected)[there], axis=1).max() / largest]
+        errors += [abs(force / expected_force - 1)] if expected_force else []
+        missed = bounds is not None and any(not error <= bound for error, bound in zip(errors, bounds))
+        at_most = f"  at most {', '.join(f'{100 * b:g} %' for b in bounds[: len(errors)])}" if bounds else ""
+        size = numpy.linalg.norm(moved[there], axis=1).max()
+        text = f"{what:58} {size:9.5f} {100 * errors[0]:10.4f} %"
+        text += f" {force:9.6f} {100 * errors[1]:8.4f} %" if expected_force else ""
+        print(text + at_most + ("  MISSED" if missed else ""), flush=True)
+        self.missed += [what] if missed else []
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--programs", required=True)
+    parser.add_argument("--bulk", type=float, nargs="+", default=[2000.0], help="bulk moduli (MPa); the shear modulus is 0.8")
+    parser.add_argument("--size-mm", type=float, default=6.0)
+    parser.add_argument("--pressure-mpa", type=float, default=0.1)
+    parser.add_argument("--gap-mm", type=float, default=0.6)
+    parser.add_argument("--finer-mm", type=float, nargs="*", default=[], help="sizes of finer meshes on which both programs are compared")
+    options = parser.parse_args()
+    book, loads = Book(), [(0.0, None), (options.pressure_mpa, None), (options.pressure_mpa, options.gap_mm)]
+    with tempfile.TemporaryDirectory() as folder:
+        for bulk in options.bulk:
+            finger = Finger(options.programs, pathlib.Path(folder) / f"{bulk}", options.size_mm, bulk)
+            for pressure, gap in loads:
+                print(f"\nK = {bulk:g} MPa, {len(finger.points)} nodes, {pressure:g} MPa, {'no plate' if gap is None else f'plate at {gap:g} mm'}")
+                ours, calculix = finger.ours(pressure, gap), finger.calculix("C3D10", pressure, gap)
+                mean, points = finger.second(ours, "mean", 6, pressure, gap), finger.second(calculix, "points", 3, pressure, gap)
+                book.compare("softtwin simulate / one pressure an element", ours, mean, (1e-4, 1e-4))
+                book.compare("CalculiX C3D10 / pressure at each point", calculix, points, (1e-3, 0.02))
+                book.compare("one pressure an element / pressure at each point", mean, points)
+                book.compare("softtwin simulate / CalculiX C3D10", ours, calculix)
+                book.compare("softtwin simulate / CalculiX C3D20R", ours, finger.calculix("C3D20R", pressure, gap))
+        for size in options.finer_mm:
+            finger = Finger(options.programs, pathlib.Path(folder) / f"finer-{size}", size, options.bulk[0])
+            for pressure, gap in loads:
+                print(f"\n{size:g} mm, {len(finger.points)} nodes, {pressure:g} MPa, {'no plate' if gap is None else f'plate at {gap:g} mm'}")
+                calculix = finger.calculix("C3D20R", pressure, gap)
+                book.compare("softtwin simulate / CalculiX C3D20R", finger.ours(pressure, gap), calculix)
+    assert not book.missed, f"{len(book.missed)} comparisons miss their bound: {book.missed}"
+
+
+main()
