@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # What takes longer than every change can wait for; run it before anything is called resolved. Some hours on two cores.
 #   scripts/verify_all.sh            all of it
-#   scripts/verify_all.sh WHAT...    only soak, cycles, sealed, inputs, kills, peers, hard-cases or install
+#   scripts/verify_all.sh WHAT...    only soak, cycles, sealed, inputs, kills, peers, calculix, hard-cases or install
 #   soak        an hour at 1 kHz with disturbances: nothing lost, nothing wrong, nothing that grows
 #   cycles      10,000 restarts, reloads and rotations, 100,000 readers: nothing that grows, by its slope
 #   sealed      40 states that no model has seen, solved afresh and compared with predictions and half-widths
 #   inputs      100,000 damaged command lines and files, a million damaged inputs of the parsers
 #   kills       every program killed at every system call of its start and end
 #   peers       the same job by other libraries, from PyPI
+#   calculix    a finger by CalculiX; needs root to install it
 #   hard-cases  cases with a known truth
 #   install     packages of a release build, with the gateway's
 # Results go to build/verify, one log each; it ends with 1 when something failed.
@@ -15,7 +16,7 @@ set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out=build/verify
 mkdir -p "$out"
-[ $# -gt 0 ] || set -- soak cycles sealed inputs kills peers hard-cases install
+[ $# -gt 0 ] || set -- soak cycles sealed inputs kills peers calculix hard-cases install
 target=${CARGO_TARGET_DIR:-target}
 
 studies() { "$target/release/softtwin-studies" "$@"; }
@@ -29,6 +30,7 @@ inputs() {
 }
 kills() { SOFTTWIN_KILLS=all SOFTTWIN_KILLED_READERS=1500 cargo test --locked --workspace --test kills; }
 peers() { studies peers; }
+calculix() { scripts/check.sh calculix; }
 hard-cases() { studies hard-cases; }
 install() {
     scripts/check.sh install --profile release &&
@@ -39,8 +41,8 @@ cargo build --locked --release -p softtwin -p softtwind -p studies --bins || exi
 failed=()
 for what in "$@"; do
     case "$what" in
-        soak | cycles | sealed | inputs | kills | peers | hard-cases | install) ;;
-        *) sed -n '2,12s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+        soak | cycles | sealed | inputs | kills | peers | calculix | hard-cases | install) ;;
+        *) sed -n '2,13s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
     esac
     begin=$SECONDS
     if "$what" >"$out/$what.log" 2>&1; then result=holds; else result="FAILED, see $out/$what.log"; failed+=("$what"); fi
