@@ -87,6 +87,51 @@ fn the_demonstration_and_the_tests_share_one_build() {
     assert!(twice.is_empty(), "compiled again for the tests; name their features in Cargo.toml: {twice:#?}");
 }
 
+/// The crates whose tests `scripts/test.sh` runs beside the others: named in its line `computing=(...)`.
+fn computing() -> Vec<String> {
+    let script = std::fs::read_to_string(root().join("scripts/test.sh")).expect("scripts/test.sh");
+    let names = script.lines().find_map(|line| line.strip_prefix("computing=(")?.strip_suffix(')'));
+    names.expect("a line computing=(...)").split_whitespace().map(str::to_owned).collect()
+}
+
+#[test]
+fn both_halves_of_the_tests_share_one_build() {
+    let whole = features(&["--workspace", "--edges", "normal,build,dev"]);
+    for option in ["--package", "--exclude"] {
+        let mut selection = vec!["--edges".to_owned(), "normal,build,dev".to_owned()];
+        selection.extend((option == "--exclude").then(|| "--workspace".to_owned()));
+        selection.extend(computing().into_iter().flat_map(|name| [option.to_owned(), name]));
+        let half = features(&selection.iter().map(String::as_str).collect::<Vec<_>>());
+        let twice: Vec<&String> = half.difference(&whole).collect();
+        assert!(twice.is_empty(), "compiled again for one half of the tests: {twice:#?}");
+    }
+}
+
+/// `test = false` saves the building of a test program; it must not hide a test.
+#[test]
+fn targets_that_are_not_tested_have_no_tests() {
+    let metadata = metadata();
+    let packages = metadata["packages"].as_array().expect("packages");
+    let mut checked = 0;
+    for target in packages.iter().flat_map(|package| package["targets"].as_array().expect("targets")) {
+        let kind = target["kind"][0].as_str().expect("a kind");
+        if target["test"] == true || ["example", "custom-build"].contains(&kind) {
+            continue;
+        }
+        let path = Path::new(target["src_path"].as_str().expect("a path"));
+        let mut files = vec![(path.to_owned(), std::fs::read_to_string(path).expect("UTF-8"))];
+        if kind != "bin" {
+            sources(path.parent().expect("a folder"), &mut files);
+        }
+        let word = ["#[te", "st]"].concat();
+        let hidden: Vec<&PathBuf> =
+            files.iter().filter(|(_, text)| text.contains(&word)).map(|(path, _)| path).collect();
+        assert!(hidden.is_empty(), "test = false, but there are tests: {hidden:#?}");
+        checked += 1;
+    }
+    assert!(checked >= 5, "only {checked} such targets were seen");
+}
+
 #[test]
 fn no_files_of_a_crate_form_a_circle() {
     let mut circles = Vec::new();

@@ -148,7 +148,7 @@ function notice(text) {
 // Whether the gripper holds its object, and where to stop inflating.
 function showGrasp({ scene: name, status, text }) {
   const word = Object.assign(document.createElement("b"), { textContent: status.replaceAll("-", " ") });
-  at("grasp").replaceChildren(word, `${name}: ${text}`);
+  at("grasp").replaceChildren(word, `${name}: ${text.replaceAll("+-", "±")}`);
   Object.assign(at("grasp"), { hidden: false, className: status === "held" ? "held" : "open" });
 }
 

@@ -14,7 +14,7 @@ const ROWS = [
 
 const known = (value) => Number.isFinite(value);
 const signed = (value, digits) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(digits)}`;
-const halfwidthText = (half, digits, unit) => (known(half) ? `± ${half.toFixed(digits + 1)} ${unit}`.trim() : "");
+const halfwidthText = (half, digits, unit) => (known(half) ? `± ${Number(half.toFixed(digits + 1)) || !half ? half.toFixed(digits + 1) : half.toPrecision(1)} ${unit}`.trim() : "");
 
 // Where the value of an input comes from: measured, given, nominal, estimated; empty where nobody says.
 function sourceText({ input_sources = [] }, at) {
@@ -43,7 +43,7 @@ export function showNumbers(parent, frame, fps) {
     const more = [sourceText(frame, k + 2), known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""];
     if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more.filter(Boolean).join(" · ")));
   });
-  const drawn = fps > 0 ? `${fps.toFixed(0)} frames/s drawn` : "";
+  const drawn = fps > 0 ? `${fps.toFixed(0)} ${fps.toFixed(0) === "1" ? "frame" : "frames"}/s drawn` : "";
   cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
