@@ -111,7 +111,8 @@ function show(actuator, frame) {
 }
 
 const showsPast = () => !recording.on && !whatIf.active && (state.paused || state.age_ms > 0);
-const visible = () => [...state.actuators.values()].filter((a) => (a.name === PREDICTION) === whatIf.active);
+// By name: frames come in any order.
+const visible = () => [...state.actuators.values()].filter((a) => (a.name === PREDICTION) === whatIf.active).sort((a, b) => (a.name < b.name ? -1 : 1));
 const chosen = () => visible().find((a) => a.name === state.chosen) ?? visible()[0];
 const clock = () => (state.paused ? state.frozen_ms : performance.now());
 
