@@ -8,6 +8,7 @@ use rom::inputs::{GAP, Inputs, PRESSURE};
 use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use wire::{FieldHeader, KeyExpr, State, Topic, TopicKind};
 
 /// Fields that are kept of one actuator; of more, every second one is dropped until they fit.
@@ -180,11 +181,12 @@ impl RecordingData {
     /// hundreds, those of the topics that `fields` names.
     ///
     /// # Errors
-    /// What is no recording, or one without a state or field in it.
-    pub fn read(series: &Series, fields: Option<&KeyExpr>) -> Result<Self> {
+    /// What is no recording, or one without a state or field in it; `stop` set before the end, which is minutes away in a long one.
+    pub fn read(series: &Series, fields: Option<&KeyExpr>, stop: &AtomicBool) -> Result<Self> {
         let mut messages = Messages::open(series);
         let mut tracks: BTreeMap<String, Track> = BTreeMap::new();
         while let Some((topic, t_s, message)) = messages.next_message()? {
+            anyhow::ensure!(!stop.load(Ordering::Relaxed), "stopped while {} was read", messages.place);
             let track = tracks.entry(topic.actuator().to_owned()).or_insert_with(Track::new);
             match topic.kind() {
                 TopicKind::State => {

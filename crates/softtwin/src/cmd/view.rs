@@ -115,7 +115,7 @@ impl Args {
             return Ok((thread, None));
         };
         let library = Library::new(path)?;
-        let player = Player::new(library.clone(), catalogue, hub)?;
+        let player = Player::new(library.clone(), catalogue, hub, &stop)?;
         let (sender, commands) = mpsc::channel();
         let play = move || {
             player.run(&commands, &stop);

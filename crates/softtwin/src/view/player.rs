@@ -107,8 +107,13 @@ impl Player {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn new(library: Library, catalogue: Arc<Catalogue>, hub: Arc<Hub>) -> Result<Self> {
-        let data = read(&library.recordings[0], &catalogue)?;
+    pub fn new(
+        library: Library,
+        catalogue: Arc<Catalogue>,
+        hub: Arc<Hub>,
+        stop: &AtomicBool,
+    ) -> Result<Self> {
+        let data = read(&library.recordings[0], &catalogue, stop)?;
         let player = Self { library, catalogue, hub, data, at_s: 0.0, playing: true };
         player.announce();
         Ok(player)
@@ -120,7 +125,7 @@ impl Player {
         let mut shown = None;
         while !stop.load(Ordering::Relaxed) {
             match commands.recv_timeout(TICK) {
-                Ok(command) => self.execute(command),
+                Ok(command) => self.execute(command, stop),
                 Err(RecvTimeoutError::Disconnected) => return,
                 Err(RecvTimeoutError::Timeout) => {}
             }
@@ -141,7 +146,7 @@ impl Player {
         }
     }
 
-    fn execute(&mut self, command: Command) {
+    fn execute(&mut self, command: Command, stop: &AtomicBool) {
         match command {
             Command::Seek(at_s) => self.at_s = at_s.clamp(0.0, self.data.duration_s),
             Command::Play(playing) => {
@@ -150,13 +155,13 @@ impl Player {
                     self.at_s = 0.0;
                 }
             }
-            Command::Open(name) => self.open(&name),
+            Command::Open(name) => self.open(&name, stop),
         }
     }
 
-    fn open(&mut self, name: &str) {
+    fn open(&mut self, name: &str, stop: &AtomicBool) {
         let Some(recording) = self.library.find(name) else { return };
-        match read(recording, &self.catalogue) {
+        match read(recording, &self.catalogue, stop) {
             Ok(data) => {
                 self.hub.clear();
                 (self.data, self.at_s, self.playing) = (data, 0.0, true);
@@ -209,12 +214,16 @@ impl Player {
 }
 
 /// Recorded fields are only needed where no model can make them again.
-fn read(recording: &Series, catalogue: &Catalogue) -> Result<RecordingData> {
-    let data = RecordingData::read(recording, None)?;
+fn read(recording: &Series, catalogue: &Catalogue, stop: &AtomicBool) -> Result<RecordingData> {
+    let data = RecordingData::read(recording, None, stop)?;
     let mut states = data.tracks.values().flat_map(|track| track.states.last());
     let all_known = !data.tracks.values().any(|track| track.states.is_empty())
         && states.all(|state| catalogue.find(state.values.model_hash).is_some());
-    if all_known { Ok(data) } else { RecordingData::read(recording, Some(&KeyExpr::new("softtwin/**")?)) }
+    if all_known {
+        return Ok(data);
+    }
+    drop(data); // a long recording is not held twice
+    RecordingData::read(recording, Some(&KeyExpr::new("softtwin/**")?), stop)
 }
 
 impl<'a> Strip<'a> {

@@ -28,3 +28,12 @@ fn thinned_states_keep_every_peak() {
     assert!(states.iter().any(|s| s.values.pressure_mpa == 0.09));
     assert!(states.windows(2).all(|pair| pair[0].t_s < pair[1].t_s));
 }
+
+#[test]
+fn reading_a_recording_ends_when_the_program_is_to_stop() {
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("../recording/tests/data/layout-5.mcap");
+    let read = |stop: bool| RecordingData::read(&series(&kept).unwrap(), None, &AtomicBool::new(stop));
+    assert!(read(false).is_ok());
+    let refused = read(true).map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("stopped while"), "{refused}");
+}

@@ -6,6 +6,7 @@ use anyhow::Result;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 /// Points of a line; a picture shows no more.
 const MAX_POINTS: usize = 2000;
@@ -30,7 +31,7 @@ const LATENCY: &str = "latency, sensor to published [ms]";
 /// # Errors
 /// What is wrong with the recording or the model.
 pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
-    let data = RecordingData::read(&series(path)?, None)?;
+    let data = RecordingData::read(&series(path)?, None, &AtomicBool::new(false))?;
     let mut panels: Vec<Panel> = Vec::new();
     for (label, value) in QUANTITIES {
         let series = data.tracks.iter().enumerate().map(|(colour, (name, track))| {
