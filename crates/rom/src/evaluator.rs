@@ -192,23 +192,27 @@ impl Evaluator {
 
     /// [`Self::locate`] with the contact force and its gradient: what a search for a force needs, without the fields.
     pub fn force(&self, inputs: Inputs, out: &mut Evaluation) {
+        self.place_with_force(inputs, out);
+    }
+
+    /// [`Self::force`], with the regime that answers and the state over its scaled inputs.
+    fn place_with_force(&self, inputs: Inputs, out: &mut Evaluation) -> Option<(&RegimePart, Point)> {
         let (at, part) = self.place(inputs.or(&self.values), out);
-        if let Some(part) = part {
-            force(part, &at, &part.model.inputs.scale(&out.inputs), out);
-        }
+        let part = part?;
+        let x = part.model.inputs.scale(&out.inputs);
+        force(part, &at, &x, out);
+        Some((part, x))
     }
 
     /// All of [`Self::evaluate`] but the coefficients, of which there are none afterwards: what a state without fields needs, a
     /// tenth of the cost. [`Self::complete`] adds them.
     pub fn state(&self, inputs: Inputs, out: &mut Evaluation) {
-        let (at, part) = self.place(inputs.or(&self.values), out);
         out.coefficients.clear();
         out.gradients.iter_mut().for_each(Vec::clear);
-        let Some(part) = part else { return };
-        let x = part.model.inputs.scale(&out.inputs);
-        let local = part.model.local_halfwidths.as_ref();
-        out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
-        force(part, &at, &x, out);
+        if let Some((part, x)) = self.place_with_force(inputs, out) {
+            let local = part.model.local_halfwidths.as_ref();
+            out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
+        }
     }
 
     /// Adds the coefficients to what [`Self::state`] gave, where they are not there yet.

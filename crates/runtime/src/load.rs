@@ -23,7 +23,7 @@ pub struct Loaded {
     pub spec: ActuatorSpec,
     /// First 16 bytes of the model file's hash.
     pub model_hash: [u8; 16],
-    /// From inputs to regime, coefficients and force.
+    /// From inputs to regime, force and coefficients: those of the fields whose modes were read, all where states carry them.
     pub evaluator: Evaluator,
     /// Coefficients of each group, by regime.
     pub group_sizes: GroupSizes,
@@ -112,7 +112,14 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
             model.blocks.push((entry.kind, block));
         }
     }
-    let evaluator = Evaluator::new(&model.header).map_err(|error| at(error.to_string()))?;
+    let mut evaluator = Evaluator::new(&model.header).map_err(|error| at(error.to_string()))?;
+    if !spec.state.coefficients {
+        let field = |block: &ReadBlock| match block.kind {
+            BlockKind::Modes { field, .. } => Some(field as usize),
+            _ => None,
+        };
+        evaluator.restrict(&read.iter().filter_map(field).collect::<Vec<_>>());
+    }
     let outputs = outputs(spec, &model, selections)?;
     let estimator = Estimator::new(spec, &model)?;
     let group_sizes = model

@@ -48,6 +48,7 @@ impl Answerer {
     pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Self, Vec<String>> {
         // A question may be about any gap, whatever the scene's sensors can show.
         let mut wanted = ActuatorSpec { gap_mm: Gap::default(), ..spec.clone() };
+        wanted.state.coefficients = true; // answers carry all of them
         if spec.queries != Queries::Fields {
             wanted.outputs.clear();
         }

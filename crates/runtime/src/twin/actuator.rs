@@ -10,15 +10,13 @@ use super::record::Record;
 use super::swap::{Retired, Running};
 use crate::config::{ActuatorSpec, Gap, Limits, OutsideDomain, StateSpec, ms_to_ns};
 use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
-use crate::load::{GroupSizes, Loaded, ReadBlock};
+use crate::load::{GroupSizes, Loaded};
 use crate::payload;
 use crate::source::FORCE;
 use rom::evaluation::Evaluation;
-use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
 use rom::inputs::Inputs;
-use rom::model::BlockKind;
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use wire::layout::{VERSION, flags, pack_name};
@@ -36,18 +34,6 @@ const WATCH_SIGMAS: f64 = 2.0;
 /// An estimated gap is no part of a reading: whatever the reading says about it is not looked at.
 fn gap_of(spec: &ActuatorSpec) -> Gap {
     spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
-}
-
-/// The evaluator of what the scene publishes: coefficients of the fields whose modes were read, of all when states carry them.
-fn evaluator_of(mut evaluator: Evaluator, wanted: StateSpec, read: &[ReadBlock]) -> HysteresisEvaluator {
-    if !wanted.coefficients {
-        let field = |block: &ReadBlock| match block.kind {
-            BlockKind::Modes { field, .. } => Some(field as usize),
-            _ => None,
-        };
-        evaluator.restrict(&read.iter().filter_map(field).collect::<Vec<_>>());
-    }
-    HysteresisEvaluator::new(evaluator)
 }
 
 /// One actuator of a running twin.
@@ -121,7 +107,7 @@ impl ActuatorTwin {
             state_writer,
             outputs,
             evaluation: loaded.evaluator.evaluation(),
-            evaluator: evaluator_of(loaded.evaluator, loaded.spec.state, &loaded.read),
+            evaluator: HysteresisEvaluator::new(loaded.evaluator),
             estimation,
             label: RegimeLabel { regime: RegimeKind::Free, held: false },
             validator: Validator::new(limits, gap_of(&loaded.spec)),
@@ -194,7 +180,7 @@ impl ActuatorTwin {
         let inputs = loaded.evaluator.inputs();
         (self.state.input_count, self.state.input_names) = payload::input_names(inputs);
         self.state.input_sources = payload::input_sources(&loaded.spec, inputs);
-        let new = evaluator_of(loaded.evaluator, loaded.spec.state, &loaded.read);
+        let new = HysteresisEvaluator::new(loaded.evaluator);
         retired.evaluators.push(std::mem::replace(&mut self.evaluator, new));
         for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {
             retired.reconstructors.push(output.swap(loaded.model_hash, new));
