@@ -207,9 +207,11 @@ impl Evaluator {
     /// All of [`Self::evaluate`] but the coefficients, of which there are none afterwards: what a state without fields needs, a
     /// tenth of the cost. [`Self::complete`] adds them.
     pub fn state(&self, inputs: Inputs, out: &mut Evaluation) {
+        let placed = self.place_with_force(inputs, out);
+        // After it: an onset that depends on parameters is solved in this memory.
         out.coefficients.clear();
         out.gradients.iter_mut().for_each(Vec::clear);
-        if let Some((part, x)) = self.place_with_force(inputs, out) {
+        if let Some((part, x)) = placed {
             let local = part.model.local_halfwidths.as_ref();
             out.halfwidths = local.map_or(part.model.halfwidths, |local| local.at(&x));
         }
