@@ -182,7 +182,8 @@ pub struct TrainConfig {
     pub split_at_onset: bool,
     /// States on the onset boundary taken from the free model, 0 for none.
     pub boundary_states: usize,
-    /// How far beyond the largest sampled gap these states reach, as a share of the sampled range of gaps.
+    /// How far beyond the largest sampled gap these states reach, as a share of the sampled range of gaps. With
+    /// parameters they reach as far as the free states.
     pub boundary_overshoot: f64,
     /// What can be touched; the database's own when absent.
     pub obstacle: Option<Footprint>,

@@ -140,6 +140,8 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
 
 /// A parameter is missed when leaving it out raises the score by more than this share.
 const MISSED: f64 = 0.1;
+/// Beyond so many times that score no other factors on the other inputs are tried.
+const DOUBTED: f64 = 2.0;
 
 /// Whether states are predicted as well without a parameter: the chosen kernel, fitted over the other inputs.
 fn idle(samples: &Samples, states: States, tasks: &[Task], chosen: &Fit, axis: usize) -> bool {
@@ -170,10 +172,25 @@ fn idle(samples: &Samples, states: States, tasks: &[Task], chosen: &Fit, axis: u
         ..samples.clone()
     };
     // Where two states differ in this parameter alone, nothing can be fitted without it: it is not idle.
-    fit(&fewer, KernelSpec { kernel, tail }, metric, chosen.interpolant.smoothing).is_ok_and(|rest| {
-        let scores = [&rest, chosen].map(|fit| score(states, tasks, &fit.residuals).score);
-        scores[0] <= (1.0 + MISSED) * scores[1]
-    })
+    let score_of = |metric: Metric| {
+        let fit = fit(&fewer, KernelSpec { kernel, tail }, metric, chosen.interpolant.smoothing).ok()?;
+        Some(score(states, tasks, &fit.residuals).score)
+    };
+    let limit = (1.0 + MISSED) * score(states, tasks, &chosen.residuals).score;
+    let Some(mut without) = score_of(metric) else { return false };
+    // The other inputs' factors were chosen beside this one: they may change by one step before it is said to be missed.
+    let mut metric = metric;
+    for (i, stretch) in (0..fewer.dimensions).flat_map(|i| SLOPE_STRETCHES.map(|stretch| (i, stretch))) {
+        if without <= limit || without > DOUBTED * limit {
+            break;
+        }
+        let mut other = metric;
+        other.scale[i] *= stretch;
+        if let Some(better) = score_of(other).filter(|score| *score < without) {
+            (without, metric) = (better, other);
+        }
+    }
+    without <= limit
 }
 
 /// Floating-point operations that may be spent on metrics with derivatives, over the cube of the system's size.

@@ -85,6 +85,65 @@ fn the_onset_follows_the_parameters_and_the_force_begins_there_at_zero() {
     assert!(compared > 40, "{compared}");
 }
 
+/// Largest jumps of a coordinate (mm) and of stress (share of the state's largest) at the onset, over gaps from the sag to the
+/// largest one sampled, and beyond it up to the largest one reached.
+fn jumps(model: &Model, parameters: [f64; 2]) -> [[f64; 2]; 2] {
+    let mut header = model.header.clone();
+    let [stiffness, length] = parameters;
+    header.give([("elastomer.law.mu_mpa", stiffness), ("chambers.length_mm", length)]).expect("known");
+    let given = Model { header, blocks: model.blocks.clone() };
+    let state = ModelState::new(&given, &Selection::default()).expect("consistent");
+    let (mut below, mut above) = (state.clone(), state);
+    let evaluator = Evaluator::new(&given.header).expect("consistent");
+    let table = evaluator.onset().expect("two regimes").clone();
+    let mut found = [[0.0_f64; 2]; 2];
+    for k in 0..200 {
+        let gap = table.sag_mm() + (table.reach_mm() - table.sag_mm()) * f64::from(k) / 199.0;
+        let mut at = evaluator.evaluation();
+        evaluator.evaluate(Inputs::new(0.0, gap), &mut at);
+        let Some(onset) = at.onset_pressure_mpa.filter(|p| *p > 0.0) else { continue };
+        below.update(Inputs::new(onset.next_down(), gap)).expect("both regimes");
+        above.update(Inputs::new(onset, gap)).expect("both regimes");
+        if below.evaluation().regime == above.evaluation().regime {
+            continue;
+        }
+        let nodes = given.header.node_count;
+        let jump = |field: usize| {
+            let range = field * nodes..(field + 1) * nodes;
+            let pairs = below.fields()[range.clone()].iter().zip(&above.fields()[range]);
+            pairs
+                .fold([0.0_f32; 2], |[jump, largest], (a, b)| [jump.max((a - b).abs()), largest.max(b.abs())])
+        };
+        let found = &mut found[usize::from(gap > 38.0)];
+        (0..3).for_each(|field| found[0] = found[0].max(jump(field)[0].into()));
+        let [stress, largest] = jump(4);
+        found[1] = found[1].max(f64::from(stress / largest));
+    }
+    found
+}
+
+#[test]
+fn the_regimes_meet_at_the_onset() {
+    // Without states along the onset in the POD, and with boundary states evenly spread over pressure and cut at the sampled gaps,
+    // each of them jumped beyond one of its bounds.
+    for (parameters, bounds) in [
+        ([0.8, 3.0], [0.01, 0.0015]),
+        ([0.9, 3.3], [0.01, 0.002]),
+        ([0.9, 2.8], [0.02, 0.003]),
+        ([0.7, 2.7], [0.02, 0.015]),
+        ([0.7, 3.2], [0.05, 0.02]),
+    ] {
+        for found in jumps(&trained().0, parameters) {
+            println!("{parameters:?}: {found:?}");
+            assert!(
+                found[0] < bounds[0] && found[1] < bounds[1],
+                "{parameters:?}: {found:?} beyond {bounds:?}"
+            );
+            assert!(found[0] > 0.0, "nothing was compared");
+        }
+    }
+}
+
 #[test]
 fn gradients_by_every_input_are_differences() {
     let evaluator = evaluator();

@@ -123,7 +123,13 @@ pub(super) fn contact(
     let (mut far, mut along_onset) = (Vec::new(), Vec::new());
     match boundary {
         Some((_, onset)) if onset.has_parameters() => {
-            points.extend(boundary_with_parameters(&points, onset, config, database));
+            // Neighbours in the list differ in their parameters: fewer along the onset for each input.
+            let count = config.boundary_states * 3 / 4 * (1 + database.parameters.len());
+            let at_onset = onset_with_parameters(&points, onset, count.min(cases.len()), 0.0);
+            if at_onset.len() > 1 {
+                along_onset = onset_with_parameters(&points, onset, ONSET_DIRECTIONS, 0.5);
+            }
+            points.extend(at_onset);
         }
         Some((_, onset)) => {
             points.extend(boundary_points(&points, onset, config));
@@ -182,26 +188,18 @@ fn spread(last: usize, count: usize) -> Vec<usize> {
     picked
 }
 
-/// States on the onset at the parameters of the cases, in turn: pressures evenly spread, gaps where the free model then is.
-fn boundary_with_parameters(
-    cases: &[Inputs],
-    onset: &OnsetBoundary,
-    config: &TrainConfig,
-    database: &Database,
-) -> Vec<Inputs> {
-    let gaps = || cases.iter().map(Inputs::gap_mm);
-    let (low, high) = gaps().fold((f64::INFINITY, 0.0_f64), |(l, h), g| (l.min(g), h.max(g)));
-    let limit = high + config.boundary_overshoot * (high - low);
-    // Neighbours in the list differ in their parameters: fewer along the onset for each input.
-    let count = (config.boundary_states * 3 / 4 * (1 + database.parameters.len())).min(cases.len());
+/// So many states on the onset at the parameters of the cases, in turn: pressures closer at the low end, as by [`spread`], gaps
+/// where the free model then is, up to the largest that is reached. Other `first` shares give other pressures.
+fn onset_with_parameters(cases: &[Inputs], onset: &OnsetBoundary, count: usize, first: f64) -> Vec<Inputs> {
     let largest_mpa = onset.table.pressure_mpa.last().copied().unwrap_or(0.0);
     let state = |i: usize| {
         // Golden-ratio steps: no two neighbours in the list of cases get neighbouring pressures.
-        let pressure_mpa = largest_mpa * (i as f64 * 0.618_033_988_749_895).fract();
-        let inputs = cases[i * cases.len() / count.max(1)].with(PRESSURE, pressure_mpa);
+        let share = (first + i as f64 * 0.618_033_988_749_895).fract();
+        let inputs = cases[i * cases.len() / count.max(1) % cases.len()]
+            .with(PRESSURE, largest_mpa * share * share.sqrt());
         Some(inputs.with(GAP, onset.depth_mm(&inputs)?))
     };
-    (0..count).filter_map(state).filter(|state| state.gap_mm() <= limit).collect()
+    (0..count).filter_map(state).collect()
 }
 
 /// Derivatives of the cases by the inputs of a regime, ordered by case and input, with their rows in the database.
