@@ -8,17 +8,19 @@ cd "$(dirname "$0")/.."
 # SOFTTWIN=path/to/softtwin takes programs that are already built.
 softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
 studies() { if [ -n "${SOFTTWIN:-}" ]; then "$SOFTTWIN-studies" "$@"; else cargo run --quiet --release -p studies -- "$@"; fi; }
-# solve_and_check NAME LIST MODEL SEALED --parameter ...: a model of the reference actuator with parameters as inputs, and its errors
+# solve_and_check NAME LIST MODEL SEALED SEED --parameter ...: a model of the reference actuator with parameters as inputs, and its errors
 # on states that no training sees.
 solve_and_check() {
     actuator=models/pneunet/actuator.toml folder="target/database/$1"
-    list=$2 model=$3 sealed=$4
-    shift 4
+    list=$2 model=$3 sealed=$4 seed=$5
+    shift 5
     softtwin simulate --actuator "$actuator" --cases "$list" --sensitivities --out "$folder"
     softtwin train --database "$folder" --out "$model"
-    softtwin sample --actuator "$actuator" --kind sequence --regime contact --n "$sealed" --seed 20261122 --split check --prefix sealed "$@" --out "$folder-sealed.csv"
-    softtwin simulate --actuator "$actuator" --cases "$folder-sealed.csv" --out "$folder-sealed"
-    softtwin evaluate --model "$model" --database "$folder-sealed" --split check
+    # Behind the training list, so that they start from solved states near them.
+    softtwin sample --actuator "$actuator" --kind sequence --regime contact --n "$sealed" --seed "$seed" --split check --prefix sealed "$@" --out "$folder-sealed.csv"
+    { cat "$list" && tail -n +2 "$folder-sealed.csv"; } >"$folder-both.csv"
+    softtwin simulate --actuator "$actuator" --cases "$folder-both.csv" --out "$folder"
+    softtwin evaluate --model "$model" --database "$folder" --split check
 }
 [ $# -gt 0 ] || set -- pneunet gripper
 for name in "$@"; do
@@ -33,14 +35,13 @@ for name in "$@"; do
         continue
     fi
     if [ "$name" = design ]; then
-        # Pressure, gap and five parameters of the reference actuator: designs of ten states each, which share a way from rest.
-        # Any first part of the list is a list too.
+        # Pressure, gap and five parameters of the reference actuator: designs of eight states each, which share a way from rest.
+        list=models/pneunet-design/cases.csv
         set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 --parameter chambers.width_mm=13:15 \
             --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
-        mkdir -p target/database
         softtwin sample --actuator models/pneunet/actuator.toml --database models/pneunet/database --kind sequence --regime both \
-            --n 36 --states-per-design 10 --seed 7 --prefix v "$@" --out target/database/design.csv
-        solve_and_check design target/database/design.csv target/pneunet-design.twin 60 "$@"
+            --n 18 --states-per-design 8 --seed 7 --prefix v "$@" --out "$list"
+        solve_and_check design "$list" models/pneunet-design/pneunet-design.twin 60 90514277 "$@"
         continue
     fi
     if [ "$name" = stiffness ]; then
@@ -48,7 +49,7 @@ for name in "$@"; do
         list=models/pneunet-stiffness/cases.csv
         set -- --parameter elastomer.law.mu_mpa=0.6:1.0
         softtwin sample --actuator models/pneunet/actuator.toml --kind sequence --regime both --n 140 --seed 3 --prefix m "$@" --out "$list"
-        solve_and_check stiffness "$list" models/pneunet-stiffness/pneunet-stiffness.twin 30 "$@"
+        solve_and_check stiffness "$list" models/pneunet-stiffness/pneunet-stiffness.twin 30 20261122 "$@"
         continue
     fi
     if [ "$name" = cylinder ]; then

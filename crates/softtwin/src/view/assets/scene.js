@@ -11,6 +11,7 @@ const HEAD_MM = 6;
 const HEAD_RADIUS_MM = 2.4;
 const SHAFT_RADIUS_MM = 0.8;
 const GROWN_MM = 1;
+const [LABEL_WIDTH, LABEL_HEIGHT] = [76, 24]; // pixels, of a force with its rim
 const SEEN_NODES = 200; // of a shape, to fit the view to
 
 export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -108,6 +109,7 @@ export class Scene {
   // The force beside each arrow's point, as a part of the page; pictures draw `labels` themselves.
   label(arrows) {
     this.labels = arrows.map(({ tip, force_n }) => ({ at: this.camera.project(tip), text: `${force_n.toFixed(3)} N` })).filter(({ at }) => at);
+    separate(this.labels);
     while (this.marks.children.length > this.labels.length) this.marks.lastChild.remove();
     this.labels.forEach(({ at, text }, k) => {
       const mark = this.marks.children[k] ?? this.marks.appendChild(Object.assign(document.createElement("div"), { className: "mark" }));
@@ -116,6 +118,16 @@ export class Scene {
       mark.style.transform = `translate(${x}px, ${at[1] - 11}px)`;
     });
   }
+}
+
+// Moves labels down that would cover one above them.
+function separate(labels) {
+  const sorted = [...labels].sort((a, b) => a.at[1] - b.at[1]);
+  sorted.forEach(({ at }, k) => {
+    for (const { at: above } of sorted.slice(0, k)) {
+      if (Math.abs(at[0] - above[0]) < LABEL_WIDTH && at[1] - above[1] < LABEL_HEIGHT) at[1] = above[1] + LABEL_HEIGHT;
+    }
+  });
 }
 
 function cornersOf(...ends) {
