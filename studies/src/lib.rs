@@ -5,6 +5,7 @@
 mod control;
 mod estimation;
 mod hard_cases;
+mod learning;
 mod measure;
 mod peers;
 mod python;
@@ -29,6 +30,7 @@ pub enum Command {
     HardCases(hard_cases::Args),
     Scale(scale::Args),
     Sweep(sweep::Args),
+    Learning(learning::Args),
     Estimation(estimation::Args),
     Measure(measure::Args),
     Control(control::Args),
@@ -51,6 +53,7 @@ impl Command {
             Self::HardCases(args) => args.run(),
             Self::Scale(args) => args.run(),
             Self::Sweep(args) => args.run(),
+            Self::Learning(args) => args.run(),
             Self::Estimation(args) => args.run(),
             Self::Measure(args) => args.run(),
             Self::Control(args) => args.run(),

@@ -1,0 +1,138 @@
+//! States against error: trained on more and more of the states, with and without their derivatives.
+
+use anyhow::Context;
+use formats::database::ObstacleKind;
+use rom::config::TrainConfig;
+use rom::evaluate::{DEFAULT_FLOOR, Summary, evaluate};
+use rom::hull::DomainStatus;
+use rom::model::Model;
+use rom::snapshots::{Database, RegimeKind, Split};
+use rom::train::train;
+use softtwin::progress::Progress;
+use softtwin::{files, output, range};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+    scripts/make_model.sh design
+    softtwin-studies learning --model models/pneunet-design/pneunet-design.twin --database target/database/design
+
+Errors are on the contact states of the split `check` inside the model's domain: mean / 95th percentile. Training is that of
+`softtwin train`; the states are taken evenly from the list.";
+
+/// Train on parts of a database's states, with and without derivatives, and measure the errors on states that no training saw.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Database with derivatives and states of the split `check`.
+    #[arg(long, value_name = "DIR")]
+    database: PathBuf,
+    /// Model whose domain is taken.
+    #[arg(long, value_name = "FILE.twin")]
+    model: PathBuf,
+    /// Shares of the training states, each 0.01 to 1.
+    #[arg(long, value_name = "SHARE", num_args = 1.., default_values_t = [0.33, 0.67, 1.0], value_parser = range::number(0.01, 1.0))]
+    shares: Vec<f64>,
+}
+
+impl Args {
+    /// Trains, measures, prints a table.
+    pub fn run(self) -> anyhow::Result<()> {
+        let mut progress = Progress::new(false);
+        progress.step("reading the database");
+        let database = files::database(&self.database, ObstacleKind::Plate)?;
+        let model = files::model(&self.model)?;
+        let unseen = unseen(&database, &model)?;
+        anyhow::ensure!(
+            !unseen.is_empty(),
+            "{}: expected contact states of the split `check` inside the model's domain, found none",
+            self.database.display()
+        );
+        let points = curve(&database, &unseen, &self.shares, &mut |step| progress.step(step))?;
+        drop(progress);
+        output!("{} unseen states\n\n{}", unseen.len(), table(&points))?;
+        Ok(())
+    }
+}
+
+/// Contact states that no training saw, inside the model's domain.
+fn unseen(database: &Database, model: &Model) -> anyhow::Result<Vec<usize>> {
+    let contact = |i: &usize| database.cases[*i].regime == RegimeKind::Contact;
+    let cases: Vec<usize> = database.of_split(Split::Check).filter(contact).collect();
+    let report = evaluate(model, database, &cases, DEFAULT_FLOOR)?;
+    let inside = cases.iter().zip(&report.cases).filter(|(_, case)| case.domain == DomainStatus::Inside);
+    Ok(inside.map(|(i, _)| *i).collect())
+}
+
+/// Displacement, stress and force: mean and 95th percentile over the unseen states.
+pub type Errors = [[f64; 2]; 3];
+
+/// What training on so many states gives.
+pub struct Point {
+    pub states: usize,
+    pub with_derivatives: bool,
+    pub errors: Errors,
+}
+
+/// Errors on `unseen` states after training on shares of the training states.
+///
+/// # Errors
+/// A share on which no model can be trained.
+pub fn curve(
+    database: &Database,
+    unseen: &[usize],
+    shares: &[f64],
+    notify: &mut dyn FnMut(&str),
+) -> anyhow::Result<Vec<Point>> {
+    let config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    let mut points = Vec::new();
+    for share in shares {
+        let (with, states) = thinned(database, *share);
+        let without = Database { sensitivities: None, ..with.clone() };
+        for (with_derivatives, part) in [(true, &with), (false, &without)] {
+            let name = if with_derivatives { "with" } else { "without" };
+            notify(&format!("states against error: {states} states, {name} derivatives"));
+            let model =
+                train(part, &config, &mut |_| {}).with_context(|| format!("{states} states, {name}"))?.0;
+            let report = evaluate(&model, database, unseen, DEFAULT_FLOOR)?;
+            if let Some(summary) = report.regimes.first() {
+                points.push(Point { states, with_derivatives, errors: errors(summary) });
+            }
+        }
+    }
+    Ok(points)
+}
+
+/// The points as a table of percentages.
+pub fn table(points: &[Point]) -> String {
+    let mut text = String::from(
+        "| states | derivatives | displacement | stress | force |\n| --- | --- | --- | --- | --- |\n",
+    );
+    for point in points {
+        let cells = point.errors.map(|[mean, p95]| format!("{:.3} / {:.3}", 100.0 * mean, 100.0 * p95));
+        let name = if point.with_derivatives { "with" } else { "without" };
+        let _ = writeln!(text, "| {} | {name} | {} |", point.states, cells.join(" | "));
+    }
+    text
+}
+
+/// The database with a share of its training states, taken evenly from the list; the others take part in nothing.
+fn thinned(database: &Database, share: f64) -> (Database, usize) {
+    let mut thin = database.clone();
+    let taken = |k: usize| ((k + 1) as f64 * share).floor() > (k as f64 * share).floor();
+    let train: Vec<usize> = database.of_split(Split::Train).collect();
+    for (_, &case) in train.iter().enumerate().filter(|(k, _)| !taken(*k)) {
+        thin.cases[case].split = Split::Check;
+    }
+    let count = thin.of_split(Split::Train).count();
+    (thin, count)
+}
+
+fn errors(summary: &Summary) -> Errors {
+    let field = |name: &str| {
+        let found = summary.fields.iter().find(|field| field.field == name);
+        found.map_or([f64::NAN; 2], |field| [field.normalised[0], field.normalised[1]])
+    };
+    [field("displacement"), field("von_mises"), [summary.force_normalised[0], summary.force_normalised[1]]]
+}
