@@ -40,7 +40,7 @@ for name in "$@"; do
         set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 --parameter chambers.width_mm=13:15 \
             --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
         softtwin sample --actuator models/pneunet/actuator.toml --database models/pneunet/database --kind sequence --regime both \
-            --n 18 --states-per-design 8 --seed 7 --prefix v "$@" --out "$list"
+            --n 24 --states-per-design 8 --seed 7 --prefix v "$@" --out "$list"
         solve_and_check design "$list" models/pneunet-design/pneunet-design.twin 60 90514277 "$@"
         continue
     fi

@@ -161,6 +161,12 @@ impl Daemon {
         Ok(())
     }
 
+    /// Forgets what it has written to standard error so far.
+    pub fn forget_log(&mut self) {
+        self.lines.try_iter().for_each(drop);
+        self.log = Vec::new();
+    }
+
     /// What it has written to standard error.
     pub fn log(&mut self) -> String {
         self.log.extend(self.lines.try_iter());

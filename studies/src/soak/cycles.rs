@@ -84,6 +84,11 @@ impl Args {
     }
 }
 
+/// Cycles from one observation to the next.
+fn between_observations(cycles: usize) -> usize {
+    cycles.div_ceil(POINTS).max(1)
+}
+
 /// Room for a series whose pages are in use from the beginning: this program is among those observed.
 fn room() -> Vec<(f64, f64)> {
     let mut points = vec![(1.0, 1.0); POINTS + 1];
@@ -106,7 +111,7 @@ impl Phase {
         mut observe: impl FnMut() -> Vec<(String, f64)>,
     ) -> anyhow::Result<Self> {
         let begin = Instant::now();
-        let every = cycles.div_ceil(POINTS).max(1);
+        let every = between_observations(cycles);
         let mut series: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
         for number in 0..cycles {
             cycle(number)?;
@@ -209,6 +214,8 @@ impl<'a> Programs<'a> {
         let mut watched = self.watched(&[("twin", &self.twin), ("bridge", &self.bridge)]);
         let observe = || {
             let mut all = watched();
+            // This process keeps what the programs log, which is not the readers'.
+            [&mut self.twin, &mut self.bridge, &mut self.recorder].into_iter().for_each(Daemon::forget_log);
             all.extend(usage("readers", &own));
             all
         };
@@ -224,7 +231,8 @@ impl<'a> Programs<'a> {
         Phase::run(cycles, cycle, observe)
     }
 
-    /// Twin and bridge are started again and again, beside a recorder and a reader that stay.
+    /// Twin and bridge are started again and again, beside a recorder and a reader that stay. Between two observations the recorder
+    /// begins a new file: until a file ends, what stands where in it is kept in memory.
     fn restarts(&mut self, cycles: usize) -> anyhow::Result<Phase> {
         let own = std::process::id().to_string();
         let bus = self.testbed.bus()?;
@@ -237,8 +245,12 @@ impl<'a> Programs<'a> {
             all
         };
         let (testbed, scene) = (self.testbed, self.scene);
-        let (twin, bridge) = (&mut self.twin, &mut self.bridge);
+        let (twin, bridge, recorder) = (&mut self.twin, &mut self.bridge, &mut self.recorder);
+        let every = between_observations(cycles);
         let cycle = |number: usize| {
+            if number.is_multiple_of(every) {
+                recorder.signal(libc::SIGHUP)?;
+            }
             let (role, daemon) =
                 if number.is_multiple_of(2) { ("twin", &mut *twin) } else { ("bridge", &mut *bridge) };
             if number % 4 < 2 {
