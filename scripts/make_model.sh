@@ -19,8 +19,16 @@ solve_and_check() {
     # Behind the training list, so that they start from solved states near them.
     softtwin sample --actuator "$actuator" --kind sequence --regime contact --n "$sealed" --seed "$seed" --split check --prefix sealed "$@" --out "$folder-sealed.csv"
     { cat "$list" && tail -n +2 "$folder-sealed.csv"; } >"$folder-both.csv"
-    softtwin simulate --actuator "$actuator" --cases "$folder-both.csv" --out "$folder"
+    softtwin simulate --actuator "$actuator" --cases "$folder-both.csv" --sensitivities --out "$folder"
     softtwin evaluate --model "$model" --database "$folder" --split check
+}
+# scattered REGIME N SEED PREFIX --parameter ...: states of as many designs, added to the list.
+scattered() {
+    regime=$1 n=$2 seed=$3 prefix=$4
+    shift 4
+    softtwin sample --actuator models/pneunet/actuator.toml --kind sequence --regime "$regime" --n "$n" --seed "$seed" \
+        --prefix "$prefix" "$@" --out target/database/scattered.csv
+    tail -n +2 target/database/scattered.csv >>"$list"
 }
 [ $# -gt 0 ] || set -- pneunet gripper
 for name in "$@"; do
@@ -35,13 +43,17 @@ for name in "$@"; do
         continue
     fi
     if [ "$name" = design ]; then
-        # Pressure, gap and five parameters of the reference actuator: designs of eight states each, which share a way from rest.
+        # Pressure, gap and five parameters of the reference actuator: 20 designs of eight states each, which share a way from rest,
+        # and 130 states of as many designs, which start from those near them and take a third of the time.
         list=models/pneunet-design/cases.csv
         set -- --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter chambers.length_mm=2.6:3.4 --parameter chambers.width_mm=13:15 \
             --parameter base.lower_mm=1.6:2.4 --parameter sheet.thickness_mm=0.08:0.12
+        mkdir -p target/database
         softtwin sample --actuator models/pneunet/actuator.toml --database models/pneunet/database --kind sequence --regime both \
-            --n 24 --states-per-design 8 --seed 7 --prefix v "$@" --out "$list"
-        solve_and_check design "$list" models/pneunet-design/pneunet-design.twin 60 90514277 "$@"
+            --n 20 --states-per-design 8 --seed 7 --prefix v "$@" --out "$list"
+        scattered contact 100 90514277 r "$@"
+        scattered free 30 9 f "$@"
+        solve_and_check design "$list" models/pneunet-design/pneunet-design.twin 60 61804470 "$@"
         continue
     fi
     if [ "$name" = stiffness ]; then
