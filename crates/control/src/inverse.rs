@@ -53,6 +53,8 @@ pub struct Inverse {
     pub slope: f64,
     /// Value asked for less the model's, in the quantity's unit, before the last correction.
     pub residual: f64,
+    /// Contact force there before the last correction, N.
+    pub force_n: f64,
     /// The value is within the model's range.
     pub is_reached: bool,
 }
@@ -73,7 +75,8 @@ pub fn inverse(
 ) -> Inverse {
     let [mut low, mut high] = model.range_mpa();
     let mut at = start_mpa.clamp(low, high);
-    let mut found = Inverse { pressure_mpa: at, slope: 0.0, residual: f64::NAN, is_reached: false };
+    let mut found =
+        Inverse { pressure_mpa: at, slope: 0.0, residual: f64::NAN, force_n: f64::NAN, is_reached: false };
     let grows = quantity == Quantity::Force || model.tip_grows();
     for _ in 0..MAX_EVALUATIONS {
         let point = model.at(at, gap_mm);
@@ -81,11 +84,12 @@ pub fn inverse(
             // Every pressure up to the onset has no force; the onset is where one begins.
             let pressure_mpa = point.onset_mpa.clamp(low, high);
             let is_reached = point.onset_mpa <= high;
-            return Inverse { pressure_mpa, slope: 0.0, residual: 0.0, is_reached };
+            return Inverse { pressure_mpa, slope: 0.0, residual: 0.0, force_n: 0.0, is_reached };
         }
         let (now, slope) = quantity.of(&point);
         let error = value - now;
-        found = Inverse { pressure_mpa: at, slope, residual: error, is_reached: false };
+        let force_n = point.force_n;
+        found = Inverse { pressure_mpa: at, slope, residual: error, force_n, is_reached: false };
         let is_above = (error > 0.0) == grows;
         if is_above {
             low = at

@@ -130,6 +130,18 @@ pub struct Turn {
     pub is_limited: bool,
 }
 
+/// Where a search ended: the next one begins there, moved along the slope by what the value has changed, and mostly needs one
+/// evaluation.
+#[derive(Debug, Clone, Copy, Default)]
+struct Search {
+    value: f64,
+    pressure_mpa: f64,
+    slope: f64,
+}
+
+/// A search begins at most so far from where the last one ended, MPa: a slope holds only nearby.
+const MAX_MOVE_MPA: f64 = 0.002;
+
 /// The controller's memory.
 #[derive(Debug)]
 pub struct Controller<M> {
@@ -142,8 +154,8 @@ pub struct Controller<M> {
     bias_mpa: f64,
     expected_mpa: f64,
     command_mpa: f64,
-    /// Where the last searches ended: for reference, measured value and force limit.
-    last: [f64; 3],
+    /// The last searches: for reference, measured value and force limit.
+    last: [Search; 3],
     is_started: bool,
 }
 
@@ -159,7 +171,7 @@ impl<M: Model> Controller<M> {
             bias_mpa: 0.0,
             expected_mpa: 0.0,
             command_mpa: 0.0,
-            last: [0.0; 3],
+            last: [Search::default(); 3],
             is_started: false,
         }
     }
@@ -191,7 +203,7 @@ impl<M: Model> Controller<M> {
         let speed = self.move_reference(target, dt_s);
         self.correct(reading, dt_s);
         let ahead = self.search(0, self.reference[1], reading.gap_mm);
-        let most_mpa = self.search_force(self.settings.force_max_n, reading.gap_mm);
+        let most_mpa = self.limit_mpa(&ahead, reading.gap_mm);
         let wanted_mpa = (ahead.pressure_mpa.min(most_mpa)) + self.correction_mpa;
         let is_out = self.hold_reference(wanted_mpa, reading.gap_mm);
         self.learn_bias(reading, dt_s);
@@ -293,16 +305,30 @@ impl<M: Model> Controller<M> {
         self.command_mpa = within.clamp(self.command_mpa - step, self.command_mpa + step);
     }
 
-    fn search(&mut self, slot: usize, value: f64, gap_mm: f64) -> Inverse {
-        let found = inverse(&mut self.model, self.quantity, gap_mm, value, self.last[slot]);
-        self.last[slot] = found.pressure_mpa;
-        found
+    /// Pressure of the force limit; infinite where what is ahead lies clearly below it.
+    fn limit_mpa(&mut self, ahead: &Inverse, gap_mm: f64) -> f64 {
+        let limit_n = self.settings.force_max_n;
+        let ahead_n = match self.quantity {
+            Quantity::Force => self.reference[1],
+            Quantity::Tip => ahead.force_n,
+        };
+        if ahead_n <= TARGET_SHARE * limit_n {
+            return f64::INFINITY;
+        }
+        self.search_of(2, Quantity::Force, limit_n, gap_mm).pressure_mpa
     }
 
-    fn search_force(&mut self, force_n: f64, gap_mm: f64) -> f64 {
-        let found = inverse(&mut self.model, Quantity::Force, gap_mm, force_n, self.last[2]);
-        self.last[2] = found.pressure_mpa;
-        found.pressure_mpa
+    fn search(&mut self, slot: usize, value: f64, gap_mm: f64) -> Inverse {
+        self.search_of(slot, self.quantity, value, gap_mm)
+    }
+
+    fn search_of(&mut self, slot: usize, quantity: Quantity, value: f64, gap_mm: f64) -> Inverse {
+        let last = self.last[slot];
+        let moved_mpa = (value - last.value) / last.slope;
+        let start_mpa = last.pressure_mpa + if moved_mpa.abs() <= MAX_MOVE_MPA { moved_mpa } else { 0.0 };
+        let found = inverse(&mut self.model, quantity, gap_mm, value, start_mpa);
+        self.last[slot] = Search { value, pressure_mpa: found.pressure_mpa, slope: found.slope };
+        found
     }
 }
 

@@ -4,6 +4,7 @@ use super::bench::Bench;
 use control::inverse::Quantity;
 use control::law::{Controller, Reading};
 use control::report::{Percentiles, percentiles};
+use rom::rng::Rng;
 use serde_json::{Value, json};
 use std::time::Instant;
 
@@ -11,6 +12,8 @@ use std::time::Instant;
 const TURNS: usize = 20_000;
 /// Turns of one target.
 const A_TARGET: usize = 500;
+/// Standard deviations of the readings' noise: pressure, MPa, gap, mm, force, N.
+const NOISE: [f64; 3] = [5e-5, 0.05, 2e-3];
 
 /// Force with a measured value, force without, tip without.
 pub fn measure(bench: &Bench) -> anyhow::Result<Value> {
@@ -28,6 +31,7 @@ pub fn measure(bench: &Bench) -> anyhow::Result<Value> {
 fn turns(bench: &Bench, quantity: Quantity, is_measured: bool) -> anyhow::Result<Percentiles> {
     let mut controller = Controller::new(bench.model()?, quantity, bench.settings);
     let (mut pressure_mpa, mut durations_ns) = (0.02, Vec::with_capacity(TURNS));
+    let mut random = Rng::new(TURNS as u64);
     for turn in 0..TURNS {
         let high = (turn / A_TARGET).is_multiple_of(2);
         let (target, gap_mm) = match quantity {
@@ -35,7 +39,12 @@ fn turns(bench: &Bench, quantity: Quantity, is_measured: bool) -> anyhow::Result
             Quantity::Tip => (if high { -30.0 } else { -45.0 }, 70.0),
         };
         let measured = if is_measured { (pressure_mpa - 0.008) * 10.0 } else { f64::NAN };
-        let reading = Reading { pressure_mpa, gap_mm, measured };
+        let [pressure_mpa_off, gap_mm_off, force_n_off] = NOISE.map(|sigma| sigma * random.normal());
+        let reading = Reading {
+            pressure_mpa: pressure_mpa + pressure_mpa_off,
+            gap_mm: gap_mm + gap_mm_off,
+            measured: measured + force_n_off,
+        };
         let begin = Instant::now();
         let found = controller.update(target, reading, 1e-3);
         durations_ns.push(begin.elapsed().as_nanos() as u64);
@@ -46,7 +55,12 @@ fn turns(bench: &Bench, quantity: Quantity, is_measured: bool) -> anyhow::Result
 
 /// As lines for people.
 pub fn text(times: &Value) -> String {
-    let mut out = String::from("one turn of the controller (this build, this machine)\n");
+    let mut out = format!(
+        "one turn of the controller (this build, this machine), readings with noise of {} Pa, {} mm, {} mN\n",
+        1e6 * NOISE[0],
+        NOISE[1],
+        1e3 * NOISE[2]
+    );
     for (name, found) in times.as_object().into_iter().flatten() {
         let number = |key: &str| found[key].as_f64().unwrap_or(f64::NAN);
         out += &format!(

@@ -90,7 +90,7 @@ impl Args {
         let path = self.truth.clone().unwrap_or_else(|| scene.resolve(&of.spec.model));
         let model = files::model(&path)?;
         let mut world = truth::World::new(&of, &model)?;
-        let (mut found, mut unscented) = ([vec![], vec![], vec![]], vec![]);
+        let (mut found, mut unscented, mut unscented_us) = ([vec![], vec![], vec![]], vec![], vec![]);
         let (mut believed_n, mut mesh_n, mut progress) = (Vec::new(), Vec::new(), Progress::new(false));
         for number in 0..self.truths {
             progress.step(&format!("truth {} of {}", number + 1, self.truths));
@@ -99,11 +99,17 @@ impl Args {
             if let (0, Some(path)) = (number, &self.trace) {
                 truth::write_trace(path, &of.setup, &truth, &readings)?;
             }
-            for (found, (_, sensors)) in found.iter_mut().zip(SENSORS) {
-                found.push(filtered(&of.setup, &mut of.sensors, &truth, &readings, sensors));
+            let mut touches = Vec::new();
+            for (found, (_, sensors)) in found.iter_mut().zip(SENSORS).rev() {
+                let outcome;
+                (outcome, touches) = filtered(&of.setup, &mut of.sensors, &truth, &readings, sensors);
+                found.push(outcome);
             }
             mesh_n.push(force_n(&of.setup, &mut of.sensors, &readings.inputs) - readings.force_n);
-            unscented.push(Unscented::run(&of.setup, &mut of.sensors, &truth, &readings));
+            // All sensors came last.
+            let (errors, cost) = Unscented::run(&of.setup, &mut of.sensors, &truth, &readings, &touches);
+            unscented.push(errors);
+            unscented_us.extend(cost);
             let prior: Vec<f64> = of.setup.unknowns.iter().map(|unknown| unknown.prior).collect();
             if let Some(last) = readings.measured.last() {
                 let inputs = of.setup.inputs(last, &prior);
@@ -117,7 +123,10 @@ impl Args {
             "unknowns": names, "measured_values": of.setup.rows.len(),
             "scene_model_at_the_truth": { "force_n": median(mesh_n.iter().map(|e| e.abs())) },
             "believing_the_readings": { "force_n": median(believed_n.iter().map(|e| e.abs())) },
-            "unscented": { "median_error": medians(&names, &unscented) },
+            "unscented": {
+                "median_error": medians(&names, &unscented),
+                "update_us": cost::quantiles(unscented_us.into_iter()),
+            },
         });
         for ((name, _), outcomes) in SENSORS.iter().zip(&found) {
             out[*name] = summary(&names, outcomes);
@@ -126,20 +135,20 @@ impl Args {
     }
 }
 
-/// Runs the filter over the readings of some sensors.
+/// Runs the filter over the readings of some sensors; also says by reading whether it touches.
 fn filtered(
     setup: &Setup,
     model: &mut SensorModel,
     truth: &Truth,
     readings: &Readings,
     [force, markers]: [bool; 2],
-) -> Outcome {
+) -> (Outcome, Vec<bool>) {
     let Ok(mut filter) = Filter::new(setup.clone()) else {
         unreachable!("the setup was checked when it was made")
     };
     let gap = setup.unknowns.iter().position(|unknown| unknown.name == "gap_mm");
     let (mut used, mut consistent, mut since_s) = (0_u32, 0_u32, None);
-    let (mut inputs, mut cost) = ([f64::NAN; MAX_INPUTS], Vec::new());
+    let (mut inputs, mut cost, mut touches) = ([f64::NAN; MAX_INPUTS], Vec::new(), Vec::new());
     for measured in &readings.measured {
         let mut measured: Measurement = *measured;
         for (value, row) in measured.rows.iter_mut().zip(&setup.rows) {
@@ -150,6 +159,7 @@ fn filtered(
         let (update, of_update) = cost::timed(&mut filter, &measured, model);
         cost.push(of_update);
         inputs = update.inputs;
+        touches.push(update.in_contact);
         if update.status == Status::Used && update.used > 0 {
             used += 1;
             consistent += u32::from((update.nis_band[0]..=update.nis_band[1]).contains(&update.nis));
@@ -161,13 +171,14 @@ fn filtered(
     }
     let off =
         filter.estimates().zip(&truth.unknowns).map(|(e, truth)| (e.value - truth, e.sigma, e.identifiable));
-    Outcome {
+    let outcome = Outcome {
         unknowns: off.collect(),
         force_n: force_n(setup, model, &inputs) - readings.force_n,
         consistent: f64::from(consistent) / f64::from(used.max(1)),
         converged_s: since_s.map_or(f64::INFINITY, |since| (since - readings.contact_s).max(0.0)),
         cost,
-    }
+    };
+    (outcome, touches)
 }
 
 fn force_n(setup: &Setup, model: &mut SensorModel, inputs: &[f64; MAX_INPUTS]) -> f64 {

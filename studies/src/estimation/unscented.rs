@@ -1,107 +1,186 @@
-//! The unscented Kalman filter (Julier and Uhlmann 2004) for comparison: the same unknowns, sensors and noise; one measured value after
-//! the other; neither a decision on contact nor a correlated error of the model.
+//! The unscented Kalman filter (Julier and Uhlmann 2004) for comparison. It is given what ours has: unknowns, priors, noise of the
+//! sensors, the model's error that readings share, rejection of outliers, and our filter's decision on contact, since points on
+//! both sides of the onset would average over its kink.
 
 use super::truth::{Readings, Truth};
-use estimate::{MAX_ROWS, Measurement, Model as _, Predicted, Setup};
+use estimate::{InputRole, MAX_ROWS, Measurement, Model as _, Predicted, Setup};
+use faer::linalg::solvers::{Llt, Solve};
+use faer::{Mat, Side};
 use runtime::estimation::SensorModel;
+use std::time::Instant;
 
-/// A value farther from its prediction, in standard deviations, is left out.
-const GATE: f64 = 3.9;
+/// Largest sum of squares of a block of one, two or three values, of a probability of 1e-4, as in ours.
+const LARGEST_SQUARES: [f64; 3] = [15.14, 18.42, 21.11];
+/// How far inside the contact a point is put that would lie outside, mm.
+const INSIDE_CONTACT_MM: f64 = 1e-3;
 
-pub(super) struct Unscented {
-    mean: Vec<f64>,
-    covariance: Vec<Vec<f64>>,
+pub(super) struct Unscented<'a> {
+    setup: &'a Setup,
+    mean: Mat<f64>,
+    covariance: Mat<f64>,
+    /// Time of the reading before, s.
+    last_t_s: f64,
 }
 
-impl Unscented {
-    /// Errors of the unknowns at the end of the readings.
+/// Predictions of the points, one column each, and the points' unknowns.
+struct Points {
+    unknowns: Mat<f64>,
+    values: Mat<f64>,
+}
+
+impl<'a> Unscented<'a> {
+    /// Errors of the unknowns at the end of the readings, and the time of each update, us. `touches`: whether a reading is of a
+    /// contact, as far as ours tells.
     pub(super) fn run(
-        setup: &Setup,
+        setup: &'a Setup,
         model: &mut SensorModel,
         truth: &Truth,
         readings: &Readings,
-    ) -> Vec<f64> {
+        touches: &[bool],
+    ) -> (Vec<f64>, Vec<f64>) {
         let count = setup.unknowns.len();
-        let mut covariance = vec![vec![0.0; count]; count];
-        for (at, unknown) in setup.unknowns.iter().enumerate() {
-            covariance[at][at] = unknown.sigma * unknown.sigma;
+        let mut filter = Self {
+            setup,
+            mean: Mat::from_fn(count, 1, |at, _| setup.unknowns[at].prior),
+            covariance: Mat::from_fn(count, count, |i, j| {
+                if i == j { setup.unknowns[i].sigma.powi(2) } else { 0.0 }
+            }),
+            last_t_s: f64::NEG_INFINITY,
+        };
+        let mut update_us = Vec::new();
+        for (measured, touches) in readings.measured.iter().zip(touches) {
+            let begin = Instant::now();
+            // A point without a prediction, or a covariance that is none any more, leaves a reading out.
+            let _ = filter.update(model, measured, *touches);
+            update_us.push(begin.elapsed().as_secs_f64() * 1e6);
         }
-        let mean = setup.unknowns.iter().map(|unknown| unknown.prior).collect();
-        let mut filter = Self { mean, covariance };
-        for measured in &readings.measured {
-            filter.update(setup, model, measured);
-        }
-        filter.mean.iter().zip(&truth.unknowns).map(|(mean, truth)| mean - truth).collect()
+        let off = truth.unknowns.iter().enumerate().map(|(at, truth)| filter.mean[(at, 0)] - truth);
+        (off.collect(), update_us)
     }
 
-    fn update(&mut self, setup: &Setup, model: &mut SensorModel, measured: &Measurement) {
-        let count = self.mean.len();
-        // The noise of the pressure widens every value's variance by its own unscented spread.
-        let noise = setup.inputs.iter().find_map(|role| match role {
-            estimate::InputRole::Measured { sigma, .. } => Some(*sigma),
-            _ => None,
+    fn update(&mut self, model: &mut SensorModel, measured: &Measurement, touches: bool) -> Option<()> {
+        let spacing_s = measured.t_s - self.last_t_s;
+        self.last_t_s = measured.t_s;
+        let shared = (self.setup.model_correlation_s / spacing_s).max(1.0);
+        let points = self.points(model, measured, touches)?;
+        let weight = 1.0 / points.values.ncols() as f64;
+        let mean = |of: &Mat<f64>| Mat::from_fn(of.nrows(), 1, |i, _| weight * of.row(i).iter().sum::<f64>());
+        let center = |of: &Mat<f64>, mean: &Mat<f64>| {
+            Mat::from_fn(of.nrows(), of.ncols(), |i, j| of[(i, j)] - mean[(i, 0)])
+        };
+        let predicted = mean(&points.values);
+        let [by_unknown, by_value] =
+            [center(&points.unknowns, &mean(&points.unknowns)), center(&points.values, &predicted)];
+        let spread = &by_value * by_value.transpose() * faer::Scale(weight);
+        let residual: Vec<f64> =
+            (0..self.setup.rows.len()).map(|row| measured.rows[row] - predicted[(row, 0)]).collect();
+        let kept = self.kept(&residual, &spread)?;
+        let innovation = Mat::from_fn(kept.len(), 1, |i, _| residual[kept[i]]);
+        let variance = Mat::from_fn(kept.len(), kept.len(), |i, j| {
+            spread[(kept[i], kept[j])] + if i == j { self.variance(kept[i], shared) } else { 0.0 }
         });
-        for row in (0..setup.rows.len()).filter(|row| measured.rows[*row].is_finite()) {
-            let Some(factor) = cholesky(&self.covariance) else { return };
-            let scale = ((count + 1) as f64).sqrt();
-            let mut points: Vec<(Vec<f64>, f64)> = Vec::new();
-            for sign in [-1.0, 1.0] {
-                points.extend((0..count).map(|column| {
-                    let shifted =
-                        self.mean.iter().zip(&factor).map(|(m, row)| m + sign * scale * row[column]);
-                    (shifted.collect(), 0.0)
-                }));
-                points.push((self.mean.clone(), sign * scale * noise.unwrap_or(0.0)));
+        let cross = &by_unknown * by_value.transpose() * faer::Scale(weight);
+        let cross = Mat::from_fn(cross.nrows(), kept.len(), |i, j| cross[(i, kept[j])]);
+        let factor = Llt::new(variance.as_ref(), Side::Lower).ok()?;
+        let gain = factor.solve(cross.transpose()).transpose().to_owned();
+        self.mean += &gain * innovation;
+        self.covariance -= &gain * cross.transpose();
+        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
+            self.mean[(at, 0)] = self.mean[(at, 0)].clamp(unknown.range[0], unknown.range[1]);
+        }
+        Some(())
+    }
+
+    /// Variance of a measured value where `readings` share the model's error.
+    fn variance(&self, row: usize, readings: f64) -> f64 {
+        let row = &self.setup.rows[row];
+        row.sigma.powi(2) + readings * row.model_sigma.powi(2)
+    }
+
+    /// The points at one standard deviation times the root of their dimension, in unknowns and noise of the measured inputs.
+    fn points(&self, model: &mut SensorModel, measured: &Measurement, touches: bool) -> Option<Points> {
+        let noise: Vec<(usize, f64)> = (self.setup.inputs.iter().enumerate())
+            .filter_map(|(input, role)| match role {
+                InputRole::Measured { sigma, .. } => Some((input, *sigma)),
+                _ => None,
+            })
+            .collect();
+        let count = self.mean.nrows();
+        let (size, factor) = (count + noise.len(), Llt::new(self.covariance.as_ref(), Side::Lower).ok()?);
+        let scale = (size as f64).sqrt();
+        let mut out = Points {
+            unknowns: Mat::from_fn(count, 2 * size, |_, _| 0.0),
+            values: Mat::zeros(self.setup.rows.len(), 2 * size),
+        };
+        for column in 0..2 * size {
+            let (direction, sign) = (column / 2, if column % 2 == 0 { scale } else { -scale });
+            let mut at = *measured;
+            let mut unknowns: Vec<f64> = (0..count).map(|i| self.mean[(i, 0)]).collect();
+            if direction < count {
+                unknowns.iter_mut().enumerate().for_each(|(i, x)| *x += sign * factor.L()[(i, direction)]);
+            } else {
+                let (input, sigma) = noise[direction - count];
+                at.inputs[input] -= sign * sigma;
             }
-            for (point, _) in &mut points {
-                point.iter_mut().zip(&setup.unknowns).for_each(|(x, u)| *x = x.clamp(u.range[0], u.range[1]));
+            let values = self.values(model, &at, &mut unknowns, touches);
+            for (row, value) in values.iter().enumerate().take(self.setup.rows.len()) {
+                out.values[(row, column)] = value.is_finite().then_some(*value)?;
             }
-            let values: Vec<f64> =
-                points.iter().map(|(x, e)| value(setup, model, measured, x, *e, row)).collect();
-            let weight = 1.0 / points.len() as f64;
-            let mean = weight * values.iter().sum::<f64>();
-            let mut variance = setup.rows[row].sigma.powi(2) + setup.rows[row].model_sigma.powi(2);
-            let mut with = vec![0.0; count];
-            for ((point, _), value) in points.iter().zip(&values) {
-                variance += weight * (value - mean).powi(2);
-                for ((with, x), m) in with.iter_mut().zip(point).zip(&self.mean) {
-                    *with += weight * (x - m) * (value - mean);
+            unknowns.iter().enumerate().for_each(|(i, x)| out.unknowns[(i, column)] = *x);
+        }
+        Some(out)
+    }
+
+    /// What the sensors would show at a point, which is moved to the side of the onset that the reading is on.
+    fn values(
+        &self,
+        model: &mut SensorModel,
+        at: &Measurement,
+        unknowns: &mut [f64],
+        touches: bool,
+    ) -> [f64; MAX_ROWS] {
+        for (x, unknown) in unknowns.iter_mut().zip(&self.setup.unknowns) {
+            *x = x.clamp(unknown.range[0], unknown.range[1]);
+        }
+        let mut inputs = self.setup.inputs(at, unknowns);
+        if let Some(gap) = self.setup.gap {
+            let onset_mm = model.onset_gap_mm(&inputs);
+            if !touches {
+                inputs[gap] = f64::INFINITY;
+            } else if let Some(onset_mm) = onset_mm {
+                inputs[gap] = inputs[gap].min(onset_mm - INSIDE_CONTACT_MM);
+                if let InputRole::Estimated(unknown) = self.setup.inputs[gap] {
+                    unknowns[unknown] = inputs[gap];
                 }
             }
-            let innovation = measured.rows[row] - mean;
-            if !innovation.is_finite() || innovation.abs() > GATE * variance.sqrt() {
+        }
+        let mut predicted = [Predicted::default(); MAX_ROWS];
+        model.predict(&inputs, &mut predicted[..self.setup.rows.len()]);
+        let mut out = [0.0; MAX_ROWS];
+        for (out, (row, predicted)) in out.iter_mut().zip(self.setup.rows.iter().zip(&predicted)) {
+            *out = predicted.value + row.bias.map_or(0.0, |bias| unknowns[bias]);
+        }
+        out
+    }
+
+    /// Rows that were measured and, block by block, do not contradict the prediction.
+    fn kept(&self, residual: &[f64], spread: &Mat<f64>) -> Option<Vec<usize>> {
+        let mut out = Vec::new();
+        for block in 0..=self.setup.rows.last()?.block {
+            let in_block = |row: &usize| self.setup.rows[*row].block == block && residual[*row].is_finite();
+            let rows: Vec<usize> = (0..self.setup.rows.len()).filter(in_block).collect();
+            let Some(limit) = rows.len().checked_sub(1).and_then(|at| LARGEST_SQUARES.get(at)) else {
                 continue;
-            }
-            for i in 0..count {
-                self.mean[i] += with[i] / variance * innovation;
-                for j in 0..count {
-                    self.covariance[i][j] -= with[i] * with[j] / variance;
-                }
+            };
+            let variance = Mat::from_fn(rows.len(), rows.len(), |i, j| {
+                spread[(rows[i], rows[j])] + if i == j { self.variance(rows[i], 1.0) } else { 0.0 }
+            });
+            let off = Mat::from_fn(rows.len(), 1, |i, _| residual[rows[i]]);
+            let solved = Llt::new(variance.as_ref(), Side::Lower).ok()?.solve(&off);
+            if (off.transpose() * solved)[(0, 0)] <= *limit {
+                out.extend(rows);
             }
         }
+        (!out.is_empty()).then_some(out)
     }
-}
-
-/// The value of a row that a sensor would show.
-fn value(setup: &Setup, model: &mut SensorModel, at: &Measurement, x: &[f64], noise: f64, row: usize) -> f64 {
-    let mut at = *at;
-    at.inputs.iter_mut().take(1).for_each(|pressure| *pressure -= noise);
-    let mut rows = [Predicted::default(); MAX_ROWS];
-    model.predict(&setup.inputs(&at, x), &mut rows[..setup.rows.len()]);
-    rows[row].value + setup.rows[row].bias.map_or(0.0, |bias| x[bias])
-}
-
-/// `A = L L^T`; none when it is not positive definite.
-fn cholesky(a: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
-    let mut l = vec![vec![0.0; a.len()]; a.len()];
-    for i in 0..a.len() {
-        for j in 0..=i {
-            let rest = a[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-            if i == j && !(rest > 0.0 && rest.is_finite()) {
-                return None;
-            }
-            l[i][j] = if i == j { rest.sqrt() } else { rest / l[j][j] };
-        }
-    }
-    Some(l)
 }
