@@ -49,6 +49,11 @@ class Stage:
         self.wait_said("ready:")
         return child
 
+    def run(self, *command: str) -> subprocess.CompletedProcess:
+        """Runs a program to its end."""
+        program = [str(PROGRAMS / command[0]), *command[1:]]
+        return subprocess.run(program, capture_output=True, text=True, env=self.environment, timeout=PATIENCE_S)
+
     def wait_said(self, text: str) -> None:
         """Waits until the program that was started last says this."""
         path, end = self.folder / f"{len(self.programs) - 1}.log", time.monotonic() + PATIENCE_S

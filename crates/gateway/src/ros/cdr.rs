@@ -29,8 +29,18 @@ impl Cdr {
         self
     }
 
-    /// Numbers of double precision.
+    /// Numbers of single precision.
+    pub fn floats(mut self, values: &[f32]) -> Self {
+        self.align(4);
+        self.0.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        self
+    }
+
+    /// Numbers of double precision; without any there is nothing to align.
     pub fn doubles(mut self, values: &[f64]) -> Self {
+        if values.is_empty() {
+            return self;
+        }
         self.align(8);
         self.0.extend(values.iter().flat_map(|value| value.to_le_bytes()));
         self
@@ -62,13 +72,50 @@ impl Cdr {
     }
 }
 
+/// Reads a message, value by value; none where it ends before, or where a text is no UTF-8.
+pub struct Reader<'a> {
+    body: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// At the beginning of a message; none when its head is another one.
+    pub fn new(bytes: &'a [u8]) -> Option<Self> {
+        Some(Self { body: bytes.strip_prefix(&HEAD)?, at: 0 })
+    }
+
+    /// So many bytes, from the next multiple of their alignment on.
+    fn take(&mut self, length: usize, alignment: usize) -> Option<&'a [u8]> {
+        let begin = self.at.checked_next_multiple_of(alignment)?;
+        let end = begin.checked_add(length)?;
+        let found = self.body.get(begin..end)?;
+        self.at = end;
+        Some(found)
+    }
+
+    /// A 32-bit number.
+    pub fn word(&mut self) -> Option<u32> {
+        Some(u32::from_le_bytes(self.take(4, 4)?.try_into().ok()?))
+    }
+
+    /// A number of double precision.
+    pub fn double(&mut self) -> Option<f64> {
+        Some(f64::from_le_bytes(self.take(8, 8)?.try_into().ok()?))
+    }
+
+    /// A text, without the zero at its end.
+    pub fn text(&mut self) -> Option<&'a str> {
+        let length = self.word()? as usize;
+        let bytes = self.take(length, 1)?;
+        std::str::from_utf8(bytes.strip_suffix(&[0]).unwrap_or(bytes)).ok()
+    }
+}
+
 /// Time (ns since 1970) and pressure (Pa) of a `sensor_msgs/FluidPressure`; none when the bytes are no such message.
 pub fn fluid_pressure(bytes: &[u8]) -> Option<(u64, f64)> {
-    let body = bytes.strip_prefix(&HEAD)?;
-    let word = |at: usize| Some(u32::from_le_bytes(body.get(at..at + 4)?.try_into().ok()?));
-    let (seconds, nanoseconds, length) = (word(0)?, word(4)?, word(8)? as usize);
-    let at = 12_usize.checked_add(length)?.checked_next_multiple_of(8)?;
-    let value = body.get(at..at.checked_add(8)?)?;
+    let mut reader = Reader::new(bytes)?;
+    let (seconds, nanoseconds) = (reader.word()?, reader.word()?);
+    reader.text()?;
     let time_ns = u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds);
-    (nanoseconds < 1_000_000_000).then_some((time_ns, f64::from_le_bytes(value.try_into().ok()?)))
+    (nanoseconds < 1_000_000_000).then_some((time_ns, reader.double()?))
 }
