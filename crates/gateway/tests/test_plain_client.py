@@ -62,6 +62,12 @@ class Stage:
                 pytest.fail(f"`{text}` was not said:\n" + path.read_text())
             time.sleep(0.02)
 
+    def end_last(self) -> str:
+        """Ends the program that was started last as the system would; what it said."""
+        self.programs[-1].send_signal(signal.SIGTERM)
+        self.programs[-1].wait(PATIENCE_S)
+        return (self.folder / f"{len(self.programs) - 1}.log").read_text()
+
     def live(self, rate_hz: float, settings: str = "") -> None:
         """The committed finger with its surface, and a gateway."""
         scene = self.write(

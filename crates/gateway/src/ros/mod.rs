@@ -1,14 +1,20 @@
 //! The twins as a node of ROS 2, on the wire of `rmw_zenoh` (docs/ros2.md): tokens make node and topics appear in the graph, keys hold
-//! type and hash, messages are CDR with an attachment of number, time and sender.
+//! type and hash, messages are CDR with an attachment of number, time and sender. Services are answered by a thread of their own.
 
 mod attachment;
 mod cdr;
 mod config;
+mod desk;
 mod inlet;
 mod marker;
 mod message;
 mod names;
 mod outlet;
+mod parameter_services;
+mod parameters;
+mod plain;
+mod service;
+mod twins;
 mod types;
 
 use crate::link::Link;
@@ -19,6 +25,7 @@ use std::time::{Duration, Instant};
 use wire::{Bus, KeyExpr};
 
 pub use config::{Ros2, Ros2File, check};
+pub use desk::run as answer;
 pub use inlet::{Inlet, reading};
 
 /// How often the domain is scanned, and how often it is checked who subscribes.

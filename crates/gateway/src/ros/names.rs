@@ -11,6 +11,9 @@ use zenoh::liveliness::LivelinessToken;
 /// The last 10: what ROS takes unless told otherwise.
 pub const QOS: &str = "::,10:,:,:,,";
 
+/// The same of the services of parameters: the last 1000.
+pub const QOS_PARAMETERS: &str = "::,1000:,:,:,,";
+
 /// What an endpoint is, as tokens say it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entity {
@@ -18,6 +21,8 @@ pub enum Entity {
     Publisher,
     /// A subscription.
     Subscription,
+    /// A service server.
+    Service,
 }
 
 impl Entity {
@@ -25,13 +30,9 @@ impl Entity {
         match self {
             Self::Publisher => "MP",
             Self::Subscription => "MS",
+            Self::Service => "SS",
         }
     }
-}
-
-/// A name of ours as ROS allows it.
-pub fn plain(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
 /// Makes the keys of an endpoint.
