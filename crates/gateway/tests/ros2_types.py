@@ -22,6 +22,7 @@ SERVICES = {
         "rcl_interfaces/Parameter[] parameters",
         "rcl_interfaces/SetParametersResult result",
     ),
+    "std_srvs/srv/Trigger": ("", "bool success\nstring message"),
 }
 # As the interface generator of ROS has it: `char` of a .msg is a byte without sign.
 EVENT_INFO = "uint8 event_type\nbuiltin_interfaces/Time stamp\nuint8[16] client_gid\nint64 sequence_number"

@@ -121,6 +121,7 @@ MESSAGES = {
     "set_request": (SRV + "SetParameters_Request", request("SetParameters", parameters=GIVEN)),
     "set": (SRV + "SetParameters_Response", response("SetParameters", results=[REFUSED] * len(GIVEN))),
     "set_atomically": (SRV + "SetParametersAtomically_Response", response("SetParametersAtomically", result=REFUSED)),
+    "described": ("std_srvs/srv/Trigger_Response", lambda: make("std_srvs/srv/Trigger_Response", success=True, message="{}")),
 }
 
 

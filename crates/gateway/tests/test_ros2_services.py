@@ -20,6 +20,7 @@ SERVICES = {
     "twins/describe_parameters": (RCL + "DescribeParameters", "1000"),
     "twins/set_parameters": (RCL + "SetParameters", "1000"),
     "twins/set_parameters_atomically": (RCL + "SetParametersAtomically", "1000"),
+    "softtwin/finger/describe": ("std_srvs/srv/Trigger", "10"),
 }
 CLIENT = bytes(range(100, 116))
 
@@ -132,6 +133,31 @@ def test_parameters_are_not_set(stage):
         assert (result.successful, result.reason) == (False, "read only")
         (value,) = ask(session, "twins/get_parameters", names=["field_rate_hz"]).values
         assert value.double_value == 30.0
+
+
+def test_a_twin_describes_itself(stage):
+    stage.live(200.0, SETTINGS)
+    with stage.session("client") as session:
+        answer = ask(session, "softtwin/finger/describe", 3)
+        assert answer.success
+        said = json.loads(answer.message)
+        assert said["actuator"] == "finger" and said["model"]["name"] == "pneunet"
+        assert [one["name"] for one in said["model"]["inputs"]] == ["pressure_mpa", "gap_mm"]
+        assert said["model"]["inputs"][0]["range"] == [0.0, 0.09]
+        # The state is one of those that the twin sends as JSON.
+        newer = json.loads(bytes(next(iter(session.get("softtwin/finger/state"))).ok.payload))
+        assert set(said["state"]) == set(newer) and said["state"]["boot_id"] == newer["boot_id"]
+        assert 0 < said["state"]["seq"] <= newer["seq"] and said["state"]["gap_mm"] == 30.0
+        # Twin and bridge are gone; the gateway, started last, stays.
+        for child in stage.programs[:2]:
+            child.kill()
+            child.wait()
+        end = time.monotonic() + PATIENCE_S
+        while (answer := ask(session, "softtwin/finger/describe")).success:
+            assert time.monotonic() < end, "a dead twin is described"
+        assert answer.message.startswith("no state of finger")
+        (reply,) = replies(session, key("softtwin/finger/describe", "std_srvs/srv/Trigger"), b"\0\1\0", beside(1))
+        assert "expected an empty request in little-endian CDR" in bytes(reply.err.payload).decode()
 
 
 def test_requests_that_are_none_are_refused(stage):

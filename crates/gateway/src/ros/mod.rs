@@ -4,6 +4,7 @@
 mod attachment;
 mod cdr;
 mod config;
+mod describe;
 mod desk;
 mod inlet;
 mod marker;

@@ -64,3 +64,8 @@ pub const SET_PARAMETERS_ATOMICALLY: MessageType = MessageType {
     name: "rcl_interfaces::srv::dds_::SetParametersAtomically_",
     hash: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
 };
+/// `std_srvs/srv/Trigger`.
+pub const TRIGGER: MessageType = MessageType {
+    name: "std_srvs::srv::dds_::Trigger_",
+    hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+};
