@@ -146,6 +146,19 @@ def test_without_the_model_there_is_no_marker(stage):
         reader.undeclare()
 
 
+def test_a_twin_of_another_model_has_no_marker_and_the_log_says_so(stage):
+    other = REPOSITORY / "models/pneunet-stiffness/pneunet-stiffness.twin"
+    stage.live(200.0, WITHOUT_MODEL + f'models = ["{other}"]\n')
+    with stage.session("client") as session:
+        marker, markers = subscribe(session, key("softtwin/finger/all/marker", "visualization_msgs/msg/Marker"))
+        cloud, clouds = subscribe(session, key("softtwin/finger/all/points", "sensor_msgs/msg/PointCloud2"))
+        stage.wait_said("finger: no marker: ros2.models has no file of the model that it runs with")
+        clouds.get(timeout=PATIENCE_S)
+        assert markers.empty()
+        marker.undeclare()
+        cloud.undeclare()
+
+
 def test_a_model_that_cannot_be_read_is_refused(stage):
     settings = '[ros2]\nmodels = ["nothing.twin"]\nmarker_full_scale_mpa = 0.0\n'
     ended = stage.run("softtwin-gateway", "--config", stage.write("wrong.toml", settings), "--check")
