@@ -1,7 +1,7 @@
 //! The gateway's configuration: typed, then checked as a whole, all problems at once.
 
 use crate::endpoint::Endpoint;
-use crate::ros::Ros2;
+use crate::ros::{self, Ros2, Ros2File};
 use crate::security::{self, Security, SecurityFile};
 use runtime::config::ConfigError;
 use serde::Deserialize;
@@ -36,7 +36,7 @@ struct File {
     keys: Vec<String>,
     field_rate_hz: f64,
     readings_from_network: Vec<String>,
-    ros2: Option<Ros2>,
+    ros2: Option<Ros2File>,
     security: SecurityFile,
 }
 
@@ -127,9 +127,6 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
     if !(0.001..=1000.0).contains(&file.field_rate_hz) {
         problems.push(format!("field_rate_hz: expected 0.001 to 1000, found {}", file.field_rate_hz));
     }
-    if let Some(ros2) = &file.ros2 {
-        ros2.check(problems);
-    }
     Config {
         mode: file.mode,
         listen,
@@ -138,7 +135,7 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
         keys: keys(&file.keys, problems),
         field_period: Duration::try_from_secs_f64(1.0 / file.field_rate_hz).unwrap_or_default(),
         inlets: inlets(&file.readings_from_network, problems),
-        ros2: file.ros2,
+        ros2: file.ros2.map(|ros2| ros::check(ros2, folder, file.field_rate_hz, problems)),
         security: known,
     }
 }

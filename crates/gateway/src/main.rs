@@ -206,6 +206,10 @@ fn serve(
         let (own, keys) = (thread_link(), config.keys.clone());
         threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period)?))?;
     }
+    if let Some(ros2) = config.ros2.clone() {
+        let (own, keys) = (thread_link(), config.keys.clone());
+        threads.start("ros2-services", move |_| Ok(ros::answer(&own, &ros2, &keys)?))?;
+    }
     if !inlets.is_empty() {
         let (own, ros2) = (thread_link(), config.ros2.clone());
         threads.start("readings", move |_| Ok(readings::run(&own, &inlets, ros2.as_ref())?))?;

@@ -49,6 +49,11 @@ class Stage:
         self.wait_said("ready:")
         return child
 
+    def run(self, *command: str) -> subprocess.CompletedProcess:
+        """Runs a program to its end."""
+        program = [str(PROGRAMS / command[0]), *command[1:]]
+        return subprocess.run(program, capture_output=True, text=True, env=self.environment, timeout=PATIENCE_S)
+
     def wait_said(self, text: str) -> None:
         """Waits until the program that was started last says this."""
         path, end = self.folder / f"{len(self.programs) - 1}.log", time.monotonic() + PATIENCE_S
@@ -56,6 +61,12 @@ class Stage:
             if self.programs[-1].poll() is not None or time.monotonic() > end:
                 pytest.fail(f"`{text}` was not said:\n" + path.read_text())
             time.sleep(0.02)
+
+    def end_last(self) -> str:
+        """Ends the program that was started last as the system would; what it said."""
+        self.programs[-1].send_signal(signal.SIGTERM)
+        self.programs[-1].wait(PATIENCE_S)
+        return (self.folder / f"{len(self.programs) - 1}.log").read_text()
 
     def live(self, rate_hz: float, settings: str = "") -> None:
         """The committed finger with its surface, and a gateway."""

@@ -8,23 +8,21 @@ import time
 import numpy as np
 import pytest
 import zenoh
-from rosbags.typesys import Stores, get_typestore
+from ros2_types import STORE, key
 from test_plain_client import PATIENCE_S, REPOSITORY, Stage
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
+MODEL = REPOSITORY / "models/pneunet/pneunet.twin"
 TOPICS = {
     "softtwin/finger/wrench": "geometry_msgs/msg/WrenchStamped",
     "softtwin/finger/pressure": "sensor_msgs/msg/FluidPressure",
     "softtwin/finger/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     "softtwin/finger/all/points": "sensor_msgs/msg/PointCloud2",
     "softtwin/finger/surface/points": "sensor_msgs/msg/PointCloud2",
+    "softtwin/finger/all/marker": "visualization_msgs/msg/Marker",
+    "softtwin/finger/surface/marker": "visualization_msgs/msg/Marker",
 }
-SETTINGS = '[ros2]\ndomain_id = 7\nnode = "twins"'
-
-
-def key(topic, kind, domain=7):
-    package, _, name = kind.split("/")
-    return f"{domain}/{topic}/{package}::msg::dds_::{name}_/{STORE.hash_rihs01(kind)}"
+WITHOUT_MODEL = '[ros2]\ndomain_id = 7\nnode = "twins"\n'
+SETTINGS = WITHOUT_MODEL + f'models = ["{MODEL}"]\nmarker_full_scale_mpa = 0.2\n'
 
 
 @pytest.fixture
@@ -45,7 +43,8 @@ def test_node_and_topics_stand_in_the_graph(stage):
         zid = str(list(session.info.routers_zid() + session.info.peers_zid())[0])
         end = time.monotonic() + PATIENCE_S
         while True:
-            tokens = [str(reply.ok.key_expr) for reply in session.liveliness().get("@ros2_lv/**")]
+            found = [str(reply.ok.key_expr) for reply in session.liveliness().get("@ros2_lv/**")]
+            tokens = [token for token in found if "/SS/" not in token]
             if len(tokens) == 1 + len(TOPICS) or time.monotonic() > end:
                 break
             time.sleep(0.05)
@@ -93,9 +92,83 @@ def test_messages_are_those_of_ros(stage):
             first = seq
 
 
+def array(of, *fields):
+    return np.array([[getattr(one, field) for field in fields] for one in of])
+
+
+def test_the_surface_is_a_list_of_triangles(stage):
+    stage.live(5.0, SETTINGS)
+    kind = "visualization_msgs/msg/Marker"
+    with stage.session("client") as session:
+        # The same field as points and, with the same stamp, as triangles.
+        points_kind = "sensor_msgs/msg/PointCloud2"
+        markers = subscribe(session, key("softtwin/finger/surface/marker", kind))
+        clouds = subscribe(session, key("softtwin/finger/surface/points", points_kind))
+        seen = {}
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            assert time.monotonic() < end, "no marker and points of the same field came"
+            marker = STORE.deserialize_cdr(bytes(markers[1].get(timeout=PATIENCE_S).payload), kind)
+            while not clouds[1].empty():
+                cloud = STORE.deserialize_cdr(bytes(clouds[1].get().payload), points_kind)
+                seen[cloud.header.stamp.sec, cloud.header.stamp.nanosec] = cloud
+            cloud = seen.get((marker.header.stamp.sec, marker.header.stamp.nanosec))
+            if cloud is not None:
+                break
+    assert marker.header.frame_id == "finger" and (marker.type, marker.action) == (11, 0)
+    corners, colours = array(marker.points, "x", "y", "z"), array(marker.colors, "r", "g", "b", "a")
+    assert len(corners) == len(colours) and len(corners) % 3 == 0 and len(corners) > 3 * 10_000
+    nodes = np.frombuffer(cloud.data.tobytes(), "<f4").reshape(-1, 5)
+    stress = {tuple(node): value for node, value in zip(nodes[:, :3], nodes[:, 4])}
+    rounded = [tuple(corner) for corner in (corners * 1e3).astype("<f4") * np.float32(1e-3)]  # as the points are
+    found = np.array([stress[corner] for corner in rounded])
+    assert len(set(rounded)) == len(stress), "every node of the surface is a corner"
+    # A closed surface: its triangles' normals, weighted by their areas, cancel.
+    sides = corners.reshape(-1, 3, 3)
+    areas = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    assert np.abs(areas.sum(axis=0)).max() < 1e-4 * np.linalg.norm(areas, axis=1).sum()
+    share = np.clip(found / 0.2, 0.0, 1.0)[:, None]
+    low, middle, high = np.array([0.2, 0.1, 0.5]), np.array([0.1, 0.6, 0.6]), np.array([1.0, 0.9, 0.2])
+    expected = np.where(share < 0.5, low + (middle - low) * 2 * share, middle + (high - middle) * (2 * share - 1))
+    beyond = found > 0.2
+    assert np.abs(colours[~beyond, :3] - expected[~beyond]).max() < 1e-5
+    assert np.abs(colours[beyond, :3] - [0.9, 0.1, 0.1]).max(initial=0.0) < 1e-6
+    assert (colours[:, 3] == 1.0).all() and found.max() > 0.01
+
+
+def test_without_the_model_there_is_no_marker(stage):
+    stage.live(200.0, WITHOUT_MODEL)
+    with stage.session("client") as session:
+        reader, got = subscribe(session, key("softtwin/finger/surface/points", "sensor_msgs/msg/PointCloud2"))
+        got.get(timeout=PATIENCE_S)
+        tokens = [str(reply.ok.key_expr) for reply in session.liveliness().get("@ros2_lv/**")]
+        assert any("%surface%points" in token for token in tokens) and not any("marker" in token for token in tokens)
+        reader.undeclare()
+
+
+def test_a_twin_of_another_model_has_no_marker_and_the_log_says_so(stage):
+    other = REPOSITORY / "models/pneunet-stiffness/pneunet-stiffness.twin"
+    stage.live(200.0, WITHOUT_MODEL + f'models = ["{other}"]\n')
+    with stage.session("client") as session:
+        marker, markers = subscribe(session, key("softtwin/finger/all/marker", "visualization_msgs/msg/Marker"))
+        cloud, clouds = subscribe(session, key("softtwin/finger/all/points", "sensor_msgs/msg/PointCloud2"))
+        stage.wait_said("finger: no marker: ros2.models has no file of the model that it runs with")
+        clouds.get(timeout=PATIENCE_S)
+        assert markers.empty()
+        marker.undeclare()
+        cloud.undeclare()
+
+
+def test_a_model_that_cannot_be_read_is_refused(stage):
+    settings = '[ros2]\nmodels = ["nothing.twin"]\nmarker_full_scale_mpa = 0.0\n'
+    ended = stage.run("softtwin-gateway", "--config", stage.write("wrong.toml", settings), "--check")
+    assert ended.returncode == 78
+    for said in ("ros2.models: cannot open", "nothing.twin", "ros2.marker_full_scale_mpa: expected more than 0 MPa, found 0"):
+        assert said in ended.stderr
+
+
 def test_a_pressure_from_ros_reaches_the_twin(stage):
-    model = REPOSITORY / "models/pneunet/pneunet.twin"
-    scene = stage.write("scene.toml", f'name = "ros"\n[[actuator]]\nname = "finger"\nmodel = "{model}"\ngap_mm = 30.0\n')
+    scene = stage.write("scene.toml", f'name = "ros"\n[[actuator]]\nname = "finger"\nmodel = "{MODEL}"\ngap_mm = 30.0\n')
     stage.start("softtwind", "twin", "--scene", scene)
     listen = f'listen = ["tcp/127.0.0.1:{stage.port}"]\nreadings_from_network = ["finger"]\n'
     stage.start("softtwin-gateway", "--config", stage.write("gateway.toml", listen + SETTINGS))

@@ -30,6 +30,7 @@ pub mod explain;
 pub mod file;
 pub mod grasp;
 pub mod http;
+pub mod known_model;
 pub mod latency;
 pub mod load;
 pub mod machine;

@@ -144,8 +144,8 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     })
 }
 
-/// The file ends with its blake3 hash; blocks are verified one by one when they are read.
-fn trailer_hash(file: &mut File) -> std::io::Result<[u8; 16]> {
+/// The file ends with its blake3 hash; blocks are verified one by one when they are read. Leaves the file at its beginning.
+pub(crate) fn trailer_hash(file: &mut File) -> std::io::Result<[u8; 16]> {
     let mut trailer = [0; 32];
     file.seek(SeekFrom::End(-32))?;
     file.read_exact(&mut trailer)?;

@@ -4,36 +4,6 @@ use super::cdr::Cdr;
 use wire::layout::{field_id, flags};
 use wire::{FieldHeader, Health, State};
 
-/// A type: its name in keys and the hash of its description.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MessageType {
-    /// As `geometry_msgs::msg::dds_::WrenchStamped_`.
-    pub name: &'static str,
-    /// `RIHS01_` and the hash, the same in all releases since Iron.
-    pub hash: &'static str,
-}
-
-/// `geometry_msgs/msg/WrenchStamped`.
-pub const WRENCH: MessageType = MessageType {
-    name: "geometry_msgs::msg::dds_::WrenchStamped_",
-    hash: "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
-};
-/// `sensor_msgs/msg/PointCloud2`.
-pub const POINTS: MessageType = MessageType {
-    name: "sensor_msgs::msg::dds_::PointCloud2_",
-    hash: "RIHS01_9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5",
-};
-/// `sensor_msgs/msg/FluidPressure`.
-pub const PRESSURE: MessageType = MessageType {
-    name: "sensor_msgs::msg::dds_::FluidPressure_",
-    hash: "RIHS01_22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32",
-};
-/// `diagnostic_msgs/msg/DiagnosticArray`.
-pub const DIAGNOSTICS: MessageType = MessageType {
-    name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",
-    hash: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
-};
-
 /// Pascals a megapascal.
 pub const PA_PER_MPA: f64 = 1e6;
 /// `PointField.FLOAT32`.

@@ -1,0 +1,61 @@
+//! The table `[ros2]` of the configuration, as written and checked.
+
+use super::plain::plain;
+use runtime::known_model::KnownModel;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The table as written.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Ros2File {
+    domain_id: u32,
+    node: String,
+    models: Vec<PathBuf>,
+    marker_full_scale_mpa: f64,
+}
+
+impl Default for Ros2File {
+    fn default() -> Self {
+        Self { domain_id: 0, node: "softtwin".into(), models: Vec::new(), marker_full_scale_mpa: 0.5 }
+    }
+}
+
+/// The node that the twins are, checked.
+#[derive(Debug, Clone)]
+pub struct Ros2 {
+    /// `ROS_DOMAIN_ID` of the nodes that are to see the twins.
+    pub domain_id: u32,
+    /// Name of the node.
+    pub node: String,
+    /// The models that are known: their surfaces and inputs.
+    pub models: Arc<[KnownModel]>,
+    /// Most fields a second of a topic, as the configuration says it.
+    pub field_rate_hz: f64,
+    /// Von Mises stress at the end of the markers' colour scale, MPa.
+    pub marker_full_scale_mpa: f64,
+}
+
+/// Checks the table and reads its models; adds what is wrong.
+pub fn check(file: Ros2File, folder: &Path, field_rate_hz: f64, problems: &mut Vec<String>) -> Ros2 {
+    let Ros2File { domain_id, node, models, marker_full_scale_mpa } = file;
+    if domain_id > 232 {
+        problems.push(format!("ros2.domain_id: expected 0 to 232, found {domain_id}"));
+    }
+    if !node.starts_with(|c: char| c.is_ascii_alphabetic()) || node != plain(&node) {
+        problems.push(format!("ros2.node: expected a letter, then letters, digits, `_`, found {node:?}"));
+    }
+    if !(marker_full_scale_mpa > 0.0 && marker_full_scale_mpa.is_finite()) {
+        problems.push(format!(
+            "ros2.marker_full_scale_mpa: expected more than 0 MPa, found {marker_full_scale_mpa}"
+        ));
+    }
+    let mut read = |path: PathBuf| {
+        let path = folder.join(path);
+        let model = KnownModel::read(&path);
+        model.map_err(|error| problems.push(format!("ros2.models: {error} ({})", path.display()))).ok()
+    };
+    let models = models.into_iter().filter_map(&mut read).collect();
+    Ros2 { domain_id, node, models, field_rate_hz, marker_full_scale_mpa }
+}

@@ -1,0 +1,63 @@
+//! Pressures from a node of ROS 2, as readings.
+
+use super::attachment;
+use super::cdr::fluid_pressure;
+use super::config::Ros2;
+use super::message::PA_PER_MPA;
+use super::names::{Entity, Names, QOS, token};
+use super::plain::plain;
+use super::types::PRESSURE;
+use crate::link::Link;
+use recording::message::Recorded;
+use wire::{Payload, SensorSample, Topic};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::sample::Sample;
+
+/// Numbers of subscriptions begin here: publishers take those from 1.
+const FIRST: usize = 10_000;
+
+/// Pressures from ROS for one actuator: `softtwin/<actuator>/pressure_measured`.
+pub struct Inlet {
+    /// The key to subscribe to: any hash, so that another one can be named.
+    pub key: String,
+    _token: LivelinessToken,
+}
+
+impl Inlet {
+    /// Announces the subscription.
+    ///
+    /// # Errors
+    /// When the session is closed.
+    pub fn declare(link: &Link, ros: &Ros2, number: usize, topic: &Topic) -> anyhow::Result<Self> {
+        let names = Names::new(ros, link);
+        let name = format!("softtwin/{}/pressure_measured", plain(topic.actuator()));
+        let endpoint = names.endpoint(FIRST + number, Entity::Subscription, &name, PRESSURE, QOS);
+        Ok(Self { key: names.key(&name, PRESSURE, "*"), _token: token(link, endpoint)? })
+    }
+}
+
+/// A `FluidPressure` as the JSON of a reading; number and run are the sender's.
+///
+/// # Errors
+/// What is wrong with the message.
+pub fn reading(sample: &Sample) -> Result<Vec<u8>, String> {
+    let key = sample.key_expr().as_str();
+    if !key.ends_with(PRESSURE.hash) {
+        return Err(format!(
+            "{key}: expected type hash {}; build the sender with ROS 2 Iron or later",
+            PRESSURE.hash
+        ));
+    }
+    let expected =
+        || format!("{key}: expected a sensor_msgs/FluidPressure in little-endian CDR with its attachment");
+    let (t_sensor_ns, pressure_pa) = fluid_pressure(&sample.payload().to_bytes()).ok_or_else(expected)?;
+    let bytes = sample.attachment().ok_or_else(expected)?.to_bytes();
+    let (number, gid) = attachment::parse(&bytes).ok_or_else(expected)?;
+    let boot_id = gid.first_chunk().map_or(0, |half| u64::from_le_bytes(*half)).max(1);
+    let mut bytes = Vec::new();
+    let pressure_mpa = pressure_pa / PA_PER_MPA;
+    let found =
+        SensorSample { boot_id, seq: number as u64, t_sensor_ns, pressure_mpa, ..SensorSample::default() };
+    found.view().encode(&mut bytes);
+    Ok(bytes)
+}

@@ -1,0 +1,71 @@
+//! Types of ROS 2, as keys and tokens name them.
+
+/// A type: its name in keys and the hash of its description.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MessageType {
+    /// As `geometry_msgs::msg::dds_::WrenchStamped_`.
+    pub name: &'static str,
+    /// `RIHS01_` and the hash, the same in all releases since Iron.
+    pub hash: &'static str,
+}
+
+/// `geometry_msgs/msg/WrenchStamped`.
+pub const WRENCH: MessageType = MessageType {
+    name: "geometry_msgs::msg::dds_::WrenchStamped_",
+    hash: "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
+};
+/// `sensor_msgs/msg/PointCloud2`.
+pub const POINTS: MessageType = MessageType {
+    name: "sensor_msgs::msg::dds_::PointCloud2_",
+    hash: "RIHS01_9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5",
+};
+/// `visualization_msgs/msg/Marker`.
+pub const MARKER: MessageType = MessageType {
+    name: "visualization_msgs::msg::dds_::Marker_",
+    hash: "RIHS01_45b13ccf791f225962bf74e746f9644518855d783a6f42ba0cc14fde2b4f3ce0",
+};
+/// `sensor_msgs/msg/FluidPressure`.
+pub const PRESSURE: MessageType = MessageType {
+    name: "sensor_msgs::msg::dds_::FluidPressure_",
+    hash: "RIHS01_22dfb2b145a0bd5a31a1ac3882a1b32148b51d9b2f3bab250290d66f3595bc32",
+};
+/// `diagnostic_msgs/msg/DiagnosticArray`.
+pub const DIAGNOSTICS: MessageType = MessageType {
+    name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",
+    hash: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+};
+/// `rcl_interfaces/srv/ListParameters`.
+pub const LIST_PARAMETERS: MessageType = MessageType {
+    name: "rcl_interfaces::srv::dds_::ListParameters_",
+    hash: "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
+};
+/// `rcl_interfaces/srv/GetParameters`.
+pub const GET_PARAMETERS: MessageType = MessageType {
+    name: "rcl_interfaces::srv::dds_::GetParameters_",
+    hash: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
+};
+/// `rcl_interfaces/srv/GetParameterTypes`.
+pub const GET_PARAMETER_TYPES: MessageType = MessageType {
+    name: "rcl_interfaces::srv::dds_::GetParameterTypes_",
+    hash: "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
+};
+/// `rcl_interfaces/srv/DescribeParameters`.
+pub const DESCRIBE_PARAMETERS: MessageType = MessageType {
+    name: "rcl_interfaces::srv::dds_::DescribeParameters_",
+    hash: "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
+};
+/// `rcl_interfaces/srv/SetParameters`.
+pub const SET_PARAMETERS: MessageType = MessageType {
+    name: "rcl_interfaces::srv::dds_::SetParameters_",
+    hash: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
+};
+/// `rcl_interfaces/srv/SetParametersAtomically`.
+pub const SET_PARAMETERS_ATOMICALLY: MessageType = MessageType {
+    name: "rcl_interfaces::srv::dds_::SetParametersAtomically_",
+    hash: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
+};
+/// `std_srvs/srv/Trigger`.
+pub const TRIGGER: MessageType = MessageType {
+    name: "std_srvs::srv::dds_::Trigger_",
+    hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+};

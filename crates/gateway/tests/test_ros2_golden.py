@@ -1,0 +1,136 @@
+"""The bytes of tests/golden are those that `rosbags` writes; the unit tests compare them with what the gateway writes and reads.
+`BLESS=1` in front of the command writes them anew."""
+
+import os
+import pathlib
+
+import numpy as np
+import pytest
+from ros2_types import STORE, make, parameter_value
+
+GOLDEN = pathlib.Path(__file__).parent / "golden"
+
+
+def header(frame, sec=0, nanosec=0):
+    return make("std_msgs/msg/Header", stamp=make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec), frame_id=frame)
+
+
+def marker():
+    """Two triangles over four nodes; stress 0, 0.25, 0.5 and 1 MPa at a full scale of 0.5 MPa."""
+    place = [(0.0, 0.0, 0.0), (0.001, 0.0, 0.0), (0.0, 0.002, 0.0), (0.0, 0.0, -0.004)]
+    colours = [(0.2, 0.1, 0.5, 1.0), (0.1, 0.6, 0.6, 1.0), (1.0, 0.9, 0.2, 1.0), (0.9, 0.1, 0.1, 1.0)]
+    corners = [0, 1, 2, 0, 3, 1]
+    vector = lambda x, y, z: make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+    colour = lambda r, g, b, a: make("std_msgs/msg/ColorRGBA", r=r, g=g, b=b, a=a)
+    point = lambda x, y, z: make("geometry_msgs/msg/Point", x=x, y=y, z=z)
+    turn = make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+    return make(
+        "visualization_msgs/msg/Marker",
+        header=header("finger", 12, 345),
+        ns="finger",
+        id=0,
+        type=11,
+        action=0,
+        pose=make("geometry_msgs/msg/Pose", position=point(0.0, 0.0, 0.0), orientation=turn),
+        scale=vector(1.0, 1.0, 1.0),
+        color=colour(1.0, 1.0, 1.0, 1.0),
+        lifetime=make("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
+        frame_locked=True,
+        points=[point(*place[corner]) for corner in corners],
+        colors=[colour(*colours[corner]) for corner in corners],
+        texture_resource="",
+        texture=make("sensor_msgs/msg/CompressedImage", header=header(""), format="", data=np.zeros(0, "uint8")),
+        uv_coordinates=[],
+        text="",
+        mesh_resource="",
+        mesh_file=make("visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, "uint8")),
+        mesh_use_embedded_materials=False,
+    )
+
+
+RCL = "rcl_interfaces/msg/"
+NAMES = ["version", "finger.inputs", "finger.input.pressure_mpa", "finger.range.pressure_mpa", "nothing"]
+
+
+def descriptor(name, kind=0, description="", ends=()):
+    ranges = [make(RCL + "FloatingPointRange", from_value=low, to_value=high, step=0.0) for low, high in ends]
+    return make(
+        RCL + "ParameterDescriptor",
+        name=name,
+        type=kind,
+        description=description,
+        additional_constraints="",
+        read_only=kind != 0,
+        dynamic_typing=False,
+        floating_point_range=ranges,
+        integer_range=[],
+    )
+
+
+def request(service, **fields):
+    return lambda: make(f"rcl_interfaces/srv/{service}_Request", **fields)
+
+
+def response(service, **fields):
+    return lambda: make(f"rcl_interfaces/srv/{service}_Response", **fields)
+
+
+def parameter(name, kind, **given):
+    return make(RCL + "Parameter", name=name, value=parameter_value(kind, **given))
+
+
+REFUSED = make(RCL + "SetParametersResult", successful=False, reason="read only")
+LISTED = make(
+    RCL + "ListParametersResult",
+    names=["finger.inputs", "finger.input.pressure_mpa", "finger.range.pressure_mpa"],
+    prefixes=["finger", "finger.input", "finger.range"],
+)
+VALUES = [
+    parameter_value(4, string_value="1.2"),
+    parameter_value(9, string_array_value=["pressure_mpa", "gap_mm"]),
+    parameter_value(3, double_value=0.045),
+    parameter_value(8, double_array_value=np.array([0.0, 0.09])),
+    parameter_value(),
+]
+DESCRIPTORS = [
+    descriptor(NAMES[0], 4, "of what runs"),
+    descriptor(NAMES[1], 9),
+    descriptor(NAMES[2], 3, "measured", [(0.0, 0.09)]),
+    descriptor(NAMES[3], 8),
+    descriptor(NAMES[4]),
+]
+# One of each list, and a text of every length up to four, so that every alignment occurs.
+GIVEN = [
+    parameter("a", 1, bool_value=True),
+    parameter("ab", 5, byte_array_value=np.arange(3, dtype="uint8")),
+    parameter("abc", 6, bool_array_value=np.array([True, False])),
+    parameter("abcd", 7, integer_array_value=np.array([-1, 2])),
+    parameter("abcde", 8, double_array_value=np.array([0.5])),
+    parameter("abcdef", 9, string_array_value=["", "x", "xy"]),
+]
+
+SRV = "rcl_interfaces/srv/"
+MESSAGES = {
+    "marker": ("visualization_msgs/msg/Marker", marker),
+    "names_request": (SRV + "GetParameters_Request", request("GetParameters", names=NAMES)),
+    "values": (SRV + "GetParameters_Response", response("GetParameters", values=VALUES)),
+    "types": (SRV + "GetParameterTypes_Response", response("GetParameterTypes", types=np.array([4, 9, 3, 8, 0], "uint8"))),
+    "descriptors": (SRV + "DescribeParameters_Response", response("DescribeParameters", descriptors=DESCRIPTORS)),
+    "list_request": (SRV + "ListParameters_Request", request("ListParameters", prefixes=["finger"], depth=0)),
+    "listed": (SRV + "ListParameters_Response", response("ListParameters", result=LISTED)),
+    "set_request": (SRV + "SetParameters_Request", request("SetParameters", parameters=GIVEN)),
+    "set": (SRV + "SetParameters_Response", response("SetParameters", results=[REFUSED] * len(GIVEN))),
+    "set_atomically": (SRV + "SetParametersAtomically_Response", response("SetParametersAtomically", result=REFUSED)),
+    "described": ("std_srvs/srv/Trigger_Response", lambda: make("std_srvs/srv/Trigger_Response", success=True, message="{}")),
+}
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_golden_bytes_are_those_of_rosbags(name):
+    kind, message = MESSAGES[name]
+    path = GOLDEN / f"{name}.hex"
+    found = bytes(STORE.serialize_cdr(message(), kind))
+    if os.environ.get("BLESS"):
+        text = found.hex()
+        path.write_text("".join(text[at : at + 128] + "\n" for at in range(0, len(text), 128)))
+    assert bytes.fromhex(path.read_text()) == found

@@ -1,0 +1,186 @@
+"""The services of the gateway's node of ROS 2, asked by a plain Zenoh client in another process as `rmw_zenoh` asks: complete
+queryables, request and attachment as its design document has them. `rosbags` writes requests, reads answers and computes hashes."""
+
+import json
+import re
+import struct
+import time
+
+import pytest
+import zenoh
+from ros2_types import STORE, key, make, parameter_value
+from test_plain_client import PATIENCE_S, Stage
+from test_ros2 import MODEL, SETTINGS
+
+RCL = "rcl_interfaces/srv/"
+SERVICES = {
+    "twins/list_parameters": (RCL + "ListParameters", "1000"),
+    "twins/get_parameters": (RCL + "GetParameters", "1000"),
+    "twins/get_parameter_types": (RCL + "GetParameterTypes", "1000"),
+    "twins/describe_parameters": (RCL + "DescribeParameters", "1000"),
+    "twins/set_parameters": (RCL + "SetParameters", "1000"),
+    "twins/set_parameters_atomically": (RCL + "SetParametersAtomically", "1000"),
+    "softtwin/finger/describe": ("std_srvs/srv/Trigger", "10"),
+}
+CLIENT = bytes(range(100, 116))
+
+
+@pytest.fixture
+def stage(tmp_path):
+    made = Stage(tmp_path)
+    yield made
+    made.close()
+
+
+def beside(number):
+    return struct.pack("<qqB", number, time.time_ns(), 16) + CLIENT
+
+
+def replies(session, name, payload, attachment):
+    target = zenoh.QueryTarget.ALL_COMPLETE
+    got = session.get(name, payload=payload, attachment=attachment, target=target, timeout=PATIENCE_S)
+    return list(got)
+
+
+def ask(session, service, number=1, **fields):
+    """Asks until the service is there; checks what every answer has."""
+    kind, _ = SERVICES[service]
+    request = bytes(STORE.serialize_cdr(make(f"{kind}_Request", **fields), f"{kind}_Request"))
+    end = time.monotonic() + PATIENCE_S
+    while not (got := replies(session, key(service, kind), request, beside(number))):
+        assert time.monotonic() < end, f"{service} is not there"
+    (reply,) = got
+    assert reply.ok, bytes(reply.err.payload)
+    assert str(reply.ok.key_expr) == key(service, kind)
+    found, stamp, length = struct.unpack_from("<qqB", bytes(reply.ok.attachment))
+    assert (found, length, bytes(reply.ok.attachment)[17:]) == (number, 16, CLIENT), "number and client of the request"
+    assert abs(stamp * 1e-9 - time.time()) < PATIENCE_S
+    raw = bytes(reply.ok.payload)
+    answer = STORE.deserialize_cdr(raw, f"{kind}_Response")
+    assert bytes(STORE.serialize_cdr(answer, f"{kind}_Response")) == raw, f"{kind}: rosbags writes the same bytes"
+    return answer
+
+
+def test_services_stand_in_the_graph(stage):
+    # The hash of the design document's example: hashes of services are computed rightly.
+    assert STORE.hash_rihs01("example_interfaces/srv/AddTwoInts").startswith("RIHS01_e118de6bf5eeb66a2491b5bda11202e7")
+    stage.live(200.0, SETTINGS)
+    with stage.session("client") as session:
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            tokens = [str(reply.ok.key_expr).split("/") for reply in session.liveliness().get("@ros2_lv/**")]
+            servers = [token for token in tokens if token[5] == "SS"]
+            if len(servers) == len(SERVICES) or time.monotonic() > end:
+                break
+            time.sleep(0.05)
+        assert len({token[4] for token in tokens}) == len(tokens), "each entity has its own number"
+        found = {token[9].replace("%", "/")[1:]: token for token in servers}
+        assert set(found) == set(SERVICES)
+        for service, (kind, depth) in SERVICES.items():
+            token = found[service]
+            assert token[:2] == ["@ros2_lv", "7"] and token[6:9] == ["%", "%", "twins"]
+            assert token[10:12] == key(service, kind).rsplit("/", 2)[1:] and token[12] == f"::,{depth}:,:,:,,"
+
+
+def test_parameters_say_what_runs(stage):
+    stage.live(200.0, SETTINGS)
+    with stage.session("client") as session:
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            listed = ask(session, "twins/list_parameters", prefixes=[], depth=0).result
+            if "finger.inputs" in listed.names:
+                break
+            assert time.monotonic() < end, listed.names
+        inputs = ["pressure_mpa", "gap_mm"]
+        assert set(listed.names) == {"version", "actuators", "field_rate_hz", "finger.model", "finger.model_hash", "finger.inputs"} | {
+            f"finger.{what}.{name}" for what in ("input", "range") for name in inputs
+        }
+        assert sorted(listed.prefixes) == ["finger", "finger.input", "finger.range"]
+        below = ask(session, "twins/list_parameters", prefixes=["finger.range"], depth=1).result
+        assert sorted(below.names) == ["finger.range.gap_mm", "finger.range.pressure_mpa"]
+        names = list(listed.names) + ["nothing"]
+        values = dict(zip(names, ask(session, "twins/get_parameters", 17, names=names).values))
+        types = dict(zip(names, ask(session, "twins/get_parameter_types", names=names).types))
+        descriptors = ask(session, "twins/describe_parameters", names=names).descriptors
+        assert [descriptor.name for descriptor in descriptors] == names
+        assert {name: value.type for name, value in values.items()} == types
+        assert types["nothing"] == 0 and all(types[name] for name in listed.names)
+        assert all(descriptor.read_only for descriptor in descriptors[:-1])
+        card = json.loads((MODEL.parent / "pneunet.card.json").read_text())
+        assert values["version"].string_value and values["actuators"].string_array_value == ["finger"]
+        assert values["field_rate_hz"].double_value == 30.0
+        assert values["finger.model"].string_value == "pneunet"
+        assert values["finger.model_hash"].string_value == card["file_hash"][:32]
+        assert values["finger.inputs"].string_array_value == inputs
+        assert values["finger.input.gap_mm"].double_value == 30.0
+        assert 0.0 <= values["finger.input.pressure_mpa"].double_value <= 0.09
+        described = {descriptor.name: descriptor for descriptor in descriptors}
+        for one in card["inputs"]:
+            ends = [one["min"], one["max"]]
+            assert values[f"finger.range.{one['name']}"].double_array_value.tolist() == ends
+            (limits,) = described[f"finger.input.{one['name']}"].floating_point_range
+            assert [limits.from_value, limits.to_value] == ends
+
+
+def test_parameters_are_not_set(stage):
+    stage.live(200.0, SETTINGS)
+    wanted = parameter_value(3, double_value=5.0)
+    with stage.session("client") as session:
+        given = [make("rcl_interfaces/msg/Parameter", name="field_rate_hz", value=wanted)] * 2
+        for result in ask(session, "twins/set_parameters", parameters=given).results:
+            assert (result.successful, result.reason) == (False, "read only")
+        result = ask(session, "twins/set_parameters_atomically", parameters=given).result
+        assert (result.successful, result.reason) == (False, "read only")
+        (value,) = ask(session, "twins/get_parameters", names=["field_rate_hz"]).values
+        assert value.double_value == 30.0
+
+
+def test_a_twin_describes_itself(stage):
+    stage.live(200.0, SETTINGS)
+    with stage.session("client") as session:
+        answer = ask(session, "softtwin/finger/describe", 3)
+        assert answer.success
+        said = json.loads(answer.message)
+        assert said["actuator"] == "finger" and said["model"]["name"] == "pneunet"
+        assert [one["name"] for one in said["model"]["inputs"]] == ["pressure_mpa", "gap_mm"]
+        assert said["model"]["inputs"][0]["range"] == [0.0, 0.09]
+        # The state is one of those that the twin sends as JSON.
+        newer = json.loads(bytes(next(iter(session.get("softtwin/finger/state"))).ok.payload))
+        assert set(said["state"]) == set(newer) and said["state"]["boot_id"] == newer["boot_id"]
+        assert 0 < said["state"]["seq"] <= newer["seq"] and said["state"]["gap_mm"] == 30.0
+        # Twin and bridge are gone; the gateway, started last, stays.
+        for child in stage.programs[:2]:
+            child.kill()
+            child.wait()
+        end = time.monotonic() + PATIENCE_S
+        while (answer := ask(session, "softtwin/finger/describe")).success:
+            assert time.monotonic() < end, "a dead twin is described"
+        assert answer.message.startswith("no state of finger")
+        (reply,) = replies(session, key("softtwin/finger/describe", "std_srvs/srv/Trigger"), b"\0\1\0", beside(1))
+        assert "expected an empty request in little-endian CDR" in bytes(reply.err.payload).decode()
+
+
+def test_requests_that_are_none_are_refused(stage):
+    stage.live(200.0, SETTINGS)
+    service, kind = "twins/get_parameters", RCL + "GetParameters"
+    good = bytes(STORE.serialize_cdr(make(f"{kind}_Request", names=["version"]), f"{kind}_Request"))
+    other = key(service, kind).rsplit("/", 1)[0] + "/RIHS01_" + "0" * 64
+    with stage.session("client") as session:
+        ask(session, service, names=["version"])
+        bad = [
+            (other, good, beside(1), "expected type hash RIHS01_bf9803d5"),
+            (key(service, kind), good[:-3], beside(1), "little-endian CDR"),
+            (key(service, kind), None, beside(1), "little-endian CDR"),
+            (key(service, kind), good[:1] + b"\0" + good[2:], beside(1), "little-endian CDR"),
+            (key(service, kind), good, None, "expected an attachment"),
+            (key(service, kind), good, beside(1)[:-1], "expected an attachment"),
+            (key(service, kind), bytes(70_000), beside(1), "expected at most 65536 bytes, found 70000"),
+        ]
+        for name, payload, attachment, said in bad:
+            (reply,) = replies(session, name, payload, attachment)
+            assert reply.ok is None and said in bytes(reply.err.payload).decode()
+        ask(session, service, names=["version"])
+    log = stage.end_last()
+    assert log.count("a request from ROS is refused (told once a service)") == 1 and "expected type hash RIHS01_bf9803d5" in log
+    (line,) = re.findall(r"ended: .*", log)
+    assert f"{len(bad)} refused" in line and "2 requests answered" in line

@@ -1,0 +1,29 @@
+//! Tests of `src/ros/describe.rs` that need its private parts.
+
+use super::*;
+
+#[test]
+fn the_bytes_are_those_of_another_writer() {
+    let digits: String = include_str!("../golden/described.hex").lines().collect();
+    let golden: Vec<u8> =
+        (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect();
+    assert_eq!(response(true, "{}"), golden);
+}
+
+#[test]
+fn a_request_without_its_head_is_none_and_an_absent_twin_is_said() {
+    let ros = Ros2 {
+        domain_id: 0,
+        node: "softtwin".into(),
+        models: Vec::new().into(),
+        field_rate_hz: 30.0,
+        marker_full_scale_mpa: 0.5,
+    };
+    for request in [&[][..], &[0, 1, 0], &[0, 0, 0, 0, 0]] {
+        assert!(answer(request, &ros, "finger", None).is_none(), "{request:?}");
+    }
+    let found = answer(&[0, 1, 0, 0, 0], &ros, "finger", None).unwrap();
+    let mut reader = Reader::new(&found).unwrap();
+    assert_eq!(reader.byte(), Some(0));
+    assert!(reader.text().unwrap().starts_with("no state of finger"));
+}
