@@ -26,7 +26,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 20] = [
+pub const ENTRANCES: [Entrance; 22] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -46,6 +46,8 @@ pub const ENTRANCES: [Entrance; 20] = [
     Entrance { name: "frd", body: frd, seed: || FRD.to_vec() },
     Entrance { name: "vtu", body: vtu, seed: || VTU.to_vec() },
     Entrance { name: "pvd", body: pvd, seed: || PVD.to_vec() },
+    Entrance { name: "xdmf", body: xdmf, seed: || XDMF.to_vec() },
+    Entrance { name: "hdf5", body: hdf5, seed: || HDF5.to_vec() },
     Entrance { name: "inp", body: inp, seed: || INP.to_vec() },
     Entrance { name: "msh", body: msh, seed: || MSH.to_vec() },
     Entrance { name: "npz", body: npz, seed: npz_seed },
@@ -299,9 +301,35 @@ pub fn key(bytes: &[u8]) {
     }
 }
 
-/// Results of CalculiX: cells name nodes that are there, quantities have a value for each.
+/// Results of CalculiX.
 pub fn frd(bytes: &[u8]) {
-    let Ok(run) = formats::results::parse_frd(bytes) else { return };
+    if let Ok(run) = formats::results::parse_frd(bytes) {
+        is_whole(&run);
+    }
+}
+
+/// XDMF with its numbers in the text.
+pub fn xdmf(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    in_folder(|folder| {
+        if let Ok(run) = formats::results::parse_xdmf(&text, &folder.join("input.xdmf")) {
+            is_whole(&run);
+        }
+    });
+}
+
+/// The HDF5 file beside a good XDMF.
+pub fn hdf5(bytes: &[u8]) {
+    in_folder(|folder| {
+        std::fs::write(folder.join("series.h5"), bytes).expect("writable");
+        if let Ok(run) = formats::results::parse_xdmf(SERIES, &folder.join("series.xdmf")) {
+            is_whole(&run);
+        }
+    });
+}
+
+/// Cells name nodes that are there, quantities have a value for each.
+fn is_whole(run: &formats::results::Run) {
     let nodes = run.points.len();
     assert!(run.blocks.iter().flat_map(|block| &block.nodes).all(|node| (*node as usize) < nodes));
     for quantity in run.steps.iter().flat_map(|step| &step.quantities) {
@@ -347,6 +375,16 @@ const VTU: &[u8] = b"<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndia
 </DataArray></Points><Cells><DataArray type=\"Int32\" Name=\"connectivity\">0 1 2 3</DataArray><DataArray type=\"Int32\" \
 Name=\"offsets\">4</DataArray><DataArray type=\"UInt8\" Name=\"types\">10</DataArray></Cells><PointData><DataArray type=\"Float64\" \
 Name=\"u\" NumberOfComponents=\"3\">0 0 0 .1 0 0 0 .1 0 0 0 .1</DataArray></PointData></Piece></UnstructuredGrid></VTKFile>";
+
+const XDMF: &[u8] = b"<Xdmf><Domain><Grid Name=\"m\"><Geometry><DataItem Dimensions=\"4 3\" Format=\"XML\">0 0 0 1 0 0 0 1 0 0 0 1\
+</DataItem></Geometry><Topology TopologyType=\"Mixed\"><DataItem Dimensions=\"5\">6 0 1 2 3</DataItem></Topology></Grid><Grid \
+GridType=\"Collection\" CollectionType=\"Temporal\"><Grid><xi:include xpointer=\"xpointer(//Grid[@Name='m']/*[self::Topology or \
+self::Geometry])\"/><Time Value=\"1\"/><Attribute Name=\"u\"><DataItem Reference=\"/Xdmf/Domain/Grid[1]/Geometry/DataItem\"/></Attribute>\
+</Grid></Grid></Domain></Xdmf>";
+
+/// As meshio wrote them: `scripts/checks/xdmf_fixtures.py`.
+const SERIES: &str = include_str!("../../crates/formats/tests/data/series.xdmf");
+const HDF5: &[u8] = include_bytes!("../../crates/formats/tests/data/series.h5");
 
 const PVD: &[u8] = b"<VTKFile type=\"Collection\"><Collection><DataSet timestep=\"0\" file=\"a.vtu\"/>\
 <DataSet timestep=\"0.5\" file=\"b.vtu\"/></Collection></VTKFile>";

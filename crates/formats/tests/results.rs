@@ -108,7 +108,7 @@ fn files_that_cannot_be_read_say_what_to_do() {
     let dir = tempfile::tempdir().unwrap();
     for (name, part) in [
         ("run.odb", "Abaqus' Python"),
-        ("run.xdmf", "meshio convert"),
+        ("run.h5", "the .xdmf beside it"),
         ("run.xplt", "FEBio"),
         ("run", "no ending"),
     ] {

@@ -202,3 +202,27 @@ fn increments_of_a_calculix_job_become_states() {
     assert_eq!(rows[1..], ["cutback-1,free,train,0,,0.1,0", "cutback-2,free,train,0,,0.2,0"]);
     assert!(fs::read_to_string(dir.path().join("db/database.toml")).unwrap().contains("name = \"ener\""));
 }
+
+/// FEniCS' layout: one collection a function, data in HDF5. A file that is cut short is named, and nothing is written.
+#[test]
+fn grids_of_an_xdmf_series_become_states() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../formats/tests/data");
+    for name in ["fenics.xdmf", "fenics.h5"] {
+        fs::copy(data.join(name), dir.path().join(name)).unwrap();
+    }
+    let units = ["--length-unit", "mm", "--stress-unit", "mpa", "--steps", "all", "--ramp", "load_n=3"];
+    let args = [&["import", "results", "fenics.xdmf", "--out", "db"], &units[..]].concat();
+    let text = succeeds(dir.path(), &args);
+    assert!(text.contains("2 states to train on, 0 to test, 8 nodes"), "{text}");
+    let cases = fs::read_to_string(dir.path().join("db/cases.csv")).unwrap();
+    let rows: Vec<&str> = cases.lines().collect();
+    assert_eq!(rows[1..], ["fenics-1,free,train,0,,1.5,0", "fenics-2,free,train,0,,3,0"]);
+    let bytes = fs::read(dir.path().join("fenics.h5")).unwrap();
+    fs::write(dir.path().join("fenics.h5"), &bytes[..bytes.len() - 1]).unwrap();
+    let args = [&["import", "results", "fenics.xdmf", "--out", "again"], &units[..]].concat();
+    let (code, _, err) = run(dir.path(), &args);
+    assert_eq!(code, 78, "{err}");
+    assert!(err.contains("fenics.h5: file: expected") && err.contains("cut short"), "{err}");
+    assert!(!dir.path().join("again").exists());
+}

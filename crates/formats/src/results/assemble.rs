@@ -1,6 +1,6 @@
 //! From finished simulations to a database: units, the fields by name, the nodes that cells have.
 
-use super::run::{Quantity, Run, Step};
+use super::run::{Quantity, Run, Step, UNORDERED};
 use crate::cells::{self, Block};
 use crate::error::{Diagnostic, FormatError};
 use rom::inputs::Parameter;
@@ -258,6 +258,11 @@ fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
         None => usual(&STRESS),
     };
     stress.map(|quantity| sized(quantity, &[1, 6, 9])).transpose()?;
+    if let Some(quantity) = stress.filter(|quantity| quantity.components == UNORDERED) {
+        let expected = "the von Mises stress or a tensor of 9 components (of a Tensor6 some programs write xx xy xz yy yz \
+                        zz, others xx yy zz xy yz xz; --stress NAME takes another one)";
+        return Err(Diagnostic::new(format!("quantity {}", quantity.name), expected, "a Tensor6"));
+    }
     let further = |(name, unit): &(String, String)| {
         let (quantity, component) = match by_name(name) {
             Some(quantity) => (quantity, None),

@@ -5,6 +5,7 @@
 //! | `.frd` | CalculiX, text; the last state of a job that failed is left out | `frd.rs` |
 //! | `.vtu` | VTK, one step | `vtk.rs` |
 //! | `.pvd` | ParaView's list of `.vtu` files, one step each | `vtk.rs` |
+//! | `.xdmf` | XDMF with its numbers inside, in binary files or in HDF5; a state each grid of a series | `xdmf` |
 //! | `.inp` | an Abaqus mesh; the results stand in a `.csv` of the same name | `nodal.rs` |
 //! | `.npz` | the same arrays as in a folder | `stacks.rs` |
 //! | a folder | NumPy arrays: `points.npy`, `tetra10.npy`, `displacement.npy` (steps x nodes x 3), ... | `stacks.rs` |
@@ -15,20 +16,21 @@ mod nodal;
 mod run;
 mod stacks;
 mod vtk;
+mod xdmf;
 
 pub use assemble::{Assembly, Chosen, Wanted};
 pub use frd::parse as parse_frd;
 pub use run::{Quantity, Run, Step};
 pub use stacks::parse_archive as parse_npz;
 pub use vtk::parse_list as parse_pvd;
+pub use xdmf::parse as parse_xdmf;
 
 use crate::error::{Diagnostic, FormatError};
 use std::path::Path;
 
 /// Formats of which the reader is another program.
-const ELSEWHERE: [(&str, &str); 7] = [
-    ("xdmf", "meshio convert run.xdmf run.vtu, or save as .pvd in ParaView"),
-    ("h5", "meshio convert, or save as .pvd in ParaView"),
+const ELSEWHERE: [(&str, &str); 6] = [
+    ("h5", "the .xdmf beside it says what its data sets are; name that one"),
     ("vtk", "meshio convert run.vtk run.vtu"),
     ("xplt", "File > Export > VTK in FEBio Studio, then meshio convert to .vtu"),
     ("odb", "write mesh (.inp) and fields (.csv) from Abaqus' Python: docs/import.md shows the lines"),
@@ -47,12 +49,13 @@ pub fn read(path: &Path) -> Result<Run, FormatError> {
         Some("frd") => frd::read(path),
         Some("vtu") => vtk::read(path),
         Some("pvd") => vtk::read_series(path),
+        Some("xdmf" | "xmf") => xdmf::read(path),
         Some("inp") => nodal::read(path),
         Some("npz") => stacks::read_archive(path),
         other => {
             let remedy = ELSEWHERE.iter().find(|(ending, _)| Some(*ending) == other);
             let expected = remedy.map_or_else(
-                || "results as .frd, .vtu, .pvd, .inp with .csv, .npz, or a folder of .npy".to_owned(),
+                || "results as .frd, .vtu, .pvd, .xdmf, .inp with .csv, .npz, or a folder of .npy".to_owned(),
                 |(_, remedy)| format!("a format that is read here; convert it: {remedy}"),
             );
             let found = other.map_or_else(|| "no ending".into(), |ending| format!(".{ending}"));

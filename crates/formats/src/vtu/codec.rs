@@ -26,7 +26,7 @@ pub(super) struct Coding {
 
 /// An element type of VTK's arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Element {
+pub(crate) enum Element {
     Float(usize),
     Int(usize),
     UInt(usize),
@@ -58,6 +58,11 @@ impl Element {
         }
     }
 
+    /// All values of an array.
+    pub(crate) fn values(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
+        bytes.chunks_exact(self.size()).map(|element| self.value(element, big_endian)).collect()
+    }
+
     /// The value of one element; integers above 2^53 lose digits, which no index in memory reaches.
     fn value(self, bytes: &[u8], big_endian: bool) -> f64 {
         let word = word(bytes, big_endian);
@@ -82,7 +87,7 @@ pub(super) fn elements(
 ) -> Result<Vec<f64>, String> {
     let wanted = expected.checked_mul(element.size()).ok_or("a size beyond any memory")?;
     let raw = if coding.zlib { inflate(block, coding, wanted)? } else { plain(block, coding, wanted)? };
-    Ok(raw.chunks_exact(element.size()).map(|bytes| element.value(bytes, coding.big_endian)).collect())
+    Ok(element.values(&raw, coding.big_endian))
 }
 
 fn plain(block: &[u8], coding: Coding, wanted: usize) -> Result<Vec<u8>, String> {

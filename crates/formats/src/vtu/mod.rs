@@ -1,6 +1,6 @@
 //! VTK's XML unstructured grids, as ParaView, meshio and PyVista read and write them.
 
-mod codec;
+pub(crate) mod codec;
 mod read;
 mod write;
 
