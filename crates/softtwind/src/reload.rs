@@ -84,8 +84,10 @@ impl Loader {
         // The loop takes them within a turn, unless it has ended meanwhile.
         while !end.is_set() {
             match self.old.recv_timeout(INTERVAL) {
-                Ok(Ok(_freed_here)) => {
+                Ok(Ok(retired)) => {
                     services.replace(new_services);
+                    // Before the log says so: whoever then looks at the memory finds one model.
+                    drop(retired);
                     return tracing::info!(
                         "reloaded: scene and models swapped (models {})",
                         models.join(", ")
