@@ -98,8 +98,20 @@ impl Args {
         let text = runtime::file::read_text(path, runtime::file::MAX_TEXT_BYTES)
             .with_context(place)
             .map_err(configuration)?;
-        toml::from_str(&text).with_context(place).map_err(configuration)
+        parse(&text).with_context(place).map_err(configuration)
     }
+}
+
+/// A configuration of which any key may be left out.
+fn parse(text: &str) -> Result<TrainConfig, toml::de::Error> {
+    let mut config: TrainConfig = toml::from_str(text)?;
+    let table: toml::Table = toml::from_str(text)?;
+    // A table of a regime takes its defaults from the contact's, and these kernels are not the free regime's.
+    let are_named = table.get("free").is_some_and(|free| free.get("kernels").is_some());
+    if !are_named {
+        config.free.kernels = TrainConfig::default().free.kernels;
+    }
+    Ok(config)
 }
 
 /// What was made.
@@ -155,4 +167,21 @@ fn regime_json(regime: &RegimeSheet) -> serde_json::Value {
         "groups": regime.groups.iter().map(|g| (g.name.clone(), fit(g))).collect::<serde_json::Map<_, _>>(),
         "force": regime.force.as_ref().map(fit),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parse;
+    use rom::config::TrainConfig;
+
+    #[test]
+    fn kernels_that_are_left_out_are_those_of_the_regime() {
+        let config = parse("[free]\nmax_modes = 9\n[contact]\nmax_modes = 8\n").unwrap();
+        let default = TrainConfig::default();
+        assert_ne!(default.free.kernels, default.contact.kernels);
+        assert_eq!((config.free.kernels, config.free.max_modes), (default.free.kernels, 9));
+        assert_eq!((config.contact.kernels, config.contact.max_modes), (default.contact.kernels, 8));
+        let named = parse("[free]\nkernels = [{ kernel = \"cubic\", tail = \"linear\" }]\n").unwrap();
+        assert_eq!(named.free.kernels.len(), 1);
+    }
 }
