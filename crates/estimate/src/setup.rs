@@ -56,7 +56,7 @@ pub struct Row {
 
 impl Row {
     /// Variance of a measured value where `readings` share the model's error, which they do not average out.
-    pub(crate) fn variance(&self, readings: f64) -> f64 {
+    pub fn variance(&self, readings: f64) -> f64 {
         self.sigma * self.sigma + readings * self.model_sigma * self.model_sigma
     }
 }
@@ -201,7 +201,7 @@ impl Setup {
     }
 
     /// Positions and standard deviations of the measured inputs, in order: each adds its noise as a state of its own.
-    pub(crate) fn measured_inputs(&self) -> impl Iterator<Item = (usize, f64)> {
+    pub fn measured_inputs(&self) -> impl Iterator<Item = (usize, f64)> {
         self.inputs.iter().enumerate().filter_map(|(input, role)| match role {
             InputRole::Measured { sigma, .. } => Some((input, *sigma)),
             _ => None,

@@ -1,38 +1,16 @@
 //! Finished simulations of other programs. `data/*.frd` were written by CalculiX 2.20 (`ccx -i`): a block of one hexahedron that is
 //! sheared, then loaded until an increment fails; and a 20-node hexahedron, a 15-node wedge and a 10-node tetrahedron.
 
+mod common;
+
+use common::{at_rest, data, quantity, wanted};
 use formats::cells::surface;
-use formats::results::{self, Assembly, Quantity, Run, Wanted, parse_frd};
+use formats::results::{self, Assembly, Quantity, Wanted, parse_frd};
 use proptest::prelude::*;
-use rom::snapshots::{Case, FieldKind, RegimeKind, Split};
+use rom::snapshots::FieldKind;
 use std::collections::HashMap;
 use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
-
-fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
-}
-
-fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a Quantity {
-    run.steps[step].quantities.iter().find(|quantity| quantity.name == name).expect("the quantity")
-}
-
-fn case(name: &str) -> Case {
-    Case {
-        name: name.into(),
-        regime: RegimeKind::Free,
-        split: Split::Train,
-        pressure_mpa: 0.0,
-        gap_mm: None,
-        contact_force_n: 0.0,
-        parameters: vec![],
-    }
-}
-
-fn wanted() -> Wanted {
-    Wanted { length_mm: 1.0, stress_mpa: Some(1.0), displacement: None, stress: None, fields: vec![] }
-}
 
 #[test]
 fn an_increment_that_failed_is_left_out_and_named() {
@@ -53,7 +31,7 @@ fn a_state_has_deformed_nodes_von_mises_stress_and_further_fields_in_the_units_s
     let wanted = Wanted { length_mm: 1000.0, stress_mpa: Some(1e-3), fields, ..wanted() };
     let mut assembly = Assembly::new(wanted);
     let path = data("cutback.frd");
-    assert_eq!(assembly.add(&path, &run, &run.steps[0], case("a")).unwrap(), None);
+    assert_eq!(assembly.add(&path, &run, &run.steps[0], at_rest("a")).unwrap(), None);
     let (database, blocks) = assembly.finish("block".into(), vec![]).unwrap();
     let names: Vec<&str> = database.fields.iter().map(|field| field.name.as_str()).collect();
     assert_eq!(names, ["x", "y", "z", "displacement", "von_mises", "ener", "stress_sxx"]);
@@ -124,7 +102,8 @@ fn what_does_not_fit_is_refused_by_name() {
     let run = results::read(&data("cutback.frd")).unwrap();
     let path = data("cutback.frd");
     let refused = |wanted: Wanted| {
-        let error = Assembly::new(wanted).add(&path, &run, &run.steps[0], case("a")).unwrap_err().to_string();
+        let error =
+            Assembly::new(wanted).add(&path, &run, &run.steps[0], at_rest("a")).unwrap_err().to_string();
         assert!(error.contains("cutback.frd"), "{error}");
         error
     };
@@ -135,13 +114,13 @@ fn what_does_not_fit_is_refused_by_name() {
     let text = refused(Wanted { fields: vec![("FORC".into(), "N".into())], ..wanted() });
     assert!(text.contains("FORC.COMPONENT with one of F1, F2, F3"), "{text}");
     let mut assembly = Assembly::new(wanted());
-    assembly.add(&path, &run, &run.steps[0], case("a")).unwrap();
+    assembly.add(&path, &run, &run.steps[0], at_rest("a")).unwrap();
     let other = results::read(&data("quadratic.frd")).unwrap();
-    let text = assembly.add(&path, &other, &other.steps[0], case("b")).unwrap_err().to_string();
+    let text = assembly.add(&path, &other, &other.steps[0], at_rest("b")).unwrap_err().to_string();
     assert!(text.contains("the nodes and elements of the first simulation"), "{text}");
     let mut broken = run.clone();
     broken.steps[1].quantities[0].values[4] = f64::NAN;
-    let reason = assembly.add(&path, &broken, &broken.steps[1], case("b")).unwrap();
+    let reason = assembly.add(&path, &broken, &broken.steps[1], at_rest("b")).unwrap();
     assert!(
         reason.is_some_and(|reason| reason.contains("step 1 increment 2: 2 values")),
         "y and the size of one node"
@@ -155,9 +134,9 @@ fn a_length_as_an_input_makes_the_displacement_a_field_of_its_own() {
     longer.points.iter_mut().for_each(|point| point[0] *= 1.1);
     let path = data("cutback.frd");
     let mut assembly = Assembly::new(wanted());
-    assembly.add(&path, &run, &run.steps[0], case("a")).unwrap();
+    assembly.add(&path, &run, &run.steps[0], at_rest("a")).unwrap();
     assert!(!assembly.shape_varies());
-    assembly.add(&path, &longer, &longer.steps[1], case("b")).unwrap();
+    assembly.add(&path, &longer, &longer.steps[1], at_rest("b")).unwrap();
     assert!(assembly.shape_varies());
     assert_eq!(assembly.finish("block".into(), vec![]).unwrap().0.fields[3].kind, FieldKind::Other);
 }

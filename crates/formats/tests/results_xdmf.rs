@@ -1,19 +1,13 @@
 //! XDMF of other programs. `data/series.xdmf` and `data/gzip.xdmf` were written by meshio 5.3.5, `data/fenics.h5` by h5py as DOLFINx
 //! lays its files out: `scripts/checks/xdmf_fixtures.py`.
 
-use formats::results::{self, Assembly, Quantity, Run, Wanted, parse_xdmf};
+mod common;
+
+use common::{at_rest, data, quantity, wanted};
+use formats::results::{self, Assembly, Quantity, Run, parse_xdmf};
 use proptest::prelude::*;
-use rom::snapshots::{Case, RegimeKind, Split};
 use std::fs;
-use std::path::{Path, PathBuf};
-
-fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
-}
-
-fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a Quantity {
-    run.steps[step].quantities.iter().find(|quantity| quantity.name == name).expect("the quantity")
-}
+use std::path::Path;
 
 fn cells(run: &Run) -> Vec<(u8, usize)> {
     run.blocks.iter().map(|block| (block.kind, block.count())).collect()
@@ -36,19 +30,10 @@ fn refused(text: &str) -> String {
 
 /// Puts a state of a run into a database.
 fn assembled(run: &Run, step: usize) -> Result<Vec<f32>, String> {
-    let wanted =
-        Wanted { length_mm: 1.0, stress_mpa: Some(1.0), displacement: None, stress: None, fields: vec![] };
-    let case = Case {
-        name: "a".into(),
-        regime: RegimeKind::Free,
-        split: Split::Train,
-        pressure_mpa: 0.0,
-        gap_mm: None,
-        contact_force_n: 0.0,
-        parameters: vec![],
-    };
-    let mut assembly = Assembly::new(wanted);
-    assembly.add(Path::new("run.xdmf"), run, &run.steps[step], case).map_err(|error| error.to_string())?;
+    let mut assembly = Assembly::new(wanted());
+    assembly
+        .add(Path::new("run.xdmf"), run, &run.steps[step], at_rest("a"))
+        .map_err(|error| error.to_string())?;
     let (database, _) =
         assembly.finish("part".into(), vec![]).map_err(|diagnostic| diagnostic.to_string())?;
     Ok(database.snapshot(0).to_vec())

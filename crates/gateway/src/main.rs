@@ -204,11 +204,9 @@ fn serve(
     threads.start("queries", move |_| Ok(queries::run(&own, &requests)?))?;
     if let Some(ros2) = config.ros2.clone() {
         let (own, keys) = (thread_link(), config.keys.clone());
+        let (its_own, its_ros2, its_keys) = (thread_link(), ros2.clone(), keys.clone());
         threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period)?))?;
-    }
-    if let Some(ros2) = config.ros2.clone() {
-        let (own, keys) = (thread_link(), config.keys.clone());
-        threads.start("ros2-services", move |_| Ok(ros::answer(&own, &ros2, &keys)?))?;
+        threads.start("ros2-services", move |_| Ok(ros::answer(&its_own, &its_ros2, &its_keys)?))?;
     }
     if !inlets.is_empty() {
         let (own, ros2) = (thread_link(), config.ros2.clone());

@@ -97,7 +97,7 @@ fn subscribe_ros(
 ) -> anyhow::Result<(ros::Inlet, Subscriber<()>)> {
     let declared = ros::Inlet::declare(link, ros2, inlet, topic)?;
     let counters = link.counters.clone();
-    let is_told = AtomicBool::new(false);
+    let is_logged = AtomicBool::new(false);
     let take = move |sample: Sample| {
         let t_arrival_ns = now_ns();
         let bytes =
@@ -107,9 +107,9 @@ fn subscribe_ros(
             count(&counters.bad_readings);
         }
         if let Err(error) = passed
-            && !is_told.swap(true, Ordering::Relaxed)
+            && !is_logged.swap(true, Ordering::Relaxed)
         {
-            tracing::warn!("a message from ROS is no reading (told once): {error}");
+            tracing::warn!("a message from ROS is no reading (logged once): {error}");
         }
     };
     let subscriber = link.session.declare_subscriber(declared.key.clone()).callback(take);

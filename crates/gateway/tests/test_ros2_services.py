@@ -181,6 +181,6 @@ def test_requests_that_are_none_are_refused(stage):
             assert reply.ok is None and said in bytes(reply.err.payload).decode()
         ask(session, service, names=["version"])
     log = stage.end_last()
-    assert log.count("a request from ROS is refused (told once a service)") == 1 and "expected type hash RIHS01_bf9803d5" in log
+    assert log.count("a request from ROS is refused (logged once a service)") == 1 and "expected type hash RIHS01_bf9803d5" in log
     (line,) = re.findall(r"ended: .*", log)
     assert f"{len(bad)} refused" in line and "2 requests answered" in line

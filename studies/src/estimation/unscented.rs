@@ -77,7 +77,7 @@ impl<'a> Unscented<'a> {
         let kept = self.kept(&residual, &spread)?;
         let innovation = Mat::from_fn(kept.len(), 1, |i, _| residual[kept[i]]);
         let variance = Mat::from_fn(kept.len(), kept.len(), |i, j| {
-            spread[(kept[i], kept[j])] + if i == j { self.variance(kept[i], shared) } else { 0.0 }
+            spread[(kept[i], kept[j])] + if i == j { self.setup.rows[kept[i]].variance(shared) } else { 0.0 }
         });
         let cross = &by_unknown * by_value.transpose() * faer::Scale(weight);
         let cross = Mat::from_fn(cross.nrows(), kept.len(), |i, j| cross[(i, kept[j])]);
@@ -91,25 +91,14 @@ impl<'a> Unscented<'a> {
         Some(())
     }
 
-    /// Variance of a measured value where `readings` share the model's error.
-    fn variance(&self, row: usize, readings: f64) -> f64 {
-        let row = &self.setup.rows[row];
-        row.sigma.powi(2) + readings * row.model_sigma.powi(2)
-    }
-
     /// The points at one standard deviation times the root of their dimension, in unknowns and noise of the measured inputs.
     fn points(&self, model: &mut SensorModel, measured: &Measurement, touches: bool) -> Option<Points> {
-        let noise: Vec<(usize, f64)> = (self.setup.inputs.iter().enumerate())
-            .filter_map(|(input, role)| match role {
-                InputRole::Measured { sigma, .. } => Some((input, *sigma)),
-                _ => None,
-            })
-            .collect();
+        let noise: Vec<(usize, f64)> = self.setup.measured_inputs().collect();
         let count = self.mean.nrows();
         let (size, factor) = (count + noise.len(), Llt::new(self.covariance.as_ref(), Side::Lower).ok()?);
         let scale = (size as f64).sqrt();
         let mut out = Points {
-            unknowns: Mat::from_fn(count, 2 * size, |_, _| 0.0),
+            unknowns: Mat::zeros(count, 2 * size),
             values: Mat::zeros(self.setup.rows.len(), 2 * size),
         };
         for column in 0..2 * size {
@@ -173,7 +162,7 @@ impl<'a> Unscented<'a> {
                 continue;
             };
             let variance = Mat::from_fn(rows.len(), rows.len(), |i, j| {
-                spread[(rows[i], rows[j])] + if i == j { self.variance(rows[i], 1.0) } else { 0.0 }
+                spread[(rows[i], rows[j])] + if i == j { self.setup.rows[rows[i]].variance(1.0) } else { 0.0 }
             });
             let off = Mat::from_fn(rows.len(), 1, |i, _| residual[rows[i]]);
             let solved = Llt::new(variance.as_ref(), Side::Lower).ok()?.solve(&off);

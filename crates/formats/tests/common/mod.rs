@@ -1,8 +1,10 @@
 //! A small actuator for tests: a bar of 10-node tetrahedra that bends down with pressure and stops at the plate.
 #![allow(dead_code)] // each test file uses its part
 
+use formats::results::{Quantity, Run, Wanted};
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 /// Corners of the six tetrahedra of a unit cube, positively oriented.
 const SIX: [[usize; 4]; 6] =
@@ -66,4 +68,24 @@ pub fn case(name: &str, split: Split, pressure_mpa: f64, gap_mm: Option<f64>) ->
     let regime = if gap_mm.is_some() { RegimeKind::Contact } else { RegimeKind::Free };
     let contact_force_n = gap_mm.map_or(0.0, |gap| (pressure_mpa * 100.0 - gap).max(0.0));
     Case { name: name.into(), regime, split, pressure_mpa, gap_mm, contact_force_n, parameters: vec![] }
+}
+
+/// A file of another program.
+pub fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+}
+
+/// A quantity of a step of a run.
+pub fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a Quantity {
+    run.steps[step].quantities.iter().find(|quantity| quantity.name == name).expect("the quantity")
+}
+
+/// A state without pressure of which nothing else is known.
+pub fn at_rest(name: &str) -> Case {
+    case(name, Split::Train, 0.0, None)
+}
+
+/// Coordinates and stress of a run in mm and MPa.
+pub fn wanted() -> Wanted {
+    Wanted { length_mm: 1.0, stress_mpa: Some(1.0), displacement: None, stress: None, fields: vec![] }
 }

@@ -42,12 +42,7 @@ impl Inlet {
 /// What is wrong with the message.
 pub fn reading(sample: &Sample) -> Result<Vec<u8>, String> {
     let key = sample.key_expr().as_str();
-    if !key.ends_with(PRESSURE.hash) {
-        return Err(format!(
-            "{key}: expected type hash {}; build the sender with ROS 2 Iron or later",
-            PRESSURE.hash
-        ));
-    }
+    PRESSURE.check_hash(key)?;
     let expected =
         || format!("{key}: expected a sensor_msgs/FluidPressure in little-endian CDR with its attachment");
     let (t_sensor_ns, pressure_pa) = fluid_pressure(&sample.payload().to_bytes()).ok_or_else(expected)?;

@@ -81,11 +81,8 @@ fn marker(
     actuator: &str,
     time_ns: u64,
 ) -> Option<Vec<u8>> {
-    let nodes = (header.node_count as usize).max(1);
-    let column = |id| header.fields().zip(values.chunks_exact(nodes)).find(|(found, _)| *found == id);
-    let [x, y, z] = [field_id::X, field_id::Y, field_id::Z].map(|id| column(id).map(|(_, column)| column));
-    let (x, y, z) = (x?, y?, z?);
-    let stress = column(field_id::VON_MISES).map(|(_, column)| column);
+    let [x, y, z] = header.coordinates(values)?;
+    let stress = header.column(values, field_id::VON_MISES);
     let mut points = Vec::with_capacity(3 * corners.len());
     let mut colours = Vec::with_capacity(4 * corners.len());
     for corner in corners {

@@ -26,19 +26,17 @@ pub fn pressure(state: &State, actuator: &str, time_ns: u64) -> Vec<u8> {
 
 /// The nodes of a field in m, with its other fields; none without x, y and z. `O(values)`.
 pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
-    let nodes = (header.node_count as usize).max(1);
-    let columns: Vec<(u8, &[f32])> = header.fields().zip(values.chunks_exact(nodes)).collect();
-    let coordinates = [field_id::X, field_id::Y, field_id::Z];
-    let coordinate = |id| columns.iter().find(|(found, _)| *found == id).map(|(_, column)| *column);
-    let [x, y, z] = [coordinate(coordinates[0])?, coordinate(coordinates[1])?, coordinate(coordinates[2])?];
-    let others: Vec<&(u8, &[f32])> = columns.iter().filter(|(id, _)| !coordinates.contains(id)).collect();
+    let [x, y, z] = header.coordinates(values)?;
+    let columns = header.columns(values);
+    let others: Vec<(u8, &[f32])> =
+        columns.filter(|(id, _)| ![field_id::X, field_id::Y, field_id::Z].contains(id)).collect();
     let named = |id: u8| match id {
         field_id::DISPLACEMENT => "displacement_mm".to_owned(),
         field_id::VON_MISES => "von_mises_mpa".to_owned(),
         other => format!("field_{other}"),
     };
     let names = ["x", "y", "z"].map(str::to_owned).into_iter().chain(others.iter().map(|(id, _)| named(*id)));
-    let (step, nodes) = (4 * (3 + others.len()) as u32, nodes as u32);
+    let (step, nodes) = (4 * (3 + others.len()) as u32, x.len() as u32);
     let mut message = Cdr::new().header(time_ns, actuator).word(1).word(nodes).word(3 + others.len() as u32);
     for (offset, name) in (0..).step_by(4).zip(names) {
         message = message.text(&name).word(offset).byte(FLOAT32).word(1);

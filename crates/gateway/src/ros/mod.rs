@@ -5,7 +5,6 @@ mod attachment;
 mod cdr;
 mod config;
 mod describe;
-mod desk;
 mod inlet;
 mod marker;
 mod message;
@@ -14,6 +13,7 @@ mod outlet;
 mod parameter_services;
 mod parameters;
 mod plain;
+mod requests;
 mod service;
 mod twins;
 mod types;
@@ -26,8 +26,8 @@ use std::time::{Duration, Instant};
 use wire::{Bus, KeyExpr};
 
 pub use config::{Ros2, Ros2File, check};
-pub use desk::run as answer;
 pub use inlet::{Inlet, reading};
+pub use requests::run as answer;
 
 /// How often the domain is scanned, and how often it is checked who subscribes.
 const SCAN: Duration = Duration::from_millis(250);
@@ -57,3 +57,8 @@ pub fn run(link: &Link, ros: &Ros2, keys: &[KeyExpr], period: Duration) -> anyho
     }
     Ok(())
 }
+
+/// Bytes of another writer, kept as hexadecimal digits.
+#[cfg(test)]
+#[path = "../../tests/unit/golden.rs"]
+mod golden;

@@ -4,7 +4,7 @@ use super::cdr::Cdr;
 use super::config::Ros2;
 use super::twins::Twins;
 use wire::State;
-use wire::layout::input_source;
+use wire::layout::{hex, input_source};
 
 /// Codes of `rcl_interfaces/ParameterType`.
 pub const NOT_SET: u8 = 0;
@@ -90,13 +90,12 @@ pub fn all(ros: &Ros2, twins: &Twins) -> Vec<Parameter> {
 
 /// The parameters of one actuator by its newest state.
 pub fn of_twin(ros: &Ros2, actuator: &str, state: &State) -> Vec<Parameter> {
-    let hash: String = state.model_hash.iter().map(|byte| format!("{byte:02x}")).collect();
     let inputs: Vec<_> = state.inputs().collect();
     let names = inputs.iter().map(|input| input.name.clone()).collect();
     let mut found = vec![
         Parameter::new(
             format!("{actuator}.model_hash"),
-            Value::Text(hash),
+            Value::Text(hex(&state.model_hash)),
             "first 16 bytes of the model file's hash",
         ),
         Parameter::new(

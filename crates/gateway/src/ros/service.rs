@@ -44,14 +44,14 @@ pub struct Call<T> {
     number: i64,
     client: Gid,
     query: Query,
-    desk: Arc<Desk>,
+    context: Arc<Context>,
 }
 
 /// What all requests to one service share.
-struct Desk {
+struct Context {
     key: String,
     counters: Arc<Counters>,
-    is_told: AtomicBool,
+    is_logged: AtomicBool,
 }
 
 impl Service {
@@ -67,22 +67,22 @@ impl Service {
         sender: SyncSender<Call<T>>,
     ) -> anyhow::Result<Self> {
         let Announced { number, name, of, qos } = *announced;
-        let desk = Arc::new(Desk {
+        let context = Arc::new(Context {
             key: names.key(name, of, of.hash),
             counters: link.counters.clone(),
-            is_told: AtomicBool::new(false),
+            is_logged: AtomicBool::new(false),
         });
         let take = move |query: Query| match accept(&query, of) {
             Ok((request, number, client)) => {
-                let (what, desk) = (what.clone(), desk.clone());
-                let call = Call { what, request, number, client, query, desk };
+                let (what, context) = (what.clone(), context.clone());
+                let call = Call { what, request, number, client, query, context };
                 if let Err(TrySendError::Full(call) | TrySendError::Disconnected(call)) =
                     sender.try_send(call)
                 {
                     call.refuse("too many requests wait here; ask again later");
                 }
             }
-            Err(text) => desk.refuse(&query, &text),
+            Err(text) => context.refuse(&query, &text),
         };
         // Any hash, so that another one can be named.
         let queryable =
@@ -96,12 +96,7 @@ impl Service {
 /// Request, number and client of a query; otherwise what is wrong with it.
 fn accept(query: &Query, of: MessageType) -> Result<(Vec<u8>, i64, Gid), String> {
     let key = query.key_expr().as_str();
-    if !key.ends_with(of.hash) {
-        return Err(format!(
-            "{key}: expected type hash {}; build the client with ROS 2 Iron or later",
-            of.hash
-        ));
-    }
+    of.check_hash(key)?;
     let length = query.payload().map_or(0, |payload| payload.len());
     if length > MAX_BYTES {
         return Err(format!("{key}: expected at most {MAX_BYTES} bytes, found {length}"));
@@ -112,11 +107,11 @@ fn accept(query: &Query, of: MessageType) -> Result<(Vec<u8>, i64, Gid), String>
     Ok((query.payload().map_or_else(Vec::new, |payload| payload.to_bytes().into_owned()), number, client))
 }
 
-impl Desk {
+impl Context {
     /// Replies why there is no answer, counts it, and says it once in the log.
     fn refuse(&self, query: &Query, text: &str) {
-        if !self.is_told.swap(true, Ordering::Relaxed) {
-            tracing::warn!("a request from ROS is refused (told once a service): {text}");
+        if !self.is_logged.swap(true, Ordering::Relaxed) {
+            tracing::warn!("a request from ROS is refused (logged once a service): {text}");
         }
         refuse(query, text, &self.counters.refusals);
     }
@@ -126,14 +121,14 @@ impl<T> Call<T> {
     /// Answers with a message.
     pub fn reply(&self, message: Vec<u8>) {
         let beside = attachment(self.number, now_since_1970_ns(), self.client);
-        match self.query.reply(self.desk.key.as_str(), message).attachment(beside).wait() {
-            Ok(()) => count(&self.desk.counters.answers),
-            Err(error) => tracing::debug!("{}: the client has gone: {error}", self.desk.key),
+        match self.query.reply(self.context.key.as_str(), message).attachment(beside).wait() {
+            Ok(()) => count(&self.context.counters.answers),
+            Err(error) => tracing::debug!("{}: the client has gone: {error}", self.context.key),
         }
     }
 
     /// Refuses.
     pub fn refuse(&self, text: &str) {
-        self.desk.refuse(&self.query, &format!("{}: {text}", self.desk.key));
+        self.context.refuse(&self.query, &format!("{}: {text}", self.context.key));
     }
 }

@@ -9,6 +9,19 @@ pub struct MessageType {
     pub hash: &'static str,
 }
 
+impl MessageType {
+    /// Nothing when a key of the other side ends in this type's hash.
+    ///
+    /// # Errors
+    /// The hash that is expected, and the remedy.
+    pub fn check_hash(self, key: &str) -> Result<(), String> {
+        if key.ends_with(self.hash) {
+            return Ok(());
+        }
+        Err(format!("{key}: expected type hash {}; build the other side with ROS 2 Iron or later", self.hash))
+    }
+}
+
 /// `geometry_msgs/msg/WrenchStamped`.
 pub const WRENCH: MessageType = MessageType {
     name: "geometry_msgs::msg::dds_::WrenchStamped_",

@@ -1,13 +1,11 @@
 //! Tests of `src/ros/describe.rs` that need its private parts.
 
 use super::*;
+use crate::ros::golden;
 
 #[test]
 fn the_bytes_are_those_of_another_writer() {
-    let digits: String = include_str!("../golden/described.hex").lines().collect();
-    let golden: Vec<u8> =
-        (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect();
-    assert_eq!(response(true, "{}"), golden);
+    assert_eq!(response(true, "{}"), golden::bytes(include_str!("../golden/described.hex")));
 }
 
 #[test]

@@ -1,12 +1,7 @@
 //! Tests of `src/ros/marker.rs` that need its private parts.
 
 use super::*;
-
-/// What `test_ros2_golden.py` has `rosbags` write.
-fn golden() -> Vec<u8> {
-    let digits: String = include_str!("../golden/marker.hex").lines().collect();
-    (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()
-}
+use crate::ros::golden;
 
 /// Four nodes with the von Mises stress 0, 0.25, 0.5 and 1 MPa.
 fn field() -> (FieldHeader, Vec<f32>) {
@@ -22,7 +17,7 @@ fn field() -> (FieldHeader, Vec<f32>) {
 fn the_bytes_are_those_of_another_writer() {
     let (header, values) = field();
     let found = marker(&header, &values, &[0, 1, 2, 0, 3, 1], 0.5, "finger", 12_000_000_345).unwrap();
-    assert_eq!(found, golden());
+    assert_eq!(found, golden::bytes(include_str!("../golden/marker.hex")));
 }
 
 #[test]

@@ -1,12 +1,7 @@
-//! Tests of `src/ros/parameter_services.rs` that need its private parts. The golden bytes are what `test_ros2_golden.py` has `rosbags`
-//! write.
+//! Tests of `src/ros/parameter_services.rs` that need its private parts.
 
 use super::*;
-
-fn golden(digits: &str) -> Vec<u8> {
-    let digits: String = digits.lines().collect();
-    (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()
-}
+use crate::ros::golden::bytes as golden;
 
 fn parameters() -> Vec<Parameter> {
     let one = |name: &str, value, description: &str, range| Parameter {

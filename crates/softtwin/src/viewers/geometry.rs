@@ -69,18 +69,15 @@ impl Look<'_> {
 impl<'a> Shape<'a> {
     /// The columns of a sample; none when a coordinate is not in it.
     pub fn of(header: &FieldHeader, values: &'a [f32], place: PlaceSpec) -> Option<Self> {
-        let nodes = (header.node_count as usize).max(1);
-        let columns = || header.fields().zip(values.chunks_exact(nodes));
-        let coordinate = |id| columns().find(|(found, _)| *found == id).map(|(_, column)| column);
         let ids = [field_id::X, field_id::Y, field_id::Z];
-        let [x, y, z] = ids.map(coordinate);
         let named = |id: u8| match id {
             field_id::DISPLACEMENT => "displacement_mm".to_owned(),
             field_id::VON_MISES => "von_mises_mpa".to_owned(),
             other => format!("field_{other}"),
         };
-        let others = columns().filter(|(id, _)| !ids.contains(id)).map(|(id, column)| (named(id), column));
-        Some(Self { coordinates: [x?, y?, z?], others: others.collect(), mirrored: place.mirrored })
+        let others = header.columns(values).filter(|(id, _)| !ids.contains(id));
+        let others = others.map(|(id, column)| (named(id), column)).collect();
+        Some(Self { coordinates: header.coordinates(values)?, others, mirrored: place.mirrored })
     }
 
     fn node_count(&self) -> usize {

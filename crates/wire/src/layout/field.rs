@@ -83,4 +83,20 @@ impl FieldHeader {
     pub fn fields(&self) -> impl Iterator<Item = u8> {
         self.field_ids.into_iter().take(self.field_count as usize)
     }
+
+    /// The fields with their values, one a node; those that `values` does not reach are left out.
+    pub fn columns<'a>(&self, values: &'a [f32]) -> impl Iterator<Item = (u8, &'a [f32])> {
+        self.fields().zip(values.chunks_exact((self.node_count as usize).max(1)))
+    }
+
+    /// The values of one field; none when it is not in this sample.
+    pub fn column<'a>(&self, values: &'a [f32], id: u8) -> Option<&'a [f32]> {
+        self.columns(values).find(|(found, _)| *found == id).map(|(_, column)| column)
+    }
+
+    /// The values of x, y and z; none when one of them is not in this sample.
+    pub fn coordinates<'a>(&self, values: &'a [f32]) -> Option<[&'a [f32]; 3]> {
+        let [x, y, z] = [field_id::X, field_id::Y, field_id::Z].map(|id| self.column(values, id));
+        Some([x?, y?, z?])
+    }
 }

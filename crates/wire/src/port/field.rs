@@ -252,9 +252,7 @@ impl FieldSample {
 
     /// One field (a number of [`layout::field_id`]), one value a node; `None` when it is not in this sample.
     pub fn field(&self, id: u8) -> Option<&[f32]> {
-        let nodes = self.header().node_count as usize;
-        let slot = self.header().fields().position(|found| found == id)?;
-        self.values().get(slot * nodes..(slot + 1) * nodes)
+        self.header().column(self.values(), id)
     }
 }
 

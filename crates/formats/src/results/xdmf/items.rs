@@ -5,7 +5,7 @@ use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use crate::vtu::codec::Element;
 use hdf5_reader::{ByteOrder, Datatype, Hdf5File, OpenOptions};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 const MAX_REFERENCES: usize = 8;
 /// Bytes that one compressed byte expands to at most (zlib).
 const EXPANSION: u64 = 1032;
-/// Values of a text that one of its bytes may stand for, with those that are referred to several times.
+/// Values that one byte of a text or of a binary file may stand for, with those that are referred to several times.
 const REPEATED: u64 = 8;
 
 /// Numbers with their dimensions.
@@ -28,13 +28,15 @@ pub(super) struct Items<'a> {
     tree: &'a Tree<'a>,
     path: &'a Path,
     files: HashMap<PathBuf, Hdf5File>,
+    /// Plain binary files whose values are counted in `left`.
+    binaries: HashSet<PathBuf>,
     /// Values that may still be read; what is in the text and in the files allows no more.
     left: u64,
 }
 
 impl<'a> Items<'a> {
     pub(super) fn new(tree: &'a Tree<'a>, path: &'a Path, bytes: usize) -> Self {
-        Self { tree, path, files: HashMap::new(), left: bytes as u64 * REPEATED }
+        Self { tree, path, files: HashMap::new(), binaries: HashSet::new(), left: bytes as u64 * REPEATED }
     }
 
     /// The data item within an element, or within the one that it refers to.
@@ -45,10 +47,8 @@ impl<'a> Items<'a> {
         };
         let mut at = element;
         for _ in 0..MAX_REFERENCES {
-            if let Some(reference) = self.tree.attribute(at, "Reference") {
-                let path = if reference == "XML" { self.tree.text(at) } else { &reference };
-                let found = self.tree.find(path).map_err(|d| FormatError::one(self.path, d))?;
-                at = found[0];
+            if let Some(referred) = self.tree.referred(at).map_err(|d| FormatError::one(self.path, d))? {
+                at = referred;
             } else if self.tree.name(at) == b"DataItem" {
                 return self.read(at, &place);
             } else {
@@ -142,7 +142,9 @@ impl<'a> Items<'a> {
                 Diagnostic::new("data", expected, format!("{length} bytes")),
             ));
         };
-        self.left = self.left.saturating_add(count as u64);
+        if self.binaries.insert(path.clone()) {
+            self.left = self.left.saturating_add(length.saturating_mul(REPEATED));
+        }
         self.take(count, name)?;
         let mut bytes = vec![0; wanted];
         let read = file.seek(SeekFrom::Start(seek)).and_then(|_| file.read_exact(&mut bytes));

@@ -219,14 +219,13 @@ impl Reader<'_> {
 
     fn read_mesh(&mut self, topology: u32, geometry: u32) -> Result<Mesh, FormatError> {
         // An element may stand for another one, with the attributes of that.
-        let meant = |at: u32| match self.tree.attribute(at, "Reference") {
-            Some(path) if path == "XML" => self.tree.find(self.tree.text(at)).map(|found| found[0]),
-            Some(path) => self.tree.find(&path).map(|found| found[0]),
-            None => Ok(at),
+        let meant = |at: u32| {
+            let referred =
+                self.tree.referred(at).map_err(|diagnostic| FormatError::one(self.path, diagnostic))?;
+            Ok::<_, FormatError>(referred.unwrap_or(at))
         };
-        let wrong = |diagnostic| FormatError::one(self.path, diagnostic);
         let from = (topology, geometry);
-        let (topology, geometry) = (meant(topology).map_err(wrong)?, meant(geometry).map_err(wrong)?);
+        let (topology, geometry) = (meant(topology)?, meant(geometry)?);
         let kind = |at: u32, long: &str| {
             let name = self.tree.attribute(at, long).or_else(|| self.tree.attribute(at, "Type"));
             name.unwrap_or_default()

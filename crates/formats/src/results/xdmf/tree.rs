@@ -124,6 +124,13 @@ impl<'a> Tree<'a> {
         }
     }
 
+    /// The element that another refers to; none when it refers to none.
+    pub(super) fn referred(&self, at: u32) -> Result<Option<u32>, Diagnostic> {
+        let Some(reference) = self.attribute(at, "Reference") else { return Ok(None) };
+        let path = if reference == "XML" { self.text(at) } else { &reference };
+        Ok(Some(self.find(path)?[0]))
+    }
+
     /// One step of a path, from every element found so far.
     fn step(&self, from: &[u32], deep: bool, step: &str) -> Option<Vec<u32>> {
         let (name, conditions) = step.split_at(step.find('[').unwrap_or(step.len()));
