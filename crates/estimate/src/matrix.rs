@@ -121,6 +121,20 @@ impl Symmetric {
         std::array::from_fn(|i| a[i][i])
     }
 
+    /// Solves `A x = b` for the entries of `x` that are not held at a value; none when `A` is not positive definite.
+    pub(crate) fn solve_with(&self, held: &[Option<f64>; MAX_STATES], b: &Vector) -> Option<Vector> {
+        let (mut matrix, mut right) = (*self, *b);
+        for (i, value) in held.iter().enumerate().filter_map(|(i, value)| Some((i, (*value)?))) {
+            for j in 0..self.size {
+                right[j] -= self.entries[j][i] * value;
+                (matrix.entries[i][j], matrix.entries[j][i]) = (0.0, 0.0);
+            }
+            matrix.entries[i][i] = 1.0;
+        }
+        held.iter().zip(&mut right).for_each(|(held, right)| *right = held.unwrap_or(*right));
+        Some(matrix.cholesky()?.solve(&right))
+    }
+
     /// Its Cholesky factor; none when it is not positive definite.
     pub(crate) fn cholesky(&self) -> Option<Cholesky> {
         let mut l = [[0.0; MAX_STATES]; MAX_STATES];
@@ -204,6 +218,18 @@ mod tests {
                 assert!((value - expected).abs() < 1e-12, "{i} {j}: {value}");
             }
         }
+    }
+
+    #[test]
+    fn held_entries_keep_their_value_and_the_others_are_the_minimum_beside_them() {
+        let mut a = Symmetric::diagonal(&[2.0, 3.0, 0.5]);
+        a.add_outer(1.5, &[0.3, -1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let (mut b, mut held) = ([0.0; MAX_STATES], [None; MAX_STATES]);
+        b[..3].copy_from_slice(&[1.0, -2.0, 0.7]);
+        held[1] = Some(0.4);
+        let x = a.solve_with(&held, &b).expect("positive definite");
+        let product = a.times(&x);
+        assert!(x[1] == 0.4 && (product[0] - 1.0).abs() < 1e-12 && (product[2] - 0.7).abs() < 1e-12, "{x:?}");
     }
 
     #[test]

@@ -57,6 +57,11 @@ impl Model for Counted<'_> {
         self.model.predict(inputs, out)
     }
 
+    fn predict_free(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) {
+        self.calls += 1;
+        self.model.predict_free(inputs, out);
+    }
+
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
         self.calls += 1;
         self.model.onset_gap_mm(inputs)
