@@ -37,8 +37,8 @@ pub struct Filter {
     /// Evidence for a contact from readings in a row that only a contact explains whole.
     toward_contact: f64,
     identifiability: Identifiability,
-    /// Where the next search begins.
-    seen: LastSeen,
+    /// Where the next search begins; lent to it during an update, by its pointer.
+    seen: Option<Box<LastSeen>>,
     watch: Watch,
     alarm: Option<Alarm>,
 }
@@ -54,7 +54,7 @@ impl Filter {
         let covariance = Symmetric::diagonal(&unread[..setup.unknowns.len()]);
         Ok(Self {
             identifiability: Identifiability::default(),
-            seen: LastSeen::default(),
+            seen: Some(Box::default()),
             watch: Watch::default(),
             alarm: None,
             last_t_s: None,
@@ -120,10 +120,10 @@ impl Filter {
             return self.unchanged(status, measurement);
         }
         let Some(prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
-        let mut seen = std::mem::take(&mut self.seen);
+        let mut seen = self.seen.take().unwrap_or_default();
         let mut asked = Asked { model, left: MAX_PREDICTIONS, seen: &mut seen };
         let explained = self.best(measurement, &prior, &mut asked);
-        self.seen = seen;
+        self.seen = Some(seen);
         let most = self.problem(measurement, &prior, Side::Any).most_rejected();
         let mut update = match &explained {
             Some(explained) if explained.rejected.count_ones() > most => {
@@ -133,8 +133,8 @@ impl Filter {
             Some(explained) => self.accept(measurement, &prior, explained, model),
             None => self.unchanged(Status::NotConverged, measurement),
         };
-        let solved = explained.filter(|_| update.status == Status::Used);
-        let noise = solved.as_ref().map(|solved| &solved.states[self.setup.unknowns.len()..]);
+        let solved = explained.as_ref().filter(|_| update.status == Status::Used);
+        let noise = solved.map(|solved| &solved.states[self.setup.unknowns.len()..]);
         let mut watch = std::mem::take(&mut self.watch);
         watch.add(&self.setup, measurement, &update, noise);
         let unread = self.unread.map(f64::sqrt);
@@ -224,7 +224,7 @@ impl Filter {
                 asked.explain(&mut on(Side::Free), &prior.states, &spread, all)
             };
             // The other side costs the square of that many standard deviations, whatever it explains.
-            if likely.is_some_and(|likely| likely.penalty <= inside * inside) {
+            if likely.as_ref().is_some_and(|likely| likely.penalty <= inside * inside) {
                 return likely;
             }
         }
@@ -234,7 +234,7 @@ impl Filter {
             // The contact is the likelier one: none is looked at where it may come near it.
             let touching = asked.explain(&mut on(Side::Contact), &start, &spread, all);
             let worth = |open: Prospect| {
-                touching.is_none_or(|touching| open.evidence + against_open < touching.evidence)
+                touching.as_ref().is_none_or(|touching| open.evidence + against_open < touching.evidence)
             };
             let open = asked.explain(&mut on(Side::Free), &prior.states, &spread, worth);
             return self.likelier(open, touching, against_open, 0.0);
@@ -251,7 +251,7 @@ impl Filter {
             contact.evidence + if partly { 0.0 } else { needed } < open.evidence + against_open
         };
         let at_best = Prospect { rejected: 0, evidence: least };
-        let worth = |contact: Prospect| open.is_none_or(|open| is_worth(&open, contact));
+        let worth = |contact: Prospect| open.as_ref().is_none_or(|open| is_worth(open, contact));
         let touching =
             if worth(at_best) { asked.explain(&mut on(Side::Contact), &start, &spread, worth) } else { None };
         self.likelier(open, touching, against_open, needed)

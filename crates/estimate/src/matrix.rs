@@ -125,10 +125,9 @@ impl Symmetric {
     pub(crate) fn solve_with(&self, held: &[Option<f64>; MAX_STATES], b: &Vector) -> Option<Vector> {
         let (mut matrix, mut right) = (*self, *b);
         for (i, value) in held.iter().enumerate().filter_map(|(i, value)| Some((i, (*value)?))) {
-            for j in 0..self.size {
-                right[j] -= self.entries[j][i] * value;
-                (matrix.entries[i][j], matrix.entries[j][i]) = (0.0, 0.0);
-            }
+            right.iter_mut().zip(&self.entries).for_each(|(right, row)| *right -= row[i] * value);
+            matrix.entries[i] = [0.0; MAX_STATES];
+            matrix.entries.iter_mut().for_each(|row| row[i] = 0.0);
             matrix.entries[i][i] = 1.0;
         }
         held.iter().zip(&mut right).for_each(|(held, right)| *right = held.unwrap_or(*right));
@@ -137,7 +136,7 @@ impl Symmetric {
 
     /// Its Cholesky factor; none when it is not positive definite.
     pub(crate) fn cholesky(&self) -> Option<Cholesky> {
-        let mut l = [[0.0; MAX_STATES]; MAX_STATES];
+        let (mut l, mut over) = ([[0.0; MAX_STATES]; MAX_STATES], [0.0; MAX_STATES]);
         for i in 0..self.size {
             for j in 0..=i {
                 let product: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
@@ -148,12 +147,13 @@ impl Symmetric {
                         return None;
                     }
                     l[i][i] = rest.sqrt();
+                    over[i] = 1.0 / l[i][i];
                 } else {
-                    l[i][j] = rest / l[j][j];
+                    l[i][j] = rest * over[j];
                 }
             }
         }
-        Some(Cholesky { size: self.size, l })
+        Some(Cholesky { size: self.size, l, over })
     }
 }
 
@@ -162,19 +162,26 @@ impl Symmetric {
 pub(crate) struct Cholesky {
     size: usize,
     l: [[f64; MAX_STATES]; MAX_STATES],
+    /// 1 over the diagonal of `l`.
+    over: Vector,
 }
 
 impl Cholesky {
     /// Solves `A x = b`.
     pub(crate) fn solve(&self, b: &Vector) -> Vector {
+        self.solve_from(0, b)
+    }
+
+    /// Solves `A x = b` for a `b` whose entries before `first` are 0.
+    fn solve_from(&self, first: usize, b: &Vector) -> Vector {
         let mut x = *b;
-        for i in 0..self.size {
-            let known: f64 = (0..i).map(|k| self.l[i][k] * x[k]).sum();
-            x[i] = (x[i] - known) / self.l[i][i];
+        for i in first..self.size {
+            let known: f64 = (first..i).map(|k| self.l[i][k] * x[k]).sum();
+            x[i] = (x[i] - known) * self.over[i];
         }
         for i in (0..self.size).rev() {
             let known: f64 = (i + 1..self.size).map(|k| self.l[k][i] * x[k]).sum();
-            x[i] = (x[i] - known) / self.l[i][i];
+            x[i] = (x[i] - known) * self.over[i];
         }
         x
     }
@@ -185,7 +192,7 @@ impl Cholesky {
         for j in 0..self.size {
             let mut unit = [0.0; MAX_STATES];
             unit[j] = 1.0;
-            let column = self.solve(&unit);
+            let column = self.solve_from(j, &unit);
             for (i, value) in column.iter().enumerate().take(self.size).skip(j) {
                 out.entries[i][j] = *value;
                 out.entries[j][i] = *value;

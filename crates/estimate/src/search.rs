@@ -6,7 +6,7 @@
 
 use crate::matrix::{Cholesky, Vector};
 use crate::normal::chi_squared_quantile;
-use crate::reading::{Linear, ReadingProblem, Seen, Side};
+use crate::reading::{Linear, ReadingProblem, Seen, Side, difference};
 use crate::setup::{MAX_ROWS, Model};
 
 /// Predictions for one reading at most; then the last step is taken along the tangent, and said.
@@ -59,8 +59,9 @@ pub(crate) struct Explained {
 /// A step from a linearised prediction, and what it leaves out.
 struct Step {
     along: Vector,
-    /// Its square in standard deviations.
+    /// Its square in standard deviations, and by how much the sum that is minimised falls along the tangent.
     length: f64,
+    gain: f64,
     factor: Cholesky,
     rejected: Rejected,
     /// Those of them that no further prediction would take in.
@@ -132,7 +133,7 @@ impl<M: Model> Asked<'_, M> {
                 let before = states;
                 states.iter_mut().zip(&step.along).for_each(|(x, s)| *x += s);
                 problem.keep_in_range(&mut states);
-                linear.move_along(&crate::reading::difference(&states, &before));
+                linear.move_along(&difference(&states, &before));
                 return Some(explained(problem, states, linear, step, is_small));
             }
             let mut share = 1.0;
@@ -181,7 +182,7 @@ impl Step {
     fn prospect(&self, cost: f64, beyond: f64) -> Prospect {
         let Rejected { blocks: rejected, penalty } =
             if beyond > 0.0 { self.beyond_doubt } else { self.rejected };
-        let evidence = cost - self.length + self.factor.ln_determinant() + penalty - beyond;
+        let evidence = cost - self.gain + self.factor.ln_determinant() + penalty - beyond;
         Prospect { rejected, evidence }
     }
 }
@@ -218,9 +219,9 @@ fn step(problem: &mut ReadingProblem<'_>, states: &Vector, linear: &Linear) -> O
                 }
             }
             None => {
-                // In units of the standard deviations.
-                let length = along.iter().zip(matrix.times(&along)).map(|(s, r)| s * r).sum();
-                return Some(Step { along, length, factor, rejected, beyond_doubt });
+                let length: f64 = along.iter().zip(matrix.times(&along)).map(|(s, a)| s * a).sum();
+                let gain = 2.0 * along.iter().zip(&right).map(|(s, r)| s * r).sum::<f64>() - length;
+                return Some(Step { along, length, gain, factor, rejected, beyond_doubt });
             }
         }
     }

@@ -266,7 +266,8 @@ impl Estimator {
         }
         out.identifiable = identifiable;
         out.status = match update.status {
-            Status::Used => estimate_status::USED,
+            Status::Used if update.converged => estimate_status::USED,
+            Status::Used => estimate_status::TANGENT,
             Status::InputMissing => estimate_status::INPUT_MISSING,
             Status::NotLater => estimate_status::NOT_LATER,
             Status::NotConverged => estimate_status::NOT_CONVERGED,
