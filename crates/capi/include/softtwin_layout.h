@@ -82,6 +82,7 @@
 #define SOFTTWIN_ESTIMATE_NOT_LATER 3u /* The reading is not later than the one before: nothing changed. */
 #define SOFTTWIN_ESTIMATE_NOT_CONVERGED 4u /* The search for the estimate did not end: nothing changed. */
 #define SOFTTWIN_ESTIMATE_NOT_EXPLAINED 5u /* Model and estimate do not explain the reading: nothing changed. */
+#define SOFTTWIN_ESTIMATE_TANGENT 6u /* The estimate takes the reading into account along the tangent: the search had not ended within its predictions. */
 #define SOFTTWIN_ESTIMATE_ALARM_NONE 0u /* Model, sensors and estimates explain the readings. */
 #define SOFTTWIN_ESTIMATE_ALARM_INPUT 1u /* The inputs in `suspects` contradict the other sensors: what is read is not what is in the actuator. */
 #define SOFTTWIN_ESTIMATE_ALARM_SENSOR 2u /* The measurements in `suspects` contradict the others and the model. */

@@ -4,12 +4,11 @@ use crate::identify::{self, Identifiability};
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
 use crate::outcome::{Alarm, Estimate, Status, Update};
-use crate::reading::{self, Linear, Prior, ReadingProblem, Side, Solution};
+use crate::reading::{self, Prior, ReadingProblem, Side};
+use crate::search::{Asked, Explained, LastSeen, MAX_PREDICTIONS, Prospect};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
 use crate::watch::Watch;
 
-/// A block whose residual is that unlikely (one-sided normal quantile of 1e-4) is rejected.
-const GATE_Z: f64 = 3.719;
 /// Quantiles of the normal distribution around 95 % of its mass.
 const BAND_Z: f64 = 1.959_964;
 /// Contact begins at one of very many readings: by so much its evidence (twice the logarithm of the odds) must exceed that
@@ -17,6 +16,8 @@ const BAND_Z: f64 = 1.959_964;
 const FIRST_CONTACT_EVIDENCE: f64 = 25.0;
 /// A known gap that many standard deviations from the onset needs one side solved only.
 const CLEAR: f64 = 6.0;
+/// A contact that explains a reading leaves at least so much of its squares: the quantile of 1 %.
+const LEAST_Z: f64 = -2.326;
 /// How far inside the contact the search begins when the prior lies outside (mm).
 const INSIDE_CONTACT_MM: f64 = 0.5;
 
@@ -36,6 +37,8 @@ pub struct Filter {
     /// Evidence for a contact from readings in a row that only a contact explains whole.
     toward_contact: f64,
     identifiability: Identifiability,
+    /// Where the next search begins; lent to it during an update, by its pointer.
+    seen: Option<Box<LastSeen>>,
     watch: Watch,
     alarm: Option<Alarm>,
 }
@@ -51,6 +54,7 @@ impl Filter {
         let covariance = Symmetric::diagonal(&unread[..setup.unknowns.len()]);
         Ok(Self {
             identifiability: Identifiability::default(),
+            seen: Some(Box::default()),
             watch: Watch::default(),
             alarm: None,
             last_t_s: None,
@@ -109,14 +113,18 @@ impl Filter {
 
     /// Takes a reading into account. Allocates nothing.
     ///
-    /// Cost: some 3 to 8 evaluations of the model, each with `O(rows x states^2)` operations beside it.
+    /// Cost: mostly one prediction of the model, two where contact and none are both likely, at most [`MAX_PREDICTIONS`], each with
+    /// `O(rows x states^2)` operations beside it; and the gap of the onset, once or twice.
     pub fn update(&mut self, measurement: &Measurement, model: &mut impl Model) -> Update {
         if let Err(status) = self.advance(measurement) {
             return self.unchanged(status, measurement);
         }
         let Some(prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
-        let explained = self.best(measurement, &prior, model);
-        let most = self.most_rejected(measurement);
+        let mut seen = self.seen.take().unwrap_or_default();
+        let mut asked = Asked { model, left: MAX_PREDICTIONS, seen: &mut seen };
+        let explained = self.best(measurement, &prior, &mut asked);
+        self.seen = Some(seen);
+        let most = self.problem(measurement, &prior, Side::Any).most_rejected();
         let mut update = match &explained {
             Some(explained) if explained.rejected.count_ones() > most => {
                 let rejected = explained.rejected;
@@ -125,8 +133,8 @@ impl Filter {
             Some(explained) => self.accept(measurement, &prior, explained, model),
             None => self.unchanged(Status::NotConverged, measurement),
         };
-        let solved = explained.filter(|_| update.status == Status::Used);
-        let noise = solved.as_ref().map(|solved| &solved.solution.states[self.setup.unknowns.len()..]);
+        let solved = explained.as_ref().filter(|_| update.status == Status::Used);
+        let noise = solved.map(|solved| &solved.states[self.setup.unknowns.len()..]);
         let mut watch = std::mem::take(&mut self.watch);
         watch.add(&self.setup, measurement, &update, noise);
         let unread = self.unread.map(f64::sqrt);
@@ -175,107 +183,92 @@ impl Filter {
         &'a self,
         measurement: &'a Measurement,
         prior: &'a Prior,
-        rejected: u32,
         side: Side,
     ) -> ReadingProblem<'a> {
-        let mut weights = [0.0; MAX_ROWS];
-        for (i, row) in self.setup.rows.iter().enumerate() {
-            let is_used = measurement.rows[i].is_finite() && rejected & (1 << row.block) == 0;
-            if is_used {
-                weights[i] = 1.0 / row.variance(1.0);
-            }
-        }
-        ReadingProblem { setup: &self.setup, measurement, prior, side, weights }
+        ReadingProblem { setup: &self.setup, measurement, prior, side, weights: [0.0; MAX_ROWS] }
     }
 
-    /// Blocks that may be rejected of a reading: half of them. Where more contradict, the model does not explain it.
-    fn most_rejected(&self, measurement: &Measurement) -> u32 {
-        let rows = self.setup.rows.iter().zip(&measurement.rows).filter(|(_, value)| value.is_finite());
-        let present = rows.fold(0_u32, |bits, (row, _)| bits | 1 << row.block);
-        (present.count_ones() / 2).max(1)
-    }
-
-    /// Solves on one side, and again without the blocks that contradict the rest, as long as their number and what they cost are
-    /// `worth` it.
-    fn explain(
-        &self,
-        measurement: &Measurement,
-        prior: &Prior,
-        side: Side,
-        start: Option<Vector>,
-        worth: impl Fn(u32, f64) -> bool,
-        model: &mut impl Model,
-    ) -> Option<Explained> {
-        let (mut rejected, mut penalty) = (0_u32, 0.0);
-        let start = start.unwrap_or(prior.states);
-        loop {
-            let problem = self.problem(measurement, prior, rejected, side);
-            let solution = problem.solve(&start, model);
-            // A value so wild that nothing is found with it is one that contradicts the state from before.
-            let linear = match &solution {
-                Some(solution) => solution.linear,
-                None => problem.linearise(&start, model)?,
-            };
-            match (self.worst_block(measurement, &linear, rejected), solution) {
-                (Some((block, limit)), _) if rejected.count_ones() <= self.most_rejected(measurement) => {
-                    rejected |= 1 << block;
-                    penalty += limit;
-                    if !worth(rejected.count_ones(), penalty) {
-                        return None;
-                    }
-                }
-                (_, solution) => {
-                    let solution = solution?;
-                    let evidence = evidence(&solution) + penalty;
-                    return Some(Explained { side, evidence, solution, rejected });
-                }
-            }
+    /// Standard deviations of the states before a reading.
+    fn spread(&self) -> Vector {
+        let mut out = [0.0; MAX_STATES];
+        let count = self.setup.unknowns.len();
+        for (at, out) in out.iter_mut().enumerate().take(count) {
+            *out = self.covariance.get(at, at).sqrt();
         }
+        out[count..].iter_mut().zip(self.setup.measured_inputs()).for_each(|(out, (_, sigma))| *out = sigma);
+        out
     }
 
     /// The likelier of no contact and contact where the gap is unknown; otherwise the model decides.
-    fn best(
+    fn best<M: Model>(
         &mut self,
         measurement: &Measurement,
         prior: &Prior,
-        model: &mut impl Model,
+        asked: &mut Asked<'_, M>,
     ) -> Option<Explained> {
+        let (spread, all) = (self.spread(), |_: Prospect| true);
+        let on = |side: Side| self.problem(measurement, prior, side);
         let Some(unknown) = self.setup.gap_unknown() else {
-            return self.explain(measurement, prior, Side::Any, None, |_, _| true, model);
+            return asked.explain(&mut on(Side::Any), &prior.states, &spread, all);
         };
-        let open = |model: &mut _| self.explain(measurement, prior, Side::Free, None, |_, _| true, model);
         let before = self.setup.inputs_at(measurement, &prior.states);
-        let Some(onset_mm) = model.onset_gap_mm(&before) else { return open(model) };
-        let sigma = self.covariance.get(unknown, unknown).sqrt();
-        let inside = (onset_mm - self.mean[unknown]) / sigma;
+        let Some(onset_mm) = asked.model.onset_gap_mm(&before) else {
+            return asked.explain(&mut on(Side::Free), &prior.states, &spread, all);
+        };
+        let inside = (onset_mm - self.mean[unknown]) / spread[unknown];
         let start = self.contact_start(prior, unknown, onset_mm);
         if self.identifiability.tells(unknown) && inside.abs() > CLEAR {
-            let (likely, start) =
-                if inside > 0.0 { (Side::Contact, Some(start)) } else { (Side::Free, None) };
-            let explained = self.explain(measurement, prior, likely, start, |_, _| true, model);
-            if explained.is_some_and(|explained| explained.rejected == 0) {
-                return explained;
+            let likely = if inside > 0.0 {
+                asked.explain(&mut on(Side::Contact), &start, &spread, all)
+            } else {
+                asked.explain(&mut on(Side::Free), &prior.states, &spread, all)
+            };
+            // The other side costs the square of that many standard deviations, whatever it explains.
+            if likely.as_ref().is_some_and(|likely| likely.penalty <= inside * inside) {
+                return likely;
             }
         }
-        let open = open(model);
         let beyond = upper_tail(inside).max(f64::MIN_POSITIVE);
-        let needed = if self.identifiability.tells(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
-        // Squares are not negative, and a reading only makes the determinant larger: a contact that rejects no fewer blocks cannot
-        // be likelier once these cost more than this.
-        let before = prior.information.cholesky()?.ln_determinant();
-        let spare = |open: &Explained| open.evidence - 2.0 * beyond.ln() - before - needed;
-        let is_open = |open: &Explained, rejected: u32, penalty: f64| {
-            rejected >= open.rejected.count_ones() && penalty > spare(open)
-        };
-        if let Some(open) = open.filter(|open| is_open(open, 0, 0.0)) {
-            self.toward_contact = 0.0;
-            return Some(open);
+        let against_open = -2.0 * beyond.ln();
+        if self.identifiability.tells(unknown) && inside > 0.0 {
+            // The contact is the likelier one: none is looked at where it may come near it.
+            let touching = asked.explain(&mut on(Side::Contact), &start, &spread, all);
+            let worth = |open: Prospect| {
+                touching.as_ref().is_none_or(|touching| open.evidence + against_open < touching.evidence)
+            };
+            let open = asked.explain(&mut on(Side::Free), &prior.states, &spread, worth);
+            return self.likelier(open, touching, against_open, 0.0);
         }
-        let worth = |rejected: u32, penalty: f64| open.is_none_or(|open| !is_open(&open, rejected, penalty));
-        let touching = self.explain(measurement, prior, Side::Contact, Some(start), worth, model);
+        let open = asked.explain(&mut on(Side::Free), &prior.states, &spread, all);
+        let needed = if self.identifiability.tells(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
+        // A reading only makes the determinant larger, and a contact that explains it leaves some squares too.
+        let before = prior.information.cholesky()?.ln_determinant();
+        let present = on(Side::Free).present().count();
+        let least = before + chi_squared_quantile(present.saturating_sub(prior.information.size()), LEAST_Z);
+        let is_worth = |open: &Explained, contact: Prospect| {
+            // Readings in a row that only a contact explains whole say it together.
+            let partly = open.rejected.count_ones() > contact.rejected.count_ones();
+            contact.evidence + if partly { 0.0 } else { needed } < open.evidence + against_open
+        };
+        let at_best = Prospect { rejected: 0, evidence: least };
+        let worth = |contact: Prospect| open.as_ref().is_none_or(|open| is_worth(open, contact));
+        let touching =
+            if worth(at_best) { asked.explain(&mut on(Side::Contact), &start, &spread, worth) } else { None };
+        self.likelier(open, touching, against_open, needed)
+    }
+
+    /// The likelier one of those that were worth solving: a contact where its evidence is larger by `needed`, or, over readings in a
+    /// row, the only one that explains them whole. `against_open` is what the prior says against no contact.
+    fn likelier(
+        &mut self,
+        open: Option<Explained>,
+        touching: Option<Explained>,
+        against_open: f64,
+        needed: f64,
+    ) -> Option<Explained> {
         match (open, touching) {
             (Some(open), Some(touching)) => {
-                let toward = open.evidence - 2.0 * beyond.ln() - touching.evidence;
+                let toward = open.evidence + against_open - touching.evidence;
                 // Rejection bounds what one reading can say; readings in a row say it together.
                 let partly = open.rejected.count_ones() > touching.rejected.count_ones();
                 self.toward_contact = if partly { self.toward_contact + toward.max(0.0) } else { 0.0 };
@@ -304,26 +297,6 @@ impl Filter {
         start
     }
 
-    /// The block whose residual contradicts the rest most, when one does, with the largest sum of squares it might have.
-    fn worst_block(&self, measurement: &Measurement, linear: &Linear, rejected: u32) -> Option<(usize, f64)> {
-        let mut worst = (1.0, None);
-        let blocks = self.setup.rows.last().map_or(0, |row| row.block + 1);
-        for block in (0..blocks).filter(|block| rejected & (1 << block) == 0) {
-            let (mut sum, mut count) = (0.0, 0);
-            for (i, row) in self.setup.rows.iter().enumerate().filter(|(_, row)| row.block == block) {
-                if measurement.rows[i].is_finite() {
-                    sum += linear.residual[i] * linear.residual[i] / row.variance(1.0);
-                    count += 1;
-                }
-            }
-            let limit = chi_squared_quantile(count.max(1), GATE_Z);
-            if sum / limit > worst.0 {
-                worst = (sum / limit, Some((block, limit)));
-            }
-        }
-        worst.1
-    }
-
     /// Makes the solution the estimate.
     fn accept(
         &mut self,
@@ -332,18 +305,18 @@ impl Filter {
         explained: &Explained,
         model: &mut impl Model,
     ) -> Update {
-        let Explained { side, rejected, ref solution, .. } = *explained;
-        let problem = self.problem(measurement, prior, rejected, side);
+        let Explained { side, rejected, converged, .. } = *explained;
+        let mut problem = self.problem(measurement, prior, side);
+        problem.leave_out(rejected);
         let used = problem.weights.iter().filter(|w| **w > 0.0).count();
-        let nis = innovation(&problem, solution);
+        let nis = innovation(&problem, explained);
         // The model's error does not average out within its correlation time.
         let lasting = self.lasting_weights(&problem.weights);
-        let Some((factor, right)) = problem.normal_equations(&solution.states, &solution.linear, &lasting)
-        else {
+        let mut states = explained.states;
+        let (matrix, right) = problem.equations(&states, &explained.linear, &lasting);
+        let Some((step, factor)) = problem.step(&states, &matrix, &right) else {
             return self.unchanged(Status::NotConverged, measurement);
         };
-        let step = factor.solve(&right);
-        let mut states = solution.states;
         states.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
         for (x, unknown) in states.iter_mut().zip(&self.setup.unknowns) {
             *x = x.clamp(unknown.range[0], unknown.range[1]);
@@ -352,7 +325,7 @@ impl Filter {
         let inputs = self.setup.inputs_at(measurement, &states);
         self.covariance = factor.inverse().leading(count);
         self.mean[..count].copy_from_slice(&states[..count]);
-        let in_contact = side == Side::Contact || (side == Side::Any && solution.linear.in_contact);
+        let in_contact = side == Side::Contact || (side == Side::Any && explained.linear.in_contact);
         if side == Side::Free && rejected == 0 {
             self.gap_floor_mm =
                 self.gap_floor_mm.max(model.onset_gap_mm(&inputs).unwrap_or(f64::NEG_INFINITY));
@@ -361,7 +334,17 @@ impl Filter {
         }
         self.identifiability = identify::judge(&self.covariance, &self.unread);
         let band = [-BAND_Z, BAND_Z].map(|z| chi_squared_quantile(used, z));
-        Update { status: Status::Used, inputs, in_contact, used, rejected, nis, nis_band: band, alarm: None }
+        Update {
+            status: Status::Used,
+            converged,
+            inputs,
+            in_contact,
+            used,
+            rejected,
+            nis,
+            nis_band: band,
+            alarm: None,
+        }
     }
 
     /// Weights by which a reading tells the unknowns: the model's error counts as often as readings share it.
@@ -380,6 +363,7 @@ impl Filter {
         let inputs = self.setup.inputs_at(measurement, &states);
         Update {
             status,
+            converged: false,
             inputs,
             in_contact: false,
             used: 0,
@@ -391,25 +375,9 @@ impl Filter {
     }
 }
 
-/// A reading with one side of the onset assumed.
-#[derive(Clone, Copy, Debug)]
-struct Explained {
-    side: Side,
-    solution: Solution,
-    /// Blocks that contradict the rest.
-    rejected: u32,
-    /// Twice the negative logarithm of the evidence, but for a constant; less is likelier.
-    evidence: f64,
-}
-
-/// By Laplace's approximation.
-fn evidence(solution: &Solution) -> f64 {
-    solution.cost + solution.factor.ln_determinant()
-}
-
 /// Innovation squared over its covariance, linearised at the solution: `v^T R^-1 v - b^T A^-1 b` with the innovation
 /// `v = z - h(prior)`, which needs a factor of as many rows as there are states, not measurements.
-fn innovation(problem: &ReadingProblem<'_>, solution: &Solution) -> f64 {
+fn innovation(problem: &ReadingProblem<'_>, solution: &Explained) -> f64 {
     let moved = reading::difference(&solution.states, &problem.prior.states);
     let (mut sum, mut right) = (0.0, [0.0; MAX_STATES]);
     for (i, weight) in problem.weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {

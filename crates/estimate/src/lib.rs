@@ -3,9 +3,10 @@
 //! | file | what it does |
 //! | --- | --- |
 //! | `setup.rs` | unknowns with their priors, roles of the model's inputs, measured values, the trait of a model |
-//! | `reading.rs` | one reading as a least-squares problem, solved by iteration |
+//! | `reading.rs` | one reading as a least-squares problem |
+//! | `search.rs` | its solution: steps, rejection of outliers, a bounded number of predictions |
 //! | `outcome.rs` | what the filter says of a reading and of the unknowns |
-//! | `filter.rs` | the filter over readings: drift, contact or not, rejection of outliers, consistency |
+//! | `filter.rs` | the filter over readings: drift, contact or not, consistency |
 //! | `batch.rs` | the fit of constants to a whole recording |
 //! | `identify.rs` | which unknowns the readings tell |
 //! | `watch.rs` | alarms: what does not fit, lasting |
@@ -26,6 +27,7 @@ mod normal;
 mod outcome;
 mod plan;
 mod reading;
+mod search;
 mod setup;
 mod watch;
 
@@ -34,6 +36,7 @@ pub use filter::Filter;
 pub use matrix::{MAX_STATES, Symmetric};
 pub use outcome::{Alarm, Estimate, Status, Update};
 pub use plan::{ExpectedFit, choose, expected_fit, information};
+pub use search::MAX_PREDICTIONS;
 pub use setup::{
     InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup, SetupError, Unknown,
 };

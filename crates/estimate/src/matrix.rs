@@ -121,9 +121,22 @@ impl Symmetric {
         std::array::from_fn(|i| a[i][i])
     }
 
+    /// Solves `A x = b` for the entries of `x` that are not held at a value; none when `A` is not positive definite.
+    pub(crate) fn solve_with(&self, held: &[Option<f64>; MAX_STATES], b: &Vector) -> Option<Vector> {
+        let (mut matrix, mut right) = (*self, *b);
+        for (i, value) in held.iter().enumerate().filter_map(|(i, value)| Some((i, (*value)?))) {
+            right.iter_mut().zip(&self.entries).for_each(|(right, row)| *right -= row[i] * value);
+            matrix.entries[i] = [0.0; MAX_STATES];
+            matrix.entries.iter_mut().for_each(|row| row[i] = 0.0);
+            matrix.entries[i][i] = 1.0;
+        }
+        held.iter().zip(&mut right).for_each(|(held, right)| *right = held.unwrap_or(*right));
+        Some(matrix.cholesky()?.solve(&right))
+    }
+
     /// Its Cholesky factor; none when it is not positive definite.
     pub(crate) fn cholesky(&self) -> Option<Cholesky> {
-        let mut l = [[0.0; MAX_STATES]; MAX_STATES];
+        let (mut l, mut over) = ([[0.0; MAX_STATES]; MAX_STATES], [0.0; MAX_STATES]);
         for i in 0..self.size {
             for j in 0..=i {
                 let product: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
@@ -134,12 +147,13 @@ impl Symmetric {
                         return None;
                     }
                     l[i][i] = rest.sqrt();
+                    over[i] = 1.0 / l[i][i];
                 } else {
-                    l[i][j] = rest / l[j][j];
+                    l[i][j] = rest * over[j];
                 }
             }
         }
-        Some(Cholesky { size: self.size, l })
+        Some(Cholesky { size: self.size, l, over })
     }
 }
 
@@ -148,19 +162,26 @@ impl Symmetric {
 pub(crate) struct Cholesky {
     size: usize,
     l: [[f64; MAX_STATES]; MAX_STATES],
+    /// 1 over the diagonal of `l`.
+    over: Vector,
 }
 
 impl Cholesky {
     /// Solves `A x = b`.
     pub(crate) fn solve(&self, b: &Vector) -> Vector {
+        self.solve_from(0, b)
+    }
+
+    /// Solves `A x = b` for a `b` whose entries before `first` are 0.
+    fn solve_from(&self, first: usize, b: &Vector) -> Vector {
         let mut x = *b;
-        for i in 0..self.size {
-            let known: f64 = (0..i).map(|k| self.l[i][k] * x[k]).sum();
-            x[i] = (x[i] - known) / self.l[i][i];
+        for i in first..self.size {
+            let known: f64 = (first..i).map(|k| self.l[i][k] * x[k]).sum();
+            x[i] = (x[i] - known) * self.over[i];
         }
         for i in (0..self.size).rev() {
             let known: f64 = (i + 1..self.size).map(|k| self.l[k][i] * x[k]).sum();
-            x[i] = (x[i] - known) / self.l[i][i];
+            x[i] = (x[i] - known) * self.over[i];
         }
         x
     }
@@ -171,7 +192,7 @@ impl Cholesky {
         for j in 0..self.size {
             let mut unit = [0.0; MAX_STATES];
             unit[j] = 1.0;
-            let column = self.solve(&unit);
+            let column = self.solve_from(j, &unit);
             for (i, value) in column.iter().enumerate().take(self.size).skip(j) {
                 out.entries[i][j] = *value;
                 out.entries[j][i] = *value;
@@ -204,6 +225,18 @@ mod tests {
                 assert!((value - expected).abs() < 1e-12, "{i} {j}: {value}");
             }
         }
+    }
+
+    #[test]
+    fn held_entries_keep_their_value_and_the_others_are_the_minimum_beside_them() {
+        let mut a = Symmetric::diagonal(&[2.0, 3.0, 0.5]);
+        a.add_outer(1.5, &[0.3, -1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let (mut b, mut held) = ([0.0; MAX_STATES], [None; MAX_STATES]);
+        b[..3].copy_from_slice(&[1.0, -2.0, 0.7]);
+        held[1] = Some(0.4);
+        let x = a.solve_with(&held, &b).expect("positive definite");
+        let product = a.times(&x);
+        assert!(x[1] == 0.4 && (product[0] - 1.0).abs() < 1e-12 && (product[2] - 0.7).abs() < 1e-12, "{x:?}");
     }
 
     #[test]

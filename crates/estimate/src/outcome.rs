@@ -22,6 +22,9 @@ pub enum Status {
 pub struct Update {
     /// What became of it.
     pub status: Status,
+    /// Whether the search ended with a small step. Otherwise, of a reading that is used, the predictions ended before
+    /// ([`crate::MAX_PREDICTIONS`]), and the estimate is the tangent's.
+    pub converged: bool,
     /// Model inputs that explain the reading best.
     pub inputs: [f64; MAX_INPUTS],
     /// Whether the actuator touches, as far as the reading tells.

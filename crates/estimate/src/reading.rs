@@ -1,4 +1,4 @@
-//! One reading as a least-squares problem, solved by Gauss and Newton's iteration.
+//! One reading as a least-squares problem (`search.rs` solves it).
 //!
 //! States are the unknowns `x` and the noise `e` of the measured inputs. Minimised is
 //!
@@ -9,15 +9,7 @@
 //! with the prior `x0, P`, the measured values `z`, their prediction `h` and weights `w` of one over the variance.
 
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
-use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Setup};
-
-/// Iterations after which a reading counts as not solved.
-const MAX_ITERATIONS: usize = 12;
-/// Halvings of a step that makes the cost larger.
-const MAX_HALVINGS: usize = 6;
-/// A step below this share of the standard deviations is the last: it is taken along the tangent, for another evaluation
-/// would move it by its curvature's share only.
-const SMALL_STEP: f64 = 0.03;
+use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup};
 
 /// Which side of the onset a reading is solved on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +44,7 @@ pub(crate) struct ReadingProblem<'a> {
 /// A linearised prediction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Linear {
-    /// `z - h`, 0 for a row without weight.
+    /// `z - h`, 0 for a missing value.
     pub(crate) residual: [f64; MAX_ROWS],
     /// `dh/d(x, e)`.
     pub(crate) jacobian: [Vector; MAX_ROWS],
@@ -62,48 +54,107 @@ pub(crate) struct Linear {
 
 impl Linear {
     /// The prediction after a small step.
-    fn move_along(&mut self, step: &Vector) {
+    pub(crate) fn move_along(&mut self, step: &Vector) {
         for (residual, row) in self.residual.iter_mut().zip(&self.jacobian) {
             *residual -= row.iter().zip(step).map(|(d, s)| d * s).sum::<f64>();
         }
     }
 }
 
-/// The minimum of a reading's problem.
+/// What a model said last on a side of the onset.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Solution {
-    pub(crate) states: Vector,
-    pub(crate) linear: Linear,
-    /// The minimised sum.
-    pub(crate) cost: f64,
-    /// Factor of the inverse covariance after the reading.
-    pub(crate) factor: Cholesky,
+pub(crate) struct Seen {
+    inputs: [f64; MAX_INPUTS],
+    predicted: [Predicted; MAX_ROWS],
+    in_contact: bool,
+}
+
+impl Seen {
+    /// Whether the measured inputs lie within so many standard deviations of those of the prediction.
+    pub(crate) fn measured_within(&self, sigmas: f64, setup: &Setup, inputs: &[f64; MAX_INPUTS]) -> bool {
+        let mut ways =
+            setup.measured_inputs().map(|(input, sigma)| (inputs[input] - self.inputs[input]) / sigma);
+        ways.all(|way| way.abs() <= sigmas)
+    }
+
+    /// The prediction continued along its tangent.
+    pub(crate) fn moved_to(&self, inputs: &[f64; MAX_INPUTS]) -> Self {
+        let mut way = *inputs;
+        way.iter_mut().zip(&self.inputs).for_each(|(to, from)| *to -= from);
+        // Inputs that the model does not have are no numbers; a gap without obstacle is infinite, twice.
+        way.iter_mut().filter(|way| way.is_nan()).for_each(|way| *way = 0.0);
+        let mut out = Self { inputs: *inputs, ..*self };
+        for predicted in &mut out.predicted {
+            predicted.value += predicted.gradient.iter().zip(way).map(|(by, way)| by * way).sum::<f64>();
+        }
+        out
+    }
 }
 
 impl ReadingProblem<'_> {
-    /// Evaluates the model at a state; none where it gives no finite answer, or lies on the other side of the onset.
-    pub(crate) fn linearise(&self, states: &Vector, model: &mut impl Model) -> Option<Linear> {
+    /// Measured values, by row.
+    pub(crate) fn present(&self) -> impl Iterator<Item = (usize, &Row)> {
+        let rows = self.setup.rows.iter().enumerate();
+        rows.filter(|(i, _)| self.measurement.rows[*i].is_finite())
+    }
+
+    /// Gives all measured values but those of some blocks their weight.
+    pub(crate) fn leave_out(&mut self, blocks: u32) {
+        let mut weights = [0.0; MAX_ROWS];
+        for (i, row) in self.present().filter(|(_, row)| blocks & (1 << row.block) == 0) {
+            weights[i] = 1.0 / row.variance(1.0);
+        }
+        self.weights = weights;
+    }
+
+    /// Blocks that may be rejected: half of them. Where more contradict, the model does not explain the reading.
+    pub(crate) fn most_rejected(&self) -> u32 {
+        let blocks = self.present().fold(0_u32, |bits, (_, row)| bits | 1 << row.block);
+        (blocks.count_ones() / 2).max(1)
+    }
+
+    /// The model's inputs at a state, on the problem's side of the onset.
+    pub(crate) fn inputs_at(&self, states: &Vector) -> [f64; MAX_INPUTS] {
         let mut at = self.setup.inputs_at(self.measurement, states);
         if let (Side::Free, Some(gap)) = (self.side, self.setup.gap) {
             at[gap] = f64::INFINITY;
         }
-        let mut predicted = [Predicted::default(); MAX_ROWS];
-        let rows = &self.setup.rows;
-        let in_contact = model.predict(&at, &mut predicted[..rows.len()]);
-        if self.side == Side::Contact && !in_contact {
-            return None;
+        at
+    }
+
+    /// What the model says at a state; none where that lies on the other side of the onset.
+    pub(crate) fn predict(&self, states: &Vector, model: &mut impl Model) -> Option<Seen> {
+        let inputs = self.inputs_at(states);
+        let mut out = Seen { inputs, predicted: [Predicted::default(); MAX_ROWS], in_contact: false };
+        let predicted = &mut out.predicted[..self.setup.rows.len()];
+        match self.side {
+            Side::Free => model.predict_free(&inputs, predicted),
+            Side::Any | Side::Contact => out.in_contact = model.predict(&inputs, predicted),
         }
-        let mut out =
-            Linear { residual: [0.0; MAX_ROWS], jacobian: [[0.0; MAX_STATES]; MAX_ROWS], in_contact };
-        for (i, row) in rows.iter().enumerate().filter(|(i, _)| self.weights[*i] > 0.0) {
+        (self.side != Side::Contact || out.in_contact).then_some(out)
+    }
+
+    /// Evaluates the model at a state; none where it gives no finite answer, or lies on the other side of the onset.
+    pub(crate) fn linearise(&self, states: &Vector, model: &mut impl Model) -> Option<Linear> {
+        self.linear_of(&self.predict(states, model)?, states)
+    }
+
+    /// What a prediction is to the problem; none where it is not finite.
+    pub(crate) fn linear_of(&self, seen: &Seen, states: &Vector) -> Option<Linear> {
+        let mut out = Linear {
+            residual: [0.0; MAX_ROWS],
+            jacobian: [[0.0; MAX_STATES]; MAX_ROWS],
+            in_contact: seen.in_contact,
+        };
+        for (i, row) in self.present() {
             let bias = row.bias.map_or(0.0, |bias| states[bias]);
-            out.residual[i] = self.measurement.rows[i] - predicted[i].value - bias;
-            out.jacobian[i] = self.by_state(&predicted[i].gradient);
+            out.residual[i] = self.measurement.rows[i] - seen.predicted[i].value - bias;
+            out.jacobian[i] = self.by_state(&seen.predicted[i].gradient);
             if let Some(bias) = row.bias {
                 out.jacobian[i][bias] += 1.0;
             }
-            let finite = out.residual[i].is_finite() && out.jacobian[i].iter().all(|d| d.is_finite());
-            if !finite {
+            // A sum is finite where all that is summed is, but for overflow, which is none of a prediction.
+            if !(out.residual[i] + out.jacobian[i].iter().sum::<f64>()).is_finite() {
                 return None;
             }
         }
@@ -133,7 +184,8 @@ impl ReadingProblem<'_> {
         out
     }
 
-    fn cost(&self, states: &Vector, linear: &Linear) -> f64 {
+    /// The sum that is minimised.
+    pub(crate) fn cost(&self, states: &Vector, linear: &Linear) -> f64 {
         let change = difference(states, &self.prior.states);
         let before: f64 = change.iter().zip(self.prior.information.times(&change)).map(|(a, b)| a * b).sum();
         let rows = self.weights.iter().zip(&linear.residual);
@@ -158,65 +210,31 @@ impl ReadingProblem<'_> {
         (matrix, right)
     }
 
-    /// [`Self::equations`] with the matrix factorised; none when it is not positive definite.
-    pub(crate) fn normal_equations(
+    /// The step to the minimum of normal equations with the unknowns kept in their ranges, and the factor of the whole matrix; none
+    /// when it is not positive definite.
+    pub(crate) fn step(
         &self,
         states: &Vector,
-        linear: &Linear,
-        weights: &[f64; MAX_ROWS],
-    ) -> Option<(Cholesky, Vector)> {
-        let (matrix, right) = self.equations(states, linear, weights);
-        Some((matrix.cholesky()?, right))
-    }
-
-    /// The minimum that the iteration reaches from `start`; none when it does not converge. Unknowns stay in their ranges.
-    pub(crate) fn solve(&self, start: &Vector, model: &mut impl Model) -> Option<Solution> {
-        let mut states = *start;
-        let mut linear = self.linearise(&states, model)?;
-        let mut cost = self.cost(&states, &linear);
-        for _ in 0..MAX_ITERATIONS {
-            let (factor, right) = self.normal_equations(&states, &linear, &self.weights)?;
-            let step = factor.solve(&right);
-            // In units of the standard deviations: |L^T step|^2 = step^T A step.
-            let length: f64 = step.iter().zip(&right).map(|(s, r)| s * r).sum();
-            if length < SMALL_STEP * SMALL_STEP {
-                let before = states;
-                states.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
-                self.keep_in_range(&mut states);
-                linear.move_along(&difference(&states, &before));
-                let cost = self.cost(&states, &linear);
-                return Some(Solution { states, linear, cost, factor });
-            }
-            let (mut share, mut halvings) = (1.0, 0);
-            loop {
-                let mut trial = states;
-                trial.iter_mut().zip(&step).for_each(|(x, s)| *x += share * s);
-                self.keep_in_range(&mut trial);
-                if trial == states {
-                    return Some(Solution { states, linear, cost, factor }); // held at the edge of a range
-                }
-                let there = self.linearise(&trial, model);
-                let better = there.map(|linear| (self.cost(&trial, &linear), linear));
-                match better.filter(|(there, _)| *there <= cost + 1e-9 * cost.abs() + 1e-12) {
-                    Some(found) => {
-                        states = trial;
-                        (cost, linear) = found;
-                        break;
-                    }
-                    // A step too small to matter is not tried.
-                    None if halvings < MAX_HALVINGS && share * share * length > SMALL_STEP * SMALL_STEP => {
-                        share *= 0.5;
-                        halvings += 1;
-                    }
-                    // No step along the direction helps: a minimum at the edge of a range or of the contact.
-                    None => return Some(Solution { states, linear, cost, factor }),
-                }
-            }
+        matrix: &Symmetric,
+        right: &Vector,
+    ) -> Option<(Vector, Cholesky)> {
+        let factor = matrix.cholesky()?;
+        let mut step = factor.solve(right);
+        let mut held: [Option<f64>; MAX_STATES] = [None; MAX_STATES];
+        // Each round holds one more unknown at an end of its range, so that it ends.
+        loop {
+            let outside = self.setup.unknowns.iter().enumerate().find_map(|(at, unknown)| {
+                let there = states[at] + step[at];
+                let end = there.clamp(unknown.range[0], unknown.range[1]);
+                (held[at].is_none() && end != there).then_some((at, end - states[at]))
+            });
+            let Some((at, way)) = outside else { return Some((step, factor)) };
+            held[at] = Some(way);
+            step = matrix.solve_with(&held, right)?;
         }
-        None
     }
 
-    fn keep_in_range(&self, states: &mut Vector) {
+    pub(crate) fn keep_in_range(&self, states: &mut Vector) {
         for (x, unknown) in states.iter_mut().zip(&self.setup.unknowns) {
             *x = x.clamp(unknown.range[0], unknown.range[1]);
         }

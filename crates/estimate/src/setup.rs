@@ -265,6 +265,11 @@ pub trait Model {
     /// say that the model cannot answer there.
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool;
 
+    /// [`Self::predict`] with nothing to touch: the gap among the inputs is infinite.
+    fn predict_free(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) {
+        self.predict(inputs, out);
+    }
+
     /// Largest gap (mm) at which the other inputs make the actuator touch; none when no gap does.
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64>;
 }

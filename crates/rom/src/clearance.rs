@@ -9,7 +9,7 @@ use crate::evaluation::Evaluation;
 use crate::inputs::{GAP, InputMap, Inputs, MAX_INPUTS, PRESSURE};
 use crate::kernel::weigh::{BLOCK, Weights};
 use crate::model::{Clearance, RegimeModel};
-use crate::regime::{Onset, OnsetAt, OnsetTable};
+use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::sums::{Room, Sums};
 
 /// Largest residual `|D(P_c, q) - gap|` of an onset pressure, mm.
@@ -18,6 +18,9 @@ pub const TOLERANCE_MM: f64 = 1e-9;
 const STEPS: usize = 150;
 /// Steps from a guess before the ends are looked at.
 const NEAR_STEPS: usize = 8;
+/// A residual from which the last step of [`OnsetSolver::onset_near`] is taken along the tangent, mm: what the depth's curvature then
+/// leaves is below a hundredth of it.
+const TANGENT_MM: f64 = 0.02;
 /// Pressures of a table.
 const TABLE_STEPS: usize = 240;
 /// The slope at rest is a difference over this share of the largest pressure.
@@ -144,6 +147,36 @@ impl OnsetSolver {
             p = if newton > low && newton < high && step % 3 != 0 { newton } else { 0.5 * (low + high) };
         }
         OnsetAt::UNKNOWN
+    }
+
+    /// The onset at a state near the one it was found at last: to some 1e-4 mm in one evaluation of the free model's height, as
+    /// long as both are as near as successive readings.
+    pub(crate) fn onset_near(
+        &self,
+        inputs: &Inputs,
+        last: &LastOnset,
+        room: &mut Evaluation,
+    ) -> Option<OnsetAt> {
+        let (from, found) = last.0.as_ref().filter(|(_, found)| matches!(found.onset, Onset::At(_)))?;
+        let ways = inputs.values().iter().zip(from.values()).zip(found.gradient);
+        // The gradient by inputs that the model does not have is 0; their values are no numbers.
+        let along = ways.filter(|(_, by)| *by != 0.0).map(|((to, from), by)| (to - from) * by);
+        let mut p = found.pressure_mpa + along.sum::<f64>();
+        for _ in 0..NEAR_STEPS {
+            if p.is_nan() || p <= 0.0 || p >= self.clearance.max_pressure_mpa {
+                return None;
+            }
+            let here = self.depth(&inputs.with(PRESSURE, p), room);
+            let (off_mm, slope) = (here.mm - inputs.gap_mm(), here.gradient[PRESSURE]);
+            if slope.is_nan() || slope <= 0.0 {
+                return None;
+            }
+            p -= off_mm / slope;
+            if off_mm.abs() <= TANGENT_MM {
+                return Some(OnsetAt { onset: Onset::At(p), pressure_mpa: p, gradient: implicit(&here) });
+            }
+        }
+        None
     }
 
     /// Newton's method from a guess; none where it leaves the pressures of the free model or needs many steps.

@@ -6,7 +6,7 @@ use crate::hull::{Domain, DomainStatus};
 use crate::inputs::{GAP, InputSpec, Inputs, MAX_INPUTS, PARAMETERS, PRESSURE, Point};
 use crate::interpolant::Interpolant;
 use crate::model::{GroupModel, ModelError, ModelHeader, RegimeModel};
-use crate::regime::{Onset, OnsetAt, OnsetTable};
+use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::snapshots::RegimeKind;
 use crate::sums::{Room, Sums};
 use std::ops::Range;
@@ -240,6 +240,29 @@ impl Evaluator {
         self.coefficients(out, true);
     }
 
+    /// [`Self::differentiate`] where nothing is there to touch, whatever the gap: no onset is searched for.
+    pub(crate) fn differentiate_free(&self, inputs: Inputs, out: &mut Evaluation) {
+        let never = OnsetAt { onset: Onset::Never, pressure_mpa: f64::INFINITY, gradient: [0.0; MAX_INPUTS] };
+        self.differentiate_at(inputs.or(&self.values), never, out);
+    }
+
+    /// [`Self::differentiate`] near the state of the last one: the onset's pressure is that of the search to some 1e-4 mm of gap.
+    pub(crate) fn differentiate_near(&self, inputs: Inputs, last: &mut LastOnset, out: &mut Evaluation) {
+        let inputs = inputs.or(&self.values);
+        out.room.reserve(&self.room);
+        let near = self.solver.as_ref().and_then(|solver| solver.onset_near(&inputs, last, out));
+        let at = near.unwrap_or_else(|| self.onset_at(&inputs, out));
+        last.0 = Some((inputs, at));
+        self.differentiate_at(inputs, at, out);
+    }
+
+    /// [`Self::differentiate`] with a known onset, without half-widths.
+    fn differentiate_at(&self, inputs: Inputs, at: OnsetAt, out: &mut Evaluation) {
+        let Some(part) = self.place_at(inputs, &at, out) else { return };
+        force(part, &at, &part.model.inputs.scale(&inputs), out);
+        self.coefficients(out, true);
+    }
+
     fn coefficients(&self, out: &mut Evaluation, gradient: bool) {
         if let Some(part) = self.parts.iter().find(|part| part.model.kind == out.regime) {
             coefficients(part, &part.model.inputs.scale(&out.inputs), out, gradient);
@@ -250,6 +273,12 @@ impl Evaluator {
     fn place(&self, inputs: Inputs, out: &mut Evaluation) -> (OnsetAt, Option<&RegimePart>) {
         out.room.reserve(&self.room);
         let at = self.onset_at(&inputs, out);
+        (at, self.place_at(inputs, &at, out))
+    }
+
+    /// [`Self::place`] with a known onset.
+    fn place_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
+        out.room.reserve(&self.room);
         let onset = at.onset;
         out.inputs = inputs;
         out.regime = onset.regime(inputs.pressure_mpa());
@@ -268,7 +297,7 @@ impl Evaluator {
         };
         out.domain = Domain::status(out.domain_distance);
         out.flags.extrapolated = out.domain != DomainStatus::Inside;
-        (at, part)
+        part
     }
 }
 

@@ -9,6 +9,7 @@ use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel};
+use crate::regime::LastOnset;
 use crate::snapshots::{FieldKind, RegimeKind};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
@@ -203,6 +204,30 @@ impl Probes {
     /// trained in its regime. The evaluation's coefficients are no modal coefficients. Allocates nothing.
     pub fn evaluate(&self, inputs: Inputs, evaluation: &mut Evaluation, out: &mut [ProbePosition]) {
         self.evaluator.differentiate(inputs, evaluation);
+        self.read(evaluation, out);
+    }
+
+    /// [`Self::evaluate`] where nothing is there to touch, whatever the gap: half the cost, for no onset is searched for.
+    pub fn evaluate_free(&self, inputs: Inputs, evaluation: &mut Evaluation, out: &mut [ProbePosition]) {
+        self.evaluator.differentiate_free(inputs, evaluation);
+        self.read(evaluation, out);
+    }
+
+    /// [`Self::evaluate`] of states one near the other: the search for an onset that depends on parameters begins at the last one
+    /// and ends within some 1e-4 mm of gap, mostly after one step. Half-widths are left out.
+    pub fn evaluate_near(
+        &self,
+        inputs: Inputs,
+        last: &mut LastOnset,
+        evaluation: &mut Evaluation,
+        out: &mut [ProbePosition],
+    ) {
+        self.evaluator.differentiate_near(inputs, last, evaluation);
+        self.read(evaluation, out);
+    }
+
+    /// The points of an evaluation.
+    fn read(&self, evaluation: &Evaluation, out: &mut [ProbePosition]) {
         let rows = self.regimes.iter().find(|(kind, _)| *kind == evaluation.regime);
         let mut rows = rows.map_or(&[][..], |(_, rows)| rows).as_chunks::<3>().0.iter();
         for out in out {

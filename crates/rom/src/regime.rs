@@ -2,7 +2,7 @@
 //!
 //! Contact when `P >= P_c(gap)`. A gap below the sag is touched at any pressure (`P_c = 0`), a gap beyond reach at none.
 
-use crate::inputs::{GAP, MAX_INPUTS};
+use crate::inputs::{GAP, Inputs, MAX_INPUTS};
 use crate::snapshots::RegimeKind;
 use serde::{Deserialize, Serialize};
 
@@ -68,6 +68,10 @@ impl OnsetAt {
     pub(crate) const UNKNOWN: Self =
         Self { onset: Onset::Never, pressure_mpa: f64::NAN, gradient: [0.0; MAX_INPUTS] };
 }
+
+/// The onset found last, where a search at a state near it begins ([`crate::probe::Probes::evaluate_near`]).
+#[derive(Clone, Debug, Default)]
+pub struct LastOnset(pub(crate) Option<(Inputs, OnsetAt)>);
 
 impl OnsetTable {
     /// Onset, continued pressure and slope at a gap.

@@ -5,9 +5,14 @@ use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::probe::{MeshPoint, PointError, ProbePosition, Probes};
 use rom::reconstructor::Reconstructor;
+use rom::regime::LastOnset;
+use rom::snapshots::RegimeKind;
 
 fn shipped() -> Model {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/pneunet.twin");
+    committed(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/pneunet.twin"))
+}
+
+fn committed(path: &str) -> Model {
     Model::from_bytes(&std::fs::read(path).expect("the committed model")).expect("a model")
 }
 
@@ -73,4 +78,35 @@ fn a_point_of_the_mesh_has_its_undeformed_place_and_one_beside_it_is_named() {
     assert!(matches!(far, PointError::OffMesh { distance_mm, .. } if distance_mm > 80.0), "{far}");
     let none = MeshPoint::node(&model, 25_022).expect_err("no such node");
     assert_eq!(none.to_string(), "node 25022: the mesh has 25022 nodes, numbered from 0");
+}
+
+/// A walk through inflation, stiffness and gap, of a model whose onset depends on the stiffness.
+#[test]
+fn states_near_one_another_have_the_values_of_the_full_search_and_free_ones_those_of_no_obstacle() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet-stiffness/pneunet-stiffness.twin");
+    let model = committed(path);
+    let probes = Probes::new(&model, &[MeshPoint::node(&model, 12_000).expect("a node")]).expect("probes");
+    let (mut room, mut near, mut last) = (probes.evaluation(), probes.evaluation(), LastOnset::default());
+    let mut at = [[ProbePosition::default()]; 2];
+    let mut touched = 0;
+    for step in 0..400 {
+        let t = f64::from(step) / 400.0;
+        let wave = (40.0 * t).sin();
+        let state = Inputs::new(0.01 + 0.075 * t, 42.0 + 3.0 * wave).with(2, 0.8 + 0.05 * (55.0 * t).cos());
+        probes.evaluate(state, &mut room, &mut at[0]);
+        probes.evaluate_near(state, &mut last, &mut near, &mut at[1]);
+        let force = (near.contact_force_n - room.contact_force_n).abs();
+        assert!(near.regime == room.regime && force < 1e-5, "{state:?}: {force} N");
+        let slopes = near.force_gradient.iter().zip(room.force_gradient);
+        slopes.for_each(|(near, full)| {
+            assert!((near - full).abs() < 1e-3 * full.abs() + 1e-4, "{near} {full}")
+        });
+        assert_eq!(at[0], at[1], "{state:?}");
+        touched += u32::from(near.regime == RegimeKind::Contact);
+        probes.evaluate(state.with(1, f64::INFINITY), &mut room, &mut at[0]);
+        probes.evaluate_free(state, &mut near, &mut at[1]);
+        assert!(near.regime == RegimeKind::Free && near.contact_force_n == 0.0);
+        assert_eq!(at[0], at[1], "{state:?}");
+    }
+    assert!((200..395).contains(&touched), "{touched}");
 }

@@ -9,6 +9,7 @@ use rom::evaluation::Evaluation;
 use rom::inputs::{GAP, InputSpec, Inputs, PRESSURE};
 use rom::model::Model;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
+use rom::regime::LastOnset;
 use rom::snapshots::RegimeKind;
 use wire::layout::{AGES_MAX, estimate_alarm, estimate_status};
 use wire::{Estimate, SensorSample};
@@ -105,6 +106,7 @@ fn rows(spec: &ActuatorSpec, model: &Model, force_bias: Option<usize>, sigmas: &
 #[derive(Debug, Clone)]
 pub struct SensorModel {
     evaluation: Evaluation,
+    onset: LastOnset,
     probes: Probes,
     positions: Vec<ProbePosition>,
     camera: CameraSpec,
@@ -135,17 +137,16 @@ impl SensorModel {
         let probes = Probes::new(model, &points).map_err(fail)?;
         Ok(Self {
             evaluation: probes.evaluation(),
+            onset: LastOnset::default(),
             positions: vec![ProbePosition::default(); points.len()],
             probes,
             camera: spec.camera,
             rotation: spec.camera.rotation(),
         })
     }
-}
 
-impl estimate::Model for SensorModel {
-    fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
-        self.probes.evaluate(Inputs::from(*inputs), &mut self.evaluation, &mut self.positions);
+    /// What the sensors show at the state evaluated last.
+    fn read(&self, out: &mut [Predicted]) {
         let force =
             Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };
         let rotation = &self.rotation;
@@ -167,7 +168,20 @@ impl estimate::Model for SensorModel {
         for (out, predicted) in out.iter_mut().zip(std::iter::once(force).chain(markers)) {
             *out = predicted;
         }
+    }
+}
+
+impl estimate::Model for SensorModel {
+    fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool {
+        let inputs = Inputs::from(*inputs);
+        self.probes.evaluate_near(inputs, &mut self.onset, &mut self.evaluation, &mut self.positions);
+        self.read(out);
         self.evaluation.regime == RegimeKind::Contact
+    }
+
+    fn predict_free(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) {
+        self.probes.evaluate_free(Inputs::from(*inputs), &mut self.evaluation, &mut self.positions);
+        self.read(out);
     }
 
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
@@ -252,7 +266,8 @@ impl Estimator {
         }
         out.identifiable = identifiable;
         out.status = match update.status {
-            Status::Used => estimate_status::USED,
+            Status::Used if update.converged => estimate_status::USED,
+            Status::Used => estimate_status::TANGENT,
             Status::InputMissing => estimate_status::INPUT_MISSING,
             Status::NotLater => estimate_status::NOT_LATER,
             Status::NotConverged => estimate_status::NOT_CONVERGED,

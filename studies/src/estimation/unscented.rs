@@ -29,7 +29,8 @@ struct Points {
 }
 
 impl<'a> Unscented<'a> {
-    /// Errors of the unknowns at the end of the readings, and the time of each update, us. `touches`: whether a reading is of a
+    /// Errors of the unknowns at the end of the readings, the time of each update, us, and the readings left out: points without a
+    /// prediction, or a covariance that is none any more. `touches`: whether a reading is of a
     /// contact, as far as ours tells.
     pub(super) fn run(
         setup: &'a Setup,
@@ -37,7 +38,7 @@ impl<'a> Unscented<'a> {
         truth: &Truth,
         readings: &Readings,
         touches: &[bool],
-    ) -> (Vec<f64>, Vec<f64>) {
+    ) -> (Vec<f64>, Vec<f64>, usize) {
         let count = setup.unknowns.len();
         let mut filter = Self {
             setup,
@@ -47,15 +48,14 @@ impl<'a> Unscented<'a> {
             }),
             last_t_s: f64::NEG_INFINITY,
         };
-        let mut update_us = Vec::new();
+        let (mut update_us, mut left_out) = (Vec::new(), 0);
         for (measured, touches) in readings.measured.iter().zip(touches) {
             let begin = Instant::now();
-            // A point without a prediction, or a covariance that is none any more, leaves a reading out.
-            let _ = filter.update(model, measured, *touches);
+            left_out += usize::from(filter.update(model, measured, *touches).is_none());
             update_us.push(begin.elapsed().as_secs_f64() * 1e6);
         }
         let off = truth.unknowns.iter().enumerate().map(|(at, truth)| filter.mean[(at, 0)] - truth);
-        (off.collect(), update_us)
+        (off.collect(), update_us, left_out)
     }
 
     fn update(&mut self, model: &mut SensorModel, measured: &Measurement, touches: bool) -> Option<()> {
@@ -68,9 +68,8 @@ impl<'a> Unscented<'a> {
         let center = |of: &Mat<f64>, mean: &Mat<f64>| {
             Mat::from_fn(of.nrows(), of.ncols(), |i, j| of[(i, j)] - mean[(i, 0)])
         };
-        let predicted = mean(&points.values);
-        let [by_unknown, by_value] =
-            [center(&points.unknowns, &mean(&points.unknowns)), center(&points.values, &predicted)];
+        let [before, predicted] = [mean(&points.unknowns), mean(&points.values)];
+        let [by_unknown, by_value] = [center(&points.unknowns, &before), center(&points.values, &predicted)];
         let spread = &by_value * by_value.transpose() * faer::Scale(weight);
         let residual: Vec<f64> =
             (0..self.setup.rows.len()).map(|row| measured.rows[row] - predicted[(row, 0)]).collect();
@@ -83,8 +82,11 @@ impl<'a> Unscented<'a> {
         let cross = Mat::from_fn(cross.nrows(), kept.len(), |i, j| cross[(i, kept[j])]);
         let factor = Llt::new(variance.as_ref(), Side::Lower).ok()?;
         let gain = factor.solve(cross.transpose()).transpose().to_owned();
-        self.mean += &gain * innovation;
-        self.covariance -= &gain * cross.transpose();
+        // Of the points as they were moved, so that what is left is a covariance.
+        self.mean = before + &gain * innovation;
+        let spread = &by_unknown * by_unknown.transpose() * faer::Scale(weight) - &gain * cross.transpose();
+        self.covariance =
+            Mat::from_fn(spread.nrows(), spread.ncols(), |i, j| 0.5 * (spread[(i, j)] + spread[(j, i)]));
         for (at, unknown) in self.setup.unknowns.iter().enumerate() {
             self.mean[(at, 0)] = self.mean[(at, 0)].clamp(unknown.range[0], unknown.range[1]);
         }

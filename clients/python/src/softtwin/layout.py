@@ -70,6 +70,7 @@ ESTIMATE_STATUSES: Dict[int, str] = {
     3: "not-later",
     4: "not-converged",
     5: "not-explained",
+    6: "tangent",
 }
 """What became of an estimate's reading, by number."""
 

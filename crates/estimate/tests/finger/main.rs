@@ -1,5 +1,6 @@
 //! The filter, the fit, the alarms and the plan on a finger in closed form.
 
+mod cost;
 mod faults;
 mod model;
 mod plan;

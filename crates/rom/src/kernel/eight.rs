@@ -1,4 +1,7 @@
 //! Eight f64 in the registers of each instruction set. Products and sums are rounded apart: all give the same bits.
+//!
+//! No closures around intrinsics, here and in their callers: a closure does not have the instruction set of the function that it stands
+//! in, so that neither it nor the intrinsics in it would be inlined.
 
 /// Eight values of f64.
 ///
@@ -70,7 +73,12 @@ macro_rules! registers {
             #[inline(always)]
             unsafe fn load(from: &[f64; 8]) -> Self {
                 // SAFETY: see the impl.
-                Self(std::array::from_fn(|r| unsafe { $load(from.as_ptr().add(8 / $count * r)) }))
+                let mut out = [unsafe { $load(from.as_ptr()) }; $count];
+                for (r, register) in out.iter_mut().enumerate().skip(1) {
+                    // SAFETY: see the impl.
+                    *register = unsafe { $load(from.as_ptr().add(8 / $count * r)) };
+                }
+                Self(out)
             }
 
             #[inline(always)]
@@ -82,21 +90,30 @@ macro_rules! registers {
             }
 
             #[inline(always)]
-            unsafe fn add(self, other: Self) -> Self {
-                // SAFETY: see the impl.
-                Self(std::array::from_fn(|r| unsafe { $add(self.0[r], other.0[r]) }))
+            unsafe fn add(mut self, other: Self) -> Self {
+                for (own, other) in self.0.iter_mut().zip(other.0) {
+                    // SAFETY: see the impl.
+                    *own = unsafe { $add(*own, other) };
+                }
+                self
             }
 
             #[inline(always)]
-            unsafe fn sub(self, other: Self) -> Self {
-                // SAFETY: see the impl.
-                Self(std::array::from_fn(|r| unsafe { $sub(self.0[r], other.0[r]) }))
+            unsafe fn sub(mut self, other: Self) -> Self {
+                for (own, other) in self.0.iter_mut().zip(other.0) {
+                    // SAFETY: see the impl.
+                    *own = unsafe { $sub(*own, other) };
+                }
+                self
             }
 
             #[inline(always)]
-            unsafe fn mul(self, other: Self) -> Self {
-                // SAFETY: see the impl.
-                Self(std::array::from_fn(|r| unsafe { $mul(self.0[r], other.0[r]) }))
+            unsafe fn mul(mut self, other: Self) -> Self {
+                for (own, other) in self.0.iter_mut().zip(other.0) {
+                    // SAFETY: see the impl.
+                    *own = unsafe { $mul(*own, other) };
+                }
+                self
             }
         }
     };

@@ -121,7 +121,7 @@ unsafe fn block_of<E: Eight, const D: usize, const GRADIENT: bool>(
         let (mut value, mut gradient) = (E::splat(0.0), [E::splat(0.0); D]);
         let (with, without) = weights.split_at(sloped * (1 + D));
         for (rows, near) in with.chunks_exact(1 + D).zip(near) {
-            let (w, [g, a, b]) = (E::load(&rows[0]), [0, 1, 2].map(|i| E::splat(near[i])));
+            let (w, g, a, b) = (E::load(&rows[0]), E::splat(near[0]), E::splat(near[1]), E::splat(near[2]));
             let mut along = E::splat(0.0);
             for j in 0..D {
                 along = along.add(E::load(&rows[1 + j]).mul(E::splat(near[3 + j])));
@@ -146,7 +146,9 @@ unsafe fn block_of<E: Eight, const D: usize, const GRADIENT: bool>(
         }
         value.store(&mut sums[0]);
         if GRADIENT {
-            sums[1..].iter_mut().zip(gradient).for_each(|(row, sum)| sum.store(row));
+            for (row, sum) in sums[1..].iter_mut().zip(gradient) {
+                sum.store(row);
+            }
         }
     }
 }

@@ -162,6 +162,8 @@ codes! {
         NOT_CONVERGED = 4, "not-converged";
         /// Model and estimate do not explain the reading: nothing changed.
         NOT_EXPLAINED = 5, "not-explained";
+        /// The estimate takes the reading into account along the tangent: the search had not ended within its predictions.
+        TANGENT = 6, "tangent";
     }
 }
 
