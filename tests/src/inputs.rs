@@ -8,7 +8,8 @@ use recording::{Reader, Writer};
 use rom::rng::Rng;
 use runtime::config::{Scene, Settings};
 use runtime::source::{
-    ByteOrder, CanNumber, CanSignal, Encoding, LineBuffer, Quantity, RegisterSpec, Table, Trace, WordOrder,
+    ByteOrder, CanNumber, CanSignal, Encoding, InputNames, LineBuffer, Quantity, RegisterSpec, Table, Trace,
+    WordOrder,
 };
 use std::io::Cursor;
 use std::path::Path;
@@ -182,13 +183,15 @@ fn npy_seed() -> Vec<u8> {
     bytes
 }
 
-/// A trace in CSV.
+/// A trace in CSV, also as one of a measured input.
 pub fn trace(bytes: &[u8]) {
-    if let Ok(trace) = Trace::parse(&String::from_utf8_lossy(bytes)) {
-        assert!(
-            trace.rows.windows(2).all(|pair| pair[0].t_trace_s <= pair[1].t_trace_s),
-            "rows out of order"
-        );
+    for names in [InputNames::default(), InputNames::new(["gap_mm"])] {
+        if let Ok(trace) = Trace::parse_named(&String::from_utf8_lossy(bytes), &names) {
+            assert!(
+                trace.rows.windows(2).all(|pair| pair[0].t_trace_s <= pair[1].t_trace_s),
+                "rows out of order"
+            );
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 //! Every story has its own [`Stage`]: a temporary folder and a shared-memory domain that nobody else is in. Nothing here
 //! sleeps to synchronise: stories wait for lines that a program prints, or for samples, with generous time-outs.
 
+pub mod cantilever;
 pub mod http;
 pub mod inputs;
 pub mod kills;

@@ -88,7 +88,7 @@ fn the_commands_see_what_is_published() {
     let (code, said) = run(&stage, &["info", "softtwin/finger/state", "--json"]);
     assert_eq!(code, Some(0), "{said:?}");
     let info = json(&said).remove(0);
-    assert_eq!(info["payload"], "softtwin.State.v5");
+    assert_eq!(info["payload"], "softtwin.State.v6");
     assert_eq!(info["writers"][0], twin.id());
 
     let (code, said) = run(&stage, &["scene", "explain", "finger.toml", "--json"]);

@@ -13,7 +13,7 @@ import time
 import numpy as np
 import pytest
 import softtwin
-from conftest import PROGRAMS
+from conftest import PROGRAMS, REPOSITORY
 
 WAIT_S = 60.0
 
@@ -123,6 +123,35 @@ def test_readings_from_python_are_answered(stage):
         if "held" in state.flag_names:
             break
     assert state.sensor_seq == seq != bad, "the last good reading stands"
+
+
+def test_named_inputs_from_python_are_measured_inputs(stage):
+    stage.twin(
+        stage.scene(
+            f"""
+            name = "py"
+            [[actuator]]
+            name = "finger"
+            model = "{REPOSITORY / "models/pneunet-stiffness/pneunet-stiffness.twin"}"
+            [actuator.inputs]
+            "elastomer.law.mu_mpa" = "measured"
+            """
+        )
+    )
+    states = softtwin.subscribe("softtwin/finger/state", timeout_s=WAIT_S, bus=stage.bus)
+    sensor = softtwin.SensorPublisher("finger", bus=stage.bus)
+    seq = sensor.send(0.05, 30.0, inputs={"room_1": 3.0, "elastomer.law.mu_mpa": 0.9})
+    for state in states:
+        if state.sensor_seq == seq and not state.flag_names.count("no-data"):
+            break
+    assert state.input_values["elastomer.law.mu_mpa"] == (0.9, "measured")
+    sensor.send(0.05, 30.0)
+    for state in states:
+        if "held" in state.flag_names:
+            break
+    assert state.name_of("outcome") == "held: not finite" and state.sensor_seq == seq
+    with pytest.raises(ValueError, match="at most 6, found 7"):
+        sensor.send(0.05, 30.0, inputs={f"x{at}_1": 0.0 for at in range(7)})
 
 
 @pytest.fixture

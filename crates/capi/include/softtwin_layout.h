@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SOFTTWIN_LAYOUT_VERSION 5u /* Part of every type name. */
+#define SOFTTWIN_LAYOUT_VERSION 6u /* Part of every type name. */
 #define SOFTTWIN_FIELD_SLOTS 16u /* Most fields in one sample. */
 #define SOFTTWIN_COEFFICIENTS_MAX 128u /* Most modal coefficients in one state. */
 #define SOFTTWIN_GROUPS_MAX 8u /* Most groups of fields in one state. */
@@ -14,6 +14,7 @@
 #define SOFTTWIN_AGES_MAX 11u /* Values of a reading with an age of their own. */
 #define SOFTTWIN_UNKNOWNS_MAX 8u /* Most quantities that one twin estimates. */
 #define SOFTTWIN_INPUTS_MAX 8u /* Most inputs of a model. */
+#define SOFTTWIN_PARAMETERS_MAX 6u /* Most model inputs beside pressure and gap. */
 #define SOFTTWIN_OUTCOME_SLOTS 24u /* Counters of outcomes. */
 #define SOFTTWIN_FINGERS_MAX 8u /* Most fingers of one grasp. */
 #define SOFTTWIN_FLAG_STALE 1u /* No usable reading within the deadline: the values are the last good ones, see `age_ns`. */
@@ -38,6 +39,12 @@
 #define SOFTTWIN_VALUE_MARKER6 256u /* Sixth marker. */
 #define SOFTTWIN_VALUE_MARKER7 512u /* Seventh marker. */
 #define SOFTTWIN_VALUE_MARKER8 1024u /* Eighth marker. */
+#define SOFTTWIN_VALUE_INPUT1 2048u /* First named input. */
+#define SOFTTWIN_VALUE_INPUT2 4096u /* Second named input. */
+#define SOFTTWIN_VALUE_INPUT3 8192u /* Third named input. */
+#define SOFTTWIN_VALUE_INPUT4 16384u /* Fourth named input. */
+#define SOFTTWIN_VALUE_INPUT5 32768u /* Fifth named input. */
+#define SOFTTWIN_VALUE_INPUT6 65536u /* Sixth named input. */
 #define SOFTTWIN_FIELD_NONE 0u /* No field in this slot. */
 #define SOFTTWIN_FIELD_X 1u /* Deformed x coordinate, mm. */
 #define SOFTTWIN_FIELD_Y 2u /* Deformed y coordinate, mm. */
@@ -57,7 +64,7 @@
 #define SOFTTWIN_DOMAIN_NEAR_EDGE 1u /* Outside, by less than the distance that the model's validation covers. */
 #define SOFTTWIN_DOMAIN_OUTSIDE 2u /* Outside: an extrapolation. */
 #define SOFTTWIN_OUTCOME_PUBLISHED 0u /* Evaluated and sent. */
-#define SOFTTWIN_OUTCOME_HELD_NOT_FINITE 1u /* Pressure or gap is NaN or infinite: the last good state stands. */
+#define SOFTTWIN_OUTCOME_HELD_NOT_FINITE 1u /* Pressure, gap or another measured input is absent, NaN or infinite: the last good state stands. */
 #define SOFTTWIN_OUTCOME_HELD_ABSURD 2u /* Pressure or gap is beyond what any such actuator can have: the last good state stands. */
 #define SOFTTWIN_OUTCOME_HELD_SENSOR_FAULT 3u /* The sensor itself reports a fault: the last good state stands. */
 #define SOFTTWIN_OUTCOME_HELD_STALE 4u /* Older than the configured limit when it arrived: the last good state stands. */
@@ -72,6 +79,7 @@
 #define SOFTTWIN_OUTCOME_DROPPED_OUTSIDE_DOMAIN 13u /* The reading lies outside the model's domain and the settings say to reject it. */
 #define SOFTTWIN_OUTCOME_DROPPED_RECONSTRUCTION 14u /* The model gave no field for an output; the state was sent. */
 #define SOFTTWIN_OUTCOME_DROPPED_SEQUENCE_JUMP 15u /* The sequence number is far from the one before; readings that go on from there are used from the third on. */
+#define SOFTTWIN_OUTCOME_HELD_INPUT_OUTSIDE_SCENE 16u /* A measured input beside pressure and gap is outside the range that the scene said can occur: the last good state stands. */
 #define SOFTTWIN_GRASP_UNKNOWN 0u /* Not every finger has a fresh state. */
 #define SOFTTWIN_GRASP_NOT_HELD 1u /* Friction does not carry the object. */
 #define SOFTTWIN_GRASP_MARGINAL 2u /* Friction carries the object, but would not with the forces less their half-widths. */
@@ -134,10 +142,13 @@ typedef struct {
   uint32_t age_count; /**< Ages below: 0, all values were taken at `t_sensor_ns`; 11 where they come from several sensors. */
   uint32_t stale_values; /**< Values that are absent because they are older than the scene allows. */
   uint32_t fault_values; /**< Values that are absent because their sensor says that it is faulty, or because they lie outside its calibration. */
-  uint32_t reserved; /**< Zero. */
+  uint32_t input_count; /**< Named inputs below; 0: none. */
   uint64_t ages_ns[11]; /**< Age at `t_sensor_ns` of pressure, gap, force, first marker, second, ...; of an absent value that of the last one. Unit: ns. */
   uint64_t stale_total; /**< Values that were left out because of their age since the start of the bridge. */
   uint64_t reserved_more[2]; /**< Zero; for later values. */
+  double inputs[6]; /**< Measured values of further model inputs, in the unit at the end of their names; NaN where one is absent. */
+  uint8_t input_names[192]; /**< Names of these inputs, 32 bytes each, zero-padded; a longer name is cut from the left. A twin takes those of its model by name. */
+  uint64_t input_ages_ns[6]; /**< Age at `t_sensor_ns` of these inputs; of an absent value that of the last one. Unit: ns. */
 } softtwin_sensor_sample;
 
 /** Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the first field in `field_ids`, then all of the second, and so on. */
@@ -402,7 +413,7 @@ typedef struct {
 #else
 #define SOFTTWIN_CHECK(condition) _Static_assert(condition, #condition)
 #endif
-SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 384);
+SOFTTWIN_CHECK(sizeof(softtwin_sensor_sample) == 672);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, boot_id) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, seq) == 8);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, t_sensor_ns) == 16);
@@ -416,10 +427,13 @@ SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, markers_mm) == 64);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, age_count) == 256);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, stale_values) == 260);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, fault_values) == 264);
-SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved) == 268);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_count) == 268);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, ages_ns) == 272);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, stale_total) == 360);
 SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, reserved_more) == 368);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, inputs) == 384);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_names) == 432);
+SOFTTWIN_CHECK(offsetof(softtwin_sensor_sample, input_ages_ns) == 624);
 SOFTTWIN_CHECK(sizeof(softtwin_field_header) == 504);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, layout_version) == 0);
 SOFTTWIN_CHECK(offsetof(softtwin_field_header, flags) == 4);

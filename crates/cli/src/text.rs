@@ -59,8 +59,9 @@ fn sensor(sample: &SensorSample) -> String {
         0 => String::new(),
         _ => format!("  {what} {}", value_bits::names(bits).collect::<Vec<_>>().join(" ")),
     };
+    let named: String = sample.inputs().map(|(name, value)| format!("  {name} {value:.5}")).collect();
     format!(
-        "#{:<7} {}{}  age {}{status}{}{}",
+        "#{:<7} {}{named}{}  age {}{status}{}{}",
         sample.seq,
         inputs(sample.pressure_mpa, sample.gap_mm),
         optional("  measured", sample.measured_force_n, "N"),

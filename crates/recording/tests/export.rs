@@ -35,7 +35,7 @@ fn each_topic_becomes_a_table_that_reads_back_to_the_bit() {
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(
         lines[0],
-        "log_time_ns,publish_time_ns,seq,t_sensor_ns,pressure_mpa,gap_mm,measured_force_n,markers_mm,t_trace_s,status,ages_ns,stale_values,fault_values,stale_total,boot_id"
+        "log_time_ns,publish_time_ns,seq,t_sensor_ns,pressure_mpa,gap_mm,measured_force_n,markers_mm,t_trace_s,status,ages_ns,stale_values,fault_values,stale_total,input_names,inputs,input_ages_ns,boot_id"
     );
     assert_eq!(lines.len(), 4);
     let cells: Vec<&str> = lines[1].split(',').collect();

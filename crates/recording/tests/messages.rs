@@ -5,8 +5,8 @@ use recording::message::{FieldMessage, Recorded, channel, decode, decode_field, 
 use recording::{Channel, Schema};
 use serde_json::Value;
 use wire::layout::{
-    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PAYLOADS, Payload, VERSION, input_source, pack_name,
-    set_slot,
+    COEFFICIENTS_MAX, FINGERS_MAX, GROUPS_MAX, Layout, PARAMETERS_MAX, PAYLOADS, Payload, VERSION,
+    input_source, pack_name, set_slot, value_bits,
 };
 use wire::{
     Answer, Command, Estimate, FieldHeader, Grasp, Health, Query, SensorSample, Setpoint, State, Valve,
@@ -200,6 +200,31 @@ fn a_reading_without_ages_is_read() {
     assert!(text.contains(r#""stale_values":["gap","marker1"],"fault_values":["pressure"]"#), "{text}");
     let back = decode_reading(&bytes).expect("a reading");
     assert_eq!((back.ages_ns, back.stale_values, back.age_count), (aged.ages_ns, 0b1010, 11));
+}
+
+/// Named inputs of a reading come back with their names and ages; a reading of layout 5 has none.
+#[test]
+fn named_inputs_of_a_reading_come_back() {
+    let old = br#"{"seq":3,"t_sensor_ns":9,"pressure_mpa":"NaN","gap_mm":"NaN"}"#;
+    let mut reading = decode_reading(old).expect("a reading");
+    assert_eq!((reading.input_count, reading.inputs().count()), (0, 0));
+    assert!(reading.add_input("load_n", 2.6) && reading.add_input("thickness_mm", f64::NAN));
+    (reading.input_ages_ns[1], reading.stale_values) = (7_000_000, value_bits::INPUT2);
+    let mut bytes = Vec::new();
+    reading.view().encode(&mut bytes);
+    let text = String::from_utf8(bytes.clone()).expect("text");
+    let inputs =
+        r#""input_names":["load_n","thickness_mm"],"inputs":[2.6,"NaN"],"input_ages_ns":[0,7000000]"#;
+    assert!(text.contains(inputs) && text.contains(r#""stale_values":["input2"]"#), "{text}");
+    let back = decode_reading(&bytes).expect("a reading");
+    let named: Vec<(String, u64)> = back.inputs().map(|(name, value)| (name, value.to_bits())).collect();
+    assert_eq!(named[0], ("load_n".to_owned(), 2.6_f64.to_bits()));
+    assert!(named[1].0 == "thickness_mm" && f64::from_bits(named[1].1).is_nan(), "{named:?}");
+    assert_eq!((back.input_ages_ns, back.stale_values), (reading.input_ages_ns, value_bits::INPUT2));
+    for number in 2..PARAMETERS_MAX {
+        assert!(reading.add_input(&format!("x{number}_n"), 0.0));
+    }
+    assert!(!reading.add_input("too_many_n", 0.0), "no room for more");
 }
 
 #[test]

@@ -26,6 +26,13 @@ impl ModelHeader {
         Ok(())
     }
 
+    /// Whether any answer depends on an input: a regime was trained over it, or the onset is found with it. A state may say
+    /// anything about the others, such as 0 for a pressure that there is none of.
+    pub fn needs(&self, input: usize) -> bool {
+        let is_sampled = self.inputs.get(input).is_some_and(|input| input.range[0].is_finite());
+        is_sampled || (input < PARAMETERS && self.onset.is_some())
+    }
+
     /// Position of a parameter by its name.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! The estimator of an actuator: the scene's unknowns and sensors, the model's predictions of what they measure.
 
 use crate::config::{ActuatorSpec, BIASES, CameraSpec, Gap, PRESSURE_BIAS};
+use crate::measured::MeasuredInputs;
 use crate::source::{FORCE, Reading};
 use estimate::{
     Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Predicted, Row, Setup, Status, Unknown, Update,
@@ -55,11 +56,24 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
             range: range(name),
         })
     });
+    let is_measured = |key: &str| spec.inputs.get(key).is_some_and(|from| from.measured().is_some());
+    for key in keys.iter().filter(|key| is_measured(key) && spec.input_sigma(key).is_none()) {
+        problems.push(format!(
+            "inputs.\"{key}\": expected the standard deviation of its readings for the estimation, `sigma` of its sensor or \
+             {{ sigma = ... }} here; found none"
+        ));
+    }
+    let needs = [model.header.needs(PRESSURE), model.header.needs(GAP)];
     let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
+        (PRESSURE, ..) if !needs[0] => InputRole::Given(0.0),
         (PRESSURE, ..) => InputRole::Measured { sigma: pressure_sigma, bias: position(PRESSURE_BIAS) },
         (_, Some(unknown), _) => InputRole::Estimated(unknown),
         (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
+        (GAP, None, _) if !needs[1] => InputRole::Given(f64::INFINITY),
         (GAP, None, _) => InputRole::Measured { sigma: gap_sigma, bias: None },
+        _ if is_measured(key) => {
+            InputRole::Measured { sigma: spec.input_sigma(key).unwrap_or(f64::NAN), bias: None }
+        }
         _ => InputRole::Given(inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN)),
     };
     let out = Setup {
@@ -238,14 +252,14 @@ impl Estimator {
     }
 
     /// Takes a reading into account; allocates nothing.
-    pub(crate) fn update(&mut self, sample: &SensorSample) -> Update {
+    /// `inputs`: what it says of the model's inputs.
+    pub(crate) fn update(&mut self, sample: &SensorSample, inputs: &Inputs) -> Update {
         let is_new = self.used.new_in(sample);
         let once = |value: f64, is_new: Option<&bool>| if is_new == Some(&true) { value } else { f64::NAN };
         let markers = sample.markers_mm.iter().take(sample.marker_values as usize);
         let markers = markers.enumerate().map(|(at, value)| once(*value, is_new.get(1 + at / 3)));
-        let inputs = [sample.pressure_mpa, sample.gap_mm];
         let force_n = once(sample.measured_force_n, is_new.first());
-        let measurement = measured(sample.t_sensor_ns as f64 * 1e-9, inputs, force_n, markers);
+        let measurement = measured(sample.t_sensor_ns as f64 * 1e-9, *inputs.values(), force_n, markers);
         let update = self.filter.update(&measurement, &mut self.sensors);
         self.rejected_total += u64::from(update.rejected.count_ones());
         update
@@ -301,16 +315,23 @@ impl Estimator {
     }
 }
 
-/// A reading as the estimator takes it.
-pub fn measurement(t_s: f64, reading: &Reading) -> Measurement {
-    let inputs = [reading.pressure_mpa, reading.gap_mm];
-    measured(t_s, inputs, reading.measured_force_n, reading.markers_mm.into_iter())
+/// A reading as the estimator takes it; `named`: which inputs it carries by name.
+pub fn measurement(t_s: f64, reading: &Reading, named: &MeasuredInputs) -> Measurement {
+    let operating = Inputs::new(reading.pressure_mpa, reading.gap_mm);
+    let values = named.of(reading.input_count, &reading.input_names, &reading.inputs);
+    let inputs = values.fold(operating, |inputs, measured| inputs.with(measured.input, measured.value));
+    measured(t_s, *inputs.values(), reading.measured_force_n, reading.markers_mm.into_iter())
 }
 
 /// The rows of [`setup`]: the force, then x, y, z of each marker.
-fn measured(t_s: f64, inputs: [f64; 2], force_n: f64, markers_mm: impl Iterator<Item = f64>) -> Measurement {
+fn measured(
+    t_s: f64,
+    inputs: [f64; MAX_INPUTS],
+    force_n: f64,
+    markers_mm: impl Iterator<Item = f64>,
+) -> Measurement {
     let mut out = Measurement::at(t_s);
-    out.inputs.iter_mut().zip(inputs).for_each(|(to, from)| *to = from);
+    out.inputs = inputs;
     out.rows.iter_mut().zip(std::iter::once(force_n).chain(markers_mm)).for_each(|(to, from)| *to = from);
     out
 }

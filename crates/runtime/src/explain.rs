@@ -6,6 +6,7 @@ use crate::payload;
 use rom::inputs::{InputSpec, Inputs};
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
+use std::fmt;
 use std::time::Instant;
 use wire::layout::input_source;
 use wire::{Topic, TopicKind, qos};
@@ -40,10 +41,20 @@ pub struct ExplainedInput {
     pub name: String,
     /// Its unit.
     pub unit: String,
-    /// The value used.
-    pub value: f64,
-    /// `given` by the scene, `estimated` (the value is its prior) or the model's `nominal` one.
+    /// The value used; none where it comes with the readings.
+    pub value: Option<f64>,
+    /// `given` by the scene, `measured`, `estimated` (the value is its prior) or the model's `nominal` one.
     pub from: &'static str,
+}
+
+/// `load_n measured`, `elastomer.law.mu_mpa = 0.72 MPa (given)`.
+impl fmt::Display for ExplainedInput {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.value {
+            Some(value) => write!(f, "{} = {value} {} ({})", self.name, self.unit, self.from),
+            None => write!(f, "{} {}", self.name, self.from),
+        }
+    }
 }
 
 /// One field topic, explained.
@@ -123,7 +134,8 @@ pub fn inputs(loaded: &Loaded) -> Vec<ExplainedInput> {
         let value = spec.value?;
         let prior = loaded.spec.estimate.get(&spec.name).map(|unknown| unknown.prior);
         let (name, unit, from) = (spec.name.clone(), spec.unit.clone(), input_source::as_str(source));
-        Some(ExplainedInput { name, unit, value: prior.unwrap_or(value), from })
+        let value = (source != input_source::MEASURED).then_some(prior.unwrap_or(value));
+        Some(ExplainedInput { name, unit, value, from })
     };
     inputs.iter().zip(sources).filter_map(one).collect()
 }

@@ -34,6 +34,7 @@ pub mod known_model;
 pub mod latency;
 pub mod load;
 pub mod machine;
+pub mod measured;
 pub mod metrics;
 pub mod payload;
 pub mod process;

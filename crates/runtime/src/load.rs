@@ -4,6 +4,7 @@ use crate::config::{self, ActuatorSpec, ConfigError, FixedNodes, NodesSpec, Outp
 use crate::estimation::Estimator;
 use crate::file;
 use rom::evaluator::Evaluator;
+use rom::inputs::{GAP, PRESSURE};
 use rom::kernel::Precision as KernelPrecision;
 use rom::model::{BlockData, BlockKind, Model, ModelHeader, ModelReader, Nodes, Selection};
 use rom::reconstructor::Reconstructor;
@@ -31,6 +32,8 @@ pub struct Loaded {
     pub outputs: Vec<LoadedOutput>,
     /// What the scene has estimated, if anything.
     pub estimator: Option<Estimator>,
+    /// Whether the model's answers depend on pressure and gap.
+    pub needs: [bool; 2],
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
     /// What was read from the model file.
@@ -83,8 +86,16 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
     let model_hash = trailer_hash(&mut file).map_err(|error| at(format!("cannot read: {error}")))?;
     let mut reader = ModelReader::open(file).map_err(|error| at(error.to_string()))?;
     let mut header = reader.header().clone();
-    let given = spec.inputs.iter().map(|(name, value)| (name.as_str(), *value));
-    header.give(given).map_err(|error| at(format!("inputs: {error}")))?;
+    header.give(spec.given_inputs()).map_err(|error| at(format!("inputs: {error}")))?;
+    for (name, _) in spec.measured_inputs() {
+        header.parameter(name).map_err(|error| at(format!("inputs: {error}")))?;
+    }
+    let needs = [header.needs(PRESSURE), header.needs(GAP)];
+    if !spec.sensors.is_empty() && needs[0] && !spec.has_sensor_of("pressure_mpa") {
+        return Err(vec![
+            "sensors: expected a sensor with pressure_mpa, an input of the model; found none".into(),
+        ]);
+    }
     let regimes = regimes_in_reach(&header, spec);
     header.regimes.retain(|regime| regimes.contains(&regime.kind));
     if header.regimes.is_empty() {
@@ -138,6 +149,7 @@ pub fn load(spec: &ActuatorSpec, model_path: &Path) -> Result<Loaded, Vec<String
         group_sizes,
         outputs,
         estimator,
+        needs,
         regimes,
         read,
         file_block_bytes,

@@ -78,11 +78,13 @@ pub(crate) fn input_sources(spec: &ActuatorSpec, inputs: &[InputSpec]) -> [u8; I
         let key = input.key();
         let is_estimated =
             spec.estimate.contains_key(&key) || (at == PRESSURE && spec.estimate.contains_key(PRESSURE_BIAS));
-        let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_))) || spec.inputs.contains_key(&key);
+        let from = spec.inputs.get(&key);
+        let is_given = (at == GAP && matches!(spec.gap_mm, Gap::Fixed(_)))
+            || from.is_some_and(|from| from.given().is_some());
         *source = match (is_estimated, is_given) {
             (true, _) => input_source::ESTIMATED,
             (false, true) => input_source::GIVEN,
-            (false, false) if at < PARAMETERS => input_source::MEASURED,
+            (false, false) if at < PARAMETERS || from.is_some() => input_source::MEASURED,
             (false, false) => input_source::NOMINAL,
         };
     }

@@ -562,3 +562,34 @@ fn everything_wrong_with_the_sensors_of_a_scene_is_told_at_once() {
         .unwrap_err();
     assert!(text.contains("unknown field `rate`"), "{text}");
 }
+
+/// Inputs of a model that is no actuator's come from devices by their names; no sensor has a pressure.
+#[test]
+fn measured_inputs_come_from_devices_and_need_no_pressure() {
+    let (address, ..) = modbus_tcp(Arc::new(|_, _, register, _| 100 * register));
+    let folder = tempfile::tempdir().unwrap();
+    let command = "sh\", \"-c\", \"echo '{\\\"shift\\\": 12.5}'; exec sleep 600";
+    let actuator = |inputs: &str| {
+        format!(
+            "pace = \"cell\"\n[actuator.inputs]\n{inputs}\nwidth_mm = 20\n[actuator.sensors.cell]\nkind = \"modbus\"\n\
+             tcp = \"{address}\"\nrate_hz = 200\ntimeout_ms = 2000\nage_limit_ms = 5000\n\
+             values.load_n = {{ from = {{ register = 26 }}, unit = \"mN\" }}\n\
+             [actuator.sensors.ruler]\nkind = \"lines\"\ncommand = [\"{command}\"]\nage_limit_ms = 600000\n\
+             values.shift_mm = {{ from = \"shift\", scale = 0.1 }}\n"
+        )
+    };
+    let mut source = start_one(folder.path(), &actuator("load_n = \"measured\"\nshift_mm = { min = 0 }"));
+    let reading = wait_for(&mut source, "both inputs", |reading| reading.stale_values == 0);
+    let named: Vec<(String, f64)> = reading.sample(1, 1).inputs().collect();
+    assert_eq!(named.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["load_n", "shift_mm"]);
+    assert!((named[0].1 - 2.6).abs() < 1e-12 && (named[1].1 - 1.25).abs() < 1e-12, "{named:?}");
+    assert!(reading.status == 0 && reading.pressure_mpa.is_nan() && reading.age_count == 11);
+    let refused = |inputs: &str| scene(folder.path(), &[&actuator(inputs)]).unwrap_err();
+    let text = refused("load_n = 2.0\nshift_mm = 1.0");
+    assert!(
+        text.contains("values.load_n: expected") && text.contains("[actuator.inputs] calls measured"),
+        "{text}"
+    );
+    let text = refused("load_n = \"measured\"\nshift_mm = \"measured\"\ntorque_nmm = \"measured\"");
+    assert!(text.contains("expected a sensor with torque_nmm"), "{text}");
+}

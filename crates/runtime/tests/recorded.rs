@@ -2,7 +2,7 @@
 
 use recording::message::{Recorded, channel};
 use recording::{RotateOptions, RotatingWriter};
-use runtime::source::{Poll, SourceSpec, Trace, TraceError};
+use runtime::source::{InputNames, Poll, SourceSpec, Trace, TraceError};
 use std::path::{Path, PathBuf};
 use wire::{Payload, SensorSample};
 
@@ -61,8 +61,12 @@ fn several_sensors_need_a_topic() {
         matches!(&errors[..], [TraceError::SeveralTopics { found }] if found.contains("softtwin/left/sensor")),
         "{errors:?}"
     );
-    assert_eq!(Trace::read_topic(&path, Some("softtwin/right/sensor")).unwrap().rows.len(), 4);
-    let errors = Trace::read_topic(&path, Some("softtwin/middle/sensor")).unwrap_err();
+    assert_eq!(
+        Trace::read_named(&path, Some("softtwin/right/sensor"), &InputNames::default()).unwrap().rows.len(),
+        4
+    );
+    let errors =
+        Trace::read_named(&path, Some("softtwin/middle/sensor"), &InputNames::default()).unwrap_err();
     assert!(errors[0].to_string().contains("softtwin/right/sensor"), "{errors:?}");
 }
 

@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use runtime::source::{
-    Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace, TraceError,
+    Devices, InputNames, Poll, Profile, Reading, ReplaySpec, SimulateSpec, Source, SourceSpec, Trace,
+    TraceError,
 };
 use std::path::Path;
 
@@ -159,10 +160,9 @@ fn wrong_specifications_are_refused_with_all_problems() {
 #[test]
 fn broken_traces_are_refused_with_the_line() {
     let problems = |text: &str| Trace::parse(text).unwrap_err();
-    assert!(matches!(
-        problems("t_s,gap_mm\n0,40\n")[..],
-        [TraceError::MissingColumn { line: 1, column: "pressure_mpa", .. }]
-    ));
+    assert!(
+        matches!(&problems("t_s,gap_mm\n0,40\n")[..], [TraceError::MissingColumn { line: 1, column, .. }] if column == "pressure_mpa")
+    );
     assert!(matches!(
         problems("a,b\n0,1\n")[..],
         [TraceError::MissingColumn { .. }, TraceError::MissingColumn { .. }]
@@ -170,8 +170,8 @@ fn broken_traces_are_refused_with_the_line() {
     assert_eq!(
         problems("# c\nt_s,pressure_mpa\n0,0.1\n0.1,stray\n0.2,\n"),
         [
-            TraceError::NotANumber { line: 4, column: "pressure_mpa", found: "stray".into() },
-            TraceError::NotANumber { line: 5, column: "pressure_mpa", found: "".into() },
+            TraceError::NotANumber { line: 4, column: "pressure_mpa".into(), found: "stray".into() },
+            TraceError::NotANumber { line: 5, column: "pressure_mpa".into(), found: "".into() },
         ]
     );
     assert!(matches!(
@@ -180,6 +180,31 @@ fn broken_traces_are_refused_with_the_line() {
     ));
     assert_eq!(problems(""), [TraceError::Empty { what: "header" }]);
     assert_eq!(problems("t_s,pressure_mpa\n"), [TraceError::Empty { what: "rows" }]);
+}
+
+/// Columns of measured inputs: each is needed, a pressure is not, and what stands there goes on as it is.
+#[test]
+fn named_inputs_are_columns_of_a_trace() {
+    let names = InputNames::new(["load_n", "shift_mm"]);
+    let text = "t_s,shift_mm,measured_force_n,load_n\n0,1.5,7,2.25\n0.1,nan,8,-inf\n";
+    let trace = Trace::parse_named(text, &names).unwrap();
+    let [first, second] = &trace.rows[..] else { panic!("{:?}", trace.rows) };
+    let named: Vec<(String, f64)> = first.sample(1, 1).inputs().collect();
+    assert_eq!(named, [("load_n".to_owned(), 2.25), ("shift_mm".to_owned(), 1.5)]);
+    assert!(first.pressure_mpa.is_nan() && first.measured_force_n == 7.0);
+    assert!(second.inputs[0] == f64::NEG_INFINITY && second.inputs[1].is_nan());
+    let problems = Trace::parse_named("t_s,pressure_mpa,load_n\n0,0.1,1\n", &names).unwrap_err();
+    assert_eq!(
+        problems[0].to_string(),
+        "line 1: the column `shift_mm` is missing; expected `t_s,load_n,shift_mm`, found `t_s,pressure_mpa,load_n`"
+    );
+    let problems = Trace::parse_named("t_s,load_n,shift_mm\n0,1,\n", &names).unwrap_err();
+    assert!(problems[0].to_string().contains("line 2, column `shift_mm`: expected a number"), "{problems:?}");
+    let unnamed = Trace::parse("t_s,pressure_mpa,load_n\n0,0.1,1\n").unwrap();
+    assert_eq!(unnamed.rows[0].input_count, 0, "other columns are passed over, as ever");
+    let source = SourceSpec::Simulate(SimulateSpec::default());
+    let refused = source.open_among(Path::new("."), &Devices::default(), &names).unwrap_err();
+    assert!(refused[0].contains("expected one that can have load_n"), "{refused:?}");
 }
 
 #[test]

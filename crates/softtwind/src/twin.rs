@@ -185,8 +185,7 @@ fn describe(loaded: &Loaded) {
         loaded.spec.model.display()
     );
     for input in runtime::explain::inputs(loaded) {
-        let (name, from) = (&loaded.spec.name, input.from);
-        tracing::info!("{name}: {} = {} {} ({from})", input.name, input.value, input.unit);
+        tracing::info!("{}: {input}", loaded.spec.name);
     }
     for output in &loaded.outputs {
         let topic = output.spec.topic_name().map(|set| format!("/{set}")).unwrap_or_default();

@@ -9,7 +9,7 @@ from typing import Dict, List, Type
 
 from .payload import Payload, pack, text
 
-VERSION = 5
+VERSION = 6
 """Layout version; it is part of every type name."""
 
 FIELD_NAMES: Dict[int, str] = {
@@ -52,6 +52,7 @@ OUTCOMES: Dict[int, str] = {
     13: "dropped: outside the model's domain",
     14: "dropped: field could not be reconstructed",
     15: "dropped: sequence number jumps",
+    16: "held: input outside the scene's range",
 }
 """Outcomes of a reading by number."""
 
@@ -169,6 +170,12 @@ VALUES: Dict[int, str] = {
     256: "marker6",
     512: "marker7",
     1024: "marker8",
+    2048: "input1",
+    4096: "input2",
+    8192: "input3",
+    16384: "input4",
+    32768: "input5",
+    65536: "input6",
 }
 """Values of a reading by bit."""
 
@@ -179,7 +186,7 @@ QUERY_KINDS: Dict[str, int] = {name: number for number, name in KINDS.items()}
 class SensorSample(Payload):
     """One reading of the sensors of one actuator, stamped by the bridge."""
 
-    _type = "softtwin.SensorSample.v5"
+    _type = "softtwin.SensorSample.v6"
     _fields_ = [
         ("boot_id", u64),  # The run of the bridge that sent it.
         ("seq", u64),  # Counts up by one per reading within a run, beginning at 1.
@@ -194,18 +201,22 @@ class SensorSample(Payload):
         ("age_count", u32),  # Ages below: 0, all values were taken at `t_sensor_ns`; 11 where they come from several sensors.
         ("stale_values", u32),  # Values that are absent because they are older than the scene allows.
         ("fault_values", u32),  # Values that are absent because their sensor says that it is faulty, or because they lie outside its calibration.
-        ("reserved", u32),  # Zero.
+        ("input_count", u32),  # Named inputs below; 0: none.
         ("ages_ns", u64 * 11),  # ns: Age at `t_sensor_ns` of pressure, gap, force, first marker, second, ...; of an absent value that of the last one.
         ("stale_total", u64),  # Values that were left out because of their age since the start of the bridge.
         ("reserved_more", u64 * 2),  # Zero; for later values.
+        ("inputs", f64 * 6),  # Measured values of further model inputs, in the unit at the end of their names; NaN where one is absent.
+        ("input_names", u8 * 192),  # Names of these inputs, 32 bytes each, zero-padded; a longer name is cut from the left. A twin takes those of its model by name.
+        ("input_ages_ns", u64 * 6),  # ns: Age at `t_sensor_ns` of these inputs; of an absent value that of the last one.
     ]
+    _text_lists = {"input_names": "input_count"}
     _names = {"stale_values": VALUES, "fault_values": VALUES}
 
 
 class FieldHeader(Payload):
     """Header of one field sample. The payload behind it is `node_count x field_count` `f32`, field-major: all nodes of the first field in `field_ids`, then all of the second, and so on."""
 
-    _type = "softtwin.FieldHeader.v5"
+    _type = "softtwin.FieldHeader.v6"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -241,7 +252,7 @@ class FieldHeader(Payload):
 class State(Payload):
     """Force, gradients, coefficients and domain status of one evaluation."""
 
-    _type = "softtwin.State.v5"
+    _type = "softtwin.State.v6"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags.
@@ -287,7 +298,7 @@ class State(Payload):
 class Health(Payload):
     """Counters since the start of the twin and latencies of the last interval. `received` is the sum of all outcomes."""
 
-    _type = "softtwin.Health.v5"
+    _type = "softtwin.Health.v6"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags as in the newest state.
@@ -324,7 +335,7 @@ class Health(Payload):
 class Grasp(Payload):
     """The grasp of one scene: `n` fingers hold an object by friction when `n mu min(F) >= s m g`. The smallest finger force counts for all of them: what one finger pushes more than the others moves the object instead of holding it."""
 
-    _type = "softtwin.Grasp.v5"
+    _type = "softtwin.Grasp.v6"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("flags", u32),  # Set flags of all fingers.
@@ -356,7 +367,7 @@ class Grasp(Payload):
 class Command(Payload):
     """One pressure command, from a controller to a valve or a simulated plant."""
 
-    _type = "softtwin.Command.v5"
+    _type = "softtwin.Command.v6"
     _fields_ = [
         ("boot_id", u64),  # The run of the controller that sent it.
         ("seq", u64),  # Counts up by one per command within a run, beginning at 1.
@@ -370,7 +381,7 @@ class Command(Payload):
 class Estimate(Payload):
     """Estimated quantities after one reading, with what the reading said about model and sensors."""
 
-    _type = "softtwin.Estimate.v5"
+    _type = "softtwin.Estimate.v6"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("status", u32),  # What became of the reading.
@@ -410,7 +421,7 @@ class Estimate(Payload):
 class Setpoint(Payload):
     """One setpoint. Hold-to-run: it counts until `valid_for_ns` after `t_publish_ns`; without a newer one the valve then takes its safe value. On the topic `override` it is the operator's and wins over the setpoint's until it is released."""
 
-    _type = "softtwin.Setpoint.v5"
+    _type = "softtwin.Setpoint.v6"
     _fields_ = [
         ("boot_id", u64),  # The run of the owner that sent it.
         ("seq", u64),  # Counts up by one per setpoint within a run, beginning at 1.
@@ -427,7 +438,7 @@ class Setpoint(Payload):
 class Valve(Payload):
     """What the bridge has written to the valve of an actuator, one for each write or attempt."""
 
-    _type = "softtwin.Valve.v5"
+    _type = "softtwin.Valve.v6"
     _fields_ = [
         ("boot_id", u64),  # The run of the bridge.
         ("seq", u64),  # Counts up by one per sample within a run, beginning at 1.
@@ -457,7 +468,7 @@ class Valve(Payload):
 class Query(Payload):
     """One question. What its kind does not need is NaN."""
 
-    _type = "softtwin.Query.v5"
+    _type = "softtwin.Query.v6"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("kind", u32),  # What is asked for.
@@ -479,7 +490,7 @@ class Query(Payload):
 class Answer(Payload):
     """The answer. The payload behind it is the field (`node_count x field_count` `f32`, field-major as on the field topic), or empty when none was wanted."""
 
-    _type = "softtwin.Answer.v5"
+    _type = "softtwin.Answer.v6"
     _fields_ = [
         ("layout_version", u32),  # Layout version.
         ("status", u32),  # 0: answered, else the reason why there is no answer.

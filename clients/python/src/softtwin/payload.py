@@ -58,7 +58,7 @@ class Payload(ctypes.Structure):
     @property
     def input_values(self) -> Dict[str, Tuple[float, str]]:
         """Of each model input the value that a state, field or answer stands for, and where it comes from: `measured`, `given`,
-        `nominal`, `estimated`; `unknown` in an answer. Empty for other payloads."""
+        `nominal`, `estimated`; `unknown` in an answer. Of a reading its named inputs. Empty for other payloads."""
         if "input_names" not in self._text_lists:
             return {}
         names = self.text_list("input_names")

@@ -2,7 +2,7 @@
 
 import math
 import os
-from typing import Any, Optional
+from typing import Any, Mapping, Optional
 
 import iceoryx2 as iox2
 
@@ -61,28 +61,35 @@ class SensorPublisher(_Writer):
 
     def send(
         self,
-        pressure_mpa: float,
+        pressure_mpa: float = math.nan,
         gap_mm: float = math.nan,
         measured_force_n: float = math.nan,
         *,
+        inputs: Optional[Mapping[str, float]] = None,
         status: int = 0,
         t_sensor_ns: Optional[int] = None,
     ) -> int:
-        """Sends one reading (stamped now unless told otherwise) and returns its sequence number."""
+        """Sends one reading (stamped now unless told otherwise) and returns its sequence number. `inputs`: measured model inputs
+        beside pressure and gap by name, at most six.
+        """
         self._seq += 1
-        stamp = now_ns() if t_sensor_ns is None else t_sensor_ns
-        self._send(
-            SensorSample(
-                boot_id=self._boot_id,
-                seq=self._seq,
-                t_sensor_ns=stamp,
-                pressure_mpa=pressure_mpa,
-                gap_mm=gap_mm,
-                measured_force_n=measured_force_n,
-                t_trace_s=math.nan,
-                status=status,
-            )
+        reading = SensorSample(
+            boot_id=self._boot_id,
+            seq=self._seq,
+            t_sensor_ns=now_ns() if t_sensor_ns is None else t_sensor_ns,
+            pressure_mpa=pressure_mpa,
+            gap_mm=gap_mm,
+            measured_force_n=measured_force_n,
+            t_trace_s=math.nan,
+            status=status,
         )
+        for name, value in (inputs or {}).items():
+            at, packed = reading.input_count, name.encode()[-31:]
+            if at == len(reading.inputs):
+                raise ValueError(f"inputs: expected at most {at}, found {len(inputs or {})}")
+            reading.inputs[at], reading.input_count = value, at + 1
+            reading.input_names[32 * at : 32 * at + len(packed)] = packed
+        self._send(reading)
         return self._seq
 
 

@@ -4,6 +4,7 @@
 mod error;
 mod estimate;
 mod grasp;
+mod input;
 mod scene;
 mod settings;
 
@@ -11,8 +12,7 @@ pub use error::{ConfigError, collect, read};
 pub(crate) use estimate::PRESSURE_BIAS;
 pub use estimate::{BIASES, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec, UnknownSpec};
 pub use grasp::{BlockSpec, GraspSpec, PlaceSpec};
-pub use scene::{
-    ActuatorSpec, FixedNodes, Gap, Measured, NodesSpec, OutputSpec, Precision, Queries, Scene, StateSpec,
-};
+pub use input::{InputFrom, InputSpecs, Measured, WithinSpec};
+pub use scene::{ActuatorSpec, FixedNodes, Gap, NodesSpec, OutputSpec, Precision, Queries, Scene, StateSpec};
 pub(crate) use settings::ms_to_ns;
 pub use settings::{Limits, OnMissingRights, OutsideDomain, Realtime, Settings};

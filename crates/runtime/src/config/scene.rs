@@ -3,11 +3,12 @@
 use super::error::{ConfigError, read};
 use super::estimate::{self, CameraSpec, EstimateSpec, MarkerSpec, SigmaSpec};
 use super::grasp::{BlockSpec, GraspSpec, PlaceSpec, plate_problems};
-use crate::source::{Devices, PaceSpec, QUANTITIES, Sensors, Source, SourceSpec, open_sensors, slot};
+use super::input::{self, InputSpecs, Measured, WithinSpec};
+use crate::source::{Devices, InputNames, PaceSpec, QUANTITIES, Sensors, Source, SourceSpec, open_sensors};
 use crate::valve::{self, ValveSpec};
 use rom::snapshots::Footprint;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// A scene file.
@@ -40,10 +41,10 @@ pub struct ActuatorSpec {
     /// Which gaps can occur.
     #[serde(default)]
     pub gap_mm: Gap,
-    /// Values of the model's parameters by name (`"elastomer.law.mu_mpa" = 0.72`); those not named keep the model's nominal
-    /// value. Pressure and gap are measured.
+    /// The model's inputs beside pressure and gap by name: given a value (`"elastomer.law.mu_mpa" = 0.72`) or measured
+    /// (`load_n = "measured"`); those not named keep the model's nominal value.
     #[serde(default)]
-    pub inputs: BTreeMap<String, f64>,
+    pub inputs: InputSpecs,
     /// So many waiting readings are still answered one by one, oldest first; what waits beyond is superseded. 1: the
     /// newest wins, as a controller wants it. More: every reading gets its field even when the twin was held up.
     #[serde(default = "one")]
@@ -102,14 +103,6 @@ pub enum Gap {
         /// Largest gap that can occur, mm.
         max: f64,
     },
-}
-
-/// The word `"measured"`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Measured {
-    /// `"measured"`.
-    Measured,
 }
 
 impl Default for Gap {
@@ -260,6 +253,7 @@ impl Scene {
             }
             actuator.problems(&place, &mut problems);
             actuator.sensor_problems(&place, &self.folder, &devices, &mut problems);
+            self.listener_problems(actuator, &place, &mut problems);
             let valve = actuator.valve.as_ref().map(|valve| valve::open(&actuator.name, valve, &devices));
             let found = valve.and_then(Result::err).into_iter().flatten();
             problems.extend(found.map(|problem| format!("{place}.{problem}")));
@@ -272,6 +266,20 @@ impl Scene {
             block.problems(&format!("block[{index}]"), &mut problems);
         }
         problems
+    }
+
+    /// An actuator that listens to another's sensor measures what that one does.
+    fn listener_problems(&self, actuator: &ActuatorSpec, place: &str, problems: &mut Vec<String>) {
+        let other = self.actuators.iter().find(|other| other.name == actuator.sensor());
+        let Some(other) = other.filter(|other| other.name != actuator.name) else { return };
+        for (name, _) in actuator.measured_inputs() {
+            if other.measured_inputs().all(|(known, _)| known != name) {
+                let of = &other.name;
+                problems.push(format!(
+                    "{place}.inputs.\"{name}\": expected it measured by `{of}` too, whose readings count here, found it is not"
+                ));
+            }
+        }
     }
 
     /// The actuators that are fingers of `grasp`, in the order named.
@@ -310,10 +318,39 @@ impl ActuatorSpec {
         devices: &Devices,
     ) -> Option<Result<Box<dyn Source>, Vec<String>>> {
         match &self.source {
-            Some(source) => Some(source.open_among(folder, devices)),
+            Some(source) => Some(source.open_among(folder, devices, &self.input_names())),
             None if self.sensors.is_empty() => None,
-            None => Some(open_sensors(&self.sensors, self.pace.as_ref(), folder, devices)),
+            None => {
+                Some(open_sensors(&self.sensors, self.pace.as_ref(), folder, devices, &self.input_names()))
+            }
         }
+    }
+
+    /// The values of inputs that the scene gives, by name.
+    pub fn given_inputs(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.inputs.iter().filter_map(|(name, from)| Some((name.as_str(), from.given()?)))
+    }
+
+    /// The inputs beside pressure and gap that are measured, by name.
+    pub fn measured_inputs(&self) -> impl Iterator<Item = (&str, WithinSpec)> {
+        self.inputs.iter().filter_map(|(name, from)| Some((name.as_str(), from.measured()?)))
+    }
+
+    /// The names of these inputs, in the order in which readings carry them.
+    pub fn input_names(&self) -> InputNames {
+        InputNames::new(self.measured_inputs().map(|(name, _)| name))
+    }
+
+    /// Whether one of its sensors has a value of this name.
+    pub(crate) fn has_sensor_of(&self, name: &str) -> bool {
+        self.sensors.values().flat_map(|sensor| sensor.values()).any(|(value, _)| value == name)
+    }
+
+    /// Standard deviation of the noise of a measured input: its sensor's own where it has one, otherwise that of `inputs`.
+    pub(crate) fn input_sigma(&self, name: &str) -> Option<f64> {
+        let mut of_sensors = self.sensors.values().flat_map(|sensor| sensor.values());
+        let own = of_sensors.find(|(value, _)| *value == name).and_then(|(_, sigma)| sigma);
+        own.or_else(|| self.inputs.get(name)?.measured()?.sigma)
     }
 
     /// Where the readings come from, in words; one text for each device.
@@ -328,8 +365,9 @@ impl ActuatorSpec {
         let mut sigmas = [self.sigma.marker_mm; QUANTITIES.len()];
         let SigmaSpec { pressure_mpa, gap_mm, force_n, .. } = self.sigma;
         sigmas.iter_mut().zip([pressure_mpa, gap_mm, force_n]).for_each(|(to, from)| *to = from);
+        let names = self.input_names();
         for (name, sigma) in self.sensors.values().flat_map(|sensor| sensor.values()) {
-            if let (Some(to), Some(sigma)) = (slot(name).and_then(|slot| sigmas.get_mut(slot)), sigma) {
+            if let (Some(to), Some(sigma)) = (names.slot(name).and_then(|slot| sigmas.get_mut(slot)), sigma) {
                 *to = sigma;
             }
         }
@@ -350,7 +388,8 @@ impl ActuatorSpec {
         if self.sensor.as_ref().is_some_and(|sensor| *sensor != self.name) {
             problems.push(format!("{place}: has sensors of its own and listens to another's; leave one out"));
         }
-        let found = open_sensors(&self.sensors, self.pace.as_ref(), folder, devices).err();
+        let names = self.input_names();
+        let found = open_sensors(&self.sensors, self.pace.as_ref(), folder, devices, &names).err();
         problems.extend(found.into_iter().flatten().map(|problem| format!("{place}.{problem}")));
     }
 
@@ -383,9 +422,7 @@ impl ActuatorSpec {
         if min.is_nan() || max.is_nan() || min > max || min < 0.0 {
             problems.push(format!("{place}.gap_mm: expected 0 <= min <= max in mm, found {min} .. {max}"));
         }
-        for (name, value) in self.inputs.iter().filter(|(_, value)| !value.is_finite()) {
-            problems.push(format!("{place}.inputs.\"{name}\": expected a number, found {value}"));
-        }
+        input::problems(place, &self.inputs, |name| self.estimate.contains_key(name), problems);
         let waiting = wire::qos::of(wire::TopicKind::Sensor).buffer;
         if !(1..=waiting).contains(&self.backlog) {
             problems.push(format!("{place}.backlog: expected 1 to {waiting}, found {}", self.backlog));

@@ -11,6 +11,7 @@ pub use solve::{NoSolution, Solution, Solver};
 use crate::config::{self, ActuatorSpec, ConfigError, Gap, Queries, Scene, StateSpec};
 use crate::file;
 use crate::load::{GroupSizes, Loaded, LoadedOutput, load};
+use crate::measured::MeasuredInputs;
 use crate::payload::{self, InputNames};
 use crate::side_service::SideService;
 use rom::inputs::{GAP, Inputs, PARAMETERS, PRESSURE};
@@ -33,9 +34,11 @@ pub struct Answerer {
     solver: Solver,
     /// The gap that stands in when a question names none; none: it must.
     default_gap_mm: Option<f64>,
-    /// Names of the inputs, and the parameters' values that stand in when a question names none.
+    /// Names of the inputs, and the parameters' values that stand in when a question names none; NaN for one that is measured:
+    /// the question must.
     names: InputNames,
     inputs: Inputs,
+    measured: MeasuredInputs,
     group_sizes: GroupSizes,
     outputs: Vec<LoadedOutput>,
 }
@@ -64,6 +67,8 @@ impl Answerer {
         let specs = loaded.evaluator.inputs();
         let used = specs.iter().enumerate().filter_map(|(at, spec)| Some((at, spec.value?)));
         let inputs = used.fold(Inputs::new(f64::NAN, f64::NAN), |inputs, (at, value)| inputs.with(at, value));
+        let measured = MeasuredInputs::new(spec, specs);
+        let inputs = measured.positions().fold(inputs, |inputs, at| inputs.with(at, f64::NAN));
         let names = payload::input_names(specs);
         let constant_mm = (gap_mm[0] == gap_mm[1]).then_some(gap_mm[0]);
         Self {
@@ -73,6 +78,7 @@ impl Answerer {
             default_gap_mm: fixed_mm.or(constant_mm),
             names,
             inputs,
+            measured,
             group_sizes: loaded.group_sizes,
             outputs: loaded.outputs,
         }
@@ -139,6 +145,9 @@ impl Answerer {
             if !value.is_finite() {
                 return Err(refuse(QueryStatus::NotFinite));
             }
+        }
+        if self.measured.positions().any(|at| inputs.values().get(at).is_some_and(|value| value.is_nan())) {
+            return Err(refuse(QueryStatus::NotFinite));
         }
         self.solver.give(&inputs).map_err(|_| refuse(QueryStatus::Model))
     }

@@ -1,5 +1,6 @@
 //! Where readings come from. One file a source, one variant of [`SourceSpec`]; a conformance test runs over all of them.
 
+mod named;
 mod reading;
 mod recorded;
 mod replay;
@@ -10,6 +11,7 @@ mod trace;
 mod trace_error;
 mod value;
 
+pub use named::InputNames;
 pub use reading::{BridgeWaker, Poll, Reading, SensorCounters, Source, SourceReader};
 pub use replay::ReplaySpec;
 pub use sensor::{
@@ -21,7 +23,7 @@ pub use sensor::{
 pub use simulate::{Profile, SimulateSpec};
 pub use trace::Trace;
 pub use trace_error::TraceError;
-pub(crate) use value::{FORCE, QUANTITIES, slot};
+pub(crate) use value::{FORCE, QUANTITIES};
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -46,19 +48,33 @@ impl SourceSpec {
     /// # Errors
     /// Every problem of the specification and of the trace it names, as text for the user.
     pub fn open(&self, folder: &Path) -> Result<Box<dyn Source>, Vec<String>> {
-        self.open_among(folder, &Devices::default())
+        self.open_among(folder, &Devices::default(), &InputNames::default())
     }
 
-    /// The same, sharing device paths with the other sources of a scene.
+    /// The same, sharing device paths with the other sources of a scene. `inputs`: what its readings are to carry beside
+    /// pressure, gap, force and markers.
     ///
     /// # Errors
-    /// As [`Self::open`]; also a path that another source uses otherwise.
-    pub fn open_among(&self, folder: &Path, devices: &Devices) -> Result<Box<dyn Source>, Vec<String>> {
+    /// As [`Self::open`]; also a path that another source uses otherwise, and a source that has no such inputs.
+    pub fn open_among(
+        &self,
+        folder: &Path,
+        devices: &Devices,
+        inputs: &InputNames,
+    ) -> Result<Box<dyn Source>, Vec<String>> {
+        let plain = || match inputs.iter().next() {
+            None => Ok(()),
+            Some(name) => Err(vec![format!(
+                "source: expected one that can have {name}, which `inputs` says is measured: [actuator.sensors.NAME] or a \
+                 trace; found {}",
+                self.describe()
+            )]),
+        };
         match self {
-            Self::Replay(spec) => spec.open(folder),
-            Self::Simulate(spec) => spec.open(),
-            Self::Modbus(spec) => spec.open(devices),
-            Self::Lines(spec) => spec.open(devices),
+            Self::Replay(spec) => spec.open(folder, inputs),
+            Self::Simulate(spec) => plain().and_then(|()| spec.open()),
+            Self::Modbus(spec) => plain().and_then(|()| spec.open(devices)),
+            Self::Lines(spec) => plain().and_then(|()| spec.open(devices)),
         }
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
-use wire::layout::{AGES_MAX, MARKERS_MAX};
+use wire::layout::{AGES_MAX, MARKERS_MAX, PARAMETERS_MAX};
 use wire::{SensorSample, now_ns};
 
 /// One reading of an actuator's sensors.
@@ -39,6 +39,14 @@ pub struct Reading {
     pub fault_values: u32,
     /// Values left out because of their age since the source's start.
     pub stale_total: u64,
+    /// Named inputs that the source has; 0 without any.
+    pub input_count: u32,
+    /// Measured values of further model inputs, in the unit at the end of their names; NaN where there is none.
+    pub inputs: [f64; PARAMETERS_MAX],
+    /// Their names, 32 bytes each, see [`SensorSample::input_names`].
+    pub input_names: [u8; 32 * PARAMETERS_MAX],
+    /// Their ages at `t_sensor_ns`, ns.
+    pub input_ages_ns: [u64; PARAMETERS_MAX],
 }
 
 impl Reading {
@@ -65,6 +73,10 @@ impl Reading {
             stale_values: self.stale_values,
             fault_values: self.fault_values,
             stale_total: self.stale_total,
+            input_count: self.input_count,
+            inputs: self.inputs,
+            input_names: self.input_names,
+            input_ages_ns: self.input_ages_ns,
             ..SensorSample::default()
         }
     }
@@ -88,6 +100,10 @@ impl Default for Reading {
             stale_values: 0,
             fault_values: 0,
             stale_total: 0,
+            input_count: 0,
+            inputs: [f64::NAN; PARAMETERS_MAX],
+            input_names: [0; 32 * PARAMETERS_MAX],
+            input_ages_ns: [0; PARAMETERS_MAX],
         }
     }
 }

@@ -114,6 +114,10 @@ impl Rows {
             stale_values: reading.stale_values,
             fault_values: reading.fault_values,
             stale_total: reading.stale_total,
+            input_count: reading.input_count,
+            inputs: reading.inputs,
+            input_names: reading.input_names,
+            input_ages_ns: reading.input_ages_ns,
             ..Reading::default()
         };
         let (before, found) = (self.last_s, row.t_trace_s);

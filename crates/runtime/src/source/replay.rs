@@ -1,5 +1,6 @@
 //! Replays a recorded trace with its original timing, faster, slower, in part or repeatedly.
 
+use super::named::InputNames;
 use super::reading::{Reading, Scheduled, Source};
 use super::replay_rows::{About, Part, Rows};
 use serde::{Deserialize, Serialize};
@@ -42,7 +43,7 @@ impl ReplaySpec {
     ///
     /// # Errors
     /// All problems of the specification and of the file.
-    pub(super) fn open(&self, folder: &Path) -> Result<Box<dyn Source>, Vec<String>> {
+    pub(super) fn open(&self, folder: &Path, inputs: &InputNames) -> Result<Box<dyn Source>, Vec<String>> {
         let mut problems = Vec::new();
         if !(self.speed.is_finite() && self.speed > 0.0) {
             problems.push(format!("source.speed: expected a finite number above 0, found {}", self.speed));
@@ -53,7 +54,7 @@ impl ReplaySpec {
             return Err(problems);
         }
         let part = Part { from_s: self.from_s, to_s: self.to_s };
-        match Rows::open(&path, self.topic.as_deref(), part) {
+        match Rows::open(&path, self.topic.as_deref(), part, inputs) {
             Ok((rows, about)) => match Replay::new(self, rows, &about) {
                 Some(replay) if problems.is_empty() => {
                     for (line, seconds) in about.gaps {

@@ -1,5 +1,6 @@
 //! The rows of a replay: those of a CSV trace in memory, those of a recording as they are needed.
 
+use super::named::InputNames;
 use super::reading::Reading;
 use super::recorded;
 use super::trace::{Survey, Trace};
@@ -54,12 +55,13 @@ impl Rows {
         path: &Path,
         topic: Option<&str>,
         part: Part,
+        inputs: &InputNames,
     ) -> Result<(Self, About), Vec<TraceError>> {
         let is_recording = recorded::is_recording(path)
             .map_err(|error| vec![TraceError::Unreadable { cause: error.to_string() }])?;
         let mut about = About::default();
         if !is_recording {
-            let Trace { mut rows, period_s, gaps } = Trace::read(path)?;
+            let Trace { mut rows, period_s, gaps } = Trace::read_named(path, None, inputs)?;
             rows.iter().for_each(|row| about.take(row, part));
             rows.retain(|row| part.contains(row));
             return Ok((Self::Memory { rows, next: 0 }, About { period_s, gaps, ..about }));

@@ -1,17 +1,19 @@
 //! Recorded traces: CSV with a header, `t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...`, comment lines begin with `#`.
 //!
 //! A trace is read as a whole before anything is sent: a stray text in line 900 is reported at the start, not after 4.5 s.
-//! Recordings (MCAP) are traces as well, see `recorded`.
+//! Recordings (MCAP) are traces as well, see `recorded`. Where a scene calls model inputs measured (`load_n`), each is a column of its name, and
+//! a pressure is needed no more.
 //!
 //! `nan` and `inf` are values (gauges send them); text that is no number is an error.
 
+use super::named::InputNames;
 use super::reading::Reading;
 use super::recorded;
 use super::trace_error::{MAX_BYTES, TraceError};
 use super::value::{MARKERS, QUANTITIES};
 use crate::file;
 use std::path::Path;
-use wire::layout::MARKERS_MAX;
+use wire::layout::{MARKERS_MAX, PARAMETERS_MAX};
 
 /// A trace in memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,11 +32,14 @@ const GAP_FACTOR: f64 = 5.0;
 /// Where the columns are; a missing optional column gives NaN.
 struct Columns {
     t_s: usize,
-    pressure_mpa: usize,
+    pressure_mpa: Option<usize>,
     gap_mm: Option<usize>,
     measured_force_n: Option<usize>,
     /// By marker coordinate.
     markers: Vec<Option<usize>>,
+    /// By named input.
+    inputs: Vec<usize>,
+    names: InputNames,
 }
 
 /// Names of a marker's columns, by coordinate: `marker1_x_mm`, `marker1_y_mm`, ...
@@ -48,14 +53,19 @@ impl Trace {
     /// # Errors
     /// All problems found, each with its line (at most 20 of them: a wrong file would give thousands).
     pub fn read(path: &Path) -> Result<Self, Vec<TraceError>> {
-        Self::read_topic(path, None)
+        Self::read_named(path, None, &InputNames::default())
     }
 
-    /// The same for a recording that holds several sensors: the readings of `topic`.
+    /// The same with the columns of `inputs`; for a recording, which has the inputs that it has, the readings of `topic` where
+    /// it holds several sensors.
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn read_topic(path: &Path, topic: Option<&str>) -> Result<Self, Vec<TraceError>> {
+    pub fn read_named(
+        path: &Path,
+        topic: Option<&str>,
+        inputs: &InputNames,
+    ) -> Result<Self, Vec<TraceError>> {
         let unreadable = |error: std::io::Error| vec![TraceError::Unreadable { cause: error.to_string() }];
         if recorded::is_recording(path).map_err(unreadable)? {
             let rows = recorded::rows(path, topic)?;
@@ -63,7 +73,7 @@ impl Trace {
             return Ok(Self::of_rows(rows, numbers));
         }
         let bytes = file::read(path, MAX_BYTES).map_err(unreadable)?;
-        Self::parse(&String::from_utf8_lossy(&bytes))
+        Self::parse_named(&String::from_utf8_lossy(&bytes), inputs)
     }
 
     /// Parses a trace's text.
@@ -71,6 +81,14 @@ impl Trace {
     /// # Errors
     /// As [`Self::read`].
     pub fn parse(text: &str) -> Result<Self, Vec<TraceError>> {
+        Self::parse_named(text, &InputNames::default())
+    }
+
+    /// The same with the columns of `inputs`.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn parse_named(text: &str, inputs: &InputNames) -> Result<Self, Vec<TraceError>> {
         let mut lines = text
             .trim_start_matches('\u{feff}')
             .lines()
@@ -78,7 +96,7 @@ impl Trace {
             .map(|(index, line)| (index + 1, line.trim()))
             .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
         let (header_line, header) = lines.next().ok_or_else(|| vec![TraceError::Empty { what: "header" }])?;
-        let columns = Columns::find(header_line, header)?;
+        let columns = Columns::find(header_line, header, inputs)?;
         let mut problems = Vec::new();
         let mut rows: Vec<Reading> = Vec::new();
         let mut line_of = Vec::new();
@@ -163,33 +181,41 @@ fn is_gap(step_s: f64, period_s: f64) -> bool {
 }
 
 impl Columns {
-    fn find(line: usize, header: &str) -> Result<Self, Vec<TraceError>> {
+    fn find(line: usize, header: &str, names: &InputNames) -> Result<Self, Vec<TraceError>> {
         let place = |name: &str| header.split(',').position(|column| column.trim() == name);
-        let required = |column: &'static str| {
-            place(column).ok_or_else(|| TraceError::MissingColumn {
-                line,
-                column,
-                found: header.chars().take(80).collect(),
-            })
+        let needed =
+            ["t_s"].into_iter().chain(names.iter()).chain(names.is_empty().then_some("pressure_mpa"));
+        let missing = |column: &str| TraceError::MissingColumn {
+            line,
+            column: column.to_owned(),
+            expected: match names.is_empty() {
+                true => "t_s,pressure_mpa,gap_mm".into(),
+                false => ["t_s"].into_iter().chain(names.iter()).collect::<Vec<_>>().join(","),
+            },
+            found: header.chars().take(80).collect(),
         };
-        match (required("t_s"), required("pressure_mpa")) {
-            (Ok(t_s), Ok(pressure_mpa)) => Ok(Self {
+        let problems: Vec<TraceError> =
+            needed.filter(|column| place(column).is_none()).map(missing).collect();
+        match (place("t_s"), problems.is_empty()) {
+            (Some(t_s), true) => Ok(Self {
                 t_s,
-                pressure_mpa,
+                pressure_mpa: place("pressure_mpa"),
                 gap_mm: place("gap_mm"),
                 measured_force_n: place("measured_force_n"),
                 markers: marker_columns().map(place).collect(),
+                inputs: names.iter().filter_map(place).collect(),
+                names: names.clone(),
             }),
-            (t_s, pressure) => Err([t_s.err(), pressure.err()].into_iter().flatten().collect()),
+            _ => Err(problems),
         }
     }
 
     fn row(&self, line: usize, text: &str, before: Option<f64>) -> Result<Reading, TraceError> {
-        let cell = |column: &'static str, place: usize| {
+        let cell = |column: &str, place: usize| {
             let found = text.split(',').nth(place).unwrap_or("").trim();
             found.parse::<f64>().map_err(|_| TraceError::NotANumber {
                 line,
-                column,
+                column: column.to_owned(),
                 found: found.chars().take(40).collect(),
             })
         };
@@ -204,15 +230,20 @@ impl Columns {
             *value = if is_empty { f64::NAN } else { cell(name, place)? };
             marker_values = 3 * (at as u32 / 3) + 3;
         }
-        let row = Reading {
+        let mut inputs = [f64::NAN; PARAMETERS_MAX];
+        for (value, (place, name)) in inputs.iter_mut().zip(self.inputs.iter().zip(self.names.iter())) {
+            *value = cell(name, *place)?;
+        }
+        let row = self.names.name(Reading {
             t_trace_s: cell("t_s", self.t_s)?,
-            pressure_mpa: cell("pressure_mpa", self.pressure_mpa)?,
+            pressure_mpa: optional("pressure_mpa", self.pressure_mpa)?,
             gap_mm: optional("gap_mm", self.gap_mm)?,
             measured_force_n: optional("measured_force_n", self.measured_force_n)?,
             markers_mm,
             marker_values,
+            inputs,
             ..Reading::default()
-        };
+        });
         let before = before.unwrap_or(f64::NEG_INFINITY);
         if !row.t_trace_s.is_finite() || row.t_trace_s < before {
             return Err(TraceError::TimeOrder { line, before, found: row.t_trace_s });

@@ -21,14 +21,14 @@ pub enum TraceError {
         what: &'static str,
     },
     /// A required column is missing.
-    #[error(
-        "line {line}: the column `{column}` is missing; expected `t_s,pressure_mpa,gap_mm`, found `{found}`"
-    )]
+    #[error("line {line}: the column `{column}` is missing; expected `{expected}`, found `{found}`")]
     MissingColumn {
         /// Line of the header.
         line: usize,
         /// The column.
-        column: &'static str,
+        column: String,
+        /// A header that would do.
+        expected: String,
         /// The header as found.
         found: String,
     },
@@ -38,7 +38,7 @@ pub enum TraceError {
         /// Line.
         line: usize,
         /// Column.
-        column: &'static str,
+        column: String,
         /// The text.
         found: String,
     },

@@ -1,9 +1,9 @@
 //! The values of a reading by their place and name, and how a sensor's thread hands them over.
 
-use wire::layout::{AGES_MAX, MARKERS_MAX};
+use wire::layout::{AGES_MAX, MARKERS_MAX, PARAMETERS_MAX};
 
-/// Values of one reading: pressure, gap, force, then x, y, z of each marker.
-pub(super) const SLOTS: usize = 3 + 3 * MARKERS_MAX;
+/// Values of one reading: pressure, gap, force, x, y, z of each marker, then the named inputs.
+pub(super) const SLOTS: usize = NAMED + PARAMETERS_MAX;
 /// Place of the pressure.
 pub(super) const PRESSURE: usize = 0;
 /// Place of the gap.
@@ -13,8 +13,13 @@ pub(crate) const FORCE: usize = 2;
 /// Place of the first marker's x.
 pub(super) const MARKERS: usize = 3;
 
+/// Place of the first named input; its name is the scene's, see [`super::InputNames`].
+pub(super) const NAMED: usize = MARKERS + 3 * MARKERS_MAX;
+/// What has an age of its own, named inputs included.
+pub(super) const GROUPS: usize = AGES_MAX + PARAMETERS_MAX;
+
 /// Names of the values by their place, as in scenes; those of the markers are also columns of traces.
-pub(crate) const QUANTITIES: [&str; SLOTS] = [
+pub(crate) const QUANTITIES: [&str; NAMED] = [
     "pressure_mpa",
     "gap_mm",
     "force_n",
@@ -44,15 +49,19 @@ pub(crate) const QUANTITIES: [&str; SLOTS] = [
     "marker8_z_mm",
 ];
 
-/// The place of a value by its name.
+/// The place of a value that every reading has by its name.
 pub(crate) fn slot(name: &str) -> Option<usize> {
     QUANTITIES.iter().position(|known| *known == name)
 }
 
-/// What has one age and one flag: pressure, gap, force, or a whole marker; also the bit's number in
+/// What has one age and one flag: pressure, gap, force, a whole marker, or a named input; also the bit's number in
 /// [`wire::layout::value_bits`].
 pub(super) fn group(slot: usize) -> usize {
-    if slot < MARKERS { slot } else { (MARKERS + (slot - MARKERS) / 3).min(AGES_MAX - 1) }
+    match slot {
+        ..MARKERS => slot,
+        MARKERS..NAMED => MARKERS + (slot - MARKERS) / 3,
+        _ => (AGES_MAX + slot - NAMED).min(GROUPS - 1),
+    }
 }
 
 /// What a sensor said at one time: some of the values, in their base units.
@@ -63,9 +72,9 @@ pub(super) struct Update {
     /// The values by their place.
     pub(super) values: [f64; SLOTS],
     /// Bit `slot`: the sensor has said something about this value.
-    pub(super) which: u32,
+    pub(super) which: u64,
     /// Bit `slot`: the value is absent because of a fault.
-    pub(super) faulty: u32,
+    pub(super) faulty: u64,
     /// Fault code of these, as in [`wire::SensorSample::status`].
     pub(super) code: u32,
 }

@@ -4,11 +4,11 @@
 use super::entry::Entry;
 use super::events::{EventKind, EventSender};
 use super::force_watch::ForceWatch;
-use super::ingest::Validator;
+use super::ingest::{Needed, Validator};
 use super::reconstruct::{FieldError, FieldOutput};
 use super::record::Record;
 use super::swap::{Retired, Running};
-use crate::config::{ActuatorSpec, Gap, Limits, OutsideDomain, StateSpec, ms_to_ns};
+use crate::config::{Limits, OutsideDomain, StateSpec, ms_to_ns};
 use crate::estimation::{Estimator, HALFWIDTH_SIGMAS};
 use crate::load::{GroupSizes, Loaded};
 use crate::payload;
@@ -16,10 +16,10 @@ use crate::source::FORCE;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
-use rom::inputs::Inputs;
+use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
-use wire::layout::{VERSION, flags, pack_name};
+use wire::layout::{INPUTS_MAX, VERSION, flags, input_source, pack_name};
 use wire::{
     Bus, Estimate, EstimateWriter, Health, Outcome, SensorReader, SensorSample, State, StateWriter, Topic,
     WireError, WriterRight, now_ns,
@@ -30,11 +30,6 @@ const MAX_BATCH: usize = 1024;
 
 /// A load cell is within so many standard deviations of the force.
 const WATCH_SIGMAS: f64 = 2.0;
-
-/// An estimated gap is no part of a reading: whatever the reading says about it is not looked at.
-fn gap_of(spec: &ActuatorSpec) -> Gap {
-    spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
-}
 
 /// One actuator of a running twin.
 #[derive(Debug)]
@@ -57,6 +52,8 @@ pub(super) struct ActuatorTwin {
     limits: Limits,
     /// What the scene has estimated: the filter, its topic, the last estimate.
     estimation: Option<(Estimator, EstimateWriter, Estimate)>,
+    /// Where the value of each input comes from, where the readings have all that they may have.
+    input_sources: [u8; INPUTS_MAX],
     /// The last state, sent again with flags when readings are held or stay away.
     state: State,
     record: Record,
@@ -77,6 +74,7 @@ impl ActuatorTwin {
         entry: Entry,
     ) -> Result<Self, WireError> {
         let name = loaded.spec.name.clone();
+        let validator = Validator::new(limits, Needed::of(&loaded));
         // The state topic comes first: it is the one that a second twin is refused at.
         let state_writer = entry.writer(bus, &Topic::state(&name)?)?;
         let health_writer = entry.writer(bus, &Topic::health(&name)?)?;
@@ -110,7 +108,8 @@ impl ActuatorTwin {
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
             estimation,
             label: RegimeLabel { regime: RegimeKind::Free, held: false },
-            validator: Validator::new(limits, gap_of(&loaded.spec)),
+            validator,
+            input_sources,
             waiting: VecDeque::with_capacity(loaded.spec.backlog),
             backlog: loaded.spec.backlog,
             force_watch: ForceWatch::default(),
@@ -176,16 +175,17 @@ impl ActuatorTwin {
 
     /// Continues with another model; the caller has checked that names and shapes are the same.
     pub(super) fn swap(&mut self, loaded: Loaded, retired: &mut Retired) {
+        self.validator.set_needed(Needed::of(&loaded));
         self.evaluation = loaded.evaluator.evaluation();
         let inputs = loaded.evaluator.inputs();
         (self.state.input_count, self.state.input_names) = payload::input_names(inputs);
-        self.state.input_sources = payload::input_sources(&loaded.spec, inputs);
+        self.input_sources = payload::input_sources(&loaded.spec, inputs);
+        self.state.input_sources = self.input_sources;
         let new = HysteresisEvaluator::new(loaded.evaluator);
         retired.evaluators.push(std::mem::replace(&mut self.evaluator, new));
         for (output, new) in self.outputs.iter_mut().zip(loaded.outputs) {
             retired.reconstructors.push(output.swap(loaded.model_hash, new));
         }
-        self.validator.set_gap(gap_of(&loaded.spec));
         if let (Some((estimator, _, estimate)), Some(new)) = (&mut self.estimation, loaded.estimator) {
             // Another model, or other priors: what was found with the old one does not hold.
             let Estimate { boot_id, actuator, seq, .. } = *estimate;
@@ -273,14 +273,12 @@ impl ActuatorTwin {
 
     /// Step 3: force, gradients and half-widths of the reading. The coefficients wait for the fields unless states carry them.
     fn evaluate(&mut self, sample: &SensorSample) -> Result<(), Outcome> {
-        let inputs = match &mut self.estimation {
-            None => Inputs::new(sample.pressure_mpa, self.validator.gap_mm(sample)),
-            Some((estimator, _, estimate)) => {
-                let update = estimator.update(sample);
-                estimator.fill(&update, estimate);
-                Inputs::from(update.inputs)
-            }
-        };
+        let mut inputs = self.validator.inputs(sample);
+        if let Some((estimator, _, estimate)) = &mut self.estimation {
+            let update = estimator.update(sample, &inputs);
+            estimator.fill(&update, estimate);
+            inputs = self.validator.with_idle(Inputs::from(update.inputs), &inputs);
+        }
         self.label = self.evaluator.state(inputs, &mut self.evaluation);
         if self.wanted.coefficients {
             self.evaluator.complete(&mut self.evaluation);
@@ -342,6 +340,15 @@ impl ActuatorTwin {
         state.sensor_seq = sample.seq;
         state.t_sensor_ns = sample.t_sensor_ns;
         state.measured_force_n = sample.measured_force_n;
+        state.input_sources = self.input_sources;
+        // A pressure or a gap that no answer depends on may be absent.
+        for (at, value) in [(PRESSURE, sample.pressure_mpa), (GAP, sample.gap_mm)] {
+            let source = state.input_sources.get_mut(at);
+            if let Some(source) = source.filter(|source| value.is_nan() && **source == input_source::MEASURED)
+            {
+                *source = input_source::NOMINAL;
+            }
+        }
         let residual_n = sample.measured_force_n - evaluation.contact_force_n;
         let after_ns = ms_to_ns(self.limits.force_mismatch_ms);
         let allowed_n = evaluation.halfwidths.force_n.hypot(WATCH_SIGMAS * self.force_sigma_n);

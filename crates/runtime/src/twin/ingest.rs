@@ -1,6 +1,9 @@
 //! Validation of a reading before anything is computed from it.
 
-use crate::config::{Gap, Limits, ms_to_ns};
+use crate::config::{ActuatorSpec, Gap, Limits, ms_to_ns};
+use crate::load::Loaded;
+use crate::measured::{MeasuredInputs, MeasuredValue};
+use rom::inputs::{GAP, Inputs, PRESSURE};
 use wire::{Outcome, SensorSample, State};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.
@@ -9,11 +12,32 @@ const MAX_JUMP: u64 = 65_536;
 /// must not make all later readings look old.
 const NEW_ORDER: u64 = 3;
 
+/// What a reading has to have, by the scene and the model.
+#[derive(Debug, Clone)]
+pub(super) struct Needed {
+    gap: Gap,
+    /// Whether the model's answers depend on pressure and gap. Where they do not, one that is absent is 0 or no obstacle.
+    depends: [bool; 2],
+    measured: MeasuredInputs,
+}
+
+impl Needed {
+    pub(super) fn of(loaded: &Loaded) -> Self {
+        let measured = MeasuredInputs::new(&loaded.spec, loaded.evaluator.inputs());
+        Self { gap: gap_of(&loaded.spec), depends: loaded.needs, measured }
+    }
+}
+
+/// An estimated gap is no part of a reading: whatever the reading says about it is not looked at.
+fn gap_of(spec: &ActuatorSpec) -> Gap {
+    spec.estimate.get("gap_mm").map_or(spec.gap_mm, |unknown| Gap::Fixed(unknown.prior))
+}
+
 /// Validates readings in their order: keeps run, sequence and time of the last one.
 #[derive(Debug, Clone)]
 pub(super) struct Validator {
     limits: Limits,
-    gap: Gap,
+    needed: Needed,
     boot_id: u64,
     last_seq: u64,
     last_t_sensor_ns: u64,
@@ -33,13 +57,13 @@ pub(super) struct SampleCheck {
 }
 
 impl Validator {
-    pub(super) fn new(limits: Limits, gap: Gap) -> Self {
-        Self { limits, gap, boot_id: 0, last_seq: 0, last_t_sensor_ns: 0, out_of_order: (0, 0) }
+    pub(super) fn new(limits: Limits, needed: Needed) -> Self {
+        Self { limits, needed, boot_id: 0, last_seq: 0, last_t_sensor_ns: 0, out_of_order: (0, 0) }
     }
 
-    /// Continues with another gap; what came before stays known.
-    pub(super) fn set_gap(&mut self, gap: Gap) {
-        self.gap = gap;
+    /// Continues with other needs; what came before stays known.
+    pub(super) fn set_needed(&mut self, needed: Needed) {
+        self.needed = needed;
     }
 
     /// Continues behind the reading of this state, which another twin answered.
@@ -100,18 +124,24 @@ impl Validator {
 
     fn rejection(&self, sample: &SensorSample, now_ns: u64) -> Option<Outcome> {
         let limits = &self.limits;
-        let gap_mm = self.gap_mm(sample);
-        let (min_mm, max_mm) = self.gap.range_mm();
+        let (pressure_mpa, gap_mm) = (self.pressure_mpa(sample), self.gap_mm(sample));
+        let (min_mm, max_mm) = self.needed.gap.range_mm();
+        let has_no_obstacle = self.has_no_obstacle(sample);
         if sample.status != 0 {
             Some(Outcome::HeldSensorFault)
-        } else if !sample.pressure_mpa.is_finite() || !gap_mm.is_finite() {
+        } else if !pressure_mpa.is_finite()
+            || !(gap_mm.is_finite() || has_no_obstacle)
+            || self.measured(sample).any(|measured| !measured.value.is_finite())
+        {
             Some(Outcome::HeldNotFinite)
-        } else if !(limits.pressure_min_mpa..=limits.pressure_max_mpa).contains(&sample.pressure_mpa)
-            || !(0.0..=limits.gap_max_mm).contains(&gap_mm)
+        } else if !(limits.pressure_min_mpa..=limits.pressure_max_mpa).contains(&pressure_mpa)
+            || !((0.0..=limits.gap_max_mm).contains(&gap_mm) || has_no_obstacle)
         {
             Some(Outcome::HeldAbsurd)
-        } else if !(min_mm..=max_mm).contains(&gap_mm) {
+        } else if !((min_mm..=max_mm).contains(&gap_mm) || has_no_obstacle) {
             Some(Outcome::HeldOutsideScene)
+        } else if self.measured(sample).any(|measured| !measured.can_occur) {
+            Some(Outcome::HeldInputOutsideScene)
         } else if now_ns.saturating_sub(sample.t_sensor_ns) > ms_to_ns(limits.max_age_ms) {
             Some(Outcome::HeldStale)
         } else if sample.t_sensor_ns.saturating_sub(now_ns) > ms_to_ns(limits.max_ahead_ms) {
@@ -121,12 +151,44 @@ impl Validator {
         }
     }
 
-    /// The gap that counts: the scene's where it is fixed, the reading's otherwise.
+    /// The pressure that counts: the reading's, or 0 where there is none and no answer depends on it.
+    fn pressure_mpa(&self, sample: &SensorSample) -> f64 {
+        let [is_needed, _] = self.needed.depends;
+        if sample.pressure_mpa.is_nan() && !is_needed { 0.0 } else { sample.pressure_mpa }
+    }
+
+    /// The gap that counts: the scene's where it is fixed, the reading's otherwise; infinite where there is none and no answer
+    /// depends on it.
     pub(super) fn gap_mm(&self, sample: &SensorSample) -> f64 {
-        match self.gap {
+        match self.needed.gap {
             Gap::Fixed(gap_mm) => gap_mm,
+            _ if self.has_no_obstacle(sample) => f64::INFINITY,
             Gap::Measured(_) | Gap::Range { .. } => sample.gap_mm,
         }
+    }
+
+    /// Whether nobody says a gap, and no answer depends on it.
+    fn has_no_obstacle(&self, sample: &SensorSample) -> bool {
+        let [_, is_needed] = self.needed.depends;
+        !is_needed && !matches!(self.needed.gap, Gap::Fixed(_)) && sample.gap_mm.is_nan()
+    }
+
+    fn measured<'a>(&'a self, sample: &'a SensorSample) -> impl Iterator<Item = MeasuredValue> + 'a {
+        self.needed.measured.of(sample.input_count, &sample.input_names, &sample.inputs)
+    }
+
+    /// The model's inputs that a reading says, NaN where it does not.
+    pub(super) fn inputs(&self, sample: &SensorSample) -> Inputs {
+        let operating = Inputs::new(self.pressure_mpa(sample), self.gap_mm(sample));
+        self.measured(sample).fold(operating, |inputs, measured| inputs.with(measured.input, measured.value))
+    }
+
+    /// Estimated inputs, where no answer depends on pressure or gap with what the reading `said` of it.
+    pub(super) fn with_idle(&self, estimated: Inputs, said: &Inputs) -> Inputs {
+        let said =
+            [(PRESSURE, said.pressure_mpa()), (GAP, said.gap_mm())].into_iter().zip(self.needed.depends);
+        let idle = said.filter(|(_, is_needed)| !is_needed);
+        idle.fold(estimated, |inputs, ((at, value), _)| inputs.with(at, value))
     }
 }
 

@@ -8,25 +8,49 @@ fn spec(points: &[[f64; 2]]) -> ValueSpec<()> {
     ValueSpec { from: (), scale, offset, points: points.to_vec(), unit: None, filter, sigma: None }
 }
 
+/// Inputs that are measured.
+fn named() -> InputNames {
+    InputNames::new(["load_n", "flow_1", "force_n"])
+}
+
 fn told(name: &str, value: ValueSpec<()>) -> Vec<String> {
     let (mut found, values) = (Vec::new(), Values::from([(name.to_owned(), value)]));
-    problems(&values, "values", &mut found, |(), _, _| {});
+    problems(&values, &named(), "values", &mut found, |(), _, _| {});
     found
 }
 
 #[test]
 fn factor_offset_and_unit() {
     let value = ValueSpec { scale: 2.0, offset: -1.0, unit: Some("kPa".into()), ..spec(&[]) };
-    let channel = value.channel("pressure_mpa").unwrap();
+    let channel = value.channel("pressure_mpa", &InputNames::default()).unwrap();
     assert_eq!((channel.slot, channel.calibration.apply(26.0)), (0, Some(51.0 * 1e-3)));
     assert!(channel.calibration.apply(f64::NAN).unwrap().is_nan());
-    assert_eq!(spec(&[]).channel("marker2_z_mm").unwrap().slot, 8);
-    assert!(spec(&[]).channel("gap").is_none());
+    assert_eq!(spec(&[]).channel("marker2_z_mm", &InputNames::default()).unwrap().slot, 8);
+    assert!(spec(&[]).channel("gap", &InputNames::default()).is_none());
+}
+
+#[test]
+fn a_measured_input_is_a_value_with_the_unit_of_its_name() {
+    let value = ValueSpec { unit: Some("mN".into()), ..spec(&[]) };
+    let channel = value.channel("load_n", &named()).unwrap();
+    assert_eq!((channel.slot, channel.calibration.apply(26.0)), (NAMED, Some(26.0 * 1e-3)));
+    assert_eq!(spec(&[]).channel("flow_1", &named()).unwrap().slot, NAMED + 1);
+    assert_eq!(
+        spec(&[]).channel("force_n", &named()).unwrap().slot,
+        NAMED + 2,
+        "the model's, not the contact's"
+    );
+    assert_eq!(spec(&[]).channel("force_n", &InputNames::default()).unwrap().slot, FORCE);
+    assert!(spec(&[]).channel("load_n", &InputNames::default()).is_none());
+    assert!(told("load_n", ValueSpec { unit: Some("mm".into()), ..spec(&[]) })[0].contains("one of N"));
+    assert!(told("flow_1", ValueSpec { unit: Some("N".into()), ..spec(&[]) })[0].contains("expected none"));
+    assert!(told("load", spec(&[]))[0].contains("did you mean `load_n`?"));
 }
 
 #[test]
 fn a_table_is_straight_between_its_points_and_has_no_value_outside() {
-    let channel = spec(&[[0.5, 0.0], [2.5, 10.0], [4.5, 40.0]]).channel("gap_mm").unwrap();
+    let channel =
+        spec(&[[0.5, 0.0], [2.5, 10.0], [4.5, 40.0]]).channel("gap_mm", &InputNames::default()).unwrap();
     let at = |raw| channel.calibration.apply(raw);
     assert_eq!([at(0.5), at(1.5), at(2.5), at(4.5)], [Some(0.0), Some(5.0), Some(10.0), Some(40.0)]);
     assert_eq!([at(0.4999), at(4.5001), at(-1e300)], [None; 3], "refused, not clamped");
@@ -67,7 +91,7 @@ proptest! {
             points.push([x + dx, y + dy]);
         }
         let end = points[points.len() - 1][0];
-        let channel = spec(&points).channel("force_n").unwrap();
+        let channel = spec(&points).channel("force_n", &InputNames::default()).unwrap();
         let at = |share: f64| channel.calibration.apply(share * end).unwrap();
         prop_assert!((a <= b) == (at(a) <= at(b)) || (a - b).abs() < 1e-12);
     }

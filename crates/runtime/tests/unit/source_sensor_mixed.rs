@@ -3,6 +3,7 @@
 use super::*;
 use crate::source::sensor::calibration::Channel;
 use crate::source::sensor::feed::{Ended, Feed, connect};
+use wire::layout::value_bits;
 
 const MS: u64 = 1_000_000;
 
@@ -17,7 +18,8 @@ fn sensor(name: &str, slots: &[usize], limit_ms: u64) -> (Feed, Input) {
 fn bench() -> (Mixed, Feed, Feed, Feed) {
     let ((gauge, a), (gap, b), (camera, c)) =
         (sensor("gauge", &[0], 50), sensor("gap", &[1], 100), sensor("camera", &[6, 7, 8], 200));
-    let mut mixed = Mixed::new(vec![a, b, c], Pace::Sensor(0), true, Devices::default());
+    let mut mixed =
+        Mixed::new(vec![a, b, c], Pace::Sensor(0), true, InputNames::default(), Devices::default());
     (mixed.start_ns, mixed.last_ns) = (1000 * MS, 1000 * MS);
     (mixed, gauge, gap, camera)
 }
@@ -136,7 +138,8 @@ fn before_the_first_answer_a_value_is_absent_and_flagged() {
 #[test]
 fn a_fixed_rate_ticks_without_any_sensor() {
     let ((mut gauge, a), (_gap, b)) = (sensor("gauge", &[0], 50), sensor("gap", &[1], 100));
-    let mut mixed = Mixed::new(vec![a, b], Pace::Period(10 * MS), true, Devices::default());
+    let mut mixed =
+        Mixed::new(vec![a, b], Pace::Period(10 * MS), true, InputNames::default(), Devices::default());
     (mixed.start_ns, mixed.last_ns) = (now_ns() - 25 * MS, now_ns() - 25 * MS);
     let begin = mixed.last_ns;
     gauge.send(begin + 19 * MS, [(0, 0.03)]);
@@ -148,4 +151,27 @@ fn a_fixed_rate_ticks_without_any_sensor() {
     assert!(
         matches!(mixed.poll(7.0), Poll::Waiting { until_s } if (7.0..7.011).contains(&until_s)) || ticks > 2
     );
+}
+
+#[test]
+fn named_inputs_have_ages_limits_and_faults_of_their_own() {
+    let ((mut load, a), (mut shift, b)) = (sensor("load", &[NAMED], 50), sensor("shift", &[NAMED + 1], 20));
+    let names = InputNames::new(["load_n", "shift_mm"]);
+    let mut mixed = Mixed::new(vec![a, b], Pace::Sensor(0), true, names, Devices::default());
+    (mixed.start_ns, mixed.last_ns) = (1000 * MS, 1000 * MS);
+    shift.send(at(1), [(0, 1.5)]);
+    load.send(at(5), [(0, 2.0)]);
+    let reading = mixed.next_of(0, at(6)).unwrap();
+    let named: Vec<(String, f64)> = reading.sample(1, 1).inputs().collect();
+    assert_eq!(named, [("load_n".to_owned(), 2.0), ("shift_mm".to_owned(), 1.5)]);
+    assert_eq!((reading.input_ages_ns[..2].to_vec(), reading.status), (vec![0, 4 * MS], 0));
+    assert_eq!((reading.stale_values, reading.fault_values, reading.marker_values), (0, 0, 0));
+    load.send(at(30), [(0, 2.5)]);
+    let reading = mixed.next_of(0, at(31)).unwrap();
+    assert!(reading.inputs[0] == 2.5 && reading.inputs[1].is_nan(), "{reading:?}");
+    assert_eq!((reading.stale_values, reading.stale_total), (value_bits::INPUT2, 1));
+    load.fault(7);
+    shift.send(now_ns(), [(0, 1.0)]);
+    let reading = mixed.next_of(0, now_ns()).unwrap();
+    assert!(reading.inputs[0].is_nan() && reading.fault_values == value_bits::INPUT1, "{reading:?}");
 }

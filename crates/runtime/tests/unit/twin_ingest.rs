@@ -1,6 +1,7 @@
 //! Tests of `src/twin/ingest.rs` that need its private parts.
 
 use super::*;
+use rom::inputs::InputSpec;
 
 const NOW: u64 = 10_000_000_000;
 
@@ -15,8 +16,13 @@ fn good(seq: u64) -> SensorSample {
     }
 }
 
+/// A model over pressure and gap.
+fn needed(gap: Gap) -> Needed {
+    Needed { gap, depends: [true; 2], measured: MeasuredInputs::default() }
+}
+
 fn validator() -> Validator {
-    let mut validator = Validator::new(Limits::default(), Gap::Range { min: 30.0, max: 60.0 });
+    let mut validator = Validator::new(Limits::default(), needed(Gap::Range { min: 30.0, max: 60.0 }));
     assert_eq!(
         validator.validate(&good(10), NOW),
         SampleCheck { rejection: None, missed: 0, restarted: true }
@@ -114,8 +120,73 @@ fn a_stamp_from_the_future_does_not_age_the_readings_after_it() {
 
 #[test]
 fn a_fixed_gap_needs_no_measured_one() {
-    let mut validator = Validator::new(Limits::default(), Gap::Fixed(40.0));
+    let mut validator = Validator::new(Limits::default(), needed(Gap::Fixed(40.0)));
     let blind = SensorSample { gap_mm: f64::NAN, ..good(1) };
     assert_eq!(validator.validate(&blind, NOW).rejection, None);
     assert_eq!(validator.gap_mm(&blind), 40.0);
+}
+
+/// A model over load and thickness alone: the load is measured, within a range.
+fn structure() -> Validator {
+    let spec = toml::from_str(
+        "name = \"beam\"\nmodel = \"beam.twin\"\n[inputs]\nload_n = { min = 0, max = 4 }\nthickness_mm = 7.3\n",
+    )
+    .expect("an actuator");
+    let input = |name: &str, unit: &str, value, range| InputSpec {
+        name: name.into(),
+        unit: unit.into(),
+        range,
+        value,
+    };
+    let nowhere = [f64::NEG_INFINITY, f64::INFINITY];
+    let inputs = [
+        input("pressure", "MPa", None, nowhere),
+        input("gap", "mm", None, nowhere),
+        input("thickness_mm", "mm", Some(7.0), [6.0, 9.0]),
+        input("load_n", "N", Some(2.0), [1.0, 4.0]),
+    ];
+    let measured = MeasuredInputs::new(&spec, &inputs);
+    Validator::new(Limits::default(), Needed { gap: spec.gap_mm, depends: [false; 2], measured })
+}
+
+/// A reading of that structure, with other values before the load.
+fn loaded(load_n: f64) -> SensorSample {
+    let mut sample = SensorSample { pressure_mpa: f64::NAN, gap_mm: f64::NAN, ..good(11) };
+    assert!(sample.add_input("shift_mm", 0.5) && sample.add_input("load_n", load_n));
+    sample
+}
+
+#[test]
+fn a_measured_input_is_validated_as_the_pressure_is() {
+    let check = |sample: SensorSample| structure().validate(&sample, NOW).rejection;
+    assert_eq!(check(loaded(2.5)), None);
+    for (load_n, outcome) in [
+        (f64::NAN, Outcome::HeldNotFinite),
+        (f64::INFINITY, Outcome::HeldNotFinite),
+        (-0.01, Outcome::HeldInputOutsideScene),
+        (4.01, Outcome::HeldInputOutsideScene),
+    ] {
+        assert_eq!(check(loaded(load_n)), Some(outcome), "{load_n}");
+        assert!(outcome.is_held());
+    }
+    let nameless = SensorSample { input_count: 0, ..loaded(2.5) };
+    assert_eq!(check(nameless), Some(Outcome::HeldNotFinite), "a reading without it");
+    let stale = SensorSample { t_sensor_ns: NOW - 2_000_000_000, ..loaded(2.5) };
+    assert_eq!(check(stale), Some(Outcome::HeldStale));
+    assert_eq!(check(SensorSample { status: 3, ..loaded(2.5) }), Some(Outcome::HeldSensorFault));
+    let inputs = structure().inputs(&loaded(2.5));
+    assert_eq!((inputs.pressure_mpa(), inputs.gap_mm(), inputs.values()[3]), (0.0, f64::INFINITY, 2.5));
+    assert!(inputs.values()[2].is_nan(), "the given one is the model's business");
+}
+
+#[test]
+fn what_no_answer_depends_on_may_be_absent_but_not_absurd() {
+    let check = |sample: SensorSample| structure().validate(&sample, NOW).rejection;
+    let with = SensorSample { pressure_mpa: 0.03, gap_mm: 40.0, ..loaded(2.5) };
+    assert_eq!(check(with), None);
+    let inputs = structure().inputs(&with);
+    assert_eq!((inputs.pressure_mpa(), inputs.gap_mm()), (0.03, 40.0), "shown as they are");
+    assert_eq!(check(SensorSample { pressure_mpa: 5.0, ..loaded(2.5) }), Some(Outcome::HeldAbsurd));
+    assert_eq!(check(SensorSample { gap_mm: -1.0, ..loaded(2.5) }), Some(Outcome::HeldAbsurd));
+    assert_eq!(check(SensorSample { gap_mm: f64::INFINITY, ..loaded(2.5) }), Some(Outcome::HeldNotFinite));
 }

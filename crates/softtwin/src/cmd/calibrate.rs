@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use estimate::{Fit, Measurement, Model as _, Predicted, Setup};
 use runtime::config::Scene;
 use runtime::estimation::{self, SensorModel};
+use runtime::measured::MeasuredInputs;
 use runtime::source::{SourceSpec, Trace};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -54,15 +55,17 @@ impl Args {
     /// Fits, then prints the estimates.
     pub fn run(self) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene).map_err(configuration)?;
-        let Unknowns { spec, setup, mut sensors, .. } =
+        let Unknowns { spec, setup, mut sensors, header } =
             Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
-        let trace = Trace::read_topic(&self.recording, self.topic.as_deref()).map_err(|errors| {
+        let trace = Trace::read_named(&self.recording, self.topic.as_deref(), &spec.input_names());
+        let trace = trace.map_err(|errors| {
             let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
             configuration(anyhow::anyhow!("{}: {}", self.recording.display(), texts.join("\n")))
         })?;
         let good = trace.rows.iter().filter(|reading| reading.status == 0);
+        let named = MeasuredInputs::new(&spec, &header.inputs);
         let readings: Vec<Measurement> =
-            good.map(|reading| estimation::measurement(reading.t_trace_s, reading)).collect();
+            good.map(|reading| estimation::measurement(reading.t_trace_s, reading, &named)).collect();
         check_recording(&setup, &readings).map_err(configuration)?;
         let fit = estimate::fit(&setup, &readings, &mut sensors)
             .map_err(|errors| problems(errors.iter().map(ToString::to_string).collect()))?;

@@ -68,8 +68,7 @@ impl Args {
             StateFormat::of(out).map_err(usage)?; // before the work, not after it
         }
         let mut model = files::model(&self.model)?;
-        let has_pressure = model.header.inputs[PRESSURE].range[0].is_finite();
-        let pressure_mpa = self.pressure_mpa.or((!has_pressure).then_some(0.0));
+        let pressure_mpa = self.pressure_mpa.or((!model.header.needs(PRESSURE)).then_some(0.0));
         let input = Inputs::new(pressure_mpa.ok_or_else(|| usage(NO_PRESSURE))?, gap_mm);
         let given = self.settings.iter().map(|(name, value)| (name.as_str(), *value));
         model.header.give(given).map_err(|error| usage(format!("--set: {error}")))?;

@@ -57,7 +57,7 @@ fn print(explained: &Explained) -> anyhow::Result<()> {
         explained.regimes.join(" and ")
     )?;
     for input in &explained.inputs {
-        output!("  input {} = {} {} ({})", input.name, input.value, input.unit, input.from)?;
+        output!("  input {input}")?;
     }
     output!(
         "  reads {:.2} MB of the model's {:.2} MB ({} blocks)",

@@ -9,7 +9,7 @@
 /// The layout version as a literal, for type names.
 macro_rules! layout_version {
     () => {
-        5
+        6
     };
 }
 

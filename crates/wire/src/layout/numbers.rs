@@ -59,6 +59,18 @@ codes! {
         MARKER7 = 1 << 9, "marker7";
         /// Eighth marker.
         MARKER8 = 1 << 10, "marker8";
+        /// First named input.
+        INPUT1 = 1 << 11, "input1";
+        /// Second named input.
+        INPUT2 = 1 << 12, "input2";
+        /// Third named input.
+        INPUT3 = 1 << 13, "input3";
+        /// Fourth named input.
+        INPUT4 = 1 << 14, "input4";
+        /// Fifth named input.
+        INPUT5 = 1 << 15, "input5";
+        /// Sixth named input.
+        INPUT6 = 1 << 16, "input6";
     }
     /// The names of the set bits.
     pub fn names(bits: u32) -> impl Iterator<Item = &'static str> {

@@ -7,7 +7,7 @@ coded_enum! {
     Outcome {
         /// Evaluated and sent.
         Published = 0, "published";
-        /// Pressure or gap is NaN or infinite: the last good state stands.
+        /// Pressure, gap or another measured input is absent, NaN or infinite: the last good state stands.
         HeldNotFinite = 1, "held: not finite";
         /// Pressure or gap is beyond what any such actuator can have: the last good state stands.
         HeldAbsurd = 2, "held: absurd value";
@@ -38,13 +38,15 @@ coded_enum! {
         DroppedReconstruction = 14, "dropped: field could not be reconstructed";
         /// The sequence number is far from the one before; readings that go on from there are used from the third on.
         DroppedSequenceJump = 15, "dropped: sequence number jumps";
+        /// A measured input beside pressure and gap is outside the range that the scene said can occur: the last good state stands.
+        HeldInputOutsideScene = 16, "held: input outside the scene's range";
     }
 }
 
 impl Outcome {
     /// Whether the last good state stands in its place.
     pub fn is_held(self) -> bool {
-        self == Outcome::HeldOutsideDomain
+        matches!(self, Outcome::HeldOutsideDomain | Outcome::HeldInputOutsideScene)
             || (Outcome::HeldNotFinite.code()..=Outcome::HeldOutsideScene.code()).contains(&self.code())
     }
 

@@ -36,7 +36,7 @@ pub(super) mod sealed {
 pub struct Layout {
     /// Name in Rust and Python, such as `State`.
     pub name: &'static str,
-    /// Name in shared memory, with the layout version, such as `softtwin.State.v5`.
+    /// Name in shared memory, with the layout version, such as `softtwin.State.v6`.
     pub type_name: &'static str,
     /// Name of its JSON schema, such as `softtwin.State`.
     pub schema: &'static str,

@@ -60,6 +60,7 @@ fn constants(out: &mut String) {
         ("AGES_MAX", layout::AGES_MAX, "Values of a reading with an age of their own."),
         ("UNKNOWNS_MAX", layout::UNKNOWNS_MAX, "Most quantities that one twin estimates."),
         ("INPUTS_MAX", layout::INPUTS_MAX, "Most inputs of a model."),
+        ("PARAMETERS_MAX", layout::PARAMETERS_MAX, "Most model inputs beside pressure and gap."),
         ("OUTCOME_SLOTS", layout::OUTCOME_SLOTS, "Counters of outcomes."),
         ("FINGERS_MAX", layout::FINGERS_MAX, "Most fingers of one grasp."),
     ] {

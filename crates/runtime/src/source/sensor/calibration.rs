@@ -2,7 +2,8 @@
 
 use super::filter::{Filter, FilterSpec};
 use super::register::Quantity;
-use crate::source::value::{FORCE, PRESSURE, QUANTITIES, slot};
+use crate::source::named::InputNames;
+use crate::source::value::{FORCE, GAP, MARKERS, NAMED, PRESSURE, QUANTITIES};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -23,7 +24,8 @@ pub struct ValueSpec<P> {
     /// In place of factor and offset: raw numbers, rising, each with its value in `unit`; straight lines between them.
     #[serde(default)]
     pub points: Vec<[f64; 2]>,
-    /// Unit of the result: Pa, kPa, MPa, mbar, bar, psi; um, mm, m; mN, N, gf, kgf. Default: MPa, mm or N.
+    /// Unit of the result: Pa, kPa, MPa, mbar, bar, psi; um, mm, m; mN, N, gf, kgf. Default: MPa, mm or N; for a model input that
+    /// is no pressure, length or force the unit at the end of its name, and no other.
     #[serde(default)]
     pub unit: Option<String>,
     /// Smoothing.
@@ -34,25 +36,42 @@ pub struct ValueSpec<P> {
     pub sigma: Option<f64>,
 }
 
-/// The values of a sensor by name: `pressure_mpa`, `gap_mm`, `force_n`, `marker1_x_mm`, ...
+/// The values of a sensor by name: `pressure_mpa`, `gap_mm`, `force_n`, `marker1_x_mm`, ..., and measured model inputs.
 pub type Values<P> = BTreeMap<String, ValueSpec<P>>;
 
 fn one() -> f64 {
     1.0
 }
 
-/// What kind of quantity stands at a place of a reading.
-pub(super) fn quantity(slot: usize) -> Quantity {
+/// What kind of quantity a value at a place of a reading is; `None` for an input that is no pressure, length or force.
+fn quantity(slot: usize, name: &str) -> Option<Quantity> {
     match slot {
-        PRESSURE => Quantity::Pressure,
-        FORCE => Quantity::Force,
-        _ => Quantity::Gap, // the gap and coordinates: lengths
+        PRESSURE => Some(Quantity::Pressure),
+        FORCE => Some(Quantity::Force),
+        GAP | MARKERS..NAMED => Some(Quantity::Gap), // lengths
+        _ if name.contains("_per_") => None,
+        _ => match name.rsplit_once('_')?.1 {
+            "mpa" => Some(Quantity::Pressure),
+            "mm" => Some(Quantity::Gap),
+            "n" => Some(Quantity::Force),
+            _ => None,
+        },
+    }
+}
+
+/// Size of `unit` in the unit of a value; `None` where it is no unit of it.
+fn factor(quantity: Option<Quantity>, unit: Option<&str>) -> Option<f64> {
+    match (quantity, unit) {
+        (Some(quantity), unit) => quantity.factor(unit),
+        (None, None) => Some(1.0),
+        (None, Some(_)) => None,
     }
 }
 
 /// Everything that is wrong with the values of a sensor; `place` checks where the device has one.
 pub(super) fn problems<P>(
     values: &Values<P>,
+    inputs: &InputNames,
     key: &str,
     problems: &mut Vec<String>,
     mut place: impl FnMut(&P, &str, &mut Vec<String>),
@@ -62,14 +81,23 @@ pub(super) fn problems<P>(
     }
     for (name, value) in values {
         let key = format!("{key}.{name}");
-        match slot(name) {
-            Some(slot) => quantity(slot).check_unit(&format!("{key}.unit"), value.unit.as_deref(), problems),
+        let unit = value.unit.as_deref();
+        match inputs.slot(name).map(|slot| quantity(slot, name)) {
+            Some(Some(quantity)) => quantity.check_unit(&format!("{key}.unit"), unit, problems),
+            Some(None) => {
+                if let Some(unit) = unit {
+                    problems.push(format!(
+                        "{key}.unit: expected none, the value is in the unit of its name; found `{unit}`; use scale"
+                    ));
+                }
+            }
             None => {
-                let near = QUANTITIES.iter().max_by(|a, b| similar(a, name).total_cmp(&similar(b, name)));
-                let near = near.copied().unwrap_or_default();
+                let known = QUANTITIES.into_iter().chain(inputs.iter());
+                let near = known.max_by(|a, b| similar(a, name).total_cmp(&similar(b, name)));
+                let near = near.unwrap_or_default();
                 problems.push(format!(
-                    "{key}: expected pressure_mpa, gap_mm, force_n or marker1_x_mm to marker8_z_mm, found `{name}`; did you \
-                     mean `{near}`?"
+                    "{key}: expected pressure_mpa, gap_mm, force_n, marker1_x_mm to marker8_z_mm or an input that \
+                     [actuator.inputs] calls measured, found `{name}`; did you mean `{near}`?"
                 ));
             }
         }
@@ -115,9 +143,9 @@ impl<P> ValueSpec<P> {
     }
 
     /// What makes a value of the raw number; `None` for a name or a unit that is none.
-    pub(super) fn channel(&self, name: &str) -> Option<Channel> {
-        let slot = slot(name)?;
-        let factor = quantity(slot).factor(self.unit.as_deref())?;
+    pub(super) fn channel(&self, name: &str, inputs: &InputNames) -> Option<Channel> {
+        let slot = inputs.slot(name)?;
+        let factor = factor(quantity(slot, name), self.unit.as_deref())?;
         let calibration =
             Calibration { scale: self.scale, offset: self.offset, points: self.points.clone(), factor };
         Some(Channel { slot, calibration, filter: Filter::new(self.filter) })

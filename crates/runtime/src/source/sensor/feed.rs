@@ -37,7 +37,7 @@ pub(super) struct Inbox {
     pub(super) queue: Receiver<Update>,
     pub(super) counters: Arc<SensorCounters>,
     /// Bit `slot`: values that the sensor delivers.
-    pub(super) slots: u32,
+    pub(super) slots: u64,
     pub(super) ended: Ended,
     stop: Arc<AtomicBool>,
     /// Keeps the device path open for others that join, as long as this sensor lives.

@@ -6,11 +6,12 @@
 
 use super::devices::Devices;
 use super::feed::Inbox;
+use crate::source::named::InputNames;
 use crate::source::reading::{BridgeWaker, Poll, Reading, SensorCounters, Source};
-use crate::source::value::{FORCE, GAP, MARKERS, PRESSURE, SLOTS, Update, group};
+use crate::source::value::{FORCE, GAP, GROUPS, MARKERS, NAMED, PRESSURE, SLOTS, Update, group};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use wire::layout::{AGES_MAX, MARKERS_MAX};
+use wire::layout::{AGES_MAX, MARKERS_MAX, PARAMETERS_MAX};
 use wire::now_ns;
 
 /// Status of a reading whose pressure is too old, see [`wire::SensorSample::status`].
@@ -50,6 +51,7 @@ pub(super) struct Mixed {
     pace: Pace,
     /// Whether readings carry ages: not those of a single source.
     with_ages: bool,
+    names: InputNames,
     devices: Devices,
     newest: Newest,
     marker_values: u32,
@@ -66,8 +68,8 @@ struct Newest {
     t_ns: [u64; SLOTS],
     codes: [u32; SLOTS],
     /// Bit `slot`: said at least once.
-    said: u32,
-    faulty: u32,
+    said: u64,
+    faulty: u64,
 }
 
 impl Newest {
@@ -78,7 +80,7 @@ impl Newest {
             let places = (self.values.get_mut(slot), self.t_ns.get_mut(slot), self.codes.get_mut(slot));
             if let (Some(value), Some(t_ns), Some(code)) = places {
                 *value = update.values.get(slot).copied().unwrap_or(f64::NAN);
-                (*t_ns, *code) = (update.t_ns, update.code * faulty);
+                (*t_ns, *code) = (update.t_ns, if faulty == 1 { update.code } else { 0 });
             }
         }
         self.said |= update.which;
@@ -86,15 +88,22 @@ impl Newest {
 }
 
 impl Mixed {
-    pub(super) fn new(inputs: Vec<Input>, pace: Pace, with_ages: bool, devices: Devices) -> Self {
+    pub(super) fn new(
+        inputs: Vec<Input>,
+        pace: Pace,
+        with_ages: bool,
+        names: InputNames,
+        devices: Devices,
+    ) -> Self {
         let slots = inputs.iter().fold(0, |slots, input| slots | input.inbox.slots);
-        let last = (MARKERS..SLOTS).filter(|slot| slots >> slot & 1 == 1).map(group).max();
+        let last = (MARKERS..NAMED).filter(|slot| slots >> slot & 1 == 1).map(group).max();
         let newest =
             Newest { values: [f64::NAN; SLOTS], t_ns: [0; SLOTS], codes: [0; SLOTS], said: 0, faulty: 0 };
         Self {
             inputs,
             pace,
             with_ages,
+            names,
             devices,
             newest,
             marker_values: last.map_or(0, |group| 3 * (group - MARKERS) as u32 + 3),
@@ -107,7 +116,7 @@ impl Mixed {
     /// A single device as a source: a reading for each of its answers, none while it is silent.
     pub(super) fn single(inbox: Inbox, devices: &Devices) -> Box<dyn Source> {
         let input = Input { name: String::new(), inbox, age_limit_ns: u64::MAX, ahead: None };
-        Box::new(Self::new(vec![input], Pace::Sensor(0), false, devices.clone()))
+        Box::new(Self::new(vec![input], Pace::Sensor(0), false, InputNames::default(), devices.clone()))
     }
 
     /// Takes what the sensors have said until `t_ns`, but for the sensor that sets the pace.
@@ -130,7 +139,7 @@ impl Mixed {
             Reading { t_sensor_ns: t_ns, marker_values: self.marker_values, ..Reading::default() };
         let Self { inputs, newest, .. } = self;
         let mut values = newest.values;
-        let mut ages = [0u64; AGES_MAX];
+        let mut ages = [0u64; GROUPS];
         for input in inputs {
             let stale_before = reading.stale_values;
             for slot in (0..SLOTS).filter(|slot| input.inbox.slots >> slot & 1 == 1) {
@@ -168,12 +177,16 @@ impl Mixed {
             (_, 1) => newest.codes.get(PRESSURE).copied().unwrap_or(0),
             _ => 0,
         };
+        reading.inputs = std::array::from_fn::<f64, PARAMETERS_MAX, _>(|at| value(NAMED + at));
         if self.with_ages {
-            (reading.age_count, reading.ages_ns) = (AGES_MAX as u32, ages);
+            reading.age_count = AGES_MAX as u32;
+            reading.ages_ns.iter_mut().zip(&ages).for_each(|(to, from)| *to = *from);
+            let of_inputs = ages.iter().skip(AGES_MAX);
+            reading.input_ages_ns.iter_mut().zip(of_inputs).for_each(|(to, from)| *to = *from);
             reading.stale_total = self.stale_total;
         }
         self.last_ns = t_ns;
-        reading
+        self.names.name(reading)
     }
 
     /// On the pace of a sensor: its next reading, or one without it when it has been silent for its age limit.

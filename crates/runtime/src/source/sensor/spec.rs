@@ -11,8 +11,9 @@ use super::plugin::PluginSpec;
 use super::register::RegisterAt;
 use super::serial::SerialSpec;
 use super::stream::{Cell, LineSensor, LinesPath, Pick};
+use crate::source::named::InputNames;
 use crate::source::reading::Source;
-use crate::source::value::{PRESSURE, QUANTITIES, slot};
+use crate::source::value::PRESSURE;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -187,25 +188,25 @@ impl SensorSpec {
         }
     }
 
-    fn problems(&self, key: &str, problems: &mut Vec<String>) {
+    fn problems(&self, key: &str, inputs: &InputNames, problems: &mut Vec<String>) {
         let values = format!("{key}.values");
         match self {
             Self::Modbus(spec) => {
                 ModbusPath::problems(spec.tcp.as_deref(), spec.serial.as_ref(), key, problems);
                 check(key, "timeout_ms", spec.timeout_ms, 0.1, 600_000.0, problems);
                 check(key, "backoff_max_ms", spec.backoff_max_ms, 0.1, 3_600_000.0, problems);
-                value_problems(&spec.values, &values, problems, RegisterAt::problems);
+                value_problems(&spec.values, inputs, &values, problems, RegisterAt::problems);
             }
             Self::Lines(spec) => {
                 spec.problems(key, problems);
-                value_problems(&spec.values, &values, problems, Cell::problems);
+                value_problems(&spec.values, inputs, &values, problems, Cell::problems);
             }
             Self::Can(spec) => {
                 if spec.interface.is_empty() || spec.interface.len() > 15 || spec.interface.contains('\0') {
                     let found = &spec.interface;
                     problems.push(format!("{key}.interface: expected a name such as can0, found `{found}`"));
                 }
-                value_problems(&spec.values, &values, problems, CanSignal::problems);
+                value_problems(&spec.values, inputs, &values, problems, CanSignal::problems);
             }
             Self::Iio(spec) => {
                 let plain = |name: &str| !name.is_empty() && !name.contains(['/', '\0']) && name != "..";
@@ -214,7 +215,7 @@ impl SensorSpec {
                     problems
                         .push(format!("{key}.device: expected a name such as iio:device0, found `{found}`"));
                 }
-                value_problems(&spec.values, &values, problems, |channel: &String, key, problems| {
+                value_problems(&spec.values, inputs, &values, problems, |channel: &String, key, problems| {
                     if !plain(channel) {
                         problems
                             .push(format!("{key}: expected a channel such as voltage0, found `{channel}`"));
@@ -236,29 +237,33 @@ impl SensorSpec {
     }
 
     /// Adds the sensor, whose specification has no problems, to the devices.
-    fn open(&self, name: &str, folder: &Path, devices: &Devices) -> Result<Inbox, String> {
+    fn open(
+        &self,
+        name: &str,
+        inputs: &InputNames,
+        folder: &Path,
+        devices: &Devices,
+    ) -> Result<Inbox, String> {
         match self {
             Self::Modbus(spec) => {
                 let path = spec.path().ok_or("expected exactly one of tcp and serial")?;
                 let registers = spec.values.values().map(|value| value.from).collect();
                 let ModbusSensor { rate_hz, timeout_ms, backoff_max_ms, .. } = *spec;
-                devices.poll_modbus(&path, channels(&spec.values), name, |feed| {
+                devices.poll_modbus(&path, channels(&spec.values, inputs), name, |feed| {
                     Polled::new(feed, registers, rate_hz, timeout_ms, backoff_max_ms)
                 })
             }
             Self::Lines(spec) => {
                 let pick = Pick::cells(spec.values.iter().map(|(name, value)| (name, &value.from)));
                 let comma_separates = spec.comma_separates;
-                devices.read_lines(&spec.path(folder), channels(&spec.values), name, |feed| LineSensor {
-                    feed,
-                    pick,
-                    comma_separates,
+                devices.read_lines(&spec.path(folder), channels(&spec.values, inputs), name, |feed| {
+                    LineSensor { feed, pick, comma_separates }
                 })
             }
             Self::Can(spec) => {
                 let signals = spec.values.values().map(|value| value.from).collect();
                 let device = CanDevice { interface: spec.interface.clone(), signals };
-                Ok(devices.own(&spec.interface, channels(&spec.values), name, device))
+                Ok(devices.own(&spec.interface, channels(&spec.values, inputs), name, device))
             }
             Self::Iio(spec) => {
                 let device = IioDevice {
@@ -267,7 +272,7 @@ impl SensorSpec {
                     channels: spec.values.values().map(|value| value.from.clone()).collect(),
                     rate_hz: spec.rate_hz,
                 };
-                Ok(devices.own(&spec.device, channels(&spec.values), name, device))
+                Ok(devices.own(&spec.device, channels(&spec.values, inputs), name, device))
             }
         }
     }
@@ -327,11 +332,12 @@ fn check(key: &str, name: &str, value: f64, min: f64, max: f64, problems: &mut V
 }
 
 /// The values on their way, in the order of their names; names and units are checked before.
-fn channels<P>(values: &Values<P>) -> Vec<Channel> {
-    values.iter().filter_map(|(name, value)| value.channel(name)).collect()
+fn channels<P>(values: &Values<P>, inputs: &InputNames) -> Vec<Channel> {
+    values.iter().filter_map(|(name, value)| value.channel(name, inputs)).collect()
 }
 
-/// The source that these sensors are, not started. Commands run in `folder`; device paths are shared through `devices`.
+/// The source that these sensors are, not started. Commands run in `folder`; device paths are shared through `devices`; of the
+/// `names` each is a value of one sensor.
 ///
 /// # Errors
 /// Everything that is wrong, each with its key, what was expected and what was found.
@@ -340,13 +346,14 @@ pub fn open(
     pace: Option<&PaceSpec>,
     folder: &Path,
     devices: &Devices,
+    names: &InputNames,
 ) -> Result<Box<dyn Source>, Vec<String>> {
-    let mut problems = problems(sensors, pace);
+    let mut problems = problems(sensors, pace, names);
     let mut inputs = Vec::new();
     if problems.is_empty() {
         for (name, sensor) in sensors {
             let age_limit_ns = (sensor.age_limit_ms() * 1e6) as u64;
-            match sensor.open(name, folder, devices) {
+            match sensor.open(name, names, folder, devices) {
                 Ok(inbox) => inputs.push(Input { name: name.clone(), inbox, age_limit_ns, ahead: None }),
                 Err(problem) => problems.push(format!("sensors.{name}: {problem}")),
             }
@@ -360,14 +367,14 @@ pub fn open(
         None => Pace::Sensor(0),
     };
     if problems.is_empty() {
-        Ok(Box::new(Mixed::new(inputs, pace, true, devices.clone())))
+        Ok(Box::new(Mixed::new(inputs, pace, true, names.clone(), devices.clone())))
     } else {
         Err(problems)
     }
 }
 
 /// Everything that is wrong with the sensors of an actuator and their pace.
-fn problems(sensors: &Sensors, pace: Option<&PaceSpec>) -> Vec<String> {
+fn problems(sensors: &Sensors, pace: Option<&PaceSpec>, inputs: &InputNames) -> Vec<String> {
     let mut problems = Vec::new();
     let names = || sensors.keys().cloned().collect::<Vec<_>>().join(", ");
     match pace {
@@ -385,18 +392,22 @@ fn problems(sensors: &Sensors, pace: Option<&PaceSpec>) -> Vec<String> {
     }
     let mut from: BTreeMap<usize, &str> = BTreeMap::new();
     for (name, sensor) in sensors {
-        sensor.problems(&format!("sensors.{name}"), &mut problems);
-        for slot in sensor.values().filter_map(|(value, _)| slot(value)) {
-            if let Some(other) = from.insert(slot, name) {
-                let value = QUANTITIES.get(slot).copied().unwrap_or_default();
+        sensor.problems(&format!("sensors.{name}"), inputs, &mut problems);
+        for (value, _) in sensor.values() {
+            if let Some(other) = inputs.slot(value).and_then(|slot| from.insert(slot, name)) {
                 problems.push(format!(
                     "sensors.{name}.values.{value}: expected one sensor for each value, found it in `{other}` too"
                 ));
             }
         }
     }
-    if !from.contains_key(&PRESSURE) {
+    if !from.contains_key(&PRESSURE) && inputs.is_empty() {
         problems.push("sensors: expected a sensor with pressure_mpa, found none; the twin needs it".into());
+    }
+    for name in inputs.iter().filter(|name| inputs.slot(name).is_none_or(|slot| !from.contains_key(&slot))) {
+        problems.push(format!(
+            "sensors: expected a sensor with {name}, which [actuator.inputs] calls measured, found none"
+        ));
     }
     problems
 }

@@ -56,6 +56,19 @@ fn complete(source: &mut SourceReader) -> Option<Reading> {
     last
 }
 
+/// The values that a reading has: `0.03 MPa, gap 40 mm, load_n 2.6`.
+fn values(reading: &Reading) -> String {
+    let own = [
+        (format!("{} MPa", reading.pressure_mpa), reading.pressure_mpa),
+        (format!("gap {} mm", reading.gap_mm), reading.gap_mm),
+        (format!("force {} N", reading.measured_force_n), reading.measured_force_n),
+    ];
+    let own = own.into_iter().filter(|(_, value)| !value.is_nan()).map(|(text, _)| text);
+    let sample = reading.sample(0, 0);
+    let named = sample.inputs().map(|(name, value)| format!("{name} {value}"));
+    own.chain(named).collect::<Vec<_>>().join(", ")
+}
+
 /// Takes one reading.
 fn source(subject: &str, opened: Result<Box<dyn Source>, Vec<String>>) -> Finding {
     let mut source = match opened.map(SourceReader::start) {
@@ -71,7 +84,7 @@ fn source(subject: &str, opened: Result<Box<dyn Source>, Vec<String>>) -> Findin
     let devices = source.devices();
     if devices.is_empty() {
         return match reading {
-            Some(reading) => Finding::good(subject, format!("first reading {} MPa", reading.pressure_mpa)),
+            Some(reading) => Finding::good(subject, format!("first reading {}", values(&reading))),
             None => Finding::bad(subject, "it has no readings", "choose another part of the trace"),
         };
     }
@@ -87,13 +100,9 @@ fn source(subject: &str, opened: Result<Box<dyn Source>, Vec<String>>) -> Findin
             format!("no answer with {} ({})", absent(reading.stale_values), summary()),
             "timeouts: wiring, unit_id, baud; refusals: address, port, rights; garbage: parity, baud, `from` of its values",
         ),
-        Some(reading) if reading.status == 0 => Finding::good(
-            subject,
-            format!(
-                "it answers: {} MPa, gap {} mm, force {} N",
-                reading.pressure_mpa, reading.gap_mm, reading.measured_force_n
-            ),
-        ),
+        Some(reading) if reading.status == 0 => {
+            Finding::good(subject, format!("it answers: {}", values(&reading)))
+        }
         Some(reading) => Finding::bad(
             subject,
             format!("it answers with fault {}", reading.status),

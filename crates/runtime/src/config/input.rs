@@ -1,0 +1,149 @@
+//! Where the values of a model's inputs beside pressure and gap come from.
+
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use wire::layout::{PARAMETERS_MAX, set_slot};
+
+/// Inputs by name (`load_n`, `"elastomer.law.mu_mpa"`).
+pub type InputSpecs = BTreeMap<String, InputFrom>;
+
+/// The word `"measured"`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measured {
+    /// `"measured"`.
+    Measured,
+}
+
+/// Where the value of an input comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum InputFrom {
+    /// `thickness_mm = 7.3`: the scene says it.
+    Given(f64),
+    /// `load_n = "measured"`: every reading has it, any value can occur.
+    Measured(Measured),
+    /// `load_n = { min = 0.0, max = 4.0, sigma = 0.05 }`: measured, within a range.
+    Within(WithinSpec),
+}
+
+/// A measured input with what is known of its values.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WithinSpec {
+    /// Smallest value that can occur.
+    pub min: f64,
+    /// Largest value that can occur.
+    pub max: f64,
+    /// Standard deviation of the noise of a reading, for the estimation; a sensor's own goes before it.
+    pub sigma: Option<f64>,
+}
+
+impl Default for WithinSpec {
+    fn default() -> Self {
+        Self { min: f64::NEG_INFINITY, max: f64::INFINITY, sigma: None }
+    }
+}
+
+impl InputFrom {
+    /// The value that the scene gives, if it does.
+    pub fn given(self) -> Option<f64> {
+        match self {
+            Self::Given(value) => Some(value),
+            Self::Measured(_) | Self::Within(_) => None,
+        }
+    }
+
+    /// What is known of its values where it is measured.
+    pub fn measured(self) -> Option<WithinSpec> {
+        match self {
+            Self::Given(_) => None,
+            Self::Measured(_) => Some(WithinSpec::default()),
+            Self::Within(within) => Some(within),
+        }
+    }
+}
+
+/// Everything that is wrong with the inputs of an actuator; `is_estimated` knows what it estimates.
+pub(super) fn problems(
+    place: &str,
+    inputs: &InputSpecs,
+    is_estimated: impl Fn(&str) -> bool,
+    problems: &mut Vec<String>,
+) {
+    let mut ends = BTreeSet::new();
+    for (name, from) in inputs {
+        let mut expect = |fits: bool, expected: &str, found: String| {
+            if !fits {
+                problems.push(format!("{place}.inputs.\"{name}\": expected {expected}, found {found}"));
+            }
+        };
+        if let Some(value) = from.given() {
+            expect(value.is_finite(), "a number", value.to_string());
+        }
+        let Some(WithinSpec { min, max, sigma }) = from.measured() else { continue };
+        expect(min < max, "min below max", format!("{min} .. {max}"));
+        let sigma = sigma.unwrap_or(1.0);
+        expect(sigma.is_finite() && sigma > 0.0, "a sigma above 0", sigma.to_string());
+        let own = ["pressure_mpa", "gap_mm"].contains(&name.as_str());
+        expect(!own, "an input beside pressure and gap, which need no word here", name.clone());
+        expect(!is_estimated(name), "an input that is either measured or estimated", "both".into());
+        let mut end = [0; 32];
+        set_slot(&mut end, 0, name);
+        expect(ends.insert(end), "measured inputs that differ in their last 31 letters", "two alike".into());
+    }
+    if ends.len() > PARAMETERS_MAX {
+        let found = ends.len();
+        problems.push(format!("{place}.inputs: expected at most {PARAMETERS_MAX} measured, found {found}"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Deserialize)]
+    struct Table {
+        inputs: InputSpecs,
+    }
+
+    fn told(text: &str) -> Vec<String> {
+        let table: Table = toml::from_str(&format!("[inputs]\n{text}")).expect("inputs");
+        let mut found = Vec::new();
+        problems("a", &table.inputs, |name| name == "mu_mpa", &mut found);
+        found
+    }
+
+    #[test]
+    fn an_input_is_given_a_number_or_measured() {
+        let table: Table =
+            toml::from_str("[inputs]\na_n = 3\nb_n = \"measured\"\nc_n = { max = 4, sigma = 0.1 }\n")
+                .expect("inputs");
+        let of = |name: &str| table.inputs[name];
+        assert_eq!((of("a_n").given(), of("a_n").measured()), (Some(3.0), None));
+        assert_eq!((of("b_n").given(), of("b_n").measured()), (None, Some(WithinSpec::default())));
+        let within = WithinSpec { max: 4.0, sigma: Some(0.1), ..WithinSpec::default() };
+        assert_eq!((of("c_n").given(), of("c_n").measured()), (None, Some(within)));
+        for wrong in ["a_n = \"guessed\"", "a_n = { least = 1.0 }"] {
+            assert!(toml::from_str::<Table>(&format!("[inputs]\n{wrong}")).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_told() {
+        for (wrong, text) in [
+            ("a_n = nan", "expected a number, found NaN"),
+            ("a_n = { min = 2, max = 1 }", "expected min below max, found 2 .. 1"),
+            ("a_n = { sigma = 0 }", "expected a sigma above 0, found 0"),
+            ("mu_mpa = \"measured\"", "either measured or estimated, found both"),
+        ] {
+            let found = told(wrong);
+            assert!(found.len() == 1 && found[0].contains(text), "{wrong}: {found:?}");
+        }
+        let alike = ["a", "b"].map(|first| format!("{first}{} = \"measured\"\n", "x".repeat(31)));
+        assert!(told(&alike.concat())[0].contains("last 31 letters"));
+        let many: String = (0..7).map(|at| format!("x{at}_n = \"measured\"\n")).collect();
+        assert!(told(&many)[0].contains("at most 6 measured, found 7"));
+        assert_eq!(told("a_n = 1\nb_n = \"measured\"\nmu_mpa = 0.7\n"), Vec::<String>::new());
+    }
+}
