@@ -32,16 +32,23 @@ pub fn beam(load_n: f64, thickness_mm: f64) -> Vec<([f64; 3], [f64; 3], f64)> {
     nodes
 }
 
-/// A VTU file as meshio writes it in ASCII, lengths in m and stresses in Pa.
-pub fn vtu(load_n: f64, thickness_mm: f64) -> String {
-    let nodes = beam(load_n, thickness_mm);
+/// The hexahedra of the beam.
+pub fn cells() -> Vec<[usize; 8]> {
     let [nx, ny, nz] = CELLS;
     let at = |i: usize, j: usize, k: usize| (k * (ny + 1) + j) * (nx + 1) + i;
+    let ring =
+        |i: usize, j: usize, k: usize| [at(i, j, k), at(i + 1, j, k), at(i + 1, j + 1, k), at(i, j + 1, k)];
     let mut cells = Vec::new();
     for (i, j, k) in (0..nz).flat_map(|k| (0..ny).flat_map(move |j| (0..nx).map(move |i| (i, j, k)))) {
-        let ring = |k: usize| [at(i, j, k), at(i + 1, j, k), at(i + 1, j + 1, k), at(i, j + 1, k)];
-        cells.push([ring(k), ring(k + 1)].concat());
+        let ([a, b, c, d], [e, f, g, h]) = (ring(i, j, k), ring(i, j, k + 1));
+        cells.push([a, b, c, d, e, f, g, h]);
     }
+    cells
+}
+
+/// A VTU file as meshio writes it in ASCII, lengths in m and stresses in Pa.
+pub fn vtu(load_n: f64, thickness_mm: f64) -> String {
+    let (nodes, cells) = (beam(load_n, thickness_mm), cells());
     let text =
         |values: &mut dyn Iterator<Item = f64>| values.map(|v| format!("{v:.11e} ")).collect::<String>();
     let points = text(&mut nodes.iter().flat_map(|node| node.0).map(|v| 1e-3 * v));

@@ -27,7 +27,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 22] = [
+pub const ENTRANCES: [Entrance; 25] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -50,6 +50,9 @@ pub const ENTRANCES: [Entrance; 22] = [
     Entrance { name: "xdmf", body: xdmf, seed: || XDMF.to_vec() },
     Entrance { name: "hdf5", body: hdf5, seed: || HDF5.to_vec() },
     Entrance { name: "inp", body: inp, seed: || INP.to_vec() },
+    Entrance { name: "cdb", body: cdb, seed: || CDB.to_vec() },
+    Entrance { name: "listing", body: listing, seed: || LISTING.to_vec() },
+    Entrance { name: "xplt", body: xplt, seed: || XPLT.to_vec() },
     Entrance { name: "msh", body: msh, seed: || MSH.to_vec() },
     Entrance { name: "npz", body: npz, seed: npz_seed },
     Entrance { name: "model_header", body: wrapped::model_header, seed: wrapped::header_seed },
@@ -362,6 +365,41 @@ pub fn inp(bytes: &[u8]) {
     let Ok(mesh) = formats::abaqus::parse(&String::from_utf8_lossy(bytes)) else { return };
     std::hint::black_box(formats::cells::surface(&mesh.points, &mesh.blocks()));
 }
+
+/// An Ansys archive.
+pub fn cdb(bytes: &[u8]) {
+    let Ok(mesh) = formats::cdb::parse(&String::from_utf8_lossy(bytes)) else { return };
+    assert!(
+        mesh.blocks.iter().flat_map(|block| &block.nodes).all(|node| (*node as usize) < mesh.points.len())
+    );
+    std::hint::black_box(formats::cells::surface(&mesh.points, &mesh.blocks));
+}
+
+/// Listings of Ansys' nodal results.
+pub fn listing(bytes: &[u8]) {
+    let labels = [1, 2, 3, 4];
+    let Ok(steps) = formats::results::parse_listing(&String::from_utf8_lossy(bytes), &labels) else { return };
+    for quantity in steps.iter().flat_map(|step| &step.quantities) {
+        assert_eq!(quantity.values.len(), labels.len() * quantity.components.len());
+    }
+}
+
+/// FEBio's plot file.
+pub fn xplt(bytes: &[u8]) {
+    if let Ok(run) = formats::results::parse_xplt(bytes) {
+        is_whole(&run);
+    }
+}
+
+const CDB: &[u8] = include_bytes!("../../crates/formats/tests/data/model.cdb");
+
+const LISTING: &[u8] = b" PRINT U    NODAL SOLUTION PER NODE\n\n  ***** POST1 NODAL DEGREE OF FREEDOM LISTING *****\n\n\
+  LOAD STEP=     1  SUBSTEP=     2\n   TIME=    1.0000      LOAD CASE=   0\n\n  THE FOLLOWING DEGREE OF FREEDOM RESULTS ARE IN THE \
+GLOBAL COORDINATE SYSTEM\n\n    NODE       UX           UY           UZ\n 1  0.10000E-001-0.20000E-001 0.0000\n 2  1.0 2.0 3.0\n\
+ 3 0.0 0.0 0.0\n 4 1 2 3\n\n MAXIMUM ABSOLUTE VALUES\n NODE          4          2          4\n VALUE   1.0 2.0 3.0\n";
+
+/// As `scripts/checks/xplt_fixtures.py` wrote it.
+const XPLT: &[u8] = include_bytes!("../../crates/formats/tests/data/compressed.xplt");
 
 const FRD: &[u8] = b"    2C                             4                                     1\n\
  -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n -1         2 1.00000E+00 0.00000E+00 0.00000E+00\n\

@@ -55,7 +55,7 @@ fn share(entrance: &Entrance) -> usize {
         "config" => 45,
         "recording" => 90,
         "key" => 120,
-        "frd" | "vtu" | "pvd" | "xdmf" | "hdf5" | "inp" | "msh" | "chunk" => 20,
+        "frd" | "vtu" | "pvd" | "xdmf" | "hdf5" | "inp" | "cdb" | "listing" | "xplt" | "msh" | "chunk" => 20,
         "selector" | "websocket" => 30,
         _ => 220,
     }

@@ -1,6 +1,6 @@
 //! Cells of meshes by VTK's numbers: their names, their faces and the surface of a body.
 
-use crate::mesh_file::{TET_FACES, TRI_FACETS};
+use crate::mesh_file::{TET_EDGES, TET_FACES, TRI_EDGES, TRI_FACETS};
 use std::collections::HashMap;
 
 /// Cells of one kind.
@@ -42,13 +42,15 @@ const fn kind(number: u8, nodes: usize, shape: &'static str, is_solid: bool, mes
 }
 
 /// All kinds that are read: solids, then faces.
-pub const KINDS: [Kind; 10] = [
+pub const KINDS: [Kind; 12] = [
     kind(10, 4, "tetrahedra", true, "tetra"),
     kind(24, 10, "tetrahedra", true, "tetra10"),
     kind(12, 8, "hexahedra", true, "hexahedron"),
     kind(25, 20, "hexahedra", true, "hexahedron20"),
     kind(13, 6, "wedges", true, "wedge"),
     kind(26, 15, "wedges", true, "wedge15"),
+    kind(14, 5, "pyramids", true, "pyramid"),
+    kind(27, 13, "pyramids", true, "pyramid13"),
     kind(5, 3, "triangles", false, "triangle"),
     kind(22, 6, "triangles", false, "triangle6"),
     kind(9, 4, "quadrilaterals", false, "quad"),
@@ -76,6 +78,8 @@ impl Kind {
             25 => all(&HEXAHEDRON),
             13 => corners(&WEDGE),
             26 => all(&WEDGE),
+            14 => corners(&PYRAMID),
+            27 => all(&PYRAMID),
             _ => vec![(0..self.nodes).collect()],
         }
     }
@@ -97,6 +101,30 @@ const WEDGE: [&[usize]; 5] = [
     &[1, 2, 5, 4, 7, 14, 10, 13],
     &[2, 0, 3, 5, 8, 12, 11, 14],
 ];
+
+const PYRAMID: [&[usize]; 5] = [
+    &[0, 3, 2, 1, 8, 7, 6, 5],
+    &[0, 1, 4, 5, 10, 9],
+    &[1, 2, 4, 6, 11, 10],
+    &[2, 3, 4, 7, 12, 11],
+    &[3, 0, 4, 8, 9, 12],
+];
+
+/// Ends of the edge of each mid-side node of a cell, in the order of these nodes; none where the kind has no mid-sides.
+pub(crate) fn edges(kind: u8) -> &'static [[usize; 2]] {
+    match kind {
+        24 => &TET_EDGES,
+        25 => &HEXAHEDRON_EDGES,
+        26 => &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]],
+        27 => &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]],
+        22 => &TRI_EDGES,
+        23 => &[[0, 1], [1, 2], [2, 3], [3, 0]],
+        _ => &[],
+    }
+}
+
+const HEXAHEDRON_EDGES: [[usize; 2]; 12] =
+    [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
 
 /// The flat triangles of a face by its number of nodes, oriented as it is.
 fn facets(nodes: usize) -> &'static [[usize; 3]] {

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod abaqus;
+pub mod cdb;
 pub mod cells;
 pub mod database;
 mod error;
@@ -17,4 +18,4 @@ pub mod table;
 pub mod vtu;
 
 pub use error::{Diagnostic, FormatError, collect};
-pub use mesh_reader::read_mesh;
+pub use mesh_reader::{read_blocks, read_mesh};

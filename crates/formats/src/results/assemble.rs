@@ -10,7 +10,12 @@ use std::path::Path;
 /// Names under which programs write the displacement, lower case.
 const DISPLACEMENT: [&str; 4] = ["disp", "u", "displacement", "displacements"];
 /// Names of the stress tensor and of its equivalent value, lower case.
-const STRESS: [&str; 7] = ["stress", "s", "von_mises", "mises", "vonmises", "s_mises", "von mises stress"];
+const STRESS: [&str; 8] =
+    ["stress", "s", "von_mises", "mises", "vonmises", "s_mises", "von mises stress", "seqv"];
+/// Components of a displacement.
+const VECTOR: [usize; 1] = [3];
+/// Components of a stress: the equivalent one, a symmetric tensor, a full one.
+const STRESS_SIZES: [usize; 3] = [1, 6, 9];
 /// Meshes are one when no node is farther away than this share of their size.
 const SAME_SHARE: f64 = 1e-6;
 
@@ -242,22 +247,24 @@ fn equivalent(quantity: &Quantity, node: usize) -> f64 {
 /// Finds the quantities by their names in the first state.
 fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
     let by_name = |name: &str| step.quantities.iter().find(|quantity| quantity.name == name);
-    let usual = |names: &[&str]| {
+    // Of several with a usual name one of a size that fits: principal stresses S1, S2, S3 stand beside the equivalent stress.
+    let usual = |names: &[&str], sizes: &[usize]| {
         let known = |quantity: &&Quantity| names.contains(&quantity.name.to_lowercase().as_str());
-        step.quantities.iter().find(known)
+        let fits = |quantity: &&Quantity| known(quantity) && sizes.contains(&quantity.components.len());
+        step.quantities.iter().find(fits).or_else(|| step.quantities.iter().find(known))
     };
     let displacement = match &wanted.displacement {
         Some(name) => by_name(name),
-        None => usual(&DISPLACEMENT),
+        None => usual(&DISPLACEMENT, &VECTOR),
     };
     let asked = wanted.displacement.as_deref().unwrap_or("displacement (or name it: --displacement NAME)");
     let displacement = displacement.ok_or_else(|| missing(step, asked))?;
-    sized(displacement, &[3])?;
+    sized(displacement, &VECTOR)?;
     let stress = match &wanted.stress {
         Some(name) => Some(by_name(name).ok_or_else(|| missing(step, name))?),
-        None => usual(&STRESS),
+        None => usual(&STRESS, &STRESS_SIZES),
     };
-    stress.map(|quantity| sized(quantity, &[1, 6, 9])).transpose()?;
+    stress.map(|quantity| sized(quantity, &STRESS_SIZES)).transpose()?;
     if let Some(quantity) = stress.filter(|quantity| quantity.components == UNORDERED) {
         let expected = "the von Mises stress or a tensor of 9 components (of a Tensor6 some programs write xx xy xz yy yz \
                         zz, others xx yy zz xy yz xz; --stress NAME takes another one)";

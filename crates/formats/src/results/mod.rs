@@ -7,34 +7,44 @@
 //! | `.pvd` | ParaView's list of `.vtu` files, one step each | `vtk.rs` |
 //! | `.xdmf` | XDMF with its numbers inside, in binary files or in HDF5; a state each grid of a series | `xdmf` |
 //! | `.inp` | an Abaqus mesh; the results stand in a `.csv` of the same name | `nodal.rs` |
+//! | `.cdb` | an Ansys mesh; the results stand in a `.csv`, or as listings in a `.txt` or `.lis`, of the same name | `nodal.rs` |
+//! | `.xplt` | FEBio's plot file, binary, compressed or not | `xplt` |
 //! | `.npz` | the same arrays as in a folder | `stacks.rs` |
 //! | a folder | NumPy arrays: `points.npy`, `tetra10.npy`, `displacement.npy` (steps x nodes x 3), ... | `stacks.rs` |
 
 mod assemble;
 mod frd;
+mod groups;
+mod listing;
+mod middles;
 mod nodal;
 mod run;
 mod stacks;
 mod vtk;
 mod xdmf;
+mod xplt;
 
 pub use assemble::{Assembly, Chosen, Wanted};
 pub use frd::parse as parse_frd;
+pub use listing::parse as parse_listing;
 pub use run::{Quantity, Run, Step};
 pub use stacks::parse_archive as parse_npz;
 pub use vtk::parse_list as parse_pvd;
 pub use xdmf::parse as parse_xdmf;
+pub use xplt::parse as parse_xplt;
 
 use crate::error::{Diagnostic, FormatError};
 use std::path::Path;
 
 /// Formats of which the reader is another program.
-const ELSEWHERE: [(&str, &str); 6] = [
+const ELSEWHERE: [(&str, &str); 5] = [
     ("h5", "the .xdmf beside it says what its data sets are; name that one"),
     ("vtk", "meshio convert run.vtk run.vtu"),
-    ("xplt", "File > Export > VTK in FEBio Studio, then meshio convert to .vtu"),
     ("odb", "write mesh (.inp) and fields (.csv) from Abaqus' Python: docs/import.md shows the lines"),
-    ("rst", "write nodal results with PRNSOL or PyMAPDL (save_as_vtk): docs/import.md"),
+    (
+        "rst",
+        "write the mesh with CDWRITE (.cdb) and nodal results with PRNSOL (.txt beside it): docs/import.md",
+    ),
     ("dat", "the .frd of the same job holds the fields"),
 ];
 
@@ -51,11 +61,16 @@ pub fn read(path: &Path) -> Result<Run, FormatError> {
         Some("pvd") => vtk::read_series(path),
         Some("xdmf" | "xmf") => xdmf::read(path),
         Some("inp") => nodal::read(path),
+        Some("cdb") => nodal::read_archive(path),
+        Some("xplt") => xplt::read(path),
         Some("npz") => stacks::read_archive(path),
         other => {
             let remedy = ELSEWHERE.iter().find(|(ending, _)| Some(*ending) == other);
             let expected = remedy.map_or_else(
-                || "results as .frd, .vtu, .pvd, .xdmf, .inp with .csv, .npz, or a folder of .npy".to_owned(),
+                || {
+                    "results as .frd, .vtu, .pvd, .xdmf, .xplt, .inp or .cdb with .csv, .npz, or a folder of .npy"
+                        .to_owned()
+                },
                 |(_, remedy)| format!("a format that is read here; convert it: {remedy}"),
             );
             let found = other.map_or_else(|| "no ending".into(), |ending| format!(".{ending}"));

@@ -1,28 +1,77 @@
-//! An Abaqus mesh (`run.inp`) with a table of results at its nodes (`run.csv`): a column `node` with the numbers of the mesh, may
-//! be `step` and `time`, and one column for each component. Columns that end in 1, 2, 3 or 11, 22, 33, 12, 13, 23 belong
-//! together: `u1,u2,u3` is the vector `u`, `s11,...` the tensor `s`.
+//! A mesh with its results in a second file of the same name: Abaqus' `run.inp` with a table (`run.csv`), Ansys' `run.cdb` with a
+//! table or with listings of `PRNSOL` (`run.txt`, `run.lis`).
+//!
+//! A table has a column `node` with the numbers of the mesh, may be `step` and `time`, and one column for each component. Columns
+//! belong together that end in 1, 2, 3 or 11, 22, 33, 12, 13, 23, or in x, y, z, xy, yz, xz: `u1,u2,u3` is the vector `u`,
+//! `sx,...` the tensor `s`.
 
+use super::groups::groups;
+use super::listing;
+use super::middles;
 use super::run::{Quantity, Run, Step};
-use crate::abaqus;
+use crate::cells::Block;
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::table::Table;
+use crate::{abaqus, cdb, file};
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Reads both files.
+/// Endings of what Ansys lists.
+const LISTINGS: [&str; 2] = ["txt", "lis"];
+
+/// Reads an Abaqus mesh and its table.
 pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     let mesh = abaqus::read(path)?;
-    let table_path = path.with_extension("csv");
-    let table = Table::read(&table_path, true)?;
-    let wrong = |diagnostics| FormatError::Content { path: table_path.clone(), diagnostics };
-    let node = table.column("node").map_err(|diagnostic| wrong(vec![diagnostic]))?;
-    let [step, time] = ["step", "time"].map(|name| table.column(name).ok());
+    let blocks = mesh.blocks();
+    with_table(mesh.points, &mesh.labels, blocks, &path.with_extension("csv"))
+}
+
+/// Reads an Ansys archive and the table or the listings beside it.
+pub(super) fn read_archive(path: &Path) -> Result<Run, FormatError> {
+    let beside: Vec<PathBuf> =
+        ["csv"].iter().chain(&LISTINGS).map(|ending| path.with_extension(ending)).collect();
+    let there: Vec<&PathBuf> = beside.iter().filter(|path| path.exists()).collect();
+    let results = match there.as_slice() {
+        [one] => *one,
+        others => {
+            let names: Vec<String> = others.iter().map(|path| path.display().to_string()).collect();
+            let found = if names.is_empty() { "none".to_owned() } else { names.join(" and ") };
+            let expected = "one of the same name as .csv (a table) or .txt, .lis (PRNSOL): docs/import.md";
+            return Err(FormatError::one(path, Diagnostic::new("results", expected, found)));
+        }
+    };
+    let mesh = cdb::read(path)?;
+    let mut run = if results == &beside[0] {
+        with_table(mesh.points, &mesh.labels, mesh.blocks, results)?
+    } else {
+        let text = file::read_bytes(results, file::MAX_DATA_BYTES)?;
+        let steps = listing::parse(&String::from_utf8_lossy(&text), &mesh.labels)
+            .map_err(|diagnostics| FormatError::Content { path: results.clone(), diagnostics })?;
+        Run { points: mesh.points, blocks: mesh.blocks, steps, left_out: Vec::new() }
+    };
+    middles::fill(&mut run);
+    Ok(run)
+}
+
+fn with_table(
+    points: Vec<[f64; 3]>,
+    labels: &[u64],
+    blocks: Vec<Block>,
+    path: &Path,
+) -> Result<Run, FormatError> {
+    let table = Table::read(path, true)?;
     let names = table.header();
+    let column = |name: &str| names.iter().position(|column| column.eq_ignore_ascii_case(name));
+    let [step, time] = ["step", "time"].map(column);
+    let Some(node) = column("node") else {
+        let missing = table.column("node").err().into_iter().collect();
+        return Err(FormatError::Content { path: path.into(), diagnostics: missing });
+    };
     let values: Vec<usize> =
         (0..names.len()).filter(|at| *at != node && Some(*at) != step && Some(*at) != time).collect();
     let groups = groups(&values, names);
-    let place: HashMap<u64, usize> = mesh.labels.iter().enumerate().map(|(at, label)| (*label, at)).collect();
-    let (nodes, mut steps, mut diagnostics) = (mesh.points.len(), Vec::<Step>::new(), Vec::new());
+    let place: HashMap<u64, usize> = labels.iter().enumerate().map(|(at, label)| (*label, at)).collect();
+    let (nodes, mut steps, mut diagnostics) = (points.len(), Vec::<Step>::new(), Vec::new());
     let empty = |name: String, time| Step {
         name,
         time,
@@ -58,21 +107,6 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
             }
         }
     }
-    let blocks = mesh.blocks();
-    let run = Run { points: mesh.points, blocks, steps, left_out: Vec::new() };
-    FormatError::check(run, &table_path, diagnostics)
-}
-
-/// Columns by the name without the number of the component, in the order of the table.
-fn groups(columns: &[usize], names: &[String]) -> Vec<(String, Vec<usize>)> {
-    let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
-    for at in columns {
-        let name = names[*at].trim_end_matches(['1', '2', '3']);
-        let name = name.trim_end_matches(['-', '.', '_', ':']);
-        match groups.iter_mut().find(|group| group.0 == name) {
-            Some(group) => group.1.push(*at),
-            None => groups.push((name.to_owned(), vec![*at])),
-        }
-    }
-    groups
+    let run = Run { points, blocks, steps, left_out: Vec::new() };
+    FormatError::check(run, path, diagnostics)
 }

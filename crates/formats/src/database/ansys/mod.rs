@@ -6,8 +6,8 @@
 //!
 //! One folder must deform the points; a second one may hold stress: a scalar is taken as von Mises stress, a symmetric
 //! tensor (XX, YY, ZZ, XY, YZ, XZ) gives it. A column `contact_force[N]` is needed where there is a gap, because the
-//! exchange has no place for forces; a column `split` (train, test, check) may be added. A `mesh.vtu` or `mesh.inp` of the
-//! same nodes beside the folders gives the surface.
+//! exchange has no place for forces; a column `split` (train, test, check) may be added. A `mesh.vtu`, `mesh.inp` or
+//! `mesh.cdb` of the same nodes beside the folders gives the surface.
 
 mod array;
 mod design;
@@ -23,7 +23,7 @@ use settings::{Quantity, Settings};
 use std::path::{Path, PathBuf};
 
 const SETTINGS: &str = "settings.json";
-const MESHES: [&str; 2] = ["mesh.vtu", "mesh.inp"];
+const MESHES: [&str; 3] = ["mesh.vtu", "mesh.inp", "mesh.cdb"];
 
 /// Whether a folder looks like this exchange: a sub-folder has `settings.json`.
 pub(crate) fn is_exchange(dir: &Path) -> bool {
