@@ -1,18 +1,17 @@
 //! Ansys archives with tables and listings. `data/*.cdb` were written by mapdl-archive 0.4.2 (`scripts/checks/cdb_fixtures.py`): a
 //! hexahedron, a wedge, a pyramid and a tetrahedron 3 apart, as collapsed hexahedra where they are linear. No Ansys was at hand.
 
+mod common;
+
+use common::{data, quantity};
 use formats::cdb;
 use formats::cells::surface;
-use formats::results::{self, Quantity, Run, parse_listing};
+use formats::results::{self, Quantity, parse_listing};
 use proptest::prelude::*;
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
-
-fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
-}
+use std::path::PathBuf;
 
 /// What the surface of a mesh encloses, and whether it is closed.
 fn volume(points: &[[f64; 3]], skin: &[[u32; 3]]) -> (f64, bool) {
@@ -134,10 +133,6 @@ fn listings() -> String {
         text += "\n MINIMUM VALUES\n NODE          1          1          1          1          1          1\n VALUE    1.0 0.0 0.0 0.0 0.0 0.0\n";
     }
     text
-}
-
-fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a Quantity {
-    run.steps[step].quantities.iter().find(|quantity| quantity.name == name).expect("the quantity")
 }
 
 fn job(results: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {

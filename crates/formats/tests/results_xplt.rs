@@ -1,19 +1,13 @@
 //! FEBio's plot files. No FEBio was at hand: `scripts/checks/xplt_fixtures.py` wrote `data/*.xplt` in the form that FEBio Studio
 //! reads, and febio-python, which nobody here wrote, read the plain one as it was meant.
 
+mod common;
+
+use common::{data, quantity};
 use formats::cells::surface;
-use formats::results::{self, Quantity, Run, parse_xplt};
+use formats::results::{self, Quantity, parse_xplt};
 use proptest::prelude::*;
 use std::fs;
-use std::path::{Path, PathBuf};
-
-fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
-}
-
-fn quantity<'a>(run: &'a Run, step: usize, name: &str) -> &'a Quantity {
-    run.steps[step].quantities.iter().find(|quantity| quantity.name == name).expect("the quantity")
-}
 
 #[test]
 fn states_that_converged_are_read_with_means_at_the_nodes() {
