@@ -7,7 +7,7 @@
 
 use crate::evaluation::Evaluation;
 use crate::inputs::{GAP, InputMap, Inputs, MAX_INPUTS, PRESSURE};
-use crate::kernel::weigh::{BLOCK, Weights};
+use crate::kernel::weigh::Weights;
 use crate::model::{Clearance, RegimeModel};
 use crate::regime::{LastOnset, Onset, OnsetAt, OnsetTable};
 use crate::sums::{Room, Sums};
@@ -50,19 +50,16 @@ impl OnsetSolver {
         let surrogate = &free.groups[clearance.group].surrogate;
         let sums = Sums::new(&[surrogate]);
         let modes = surrogate.outputs;
-        let blocks = clearance.mean_mm.len().div_ceil(BLOCK);
-        let height =
-            |node: usize, mode: usize| clearance.modes.get(node * modes + mode).copied().unwrap_or(0.0);
-        let row = |block: usize, mode: usize| std::array::from_fn(|k| height(block * BLOCK + k, mode));
-        let values = (0..blocks).flat_map(|block| (0..modes).map(move |mode| row(block, mode))).collect();
-        let heights = Weights { dimensions: 0, blocks, sloped: 0, values };
+        let nodes = clearance.mean_mm.len();
+        let height = |mode: usize, _: usize, node: usize| clearance.modes[node * modes + mode];
+        let heights = Weights::new([0, nodes, modes, 0], height);
         Self { inputs: free.inputs.clone(), modes, heights, sums, clearance }
     }
 
     /// What an answer needs.
     pub(crate) fn memory(&self) -> Room {
         let mut room = Room::of([&self.sums].into_iter());
-        room.reserve_for(self.modes, &self.heights);
+        room.reserve_for(&self.heights);
         room
     }
 
@@ -77,17 +74,10 @@ impl OnsetSolver {
     }
 
     fn depth(&self, inputs: &Inputs, out: &mut Evaluation) -> Depth {
+        out.gradients.iter_mut().for_each(|row| row.resize(self.modes, 0.0));
+        let (node, height) = self.lowest(inputs, out, true);
         let modes = self.modes;
-        for values in out.gradients.iter_mut().chain([&mut out.coefficients]) {
-            values.resize(modes, 0.0);
-        }
-        let gradient = Some(out.gradients.each_mut().map(Vec::as_mut_slice));
-        self.sums.evaluate(&self.inputs.scale(inputs), &mut out.room, &mut out.coefficients, gradient);
-        let Clearance { mean_mm, modes: phi, .. } = &self.clearance;
-        let sums = out.room.weighted(&self.heights, &out.coefficients);
-        let heights = mean_mm.iter().zip(sums.as_flattened()).map(|(mean, sum)| mean + sum).enumerate();
-        let (node, height) = heights.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::NAN));
-        let row = phi.get(node * modes..(node + 1) * modes).unwrap_or_default();
+        let row = self.clearance.modes.get(node * modes..(node + 1) * modes).unwrap_or_default();
         let dot = |a: &[f64]| row.iter().zip(a).map(|(phi, a)| phi * a).sum::<f64>();
         let mut gradient = [0.0; MAX_INPUTS];
         for (axis, row) in self.inputs.axes.iter().zip(&out.gradients) {
@@ -96,9 +86,19 @@ impl OnsetSolver {
         Depth { mm: -height, gradient }
     }
 
+    /// The lowest node and its height, mm; leaves the modes' coefficients, and their derivatives where asked for.
+    fn lowest(&self, inputs: &Inputs, out: &mut Evaluation, with_gradient: bool) -> (usize, f64) {
+        out.coefficients.resize(self.modes, 0.0);
+        let gradient = with_gradient.then(|| out.gradients.each_mut().map(Vec::as_mut_slice));
+        self.sums.evaluate(&self.inputs.scale(inputs), &mut out.room, &mut out.coefficients, gradient);
+        let sums = out.room.weighted(&self.heights, &out.coefficients);
+        let heights = self.clearance.mean_mm.iter().zip(sums.as_flattened()).map(|(mean, sum)| mean + sum);
+        heights.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, f64::NAN))
+    }
+
     /// Depth of the lowest node at a state's pressure and parameters, mm.
     pub(crate) fn depth_mm(&self, inputs: &Inputs, room: &mut Evaluation) -> f64 {
-        self.depth(inputs, room).mm
+        -self.lowest(inputs, room, false).1
     }
 
     /// The onset at a state. `table` is one at some parameters, where it is at hand, and whether these are the state's own:

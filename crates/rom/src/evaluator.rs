@@ -256,9 +256,10 @@ impl Evaluator {
         self.differentiate_at(inputs, at, out);
     }
 
-    /// [`Self::differentiate`] with a known onset, without half-widths.
+    /// [`Self::differentiate`] with a known onset, without half-widths and domain.
     fn differentiate_at(&self, inputs: Inputs, at: OnsetAt, out: &mut Evaluation) {
-        let Some(part) = self.place_at(inputs, &at, out) else { return };
+        (out.domain, out.domain_distance) = (DomainStatus::Outside, f64::NAN);
+        let Some(part) = self.regime_at(inputs, &at, out) else { return };
         force(part, &at, &part.model.inputs.scale(&inputs), out);
         self.coefficients(out, true);
     }
@@ -276,8 +277,8 @@ impl Evaluator {
         (at, self.place_at(inputs, &at, out))
     }
 
-    /// [`Self::place`] with a known onset.
-    fn place_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
+    /// The regime at a known onset; no force yet.
+    fn regime_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
         out.room.reserve(&self.room);
         let onset = at.onset;
         out.inputs = inputs;
@@ -285,7 +286,12 @@ impl Evaluator {
         out.onset_pressure_mpa = onset.pressure_mpa();
         out.flags = Flags::default();
         (out.contact_force_n, out.force_gradient) = (0.0, [0.0; MAX_INPUTS]);
-        let part = self.parts.iter().find(|p| p.model.kind == out.regime);
+        self.parts.iter().find(|part| part.model.kind == out.regime)
+    }
+
+    /// [`Self::place`] with a known onset.
+    fn place_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
+        let part = self.regime_at(inputs, at, out);
         let missing = inputs.values()[..self.inputs.len()].iter().any(|value| value.is_nan())
             || self.onset.is_some() && at.pressure_mpa.is_nan();
         out.domain_distance = match part {

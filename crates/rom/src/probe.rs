@@ -208,13 +208,14 @@ impl Probes {
     }
 
     /// [`Self::evaluate`] where nothing is there to touch, whatever the gap: half the cost, for no onset is searched for.
+    /// Half-widths and domain are left out.
     pub fn evaluate_free(&self, inputs: Inputs, evaluation: &mut Evaluation, out: &mut [ProbePosition]) {
         self.evaluator.differentiate_free(inputs, evaluation);
         self.read(evaluation, out);
     }
 
     /// [`Self::evaluate`] of states one near the other: the search for an onset that depends on parameters begins at the last one
-    /// and ends within some 1e-4 mm of gap, mostly after one step. Half-widths are left out.
+    /// and ends within some 1e-4 mm of gap, mostly after one step. Half-widths and domain are left out.
     pub fn evaluate_near(
         &self,
         inputs: Inputs,

@@ -3,6 +3,8 @@
 use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
 use crate::interpolant::{Interpolant, Metric};
+use crate::kernel::approach::approach;
+use crate::kernel::tail::Polynomial;
 use crate::kernel::weigh::{BLOCK, Near, Weights, weigh};
 
 /// Interpolants over the same centres and with the same kernel, their outputs side by side.
@@ -13,8 +15,8 @@ pub(crate) struct Sums {
     metric: Metric,
     dimensions: usize,
     outputs: usize,
-    /// `centres x dimensions`, those with slopes first.
-    centres: Vec<f64>,
+    /// By group of eight centres and input: those with slopes first, the state 0 where there are less than eight.
+    centres: Vec<[f64; BLOCK]>,
     weights: Weights,
     /// `tail terms x outputs`.
     tail_weights: Vec<f64>,
@@ -27,13 +29,16 @@ pub(crate) struct Room {
     sums: Vec<[f64; BLOCK]>,
 }
 
+/// No centre yet.
+const NOWHERE: Near = [[0.0; BLOCK]; 3 + MAX_INPUTS];
+
 /// Slices that take the derivatives by each scaled input; those beyond the inputs in use stay as they are.
 pub(crate) type Gradient<'a> = [&'a mut [f64]; MAX_INPUTS];
 
 impl Room {
     /// Allocates only where there is less room than asked for.
     pub fn reserve(&mut self, other: &Self) {
-        grow(&mut self.near, other.near.len(), [0.0; 3 + MAX_INPUTS]);
+        grow(&mut self.near, other.near.len(), NOWHERE);
         grow(&mut self.sums, other.sums.len(), [0.0; BLOCK]);
     }
 
@@ -41,21 +46,23 @@ impl Room {
     pub fn of<'a>(all: impl Iterator<Item = &'a Sums>) -> Self {
         let mut room = Self::default();
         for sums in all {
-            room.reserve_for(sums.centre_count(), &sums.weights);
+            room.reserve_for(&sums.weights);
         }
         room
     }
 
-    /// Room for the sums of so many centres.
-    pub fn reserve_for(&mut self, centres: usize, weights: &Weights) {
-        grow(&mut self.near, centres, [0.0; 3 + MAX_INPUTS]);
+    /// Room for these sums.
+    pub fn reserve_for(&mut self, weights: &Weights) {
+        grow(&mut self.near, weights.groups(), NOWHERE);
         grow(&mut self.sums, weights.blocks * (1 + weights.dimensions), [0.0; BLOCK]);
     }
 
     /// `sum_k weights_k factors_k` for weights over no input.
     pub fn weighted(&mut self, weights: &Weights, factors: &[f64]) -> &[[f64; BLOCK]] {
-        let near = &mut self.near[..factors.len()];
-        near.iter_mut().zip(factors).for_each(|(near, factor)| near[0] = *factor);
+        let near = &mut self.near[..weights.groups()];
+        for (near, factors) in near.iter_mut().zip(factors.chunks(BLOCK)) {
+            near[0] = std::array::from_fn(|k| factors.get(k).copied().unwrap_or(0.0));
+        }
         weigh(weights, near, false, &mut self.sums);
         &self.sums
     }
@@ -88,48 +95,37 @@ impl Sums {
             (0..rows).flat_map(row).copied().collect()
         };
         let rows = all(parts[0].terms(), |part| &part.weights);
-        let block_of = |row: Option<usize>, block: usize| -> [f64; BLOCK] {
-            let value = |k: usize| rows[row? * outputs..(row? + 1) * outputs].get(BLOCK * block + k).copied();
-            std::array::from_fn(|k| value(k).unwrap_or(0.0))
-        };
-        let blocks = usize::div_ceil(outputs, BLOCK);
-        let mut values = Vec::with_capacity(blocks * (centres + sloped * dimensions));
-        for block in 0..blocks {
-            for (at, &centre) in order.iter().enumerate() {
-                values.push(block_of(Some(centre), block));
-                if at < sloped {
-                    let along =
-                        std::array::from_fn::<_, MAX_INPUTS, _>(|j| block_of(slopes[centre][j], block));
-                    values.extend(pushed(&metric, &along).into_iter().take(dimensions));
-                }
+        let value = |row: Option<usize>, output: usize| row.map_or(0.0, |row| rows[row * outputs + output]);
+        // Slope weights by scaled input as those over `M x`.
+        let of = |at: usize, row: usize, output: usize| {
+            if row == 0 {
+                return value(Some(order[at]), output);
             }
-        }
+            metric.apply(&slopes[order[at]].map(|slope| value(slope, output)))[row - 1]
+        };
+        let weights = Weights::new([dimensions, outputs, centres, sloped], of);
+        let place =
+            |at: usize, input: usize| order.get(at).map_or(0.0, |c| parts[0].centres[c * dimensions + input]);
+        let lanes = |group: usize, input: usize| std::array::from_fn(|k| place(BLOCK * group + k, input));
+        let row = |group: usize| (0..dimensions).map(move |input| (group, input));
         Self {
             kernel,
             tail,
             metric,
             dimensions,
             outputs,
-            centres: order
-                .iter()
-                .flat_map(|&c| &parts[0].centres[c * dimensions..(c + 1) * dimensions])
-                .copied()
-                .collect(),
-            weights: Weights { dimensions, blocks, sloped, values },
+            centres: (0..weights.groups()).flat_map(row).map(|(group, input)| lanes(group, input)).collect(),
+            weights,
             tail_weights: all(tail.terms(dimensions), |part| &part.tail_weights),
         }
-    }
-
-    fn centre_count(&self) -> usize {
-        self.centres.len() / self.dimensions.max(1)
     }
 
     /// Value and, where asked for, gradient over scaled inputs of every output at `x`. No allocation where `room` is of these
     /// sums. Cost: see [`weigh`].
     pub fn evaluate(&self, x: &Point, room: &mut Room, value: &mut [f64], gradient: Option<Gradient<'_>>) {
         let u = self.metric.apply(x);
-        let near = &mut room.near[..self.centre_count()];
-        self.approach(&u, near);
+        let near = &mut room.near[..self.weights.groups()];
+        approach(self.kernel, &u, self.dimensions, &self.centres, near);
         weigh(&self.weights, near, gradient.is_some(), &mut room.sums);
         let rows = 1 + self.dimensions;
         let sum = |k: usize, row: usize| room.sums[k / BLOCK * rows + row][k % BLOCK];
@@ -142,40 +138,14 @@ impl Sums {
                 by.iter_mut().zip(slopes).take(self.dimensions).for_each(|(row, slope)| row[k] = slope);
             }
         }
-        let mut weights = self.tail_weights.chunks_exact(self.outputs.max(1));
-        self.tail.each_term(self.dimensions, &u, |term, slopes| {
-            let Some(w) = weights.next() else { return };
-            value.iter_mut().zip(w).for_each(|(v, w)| *v += w * term);
-            let Some(by) = &mut by else { return };
-            for (row, slope) in by.iter_mut().zip(self.metric.pull_back(slopes)).take(self.dimensions) {
-                if slope != 0.0 {
-                    row.iter_mut().zip(w).for_each(|(d, w)| *d += w * slope);
-                }
-            }
-        });
+        let tail = Polynomial {
+            tail: self.tail,
+            metric: &self.metric,
+            dimensions: self.dimensions,
+            weights: &self.tail_weights,
+        };
+        tail.add(&u, value, by);
     }
-
-    /// Kernel values and ways to all centres from `u = M x`.
-    fn approach(&self, u: &Point, near: &mut [Near]) {
-        for (near, centre) in near.iter_mut().zip(self.centres.chunks_exact(self.dimensions)) {
-            let mut square = 0.0;
-            for ((d, u), centre) in near[3..].iter_mut().zip(u).zip(centre) {
-                *d = u - centre;
-                square += *d * *d;
-            }
-            near[..3].copy_from_slice(&self.kernel.derivatives(square));
-        }
-    }
-}
-
-/// `M v`: slope weights, one row a scaled input, as those over `M x`.
-fn pushed(metric: &Metric, along: &[[f64; BLOCK]; MAX_INPUTS]) -> [[f64; BLOCK]; MAX_INPUTS] {
-    let mut out = *along;
-    for k in 0..BLOCK {
-        let v = metric.apply(&std::array::from_fn(|j| along[j][k]));
-        out.iter_mut().zip(v).for_each(|(row, v)| row[k] = v);
-    }
-    out
 }
 
 impl Interpolant {

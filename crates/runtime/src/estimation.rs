@@ -163,24 +163,18 @@ impl SensorModel {
     fn read(&self, out: &mut [Predicted]) {
         let force =
             Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };
-        let rotation = &self.rotation;
-        let origin = self.camera.position_mm;
+        let Some((of_force, of_markers)) = out.split_first_mut() else { return };
+        *of_force = force;
         // Into the camera's frame: the transposed rotation of the difference.
-        let markers = self.positions.iter().flat_map(|probe| {
-            [0, 1, 2].map(|axis| {
-                let mut predicted = Predicted::default();
-                for (((row, x), o), by) in
-                    rotation.iter().zip(probe.position_mm).zip(origin).zip(&probe.gradient)
-                {
-                    let factor = row.get(axis).copied().unwrap_or(0.0);
-                    predicted.value += factor * (x - o);
-                    predicted.gradient.iter_mut().zip(by).for_each(|(to, from)| *to += factor * from);
+        for (coordinates, probe) in of_markers.chunks_exact_mut(3).zip(&self.positions) {
+            for (axis, predicted) in coordinates.iter_mut().enumerate() {
+                *predicted = Predicted::default();
+                for (k, row) in self.rotation.iter().enumerate() {
+                    predicted.value += row[axis] * (probe.position_mm[k] - self.camera.position_mm[k]);
+                    let by_input = predicted.gradient.iter_mut().zip(&probe.gradient[k]);
+                    by_input.for_each(|(to, from)| *to += row[axis] * from);
                 }
-                predicted
-            })
-        });
-        for (out, predicted) in out.iter_mut().zip(std::iter::once(force).chain(markers)) {
-            *out = predicted;
+            }
         }
     }
 }

@@ -16,9 +16,13 @@
 //! once, in order, and all fields of a node are at hand together, so that derived fields cost no second pass.
 //! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape).
 //!
-//! The module knows nothing of the model: [`Spec`] describes what to build from plain slices. The tests
+//! What an evaluation of the model needs before is here as well, for its instruction sets: the kernel sums of interpolants (`approach.rs`,
+//! `weigh.rs`, `tail.rs`).
+//!
+//! The reconstruction knows nothing of the model: [`Spec`] describes what to build from plain slices. The tests
 //! hold every instruction set to the same equations computed in the plainest way and in f64.
 
+pub(crate) mod approach;
 mod basis;
 mod eight;
 mod isa;
@@ -26,6 +30,7 @@ mod lanes;
 mod plan;
 mod spec;
 mod sweep;
+pub(crate) mod tail;
 mod tiles;
 pub(crate) mod weigh;
 

@@ -6,8 +6,8 @@
 //! gradient  (w a - b (v . d)) d - a v        over M x
 //! ```
 //! Eight outputs stay in registers while the loop passes over all centres, and weights lie in the order in which they are
-//! read, once. Products and sums are rounded apart and taken in the order of the centres: every instruction set gives the
-//! same bits.
+//! read, once. A single output has eight centres in registers instead, which are added up at the end. Products and sums are rounded
+//! apart and taken in one order: every instruction set gives the same bits.
 
 use super::eight::Eight;
 #[cfg(target_arch = "x86_64")]
@@ -15,21 +15,63 @@ use super::eight::{Avx2, Avx512};
 use super::isa::Isa;
 use crate::inputs::MAX_INPUTS;
 
-/// Outputs of a block.
+/// Outputs of a block, and centres of a group.
 pub(crate) const BLOCK: usize = 8;
 
-/// What a centre is to a state: `g`, `a`, `b`, then `d`.
-pub(crate) type Near = [f64; 3 + MAX_INPUTS];
+/// What eight centres are to a state: `g`, `a`, `b`, then `d`, each for all eight.
+pub(crate) type Near = [[f64; BLOCK]; 3 + MAX_INPUTS];
 
-/// Weights of centres in blocks of outputs: by block and centre `w`, followed by `v` along each input where the centre has
-/// slopes. Centres with slopes come first.
+/// Weights of centres: `w`, followed by `v` along each input where the centre has slopes. Centres with slopes come first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Weights {
     pub dimensions: usize,
+    /// Blocks of eight outputs.
     pub blocks: usize,
+    pub centres: usize,
     /// Centres with slopes.
     pub sloped: usize,
+    /// One output only: rows of eight centres. Otherwise rows of eight outputs, by block and centre.
+    pub is_single: bool,
     pub values: Vec<[f64; BLOCK]>,
+}
+
+impl Weights {
+    /// Of `outputs` at so many centres; `of(centre, row, output)` is `w` in row 0 and `v` along input `j` in row `1 + j`.
+    pub(crate) fn new(
+        [dimensions, outputs, centres, sloped]: [usize; 4],
+        of: impl Fn(usize, usize, usize) -> f64,
+    ) -> Self {
+        let (is_single, blocks) = (outputs == 1, outputs.div_ceil(BLOCK));
+        let value = |centre: usize, row: usize, output: usize| {
+            if centre < centres && output < outputs { of(centre, row, output) } else { 0.0 }
+        };
+        let rows = |has_slopes: bool| 0..if has_slopes { 1 + dimensions } else { 1 };
+        let mut values = Vec::new();
+        if is_single {
+            for first in (0..centres).step_by(BLOCK) {
+                let along = |row: usize| move |k: usize| (first + k, row);
+                for of_row in rows(first < sloped).map(along) {
+                    let one = |k: usize| {
+                        let (centre, row) = of_row(k);
+                        if row > 0 && centre >= sloped { 0.0 } else { value(centre, row, 0) }
+                    };
+                    values.push(std::array::from_fn(one));
+                }
+            }
+        } else {
+            for (block, centre) in (0..blocks).flat_map(|block| (0..centres).map(move |c| (block, c))) {
+                for row in rows(centre < sloped) {
+                    values.push(std::array::from_fn(|k| value(centre, row, BLOCK * block + k)));
+                }
+            }
+        }
+        Self { dimensions, blocks, centres, sloped, is_single, values }
+    }
+
+    /// Groups of eight centres.
+    pub(crate) fn groups(&self) -> usize {
+        self.centres.div_ceil(BLOCK)
+    }
 }
 
 /// Sums by block: values in the first row, then a row of derivatives along each input where `gradient` is asked for. `sums`
@@ -92,16 +134,58 @@ unsafe fn blocks<E: Eight, const D: usize>(
     gradient: bool,
     sums: &mut [[f64; BLOCK]],
 ) {
-    let rows = near.len() + weights.sloped * D;
+    // SAFETY: the caller's promise.
+    unsafe {
+        match (weights.is_single, gradient) {
+            (true, true) => single::<E, D, true>(weights, near, sums),
+            (true, false) => single::<E, D, false>(weights, near, sums),
+            (false, true) => every_block::<E, D, true>(weights, near, sums),
+            (false, false) => every_block::<E, D, false>(weights, near, sums),
+        }
+    }
+}
+
+/// # Safety
+/// As [`over`].
+#[inline(always)]
+unsafe fn every_block<E: Eight, const D: usize, const GRADIENT: bool>(
+    weights: &Weights,
+    near: &[Near],
+    sums: &mut [[f64; BLOCK]],
+) {
+    let rows = weights.centres + weights.sloped * D;
     for block in 0..weights.blocks {
         let values = &weights.values[block * rows..(block + 1) * rows];
         let sums = &mut sums[block * (1 + D)..(block + 1) * (1 + D)];
         // SAFETY: the caller's promise.
-        unsafe {
-            if gradient {
-                block_of::<E, D, true>(values, near, weights.sloped, sums);
-            } else {
-                block_of::<E, D, false>(values, near, weights.sloped, sums);
+        unsafe { block_of::<E, D, GRADIENT>(values, near, weights.sloped, sums) };
+    }
+}
+
+/// What a centre with slopes adds, its rows of weights and the rows of `near` given as registers.
+///
+/// # Safety
+/// As [`over`].
+#[inline(always)]
+unsafe fn add<E: Eight, const D: usize, const GRADIENT: bool>(
+    rows: &[[f64; BLOCK]],
+    [g, a, b]: [E; 3],
+    d: &[E; D],
+    value: &mut E,
+    gradient: &mut [E; D],
+) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let w = E::load(&rows[0]);
+        let mut along = E::splat(0.0);
+        for j in 0..D {
+            along = along.add(E::load(&rows[1 + j]).mul(d[j]));
+        }
+        *value = value.add(w.mul(g).sub(a.mul(along)));
+        if GRADIENT {
+            let common = w.mul(a).sub(b.mul(along));
+            for (j, sum) in gradient.iter_mut().enumerate() {
+                *sum = sum.add(common.mul(d[j]).sub(a.mul(E::load(&rows[1 + j]))));
             }
         }
     }
@@ -120,30 +204,78 @@ unsafe fn block_of<E: Eight, const D: usize, const GRADIENT: bool>(
     unsafe {
         let (mut value, mut gradient) = (E::splat(0.0), [E::splat(0.0); D]);
         let (with, without) = weights.split_at(sloped * (1 + D));
-        for (rows, near) in with.chunks_exact(1 + D).zip(near) {
-            let (w, g, a, b) = (E::load(&rows[0]), E::splat(near[0]), E::splat(near[1]), E::splat(near[2]));
-            let mut along = E::splat(0.0);
+        for (centre, rows) in with.chunks_exact(1 + D).enumerate() {
+            let (near, lane) = (&near[centre / BLOCK], centre % BLOCK);
+            let mut d = [E::splat(0.0); D];
             for j in 0..D {
-                along = along.add(E::load(&rows[1 + j]).mul(E::splat(near[3 + j])));
+                d[j] = E::splat(near[3 + j][lane]);
             }
-            value = value.add(w.mul(g).sub(a.mul(along)));
+            let of_kernel = [E::splat(near[0][lane]), E::splat(near[1][lane]), E::splat(near[2][lane])];
+            add::<E, D, GRADIENT>(rows, of_kernel, &d, &mut value, &mut gradient);
+        }
+        for (w, centre) in without.iter().zip(sloped..) {
+            let (near, lane, w) = (&near[centre / BLOCK], centre % BLOCK, E::load(w));
+            value = value.add(w.mul(E::splat(near[0][lane])));
             if GRADIENT {
-                let common = w.mul(a).sub(b.mul(along));
                 for (j, sum) in gradient.iter_mut().enumerate() {
-                    let term = common.mul(E::splat(near[3 + j])).sub(a.mul(E::load(&rows[1 + j])));
-                    *sum = sum.add(term);
+                    *sum = sum.add(w.mul(E::splat(near[1][lane] * near[3 + j][lane])));
                 }
             }
         }
-        for (w, near) in without.iter().zip(&near[sloped..]) {
+        store::<E, D, GRADIENT>(value, gradient, sums);
+    }
+}
+
+/// The sums of one output, in the first column.
+///
+/// # Safety
+/// As [`over`].
+#[inline(always)]
+unsafe fn single<E: Eight, const D: usize, const GRADIENT: bool>(
+    weights: &Weights,
+    near: &[Near],
+    sums: &mut [[f64; BLOCK]],
+) {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let (mut value, mut gradient) = (E::splat(0.0), [E::splat(0.0); D]);
+        let groups = weights.sloped.div_ceil(BLOCK);
+        let (with, without) = weights.values.split_at(groups * (1 + D));
+        for (rows, near) in with.chunks_exact(1 + D).zip(near) {
+            let mut d = [E::splat(0.0); D];
+            for j in 0..D {
+                d[j] = E::load(&near[3 + j]);
+            }
+            let of_kernel = [E::load(&near[0]), E::load(&near[1]), E::load(&near[2])];
+            add::<E, D, GRADIENT>(rows, of_kernel, &d, &mut value, &mut gradient);
+        }
+        for (w, near) in without.iter().zip(&near[groups..]) {
             let w = E::load(w);
-            value = value.add(w.mul(E::splat(near[0])));
+            value = value.add(w.mul(E::load(&near[0])));
             if GRADIENT {
+                let by_r = w.mul(E::load(&near[1]));
                 for (j, sum) in gradient.iter_mut().enumerate() {
-                    *sum = sum.add(w.mul(E::splat(near[1] * near[3 + j])));
+                    *sum = sum.add(by_r.mul(E::load(&near[3 + j])));
                 }
             }
         }
+        store::<E, D, GRADIENT>(value, gradient, sums);
+        for row in sums.iter_mut().take(if GRADIENT { 1 + D } else { 1 }) {
+            row[0] = row.iter().sum();
+        }
+    }
+}
+
+/// # Safety
+/// As [`over`].
+#[inline(always)]
+unsafe fn store<E: Eight, const D: usize, const GRADIENT: bool>(
+    value: E,
+    gradient: [E; D],
+    sums: &mut [[f64; BLOCK]],
+) {
+    // SAFETY: the caller's promise.
+    unsafe {
         value.store(&mut sums[0]);
         if GRADIENT {
             for (row, sum) in sums[1..].iter_mut().zip(gradient) {
@@ -158,41 +290,39 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// By the definition, one output after the other.
-    fn defined(weights: &Weights, near: &[Near], block: usize, k: usize) -> Vec<f64> {
-        let dimensions = weights.dimensions;
-        let mut sums = vec![0.0; 1 + dimensions];
-        let mut rows = weights.values[block * (near.len() + weights.sloped * dimensions)..].iter();
-        for (at, near) in near.iter().enumerate() {
-            let ([g, a, b], d) = ([near[0], near[1], near[2]], &near[3..3 + dimensions]);
-            let w = rows.next().expect("a row a centre")[k];
-            if at >= weights.sloped {
-                sums[0] += w * g;
-                (0..dimensions).for_each(|j| sums[1 + j] += w * (a * d[j]));
-                continue;
-            }
-            let v: Vec<f64> = rows.by_ref().take(dimensions).map(|row| row[k]).collect();
-            let along = v.iter().zip(d).fold(0.0, |sum, (v, d)| sum + v * d);
-            sums[0] += w * g - a * along;
-            let common = w * a - b * along;
-            (0..dimensions).for_each(|j| sums[1 + j] += common * d[j] - a * v[j]);
+    /// By the definition, one output after the other, centres in order: `[value, derivatives ...]`, before the sum over centres.
+    fn terms(dimensions: usize, weights: &[f64], is_sloped: bool, near: &Near, lane: usize) -> Vec<f64> {
+        let [g, a, b] = [0, 1, 2].map(|row| near[row][lane]);
+        let d: Vec<f64> = (0..dimensions).map(|j| near[3 + j][lane]).collect();
+        let w = weights[0];
+        let mut out = vec![w * g];
+        if !is_sloped {
+            out.extend(d.iter().map(|d| w * (a * d)));
+            return out;
         }
-        sums
+        let along = weights[1..].iter().zip(&d).fold(0.0, |sum, (v, d)| sum + v * d);
+        out[0] -= a * along;
+        let common = w * a - b * along;
+        out.extend(d.iter().zip(&weights[1..]).map(|(d, v)| common * d - a * v));
+        out
     }
 
     proptest! {
         #[test]
         fn every_instruction_set_gives_the_sums_in_the_order_of_the_centres(
-            dimensions in 1..=MAX_INPUTS,
-            blocks in 1_usize..4,
+            dimensions in 0..=MAX_INPUTS,
+            outputs in 1_usize..20,
             sloped in 0_usize..9,
-            near in proptest::collection::vec(proptest::array::uniform11(-9.0..9.0_f64), 1..20),
+            centres in proptest::collection::vec(proptest::array::uniform11(-9.0..9.0_f64), 1..40),
         ) {
-            let sloped = sloped.min(near.len());
-            let count = blocks * (near.len() + sloped * dimensions);
+            let sloped = sloped.min(centres.len());
             let number = |i: usize| ((i * 37) % 101) as f64 / 7.0 - 5.0;
-            let values = (0..count).map(|i| std::array::from_fn(|k| number(BLOCK * i + k))).collect();
-            let weights = Weights { dimensions, blocks, sloped, values };
+            let of = |centre: usize, row: usize, output: usize| number(31 * centre + 7 * row + 13 * output);
+            let weights = Weights::new([dimensions, outputs, centres.len(), sloped], of);
+            let group = |of: &[[f64; 3 + MAX_INPUTS]]| -> Near {
+                std::array::from_fn(|row| std::array::from_fn(|k| of.get(k).map_or(0.0, |near| near[row])))
+            };
+            let near: Vec<Near> = centres.chunks(BLOCK).map(group).collect();
             let portable = |weights: &Weights, near: &[Near], gradient, sums: &mut [[f64; BLOCK]]| {
                 // SAFETY: plain Rust.
                 unsafe { over::<[f64; BLOCK]>(weights, near, gradient, sums) }
@@ -205,18 +335,28 @@ mod tests {
                     _ => weigh(weights, near, gradient, sums),
                 }
             };
-            for way in [weigh, portable, narrow] {
-                for gradient in [true, false] {
-                    let mut sums = vec![[f64::NAN; BLOCK]; blocks * (1 + dimensions)];
+            for gradient in [true, false] {
+                let rows = if gradient { 1 + dimensions } else { 1 };
+                let sums = |way: &dyn Fn(&Weights, &[Near], bool, &mut [[f64; BLOCK]])| {
+                    let mut sums = vec![[f64::NAN; BLOCK]; weights.blocks * (1 + dimensions)];
                     way(&weights, &near, gradient, &mut sums);
-                    for (at, rows) in sums.chunks_exact(1 + dimensions).enumerate() {
-                        for k in 0..BLOCK {
-                            let wanted = defined(&weights, &near, at, k);
-                            let asked = if gradient { 1 + dimensions } else { 1 };
-                            for (row, wanted) in rows.iter().zip(&wanted).take(asked) {
-                                prop_assert_eq!(row[k].to_bits(), wanted.to_bits());
-                            }
-                        }
+                    sums
+                };
+                let all = [sums(&weigh), sums(&portable), sums(&narrow)];
+                for (output, row) in (0..outputs).flat_map(|output| (0..rows).map(move |row| (output, row))) {
+                    let found = all.each_ref().map(|sums| sums[output / BLOCK * (1 + dimensions) + row][output % BLOCK]);
+                    prop_assert!(found.iter().all(|f| f.to_bits() == found[0].to_bits()), "{found:?}");
+                    let (mut wanted, mut size) = (0.0, 0.0);
+                    for centre in 0..centres.len() {
+                        let weights: Vec<f64> = (0..=dimensions).map(|row| of(centre, row, output)).collect();
+                        let term = terms(dimensions, &weights, centre < sloped, &near[centre / BLOCK], centre % BLOCK)[row];
+                        (wanted, size) = (wanted + term, size + term.abs());
+                    }
+                    if outputs > 1 {
+                        prop_assert_eq!(found[0].to_bits(), wanted.to_bits());
+                    } else {
+                        // Another order of the sum.
+                        prop_assert!((found[0] - wanted).abs() <= 1e-13 * size, "{} {wanted}", found[0]);
                     }
                 }
             }
