@@ -169,10 +169,12 @@ impl SensorModel {
         for (coordinates, probe) in of_markers.chunks_exact_mut(3).zip(&self.positions) {
             for (axis, predicted) in coordinates.iter_mut().enumerate() {
                 *predicted = Predicted::default();
-                for (k, row) in self.rotation.iter().enumerate() {
-                    predicted.value += row[axis] * (probe.position_mm[k] - self.camera.position_mm[k]);
-                    let by_input = predicted.gradient.iter_mut().zip(&probe.gradient[k]);
-                    by_input.for_each(|(to, from)| *to += row[axis] * from);
+                let ways =
+                    probe.position_mm.iter().zip(self.camera.position_mm).map(|(x, origin)| x - origin);
+                for ((row, way), by) in self.rotation.iter().zip(ways).zip(&probe.gradient) {
+                    let factor = row.get(axis).copied().unwrap_or(0.0);
+                    predicted.value += factor * way;
+                    predicted.gradient.iter_mut().zip(by).for_each(|(to, from)| *to += factor * from);
                 }
             }
         }
