@@ -307,6 +307,8 @@ mod tests {
         out
     }
 
+    type Way<'a> = &'a dyn Fn(&Weights, &[Near], bool, &mut [[f64; BLOCK]]);
+
     proptest! {
         #[test]
         fn every_instruction_set_gives_the_sums_in_the_order_of_the_centres(
@@ -337,7 +339,7 @@ mod tests {
             };
             for gradient in [true, false] {
                 let rows = if gradient { 1 + dimensions } else { 1 };
-                let sums = |way: &dyn Fn(&Weights, &[Near], bool, &mut [[f64; BLOCK]])| {
+                let sums = |way: Way<'_>| {
                     let mut sums = vec![[f64::NAN; BLOCK]; weights.blocks * (1 + dimensions)];
                     way(&weights, &near, gradient, &mut sums);
                     sums
