@@ -7,6 +7,7 @@ use crate::outcome::{Alarm, Estimate, Status, Update};
 use crate::reading::{self, Prior, ReadingProblem, Side};
 use crate::search::{Asked, Explained, LastSeen, MAX_PREDICTIONS, Prospect};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
+use crate::trend::Trend;
 use crate::watch::Watch;
 
 /// Quantiles of the normal distribution around 95 % of its mass.
@@ -39,6 +40,8 @@ pub struct Filter {
     identifiability: Identifiability,
     /// Where the next search begins; lent to it during an update, by its pointer.
     seen: Option<Box<LastSeen>>,
+    /// By input: those that change steadily.
+    trends: [Option<Trend>; MAX_INPUTS],
     watch: Watch,
     alarm: Option<Alarm>,
 }
@@ -55,6 +58,7 @@ impl Filter {
         Ok(Self {
             identifiability: Identifiability::default(),
             seen: Some(Box::default()),
+            trends: [None; MAX_INPUTS],
             watch: Watch::default(),
             alarm: None,
             last_t_s: None,
@@ -94,12 +98,13 @@ impl Filter {
     /// noise of the measured inputs.
     pub fn sigma_of(&self, by_input: &[f64; MAX_INPUTS]) -> f64 {
         let (mut by_unknown, mut variance) = ([0.0; MAX_STATES], 0.0);
-        for (role, derivative) in self.setup.inputs.iter().zip(by_input) {
+        for ((role, derivative), trend) in self.setup.inputs.iter().zip(by_input).zip(&self.trends) {
             match *role {
                 InputRole::Given(_) => {}
                 InputRole::Estimated(unknown) => by_unknown[unknown] += derivative,
-                InputRole::Measured { sigma, bias } => {
-                    variance += derivative * derivative * sigma * sigma;
+                InputRole::Measured { sigma, bias, .. } => {
+                    let noise = trend.map_or(sigma * sigma, |trend| trend.variance());
+                    variance += derivative * derivative * noise;
                     if let Some(bias) = bias {
                         by_unknown[bias] -= derivative;
                     }
@@ -134,6 +139,7 @@ impl Filter {
             None => self.unchanged(Status::NotConverged, measurement),
         };
         let solved = explained.as_ref().filter(|_| update.status == Status::Used);
+        self.follow(measurement, &mut update.inputs);
         let noise = solved.map(|solved| &solved.states[self.setup.unknowns.len()..]);
         let mut watch = std::mem::take(&mut self.watch);
         watch.add(&self.setup, measurement, &update, noise);
@@ -142,6 +148,17 @@ impl Filter {
         self.alarm = update.alarm;
         self.watch = watch;
         update
+    }
+
+    /// Replaces measured inputs that change steadily by what all their readings say.
+    fn follow(&mut self, measurement: &Measurement, inputs: &mut [f64; MAX_INPUTS]) {
+        for (input, role) in self.setup.inputs.iter().enumerate() {
+            let InputRole::Measured { sigma, bias, rate_change: Some(change) } = *role else { continue };
+            let value = measurement.inputs[input];
+            let trend = Trend::follow(self.trends[input], measurement.t_s, value, sigma * sigma, change);
+            self.trends[input] = Some(trend);
+            inputs[input] = trend.value() - bias.map_or(0.0, |bias| self.mean[bias]);
+        }
     }
 
     /// Lets the unknowns drift up to the reading's time.

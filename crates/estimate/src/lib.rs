@@ -10,6 +10,7 @@
 //! | `batch.rs` | the fit of constants to a whole recording |
 //! | `identify.rs` | which unknowns the readings tell |
 //! | `watch.rs` | alarms: what does not fit, lasting |
+//! | `trend.rs` | a measured input by all its readings, where it changes steadily |
 //! | `plan.rs` | which readings would tell the unknowns apart |
 //!
 //! The filter is the iterated extended Kalman filter (Bell and Cathey 1993: its update is the Gauss-Newton iteration for the
@@ -29,6 +30,7 @@ mod plan;
 mod reading;
 mod search;
 mod setup;
+mod trend;
 mod watch;
 
 pub use batch::{Fit, fit};

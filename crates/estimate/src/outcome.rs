@@ -25,7 +25,7 @@ pub struct Update {
     /// Whether the search ended with a small step. Otherwise, of a reading that is used, the predictions ended before
     /// ([`crate::MAX_PREDICTIONS`]), and the estimate is the tangent's.
     pub converged: bool,
-    /// Model inputs that explain the reading best.
+    /// Model inputs that explain the reading best; a measured one that changes steadily is by all its readings.
     pub inputs: [f64; MAX_INPUTS],
     /// Whether the actuator touches, as far as the reading tells.
     pub in_contact: bool,

@@ -36,6 +36,9 @@ pub enum InputRole {
         sigma: f64,
         /// The bias's position in the unknowns, when it is estimated.
         bias: Option<usize>,
+        /// Where the value changes steadily: standard deviation by which its rate changes in a second. The inputs that come out are
+        /// then by all readings. None: each reading counts for itself.
+        rate_change: Option<f64>,
     },
 }
 
@@ -132,7 +135,9 @@ impl Setup {
                 InputRole::Estimated(at) => {
                     expect(known(&Some(*at)), place(), "an unknown that exists", at.to_string());
                 }
-                InputRole::Measured { sigma, bias } => {
+                InputRole::Measured { sigma, bias, rate_change } => {
+                    let change = rate_change.unwrap_or(1.0);
+                    expect(positive(change), place(), "a change of its rate above 0", change.to_string());
                     expect(positive(*sigma), place(), "a sigma above 0", sigma.to_string());
                     expect(known(bias), place(), "an unknown that exists", format!("{bias:?}"));
                 }

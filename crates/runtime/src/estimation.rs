@@ -66,13 +66,18 @@ pub fn setup(spec: &ActuatorSpec, model: &Model) -> Result<Setup, Vec<String>> {
     let needs = [model.header.needs(PRESSURE), model.header.needs(GAP)];
     let role = |(input, key): (usize, &String)| match (input, position(key), spec.gap_mm) {
         (PRESSURE, ..) if !needs[0] => InputRole::Given(0.0),
-        (PRESSURE, ..) => InputRole::Measured { sigma: pressure_sigma, bias: position(PRESSURE_BIAS) },
+        (PRESSURE, ..) => InputRole::Measured {
+            sigma: pressure_sigma,
+            bias: position(PRESSURE_BIAS),
+            rate_change: spec.sigma.pressure_rate_mpa_per_s,
+        },
         (_, Some(unknown), _) => InputRole::Estimated(unknown),
         (GAP, None, Gap::Fixed(gap_mm)) => InputRole::Given(gap_mm),
         (GAP, None, _) if !needs[1] => InputRole::Given(f64::INFINITY),
-        (GAP, None, _) => InputRole::Measured { sigma: gap_sigma, bias: None },
+        (GAP, None, _) => InputRole::Measured { sigma: gap_sigma, bias: None, rate_change: None },
         _ if is_measured(key) => {
-            InputRole::Measured { sigma: spec.input_sigma(key).unwrap_or(f64::NAN), bias: None }
+            let sigma = spec.input_sigma(key).unwrap_or(f64::NAN);
+            InputRole::Measured { sigma, bias: None, rate_change: None }
         }
         _ => InputRole::Given(inputs.get(input).and_then(|input| input.value).unwrap_or(f64::NAN)),
     };

@@ -26,6 +26,9 @@ pub struct UnknownSpec {
 pub struct SigmaSpec {
     /// Of a pressure reading, MPa.
     pub pressure_mpa: f64,
+    /// Of the change of the pressure's rate within a second, MPa/s: field and force are then those of the pressure by all readings, as
+    /// long as that allows. Absent: of each reading alone.
+    pub pressure_rate_mpa_per_s: Option<f64>,
     /// Of a gap reading, mm.
     pub gap_mm: f64,
     /// Of a load cell's reading, N.
@@ -44,6 +47,7 @@ impl Default for SigmaSpec {
     fn default() -> Self {
         Self {
             pressure_mpa: 0.0005,
+            pressure_rate_mpa_per_s: None,
             gap_mm: 0.2,
             force_n: 0.005,
             marker_mm: 0.2,
@@ -118,6 +122,7 @@ pub(super) fn problems(
     }
     for (key, value) in [
         ("pressure_mpa", sigma.pressure_mpa),
+        ("pressure_rate_mpa_per_s", sigma.pressure_rate_mpa_per_s.unwrap_or(1.0)),
         ("gap_mm", sigma.gap_mm),
         ("force_n", sigma.force_n),
         ("marker_mm", sigma.marker_mm),
