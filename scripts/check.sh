@@ -4,6 +4,7 @@
 #   scripts/check.sh view --screenshots DIR      instead: the page in five sizes, light and dark, in every mode [--only MODE]
 #   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
 #   scripts/check.sh view --rate                 instead: frames a second that the browser draws
+#   scripts/check.sh actuators                   four actuators of one's own, each from `softtwin new` to a running twin
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
 #   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX; needs root to install ccx
 #   scripts/check.sh clients [pytest arguments]  the Python client against live twins
@@ -45,6 +46,11 @@ view() {
     case " $* " in *" --film "*) python pictures 'pillow<13' ;; esac
     build
     exec "$python" scripts/checks/view.py --programs "$target/debug" "$@"
+}
+
+actuators() {
+    build
+    cargo test --locked --workspace --test own_actuator -- "$@"
 }
 
 exports() {
@@ -154,8 +160,8 @@ aarch64() {
 }
 
 case ${1:-} in
-    view | exports | calculix | clients | c | gateway | aarch64) "$@" ;;
+    view | actuators | exports | calculix | clients | c | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
-    -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,16s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,16s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

@@ -107,6 +107,43 @@ fn both_halves_of_the_tests_share_one_build() {
     }
 }
 
+fn read(path: &str) -> String {
+    std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// Tests are modules of few programs: a file that none of them names would never run.
+#[test]
+fn every_file_of_tests_is_in_a_program() {
+    let metadata = metadata();
+    let mut checked = 0;
+    for package in metadata["packages"].as_array().expect("packages") {
+        let folder = Path::new(package["manifest_path"].as_str().expect("a path")).with_file_name("tests");
+        let programs: Vec<&str> = package["targets"]
+            .as_array()
+            .expect("targets")
+            .iter()
+            .filter(|target| target["kind"][0] == "test")
+            .map(|target| target["src_path"].as_str().expect("a path"))
+            .collect();
+        let roots: String =
+            programs.iter().map(|path| std::fs::read_to_string(path).expect("UTF-8")).collect();
+        for entry in std::fs::read_dir(&folder).into_iter().flatten() {
+            let path = entry.expect("an entry").path();
+            let name = path.file_stem().and_then(|name| name.to_str()).expect("a name").to_owned();
+            if path.extension().is_some_and(|end| end == "rs") {
+                let is_program = programs.iter().any(|program| Path::new(program) == path);
+                assert!(
+                    is_program || roots.contains(&format!("mod {name};")),
+                    "{}: in no test program",
+                    path.display()
+                );
+                checked += 1;
+            }
+        }
+    }
+    assert!(checked >= 60, "only {checked} files were seen");
+}
+
 /// `test = false` saves the building of a test program; it must not hide a test.
 #[test]
 fn targets_that_are_not_tested_have_no_tests() {
@@ -116,6 +153,12 @@ fn targets_that_are_not_tested_have_no_tests() {
     for target in packages.iter().flat_map(|package| package["targets"].as_array().expect("targets")) {
         let kind = target["kind"][0].as_str().expect("a kind");
         if target["test"] == true || ["example", "custom-build"].contains(&kind) {
+            continue;
+        }
+        if kind == "test" {
+            // Too long for every day: a command of its own, which CI runs.
+            let command = format!("--test {}", target["name"].as_str().expect("a name"));
+            assert!(read("scripts/check.sh").contains(&command), "test = false, and no check runs {command}");
             continue;
         }
         let path = Path::new(target["src_path"].as_str().expect("a path"));

@@ -1,9 +1,6 @@
 //! Meshes of any number of chambers, from the grid and from VTU files; a solved state that pins the formulation.
 
-#[path = "common/actuators.rs"]
-mod actuators;
-
-use actuators::{chambers, tiny, with};
+use crate::actuators::{chambers, tiny, with};
 use fem::actuator::Actuator;
 use fem::run::fingerprint;
 use fem::{FORMULATION, Output, Problem, Solver};

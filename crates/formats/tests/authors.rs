@@ -1,8 +1,6 @@
 //! The authors' layouts: both give the database ours gives; what is wrong is named by row and column.
 
-mod common;
-
-use common::{case, database};
+use crate::common::{case, database};
 use formats::database::{ObstacleKind, read, write};
 use proptest::prelude::*;
 use rom::snapshots::{Database, Split};

@@ -1,8 +1,6 @@
 //! The database folder: what is written is read back; what is wrong is named.
 
-mod common;
-
-use common::{case, database};
+use crate::common::{case, database};
 use formats::FormatError;
 use formats::database::{ObstacleKind, obstacle_kinds, read, write};
 use proptest::prelude::*;

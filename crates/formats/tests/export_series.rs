@@ -1,7 +1,5 @@
 //! Series of states: what is written, and what is refused before anything is.
 
-mod common;
-
 use formats::export::{Label, Moment, Series};
 use formats::vtu::Cells;
 use formats::{FormatError, npy};
@@ -21,8 +19,8 @@ fn write(
     count: usize,
     change: impl Fn(&mut Vec<Moment>),
 ) -> Result<Vec<std::path::PathBuf>, FormatError> {
-    let cases = [0.01, 0.02, 0.05].map(|p| common::case(&format!("{p}"), Split::Train, p, None));
-    let (database, tets) = common::database(cases.to_vec());
+    let cases = [0.01, 0.02, 0.05].map(|p| crate::common::case(&format!("{p}"), Split::Train, p, None));
+    let (database, tets) = crate::common::database(cases.to_vec());
     let state = |k: usize| (0..5).flat_map(|field| database.field(k, field)).collect();
     let mut moments: Vec<Moment> = (0..3)
         .map(|k| Moment { time: k as f64 / 2.0, label: label(k), values: state(k), moved: None })

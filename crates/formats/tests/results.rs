@@ -1,9 +1,7 @@
 //! Finished simulations of other programs. `data/*.frd` were written by CalculiX 2.20 (`ccx -i`): a block of one hexahedron that is
 //! sheared, then loaded until an increment fails; and a 20-node hexahedron, a 15-node wedge and a 10-node tetrahedron.
 
-mod common;
-
-use common::{at_rest, data, quantity, wanted};
+use crate::common::{at_rest, data, quantity, wanted};
 use formats::cells::surface;
 use formats::results::{self, Assembly, Quantity, Wanted, parse_frd};
 use proptest::prelude::*;

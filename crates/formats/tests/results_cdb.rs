@@ -1,9 +1,7 @@
 //! Ansys archives with tables and listings. `data/*.cdb` were written by mapdl-archive 0.4.2 (`scripts/checks/cdb_fixtures.py`): a
 //! hexahedron, a wedge, a pyramid and a tetrahedron 3 apart, as collapsed hexahedra where they are linear. No Ansys was at hand.
 
-mod common;
-
-use common::{data, quantity};
+use crate::common::{data, quantity};
 use formats::cdb;
 use formats::cells::surface;
 use formats::results::{self, Quantity, parse_listing};

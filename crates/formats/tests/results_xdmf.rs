@@ -1,9 +1,7 @@
 //! XDMF of other programs. `data/series.xdmf` and `data/gzip.xdmf` were written by meshio 5.3.5, `data/fenics.h5` by h5py as DOLFINx
 //! lays its files out: `scripts/checks/xdmf_fixtures.py`.
 
-mod common;
-
-use common::{at_rest, data, quantity, wanted};
+use crate::common::{at_rest, data, quantity, wanted};
 use formats::results::{self, Assembly, Quantity, Run, parse_xdmf};
 use proptest::prelude::*;
 use std::fs;

@@ -1,9 +1,7 @@
 //! FEBio's plot files. No FEBio was at hand: `scripts/checks/xplt_fixtures.py` wrote `data/*.xplt` in the form that FEBio Studio
 //! reads, and febio-python, which nobody here wrote, read the plain one as it was meant.
 
-mod common;
-
-use common::{data, quantity};
+use crate::common::{data, quantity};
 use formats::cells::surface;
 use formats::results::{self, Quantity, parse_xplt};
 use proptest::prelude::*;

@@ -1,7 +1,5 @@
 //! `.vtu`: the writer: golden bytes, round trip through the reader, refusals.
 
-mod common;
-
 use formats::vtu::{Cells, Grid, PointData, read, write};
 use std::path::PathBuf;
 
@@ -13,7 +11,7 @@ fn place() -> (tempfile::TempDir, PathBuf) {
 
 fn written() -> (tempfile::TempDir, PathBuf) {
     let (dir, path) = place();
-    let (points, tets) = common::bar(2);
+    let (points, tets) = crate::common::bar(2);
     write(&path, &Grid { points_mm: &points, cells: Cells::QuadraticTets(&tets), point_data: &[] }).unwrap();
     (dir, path)
 }
@@ -22,7 +20,7 @@ fn written() -> (tempfile::TempDir, PathBuf) {
 fn round_trip() {
     let (_dir, path) = written();
     let mesh = read(&path).unwrap();
-    let (points, tets) = common::bar(2);
+    let (points, tets) = crate::common::bar(2);
     assert_eq!((mesh.points_mm, mesh.tets), (points, tets));
 }
 

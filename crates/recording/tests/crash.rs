@@ -1,10 +1,8 @@
 //! A writer that is killed, a disk that fills up, bytes that rot.
 
-mod common;
-
 use std::io::{self, Write};
 
-use common::{read_all, text, write_some};
+use crate::common::{read_all, text, write_some};
 use proptest::prelude::*;
 use recording::{Ending, Reader, Retention, RotateOptions, RotatingWriter, Store, WriteError};
 
@@ -95,7 +93,7 @@ fn a_disk_full_at_any_byte_leaves_a_readable_file_and_a_true_count() {
 fn a_failed_writer_stays_failed() {
     let mut disk = FullDisk { bytes: Vec::new(), room: 600 };
     let mut writer = recording::Writer::new(&mut disk).expect("the head fits");
-    let id = writer.channel(&common::channel("a")).expect("a channel");
+    let id = writer.channel(&crate::common::channel("a")).expect("a channel");
     let data = vec![b'x'; 300_000];
     let first = (0..10)
         .find_map(|n| writer.message(id, n, 0, 0, &noise(&data, n)).err())
@@ -236,10 +234,10 @@ fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     let base = folder.path().join("run.mcap");
     let options = RotateOptions { max_bytes: None, max_time_ns: Some(1_000), keep: Retention::default() };
     let mut writer = RotatingWriter::create(&base, options).expect("a file");
-    writer.metadata("softtwin.model", &common::metadata()).expect("written");
+    writer.metadata("softtwin.model", &crate::common::metadata()).expect("written");
     for index in 0..50u64 {
         writer
-            .message(&common::channel("a"), index as u32, index * 100, 0, text(index).as_bytes())
+            .message(&crate::common::channel("a"), index as u32, index * 100, 0, text(index).as_bytes())
             .expect("written");
     }
     let summary = writer.finish().expect("closed");
@@ -258,7 +256,7 @@ fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     let kept = RotateOptions { max_bytes: Some(600), max_time_ns: None, keep };
     let mut writer = RotatingWriter::create(&folder.path().join("few.mcap"), kept).expect("a file");
     for index in 0..50u64 {
-        writer.message(&common::channel("a"), 0, index, 0, text(index).as_bytes()).expect("written");
+        writer.message(&crate::common::channel("a"), 0, index, 0, text(index).as_bytes()).expect("written");
     }
     let summary = writer.finish().expect("closed");
     assert_eq!(summary.files.len(), 2);

@@ -1,6 +1,6 @@
 //! Recordings that earlier versions wrote, kept: each is read, message by message.
 //!
-//! `SOFTTWIN_KEEP=1 cargo test --workspace --test kept` writes the file of this layout version, which is then committed. The test
+//! `SOFTTWIN_KEEP=1 cargo test -p recording --test all kept::` writes the file of this layout version, which is then committed. The test
 //! fails when the layout's version is raised without that.
 
 use std::path::{Path, PathBuf};
@@ -90,7 +90,7 @@ fn recordings_of_every_earlier_layout_are_read() {
     }
     assert!(
         current.exists(),
-        "{} is missing: SOFTTWIN_KEEP=1 cargo test --workspace --test kept writes it; commit it",
+        "{} is missing: SOFTTWIN_KEEP=1 cargo test -p recording --test all kept:: writes it; commit it",
         current.display()
     );
     let mut files = 0;

@@ -1,7 +1,5 @@
 //! The recorder on a real shared-memory domain.
 
-mod common;
-
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};

@@ -1,12 +1,10 @@
 //! Our files under the format's reference implementation, and its files under our reader.
 
-mod common;
-
 use std::borrow::Cow;
 use std::io::Cursor;
 use std::sync::Arc;
 
-use common::{metadata, read_all, text, write_some};
+use crate::common::{metadata, read_all, text, write_some};
 use recording::message::decode_reading;
 use recording::{Ending, Item, ReadError, Reader};
 

@@ -1,10 +1,8 @@
 //! Many files as one recording, over several runs.
 
-mod common;
-
 use std::path::Path;
 
-use common::{channel, text};
+use crate::common::{channel, text};
 use recording::{Ending, Item, ReadItems, Retention, RotateOptions, RotatingWriter, Series};
 
 const ROTATE: RotateOptions = RotateOptions {

@@ -65,7 +65,7 @@ fn a_model_of_version_2_is_read_and_answers_as_it_did() {
     }
 }
 
-/// Files of later versions, kept: `SOFTTWIN_KEEP=1 cargo test --workspace --test model_file` writes those of this program, with what it
+/// Files of later versions, kept: `SOFTTWIN_KEEP=1 cargo test -p rom --test all model_file::` writes those of this program, with what it
 /// answers. A new version of the file fails here until its file is kept.
 #[test]
 fn models_of_every_later_version_are_read_and_answer_as_they_did() {

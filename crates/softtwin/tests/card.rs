@@ -37,7 +37,7 @@ fn the_cards_of_shipped_models_are_current() {
         let found = std::fs::read_to_string(&place).unwrap_or_default();
         assert!(
             found == expected,
-            "{} is not the card of the model beside it; BLESS=1 cargo test --workspace --test card",
+            "{} is not the card of the model beside it; BLESS=1 cargo test --workspace --test all -- card::",
             place.display()
         );
         assert_eq!(

@@ -1,8 +1,5 @@
 //! The offline commands as a user runs them: exit codes, texts, files.
 
-#[path = "../../formats/tests/common/mod.rs"]
-mod common;
-
 use rom::snapshots::Split;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -14,7 +11,7 @@ struct Place(tempfile::TempDir);
 impl Place {
     fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
-        let (database, tets) = common::database(cases());
+        let (database, tets) = crate::common::database(cases());
         formats::database::write(&place.at("db"), &database, formats::vtu::Cells::QuadraticTets(&tets))
             .unwrap();
         place
@@ -72,17 +69,17 @@ impl Ended {
 fn cases() -> Vec<rom::snapshots::Case> {
     let mut cases = Vec::new();
     for i in 0..12 {
-        cases.push(common::case(&format!("f{i}"), Split::Train, 0.009 * f64::from(i), None));
+        cases.push(crate::common::case(&format!("f{i}"), Split::Train, 0.009 * f64::from(i), None));
     }
-    cases.push(common::case("ft", Split::Test, 0.0415, None));
+    cases.push(crate::common::case("ft", Split::Test, 0.0415, None));
     for i in 0..6 {
         for j in 0..5 {
             let gap = 1.0 + f64::from(j);
             let pressure = 0.01 * gap + 0.001 + 0.008 * f64::from(i);
-            cases.push(common::case(&format!("c{i}{j}"), Split::Train, pressure, Some(gap)));
+            cases.push(crate::common::case(&format!("c{i}{j}"), Split::Train, pressure, Some(gap)));
         }
     }
-    cases.push(common::case("ct", Split::Test, 0.044, Some(2.5)));
+    cases.push(crate::common::case("ct", Split::Test, 0.044, Some(2.5)));
     cases
 }
 
@@ -144,7 +141,7 @@ fn predict_answers_in_json_and_writes_all_formats() {
         assert!((answer["onset_pressure_mpa"].as_f64().unwrap() - 0.025).abs() < 2e-4, "{answer}");
     }
     let array = formats::npy::read_f32(&place.at("s.npy")).unwrap();
-    let (points, _) = common::bar(3);
+    let (points, _) = crate::common::bar(3);
     assert_eq!(array.shape, [points.len(), 5]);
     let tip = points.iter().position(|p| *p == [30.0, 0.0, 0.0]).unwrap();
     assert!(

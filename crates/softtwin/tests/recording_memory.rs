@@ -1,6 +1,6 @@
 //! The memory that long recordings take: rotated files of readings and states at 1 kHz, read as one recording.
 //!
-//! `SOFTTWIN_SECONDS=3600 cargo test --workspace --test recording_memory -- --nocapture` measures an hour (some GB of disk, minutes);
+//! `SOFTTWIN_SECONDS=3600 cargo test --workspace --test all -- --nocapture recording_memory::` measures an hour (some GB of disk, minutes);
 //! without it 20 s are recorded, so that what reads them is tried each time.
 
 use recording::message::{Recorded, channel};

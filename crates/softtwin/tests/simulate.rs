@@ -1,9 +1,6 @@
 //! The simulator as a user runs it, on an actuator small enough for a test: mesh, states, paths, databases that survive
 //! being killed, samples, refinement, packing.
 
-#[path = "../../fem/tests/common/actuators.rs"]
-mod actuators;
-
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -43,7 +40,7 @@ impl Ended {
 impl Place {
     fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
-        place.put("a.toml", &actuators::tiny());
+        place.put("a.toml", &crate::actuators::tiny());
         let mesh = place.run("mesh --actuator a.toml --size-mm 9 --json").json();
         assert!(mesh["nodes"].as_u64().unwrap() > 1000 && place.at("mesh.vtu").exists(), "{mesh}");
         place
@@ -120,7 +117,7 @@ fn loads_that_make_no_sense_are_refused_before_any_work() {
         .refused(2, "outside the undeformed base");
     place.run("simulate --actuator a.toml --pressure-mpa 0.01 --out s.stl").refused(2, ".vtu");
     place.run("simulate --actuator b.toml --pressure-mpa 0.01").refused(1, "b.toml");
-    place.put("b.toml", &actuators::with(&actuators::tiny(), "slots", "floor_mm", "5.0"));
+    place.put("b.toml", &crate::actuators::with(&crate::actuators::tiny(), "slots", "floor_mm", "5.0"));
     place.run("simulate --actuator b.toml --pressure-mpa 0.01").refused(78, "slots.floor_mm");
     place.run("mesh --actuator b.toml").refused(78, "slots.floor_mm");
     place.run("mesh --actuator a.toml --size-mm 0").refused(2, "expected a number from 0.001");
@@ -233,7 +230,7 @@ fn a_set_value_is_that_of_the_file() {
     let array = || bytes(&place.at("s.npy"));
     let nominal = physics(run("a.toml", ""));
     // Material: the mesh stays, so nothing may differ, not a bit.
-    place.put("b.toml", &actuators::with(&actuators::tiny(), "elastomer.law", "mu_mpa", "0.6"));
+    place.put("b.toml", &crate::actuators::with(&crate::actuators::tiny(), "elastomer.law", "mu_mpa", "0.6"));
     let set = run("a.toml", "--set elastomer.law.mu_mpa=0.6");
     let written = array();
     assert_eq!(set["set"]["elastomer.law.mu_mpa"].as_f64(), Some(0.6), "{set}");
@@ -244,7 +241,7 @@ fn a_set_value_is_that_of_the_file() {
         "softer presses harder: {set}"
     );
     // Geometry: the moved mesh is the one that the grid makes of the changed actuator.
-    place.put("c.toml", &actuators::with(&actuators::tiny(), "chambers", "top_mm", "17.6"));
+    place.put("c.toml", &crate::actuators::with(&crate::actuators::tiny(), "chambers", "top_mm", "17.6"));
     let set = run("a.toml", "--set chambers.top_mm=17.6");
     let quality = &set["mesh_quality"];
     assert!(quality["least"].as_f64() > Some(0.0) && quality["mean"].as_f64() < Some(1.0), "{set}");

@@ -1,0 +1,17 @@
+//! Files read and written, by format. One program: linked once, and its tests run beside each other.
+
+mod authors;
+mod common;
+mod database;
+mod export_series;
+mod import_abaqus;
+mod import_ansys;
+mod msh_reader;
+mod npy;
+mod packed;
+mod results;
+mod results_cdb;
+mod results_xdmf;
+mod results_xplt;
+mod vtu_reader;
+mod vtu_writer;

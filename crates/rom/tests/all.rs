@@ -1,0 +1,10 @@
+//! The reduced-order model, from training to answers. One program: linked once, and its tests run beside each other.
+
+mod accuracy;
+mod database;
+mod goal;
+mod model_file;
+mod parameters;
+mod predict;
+mod probe;
+mod shipped_design;

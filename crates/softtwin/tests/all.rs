@@ -1,0 +1,14 @@
+//! The tool, started as its users start it. One program: linked once, and its tests run beside each other.
+
+#[path = "../../fem/tests/common/actuators.rs"]
+mod actuators;
+mod card;
+#[path = "../../formats/tests/common/mod.rs"]
+mod common;
+mod import_results;
+mod offline;
+mod parameters;
+mod ranges;
+mod recording;
+mod recording_memory;
+mod simulate;
