@@ -5,6 +5,7 @@ use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
 use crate::outcome::{Alarm, Estimate, Status, Update};
 use crate::reading::{self, Prior, ReadingProblem, Side};
+use crate::rewind::{Before, Rewind};
 use crate::search::{Asked, Explained, LastSeen, MAX_PREDICTIONS, Prospect};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
 use crate::trend::Trend;
@@ -21,6 +22,9 @@ const CLEAR: f64 = 6.0;
 const LEAST_Z: f64 = -2.326;
 /// How far inside the contact the search begins when the prior lies outside (mm).
 const INSIDE_CONTACT_MM: f64 = 0.5;
+
+/// Predictions that a search from earlier estimates may take.
+const LEFT_TO_REWIND: u32 = 4;
 
 /// The filter's memory.
 #[derive(Clone, Debug)]
@@ -40,6 +44,8 @@ pub struct Filter {
     identifiability: Identifiability,
     /// Where the next search begins; lent to it during an update, by its pointer.
     seen: Option<Box<LastSeen>>,
+    /// Estimates from before a contact that is not noticed yet.
+    before: Rewind,
     /// By input: those that change steadily.
     trends: [Option<Trend>; MAX_INPUTS],
     watch: Watch,
@@ -58,6 +64,7 @@ impl Filter {
         Ok(Self {
             identifiability: Identifiability::default(),
             seen: Some(Box::default()),
+            before: Rewind::new(),
             trends: [None; MAX_INPUTS],
             watch: Watch::default(),
             alarm: None,
@@ -124,10 +131,15 @@ impl Filter {
         if let Err(status) = self.advance(measurement) {
             return self.unchanged(status, measurement);
         }
-        let Some(prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
+        let Some(mut prior) = self.prior() else { return self.unchanged(Status::NotConverged, measurement) };
         let mut seen = self.seen.take().unwrap_or_default();
         let mut asked = Asked { model, left: MAX_PREDICTIONS, seen: &mut seen };
-        let explained = self.best(measurement, &prior, &mut asked);
+        let mut explained = self.best(measurement, &prior, &mut asked);
+        if let Some((earlier, again)) =
+            explained.as_ref().and_then(|e| self.rewound(measurement, e, &mut asked))
+        {
+            (prior, explained) = (earlier, Some(again));
+        }
         self.seen = Some(seen);
         let most = self.problem(measurement, &prior, Side::Any).most_rejected();
         let mut update = match &explained {
@@ -203,6 +215,40 @@ impl Filter {
         side: Side,
     ) -> ReadingProblem<'a> {
         ReadingProblem { setup: &self.setup, measurement, prior, side, weights: [0.0; MAX_ROWS] }
+    }
+
+    /// At the first reading of a contact whose gap was not told: prior and solution from the estimates before it began. They are the
+    /// filter's from then on.
+    fn rewound<M: Model>(
+        &mut self,
+        measurement: &Measurement,
+        explained: &Explained,
+        asked: &mut Asked<'_, M>,
+    ) -> Option<(Prior, Explained)> {
+        let unknown = self.setup.gap_unknown()?;
+        let is_first = explained.side == Side::Contact && !self.identifiability.tells(unknown);
+        // With too few predictions left the next reading does it.
+        if !is_first || asked.left < LEFT_TO_REWIND {
+            return None;
+        }
+        let before = self.before.before_contact(explained.states[unknown])?;
+        let now = (self.mean, self.covariance);
+        (self.mean, self.covariance) = (before.mean, before.covariance);
+        for (at, unknown) in self.setup.unknowns.iter().enumerate() {
+            let passed_s = measurement.t_s - before.t_s;
+            self.covariance.add_diagonal(at, unknown.drift_per_sqrt_s.powi(2) * passed_s);
+        }
+        let again = self.prior().and_then(|prior| {
+            let onset_mm = asked.model.onset_gap_mm(&self.setup.inputs_at(measurement, &prior.states))?;
+            let start = self.contact_start(&prior, unknown, onset_mm);
+            let mut problem = self.problem(measurement, &prior, Side::Contact);
+            let again = asked.explain(&mut problem, &start, &self.spread(), |_| true)?;
+            (again.rejected == explained.rejected).then_some((prior, again))
+        });
+        if again.is_none() {
+            (self.mean, self.covariance) = now;
+        }
+        again
     }
 
     /// Standard deviations of the states before a reading.
@@ -346,6 +392,8 @@ impl Filter {
         if side == Side::Free && rejected == 0 {
             self.gap_floor_mm =
                 self.gap_floor_mm.max(model.onset_gap_mm(&inputs).unwrap_or(f64::NEG_INFINITY));
+            let (mean, covariance, gap_floor_mm) = (self.mean, self.covariance, self.gap_floor_mm);
+            self.before.keep(Before { t_s: measurement.t_s, mean, covariance, gap_floor_mm });
         } else if in_contact {
             self.gap_floor_mm = f64::NEG_INFINITY;
         }

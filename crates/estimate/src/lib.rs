@@ -11,6 +11,7 @@
 //! | `identify.rs` | which unknowns the readings tell |
 //! | `watch.rs` | alarms: what does not fit, lasting |
 //! | `trend.rs` | a measured input by all its readings, where it changes steadily |
+//! | `rewind.rs` | estimates from before a contact that was noticed late |
 //! | `plan.rs` | which readings would tell the unknowns apart |
 //!
 //! The filter is the iterated extended Kalman filter (Bell and Cathey 1993: its update is the Gauss-Newton iteration for the
@@ -28,6 +29,7 @@ mod normal;
 mod outcome;
 mod plan;
 mod reading;
+mod rewind;
 mod search;
 mod setup;
 mod trend;

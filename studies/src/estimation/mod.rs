@@ -27,8 +27,8 @@ Examples:
   What an update costs with more unknowns and markers than the scene has, of a model with five parameters:
     softtwin-studies estimation --model models/pneunet-design/pneunet-design.twin --unknowns 5 --markers 8 --truths 10
 
-A truth is an inflation to 0.1 MPa in 10 s at 200 Hz with hidden unknowns: gap within 10 mm of its prior, gauge bias within 2 kPa, every
-other unknown within 20 % of its prior, but inside the truth's samples. Noise 0.5 kPa, 5 mN, 0.2 mm; 10 % of the markers' readings
+A truth is an inflation in 10 s at 200 Hz, to the largest pressure that both models have samples at, with hidden unknowns: gap
+within 10 mm of its prior, gauge bias within 2 kPa, every other unknown within 20 % of its prior, but inside the truth's samples. Noise 0.5 kPa, 5 mN, 0.2 mm; 10 % of the markers' readings
 missing, 1 % outliers. The truth's model must have the inputs of the scene's model that are estimated; others take its own values. The
 medians are of absolute errors at the end of the inflation. The time of an update is the fastest of three passes over the readings, so
 that what the system does meanwhile does not count. Prints one JSON object.";

@@ -1,7 +1,7 @@
 //! Inflations of a model with hidden inputs, read by noisy sensors.
 
 use estimate::{InputRole, MAX_INPUTS, Measurement, Model as _, Predicted, Setup};
-use rom::inputs::{GAP, PRESSURE};
+use rom::inputs::{GAP, InputSpec, PRESSURE};
 use rom::model::Model;
 use rom::rng::Rng;
 use runtime::estimation::SensorModel;
@@ -11,7 +11,6 @@ use std::path::Path;
 
 const RATE_HZ: f64 = 200.0;
 const SECONDS: f64 = 10.0;
-const HIGHEST_MPA: f64 = 0.1;
 /// Noise of a pressure, a force, a marker's coordinate.
 const NOISE: [f64; 3] = [0.0005, 0.005, 0.2];
 const MISSING: f64 = 0.1;
@@ -44,6 +43,8 @@ pub(super) struct World {
     places: Vec<Option<(usize, [f64; 2])>>,
     /// This model's own values.
     values: [f64; MAX_INPUTS],
+    /// Where inflations end: the largest pressure that both models have samples at.
+    highest_mpa: f64,
 }
 
 impl World {
@@ -63,7 +64,9 @@ impl World {
         }
         let mut values = [f64::NAN; MAX_INPUTS];
         values.iter_mut().zip(&model.header.inputs).for_each(|(v, i)| *v = i.value.unwrap_or(f64::NAN));
-        Ok(Self { sensors, places, values })
+        let highest = |inputs: &[InputSpec]| inputs[PRESSURE].range[1];
+        let highest_mpa = highest(&of.header.inputs).min(highest(&model.header.inputs));
+        Ok(Self { sensors, places, values, highest_mpa })
     }
 
     /// Hidden values within the study's bounds.
@@ -101,7 +104,7 @@ impl World {
                     InputRole::Given(value) => value,
                     InputRole::Estimated(unknown) => truth.unknowns[unknown],
                     InputRole::Measured { bias, .. } if input == PRESSURE => {
-                        let value = HIGHEST_MPA * t_s / SECONDS;
+                        let value = self.highest_mpa * t_s / SECONDS;
                         let bias = bias.map_or(0.0, |bias| truth.unknowns[bias]);
                         reading.inputs[input] = value + bias + noise_mpa * random.normal();
                         value
