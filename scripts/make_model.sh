@@ -62,7 +62,7 @@ for name in "$@"; do
         continue
     fi
     if [ "$name" = stiffness ]; then
-        # Pressure, gap and the silicone's stiffness: what config/scenes/estimate.toml looks for.
+        # Pressure, gap and the silicone's stiffness.
         list=models/pneunet-stiffness/cases.csv
         set -- --parameter elastomer.law.mu_mpa=0.6:1.0
         softtwin sample --actuator models/pneunet/actuator.toml --kind sequence --regime both --n 140 --seed 3 --prefix m "$@" --out "$list"

@@ -26,9 +26,9 @@ cycles() { studies cycles > "$out/cycles.json"; }
 sealed() { studies sweep --fresh 40 --below-mpa 0.005 --database "$target/sweep"; }
 inputs() {
     SOFTTWIN_INPUTS=1000000 cargo test --locked --workspace --test inputs &&
-        SOFTTWIN_HOSTILE=100000 cargo test --locked --workspace --test stories -- hostile::
+        SOFTTWIN_HOSTILE=100000 cargo test --locked --workspace --test system -- hostile::
 }
-kills() { SOFTTWIN_KILLS=all SOFTTWIN_KILLED_READERS=1500 cargo test --locked --workspace --test stories -- kills::; }
+kills() { SOFTTWIN_KILLS=all SOFTTWIN_KILLED_READERS=1500 cargo test --locked --workspace --test system -- kills::; }
 peers() { studies peers; }
 calculix() { scripts/check.sh calculix; }
 hard-cases() { studies hard-cases; }

@@ -246,7 +246,7 @@ fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate
         (newest.identifiable == 0b11 && newest.sigmas[0] < 0.4).then_some(newest)
     });
     assert_eq!((last.name(0), last.name(1)), ("gap_mm".into(), "pressure_bias_mpa".into()));
-    assert_eq!((last.status, last.unknown_count, last.input_count), (estimate_status::USED, 2, 3));
+    assert_eq!((last.status, last.unknown_count, last.input_count), (estimate_status::USED, 2, 7));
     assert!((last.values[0] - 46.0).abs() < 4.0 * last.sigmas[0], "{last:?}");
     assert!((last.values[1] - 0.0012).abs() < 4.0 * last.sigmas[1], "{last:?}");
     assert!(last.force_sigma_n > 0.0 && last.force_sigma_n < 0.02, "{last:?}");
@@ -255,7 +255,8 @@ fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate
         wait_state(&published, "a state of a later reading", |state| state.sensor_seq > last.sensor_seq);
     assert!((state.gap_mm - 46.0).abs() < 0.5, "{state:?}");
     let sources: Vec<u8> = state.inputs().map(|input| input.source).collect();
-    assert_eq!(sources, [input_source::ESTIMATED, input_source::ESTIMATED, input_source::NOMINAL]);
+    let [estimated, nominal] = [input_source::ESTIMATED, input_source::NOMINAL];
+    assert_eq!(sources, [estimated, estimated, nominal, nominal, nominal, nominal, nominal]);
     assert!(f64::from(state.force_halfwidth_n) > 1.6 * last.force_sigma_n * 0.5, "{state:?}");
     // The commands that watch show it.
     let (status, table) = Program::tool(&stage, &["top", "--once"]).end();
@@ -340,7 +341,7 @@ fn a_scene_that_estimates_what_the_model_does_not_have_is_refused_with_all_that_
     let text = lines.join("\n");
     assert_eq!(status.code(), Some(78), "{text}");
     assert!(
-        text.contains("estimate.stifness_mpa") && text.contains("elastomer.law.mu_mpa, pressure_bias_mpa"),
+        text.contains("estimate.stifness_mpa") && text.contains("sheet.thickness_mm, pressure_bias_mpa"),
         "{text}"
     );
     assert!(text.contains("marker[0] `tip`") && text.contains("from the nearest node"), "{text}");

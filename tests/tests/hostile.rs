@@ -1,7 +1,7 @@
 //! Damaged command lines and files for the offline commands of `softtwin`, from a fixed seed: no panic, no hang, exit codes
 //! 0, 1, 2 and 78 alone, at most 2 GiB of memory.
 //!
-//! `SOFTTWIN_HOSTILE=100000 cargo test --workspace --test stories -- --nocapture hostile::` tries so many.
+//! `SOFTTWIN_HOSTILE=100000 cargo test --workspace --test system -- --nocapture hostile::` tries so many.
 
 use rom::rng::Rng;
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
