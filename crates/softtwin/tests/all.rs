@@ -5,6 +5,7 @@ mod actuators;
 mod card;
 #[path = "../../formats/tests/common/mod.rs"]
 mod common;
+mod import_pneunets;
 mod import_results;
 mod offline;
 mod parameters;
