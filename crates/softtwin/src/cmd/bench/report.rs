@@ -50,7 +50,7 @@ impl Report {
         if !self.end_to_end.is_empty() {
             output!("")?;
             output!(
-                "sensor stamp to reader, us      p50      p99    p99.9      max  received  lost  core: twin  reader"
+                "sensor stamp to reader, us        p50      p99    p99.9      max  received  lost  core: twin  reader"
             )?;
         }
         for row in &self.end_to_end {
@@ -60,7 +60,7 @@ impl Report {
             let (received, lost) = (row.received, row.lost);
             let (twin, reader) = (row.twin_core_percent, row.reader_core_percent);
             output!(
-                "{name:26} {p50:8.1} {p99:8.1} {p999:8.1} {max:8.1}  {received:8}  {lost:4}  {twin:8.1} %{reader:6.1} %"
+                "{name:28} {p50:8.1} {p99:8.1} {p999:8.1} {max:8.1}  {received:8}  {lost:4}  {twin:8.1} %{reader:6.1} %"
             )?;
         }
         for note in &self.notes {
