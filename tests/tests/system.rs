@@ -4,6 +4,7 @@ mod clients;
 mod control;
 mod daemons;
 mod estimate;
+mod expecting;
 mod faults;
 mod given;
 mod gripper;

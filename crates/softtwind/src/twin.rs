@@ -10,12 +10,12 @@ use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::load::{Loaded, load_scene};
 use runtime::thread_group::ThreadGroup;
 use runtime::twin::{Twin, event_channel};
-use runtime::wire::{Bus, Health, Outcome, layout};
+use runtime::wire::{Bus, Health, Outcome, SpinCounts, SpinWait, layout};
 use runtime::{realtime, service};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::channel;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long a twin that takes over waits for the other one to give its topics, and to end.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -90,6 +90,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     }
     replaced.begin();
     service::notify_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
+    let began = Instant::now();
     twin.run(&stop, &progress, |twin| {
         inbox.swap(twin);
         replaced.give_way(twin, &stop);
@@ -98,6 +99,9 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     drop(granted);
     group.end()?;
     drop(place);
+    if let Some(counts) = twin.spin_counts() {
+        say_spins(&counts, began.elapsed());
+    }
     for (health, name) in twin.health().zip(&names) {
         tracing::info!("stopped: {name}: {}", summary(health));
     }
@@ -169,8 +173,24 @@ fn say_settings(settings: &Settings) {
         cores => format!("cores {cores:?}"),
     };
     let memory = if realtime.lock_memory { "memory locked" } else { "memory not locked" };
-    let wake = if realtime.busy_poll { "spins" } else { "sleeps until woken" };
-    tracing::info!("{scheduler}, {cores}, {memory}; between readings it {wake}");
+    let waits = if realtime.busy_poll {
+        "spins".to_owned()
+    } else if realtime.spin_share > 0.0 && SpinWait::is_possible() {
+        let percent = 100.0 * realtime.spin_share;
+        format!("sleeps, then spins before each expected one, at most {percent:.0} % of a core")
+    } else {
+        "sleeps until woken".to_owned()
+    };
+    tracing::info!("{scheduler}, {cores}, {memory}; between readings it {waits}");
+}
+
+/// What spinning for readings came to.
+fn say_spins(counts: &SpinCounts, ran: Duration) {
+    let SpinCounts { caught, before, in_vain, spun_ns } = counts;
+    let percent = 100.0 * *spun_ns as f64 / ran.as_nanos() as f64;
+    tracing::info!(
+        "spun {percent:.1} % of a core for expected readings: {caught} came meanwhile, {before} before, {in_vain} spins in vain"
+    );
 }
 
 fn describe(loaded: &Loaded) {

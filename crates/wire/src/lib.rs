@@ -8,7 +8,7 @@
 //! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health|estimate|command|setpoint|override|valve` or `softtwin/<scene>/grasp`,
 //! 3. a typed port: [`SensorWriter`], [`SensorReader`], [`FieldWriter`], [`FieldReader`], [`StateWriter`],
 //!    [`StateReader`], [`HealthWriter`], [`HealthReader`],
-//! 4. a [`WakeSet`] to sleep until one of several readers has something.
+//! 4. a [`WakeSet`] to sleep until one of several readers has something, or a [`SpinWait`], which is awake when it comes.
 //!
 //! Questions that no topic answers go through a [`QueryClient`]; [`Selector`] is their text form.
 //!
@@ -31,6 +31,7 @@ mod own_files;
 mod port;
 pub mod qos;
 mod selector;
+mod spin;
 mod topic;
 mod transport;
 mod wake;
@@ -54,5 +55,6 @@ pub use port::{
     take_rights, wait_for_rights,
 };
 pub use selector::{Selector, SelectorError};
+pub use spin::{SpinCounts, SpinWait};
 pub use topic::{Topic, TopicKind};
 pub use wake::{Wake, WakeSet, Wakeable, Waker, Waking};

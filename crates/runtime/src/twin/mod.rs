@@ -12,8 +12,8 @@
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
 //!
 //! After start the loop allocates nothing of its own (a test counts: what remains is the transport's small handle for each
-//! loaned sample), takes no lock, writes no log: its events go through a channel; its only system calls are the wait and the
-//! wake-up of readers.
+//! loaned sample), takes no lock, writes no log: its events go through a channel; its only system calls are the wait (which spins
+//! before an expected reading, `wire/src/spin`) and the wake-up of readers.
 
 mod actuator;
 mod entry;
@@ -28,13 +28,13 @@ mod take_over;
 pub use events::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
-use crate::config::Settings;
+use crate::config::{Realtime, Settings};
 use crate::load::Loaded;
 use actuator::ActuatorTwin;
 use entry::Entry;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::{Bus, Health, WakeSet, Wakeable, WireError, boot_id, now_ns};
+use wire::{Bus, Health, SpinCounts, SpinWait, Wakeable, WireError, boot_id, now_ns};
 
 /// Longest sleep: the stop flag is checked that often, and the watchdog sees progress.
 const MAX_WAIT: Duration = Duration::from_millis(100);
@@ -43,7 +43,7 @@ const MAX_WAIT: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct Twin {
     actuators: Vec<ActuatorTwin>,
-    wake: WakeSet,
+    wait: SpinWait,
     busy_poll: bool,
 }
 
@@ -89,8 +89,10 @@ impl Twin {
                 ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, events.clone(), entry)
             })
             .collect::<Result<_, WireError>>()?;
-        let wake = WakeSet::new(actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable));
-        Ok(Self { actuators, wake, busy_poll: settings.realtime.busy_poll })
+        let readers = actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable);
+        let Realtime { busy_poll, spin_share, .. } = settings.realtime;
+        let wait = SpinWait::new(readers, if busy_poll { 0.0 } else { spin_share });
+        Ok(Self { actuators, wait, busy_poll })
     }
 
     /// Maps all pages of all samples ahead of use; returns the bytes.
@@ -116,7 +118,9 @@ impl Twin {
         if !self.busy_poll {
             let due_ns = self.actuators.iter().map(ActuatorTwin::next_due_ns).min().unwrap_or(u64::MAX);
             let timeout = Duration::from_nanos(due_ns.saturating_sub(now_ns())).min(max_wait);
-            if self.wake.wait(timeout).is_err() {
+            let Self { actuators, wait, .. } = self;
+            let is_ready = |at: usize| actuators.get(at).is_some_and(|actuator| actuator.reader.has_next());
+            if wait.wait(timeout, is_ready).is_err() {
                 self.actuators.iter_mut().for_each(ActuatorTwin::wait_failed);
                 std::thread::sleep(max_wait); // a failing wait must not become a busy loop
             }
@@ -138,6 +142,11 @@ impl Twin {
             actuator.swap(loaded, &mut retired);
         }
         Ok(retired)
+    }
+
+    /// What spinning for readings came to; nothing where it does not spin.
+    pub fn spin_counts(&self) -> Option<SpinCounts> {
+        self.wait.spins().then(|| self.wait.counts())
     }
 
     /// Counters of every actuator.

@@ -80,6 +80,14 @@ macro_rules! kinds {
                     Self::Field(reader) => reader.newest()?.map(AnySample::Field),
                 })
             }
+
+            /// Whether a sample waits; not where that cannot be told: [`Self::next`] says why. Never blocks, takes nothing.
+            pub fn has_next(&self) -> bool {
+                match self {
+                    $(Self::$kind(reader) => reader.has_next(),)+
+                    Self::Field(reader) => reader.has_next(),
+                }
+            }
         }
 
         impl Wakeable for AnyReader {

@@ -233,6 +233,11 @@ impl FieldReader {
         }
     }
 
+    /// Whether a field waits; not where that cannot be told: [`Self::next`] says why. Never blocks, takes nothing.
+    pub fn has_next(&self) -> bool {
+        self.subscriber.has_samples().unwrap_or(false)
+    }
+
     /// The topic.
     pub fn topic(&self) -> &Topic {
         &self.topic

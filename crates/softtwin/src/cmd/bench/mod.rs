@@ -15,19 +15,23 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  Everything, with the shipped model models/pneunet/pneunet.twin; about two minutes:
+  Everything, with the shipped model models/pneunet/pneunet.twin; about four minutes:
     softtwin bench
   Another model, for a script, with a picture of the distributions:
     softtwin bench --model finger.twin --json --picture latency.svg
   What the parameters of a model cost, beside a model without:
     softtwin bench --model models/pneunet-stiffness/pneunet-stiffness.twin --plain models/pneunet/pneunet.twin
+  The whole field at 1 kHz, asleep, expecting the next reading, kept awake, spinning:
+    softtwin bench --rates-hz 1000 --payloads all --seconds 20
   Computation only, no processes:
     softtwin bench --no-live
 
 All columns of a table are measured in turn inside one loop, so that a disturbance hits all of them: trust ratios of one
 run, not figures of two runs. `evicted` walks through more memory than the caches hold before each call. The end-to-end
 rows start `softtwind bridge` and `softtwind twin` (expected beside this program) and read in this third process; the
-latency runs from the reading's stamp in the bridge to the field in the reader's hands.
+latency runs from the reading's stamp in the bridge to the field in the reader's hands. Four ways to wait, of twin and reader:
+Event (asleep until woken), Expecting (asleep, then spinning before each expected reading: realtime.spin_share), EventAwake
+(realtime.stay_awake), BusyPoll (spinning all the time); `core` is the processor time of each, in % of one core.
 Use a release build: cargo build --release -p softtwin -p softtwind";
 
 /// Measure kernel, prediction and the way from sensor to reader on this machine.
@@ -46,12 +50,8 @@ pub struct Args {
     /// Samples of each computation (10 to 1000000).
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = crate::range::count(10, 1_000_000))]
     samples: usize,
-    /// Seconds of each end-to-end row (0.5 to 3600).
-    #[arg(long, value_name = "S", default_value_t = 4.0, value_parser = crate::range::number(0.5, 3600.0), help_heading = "Selection")]
-    seconds: f64,
-    /// Leave the end-to-end rows out.
-    #[arg(long)]
-    no_live: bool,
+    #[command(flatten)]
+    rows: live::Rows,
     /// One JSON object on standard output.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -80,7 +80,7 @@ impl Args {
             return if self.json { output::json(&comparison) } else { comparison.print() };
         }
         let (compute, mut series) = compute::run(&model, self.samples, &mut progress)?;
-        let rows = if self.no_live { Vec::new() } else { live::run(&model, self.seconds, &mut progress)? };
+        let rows = if self.rows.no_live { Vec::new() } else { live::run(&model, &self.rows, &mut progress)? };
         drop(progress);
         let (mut end_to_end, mut notes) = (Vec::new(), Vec::new());
         for row in rows {

@@ -49,14 +49,19 @@ impl Report {
     fn print_end_to_end(&self) -> anyhow::Result<()> {
         if !self.end_to_end.is_empty() {
             output!("")?;
-            output!("sensor stamp to reader, us      p50      p99    p99.9      max  received  lost")?;
+            output!(
+                "sensor stamp to reader, us        p50      p99    p99.9      max  received  lost  core: twin  reader"
+            )?;
         }
         for row in &self.end_to_end {
             let name = format!("{:.0} Hz {:?} {:?}", row.rate_hz, row.payload, row.wake);
             let q = &row.latency_us;
             let (p50, p99, p999, max) = (q.p50, q.p99, q.p999, q.max);
             let (received, lost) = (row.received, row.lost);
-            output!("{name:26} {p50:8.1} {p99:8.1} {p999:8.1} {max:8.1}  {received:8}  {lost:4}")?;
+            let (twin, reader) = (row.twin_core_percent, row.reader_core_percent);
+            output!(
+                "{name:28} {p50:8.1} {p99:8.1} {p999:8.1} {max:8.1}  {received:8}  {lost:4}  {twin:8.1} %{reader:6.1} %"
+            )?;
         }
         for note in &self.notes {
             output!("not measured: {note}")?;

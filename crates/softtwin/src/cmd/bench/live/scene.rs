@@ -4,6 +4,7 @@ use super::super::compute;
 use crate::testbed::{Sine, Testbed};
 use rom::inputs::Inputs;
 use rom::model::Model;
+use runtime::config::Realtime;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -15,7 +16,7 @@ pub const TIP: &str = "tip";
 pub const SURFACE: &str = "surface";
 
 /// What the reader gets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Payload {
     /// Coefficients, force, gradients, bars.
@@ -34,10 +35,19 @@ pub enum Payload {
 pub enum WakeUp {
     /// Asleep until notified.
     Event,
-    /// The same, with the cores kept from sleeping (`realtime.stay_awake`).
+    /// Asleep until shortly before the next reading is expected, then spinning (`realtime.spin_share`), the reader as well.
+    Expecting,
+    /// Asleep until notified, with the cores kept from sleeping (`realtime.stay_awake`).
     EventAwake,
     /// Spinning, one core each.
     BusyPoll,
+}
+
+impl WakeUp {
+    /// Share of a core that twin and reader each may spin away.
+    pub fn spin_share(self) -> f64 {
+        if self == Self::Expecting { Realtime::default().spin_share } else { 0.0 }
+    }
 }
 
 /// What a row measures.
@@ -98,7 +108,8 @@ impl<'a> Scenes<'a> {
         let readings = Sine { rate_hz: row.rate_hz, ..self.readings };
         let scene = readings.scene(ACTUATOR, "bench.twin".as_ref(), keys, &outputs);
         let settings = format!(
-            "[realtime]\nbusy_poll = {}\nstay_awake = {}\nprefault = true\n",
+            "[realtime]\nspin_share = {:?}\nbusy_poll = {}\nstay_awake = {}\nprefault = true\n",
+            row.wake.spin_share(),
             row.wake == WakeUp::BusyPoll,
             row.wake == WakeUp::EventAwake
         );

@@ -1,0 +1,194 @@
+//! The wait: asleep, then spinning, then asleep again.
+
+use super::plan::{Plan, Planner, SpinCounts};
+use crate::clock::now_ns;
+use crate::error::WireError;
+use crate::wake::{Wake, WakeSet, Wakeable};
+use std::time::Duration;
+
+/// Waits for samples as a [`WakeSet`] does, and in good time for those that come at a steady rate.
+///
+/// The wait learns when the next sample of each source comes, sleeps until shortly before, and then looks for it again and
+/// again, so that it need not be woken: an idle core takes tens of microseconds for that. It spins for at most a stated share
+/// of a core (at 1 kHz and 0.2 at most 200 us for each sample), and not at all where that does not help: for irregular sources,
+/// below 50 Hz, on a machine with one processor. Nothing is lost where a prediction fails: the sample then wakes the wait.
+///
+/// It belongs to one thread, whose timed sleeps it makes exact as long as it lives (`PR_SET_TIMERSLACK`). It allocates nothing after
+/// it was made.
+#[derive(Debug)]
+pub struct SpinWait {
+    wake: WakeSet,
+    sources: usize,
+    /// None: it never spins.
+    planner: Option<Planner>,
+    exact: Option<ExactSleep>,
+    /// A sample was found without its event: that ends a sleep later, and means nothing then.
+    has_left_event: bool,
+}
+
+/// The clock, and sleep until an event comes or the time is over; simulated in tests.
+trait Time {
+    fn now_ns(&self) -> u64;
+    fn sleep(&mut self, longest: Duration) -> Result<Wake, WireError>;
+}
+
+impl Time for WakeSet {
+    fn now_ns(&self) -> u64 {
+        now_ns()
+    }
+
+    fn sleep(&mut self, longest: Duration) -> Result<Wake, WireError> {
+        self.wait(longest)
+    }
+}
+
+/// A wait that has begun.
+struct Waiting<'a, T, F> {
+    time: &'a mut T,
+    planner: &'a mut Planner,
+    sources: usize,
+    is_ready: F,
+    end_ns: u64,
+    has_left_event: &'a mut bool,
+}
+
+impl SpinWait {
+    /// Largest share of a core; who wants more looks at the readers without a pause.
+    pub const MAX_SHARE: f64 = 0.5;
+
+    /// Over `readers`, which are spun for with at most `share` of a core together (0: never; at most [`Self::MAX_SHARE`]).
+    pub fn new<'a>(readers: impl IntoIterator<Item = &'a dyn Wakeable>, share: f64) -> Self {
+        let mut sources = 0;
+        let wake = WakeSet::new(readers.into_iter().inspect(|_| sources += 1));
+        let spins = share > 0.0 && Self::is_possible();
+        let planner = spins.then(|| Planner::new(sources, share.min(Self::MAX_SHARE)));
+        Self { wake, sources, planner, exact: None, has_left_event: false }
+    }
+
+    /// Waits until `is_ready` says of a reader (by its place in the list) that it has a sample, `timeout` is over, or a signal
+    /// comes. It may also end by an event without a sample: look, then wait again. All samples are to be taken before the next
+    /// wait.
+    ///
+    /// # Errors
+    /// As [`WakeSet::wait`].
+    pub fn wait(&mut self, timeout: Duration, is_ready: impl Fn(usize) -> bool) -> Result<Wake, WireError> {
+        let Self { wake, sources, planner, exact, has_left_event } = self;
+        let Some(planner) = planner else { return wake.wait(timeout) };
+        exact.get_or_insert_with(ExactSleep::new);
+        let end_ns = now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
+        Waiting { time: wake, planner, sources: *sources, is_ready, end_ns, has_left_event }.run()
+    }
+
+    /// Whether this machine has the processors for it: on a single one, who spins keeps the sender from sending.
+    pub fn is_possible() -> bool {
+        processors() > 1
+    }
+
+    /// Whether it spins at all.
+    pub fn spins(&self) -> bool {
+        self.planner.is_some()
+    }
+
+    /// What spinning came to so far.
+    pub fn counts(&self) -> SpinCounts {
+        self.planner.as_ref().map(|planner| planner.counts).unwrap_or_default()
+    }
+}
+
+impl<T: Time, F: Fn(usize) -> bool> Waiting<'_, T, F> {
+    fn run(&mut self) -> Result<Wake, WireError> {
+        if self.look(self.time.now_ns(), None, false) {
+            *self.has_left_event = true;
+            return Ok(Wake::Event);
+        }
+        loop {
+            let now = self.time.now_ns();
+            let plan = self.planner.next(now).filter(|plan| plan.from_ns < self.end_ns);
+            let until_ns = plan.map_or(self.end_ns, |plan| plan.from_ns);
+            if until_ns > now || plan.is_none() {
+                let woken = self.time.sleep(Duration::from_nanos(until_ns.saturating_sub(now)))?;
+                let now = self.time.now_ns();
+                if self.look(now, plan.as_ref(), false) {
+                    *self.has_left_event = woken != Wake::Event;
+                    return Ok(Wake::Event);
+                }
+                match woken {
+                    Wake::Timeout => {}
+                    Wake::Event if std::mem::take(self.has_left_event) && now < self.end_ns => continue,
+                    Wake::Event | Wake::Signal => return Ok(woken),
+                }
+            }
+            let Some(plan) = plan else { return Ok(Wake::Timeout) };
+            if self.spin(&plan) {
+                *self.has_left_event = true;
+                return Ok(Wake::Event);
+            }
+        }
+    }
+
+    /// Looks until a sample comes, or the time to spin or to wait is over. Whether one came.
+    fn spin(&mut self, plan: &Plan) -> bool {
+        let begin_ns = self.time.now_ns();
+        loop {
+            let now = self.time.now_ns();
+            let is_found = self.look(now, Some(plan), true);
+            let is_over = now >= plan.until_ns;
+            if is_found || is_over || now >= self.end_ns {
+                self.planner.spun(begin_ns, now);
+                if is_over && !is_found {
+                    self.planner.in_vain(plan);
+                }
+                return is_found;
+            }
+            std::hint::spin_loop();
+        }
+    }
+
+    /// Whether a sample is there; all that are there have arrived.
+    fn look(&mut self, now_ns: u64, plan: Option<&Plan>, is_caught: bool) -> bool {
+        let mut is_any = false;
+        for source in (0..self.sources).filter(|source| (self.is_ready)(*source)) {
+            self.planner.arrived(source, now_ns, plan, is_caught);
+            is_any = true;
+        }
+        is_any
+    }
+}
+
+/// Timed sleeps of the calling thread end at their time as long as this lives: by default Linux adds up to 50 us. Needs no rights;
+/// where it is refused, sleeps end as late as before.
+#[derive(Debug)]
+struct ExactSleep {
+    before_ns: i32,
+}
+
+impl ExactSleep {
+    fn new() -> Self {
+        // SAFETY: takes no pointers.
+        let before_ns = unsafe { libc::prctl(libc::PR_GET_TIMERSLACK, 0_u64, 0_u64, 0_u64, 0_u64) };
+        set_timer_slack(1);
+        Self { before_ns }
+    }
+}
+
+impl Drop for ExactSleep {
+    fn drop(&mut self) {
+        // 0, also where it could not be asked: the thread's default.
+        set_timer_slack(u64::try_from(self.before_ns).unwrap_or(0));
+    }
+}
+
+fn set_timer_slack(ns: u64) {
+    // SAFETY: takes no pointers.
+    let _as_before_otherwise = unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, ns, 0_u64, 0_u64, 0_u64) };
+}
+
+/// Processors that run.
+fn processors() -> i64 {
+    // SAFETY: takes no pointers.
+    unsafe { libc::sysconf(libc::_SC_NPROCESSORS_ONLN) }
+}
+
+#[cfg(test)]
+#[path = "../../tests/unit/spin_wait.rs"]
+mod tests;
