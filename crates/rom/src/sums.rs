@@ -120,6 +120,11 @@ impl Sums {
         }
     }
 
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
     fn centre_count(&self) -> usize {
         self.centres.len() / self.dimensions.max(1)
     }
