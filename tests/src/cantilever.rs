@@ -11,8 +11,11 @@ const MODULUS_MPA: f64 = 2000.0;
 /// Cells along, across the thickness and across the width.
 const CELLS: [usize; 3] = [20, 2, 2];
 
-/// Undeformed node, displacement and von Mises stress of a beam bent by a force at its end (Euler and Bernoulli).
-pub fn beam(load_n: f64, thickness_mm: f64) -> Vec<([f64; 3], [f64; 3], f64)> {
+/// Undeformed node (mm), displacement (mm) and von Mises stress (MPa).
+pub type Node = ([f64; 3], [f64; 3], f64);
+
+/// The nodes of a beam bent by a force at its end (Euler and Bernoulli).
+pub fn beam(load_n: f64, thickness_mm: f64) -> Vec<Node> {
     let inertia = WIDTH_MM * thickness_mm.powi(3) / 12.0;
     let mut nodes = Vec::new();
     for k in 0..=CELLS[2] {
@@ -46,9 +49,14 @@ pub fn cells() -> Vec<[usize; 8]> {
     cells
 }
 
-/// A VTU file as meshio writes it in ASCII, lengths in m and stresses in Pa.
+/// A VTU file of the cantilever.
 pub fn vtu(load_n: f64, thickness_mm: f64) -> String {
-    let (nodes, cells) = (beam(load_n, thickness_mm), cells());
+    vtu_of(&beam(load_n, thickness_mm))
+}
+
+/// A VTU file as meshio writes it in ASCII, lengths in m and stresses in Pa, of the beam's nodes.
+pub fn vtu_of(nodes: &[Node]) -> String {
+    let cells = cells();
     let text =
         |values: &mut dyn Iterator<Item = f64>| values.map(|v| format!("{v:.11e} ")).collect::<String>();
     let points = text(&mut nodes.iter().flat_map(|node| node.0).map(|v| 1e-3 * v));

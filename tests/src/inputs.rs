@@ -27,7 +27,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 25] = [
+pub const ENTRANCES: [Entrance; 26] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -56,6 +56,7 @@ pub const ENTRANCES: [Entrance; 25] = [
     Entrance { name: "msh", body: msh, seed: || MSH.to_vec() },
     Entrance { name: "npz", body: npz, seed: npz_seed },
     Entrance { name: "model_header", body: wrapped::model_header, seed: wrapped::header_seed },
+    Entrance { name: "named_header", body: wrapped::named_header, seed: wrapped::named_seed },
     Entrance { name: "chunk", body: wrapped::chunk, seed: wrapped::chunk_seed },
     Entrance { name: "exchange", body: wrapped::exchange, seed: wrapped::exchange_seed },
     Entrance {

@@ -12,6 +12,7 @@ pub mod modules;
 pub mod process;
 pub mod skip;
 pub mod stage;
+pub mod strip;
 pub mod wait;
 
 pub use manager::Manager;

@@ -140,6 +140,7 @@ fn database() -> Database {
         node_sets: vec![],
         obstacle: Footprint::PLATE,
         parameters: vec![],
+        regime_names: Vec::new(),
         sensitivities: None,
         hash: [0; 32],
     };

@@ -180,6 +180,12 @@ fn a_cantilever_is_served_from_readings_of_its_load() {
     let (status, said) = recorder.end();
     assert!(status.success(), "{said:?}");
     replayed(&stage, &out, &readers);
+    // The trace again, without a scene: its columns are the inputs.
+    let mut replay = Program::tool(&stage, &["replay", "load.csv", "--actuator", "part"]);
+    let (states, fields) = readers.follow();
+    check(&stage, &states, &fields);
+    let (status, said) = replay.end();
+    assert!(status.success() && said.join("\n").contains("6 readings sent"), "{said:?}");
     let (status, said) = twin.stop();
     assert!(status.success(), "{said:?}");
 }

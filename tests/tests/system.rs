@@ -17,6 +17,7 @@ mod parameters;
 mod queries;
 mod realtime;
 mod recording;
+mod regimes;
 mod replace;
 mod scenes;
 mod sensors;

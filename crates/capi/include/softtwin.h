@@ -92,7 +92,7 @@ typedef struct {
   double max_von_mises_mpa;         /**< Largest von Mises stress of them, MPa; NaN: none of them has it. */
   uint32_t max_displacement_node;   /**< Its node in the model; UINT32_MAX: none. */
   uint32_t max_von_mises_node;      /**< Its node in the model; UINT32_MAX: none. */
-  uint32_t regime;                  /**< SOFTTWIN_REGIME_FREE or SOFTTWIN_REGIME_CONTACT. */
+  uint32_t regime;                  /**< SOFTTWIN_REGIME_FREE, _CONTACT, or _NAMED1 and so on. */
   uint32_t domain_status;           /**< SOFTTWIN_DOMAIN_INSIDE, ...: outside, the half-widths do not hold. */
   uint32_t force_clamped;           /**< 1: the interpolated force was negative and was set to 0. */
   uint32_t reserved;

@@ -9,14 +9,13 @@ use rom::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use rom::kernel::Peaks;
 use rom::model::{BlockKind, Model, ModelReader, Nodes, Selection};
 use rom::reconstructor::Reconstructor;
-use rom::snapshots::RegimeKind;
 use std::borrow::Cow;
 use std::ffi::{CStr, CString, c_char};
 use std::fs::File;
 use std::mem::MaybeUninit;
 use std::path::Path;
 use std::sync::Arc;
-use wire::layout::{domain_status, regime};
+use wire::layout::domain_status;
 
 /// One input of a model.
 #[repr(C)]
@@ -192,10 +191,7 @@ fn prediction(e: &Evaluation, peaks: &Peaks) -> softtwin_prediction {
         max_von_mises_mpa: stress.0,
         max_displacement_node: displacement.1,
         max_von_mises_node: stress.1,
-        regime: match e.regime {
-            RegimeKind::Free => regime::FREE,
-            RegimeKind::Contact => regime::CONTACT,
-        },
+        regime: e.regime.number(),
         domain_status: match e.domain {
             DomainStatus::Inside => domain_status::INSIDE,
             DomainStatus::Near => domain_status::NEAR_EDGE,
@@ -343,7 +339,7 @@ pub unsafe extern "C" fn softtwin_model_predict(
                     std::slice::from_raw_parts_mut(first, entries)
                 };
                 let refused = |error| {
-                    let name = evaluation.regime.name();
+                    let name = model.evaluator.regime_name(evaluation.regime);
                     let text = format!("state {at} belongs to regime {name}: {error}");
                     Failure::Own(softtwin_status::SOFTTWIN_REFUSED, text)
                 };

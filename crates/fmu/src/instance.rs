@@ -9,7 +9,7 @@ use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
 use rom::model::{ModelReader, Nodes, Selection};
 use rom::reconstructor::Reconstructor;
-use rom::snapshots::{FieldKind, RegimeKind};
+use rom::snapshots::FieldKind;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -137,7 +137,7 @@ impl Instance {
         self.evaluator.give(&self.inputs, &mut self.evaluation).map_err(|error| error.to_string())?;
         self.evaluator.evaluate(self.inputs, &mut self.evaluation);
         if !self.evaluator.has_regime(self.evaluation.regime) {
-            let name = self.evaluation.regime.name();
+            let name = self.evaluator.regime_name(self.evaluation.regime);
             return Err(format!("this state belongs to regime {name}, in which the model was not trained"));
         }
         for part in self.at_nodes.iter_mut().chain(&mut self.stress) {
@@ -199,10 +199,7 @@ impl Instance {
             DomainStatus::Near => 1,
             DomainStatus::Outside => 2,
         };
-        let regime = match self.evaluation.regime {
-            RegimeKind::Free => 1,
-            RegimeKind::Contact => 2,
-        };
+        let regime = self.evaluation.regime.number() as i32;
         Ok(if quantity == Quantity::Regime { regime } else { domain })
     }
 }

@@ -33,6 +33,7 @@
 
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
+mod border;
 mod clearance;
 pub mod config;
 mod contract;
@@ -54,6 +55,7 @@ pub mod interpolant;
 pub mod kernel;
 pub mod model;
 pub mod model_state;
+pub mod names;
 mod pod;
 pub mod probe;
 mod radial;

@@ -120,6 +120,11 @@ impl Sums {
         }
     }
 
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
     /// Value and, where asked for, gradient over scaled inputs of every output at `x`. No allocation where `room` is of these
     /// sums. Cost: see [`weigh`].
     pub fn evaluate(&self, x: &Point, room: &mut Room, value: &mut [f64], gradient: Option<Gradient<'_>>) {

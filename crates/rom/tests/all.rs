@@ -7,4 +7,5 @@ mod model_file;
 mod parameters;
 mod predict;
 mod probe;
+mod regimes;
 mod shipped_design;

@@ -21,7 +21,7 @@ pub struct Explained {
     /// The model's parameters and the values they have here.
     pub inputs: Vec<ExplainedInput>,
     /// Regimes that can occur with these gaps.
-    pub regimes: Vec<&'static str>,
+    pub regimes: Vec<String>,
     /// Bytes read from the model file.
     pub read_bytes: u64,
     /// Bytes of all blocks in the model file: the difference was never touched.
@@ -117,7 +117,7 @@ pub fn explain(loaded: &Loaded) -> Explained {
         actuator,
         gap_mm: loaded.spec.gap_mm.range_mm(),
         inputs: inputs(loaded),
-        regimes: loaded.regimes.iter().map(|kind| kind.name()).collect(),
+        regimes: loaded.regime_names(),
         read_bytes: loaded.read.iter().map(|block| block.bytes).sum(),
         file_block_bytes: loaded.file_block_bytes,
         blocks: loaded.read.len(),

@@ -66,6 +66,18 @@ pub struct ReadBlock {
     pub bytes: u64,
 }
 
+impl Loaded {
+    /// The regimes that can occur, with their numbers in states where the names are the model's own.
+    #[must_use]
+    pub fn regime_names(&self) -> Vec<String> {
+        let shown = |kind: &RegimeKind| match self.evaluator.regime_name(*kind) {
+            name if name == kind.name() => name.to_owned(),
+            name => format!("{name} ({})", kind.name()),
+        };
+        self.regimes.iter().map(shown).collect()
+    }
+}
+
 /// Loads all actuators of a scene.
 ///
 /// # Errors
@@ -179,7 +191,7 @@ fn regimes_in_reach(header: &ModelHeader, spec: &ActuatorSpec) -> Vec<RegimeKind
     let (min_mm, max_mm) = spec.gap_mm.range_mm();
     let solved = header.clearance.is_some(); // the onset is solved from the free regime: it is always needed
     let possible = |kind: RegimeKind| match (&header.onset, kind) {
-        (None, _) => true,
+        (None, _) | (_, RegimeKind::Named(_)) => true,
         _ if solved => true,
         (Some(onset), RegimeKind::Contact) => min_mm <= onset.reach_mm(),
         (Some(onset), RegimeKind::Free) => max_mm > onset.sag_mm(),
@@ -297,9 +309,10 @@ fn describe(
     let header = &model.header;
     let numbers = header.resolve_fields(selection.fields.as_deref()).unwrap_or_default();
     let specs = || numbers.iter().filter_map(|number| Some((*number, &header.fields.get(*number)?.spec)));
-    let basis_bytes = [RegimeKind::Free, RegimeKind::Contact]
-        .into_iter()
-        .filter_map(|kind| reconstructor.basis(kind))
+    let basis_bytes = header
+        .regimes
+        .iter()
+        .filter_map(|regime| reconstructor.basis(regime.kind))
         .map(|basis| basis.bytes() as u64)
         .sum();
     LoadedOutput {

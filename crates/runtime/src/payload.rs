@@ -8,8 +8,7 @@ use rom::hull::DomainStatus;
 use rom::hysteresis::RegimeLabel;
 use rom::inputs::{GAP, InputSpec, PARAMETERS, PRESSURE};
 use rom::kernel::Peaks;
-use rom::snapshots::RegimeKind;
-use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, input_source, pack_name, regime, set_slot};
+use wire::layout::{COEFFICIENTS_MAX, INPUTS_MAX, flags, input_source, pack_name, set_slot};
 use wire::{Answer, FieldHeader, State};
 
 /// Writes an evaluation into a payload: [`State`] and [`Answer`] have these values in common.
@@ -19,7 +18,7 @@ macro_rules! write_evaluation {
         $payload.flags = flags_of(e);
         $payload.pressure_mpa = e.inputs.pressure_mpa();
         $payload.gap_mm = e.inputs.gap_mm();
-        $payload.regime = regime_number(e.regime);
+        $payload.regime = e.regime.number();
         $payload.inputs = *e.inputs.values();
         $payload.force_by_input = e.force_gradient;
         $payload.contact_force_n = e.contact_force_n;
@@ -121,7 +120,7 @@ pub fn state_of(evaluation: &Evaluation, inputs: &[InputSpec]) -> State {
 
 /// Puts the label with hysteresis in place of the evaluation's own regime.
 pub(crate) fn fill_label(state: &mut State, label: RegimeLabel) {
-    state.regime = regime_number(label.regime);
+    state.regime = label.regime.number();
     state.flags |= if label.held { flags::REGIME_HELD } else { 0 };
 }
 
@@ -172,13 +171,6 @@ fn flags_of(evaluation: &Evaluation) -> u32 {
         (flags::FORCE_CLAMPED, evaluation.flags.force_clamped),
     ];
     bits.iter().filter(|(_, set)| *set).map(|(bit, _)| bit).sum()
-}
-
-fn regime_number(kind: RegimeKind) -> u32 {
-    match kind {
-        RegimeKind::Free => regime::FREE,
-        RegimeKind::Contact => regime::CONTACT,
-    }
 }
 
 fn domain_number(status: DomainStatus) -> u32 {

@@ -12,4 +12,5 @@ mod parameters;
 mod ranges;
 mod recording;
 mod recording_memory;
+mod regimes;
 mod simulate;

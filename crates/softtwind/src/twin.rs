@@ -195,7 +195,7 @@ fn say_spins(counts: &SpinCounts, ran: Duration) {
 
 fn describe(loaded: &Loaded) {
     let read: u64 = loaded.read.iter().map(|block| block.bytes).sum();
-    let regimes: Vec<&str> = loaded.regimes.iter().map(|kind| kind.name()).collect();
+    let regimes = loaded.regime_names();
     let hash = layout::hex(&loaded.model_hash);
     tracing::info!(
         "{}: model {hash}, regimes {}, {read} of {} bytes read ({})",

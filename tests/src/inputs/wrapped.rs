@@ -10,21 +10,40 @@ const HASH: usize = 32;
 
 /// The header of a model file, behind good checksums and before the blocks of a good model.
 pub fn model_header(header: &[u8]) {
-    let good = crate::stage::model_bytes();
+    behind_checksums(crate::stage::model_bytes(), header);
+}
+
+/// The header of a good model.
+pub fn header_seed() -> Vec<u8> {
+    header_of(crate::stage::model_bytes())
+}
+
+/// A model with regimes of its own names.
+const NAMED: &[u8] = include_bytes!("../../../crates/rom/tests/data/version6.twin");
+
+/// [`model_header`] for a model with regimes of its own names.
+pub fn named_header(header: &[u8]) {
+    behind_checksums(NAMED, header);
+}
+
+/// The header of that model.
+pub fn named_seed() -> Vec<u8> {
+    header_of(NAMED)
+}
+
+fn behind_checksums(good: &[u8], header: &[u8]) {
     let mut file = good[..PREAMBLE].to_vec();
     file[16..24].copy_from_slice(&(header.len() as u64).to_le_bytes());
     file[24..56].copy_from_slice(blake3::hash(header).as_bytes());
     file.extend(header);
     file.resize(file.len().next_multiple_of(PREAMBLE), 0);
-    file.extend(&good[(PREAMBLE + header_seed().len()).next_multiple_of(PREAMBLE)..good.len() - HASH]);
+    file.extend(&good[(PREAMBLE + header_of(good).len()).next_multiple_of(PREAMBLE)..good.len() - HASH]);
     let seal = *blake3::hash(&file).as_bytes();
     file.extend(seal);
     super::model(&file);
 }
 
-/// The header of a good model.
-pub fn header_seed() -> Vec<u8> {
-    let good = crate::stage::model_bytes();
+fn header_of(good: &[u8]) -> Vec<u8> {
     let length = u64::from_le_bytes(good[16..24].try_into().expect("eight bytes"));
     good[PREAMBLE..PREAMBLE + length as usize].to_vec()
 }

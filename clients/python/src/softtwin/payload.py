@@ -67,7 +67,7 @@ class Payload(ctypes.Structure):
 
     @property
     def regime_name(self) -> str:
-        """`free`, `contact` or `unknown`."""
+        """`free`, `contact`, `regime 3` and so on where the name is the model's own, or `unknown`."""
         return self.name_of("regime")
 
     @property

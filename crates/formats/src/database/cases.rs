@@ -1,26 +1,30 @@
 //! `cases.csv`: one row a case.
 
 use super::manifest::Manifest;
-use super::words::{ObstacleKind, REGIMES, SPLITS, split_name};
+use super::regimes::Regimes;
+use super::words::{ObstacleKind, SPLITS, split_name};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use crate::table::{self, Row, Table};
-use rom::inputs::Parameter;
-use rom::snapshots::{Case, RegimeKind};
+use rom::snapshots::{Case, Database, RegimeKind};
 use std::collections::HashMap;
 use std::path::Path;
 
 /// Columns every table has, in the order [`write()`] gives them.
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
+/// The cases with the kind of their obstacle, and the names of regimes that are the user's own.
+pub(crate) type Found = (Vec<(ObstacleKind, Case)>, Vec<String>);
+
 /// Reads and checks the table; everything that is wrong at once.
-pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind, Case)>, FormatError> {
+pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Found, FormatError> {
     let table = Table::read(path, false)?;
     let columns = columns(&table, manifest)
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
     let (mut cases, mut diagnostics, mut seen) = (Vec::new(), Vec::new(), HashMap::new());
+    let mut regimes = Regimes::default();
     for row in table.rows() {
-        let Some(case) = case(&row, &columns, &mut diagnostics) else { continue };
+        let Some(case) = case(&row, &columns, &mut regimes, &mut diagnostics) else { continue };
         if let Some(first) = seen.insert(row.text(columns.standard[0]), row.place()) {
             let place = format!("{}, column case", row.place());
             let found = format!("`{}` of {first}", case.1.name);
@@ -31,7 +35,7 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind
     if cases.is_empty() && diagnostics.is_empty() {
         diagnostics.push(Diagnostic::new("rows", "at least one case", "none"));
     }
-    FormatError::check(cases, path, diagnostics)
+    FormatError::check((cases, regimes.names), path, diagnostics)
 }
 
 /// Where the columns are.
@@ -73,13 +77,18 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     }
 }
 
-fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<(ObstacleKind, Case)> {
+fn case(
+    row: &Row<'_>,
+    at: &Columns,
+    regimes: &mut Regimes,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<(ObstacleKind, Case)> {
     collect(row.check_width(false), diagnostics)?;
     let parameters: Vec<f64> =
         at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();
     let all_given = parameters.len() == at.parameters.len();
     let (at, Columns { pressure, gap, force, .. }) = (&at.standard, at);
-    let regime = collect(row.choice(at[1], &REGIMES), diagnostics);
+    let regime = collect(regimes.of(row, at[1]), diagnostics);
     let split = collect(row.choice(at[2], &SPLITS), diagnostics);
     let pressure_mpa = pressure.map_or(Some(0.0), |pressure| collect(row.number(pressure), diagnostics));
     let gap_mm = gap.map_or(Some(None), |gap| collect(row.optional_number(gap), diagnostics));
@@ -107,15 +116,15 @@ fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Optio
     Some((obstacle, case))
 }
 
-/// Writes a table of cases at the plate; `parameters` names their further columns.
-pub(crate) fn write(path: &Path, cases: &[Case], parameters: &[Parameter]) -> Result<(), FormatError> {
+/// Writes the table of the cases at the plate; the database's parameters are further columns.
+pub(crate) fn write(path: &Path, database: &Database) -> Result<(), FormatError> {
     let (before, force) = COLUMNS.split_at(5);
-    let names = parameters.iter().map(|p| p.name.as_str());
+    let names = database.parameters.iter().map(|p| p.name.as_str());
     let header: Vec<&str> = before.iter().copied().chain(names).chain(force.iter().copied()).collect();
     let row = |case: &Case| {
         let mut cells = vec![
             case.name.clone(),
-            case.regime.name().to_owned(),
+            database.regime_name(case.regime).to_owned(),
             split_name(case.split).to_owned(),
             case.pressure_mpa.to_string(),
             case.gap_mm.map_or(String::new(), |gap| gap.to_string()),
@@ -123,5 +132,5 @@ pub(crate) fn write(path: &Path, cases: &[Case], parameters: &[Parameter]) -> Re
         cells.extend(case.parameters.iter().chain([&case.contact_force_n]).map(f64::to_string));
         cells
     };
-    file::replace(path, table::to_text(&header, cases.iter().map(row)).as_bytes())
+    file::replace(path, table::to_text(&header, database.cases.iter().map(row)).as_bytes())
 }

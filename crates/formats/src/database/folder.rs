@@ -17,7 +17,7 @@ const UNDEFORMED_BY: &str = "undeformed_by.npy";
 pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     let manifest = Manifest::read(&dir.join(FILE))?;
     let cases_path = dir.join(&manifest.cases);
-    let cases = cases::read(&cases_path, &manifest)?;
+    let (cases, regime_names) = cases::read(&cases_path, &manifest)?;
     let fields = manifest.field_specs();
     let snapshots_path = dir.join(&manifest.snapshots);
     let mesh = manifest.mesh.as_ref().map(|file| dir.join(file));
@@ -45,6 +45,7 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         node_count,
         cases,
         parameters,
+        regime_names,
         snapshots,
         undeformed_by: moved.unwrap_or_default(),
         sensitivities: derivatives.map(|found| sensitivities::of_cases(found, &kept, node_count)),
@@ -90,7 +91,7 @@ fn select(
 /// As [`super::read`], for the manifest and the table of cases.
 pub fn obstacle_kinds(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
     let manifest = Manifest::read(&dir.join(FILE))?;
-    let cases = cases::read(&dir.join(&manifest.cases), &manifest)?;
+    let (cases, _) = cases::read(&dir.join(&manifest.cases), &manifest)?;
     let present = |kind: &ObstacleKind| cases.iter().any(|(found, _)| found == kind);
     Ok(ObstacleKind::ALL.into_iter().filter(present).collect())
 }
@@ -123,7 +124,7 @@ pub fn write(dir: &Path, database: &Database, cells: vtu::Cells<'_>) -> Result<(
     if let Some(derivatives) = &database.sensitivities {
         sensitivities::write(dir, &mut manifest, database, derivatives)?;
     }
-    cases::write(&dir.join(&manifest.cases), &database.cases, &database.parameters)?;
+    cases::write(&dir.join(&manifest.cases), database)?;
     let shape = [database.cases.len(), database.node_count, database.fields.len()];
     npy::write_f32(&dir.join(&manifest.snapshots), &shape, &database.snapshots)?;
     manifest.write(&dir.join(FILE))

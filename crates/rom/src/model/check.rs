@@ -1,9 +1,11 @@
 //! What a header must satisfy before anything indexes by it, and how selections are resolved against it.
 
 use super::header::{Clearance, ModelHeader, RegimeModel};
+use super::named::NamedRegimes;
 use super::selection::{ModelError, Nodes};
-use crate::inputs::{MAX_INPUTS, PARAMETERS};
+use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
+use crate::names;
 use crate::snapshots::RegimeKind;
 
 /// Whether a clearance's lengths fit the free regime.
@@ -12,6 +14,36 @@ fn fits(clearance: &Clearance, free: &RegimeModel) -> bool {
     let sound = clearance.max_pressure_mpa > 0.0 && clearance.bend_per_mm.is_finite();
     let nodes = clearance.mean_mm.len();
     sound && nodes > 0 && modes.is_some_and(|modes| clearance.modes.len() == modes * nodes)
+}
+
+/// Refuses with a sentence what is not sound.
+pub(super) type Require<'a> = &'a dyn Fn(bool, &str) -> Result<(), String>;
+
+impl InputMap {
+    /// For a model of so many inputs.
+    pub(super) fn check(&self, inputs: usize, require: Require) -> Result<(), String> {
+        let (axes, constants) = (&self.axes, &self.constants);
+        require((1..=MAX_INPUTS).contains(&axes.len()), "a regime needs one to eight inputs")?;
+        require(axes.iter().all(|a| a.max > a.min), "an input has an empty range")?;
+        let positions = axes.iter().map(|a| a.input).chain(constants.iter().map(|c| c.0));
+        require(positions.max() < Some(inputs), "a regime names a missing input")?;
+        require(axes.windows(2).all(|a| a[0].input < a[1].input), "a regime's inputs are out of order")
+    }
+}
+
+impl Interpolant {
+    /// For a regime of so many inputs.
+    pub(super) fn check(&self, dimensions: usize, require: Require) -> Result<(), String> {
+        require(self.dimensions == dimensions, "an interpolant has other inputs than its regime")?;
+        require(self.centres.len().is_multiple_of(dimensions), "an interpolant's centres are cut")?;
+        let (weights, tail) = (self.terms() * self.outputs, self.tail.terms(dimensions) * self.outputs);
+        let placed = |s: &Slope| (s.centre as usize) < self.centre_count() && (s.axis as usize) < dimensions;
+        require(self.slopes.iter().all(placed), "an interpolant's derivatives name a missing centre")?;
+        require(
+            self.weights.len() == weights && self.tail_weights.len() == tail,
+            "an interpolant's weights are cut",
+        )
+    }
 }
 
 impl RegimeModel {
@@ -23,6 +55,33 @@ impl RegimeModel {
     /// All interpolants: groups', then the force's.
     pub fn interpolants(&self) -> impl Iterator<Item = &Interpolant> {
         self.groups.iter().map(|g| &g.surrogate).chain(self.force.as_ref().map(|f| &f.surrogate))
+    }
+}
+
+impl NamedRegimes {
+    /// Says what contradicts itself or the header it belongs to.
+    ///
+    /// # Errors
+    /// A sentence on the first contradiction.
+    fn check(&self, header: &ModelHeader) -> Result<(), String> {
+        let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(what.to_owned()) };
+        if let Some(problem) = names::problems(&self.names).into_iter().next() {
+            return Err(problem);
+        }
+        let mut regimes = header.regimes.iter().enumerate();
+        let in_order = regimes.all(|(at, regime)| regime.kind.place() == Some(at));
+        require(
+            in_order && header.regimes.len() == self.names.len(),
+            "names and regimes do not belong together",
+        )?;
+        require(header.onset.is_none(), "named regimes have no onset")?;
+        let Some(border) = &self.border else {
+            return require(self.names.len() == 1, "nothing decides between the regimes");
+        };
+        border.inputs.check(header.inputs.len(), &require)?;
+        require(border.scores.outputs == self.names.len(), "the scores are of other regimes")?;
+        require(border.doubt.is_finite() && border.doubt >= 0.0, "the doubt is no number")?;
+        border.scores.check(border.inputs.dimensions(), &require)
     }
 }
 
@@ -66,21 +125,26 @@ impl ModelHeader {
             let inside = set.nodes.iter().all(|n| (*n as usize) < self.node_count);
             require(inside, "a node set names a node beyond the mesh")?;
         }
+        match &self.named {
+            Some(named) => named.check(self)?,
+            None => require(self.regimes.iter().all(|r| r.kind.place().is_none()), "a regime has no name")?,
+        }
         self.regimes.iter().try_for_each(|regime| self.check_regime(regime, &require))
     }
 
-    fn check_regime(
-        &self,
-        regime: &RegimeModel,
-        require: &dyn Fn(bool, &str) -> Result<(), String>,
-    ) -> Result<(), String> {
+    /// The name of a regime.
+    pub fn regime_name(&self, kind: RegimeKind) -> &str {
+        kind.name_in(self.named.as_ref().map_or(&[], |named| &named.names))
+    }
+
+    /// The names of its regimes, in order.
+    pub fn regime_names(&self) -> Vec<&str> {
+        self.regimes.iter().map(|regime| self.regime_name(regime.kind)).collect()
+    }
+
+    fn check_regime(&self, regime: &RegimeModel, require: Require) -> Result<(), String> {
         let dimensions = regime.inputs.dimensions();
-        let (axes, constants) = (&regime.inputs.axes, &regime.inputs.constants);
-        require((1..=MAX_INPUTS).contains(&dimensions), "a regime needs one to eight inputs")?;
-        require(axes.iter().all(|a| a.max > a.min), "an input has an empty range")?;
-        let positions = axes.iter().map(|a| a.input).chain(constants.iter().map(|c| c.0));
-        require(positions.max() < Some(self.inputs.len()), "a regime names a missing input")?;
-        require(axes.windows(2).all(|a| a[0].input < a[1].input), "a regime's inputs are out of order")?;
+        regime.inputs.check(self.inputs.len(), require)?;
         require(regime.domain.fits(dimensions), "the domain has other inputs than its regime")?;
         let mut next = 0;
         for group in &regime.groups {
@@ -114,18 +178,7 @@ impl ModelHeader {
         }
         let local = regime.local_halfwidths.as_ref();
         require(local.is_none_or(|local| local.fits(dimensions)), "the local half-widths are cut")?;
-        regime.interpolants().try_for_each(|fit| {
-            require(fit.dimensions == dimensions, "an interpolant has other inputs than its regime")?;
-            require(fit.centres.len() % dimensions == 0, "an interpolant's centres are cut")?;
-            let (weights, tail) = (fit.terms() * fit.outputs, fit.tail.terms(dimensions) * fit.outputs);
-            let placed =
-                |s: &Slope| (s.centre as usize) < fit.centre_count() && (s.axis as usize) < dimensions;
-            require(fit.slopes.iter().all(placed), "an interpolant's derivatives name a missing centre")?;
-            require(
-                fit.weights.len() == weights && fit.tail_weights.len() == tail,
-                "an interpolant's weights are cut",
-            )
-        })
+        regime.interpolants().try_for_each(|fit| fit.check(dimensions, require))
     }
 
     /// Indices of the named fields, or all; unknown names are refused.

@@ -7,7 +7,8 @@
 //! 16     header length h, u64 little-endian       8
 //! 24     blake3 of the header                    32
 //! 56     zero                                     8
-//! 64     header: block table and model header     h   (codec.rs), in version 4 what further.rs adds
+//! 64     header: block table and model header     h   (codec.rs), from version 4 on what further.rs adds,
+//!                                                 in version 6 named.rs too
 //!        zeros up to a multiple of 64
 //! d      blocks, each from a multiple of 64, little-endian, zeros between
 //! end-32 blake3 of everything before             32
@@ -17,6 +18,7 @@
 
 use super::further::Further;
 use super::header::{BlockData, BlockKind, Model, ModelHeader};
+use super::named::NamedRegimes;
 use super::selection::{ModelError, Selection};
 use super::{codec, version2};
 use serde::{Deserialize, Serialize};
@@ -25,8 +27,10 @@ use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// The newest version: parameters that move the undeformed mesh. Models without are written as [`FIXED_VERSION`].
-pub const VERSION: u32 = 5;
+/// The newest version: regimes with names of the user's own. Models without are written as [`MOVING_VERSION`] or older.
+pub const VERSION: u32 = 6;
+/// Parameters that move the undeformed mesh. Models without are written as [`FIXED_VERSION`].
+pub const MOVING_VERSION: u32 = 5;
 /// Parameters, interpolants with derivatives. Models without are written as [`PLAIN_VERSION`].
 pub const FIXED_VERSION: u32 = 4;
 /// Pressure and gap, local half-widths.
@@ -136,11 +140,12 @@ impl Model {
         }
         let header = FileHeader { blocks: table, model: &self.header };
         let moving = header.blocks.iter().any(|block| matches!(block.kind, BlockKind::UndeformedBy { .. }));
-        let (version, header) = match Further::of(&self.header) {
-            Some(further) => {
-                (if moving { VERSION } else { FIXED_VERSION }, codec::encode(&(header, further)))
-            }
-            None => (PLAIN_VERSION, codec::encode(&header)),
+        let (further, named) = (Further::of(&self.header), &self.header.named);
+        let (version, header) = match named {
+            Some(named) => (VERSION, codec::encode(&(header, further, named))),
+            None if further.is_empty() => (PLAIN_VERSION, codec::encode(&header)),
+            None if moving => (MOVING_VERSION, codec::encode(&(header, further))),
+            None => (FIXED_VERSION, codec::encode(&(header, further))),
         };
         let header = header.map_err(ModelFileError::Header)?;
         let mut out = Vec::with_capacity(2 * ALIGN + header.len() + data.len() + TRAILER as usize);
@@ -302,6 +307,13 @@ impl<R: Read + Seek> ModelReader<R> {
 }
 
 fn decode(version: u32, bytes: &[u8]) -> Result<FileHeader<ModelHeader>, String> {
+    if version > MOVING_VERSION {
+        type Parts = (FileHeader<ModelHeader>, Further, NamedRegimes);
+        let (mut header, further, named): Parts = codec::decode(bytes)?;
+        further.add_to(&mut header.model)?;
+        header.model.named = Some(named);
+        return Ok(header);
+    }
     if version >= FIXED_VERSION {
         let (mut header, further): (FileHeader<ModelHeader>, Further) = codec::decode(bytes)?;
         further.add_to(&mut header.model)?;

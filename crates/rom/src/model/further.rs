@@ -16,18 +16,19 @@ pub(super) struct Further {
 }
 
 impl Further {
-    /// What the header has beyond version 3; none where it has nothing.
-    pub(super) fn of(header: &ModelHeader) -> Option<Self> {
+    /// What the header has beyond version 3.
+    pub(super) fn of(header: &ModelHeader) -> Self {
         let fits = header.regimes.iter().flat_map(|regime| regime.interpolants());
-        let further = Self {
+        Self {
             values: header.inputs.iter().skip(PARAMETERS).filter_map(|input| input.value).collect(),
             clearance: header.clearance.clone(),
             slopes: fits.map(|fit| fit.slopes.clone()).collect(),
-        };
-        let plain = further.values.is_empty()
-            && further.clearance.is_none()
-            && further.slopes.iter().all(Vec::is_empty);
-        (!plain).then_some(further)
+        }
+    }
+
+    /// Whether it has nothing.
+    pub(super) fn is_empty(&self) -> bool {
+        self.values.is_empty() && self.clearance.is_none() && self.slopes.iter().all(Vec::is_empty)
     }
 
     /// Adds it to a header that was read.

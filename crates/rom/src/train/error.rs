@@ -20,7 +20,7 @@ pub enum TrainError {
         /// Group.
         group: String,
         /// Regime.
-        regime: &'static str,
+        regime: String,
         /// Cause.
         source: PodError,
     },
@@ -30,7 +30,7 @@ pub enum TrainError {
         /// Group or force.
         what: String,
         /// Regime.
-        regime: &'static str,
+        regime: String,
         /// Cause.
         source: FitError,
     },

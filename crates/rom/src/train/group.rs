@@ -154,11 +154,12 @@ impl Decomposed {
         group: &Group,
         mut snapshots: Mat<f64>,
         columns: Columns,
-        regime: &'static str,
+        regime: &str,
         config: &RegimeConfig,
         centred: bool,
     ) -> Result<Self, TrainError> {
-        let pod_error = |source| TrainError::Pod { group: group.name.clone(), regime, source };
+        let pod_error =
+            |source| TrainError::Pod { group: group.name.clone(), regime: regime.to_owned(), source };
         let states = columns.states;
         weigh_onset(&mut snapshots, columns, centred);
         let compact =
@@ -187,7 +188,7 @@ pub(super) fn fit_groups(
     plan: &Plan,
     decomposed: Vec<Decomposed>,
     states: States,
-    regime: &'static str,
+    regime: &str,
     config: &RegimeConfig,
     options: &TrainConfig,
 ) -> Result<Vec<GroupFit>, TrainError> {
@@ -200,8 +201,8 @@ pub(super) fn fit_groups(
         let tasks: Vec<Task> = cluster.iter().map(|&g| decomposed[g].task.clone()).collect();
         let names: Vec<&str> = cluster.iter().map(|&g| plan.groups[g].name.as_str()).collect();
         let what = format!("group {}", names.join(", "));
-        let chosen =
-            choose(states, &tasks, config).map_err(|source| TrainError::Fit { what, regime, source })?;
+        let refused = |source| TrainError::Fit { what, regime: regime.to_owned(), source };
+        let chosen = choose(states, &tasks, config).map_err(refused)?;
         for (&g, choice) in cluster.iter().zip(chosen) {
             choices[g] = Some(choice);
         }

@@ -2,7 +2,7 @@
 
 use super::error::TrainError;
 use super::regime::Part;
-use super::sort::Sorted;
+use super::sort::{Sorted, varying};
 use crate::inputs::{InputMap, InputSpec, Inputs, MAX_INPUTS, PARAMETERS};
 use crate::snapshots::{Database, RegimeKind};
 use faer::Mat;
@@ -20,10 +20,9 @@ const SAME: f64 = 0.99;
 /// [`TrainError::Database`] with the inputs by name.
 pub(super) fn check_spread(database: &Database, sorted: &Sorted) -> Result<(), TrainError> {
     let mut problems = Vec::new();
-    let parameters = PARAMETERS..PARAMETERS + database.parameters.len();
-    for (kind, cases) in [(RegimeKind::Free, &sorted.free), (RegimeKind::Contact, &sorted.contact)] {
-        let first = if kind == RegimeKind::Free { 1 } else { PARAMETERS };
-        let inputs: Vec<usize> = (0..first).chain(parameters.clone()).collect();
+    let named = (0..sorted.named.len()).map(|at| RegimeKind::Named(at as u8));
+    for kind in [RegimeKind::Free, RegimeKind::Contact].into_iter().chain(named) {
+        let (cases, inputs) = (sorted.of(kind), varying(database, kind));
         let states: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
         let map = InputMap::of_states(&states, &inputs);
         if map.operating() == map.dimensions() || states.is_empty() {
@@ -37,7 +36,7 @@ pub(super) fn check_spread(database: &Database, sorted: &Sorted) -> Result<(), T
                 "in the {} {} training states {} vary together: no model can tell their effects apart; vary each for \
                  itself, or leave all but one out",
                 states.len(),
-                kind.name(),
+                database.regime_name(kind),
                 names.join(", ")
             ));
         }

@@ -3,12 +3,12 @@
 use super::boundary::OnsetBoundary;
 use super::error::TrainError;
 use super::group::{Columns, Decomposed, Group, GroupFit, Plan, fit_groups};
-use super::sort::Sorted;
+use super::sort::{Sorted, varying};
 use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
 use crate::datasheet::{Candidate, CaseError};
 use crate::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
-use crate::inputs::{GAP, InputMap, Inputs, PARAMETERS, PRESSURE, Point};
+use crate::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
 use crate::interpolant::Slope;
 use crate::model::{FarOnset, ForceModel, GroupModel, RegimeModel};
 use crate::regime::{OnsetAt, OnsetTable};
@@ -80,6 +80,7 @@ impl Part {
 /// The states a regime is trained on: cases first, then boundary states.
 struct Training<'a> {
     database: &'a Database,
+    kind: RegimeKind,
     cases: &'a [usize],
     /// Inputs of cases and boundary states.
     points: Vec<Inputs>,
@@ -103,11 +104,36 @@ pub(super) fn free(
 ) -> Result<Part, TrainError> {
     let cases = &sorted.free;
     let points = cases.iter().map(|&i| database.cases[i].inputs_at_gap(0.0)).collect();
-    let varying = varying(database, &[PRESSURE]);
-    let training = Training::new(database, sorted, RegimeKind::Free, points, &varying, f64::INFINITY);
-    let groups = training.groups(RegimeKind::Free, config, &config.free, plan, None)?;
+    let training = Training::new(database, sorted, RegimeKind::Free, points, f64::INFINITY);
+    let groups = training.groups(config, &config.free, plan, None)?;
     let errors = training.errors(plan, &groups, None);
-    Ok(training.part(RegimeKind::Free, groups, None, errors, config.coverage))
+    Ok(training.part(groups, None, errors, config.coverage))
+}
+
+/// A regime with a name of the user's own, on all of its states and with the choices of the free one. A contact force is
+/// trained where its states have one.
+pub(super) fn named(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    sorted: &Sorted,
+    kind: RegimeKind,
+) -> Result<Part, TrainError> {
+    let cases = sorted.of(kind);
+    let points = cases.iter().map(|&i| named_inputs(database, i)).collect();
+    let training = Training::new(database, sorted, kind, points, f64::INFINITY);
+    let groups = training.groups(config, &config.free, plan, None)?;
+    let has_force = cases.iter().any(|&i| database.cases[i].contact_force_n > 0.0);
+    let force = has_force.then(|| training.force(&config.free, None)).transpose()?;
+    let (force, residuals) = force.unzip();
+    let errors = training.errors(plan, &groups, residuals.as_deref());
+    Ok(training.part(groups, force, errors, config.coverage))
+}
+
+/// The inputs of a state in a named regime; the gap is one as any other, 0 where there is none.
+pub(super) fn named_inputs(database: &Database, case: usize) -> Inputs {
+    let case = &database.cases[case];
+    case.inputs_at_gap(case.gap_mm.unwrap_or(0.0))
 }
 
 pub(super) fn contact(
@@ -141,25 +167,14 @@ pub(super) fn contact(
         }
         None => {}
     }
-    let mut training = Training::new(
-        database,
-        sorted,
-        RegimeKind::Contact,
-        points,
-        &varying(database, &[PRESSURE, GAP]),
-        largest_gap,
-    );
+    let mut training = Training::new(database, sorted, RegimeKind::Contact, points, largest_gap);
     training.onset = along_onset;
-    let groups =
-        training.groups(RegimeKind::Contact, config, &config.contact, plan, boundary.map(|b| b.0))?;
+    let groups = training.groups(config, &config.contact, plan, boundary.map(|b| b.0))?;
     let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
     let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
     let force = training.force(&config.contact, onset)?;
     let errors = training.errors(plan, &groups, Some(&force.1));
-    Ok(Part {
-        far_onset,
-        ..training.part(RegimeKind::Contact, groups, Some(force.0), errors, config.coverage)
-    })
+    Ok(Part { far_onset, ..training.part(groups, Some(force.0), errors, config.coverage) })
 }
 
 /// States on the onset, see [`spread`]; one only where all cases share a gap.
@@ -222,11 +237,6 @@ fn slopes(
     slopes
 }
 
-/// Inputs that a regime may be interpolated over: those given and the parameters.
-fn varying(database: &Database, first: &[usize]) -> Vec<usize> {
-    first.iter().copied().chain((0..database.parameters.len()).map(|i| PARAMETERS + i)).collect()
-}
-
 /// So many states along the onset take part in the POD: stress has kinks along it, which the few states that are interpolated
 /// between do not span.
 const ONSET_DIRECTIONS: usize = 80;
@@ -254,11 +264,10 @@ impl<'a> Training<'a> {
         sorted: &'a Sorted,
         kind: RegimeKind,
         points: Vec<Inputs>,
-        varying: &[usize],
         largest_gap: f64,
     ) -> Self {
-        let cases: &[usize] = if kind == RegimeKind::Free { &sorted.free } else { &sorted.contact };
-        let inputs = InputMap::of_states(&points, varying);
+        let cases = sorted.of(kind);
+        let inputs = InputMap::of_states(&points, &varying(database, kind));
         let scaled: Vec<Point> = points.iter().map(|p| inputs.scale(p)).collect();
         // The domain is where cases were simulated, plus the onset up to the largest gap simulated.
         let trusted: Vec<Point> = scaled
@@ -279,12 +288,12 @@ impl<'a> Training<'a> {
         }
         let known = slopes(database, cases, &inputs, &sorted.doubtful);
         let (slopes, slope_rows) = known.into_iter().unzip();
-        Self { database, cases, points, inputs, scaled, score, domain, onset: Vec::new(), slopes, slope_rows }
+        let onset = Vec::new();
+        Self { database, kind, cases, points, inputs, scaled, score, domain, onset, slopes, slope_rows }
     }
 
     fn groups(
         &self,
-        kind: RegimeKind,
         config: &TrainConfig,
         choices: &RegimeConfig,
         plan: &Plan,
@@ -315,10 +324,15 @@ impl<'a> Training<'a> {
                 let at = columns.states + columns.onset + j;
                 self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
             }
-            Decomposed::new(group, y, columns, kind.name(), choices, config.centred)
+            Decomposed::new(group, y, columns, self.name(), choices, config.centred)
         };
         let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
-        fit_groups(plan, decomposed, states, kind.name(), choices, config)
+        fit_groups(plan, decomposed, states, self.name(), choices, config)
+    }
+
+    /// The regime's name.
+    fn name(&self) -> &str {
+        self.database.regime_name(self.kind)
     }
 
     /// What a group is decomposed from. Of derivatives: all that are known, or none where one of its fields has none.
@@ -421,7 +435,7 @@ impl<'a> Training<'a> {
         let chosen = choose(states, &[task], config);
         let error = |source| TrainError::Fit {
             what: "the contact force".into(),
-            regime: RegimeKind::Contact.name(),
+            regime: self.name().to_owned(),
             source,
         };
         let choice = chosen.map_err(error)?.swap_remove(0); // one task, one choice
@@ -485,7 +499,6 @@ impl<'a> Training<'a> {
 
     fn part(
         self,
-        kind: RegimeKind,
         groups: Vec<GroupFit>,
         force: Option<Force>,
         errors: Vec<CaseError>,
@@ -499,7 +512,7 @@ impl<'a> Training<'a> {
         let axes = (self.inputs.operating()..dimensions).filter(|axis| !needed(axis));
         let idle = axes.map(|axis| self.inputs.axes[axis].input).collect();
         Part {
-            kind,
+            kind: self.kind,
             groups,
             force,
             errors,

@@ -9,7 +9,7 @@ use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::inputs::{InputSpec, Inputs, PRESSURE};
 use rom::kernel::Peaks;
-use rom::model::{Model, Selection};
+use rom::model::{Model, ModelHeader, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::FieldSpec;
 use serde_json::{Map, Value, json};
@@ -76,14 +76,14 @@ impl Args {
         let peaks = state.update(input);
         let regime = state.evaluation().regime;
         if model.regime(regime).is_none() {
-            let (found, wanted) = (regimes(&model), regime.name());
+            let (found, wanted) = (model.header.regime_names().join(", "), model.header.regime_name(regime));
             return Err(usage(format!("this state belongs to regime {wanted}; the model has only {found}")));
         }
         let peaks = peaks?;
         if self.out.is_some() {
             self.write(&model, &state)?;
         }
-        output::json(&answer(&model.header.inputs, state.evaluation(), &peaks))
+        output::json(&answer(&model.header, state.evaluation(), &peaks))
     }
 
     fn write(&self, model: &Model, state: &ModelState) -> anyhow::Result<()> {
@@ -96,22 +96,18 @@ impl Args {
     }
 }
 
-fn regimes(model: &Model) -> String {
-    let names: Vec<&str> = model.header.regimes.iter().map(|r| r.kind.name()).collect();
-    names.join(", ")
-}
-
 /// One number for each input, by its key; none where it is not finite.
 pub(super) fn by_input(specs: &[InputSpec], values: &[f64]) -> Map<String, Value> {
     let finite = |v: &f64| json!(Some(*v).filter(|v| v.is_finite()));
     specs.iter().zip(values).map(|(spec, value)| (spec.key(), finite(value))).collect()
 }
 
-fn answer(specs: &[InputSpec], evaluation: &Evaluation, peaks: &Peaks) -> Value {
+fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks) -> Value {
+    let specs = &header.inputs;
     json!({
         "inputs": by_input(specs, evaluation.inputs.values()),
         "dforce": by_input(specs, &evaluation.force_gradient),
-        "regime": evaluation.regime.name(),
+        "regime": header.regime_name(evaluation.regime),
         "pressure_mpa": evaluation.inputs.pressure_mpa(),
         "gap_mm": Some(evaluation.inputs.gap_mm()).filter(|gap| gap.is_finite()),
         "contact_force_n": evaluation.contact_force_n,

@@ -5,11 +5,12 @@ use crate::live::DomainArgs;
 use crate::output;
 use anyhow::{Result, anyhow};
 use runtime::bridge::{Bridge, BridgeCounters};
-use runtime::source::{Poll, Reading, ReplaySpec, Source, SourceSpec};
+use runtime::source::{Devices, InputNames, Poll, Reading, ReplaySpec, Source, SourceSpec};
 use serde_json::json;
-use std::io::BufRead;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use wire::layout::PARAMETERS_MAX;
 use wire::{Bus, SensorWriter, Topic, boot_id, now_ns};
 
 const EXAMPLES: &str = "\
@@ -20,12 +21,17 @@ Examples:
     softtwin replay run.mcap --actuator finger --from-s 10 --to-s 20 --speed 10 --loop
   One reading each time Enter is pressed:
     softtwin replay config/traces/gap40.csv --actuator finger --step
+  A trace of the inputs of a model without a pressure (columns t_s, load_n):
+    softtwin replay load.csv --actuator part
   All files of a recorder that rotates, as one recording:
     softtwin replay /var/lib/softtwin --actuator finger
   A recording of two actuators: say which one:
     softtwin replay run.mcap --actuator left --topic softtwin/left/sensor
 
 A running bridge of the same actuator must be stopped first: there is one sensor for an actuator.";
+
+/// Comments and header of a trace lie within so many bytes.
+const HEADER_BYTES: u64 = 1 << 16;
 
 /// Play readings of a recording (MCAP) or a trace (CSV) to a twin.
 #[derive(clap::Args)]
@@ -77,13 +83,17 @@ impl Args {
             from_s: self.from_s,
             to_s: self.to_s,
         };
+        let inputs = inputs(&self.file)?;
         let source = SourceSpec::Replay(spec)
-            .open(Path::new(""))
+            .open_among(Path::new(""), &Devices::default(), &inputs)
             .map_err(|problems| configuration(anyhow!("{}", problems.join("\n  "))))?;
         let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
-        let sent =
-            if self.step { step(&bus, &topic, source, &stop)? } else { self.play(&bus, source, &stop)? };
+        let sent = if self.step {
+            step(&bus, &topic, source, &inputs, &stop)?
+        } else {
+            self.play(&bus, source, &stop)?
+        };
         if self.json {
             output::json(&json!({"sent": sent}))
         } else {
@@ -102,20 +112,55 @@ impl Args {
     }
 }
 
+/// The model inputs among the columns of a trace: where it has no pressure, all that no reading has by itself. None for a recording,
+/// whose readings have their own.
+fn inputs(path: &Path) -> Result<InputNames> {
+    let header = header(path).unwrap_or_default(); // what cannot be read is refused where the source is opened
+    let columns: Vec<&str> = header.split(',').map(str::trim).collect();
+    if columns.contains(&"pressure_mpa") || !columns.contains(&"t_s") {
+        return Ok(InputNames::default());
+    }
+    let is_marker = |name: &str| name.starts_with("marker") && name.ends_with("_mm");
+    let is_input = |name: &&str| !["t_s", "gap_mm", "measured_force_n"].contains(name) && !is_marker(name);
+    let names: Vec<&str> = columns.into_iter().filter(is_input).collect();
+    if names.len() > PARAMETERS_MAX || names.iter().any(|name| name.is_empty()) {
+        return Err(configuration(anyhow!(
+            "{}: expected t_s and at most {PARAMETERS_MAX} columns with the names of model inputs, found {header}",
+            path.display()
+        )));
+    }
+    Ok(InputNames::new(names))
+}
+
+/// The first line of a table that is no comment.
+fn header(path: &Path) -> Option<String> {
+    let file = runtime::file::open(path, u64::MAX).ok()?;
+    let lines = BufReader::new(file.take(HEADER_BYTES)).lines().map_while(Result::ok);
+    let mut lines = lines.map(|line| line.trim_start_matches('\u{feff}').trim().to_owned());
+    lines.find(|line| !line.is_empty() && !line.starts_with('#'))
+}
+
 /// A reading for each line that comes in.
-fn step(bus: &Bus, topic: &Topic, mut source: Box<dyn Source>, stop: &AtomicBool) -> Result<u64> {
+fn step(
+    bus: &Bus,
+    topic: &Topic,
+    mut source: Box<dyn Source>,
+    inputs: &InputNames,
+    stop: &AtomicBool,
+) -> Result<u64> {
     let mut writer = SensorWriter::create(bus, topic)?;
     let boot_id = boot_id();
     let mut sent = 0;
     let mut lines = std::io::stdin().lock().lines();
     while !stop.load(Ordering::Relaxed) {
         let Poll::Reading(reading) = source.poll(f64::INFINITY) else { break };
-        output!(
-            "{:.6} s  {} MPa  {} mm  (Enter sends it)",
-            reading.t_trace_s,
-            reading.pressure_mpa,
-            reading.gap_mm
-        )?;
+        let values = if inputs.is_empty() {
+            format!("{} MPa  {} mm", reading.pressure_mpa, reading.gap_mm)
+        } else {
+            let pairs = inputs.iter().zip(reading.inputs);
+            pairs.map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join("  ")
+        };
+        output!("{:.6} s  {values}  (Enter sends it)", reading.t_trace_s)?;
         if lines.next().transpose()?.is_none() {
             break;
         }

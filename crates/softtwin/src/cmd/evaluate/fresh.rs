@@ -67,9 +67,8 @@ pub(super) fn random_states(
         anyhow::bail!("only {} of {count} random states fell inside the {kind} domain", states.len());
     }
     let regime = match (kind, scene) {
-        (RegimeKind::Free, _) => "free",
         (RegimeKind::Contact, ObstacleKind::Block) => "gripper",
-        (RegimeKind::Contact, _) => "contact",
+        (kind, _) => kind.name(),
     };
     let case = |(k, state): (usize, Inputs)| Case {
         name: format!("fresh{seed}-{regime}{k:03}"),

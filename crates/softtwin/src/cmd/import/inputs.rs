@@ -6,7 +6,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use formats::database::SPLITS;
 use formats::results::Run;
 use formats::table::{Row, Table};
-use rom::snapshots::{RegimeKind, Split};
+use rom::snapshots::Split;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -17,7 +17,8 @@ const WORDS: [&str; 6] = ["file", "step", "case", "regime", "split", "contact_fo
 #[derive(Clone, Debug, Default)]
 pub(super) struct Labels {
     pub(super) name: Option<String>,
-    pub(super) regime: Option<RegimeKind>,
+    /// As it is named.
+    pub(super) regime: Option<String>,
     pub(super) split: Option<Split>,
     pub(super) contact_force_n: Option<f64>,
     /// Inputs by name; an empty gap is left out.
@@ -37,7 +38,8 @@ impl Source<'_> {
     pub(super) fn states(&self, path: &Path, run: &Run, all: bool) -> Result<Vec<(usize, Labels)>> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let from_name = self.pattern.map(|pattern| matched(pattern, &name)).transpose()?;
-        let labels = Labels { values: from_name.unwrap_or_default(), ..Labels::default() };
+        let (values, regime) = from_name.unwrap_or_default();
+        let labels = Labels { values, regime, ..Labels::default() };
         let count = run.steps.len();
         let chosen: Vec<usize> = if all { (0..count).collect() } else { (0..count).rev().take(1).collect() };
         let Some((place, table)) = &self.table else {
@@ -115,10 +117,7 @@ fn read_row(table: &Table, row: &Row<'_>, labels: &mut Labels) -> Result<()> {
             _ if cell.is_empty() && (name == "gap_mm" || WORDS.contains(&name.as_str())) => {}
             "case" => labels.name = Some(cell.to_owned()),
             "split" => labels.split = Some(row.choice(column, &SPLITS).map_err(|e| anyhow!("{e}"))?),
-            "regime" => {
-                let kinds = [("free", RegimeKind::Free), ("contact", RegimeKind::Contact)];
-                labels.regime = Some(row.choice(column, &kinds).map_err(|e| anyhow!("{e}"))?);
-            }
+            "regime" => labels.regime = Some(cell.to_owned()),
             "contact_force_n" => {
                 labels.contact_force_n = Some(row.number(column).map_err(|e| anyhow!("{e}"))?);
             }
@@ -136,18 +135,23 @@ pub(super) fn table(path: &Path) -> Result<(&Path, Table)> {
     Ok((path, Table::read(path, true).map_err(refusal)?))
 }
 
-/// The numbers of a file name by a pattern such as `run_p{pressure_mpa}_g{gap_mm}.frd`.
-pub(super) fn matched(pattern: &str, name: &str) -> Result<BTreeMap<String, f64>> {
+/// The numbers of a file name by a pattern such as `run_p{pressure_mpa}_g{gap_mm}.frd`, and its regime where that has a `{regime}`.
+pub(super) fn matched(pattern: &str, name: &str) -> Result<(BTreeMap<String, f64>, Option<String>)> {
     let refused = || usage(format!("--pattern {pattern}: expected a file name of this form, found {name}"));
     let mut parts = pattern.split('{');
     let mut rest = name.strip_prefix(parts.next().unwrap_or_default()).ok_or_else(refused)?;
-    let mut values = BTreeMap::new();
+    let (mut values, mut regime) = (BTreeMap::new(), None);
     for part in parts {
         let (key, literal) = part
             .split_once('}')
             .ok_or_else(|| usage(format!("--pattern {pattern}: expected }} behind {{{part}")))?;
         let end = if literal.is_empty() { Some(rest.len()) } else { rest.find(literal) };
         let (text, after) = rest.split_at(end.ok_or_else(refused)?);
+        rest = &after[literal.len()..];
+        if key == "regime" && regime.is_none() {
+            regime = Some(text.to_owned());
+            continue;
+        }
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
         let value = value.ok_or_else(|| {
             usage(format!("--pattern {pattern}: expected a number for {key} in {name}, found {text:?}"))
@@ -155,9 +159,8 @@ pub(super) fn matched(pattern: &str, name: &str) -> Result<BTreeMap<String, f64>
         if values.insert(key.to_owned(), value).is_some() {
             bail!(usage(format!("--pattern {pattern}: expected {{{key}}} once, found it twice")));
         }
-        rest = &after[literal.len()..];
     }
-    if values.is_empty() || !rest.is_empty() { Err(refused()) } else { Ok(values) }
+    if values.is_empty() || !rest.is_empty() { Err(refused()) } else { Ok((values, regime)) }
 }
 
 /// The unit that the end of an input's name says.

@@ -5,7 +5,8 @@ use crate::failure::{configuration, usage};
 use crate::files::refusal;
 use crate::output;
 use anyhow::{Result, anyhow};
-use formats::database;
+use formats::Diagnostic;
+use formats::database::{self, Regimes};
 use formats::results::{self, Assembly, Wanted};
 use formats::vtu::Cells;
 use rom::inputs::{MAX_INPUTS, PARAMETERS, Parameter};
@@ -50,7 +51,7 @@ pub struct Args {
     /// Table of inputs: columns file, the inputs, and where needed step, case, regime, split, contact_force_n.
     #[arg(long, value_name = "FILE.csv")]
     inputs: Option<PathBuf>,
-    /// Inputs in the file names, as run_p{pressure_mpa}_g{gap_mm}.frd.
+    /// Inputs in the file names, as run_p{pressure_mpa}_g{gap_mm}.frd; {regime} is the state's regime.
     #[arg(long)]
     pattern: Option<String>,
     /// An input that grows with the time of the step; its value at time 1, unless table or pattern give it.
@@ -145,6 +146,7 @@ impl Args {
             known: Vec::new(),
             left_out: Vec::new(),
             names: Vec::new(),
+            regimes: Regimes::default(),
         };
         let source = self.source()?;
         for path in &self.paths {
@@ -154,10 +156,11 @@ impl Args {
         let (shape_varies, left_out) = (states.assembly.shape_varies(), states.left_out);
         let parameters = parameters(&states.names, &states.known)?;
         let name = self.name.clone().unwrap_or_else(|| plain(&self.out));
-        let (database, blocks) = states
+        let (mut database, blocks) = states
             .assembly
             .finish(name, parameters)
             .map_err(|error| configuration(anyhow!("{error}{}", listed(&left_out))))?;
+        database.regime_names = states.regimes.names;
         database::write(&self.out, &database, Cells::Mixed(&blocks)).map_err(refusal)?;
         self.report(&database, nodes, shape_varies, &left_out)
     }
@@ -192,6 +195,7 @@ impl Args {
         if self.json {
             return output::json(&json!({
                 "out": self.out, "nodes": nodes, "states": database.cases.len(), "training": train, "testing": test,
+                "regimes": database.regime_names,
                 "fields": fields, "inputs": database.parameters.iter().map(|p| &p.name).collect::<Vec<_>>(),
                 "shape_varies": shape_varies, "left_out": left_out,
             }));
@@ -201,6 +205,10 @@ impl Args {
             self.out.display(),
             fields.join(", ")
         )?;
+        for (at, name) in database.regime_names.iter().enumerate() {
+            let is_of = |case: &&Case| case.regime == RegimeKind::Named(at as u8);
+            output!("regime {name}: {} states", database.cases.iter().filter(is_of).count())?;
+        }
         for parameter in &database.parameters {
             output!(
                 "input {} in {}; {:.6} (the mean) where nothing is said",
@@ -227,6 +235,7 @@ struct States {
     left_out: Vec<String>,
     /// Names of the inputs, those of the first state.
     names: Vec<String>,
+    regimes: Regimes,
 }
 
 impl States {
@@ -276,10 +285,30 @@ impl States {
         Ok(labels.values.clone())
     }
 
-    fn case(&self, place: &str, name: String, labels: &Labels, args: &Args) -> Result<Case> {
+    /// The regime of a state: as it is named, else by whether there is a gap.
+    fn regime(&mut self, place: &str, labels: &Labels, has_gap: bool) -> Result<RegimeKind> {
+        let refused = |error| configuration(anyhow!("{error}"));
+        let found = match &labels.regime {
+            Some(word) if word == "gripper" => {
+                let expected = "free, contact or a name of your own";
+                return Err(refused(Diagnostic::new(format!("{place}, regime"), expected, "`gripper`")));
+            }
+            Some(name) => name.as_str(),
+            None if !self.regimes.names.is_empty() => {
+                let expected =
+                    format!("a regime by name, as for the states before ({})", self.regimes.names.join(", "));
+                return Err(refused(Diagnostic::new(place, expected, "none")));
+            }
+            None if has_gap => RegimeKind::Contact.name(),
+            None => RegimeKind::Free.name(),
+        };
+        let found = self.regimes.find(found, &format!("{place}, regime")).map_err(refused)?;
+        Ok(found.1)
+    }
+
+    fn case(&mut self, place: &str, name: String, labels: &Labels, args: &Args) -> Result<Case> {
         let gap_mm = labels.values.get("gap_mm").copied();
-        let regime = if gap_mm.is_some() { RegimeKind::Contact } else { RegimeKind::Free };
-        let regime = labels.regime.unwrap_or(regime);
+        let regime = self.regime(place, labels, gap_mm.is_some())?;
         if regime == RegimeKind::Contact && (gap_mm.is_none() || labels.contact_force_n.is_none()) {
             let error = anyhow!(
                 "{place}: expected gap_mm and contact_force_n in the table for a state in contact (force 0 where nothing \

@@ -4,7 +4,6 @@ use crate::failure::usage;
 use crate::picture::camera::Camera;
 use crate::picture::theme::ThemeName;
 use anyhow::Result;
-use rom::snapshots::RegimeKind;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -48,9 +47,9 @@ pub struct Args {
     /// Gap from the underside of the undeformed base to the plate, mm (0 to 10000); no plate when left out.
     #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     pub gap_mm: Option<f64>,
-    /// Draw the POD modes of a regime.
-    #[arg(long, value_enum, conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"], help_heading = "State")]
-    pub modes: Option<Regime>,
+    /// Draw the POD modes of a regime: free, contact, or a name of the model's own.
+    #[arg(long, value_name = "REGIME", conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"], help_heading = "State")]
+    pub modes: Option<String>,
     /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa; of a model trained elsewhere, states of its own.
     #[arg(long, conflicts_with_all = ["pressure_mpa", "gap_mm", "database"], help_heading = "State")]
     pub fig9: bool,
@@ -72,15 +71,6 @@ pub struct Args {
     /// Picture to write.
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     pub out: PathBuf,
-}
-
-/// A regime, as typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Regime {
-    /// Nothing is touched.
-    Free,
-    /// The actuator presses on the plate.
-    Contact,
 }
 
 /// A field that can be shown.
@@ -153,16 +143,6 @@ impl Args {
         Err(usage(format!(
             "expected a pressure of 0 to {MAX_PRESSURE_MPA} MPa and a gap of 0 to {MAX_GAP_MM} mm, found {pressure} MPa, {gap_mm} mm"
         )))
-    }
-}
-
-impl Regime {
-    /// The model's name for it.
-    pub fn kind(self) -> RegimeKind {
-        match self {
-            Self::Free => RegimeKind::Free,
-            Self::Contact => RegimeKind::Contact,
-        }
     }
 }
 

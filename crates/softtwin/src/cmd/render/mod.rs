@@ -27,8 +27,8 @@ impl Args {
         let canvas = match (&self.model, &self.scene) {
             (Some(path), _) => {
                 let loaded = LoadedModel::read(path)?;
-                match self.modes {
-                    Some(regime) => modes::draw(&self, &loaded, regime.kind())?,
+                match &self.modes {
+                    Some(regime) => modes::draw(&self, &loaded, regime)?,
                     None if self.fig9 => states::fig9(&self, &loaded)?,
                     None => states::one(&self, &loaded)?,
                 }

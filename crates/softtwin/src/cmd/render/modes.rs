@@ -19,17 +19,18 @@ const MAX_MODES: usize = 8;
 const COLUMNS: usize = 4;
 
 /// Draws the leading modes of a field of a regime.
-pub fn draw(args: &Args, loaded: &LoadedModel, kind: RegimeKind) -> Result<Canvas> {
-    let regime = loaded.model.regime(kind).ok_or_else(|| {
-        let known: Vec<&str> = loaded.model.header.regimes.iter().map(|regime| regime.kind.name()).collect();
-        usage(format!("the model has no regime {}; it has {}", kind.name(), known.join(", ")))
+pub fn draw(args: &Args, loaded: &LoadedModel, named: &str) -> Result<Canvas> {
+    let header = &loaded.model.header;
+    let regime = header.regimes.iter().find(|regime| header.regime_name(regime.kind) == named);
+    let regime = regime.ok_or_else(|| {
+        usage(format!("the model has no regime {named}; it has {}", header.regime_names().join(", ")))
     })?;
     let (name, label) = match args.field {
         Shown::Stress => ("von_mises", "von Mises stress"),
         Shown::Displacement => ("y", "vertical position"),
     };
     let shapes = shapes(loaded, regime, name)?;
-    let bodies = mean_state(loaded, kind, &shapes)?;
+    let bodies = mean_state(loaded, regime.kind, &shapes)?;
     let energies = energies(regime, loaded, name);
     let panel = |k: usize, energy: f64| Panel {
         scene: Scene { body: &bodies[k], plate: None, blocks: &[], range: [-1.0, 1.0] },
@@ -42,7 +43,7 @@ pub fn draw(args: &Args, loaded: &LoadedModel, kind: RegimeKind) -> Result<Canva
         panels: part.iter().map(|(k, energy)| panel(*k, *energy)).collect(),
     };
     let sheet = Sheet {
-        title: format!("POD modes of the {} regime: {label}", kind.name()),
+        title: format!("POD modes of the {named} regime: {label}"),
         caption: "Drawn on the mean state. Bold: share of the snapshots' variance.".into(),
         rows: panels.chunks(COLUMNS).map(row).collect(),
         bar_label: "mode / its largest entry".into(),

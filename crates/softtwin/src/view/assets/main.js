@@ -193,7 +193,10 @@ function timeWindow(series) {
 function panels() {
   const actuator = chosen();
   const recent = state.drawn.filter((time) => performance.now() - time < 1000).length;
-  if (actuator?.shown) showNumbers(at("numbers"), showsPast() ? actuator.shown : actuator.latest, recent);
+  if (actuator?.shown) {
+    const frame = showsPast() ? actuator.shown : actuator.latest;
+    showNumbers(at("numbers"), frame, recent, state.models.get(frame.model)?.regimes);
+  }
   const kept = recording.on && !whatIf.active ? "all" : at("window").value;
   const series = visible().map(({ history, colour }) => ({ bins: history[kept].bins, shift_ms: history.shift_ms, isSteady: whatIf.active, colour }));
   const window = timeWindow(series);

@@ -31,7 +31,8 @@ function onsetText(onset_mpa) {
 // Flags that tell of no trouble: a load cell is there; a model has more coefficients than a state has room for.
 const HARMLESS = ["coefficients-cut", "force-measured"];
 
-export function showNumbers(parent, frame, fps) {
+// `regimes`: names of the model's own, by what states say.
+export function showNumbers(parent, frame, fps, regimes = {}) {
   const cells = ROWS.filter((row) => row.wanted?.(frame) ?? true).map((row) => {
     const value = row.value(frame);
     const main = known(value) ? [value.toFixed(row.digits), row.unit] : [row.none ?? "–", ""];
@@ -44,7 +45,7 @@ export function showNumbers(parent, frame, fps) {
     if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more.filter(Boolean).join(" · ")));
   });
   const drawn = fps > 0 ? `${fps.toFixed(0)} ${fps.toFixed(0) === "1" ? "frame" : "frames"}/s drawn` : "";
-  cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
+  cells.push(words("regime", regimes[frame.regime] ?? frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
   const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;

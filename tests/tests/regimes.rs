@@ -1,0 +1,88 @@
+//! A twin serves a structure with regimes of its own names from readings of its load: number, field and answer are those of the
+//! regime that the model finds.
+
+use formats::npy;
+use serde_json::Value;
+use tests::strip::simulations;
+use tests::wait::{wait_for, wait_state, wait_until};
+use tests::{Program, Stage};
+use wire::layout::{flags, regime};
+use wire::{FieldReader, StateReader, Topic};
+
+/// What the trace has, and the regime with an imperfection of [`IMPERFECTION_MM`].
+const LOADS: [(f64, &str, u32); 3] =
+    [(5.0, "straight", regime::NAMED1), (13.0, "up", regime::NAMED3), (15.5, "up", regime::NAMED3)];
+const IMPERFECTION_MM: f64 = 0.25;
+
+fn run(stage: &Stage, arguments: &[&str]) -> String {
+    let (status, said) = Program::tool(stage, arguments).end();
+    assert!(status.success(), "{arguments:?}: {said:?}");
+    said.join("\n")
+}
+
+#[test]
+fn a_strip_is_served_in_the_regime_of_each_reading() {
+    let stage = Stage::with_model("regimes", &[]);
+    let names = simulations(stage.folder.path(), 80);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let more = ["--inputs", "inputs.csv", "--out", "db", "--length-unit", "m", "--stress-unit", "pa"];
+    run(&stage, &[&["import", "results"], &names[..], &more].concat());
+    run(&stage, &["train", "--database", "db", "--out", "strip.twin"]);
+    let rows = LOADS.iter().enumerate().map(|(at, (load, ..))| format!("{},{load}\n", 0.01 * at as f64));
+    stage.write("load.csv", &format!("t_s,load_n\n{}", rows.collect::<String>()));
+    let scene = stage.write(
+        "strip.toml",
+        &format!(
+            "name = \"bench\"\n[[actuator]]\nname = \"strip\"\nmodel = \"strip.twin\"\nbacklog = 64\n\
+             [actuator.inputs]\nload_n = {{ min = 2, max = 20 }}\nimperfection_mm = {IMPERFECTION_MM}\n\
+             [actuator.source]\nkind = \"replay\"\ntrace = \"load.csv\"\n[[actuator.output]]\n"
+        ),
+    );
+    let scene = scene.display().to_string();
+    let mut twin = Program::daemon(&stage, &["twin", "--scene", &scene]);
+    twin.wait_for("regimes straight (regime 3) and down (regime 4) and up (regime 5)");
+    twin.wait_for("ready:");
+    let bus = stage.bus();
+    let states = StateReader::attach(&bus, &Topic::state("strip").unwrap()).expect("a state");
+    let fields = FieldReader::attach(&bus, &Topic::field("strip", None).unwrap()).expect("a field");
+    let bridge = Program::daemon(&stage, &["bridge", "--scene", &scene]);
+    let mut seen = Vec::new();
+    wait_state(&states, "the last reading's state", |state| {
+        if state.flags & (flags::NO_DATA | flags::STALE) == 0 {
+            seen.push(state.regime);
+        }
+        seen.len() == LOADS.len()
+    });
+    assert_eq!(seen, LOADS.map(|(.., number)| number));
+    let mut served: Vec<Vec<f32>> = Vec::new();
+    wait_for(&fields, "the fields", |reader| {
+        while let Some(field) = reader.next().expect("readable") {
+            served.push(field.values().to_vec());
+        }
+        (served.len() == LOADS.len()).then_some(())
+    });
+    for ((load, name, _), field) in LOADS.iter().zip(&served) {
+        let set = [format!("load_n={load}"), format!("imperfection_mm={IMPERFECTION_MM}")];
+        let out = ["--set", &set[0], "--set", &set[1], "--out", "state.npy"];
+        let said = run(&stage, &[&["predict", "--model", "strip.twin"], &out[..]].concat());
+        let answer: Value = serde_json::from_str(&said).expect("JSON");
+        assert_eq!(answer["regime"], *name, "{answer}");
+        let array = npy::read_f32(&stage.path("state.npy")).expect("an array");
+        let (nodes, count) = (array.shape[0], array.shape[1]);
+        let exact =
+            (0..count).flat_map(|k| (0..nodes).map(move |node| node * count + k)).map(|at| array.data[at]);
+        let largest = array.data.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+        let off = field.iter().zip(exact).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(
+            field.len() == array.data.len() && off <= 2.0 * f32::EPSILON * largest,
+            "{load} N: off by {off}"
+        );
+    }
+    // Where no model is at hand, the number stands for the name.
+    wait_until("a state as text", || {
+        let said = Program::tool(&stage, &["echo", "softtwin/strip/state", "--once"]).end().1.join("\n");
+        said.contains("regime 5").then_some(())
+    });
+    assert!(bridge.ended().0.success());
+    assert!(twin.stop().0.success());
+}
