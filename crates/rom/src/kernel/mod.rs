@@ -14,16 +14,20 @@
 //! time of moving the bytes. [`Basis`] therefore stores them in the order of use: tiles of [`TILE_NODES`] nodes,
 //! and in a tile, field after field, the mean and the modes as rows of 64 values. The sweep touches each cache line
 //! once, in order, and all fields of a node are at hand together, so that derived fields cost no second pass.
-//! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape).
+//! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape). With a [`Budget`] each row of each tile is as
+//! wide as the error that is accepted for its field lets it be.
 //!
 //! The module knows nothing of the model: [`Spec`] describes what to build from plain slices. The tests
 //! hold every instruction set to the same equations computed in the plainest way and in f64.
 
 mod basis;
+mod budget;
 mod eight;
 mod isa;
 mod lanes;
+mod mixed;
 mod plan;
+mod rows;
 mod spec;
 mod sweep;
 mod tiles;
@@ -34,8 +38,9 @@ pub(crate) mod weigh;
 mod tests;
 
 pub use basis::{Basis, Peak, Peaks, ReconstructError};
+pub use budget::Budget;
 pub use isa::Isa;
-pub use spec::{Affine, BasisError, Field, Role, Shift, Source, Spec, Values};
+pub use spec::{Affine, BasisError, Field, Role, Shift, Shortfall, Source, Spec, Values};
 pub use tiles::Precision;
 
 /// Nodes a tile: four AVX-512 registers of f32, eight of AVX2, sixteen of NEON. More than one register holds, because
