@@ -316,6 +316,30 @@ fn sixteen_bit_bases_stay_close() {
 }
 
 #[test]
+fn a_basis_within_an_accepted_error_is_no_larger_and_one_that_cannot_be_is_refused() {
+    let stage = Stage::new("budget");
+    let output = |keys: &str| actuator(&format!("{ALL}{keys}"));
+    let bytes = |keys: &str| load(&stage, &output(keys)).remove(0).outputs[0].basis_bytes;
+    let (full, within) = (bytes(""), bytes("precision = \"budget\"\n"));
+    assert!(within < full + full / 10, "{within} bytes with the lists of rows, {full} in f32");
+    let problem = |keys: &str| -> String {
+        let path = stage.write("scene.toml", &output(keys));
+        let loaded = Scene::load(&path).and_then(|scene| load_scene(&scene, &path));
+        loaded.expect_err("refused").to_string()
+    };
+    let refused = problem("precision = \"budget\"\naccepted_error_share = 1e-12\n");
+    for part in
+        ["output[0].accepted_error_share", "may grow by a share of 1.0e-12", "f32 adds", "accept a share of"]
+    {
+        assert!(refused.contains(part), "{part}: {refused}");
+    }
+    assert!(problem("accepted_error_share = 0.02\n").contains("expected precision = \"budget\" with it"));
+    assert!(
+        problem("precision = \"budget\"\naccepted_error_share = 0.0\n").contains("expected a share above 0")
+    );
+}
+
+#[test]
 fn the_projects_own_configuration_is_valid_and_states_the_defaults() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
     assert_eq!(Settings::load(&config.join("twin.toml")).unwrap(), Settings::default());

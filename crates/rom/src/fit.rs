@@ -96,12 +96,27 @@ pub struct Fit {
 
 /// Condition number of the system an interpolant solved. Cost `O(n^3)`.
 pub(crate) fn condition_of(interpolant: &Interpolant) -> f64 {
+    condition(&system_of(interpolant))
+}
+
+/// Leave-one-out residuals of interpolants that share their kernel, each `samples x outputs`. Cost `O(n^3)` once.
+pub(crate) fn left_out_of(interpolants: &[&Interpolant]) -> Vec<Vec<f64>> {
+    let Some(first) = interpolants.first() else { return Vec::new() };
+    let system = system_of(first);
+    let inverse = system.lblt(Side::Lower).solve(Mat::<f64>::identity(system.nrows(), system.nrows()));
+    let residuals =
+        |fit: &&Interpolant| left_out(fit.centre_count(), fit.outputs, &fit.slopes, &fit.weights, &inverse).0;
+    interpolants.iter().map(residuals).collect()
+}
+
+/// The system that an interpolant solved.
+fn system_of(interpolant: &Interpolant) -> Mat<f64> {
     let spec = KernelSpec { kernel: interpolant.kernel, tail: interpolant.tail };
     let centre = |row: &[f64]| std::array::from_fn(|i| row.get(i).copied().unwrap_or(0.0));
     let centres: Vec<Point> = interpolant.centres.chunks_exact(interpolant.dimensions).map(centre).collect();
     let points =
         Points { dimensions: interpolant.dimensions, centres: &centres, slopes: &interpolant.slopes };
-    condition(&assemble(points, spec, &interpolant.metric, interpolant.smoothing))
+    assemble(points, spec, &interpolant.metric, interpolant.smoothing)
 }
 
 /// Fits one kernel. `metric` says how distances between inputs are taken; `smoothing` is relative to the largest absolute
@@ -151,7 +166,7 @@ pub(crate) fn fit(
         range.flat_map(|i| (0..samples.outputs).map(move |k| (i, k))).map(|(i, k)| solution[(i, k)]).collect()
     };
     let weights = rows(0..terms);
-    let (residuals, slope_residuals) = left_out(samples, &weights, &inverse);
+    let (residuals, slope_residuals) = left_out(n, samples.outputs, samples.slopes, &weights, &inverse);
     let interpolant = Interpolant {
         kernel: spec.kernel,
         tail: spec.tail,
@@ -170,15 +185,20 @@ pub(crate) fn fit(
 }
 
 /// Residuals of every sample left out with its derivatives: of the values, then of the derivatives.
-fn left_out(samples: &Samples, weights: &[f64], inverse: &Mat<f64>) -> (Vec<f64>, Vec<f64>) {
-    let (n, outputs) = (samples.inputs.len(), samples.outputs);
+fn left_out(
+    n: usize,
+    outputs: usize,
+    slopes: &[Slope],
+    weights: &[f64],
+    inverse: &Mat<f64>,
+) -> (Vec<f64>, Vec<f64>) {
     let mut residuals: Vec<f64> = (weights[..n * outputs].iter().enumerate())
         .map(|(j, w)| w / inverse[(j / outputs, j / outputs)])
         .collect();
-    let mut of_slopes = vec![0.0; samples.slopes.len() * outputs];
-    for group in samples.slopes.chunk_by(|a, b| a.centre == b.centre) {
+    let mut of_slopes = vec![0.0; slopes.len() * outputs];
+    for group in slopes.chunk_by(|a, b| a.centre == b.centre) {
         // The slopes are one slice, so the place of the group follows from where it begins in it.
-        let first = samples.slopes.partition_point(|slope| slope.centre < group[0].centre);
+        let first = slopes.partition_point(|slope| slope.centre < group[0].centre);
         let sample = group[0].centre as usize;
         let rows: Vec<usize> =
             std::iter::once(sample).chain((0..group.len()).map(|j| n + first + j)).collect();

@@ -33,6 +33,7 @@
 
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
+mod accepted;
 mod border;
 mod clearance;
 pub mod config;

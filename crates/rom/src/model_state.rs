@@ -5,7 +5,7 @@ use crate::evaluator::Evaluator;
 use crate::inputs::Inputs;
 use crate::kernel::{Peaks, Precision, ReconstructError};
 use crate::model::{Model, ModelError, Selection};
-use crate::reconstructor::Reconstructor;
+use crate::reconstructor::{Reconstructor, Storage};
 
 /// Evaluates and reconstructs in one call, for programs that want whole states one after the other.
 #[derive(Clone, Debug)]
@@ -25,16 +25,16 @@ impl ModelState {
         Self::with_precision(model, selection, Precision::F32)
     }
 
-    /// As [`Self::new`], with the basis stored in the given precision.
+    /// As [`Self::new`], with the basis stored in the given precision, or within an error.
     ///
     /// # Errors
-    /// As [`Reconstructor::new`].
+    /// As [`Reconstructor::with_precision`].
     pub fn with_precision(
         model: &Model,
         selection: &Selection,
-        precision: Precision,
+        storage: impl Into<Storage>,
     ) -> Result<Self, ModelError> {
-        let reconstructor = Reconstructor::with_precision(model, selection, precision)?;
+        let reconstructor = Reconstructor::with_precision(model, selection, storage)?;
         let evaluator = Evaluator::new(&model.header)?;
         let (evaluation, fields) = (evaluator.evaluation(), vec![0.0; reconstructor.entries()]);
         Ok(Self { evaluator, reconstructor, evaluation, fields })

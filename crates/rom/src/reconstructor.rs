@@ -1,13 +1,47 @@
 //! Coefficients -> fields, for one selection of fields and nodes. Nothing is allocated after construction.
 
+use crate::accepted::{OwnErrors, added, largest_coefficients, least_share};
 use crate::evaluation::Evaluation;
 use crate::kernel::{
-    Affine, Basis, BasisError, Field, MAX_ROWS, Peaks, Precision, ReconstructError, Role, Shift, Source,
-    Spec, Values,
+    Affine, Basis, BasisError, Budget, Field, MAX_ROWS, Peaks, Precision, ReconstructError, Role, Shift,
+    Shortfall, Source, Spec, Values,
 };
 use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
 use crate::snapshots::{FieldKind, RegimeKind};
 use std::mem::MaybeUninit;
+
+/// How the bases of a model are stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Storage {
+    /// All rows alike.
+    Uniform(Precision),
+    /// In as few bytes as let the model's own error grow by no more than this share (0.02: 2 %): each row of modes has 32, 16
+    /// or 8 bits or is left out, tile by tile. The own error of a field is its leave-one-out error, of all states the
+    /// median, with what the modes leave out. Both, and what storage adds at the largest coefficients between the training
+    /// states, are root mean squares over the nodes.
+    Within {
+        /// The share.
+        share: f64,
+        /// A field of which f32 already adds more stays in f32; otherwise that is an error.
+        or_f32: bool,
+    },
+}
+
+impl Storage {
+    /// As good as in full: the own error grows by at most 2 %, or a field stays in f32.
+    pub const AS_GOOD: Self = Self::Within { share: 0.02, or_f32: true };
+
+    /// Exactly this share, or an error.
+    pub fn within(share: f64) -> Self {
+        Self::Within { share, or_f32: false }
+    }
+}
+
+impl From<Precision> for Storage {
+    fn from(precision: Precision) -> Self {
+        Self::Uniform(precision)
+    }
+}
 
 /// The bases of a model, laid out for one selection of fields and nodes.
 #[derive(Clone, Debug)]
@@ -30,16 +64,17 @@ impl Reconstructor {
         Self::with_precision(model, selection, Precision::F32)
     }
 
-    /// As [`Self::new`], with the basis stored in the given precision.
+    /// As [`Self::new`], with the basis stored in the given precision, or within an error. The latter takes longer: it asks
+    /// for the model's own error, `O(samples^3)`.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// As [`Self::new`], and [`ModelError::AcceptedError`].
     pub fn with_precision(
         model: &Model,
         selection: &Selection,
-        precision: Precision,
+        storage: impl Into<Storage>,
     ) -> Result<Self, ModelError> {
-        let header = &model.header;
+        let (header, storage) = (&model.header, storage.into());
         header.check().map_err(ModelError::Inconsistent)?;
         let nodes = header.resolve_nodes(&selection.nodes)?;
         let fields = header.resolve_fields(selection.fields.as_deref())?;
@@ -50,7 +85,7 @@ impl Reconstructor {
         }
         let shifts = shifts(model, &moving, max_coefficients);
         let basis = |regime: &RegimeModel| {
-            Ok((regime.kind, build(model, regime, &fields, nodes.as_deref(), precision, &shifts)?))
+            Ok((regime.kind, build(model, regime, &fields, nodes.as_deref(), storage, &shifts)?))
         };
         Ok(Self {
             bases: header.regimes.iter().map(basis).collect::<Result<_, ModelError>>()?,
@@ -177,7 +212,7 @@ fn build<'a>(
     regime: &RegimeModel,
     fields: &[usize],
     nodes: Option<&[u32]>,
-    precision: Precision,
+    storage: Storage,
     shifts: &[Shift<'a>],
 ) -> Result<Basis, ModelError> {
     let derived = fields.iter().filter_map(|f| model.header.fields[*f].magnitude_of).flatten();
@@ -201,7 +236,57 @@ fn build<'a>(
         });
     }
     let spec = Spec { node_count: model.header.node_count, nodes, fields: described };
-    Ok(Basis::build(&spec, precision)?)
+    match storage {
+        Storage::Uniform(precision) => Ok(Basis::build(&spec, precision)?),
+        Storage::Within { share, or_f32 } => build_within(model, regime, &order, &spec, share, or_f32),
+    }
+}
+
+/// The same in as few bytes as an accepted error allows; `order` says which field of the model each of the spec is.
+fn build_within(
+    model: &Model,
+    regime: &RegimeModel,
+    order: &[usize],
+    spec: &Spec<'_>,
+    share: f64,
+    or_f32: bool,
+) -> Result<Basis, ModelError> {
+    let mut largest = largest_coefficients(regime);
+    // Behind the coefficients of all regimes come the inputs that move the mesh.
+    let regimes = &model.header.regimes;
+    largest.resize(regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0), 0.0);
+    largest.extend(moving(model).iter().map(|(input, from)| {
+        let range = regime.inputs.range(*input).unwrap_or([*from; 2]);
+        range.iter().fold(0.0_f64, |most, end| most.max((end - from).abs()))
+    }));
+    let nodes: Vec<usize> = (0..spec.output_nodes()).map(|i| spec.source_node(i)).collect();
+    let errors = OwnErrors::new(regime);
+    let own = |field: &usize| {
+        let modes = model.f32_block(BlockKind::Modes { regime: regime.kind, field: *field as u32 });
+        modes.map_or(0.0, |modes| errors.of(*field, modes, model.header.node_count, &nodes))
+    };
+    let own: Vec<f64> = order.iter().map(own).collect();
+    let accepted: Vec<f64> = own.iter().map(|own| added(*own, share)).collect();
+    let budget = Budget { largest: &largest, accepted: &accepted, or_f32 };
+    Basis::build_within(spec, &budget).map_err(|error| match error {
+        BasisError::Budget(short) => ModelError::AcceptedError {
+            regime: regime.kind.name(),
+            accepted: share,
+            least: short.iter().map(|s| least_share(s, own[s.field])).fold(0.0, f64::max),
+            fields: short.iter().map(|s| shortfall(model, order[s.field], s)).collect(),
+        },
+        other => other.into(),
+    })
+}
+
+fn shortfall(model: &Model, field: usize, short: &Shortfall) -> String {
+    let field = &model.header.fields[field].spec;
+    let Shortfall { accepted, least, .. } = short;
+    format!(
+        "{} may have {accepted:.1e} {unit} added, f32 adds {least:.1e} {unit}",
+        field.name,
+        unit = field.unit
+    )
 }
 
 fn source<'a>(

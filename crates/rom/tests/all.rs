@@ -1,6 +1,7 @@
 //! The reduced-order model, from training to answers. One program: linked once, and its tests run beside each other.
 
 mod accuracy;
+mod budget;
 mod database;
 mod goal;
 mod model_file;

@@ -6,8 +6,8 @@ use crate::file;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, PRESSURE};
 use rom::kernel::Precision as KernelPrecision;
-use rom::model::{BlockData, BlockKind, Model, ModelHeader, ModelReader, Nodes, Selection};
-use rom::reconstructor::Reconstructor;
+use rom::model::{BlockData, BlockKind, Model, ModelError, ModelHeader, ModelReader, Nodes, Selection};
+use rom::reconstructor::{Reconstructor, Storage};
 use rom::snapshots::{FieldKind, RegimeKind};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -288,12 +288,16 @@ fn outputs(
     let mut problems = Vec::new();
     let mut outputs = Vec::new();
     for (index, (output, selection)) in spec.outputs.iter().zip(selections).enumerate() {
-        let precision = match output.precision {
-            Precision::F32 => KernelPrecision::F32,
-            Precision::I16 => KernelPrecision::I16,
+        let storage = match output.precision {
+            Precision::F32 => Storage::Uniform(KernelPrecision::F32),
+            Precision::I16 => Storage::Uniform(KernelPrecision::I16),
+            Precision::Budget => output.accepted_error_share.map_or(Storage::AS_GOOD, Storage::within),
         };
-        match Reconstructor::with_precision(model, &selection, precision) {
+        match Reconstructor::with_precision(model, &selection, storage) {
             Ok(reconstructor) => outputs.push(describe(output, model, &selection, reconstructor)),
+            Err(error @ ModelError::AcceptedError { .. }) => {
+                problems.push(format!("output[{index}].accepted_error_share: {error}"));
+            }
             Err(error) => problems.push(format!("output[{index}]: {error}")),
         }
     }

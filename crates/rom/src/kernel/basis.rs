@@ -4,11 +4,14 @@ use std::mem::MaybeUninit;
 
 use thiserror::Error;
 
+use super::budget::{self, Budget};
 use super::isa::Isa;
+use super::mixed::Mixed;
 use super::plan::Plan;
+use super::rows::{F32, I16, MixedRows, Uniform};
 use super::spec::{BasisError, Spec};
 use super::sweep::{self, Job, RawPeaks};
-use super::tiles::{Precision, Tiles};
+use super::tiles::{LINE, Precision, Tiles};
 use super::{MAX_ROWS, Role};
 
 /// Modes, means and rest shape of the published fields over a node set, stored in the order of use.
@@ -18,10 +21,16 @@ use super::{MAX_ROWS, Role};
 #[derive(Debug, Clone)]
 pub struct Basis {
     plan: Plan,
-    tiles: Tiles,
-    precision: Precision,
+    store: Store,
     isa: Isa,
     nodes: Option<Box<[u32]>>,
+}
+
+/// How the rows are stored.
+#[derive(Debug, Clone)]
+enum Store {
+    Uniform(Tiles),
+    Mixed(Mixed),
 }
 
 /// A largest value and where it is.
@@ -78,12 +87,38 @@ impl Basis {
     /// # Errors
     /// As [`Basis::build`], and [`BasisError::IsaMissing`].
     pub fn build_for(spec: &Spec<'_>, precision: Precision, isa: Isa) -> Result<Self, BasisError> {
+        Self::stored(spec, isa, |plan| Tiles::build(spec, plan, precision).map(Store::Uniform))
+    }
+
+    /// Lays the basis out in as few bytes as keep the error that is accepted. Cost: some ten passes over the modes.
+    ///
+    /// # Errors
+    /// As [`Basis::build`], and [`BasisError::Budget`] when f32 adds more than is accepted.
+    pub fn build_within(spec: &Spec<'_>, budget: &Budget<'_>) -> Result<Self, BasisError> {
+        Self::build_within_for(spec, budget, Isa::detect())
+    }
+
+    /// The same for a chosen instruction set: for tests and comparisons.
+    ///
+    /// # Errors
+    /// As [`Basis::build_within`], and [`BasisError::IsaMissing`].
+    pub fn build_within_for(spec: &Spec<'_>, budget: &Budget<'_>, isa: Isa) -> Result<Self, BasisError> {
+        Self::stored(spec, isa, |plan| {
+            Mixed::build(spec, plan, budget::steps(spec, plan, budget)?).map(Store::Mixed)
+        })
+    }
+
+    fn stored(
+        spec: &Spec<'_>,
+        isa: Isa,
+        store: impl FnOnce(&Plan) -> Result<Store, BasisError>,
+    ) -> Result<Self, BasisError> {
         if !isa.is_available() {
             return Err(BasisError::IsaMissing { isa, detected: Isa::detect() });
         }
         let plan = Plan::new(spec)?;
-        let tiles = Tiles::build(spec, &plan, precision)?;
-        Ok(Self { plan, tiles, precision, isa, nodes: spec.nodes.map(Into::into) })
+        let store = store(&plan)?;
+        Ok(Self { plan, store, isa, nodes: spec.nodes.map(Into::into) })
     }
 
     /// Writes all published fields, field-major (all nodes of the first field, then of the second ...), and returns
@@ -128,19 +163,44 @@ impl Basis {
         if len != self.plan.entries() {
             return Err(ReconstructError::Output { found: len, expected: self.plan.entries() });
         }
-        let factors = self.factors(coefficients);
-        let job = Job { plan: &self.plan, tiles: &self.tiles, factors: &factors, out };
         // SAFETY: `isa` was found available when the basis was built, and the length is checked above.
-        let raw = unsafe { sweep::run(self.isa, self.precision, job) };
+        let raw = unsafe { self.sweep(coefficients, out) };
         Ok(self.peaks(raw))
     }
 
-    /// Coefficients in the order of the rows, 1 for means and rest shape, times the scale of their storage.
-    fn factors(&self, coefficients: &[f64]) -> [f32; MAX_ROWS] {
-        let mut factors = [0.0; MAX_ROWS];
+    /// # Safety
+    /// `isa` is available, `out` is valid for writes of `plan.entries()` values, and there are enough coefficients.
+    unsafe fn sweep(&self, coefficients: &[f64], out: *mut f32) -> RawPeaks {
+        let (plan, isa) = (&self.plan, self.isa);
+        // SAFETY: the caller's promises are passed on; rows and plan were built together.
+        unsafe {
+            match &self.store {
+                Store::Uniform(tiles) => {
+                    let mut factors = [0.0; MAX_ROWS];
+                    self.each_factor(coefficients, |row, by| factors[row] = (by * tiles.factor(row)) as f32);
+                    match tiles.precision() {
+                        Precision::F32 => {
+                            sweep::run(isa, Job { plan, rows: Uniform::<F32>::new(tiles, &factors), out })
+                        }
+                        Precision::I16 => {
+                            sweep::run(isa, Job { plan, rows: Uniform::<I16>::new(tiles, &factors), out })
+                        }
+                    }
+                }
+                Store::Mixed(mixed) => {
+                    let mut factors = [0.0; Mixed::FACTORS];
+                    self.each_factor(coefficients, |row, by| mixed.set_factors(row, by, &mut factors));
+                    sweep::run(isa, Job { plan, rows: MixedRows::new(mixed, &factors), out })
+                }
+            }
+        }
+    }
+
+    /// Each row with its coefficient, 1 for means and rest shape.
+    fn each_factor(&self, coefficients: &[f64], mut each: impl FnMut(usize, f64)) {
         let mut row = 0;
         let mut push = |factor: f64| {
-            factors[row] = (factor * self.tiles.factor(row)) as f32;
+            each(row, factor);
             row += 1;
         };
         for op in &self.plan.ops {
@@ -149,7 +209,6 @@ impl Basis {
             op.shifts.iter().for_each(|&at| push(-coefficients[at]));
             (0..usize::from(op.has_rest)).for_each(|_| push(1.0));
         }
-        factors
     }
 
     fn peaks(&self, raw: RawPeaks) -> Peaks {
@@ -167,7 +226,7 @@ impl Basis {
 
     /// Largest error of a value of published field `slot` that the storage causes, for these coefficients, in the
     /// unit of the field: half a step of each row, times `|a_j|` for a mode. 0 for F32, whose
-    /// rounding is that of the output itself. For a magnitude it is the bound of the longest component vector.
+    /// rounding is that of the output itself; within a [`Budget`], rows in f32 are counted as if they had their step. For a magnitude it is the bound of the longest component vector.
     ///
     /// # Panics
     /// When there are fewer coefficients than [`Basis::reconstruct`] needs.
@@ -175,7 +234,7 @@ impl Basis {
         let mut row = 0;
         let mut next = |factor: f64| {
             row += 1;
-            factor.abs() * self.tiles.half_step(row - 1)
+            factor.abs() * self.half_step(row - 1)
         };
         let mut squares = 0.0;
         for op in &self.plan.ops {
@@ -189,6 +248,13 @@ impl Basis {
             }
         }
         squares.sqrt()
+    }
+
+    fn half_step(&self, row: usize) -> f64 {
+        match &self.store {
+            Store::Uniform(tiles) => tiles.half_step(row),
+            Store::Mixed(mixed) => mixed.half_step(row),
+        }
     }
 
     /// Values written by a reconstruction: published fields times nodes.
@@ -208,12 +274,30 @@ impl Basis {
 
     /// Bytes read by a reconstruction.
     pub fn bytes(&self) -> usize {
-        self.tiles.tile_bytes * self.plan.tiles()
+        match &self.store {
+            Store::Uniform(tiles) => tiles.lines().len() * LINE,
+            Store::Mixed(mixed) => mixed.bytes(),
+        }
     }
 
-    /// How the basis is stored.
-    pub fn precision(&self) -> Precision {
-        self.precision
+    /// How all rows are stored; none where a [`Budget`] decided for each.
+    pub fn precision(&self) -> Option<Precision> {
+        match &self.store {
+            Store::Uniform(tiles) => Some(tiles.precision()),
+            Store::Mixed(_) => None,
+        }
+    }
+
+    /// Of the rows of all tiles the shares in f32, i16, i8, and of those left out.
+    pub fn widths(&self) -> [f64; 4] {
+        let rows = self.plan.rows * self.plan.tiles();
+        let stored = match &self.store {
+            Store::Uniform(tiles) if tiles.precision() == Precision::F32 => [rows, 0, 0],
+            Store::Uniform(_) => [0, rows, 0],
+            Store::Mixed(mixed) => mixed.stored(),
+        };
+        let [wide, half, quarter] = stored;
+        [wide, half, quarter, rows - wide - half - quarter].map(|count| count as f64 / rows.max(1) as f64)
     }
 
     /// The instruction set in use.
@@ -224,7 +308,11 @@ impl Basis {
     /// Reads every byte of the basis once, in order, with the instruction set in use, and returns a checksum: what a
     /// reconstruction would cost if it did nothing but read. The measure that `softtwin bench` holds the kernel to.
     pub fn read_once(&self) -> u32 {
+        let lines = match &self.store {
+            Store::Uniform(tiles) => tiles.lines(),
+            Store::Mixed(mixed) => mixed.lines(),
+        };
         // SAFETY: `isa` was found available when the basis was built.
-        unsafe { sweep::read(self.isa, &self.tiles) }
+        unsafe { sweep::read(self.isa, lines) }
     }
 }

@@ -14,7 +14,8 @@
 //! time of moving the bytes. [`Basis`] therefore stores them in the order of use: tiles of [`TILE_NODES`] nodes,
 //! and in a tile, field after field, the mean and the modes as rows of 64 values. The sweep touches each cache line
 //! once, in order, and all fields of a node are at hand together, so that derived fields cost no second pass.
-//! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape).
+//! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape). With a [`Budget`] each row of each tile is as
+//! wide as the error that is accepted for its field lets it be.
 //!
 //! What an evaluation of the model needs before is here as well, for its instruction sets: the kernel sums of interpolants (`approach.rs`,
 //! `weigh.rs`, `tail.rs`).
@@ -24,10 +25,13 @@
 
 pub(crate) mod approach;
 mod basis;
+mod budget;
 mod eight;
 mod isa;
 mod lanes;
+mod mixed;
 mod plan;
+mod rows;
 mod spec;
 mod sweep;
 pub(crate) mod tail;
@@ -39,8 +43,9 @@ pub(crate) mod weigh;
 mod tests;
 
 pub use basis::{Basis, Peak, Peaks, ReconstructError};
+pub use budget::Budget;
 pub use isa::Isa;
-pub use spec::{Affine, BasisError, Field, Role, Shift, Source, Spec, Values};
+pub use spec::{Affine, BasisError, Field, Role, Shift, Shortfall, Source, Spec, Values};
 pub use tiles::Precision;
 
 /// Nodes a tile: four AVX-512 registers of f32, eight of AVX2, sixteen of NEON. More than one register holds, because

@@ -1,5 +1,7 @@
 //! From a [`Spec`] to the order of work inside a tile.
 
+use std::ops::Range;
+
 use super::spec::{Affine, BasisError, Field, Role, Source, Spec};
 use super::{MAX_ROWS, TILE_NODES};
 
@@ -31,6 +33,22 @@ impl Op {
     fn coefficients(&self) -> usize {
         let shifted = self.shifts.iter().max().map_or(0, |last| last + 1);
         shifted.max(self.first_coefficient + self.modes)
+    }
+
+    /// Which coefficient each of its rows is multiplied by; none for means and the rest shape.
+    pub(super) fn coefficients_of_rows(&self) -> impl Iterator<Item = Option<usize>> {
+        let modes = (0..self.modes).map(|j| Some(self.first_coefficient + j));
+        let mean = std::iter::repeat_n(None, usize::from(self.has_mean));
+        let rest = std::iter::repeat_n(None, usize::from(self.has_rest));
+        mean.chain(modes).chain(self.shifts.iter().map(|&at| Some(at))).chain(rest)
+    }
+
+    /// Its rows in the lists that a sweep adds up one after the other: mean and modes, shifts, rest row.
+    pub(super) fn lists(&self) -> impl Iterator<Item = Range<usize>> {
+        let sum = usize::from(self.has_mean) + self.modes;
+        let moved = sum + self.shifts.len();
+        let shifts = self.in_magnitude.then_some(sum..moved);
+        std::iter::once(0..sum).chain(shifts).chain(self.has_rest.then_some(moved..moved + 1))
     }
 
     /// Rows it reads.

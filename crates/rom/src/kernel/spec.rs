@@ -143,6 +143,24 @@ impl<'a> Spec<'a> {
     }
 }
 
+/// A field of which no basis is as exact as was asked for. Root mean squares over the nodes, in the field's unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shortfall {
+    /// Index of the field.
+    pub field: usize,
+    /// What storage may add.
+    pub accepted: f64,
+    /// What f32 adds.
+    pub least: f64,
+}
+
+fn shortfalls(all: &[Shortfall]) -> String {
+    let one =
+        |s: &Shortfall| format!("field {}: accepted {:.1e}, f32 adds {:.1e}", s.field, s.accepted, s.least);
+    let all: Vec<String> = all.iter().map(one).collect();
+    format!("no basis adds as little error as is accepted ({}); accept more", all.join("; "))
+}
+
 /// Why a basis cannot be built.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
@@ -211,6 +229,9 @@ pub enum BasisError {
         /// The value found.
         value: f64,
     },
+    /// Fields of which even f32 adds more than is accepted.
+    #[error("{}", shortfalls(.0))]
+    Budget(Vec<Shortfall>),
     /// An instruction set this processor does not have.
     #[error("this processor has no {isa}; let the kernel choose (it would take {detected})")]
     IsaMissing {

@@ -1,11 +1,12 @@
 //! The sweep: every tile once, in order, all fields of a tile at once.
 
+use super::TILE_NODES;
 use super::isa::Isa;
 use super::lanes::{Lanes, portable::Portable};
-use super::plan::{Op, Plan};
+use super::plan::Plan;
+use super::rows::Rows;
 use super::spec::Role;
-use super::tiles::{LINE, Precision, Tiles};
-use super::{MAX_ROWS, TILE_NODES};
+use super::tiles::{LINE, Line};
 
 /// Largest value and the output node that has it, per peak.
 #[derive(Debug, Clone, Copy)]
@@ -16,11 +17,10 @@ pub(super) struct RawPeaks {
 
 /// What a sweep works on.
 #[derive(Clone, Copy)]
-pub(super) struct Job<'a> {
+pub(super) struct Job<'a, R> {
     pub plan: &'a Plan,
-    pub tiles: &'a Tiles,
-    /// What each row is multiplied by, in the order of the rows: modal coefficients, scales of the storage included.
-    pub factors: &'a [f32; MAX_ROWS],
+    /// The first row of the first tile.
+    pub rows: R,
     /// Valid for writes of `plan.entries()` values.
     pub out: *mut f32,
 }
@@ -28,44 +28,38 @@ pub(super) struct Job<'a> {
 /// Runs the sweep with an instruction set that the caller has found to be available.
 ///
 /// # Safety
-/// `isa` is available and `job.out` is valid for writes of `plan.entries()` f32, all of which are written.
-pub(super) unsafe fn run(isa: Isa, precision: Precision, job: Job<'_>) -> RawPeaks {
+/// `isa` is available, `job.rows` are those of `job.plan`, and `job.out` is valid for writes of `plan.entries()` f32, all of
+/// which are written.
+pub(super) unsafe fn run<R: Rows>(isa: Isa, job: Job<'_, R>) -> RawPeaks {
     // SAFETY: the caller's promises are passed on.
     unsafe {
-        match (isa, precision) {
+        match isa {
             #[cfg(target_arch = "x86_64")]
-            (Isa::Avx512, Precision::F32) => avx512_f32(job),
+            Isa::Avx512 => x86::avx512(job),
             #[cfg(target_arch = "x86_64")]
-            (Isa::Avx512, Precision::I16) => avx512_i16(job),
-            #[cfg(target_arch = "x86_64")]
-            (Isa::Avx2, Precision::F32) => avx2_f32(job),
-            #[cfg(target_arch = "x86_64")]
-            (Isa::Avx2, Precision::I16) => avx2_i16(job),
+            Isa::Avx2 => x86::avx2(job),
             #[cfg(target_arch = "aarch64")]
-            (Isa::Neon, Precision::F32) => sweep::<super::lanes::neon::Neon, F32Rows>(job),
-            #[cfg(target_arch = "aarch64")]
-            (Isa::Neon, Precision::I16) => sweep::<super::lanes::neon::Neon, I16Rows>(job),
-            (_, Precision::F32) => sweep::<Portable, F32Rows>(job),
-            (_, Precision::I16) => sweep::<Portable, I16Rows>(job),
+            Isa::Neon => sweep::<super::lanes::neon::Neon, R>(job),
+            _ => sweep::<Portable, R>(job),
         }
     }
 }
 
-/// Reads every cache line of the tiles once and returns a checksum.
+/// Reads every cache line once and returns a checksum.
 ///
 /// # Safety
 /// `isa` is available.
-pub(super) unsafe fn read(isa: Isa, tiles: &Tiles) -> u32 {
+pub(super) unsafe fn read(isa: Isa, lines: &[Line]) -> u32 {
     // SAFETY: the caller's promise is passed on.
     unsafe {
         match isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => avx512_read(tiles),
+            Isa::Avx512 => x86::avx512_read(lines),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => avx2_read(tiles),
+            Isa::Avx2 => x86::avx2_read(lines),
             #[cfg(target_arch = "aarch64")]
-            Isa::Neon => read_lines::<super::lanes::neon::Neon>(tiles),
-            _ => read_lines::<Portable>(tiles),
+            Isa::Neon => read_lines::<super::lanes::neon::Neon>(lines),
+            _ => read_lines::<Portable>(lines),
         }
     }
 }
@@ -79,88 +73,23 @@ mod x86 {
     use crate::kernel::lanes::{avx2::Avx2, avx512::Avx512};
 
     macro_rules! compiled {
-        ($($name:ident, $features:literal, $body:expr, $argument:ty => $result:ty;)*) => {$(
+        ($($features:literal, $lanes:ty: $run:ident, $read:ident;)*) => {$(
             #[target_feature(enable = $features)]
-            pub(in super::super) unsafe fn $name(argument: $argument) -> $result {
+            pub(super) unsafe fn $run<R: Rows>(job: Job<'_, R>) -> RawPeaks {
                 // SAFETY: the caller's promises are passed on.
-                unsafe { $body(argument) }
+                unsafe { sweep::<$lanes, R>(job) }
+            }
+
+            #[target_feature(enable = $features)]
+            pub(super) unsafe fn $read(lines: &[Line]) -> u32 {
+                // SAFETY: the caller's promises are passed on.
+                unsafe { read_lines::<$lanes>(lines) }
             }
         )*};
     }
     compiled! {
-        avx512_f32, "avx512f", sweep::<Avx512, F32Rows>, Job<'_> => RawPeaks;
-        avx512_i16, "avx512f", sweep::<Avx512, I16Rows>, Job<'_> => RawPeaks;
-        avx512_read, "avx512f", read_lines::<Avx512>, &Tiles => u32;
-        avx2_f32, "avx2,fma", sweep::<Avx2, F32Rows>, Job<'_> => RawPeaks;
-        avx2_i16, "avx2,fma", sweep::<Avx2, I16Rows>, Job<'_> => RawPeaks;
-        avx2_read, "avx2,fma", read_lines::<Avx2>, &Tiles => u32;
-    }
-}
-#[cfg(target_arch = "x86_64")]
-use x86::*;
-
-/// How rows are stored.
-///
-/// # Safety
-/// Implementations read the row at the cursor and advance the cursor by exactly that row.
-trait Rows {
-    /// The next row, in steps of its storage.
-    unsafe fn next<V: Lanes>(cursor: &mut *const u8) -> V;
-    /// The next row, which no coefficient belongs to, times the scale of its storage.
-    unsafe fn constant<V: Lanes>(cursor: &mut *const u8, scale: f32) -> V;
-    /// `sum` plus such a row.
-    unsafe fn plus<V: Lanes>(sum: V, cursor: &mut *const u8, scale: f32) -> V;
-}
-
-struct F32Rows;
-
-impl Rows for F32Rows {
-    #[inline(always)]
-    unsafe fn next<V: Lanes>(cursor: &mut *const u8) -> V {
-        // SAFETY: the plan that laid out the tile drives the sweep, so a row of aligned f32 lies here.
-        unsafe {
-            let row = V::load(cursor.cast());
-            *cursor = cursor.add(TILE_NODES * 4);
-            row
-        }
-    }
-
-    #[inline(always)]
-    unsafe fn constant<V: Lanes>(cursor: &mut *const u8, _: f32) -> V {
-        // SAFETY: as above; the scale of f32 is 1.
-        unsafe { Self::next(cursor) }
-    }
-
-    #[inline(always)]
-    unsafe fn plus<V: Lanes>(sum: V, cursor: &mut *const u8, _: f32) -> V {
-        // SAFETY: as above; the scale of f32 is 1.
-        unsafe { Self::next::<V>(cursor).add(sum) }
-    }
-}
-
-struct I16Rows;
-
-impl Rows for I16Rows {
-    #[inline(always)]
-    unsafe fn next<V: Lanes>(cursor: &mut *const u8) -> V {
-        // SAFETY: the plan that laid out the tile drives the sweep, so a row of aligned pairs of i16 lies here.
-        unsafe {
-            let row = V::load_pairs(cursor.cast());
-            *cursor = cursor.add(TILE_NODES * 2);
-            row
-        }
-    }
-
-    #[inline(always)]
-    unsafe fn constant<V: Lanes>(cursor: &mut *const u8, scale: f32) -> V {
-        // SAFETY: as above.
-        unsafe { Self::plus(V::splat(0.0), cursor, scale) }
-    }
-
-    #[inline(always)]
-    unsafe fn plus<V: Lanes>(sum: V, cursor: &mut *const u8, scale: f32) -> V {
-        // SAFETY: as above.
-        unsafe { Self::next::<V>(cursor).mul_add(V::splat(scale), sum) }
+        "avx512f", Avx512: avx512, avx512_read;
+        "avx2,fma", Avx2: avx2, avx2_read;
     }
 }
 
@@ -209,7 +138,8 @@ impl<V: Lanes> LanePeak<V> {
 
 /// State of a sweep.
 struct Sweep<'a, V> {
-    job: Job<'a>,
+    plan: &'a Plan,
+    out: *mut f32,
     displacement: LanePeak<V>,
     stress: LanePeak<V>,
 }
@@ -217,20 +147,19 @@ struct Sweep<'a, V> {
 /// # Safety
 /// As for [`run`], with the instruction set of `V`.
 #[inline(always)]
-unsafe fn sweep<V: Lanes, R: Rows>(job: Job<'_>) -> RawPeaks {
-    let plan = job.plan;
+unsafe fn sweep<V: Lanes, R: Rows>(job: Job<'_, R>) -> RawPeaks {
+    let Job { plan, mut rows, out } = job;
     // SAFETY: whole tiles write one row a field inside `out`; the last, partial one goes through a buffer. The
     // storage holds `plan.tiles()` tiles.
     unsafe {
-        let mut sweep = Sweep { job, displacement: LanePeak::<V>::new(), stress: LanePeak::new() };
+        let (displacement, stress) = (LanePeak::<V>::new(), LanePeak::new());
+        let mut sweep = Sweep { plan, out, displacement, stress };
         let whole = plan.nodes / TILE_NODES;
-        let mut tile = job.tiles.as_ptr();
         for index in 0..whole {
-            sweep.tile::<R, WholeTile>(tile, index);
-            tile = tile.add(job.tiles.tile_bytes);
+            sweep.tile::<R, WholeTile>(&mut rows, index);
         }
         if whole < plan.tiles() {
-            sweep.tile::<R, PartialTile>(tile, whole);
+            sweep.tile::<R, PartialTile>(&mut rows, whole);
         }
         RawPeaks {
             displacement: sweep.displacement.reduce(plan.nodes),
@@ -241,38 +170,31 @@ unsafe fn sweep<V: Lanes, R: Rows>(job: Job<'_>) -> RawPeaks {
 
 impl<V: Lanes> Sweep<'_, V> {
     #[inline(always)]
-    unsafe fn tile<R: Rows, W: Write>(&mut self, tile: *const u8, index: usize) {
-        let job = self.job;
-        // SAFETY: the cursor follows the plan that laid out the tile, factors hold one value a row, and each slot is
-        // below `published`.
+    unsafe fn tile<R: Rows, W: Write>(&mut self, rows: &mut R, index: usize) {
+        let (plan, out) = (self.plan, self.out);
+        // SAFETY: the rows follow the plan that laid out the tile, and each slot is below `published`.
         unsafe {
             let number = V::splat(f32::from_bits(index as u32));
-            let mut cursor = tile;
-            let mut factors = job.factors.as_ptr();
             let mut squares = V::splat(0.0);
-            for op in &job.plan.ops {
-                let mut value = combine::<V, R>(op, &mut cursor, &mut factors);
+            rows.begin_tile();
+            for op in &plan.ops {
+                let mut value = rows.combine::<V>(op);
                 if op.in_magnitude {
-                    let mut moved = value;
-                    for j in 0..op.shifts.len() {
-                        moved = R::next::<V>(&mut cursor).mul_add(V::splat(*factors.add(j)), moved);
-                    }
-                    factors = factors.add(op.shifts.len());
+                    let moved = rows.shift(op, value);
                     squares = moved.mul_add(moved, squares);
                 }
                 if op.has_rest {
-                    value = R::plus(value, &mut cursor, *factors);
-                    factors = factors.add(1);
+                    value = rows.add_rest(value);
                 }
                 let value = self.finish::<W>(op.role, value, number, index);
                 if let Some(slot) = op.slot {
-                    W::write(value, job.plan, job.out, slot, index);
+                    W::write(value, plan, out, slot, index);
                 }
             }
-            if let Some(slot) = job.plan.magnitude_slot {
+            if let Some(slot) = plan.magnitude_slot {
                 let magnitude = squares.sqrt();
-                self.displacement.update(W::existing(magnitude, job.plan, index), number);
-                W::write(magnitude, job.plan, job.out, slot, index);
+                self.displacement.update(W::existing(magnitude, plan, index), number);
+                W::write(magnitude, plan, out, slot, index);
             }
         }
     }
@@ -287,7 +209,7 @@ impl<V: Lanes> Sweep<'_, V> {
         // SAFETY: the instruction set is available.
         unsafe {
             let value = value.at_least_zero();
-            let existing = W::existing(value, self.job.plan, tile);
+            let existing = W::existing(value, self.plan, tile);
             if role == Role::Stress {
                 self.stress.update(existing, number);
             } else {
@@ -295,24 +217,6 @@ impl<V: Lanes> Sweep<'_, V> {
             }
             value
         }
-    }
-}
-
-/// `mean + sum_j mode_j a_j` of one field in one tile; of a component of the displacement, less the rest shape.
-#[inline(always)]
-unsafe fn combine<V: Lanes, R: Rows>(op: &Op, cursor: &mut *const u8, factors: &mut *const f32) -> V {
-    // SAFETY: the plan promises these rows and these factors.
-    unsafe {
-        let mut sum = V::splat(0.0);
-        if op.has_mean {
-            sum = R::constant(cursor, **factors);
-            *factors = factors.add(1);
-        }
-        for j in 0..op.modes {
-            sum = R::next::<V>(cursor).mul_add(V::splat(*factors.add(j)), sum);
-        }
-        *factors = factors.add(op.modes);
-        sum
     }
 }
 
@@ -371,10 +275,9 @@ impl Write for PartialTile {
 
 /// Running sums over four rows, so that the additions never wait for each other.
 #[inline(always)]
-unsafe fn read_lines<V: Lanes>(tiles: &Tiles) -> u32 {
+unsafe fn read_lines<V: Lanes>(lines: &[Line]) -> u32 {
     const SUMS: usize = 4;
     const ROW_LINES: usize = TILE_NODES * size_of::<f32>() / LINE;
-    let lines = tiles.lines();
     let mut words = [0.0f32; TILE_NODES];
     // SAFETY: every row lies inside the slice of aligned lines.
     unsafe {

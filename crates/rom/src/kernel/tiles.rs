@@ -21,7 +21,7 @@ use super::TILE_NODES;
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Source, Spec, Values};
 
-/// How the basis is stored.
+/// How a basis of one precision is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Precision {
     /// 4 bytes an entry: the rounding of f32.
@@ -33,9 +33,9 @@ pub enum Precision {
 /// Bytes a cache line.
 pub(super) const LINE: usize = 64;
 /// Largest magnitude of an i16 before the fraction below it is taken off.
-const I16_MAX: f64 = 32767.0;
+pub(super) const I16_MAX: f64 = 32767.0;
 /// What the sweep's conversion multiplies an i16 by.
-const HALF_WORD: f64 = 65536.0;
+pub(super) const HALF_WORD: f64 = 65536.0;
 
 /// One cache line, so that the storage is aligned to one.
 #[derive(Debug, Clone, Copy)]
@@ -47,15 +47,13 @@ pub(super) struct Line(pub [u8; LINE]);
 pub(super) struct Tiles {
     /// The bytes, aligned to cache lines.
     lines: Vec<Line>,
-    /// Bytes a tile: whole cache lines.
-    pub tile_bytes: usize,
     /// Step of each row; 1 for F32, which has none.
     steps: Vec<f64>,
     precision: Precision,
 }
 
 /// A row of a tile in f64.
-type Row = [f64; TILE_NODES];
+pub(super) type Row = [f64; TILE_NODES];
 
 impl Tiles {
     /// Gathers and converts every row.
@@ -69,7 +67,6 @@ impl Tiles {
             .collect();
         let mut tiles = Self {
             lines: vec![Line([0; LINE]); total / LINE],
-            tile_bytes,
             precision,
             steps: rows.iter().map(|(_, row)| step(spec, row, precision)).collect(),
         };
@@ -97,9 +94,9 @@ impl Tiles {
         }
     }
 
-    /// First byte, aligned to 64.
-    pub(super) fn as_ptr(&self) -> *const u8 {
-        self.lines.as_ptr().cast()
+    /// How all rows are stored.
+    pub(super) fn precision(&self) -> Precision {
+        self.precision
     }
 
     /// Whole cache lines.
@@ -133,7 +130,7 @@ impl Tiles {
 }
 
 /// What one row of a tile holds.
-enum RowOf<'a> {
+pub(super) enum RowOf<'a> {
     /// The mean, less the undeformed coordinate for a component of the displacement.
     Mean { mean: Option<Values<'a>>, rest: Option<Values<'a>> },
     /// A mode, from its first entry in the mode matrix.
@@ -143,7 +140,7 @@ enum RowOf<'a> {
 }
 
 impl RowOf<'_> {
-    fn value(&self, node: usize) -> f64 {
+    pub(super) fn value(&self, node: usize) -> f64 {
         let at = |values: &Option<Values<'_>>| values.map_or(0.0, |values| values.get(node));
         match self {
             Self::Mean { mean, rest } => at(mean) - at(rest),
@@ -154,7 +151,7 @@ impl RowOf<'_> {
 }
 
 /// The rows of one field in their order.
-fn rows<'a>(spec: &Spec<'a>, op: &Op) -> Vec<RowOf<'a>> {
+pub(super) fn rows<'a>(spec: &Spec<'a>, op: &Op) -> Vec<RowOf<'a>> {
     let Source::Affine(affine) = &spec.fields[op.field].source else { return Vec::new() };
     let (rest, shifts) = spec.rest_of(op.field).filter(|_| op.in_magnitude).unzip();
     let mean = op.has_mean.then_some(RowOf::Mean { mean: affine.mean, rest });
@@ -173,7 +170,7 @@ fn tile_bytes(plan: &Plan, precision: Precision) -> usize {
 }
 
 /// One tile's row of values; lanes beyond the last node repeat it.
-fn gather(
+pub(super) fn gather(
     spec: &Spec<'_>,
     field: usize,
     tile: usize,
@@ -203,6 +200,18 @@ fn step(spec: &Spec<'_>, row: &RowOf<'_>, precision: Precision) -> f64 {
     }
 }
 
+/// Two values a word, the high one less the fraction that the low one is to the sweep.
+pub(super) fn pairs(row: &Row, step: f64) -> impl Iterator<Item = u32> {
+    let steps = move |value: f64| if step > 0.0 { value / step } else { 0.0 };
+    let (low, high) = row.split_at(TILE_NODES / 2);
+    low.iter().zip(high).map(move |(&low, &high)| {
+        let low = steps(low).round().clamp(-I16_MAX, I16_MAX) as i16;
+        let fraction = f64::from(low as u16) / HALF_WORD;
+        let high = (steps(high) - fraction).round().clamp(-I16_MAX - 1.0, I16_MAX) as i16;
+        u32::from(low as u16) | u32::from(high as u16) << 16
+    })
+}
+
 /// Writes the rows of one tile in order.
 struct TileWriter<'a> {
     bytes: &'a mut [u8],
@@ -217,15 +226,7 @@ impl TileWriter<'_> {
     }
 
     fn integers(&mut self, row: &Row, step: f64) {
-        let steps = |value: f64| if step > 0.0 { value / step } else { 0.0 };
-        let (low, high) = row.split_at(TILE_NODES / 2);
-        for (&low, &high) in low.iter().zip(high) {
-            let low = steps(low).round().clamp(-I16_MAX, I16_MAX) as i16;
-            let fraction = f64::from(low as u16) / HALF_WORD;
-            let high = (steps(high) - fraction).round().clamp(-I16_MAX - 1.0, I16_MAX) as i16;
-            let word = u32::from(low as u16) | u32::from(high as u16) << 16;
-            self.push(word.to_ne_bytes());
-        }
+        pairs(row, step).for_each(|word| self.push(word.to_ne_bytes()));
     }
 
     fn push(&mut self, word: [u8; 4]) {

@@ -171,6 +171,9 @@ pub struct OutputSpec {
     /// Number format of the basis in memory.
     #[serde(default)]
     pub precision: Precision,
+    /// With precision "budget": share by which the model's own error may grow; none for 0.02, or f32 for fields of which f32
+    /// itself adds more.
+    pub accepted_error_share: Option<f64>,
 }
 
 /// Which nodes: a name from the model, a box, or a list.
@@ -213,6 +216,8 @@ pub enum Precision {
     F32,
     /// 16-bit integers with a scale per mode: half the memory traffic, an error the data sheet states.
     I16,
+    /// Every row of modes as wide as the accepted error lets it be: 32, 16 or 8 bits, or left out.
+    Budget,
 }
 
 impl OutputSpec {
@@ -452,6 +457,15 @@ impl OutputSpec {
         }
         if !(self.rate_hz.is_finite() && self.rate_hz >= 0.0) {
             problems.push(format!("{place}.rate_hz: expected 0 or more, found {}", self.rate_hz));
+        }
+        match self.accepted_error_share {
+            Some(share) if !(share > 0.0 && share <= 1.0) => problems.push(format!(
+                "{place}.accepted_error_share: expected a share above 0, at most 1, found {share}"
+            )),
+            Some(_) if self.precision != Precision::Budget => problems.push(format!(
+                "{place}.accepted_error_share: expected precision = \"budget\" with it, found another precision"
+            )),
+            _ => {}
         }
         if self.fields.len() > wire::layout::FIELD_SLOTS {
             problems.push(format!(

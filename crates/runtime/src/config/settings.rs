@@ -112,7 +112,7 @@ impl Default for Realtime {
             prefault: false,
             fifo_priority: 0,
             cores: Vec::new(),
-            spin_share: 0.2,
+            spin_share: 0.0,
             busy_poll: false,
             stay_awake: false,
             on_missing_rights: OnMissingRights::default(),

@@ -9,6 +9,7 @@ use super::Lanes;
 const WIDTH: usize = 8;
 const REGISTERS: usize = TILE_NODES / WIDTH;
 const HALF: usize = REGISTERS / 2;
+const QUARTER: usize = REGISTERS / 4;
 
 /// A row in registers.
 #[derive(Clone, Copy)]
@@ -48,6 +49,22 @@ impl Lanes for Avx2 {
                 let (words, low) = if r < HALF { (r, true) } else { (r - HALF, false) };
                 let pairs = _mm256_load_si256(from.add(words * WIDTH).cast());
                 _mm256_cvtepi32_ps(if low { _mm256_slli_epi32::<16>(pairs) } else { pairs })
+            })
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn load_quads(from: *const i32) -> Self {
+        // SAFETY: see the impl.
+        unsafe {
+            each(|r| {
+                let words = _mm256_load_si256(from.add(r % QUARTER * WIDTH).cast());
+                _mm256_cvtepi32_ps(match r / QUARTER {
+                    0 => _mm256_slli_epi32::<24>(words),
+                    1 => _mm256_slli_epi32::<16>(words),
+                    2 => _mm256_slli_epi32::<8>(words),
+                    _ => words,
+                })
             })
         }
     }

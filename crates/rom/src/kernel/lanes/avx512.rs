@@ -53,6 +53,22 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
+    unsafe fn load_quads(from: *const i32) -> Self {
+        // SAFETY: see the impl.
+        unsafe {
+            each(|r| {
+                let words = _mm512_load_si512(from.cast()); // one register holds them all
+                _mm512_cvtepi32_ps(match r {
+                    0 => _mm512_slli_epi32::<24>(words),
+                    1 => _mm512_slli_epi32::<16>(words),
+                    2 => _mm512_slli_epi32::<8>(words),
+                    _ => words,
+                })
+            })
+        }
+    }
+
+    #[inline(always)]
     unsafe fn store(self, to: *mut f32) {
         for (r, register) in self.0.into_iter().enumerate() {
             // SAFETY: see the impl.

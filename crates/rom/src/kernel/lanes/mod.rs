@@ -23,6 +23,8 @@ pub(super) trait Lanes: Copy {
     unsafe fn load(from: *const f32) -> Self;
     /// A row of i16 pairs (see [`tiles`](super::tiles)), as 65536 times their value.
     unsafe fn load_pairs(from: *const i32) -> Self;
+    /// A row of i8, four to a word (see [`mixed`](super::mixed)), as 2^24 times their value.
+    unsafe fn load_quads(from: *const i32) -> Self;
     /// Writes a row of f32, unaligned.
     unsafe fn store(self, to: *mut f32);
     /// `self * factor + addend`.

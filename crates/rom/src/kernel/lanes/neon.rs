@@ -9,6 +9,7 @@ use super::Lanes;
 const WIDTH: usize = 4;
 const REGISTERS: usize = TILE_NODES / WIDTH;
 const HALF: usize = REGISTERS / 2;
+const QUARTER: usize = REGISTERS / 4;
 
 /// A row in registers.
 #[derive(Clone, Copy)]
@@ -48,6 +49,22 @@ impl Lanes for Neon {
                 let (words, low) = if r < HALF { (r, true) } else { (r - HALF, false) };
                 let pairs = vld1q_s32(from.add(words * WIDTH));
                 vcvtq_f32_s32(if low { vshlq_n_s32::<16>(pairs) } else { pairs })
+            })
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn load_quads(from: *const i32) -> Self {
+        // SAFETY: see the impl.
+        unsafe {
+            each(|r| {
+                let words = vld1q_s32(from.add(r % QUARTER * WIDTH));
+                vcvtq_f32_s32(match r / QUARTER {
+                    0 => vshlq_n_s32::<24>(words),
+                    1 => vshlq_n_s32::<16>(words),
+                    2 => vshlq_n_s32::<8>(words),
+                    _ => words,
+                })
             })
         }
     }

@@ -4,6 +4,7 @@ use super::super::TILE_NODES;
 use super::Lanes;
 
 const PAIRS: usize = TILE_NODES / 2;
+const QUADS: usize = TILE_NODES / 4;
 
 /// A row in an array.
 #[derive(Clone, Copy)]
@@ -41,6 +42,13 @@ impl Lanes for Portable {
             lanes[PAIRS + i] = pair as f32;
         }
         Self(lanes)
+    }
+
+    #[inline(always)]
+    unsafe fn load_quads(from: *const i32) -> Self {
+        // SAFETY: see the impl.
+        let quads = unsafe { from.cast::<[i32; QUADS]>().read() };
+        each(|i| (quads[i % QUADS] << (24 - 8 * (i / QUADS))) as f32)
     }
 
     #[inline(always)]

@@ -2,7 +2,8 @@
 
 use super::cases::{Body, available};
 use crate::kernel::{
-    Affine, Basis, BasisError, Field, Isa, MAX_ROWS, Precision, ReconstructError, Role, Source, Spec, Values,
+    Affine, Basis, BasisError, Budget, Field, Isa, MAX_ROWS, Precision, ReconstructError, Role, Source, Spec,
+    Values,
 };
 
 const ALL: [bool; 5] = [true; 5];
@@ -164,6 +165,64 @@ fn i16_halves_the_bytes_and_states_its_error() {
         displacement > 0.0 && displacement < 3f64.sqrt() * bound(10.0 + 2.0 + 6.0 * 0.02 * 500.0),
         "{displacement}"
     );
+}
+
+/// A budget over the coefficients of a body, the same for all fields.
+fn within(body: &Body, spec: &Spec<'_>, accepted: f64) -> Result<Basis, BasisError> {
+    let largest: Vec<f64> = body.coefficients.iter().map(|a| a.abs()).collect();
+    Basis::build_within(spec, &Budget { largest: &largest, accepted: &[accepted; 5], or_f32: false })
+}
+
+#[test]
+fn the_more_error_is_accepted_the_fewer_bytes_are_read() {
+    let body = Body::new(1600, 6, 3);
+    let spec = body.spec(ALL, None);
+    let bytes = [1e-4, 1e-3, 1e-2, 1e-1, 1.0].map(|accepted| within(&body, &spec, accepted).unwrap().bytes());
+    assert!(bytes.is_sorted_by(|more, less| more > less), "{bytes:?}");
+    assert!(bytes[0] < Basis::build(&spec, Precision::F32).unwrap().bytes());
+    let nothing = within(&body, &spec, 1e6).unwrap();
+    assert_eq!(nothing.widths(), [0.0, 0.0, 0.0, 1.0]);
+    let mut out = vec![7.0; 5 * 1600];
+    nothing.reconstruct(&body.coefficients, &mut out).unwrap();
+    assert!(out.iter().all(|&value| value == 0.0), "a basis without rows is 0 everywhere");
+}
+
+#[test]
+fn a_row_below_what_is_accepted_is_left_out_and_others_keep_their_bits() {
+    let mut body = Body::new(640, 3, 5);
+    body.bases[3][640..1280].iter_mut().for_each(|value| *value *= 1e-6);
+    body.coefficients[9..12].copy_from_slice(&[100.0, 100.0, 100.0]);
+    let spec = body.spec([false, false, false, false, true], None);
+    let [wide, half, quarter, none] = within(&body, &spec, 1e-3).unwrap().widths();
+    assert_eq!((wide, none), (0.0, 0.25), "one of the mean and three modes");
+    assert_eq!(half + quarter, 0.75);
+}
+
+#[test]
+fn a_budget_that_f32_does_not_keep_is_refused_by_field() {
+    let body = Body::new(100, 2, 1);
+    let spec = body.spec(ALL, None);
+    let refused = within(&body, &spec, 1e-9).unwrap_err();
+    let BasisError::Budget(short) = &refused else { panic!("{refused}") };
+    assert_eq!(short.iter().map(|s| s.field).collect::<Vec<_>>(), [0, 1, 2, 4]);
+    assert!(short.iter().all(|s| s.accepted == 1e-9 && s.least > 1e-9 && s.least < 1e-4), "{short:?}");
+    let least = short.iter().fold(0.0, |most: f64, s| most.max(s.least));
+    assert!(within(&body, &spec, 1.001 * least).is_ok(), "the least that it names can be kept");
+    assert!(within(&body, &spec, f64::NAN).is_err());
+}
+
+#[test]
+fn a_field_that_no_budget_keeps_stays_in_f32_where_that_is_asked_for() {
+    let body = Body::new(640, 2, 1);
+    let spec = body.spec([false, false, false, false, true], None);
+    let largest: Vec<f64> = body.coefficients.iter().map(|a| a.abs()).collect();
+    let budget = Budget { largest: &largest, accepted: &[0.0; 5], or_f32: true };
+    let basis = Basis::build_within(&spec, &budget).unwrap();
+    assert_eq!(basis.widths(), [1.0, 0.0, 0.0, 0.0]);
+    let (mut found, mut full) = (vec![0.0; 640], vec![0.0; 640]);
+    basis.reconstruct(&body.coefficients, &mut found).unwrap();
+    Basis::build(&spec, Precision::F32).unwrap().reconstruct(&body.coefficients, &mut full).unwrap();
+    assert_eq!(found, full);
 }
 
 #[test]

@@ -6,36 +6,37 @@ use proptest::prelude::*;
 
 use super::cases::{Body, available};
 use super::reference;
-use crate::kernel::{Basis, Isa, Peak, Precision, Spec};
+use crate::kernel::{Basis, Budget, Isa, Peak, Precision, Spec};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / (1u64 << 24) as f64;
 
 /// `(k + 10) u` times the sum of the magnitudes of the terms: each term carries the rounding of mode, coefficient and
 /// product, the sum one rounding an addition (at most k), and the magnitude that of rest shape, difference, three
-/// squares and root. For i16 the bound of the storage comes on
+/// squares and root. For i16 and for rows of different widths the bound of the storage comes on
 /// top (a little more of it: the terms of the stored modes may be that much larger).
 fn bound(body: &Body, basis: &Basis, slot: usize, terms: f64) -> f64 {
     let factor = (body.modes + 10) as f64 * U;
     match basis.precision() {
-        Precision::F32 => factor * terms,
-        Precision::I16 => factor * terms + 1.001 * basis.error_bound(slot, &body.coefficients),
+        Some(Precision::F32) => factor * terms,
+        _ => factor * terms + 1.001 * basis.error_bound(slot, &body.coefficients),
     }
 }
 
-fn check(body: &Body, spec: &Spec<'_>, isa: Isa, precision: Precision) -> Result<Vec<f32>, TestCaseError> {
-    let basis = Basis::build_for(spec, precision, isa).unwrap();
+fn check(body: &Body, spec: &Spec<'_>, basis: &Basis) -> Result<Vec<f32>, TestCaseError> {
     let expected = reference::reconstruct(spec, &body.coefficients);
     prop_assert_eq!(basis.output_len(), expected.len());
     // Elements that the kernel forgets stay NaN and fail the comparison.
     let mut out = vec![f32::NAN; expected.len()];
     let peaks = basis.reconstruct(&body.coefficients, &mut out).unwrap();
     for (k, (&found, expected)) in out.iter().zip(&expected).enumerate() {
-        let bound = bound(body, &basis, k / basis.nodes(), expected.terms);
+        let bound = bound(body, basis, k / basis.nodes(), expected.terms);
         let error = (f64::from(found) - expected.value).abs();
         prop_assert!(
             error <= bound,
-            "{isa} {precision:?} entry {k}: {found} for {expected:?}, bound {bound}"
+            "{} {:?} entry {k}: {found} for {expected:?}, bound {bound}",
+            basis.isa(),
+            basis.precision()
         );
     }
     // The peaks are those of the values written, at the first node that has them.
@@ -75,12 +76,65 @@ proptest! {
         for precision in [Precision::F32, Precision::I16] {
             let mut fused: Option<Vec<f32>> = None;
             for isa in available() {
-                let out = check(&body, &spec, isa, precision)?;
+                let out = check(&body, &spec, &Basis::build_for(&spec, precision, isa).unwrap())?;
                 // Fused arithmetic in one order: not close, equal.
                 if isa != Isa::Portable {
                     prop_assert_eq!(fused.get_or_insert_with(|| out.clone()), &out);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn rows_of_every_width_are_within_their_steps_of_the_reference(
+        nodes in 1usize..200,
+        modes in 0usize..9,
+        seed: u64,
+        mut published: [bool; 5],
+        octaves in 0..24,
+        subset in prop::option::of(prop::collection::vec(any::<prop::sample::Index>(), 1..60)),
+    ) {
+        published[seed as usize % 5] |= published == [false; 5];
+        let body = Body::new(nodes, modes, seed);
+        let subset = subset.map(|set| set.iter().map(|i| i.index(nodes) as u32).collect::<Vec<_>>());
+        let spec = body.spec(published, subset.as_deref());
+        let largest: Vec<f64> = body.coefficients.iter().map(|a| a.abs()).collect();
+        let accepted = [200.0, 200.0, 200.0, 0.0, 20.0].map(|size| size / f64::from(1 << octaves));
+        let budget = Budget { largest: &largest, accepted: &accepted, or_f32: false };
+        let mut fused: Option<Vec<f32>> = None;
+        for isa in available() {
+            // Where f32 adds more than is accepted there is nothing to compare.
+            let Ok(basis) = Basis::build_within_for(&spec, &budget, isa) else { continue };
+            let out = check(&body, &spec, &basis)?;
+            if isa != Isa::Portable {
+                prop_assert_eq!(fused.get_or_insert_with(|| out.clone()), &out);
+            }
+        }
+        prop_assert!(octaves > 20 || Basis::build_within(&spec, &budget).is_ok());
+    }
+
+    #[test]
+    fn what_storage_adds_is_what_was_accepted_at_most(
+        nodes in 300usize..600,
+        modes in 1usize..9,
+        seed: u64,
+        octaves in 0..16,
+    ) {
+        let body = Body::new(nodes, modes, seed);
+        let spec = body.spec([true, true, true, false, true], None);
+        let largest: Vec<f64> = body.coefficients.iter().map(|a| a.abs()).collect();
+        let accepted = [20.0, 20.0, 20.0, 0.0, 20.0].map(|size| size / f64::from(1 << octaves));
+        let basis = Basis::build_within(&spec, &Budget { largest: &largest, accepted: &accepted, or_f32: false }).unwrap();
+        let exact = reference::reconstruct(&spec, &body.coefficients);
+        let mut out = vec![0.0; basis.output_len()];
+        basis.reconstruct(&body.coefficients, &mut out).unwrap();
+        for slot in 0..4 {
+            let (found, exact) = (&out[slot * nodes..][..nodes], &exact[slot * nodes..][..nodes]);
+            let squares = found.iter().zip(exact).map(|(found, exact)| (f64::from(*found) - exact.value).powi(2));
+            let added = (squares.sum::<f64>() / nodes as f64).sqrt();
+            let rounding = (modes + 10) as f64 * U * exact.iter().fold(0.0, |most: f64, of| most.max(of.terms));
+            // The root mean square of so few nodes' errors spreads by 4 %.
+            prop_assert!(added <= 1.25 * accepted[0] + rounding, "slot {slot}: {added} for {}", accepted[0]);
         }
     }
 

@@ -6,10 +6,10 @@ use anyhow::Context;
 use rom::evaluator::Evaluator;
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::kernel::{Basis, Precision};
-use rom::model::{BlockKind, Model, Nodes, Selection};
+use rom::model::{BlockKind, Model, ModelError, Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
-use rom::reconstructor::Reconstructor;
+use rom::reconstructor::{Reconstructor, Storage};
 use serde::Serialize;
 
 /// Nodes of the small set.
@@ -40,13 +40,17 @@ pub struct Kernel {
     pub share_of_read: f64,
 }
 
-/// Both precisions.
+/// The ways to store the basis.
 #[derive(Debug, Clone, Serialize)]
 pub struct Kernels {
     /// 4 bytes an entry.
     pub f32: Kernel,
     /// 2 bytes a mode's entry.
     pub i16: Kernel,
+    /// As few as let the model's own error grow by 2 % at most; none where no basis keeps that.
+    pub budget: Option<Kernel>,
+    /// Of the last one the shares of rows in f32, i16, i8, and of those left out.
+    pub budget_widths: Option<[f64; 4]>,
 }
 
 /// Everything measured in this process.
@@ -88,9 +92,8 @@ struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    fn new(basis: &'a Basis) -> Self {
-        let name = format!("kernel {:?}", basis.precision()).to_lowercase();
-        let series = |what: &str| Series::new(format!("{name}, {what}"));
+    fn new(name: &str, basis: &'a Basis) -> Self {
+        let series = |what: &str| Series::new(format!("kernel {name}, {what}"));
         Self {
             basis,
             warm: series("warm"),
@@ -129,15 +132,24 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let coefficients = full.reconstructor().coefficients(full.evaluation())?;
     let basis = |fields: &Reconstructor| fields.basis(regime).cloned().context("the model has no regime");
     let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
+    let within = match Reconstructor::with_precision(model, &all, Storage::AS_GOOD) {
+        Ok(fields) => Some(basis(&fields)?),
+        Err(ModelError::AcceptedError { .. }) => None,
+        Err(error) => return Err(error.into()),
+    };
 
     progress.step("kernel and prediction");
-    let subjects = [Subject::new(&wide), Subject::new(&narrow)];
-    let subjects = kernels(subjects, &coefficients, samples, progress)?;
+    let uniform = [Subject::new("f32", &wide), Subject::new("i16", &narrow)];
+    let mut subjects: Vec<Subject<'_>> = uniform.into_iter().collect();
+    subjects.extend(within.as_ref().map(|basis| Subject::new("budget", basis)));
+    kernels(&mut subjects, &coefficients, samples, progress)?;
     progress.step("prediction");
     let evaluator = Evaluator::new(&model.header)?;
     let predictions = predictions(&inputs, &evaluator, &mut full, &mut tip, samples)?;
     let position = position(model, &inputs, samples)?;
     let [f32, i16] = [subjects[0].result(), subjects[1].result()];
+    let budget = subjects.get(2).map(Subject::result);
+    let budget_widths = within.as_ref().map(Basis::widths);
     let compute = Compute {
         isa: wide.isa().to_string(),
         nodes: wide.nodes(),
@@ -145,7 +157,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
         entries: wide.output_len(),
         coefficients: full.evaluation().coefficients.len(),
         read_gbps: f32.read_gbps,
-        kernel: Kernels { f32, i16 },
+        kernel: Kernels { f32, i16, budget, budget_widths },
         predict_us_p50: predictions[0].p50(),
         state_only_us_p50: predictions[1].p50(),
         tip_us_p50: predictions[2].p50(),
@@ -156,16 +168,16 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     Ok((compute, kernels.chain(predictions).chain([position]).collect()))
 }
 
-/// Warm and evicted, both precisions in turn.
-fn kernels<'a, const N: usize>(
-    mut subjects: [Subject<'a>; N],
+/// Warm and evicted, all of them in turn.
+fn kernels(
+    subjects: &mut [Subject<'_>],
     coefficients: &[f64],
     samples: usize,
     progress: &mut Progress,
-) -> anyhow::Result<[Subject<'a>; N]> {
+) -> anyhow::Result<()> {
     let mut out = vec![0.0; subjects[0].basis.output_len()];
     for _ in 0..samples {
-        for subject in &mut subjects {
+        for subject in subjects.iter_mut() {
             let basis = subject.basis;
             basis.read_once(); // brings the basis into the cache
             subject.read.time(|| basis.read_once());
@@ -176,7 +188,7 @@ fn kernels<'a, const N: usize>(
     progress.step("kernel with the caches evicted");
     let mut evictor = Evictor::default();
     for _ in 0..(samples / EVICTED_SHARE).clamp(10, 200) {
-        for subject in &mut subjects {
+        for subject in subjects.iter_mut() {
             let basis = subject.basis;
             evictor.evict();
             subject.evicted.time(|| basis.reconstruct(coefficients, &mut out));
@@ -184,7 +196,7 @@ fn kernels<'a, const N: usize>(
             subject.evicted_read.time(|| basis.read_once());
         }
     }
-    Ok(subjects)
+    Ok(())
 }
 
 /// Full field, state only, tip set: in turn, over inputs that vary.

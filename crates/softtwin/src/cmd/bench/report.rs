@@ -34,9 +34,22 @@ impl Report {
         output!("kernel     bytes      warm   evicted  GB/s   of reading alone (warm, evicted)")?;
         kernel("f32", &c.kernel.f32)?;
         kernel("i16", &c.kernel.i16)?;
-        let (f32, i16) = (&c.kernel.f32, &c.kernel.i16);
-        let (warm, evicted) = (f32.warm_us_p50 / i16.warm_us_p50, f32.evicted_us_p50 / i16.evicted_us_p50);
-        output!("i16 is {warm:.2}x as fast warm, {evicted:.2}x evicted")?;
+        if let Some(budget) = &c.kernel.budget {
+            kernel("budget", budget)?;
+        }
+        let f32 = &c.kernel.f32;
+        for (name, k) in
+            std::iter::once(("i16", &c.kernel.i16)).chain(c.kernel.budget.iter().map(|k| ("budget", k)))
+        {
+            let (warm, evicted) = (f32.warm_us_p50 / k.warm_us_p50, f32.evicted_us_p50 / k.evicted_us_p50);
+            output!("{name} is {warm:.2}x as fast warm, {evicted:.2}x evicted")?;
+        }
+        match c.kernel.budget_widths.map(|shares| shares.map(|share| 100.0 * share)) {
+            Some([wide, half, quarter, none]) => output!(
+                "budget (own error grows by 2 % at most): {wide:.0} % of rows in f32, {half:.0} % i16, {quarter:.0} % i8, {none:.0} % left out"
+            )?,
+            None => output!("budget: even f32 lets this model's own error grow by more than 2 %")?,
+        }
         output!("")?;
         let beyond = c.predict_us_p50 - f32.warm_us_p50;
         output!("input to full field     {:8.2}   (kernel + {beyond:.2})", c.predict_us_p50)?;
