@@ -154,6 +154,11 @@ softtwin_status softtwin_writer_open(softtwin_bus *bus, const char *name, const 
 /** Sends one reading, stamped now: gauge pressure in MPa, gap in mm, measured contact force in N (NaN: not measured). */
 softtwin_status softtwin_writer_send_reading(softtwin_writer *writer, double pressure_mpa, double gap_mm,
                                              double measured_force_n);
+/** The same with further inputs of the model by name ("load_n"), in the unit at the end of each name: `count` (at most
+ *  SOFTTWIN_PARAMETERS_MAX) names of 1 to 31 bytes and values; NaN: absent. */
+softtwin_status softtwin_writer_send_inputs(softtwin_writer *writer, double pressure_mpa, double gap_mm,
+                                            double measured_force_n, const char **names, const double *values,
+                                            size_t count);
 /** Sends one command: the gauge pressure wanted, MPa, and the stamp of the reading that it answers (0: none). */
 softtwin_status softtwin_writer_send_command(softtwin_writer *writer, double pressure_mpa, uint64_t t_sensor_ns);
 /** Becomes the owner of an actuator's valve, the writer of softtwin/<actuator>/setpoint. `owner` is the name (1 to 31 bytes) by which

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "softtwin.h"
@@ -176,6 +177,17 @@ public:
     /// Pressure in MPa, gap in mm, measured force in N; NaN: not measured.
     void send(double pressure_mpa, double gap_mm, double measured_force_n) {
         check(softtwin_writer_send_reading(writer_.get(), pressure_mpa, gap_mm, measured_force_n));
+    }
+    /// The same with further inputs of the model by name, in the unit at the end of each name.
+    void send(double pressure_mpa, double gap_mm, double measured_force_n, const std::vector<std::pair<std::string, double>> &inputs) {
+        std::vector<const char *> names;
+        std::vector<double> values;
+        for (const auto &input : inputs) {
+            names.push_back(input.first.c_str());
+            values.push_back(input.second);
+        }
+        check(softtwin_writer_send_inputs(writer_.get(), pressure_mpa, gap_mm, measured_force_n, names.data(), values.data(),
+                                          names.size()));
     }
 
 private:

@@ -41,5 +41,6 @@ pub use waiter::{
 };
 pub use writer::{
     softtwin_writer, softtwin_writer_close, softtwin_writer_open, softtwin_writer_open_setpoint,
-    softtwin_writer_send_command, softtwin_writer_send_reading, softtwin_writer_send_setpoint,
+    softtwin_writer_send_command, softtwin_writer_send_inputs, softtwin_writer_send_reading,
+    softtwin_writer_send_setpoint,
 };

@@ -5,13 +5,15 @@ use crate::bus::softtwin_bus;
 use crate::reader::topic;
 use crate::status::softtwin_status;
 use std::ffi::c_char;
-use wire::layout::pack_name;
+use wire::layout::{PARAMETERS_MAX, pack_name};
 use wire::{
     Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, TopicKind, boot_id, now_ns,
 };
 
 /// Longest name of an owner, bytes.
 const OWNER_BYTES: usize = 31;
+/// Longest name of an input, bytes.
+const NAME_BYTES: usize = 31;
 
 /// The one writer of a topic of readings, commands or setpoints.
 pub struct softtwin_writer {
@@ -129,6 +131,48 @@ pub unsafe extern "C" fn softtwin_writer_send_reading(
         let (boot_id, seq, t_sensor_ns) = (*boot_id, *seq, now_ns());
         let stamped = SensorSample { boot_id, seq, t_sensor_ns, ..SensorSample::default() };
         Ok(port.publish(SensorSample { pressure_mpa, gap_mm, measured_force_n, ..stamped })?)
+    })
+}
+
+/// Sends one reading, stamped now, with further inputs of the model by name (`load_n`): as [`softtwin_writer_send_reading`], then
+/// `count` names and values, in the unit at the end of each name; NaN: absent.
+///
+/// # Safety
+/// `writer` is live and used by its own thread; `names` points to `count` zero-terminated texts and `values` to `count` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn softtwin_writer_send_inputs(
+    writer: *mut softtwin_writer,
+    pressure_mpa: f64,
+    gap_mm: f64,
+    measured_force_n: f64,
+    names: *const *const c_char,
+    values: *const f64,
+    count: usize,
+) -> softtwin_status {
+    call(|| {
+        // SAFETY: by the caller's promise.
+        let softtwin_writer { port: Port::Sensor(port), boot_id, seq } = (unsafe { handle(writer) })? else {
+            return Err(argument("this writer is not one of readings"));
+        };
+        if count > PARAMETERS_MAX {
+            return Err(argument(&format!("expected at most {PARAMETERS_MAX} named inputs, found {count}")));
+        }
+        if count > 0 && (names.is_null() || values.is_null()) {
+            return Err(argument("names or values are null"));
+        }
+        let mut sample = SensorSample { pressure_mpa, gap_mm, measured_force_n, ..SensorSample::default() };
+        for at in 0..count {
+            // SAFETY: not null, and as many as `count` by the caller's promise.
+            let (name, value) = unsafe { (name(*names.add(at))?, *values.add(at)) };
+            if !(1..=NAME_BYTES).contains(&name.len()) || sample.inputs().any(|(other, _)| other == name) {
+                return Err(argument(&format!(
+                    "input {at}: expected a name of 1 to {NAME_BYTES} bytes that no other input has, found {name:?}"
+                )));
+            }
+            sample.add_input(name, value);
+        }
+        *seq += 1;
+        Ok(port.publish(SensorSample { boot_id: *boot_id, seq: *seq, t_sensor_ns: now_ns(), ..sample })?)
     })
 }
 

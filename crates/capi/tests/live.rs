@@ -195,6 +195,64 @@ fn refused_owner(stage: &Stage, owner: &str) -> String {
     }
 }
 
+#[test]
+fn named_inputs_of_a_reading_arrive_and_wrong_ones_are_refused() {
+    use std::ffi::{CStr, CString};
+    let stage = Stage::new("capiinputs");
+    let [domain, root] = [stage.domain_name.clone(), stage.root().display().to_string()]
+        .map(|text| CString::new(text).unwrap());
+    let (mut bus, mut writer) = (std::ptr::null_mut(), std::ptr::null_mut());
+    let send = |writer, names: &[&CStr], values: &[f64]| {
+        let names: Vec<_> = names.iter().map(|name| name.as_ptr()).collect();
+        // SAFETY: the writer is live, there are as many names as values.
+        let status = unsafe {
+            capi::softtwin_writer_send_inputs(
+                writer,
+                0.03,
+                40.0,
+                f64::NAN,
+                names.as_ptr(),
+                values.as_ptr(),
+                names.len(),
+            )
+        };
+        // SAFETY: the text lives until the next call of this thread.
+        let text = unsafe { CStr::from_ptr(capi::softtwin_last_error()) };
+        (status, text.to_str().unwrap().to_owned())
+    };
+    // SAFETY: texts and places live across the calls; handles are live until they are closed.
+    unsafe {
+        assert_eq!(
+            capi::softtwin_bus_open(domain.as_ptr(), root.as_ptr(), &mut bus),
+            capi::softtwin_status::SOFTTWIN_OK
+        );
+        let status = capi::softtwin_writer_open(bus, c"part".as_ptr(), c"sensor".as_ptr(), &mut writer);
+        assert_eq!(status, capi::softtwin_status::SOFTTWIN_OK);
+    }
+    let readings = wire::SensorReader::attach(&stage.bus(), &wire::Topic::sensor("part").unwrap()).unwrap();
+    let (status, text) = send(writer, &[c"load_n", c"turns_1"], &[2.5, f64::NAN]);
+    assert_eq!(status, capi::softtwin_status::SOFTTWIN_OK, "{text}");
+    let sample = readings.newest().unwrap().expect("the reading");
+    let inputs: Vec<(String, f64)> = sample.inputs().collect();
+    assert_eq!((inputs[0].0.as_str(), inputs[0].1, inputs[1].0.as_str()), ("load_n", 2.5, "turns_1"));
+    assert!(inputs[1].1.is_nan() && inputs.len() == 2 && sample.pressure_mpa == 0.03, "{sample:?}");
+    for (names, part) in [
+        (vec![c""], "1 to 31 bytes"),
+        (vec![c"a_mm", c"a_mm"], "no other input has"),
+        (vec![c"a_1", c"b_1", c"c_1", c"d_1", c"e_1", c"f_1", c"g_1"], "at most 6"),
+    ] {
+        let (status, text) = send(writer, &names, &vec![1.0; names.len()]);
+        assert_eq!(status, capi::softtwin_status::SOFTTWIN_ARGUMENT, "{names:?}");
+        assert!(text.contains(part), "{names:?}: {text}");
+    }
+    assert_eq!(readings.newest().unwrap().map(|sample| sample.seq), None, "what is refused is not sent");
+    // SAFETY: both are live and closed once.
+    unsafe {
+        capi::softtwin_writer_close(writer);
+        capi::softtwin_bus_close(bus);
+    }
+}
+
 /// What `model.c` prints of a model in the middle of its parameters' ranges, from the Rust interface.
 fn said_of(model: &Model, settings: &[(&str, f64)], inputs: Inputs) -> Vec<String> {
     let mut model = model.clone();
