@@ -24,8 +24,17 @@ pub(crate) struct Before {
 }
 
 /// The last of them, the newest last. Memory is taken once.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Rewind(Vec<Before>);
+
+/// With room for all of them, which the original has too.
+impl Clone for Rewind {
+    fn clone(&self) -> Self {
+        let mut out = Self::new();
+        out.0.extend_from_slice(&self.0);
+        out
+    }
+}
 
 impl Rewind {
     pub(crate) fn new() -> Self {
@@ -34,6 +43,10 @@ impl Rewind {
 
     /// Keeps an estimate where the lowest point has come down since the last one.
     pub(crate) fn keep(&mut self, now: Before) {
+        // The bound falls where the gap drifts, and begins anew after a contact: what was farther down is of another time.
+        while self.0.last().is_some_and(|last| last.gap_floor_mm > now.gap_floor_mm + SPACING_MM) {
+            self.0.pop();
+        }
         if self.0.last().is_some_and(|last| now.gap_floor_mm < last.gap_floor_mm + SPACING_MM) {
             return;
         }
@@ -48,5 +61,37 @@ impl Rewind {
         let found = self.0.iter().rev().find(|kept| kept.gap_floor_mm <= gap_mm - CLEARANCE_MM).copied();
         self.0.clear();
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matrix::MAX_STATES;
+
+    fn at(t_s: f64, gap_floor_mm: f64) -> Before {
+        Before { t_s, mean: [t_s; MAX_STATES], covariance: Symmetric::diagonal(&[1.0]), gap_floor_mm }
+    }
+
+    #[test]
+    fn the_last_estimate_from_clear_of_the_obstacle_is_found_once() {
+        let mut kept = Rewind::new();
+        (0..1000).for_each(|k| kept.keep(at(f64::from(k), 0.1 * f64::from(k))));
+        assert_eq!((kept.0.len(), kept.0.capacity()), (KEPT, KEPT));
+        let found = kept.clone().before_contact(90.0).expect("one");
+        assert!((88.0..=88.5).contains(&found.gap_floor_mm), "{found:?}");
+        assert!(kept.clone().0.capacity() >= KEPT);
+        assert!(kept.before_contact(20.0).is_none(), "those are not kept any more");
+        assert!(kept.before_contact(90.0).is_none(), "none is left");
+    }
+
+    #[test]
+    fn what_was_farther_down_before_is_forgotten() {
+        let mut kept = Rewind::new();
+        for floor_mm in [10.0, 20.0, 30.0, 5.0, 12.0] {
+            kept.keep(at(floor_mm, floor_mm));
+        }
+        let found = kept.before_contact(40.0).expect("one");
+        assert_eq!(found.gap_floor_mm, 12.0);
     }
 }
