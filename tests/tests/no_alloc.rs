@@ -91,8 +91,9 @@ fn a_loop_that_spins_for_expected_readings_allocates_nothing_for_it() {
     let scene = Scene::load(&path).unwrap();
     let bus = stage.bus();
     let (events, _reporter) = event_channel();
-    let mut twin =
-        Twin::start(&bus, load_scene(&scene, &path).unwrap(), &Settings::default(), &events).unwrap();
+    let mut settings = Settings::default();
+    settings.realtime.spin_share = 0.2;
+    let mut twin = Twin::start(&bus, load_scene(&scene, &path).unwrap(), &settings, &events).unwrap();
     let domain = stage.domain();
     let sender = std::thread::spawn(move || {
         let bus = wire::Bus::open(&domain).unwrap();
@@ -124,7 +125,7 @@ fn a_loop_that_spins_for_expected_readings_allocates_nothing_for_it() {
     }
     let allocations = COUNT.get() - before;
     sender.join().unwrap();
-    let counts = twin.spin_counts().expect("it spins by default");
+    let counts = twin.spin_counts().expect("it spins");
     assert!(counts.caught > 0, "{counts:?}");
     assert_eq!(allocations, sent(&twin) - sent_before, "the transport's handles of loaned samples");
 }
