@@ -43,7 +43,8 @@ fn as_user(user: u32, groups: &[u32], line: &str) -> String {
 /// This test program as another user, in a role.
 fn in_role(stage: &Stage, user: u32, groups: &[u32], role: &str) -> Program {
     let own = std::env::current_exe().unwrap();
-    let line = as_user(user, groups, &format!("{} --exact in_another_role --nocapture", own.display()));
+    let line =
+        as_user(user, groups, &format!("{} --exact sharing::in_another_role --nocapture", own.display()));
     Program::shell(stage, &format!("export {ROLE}={role}; {line}"))
 }
 

@@ -159,7 +159,10 @@ fn the_doctor_finds_nothing_wrong_with_a_running_twin() {
     }
     let shm = format!("/dev/shm/{}", stage.domain_name);
     let (_, said) = run(&stage, &["doctor", "--domain-root", &shm]);
-    std::fs::remove_dir_all(&shm).unwrap();
+    // Mostly something is left: the last one to leave an empty domain takes its folder away.
+    if std::path::Path::new(&shm).exists() {
+        std::fs::remove_dir_all(&shm).unwrap();
+    }
     assert!(
         said.iter().any(|line| line.contains("management files") && line.contains("in memory")),
         "{said:?}"
