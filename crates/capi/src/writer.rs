@@ -10,9 +10,7 @@ use wire::{
     Command, CommandWriter, SensorSample, SensorWriter, Setpoint, SetpointWriter, TopicKind, boot_id, now_ns,
 };
 
-/// Longest name of an owner, bytes.
-const OWNER_BYTES: usize = 31;
-/// Longest name of an input, bytes.
+/// Longest name of an owner or an input, bytes.
 const NAME_BYTES: usize = 31;
 
 /// The one writer of a topic of readings, commands or setpoints.
@@ -72,9 +70,9 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
     call(|| {
         // SAFETY: by the caller's promise.
         let (bus, actuator, owner) = unsafe { (handle(bus)?, name(actuator)?, name(owner)?) };
-        if !(1..=OWNER_BYTES).contains(&owner.len()) || owner.contains(char::is_control) {
+        if !(1..=NAME_BYTES).contains(&owner.len()) || owner.contains(char::is_control) {
             return Err(argument(&format!(
-                "expected an owner's name of 1 to {OWNER_BYTES} bytes, found {owner:?}"
+                "expected an owner's name of 1 to {NAME_BYTES} bytes, found {owner:?}"
             )));
         }
         let port = SetpointWriter::create_named(&bus.0, &topic(actuator, "setpoint")?, owner)?;
@@ -122,16 +120,18 @@ pub unsafe extern "C" fn softtwin_writer_send_reading(
     gap_mm: f64,
     measured_force_n: f64,
 ) -> softtwin_status {
-    call(|| {
-        // SAFETY: by the caller's promise.
-        let softtwin_writer { port: Port::Sensor(port), boot_id, seq } = (unsafe { handle(writer) })? else {
-            return Err(argument("this writer is not one of readings"));
-        };
-        *seq += 1;
-        let (boot_id, seq, t_sensor_ns) = (*boot_id, *seq, now_ns());
-        let stamped = SensorSample { boot_id, seq, t_sensor_ns, ..SensorSample::default() };
-        Ok(port.publish(SensorSample { pressure_mpa, gap_mm, measured_force_n, ..stamped })?)
-    })
+    // SAFETY: the caller's promise is passed on; there is no name and no value.
+    unsafe {
+        softtwin_writer_send_inputs(
+            writer,
+            pressure_mpa,
+            gap_mm,
+            measured_force_n,
+            std::ptr::null(),
+            std::ptr::null(),
+            0,
+        )
+    }
 }
 
 /// Sends one reading, stamped now, with further inputs of the model by name (`load_n`): as [`softtwin_writer_send_reading`], then

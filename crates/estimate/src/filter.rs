@@ -5,7 +5,7 @@ use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use crate::normal::{chi_squared_quantile, truncated, upper_tail};
 use crate::outcome::{Alarm, Estimate, Status, Update};
 use crate::reading::{self, Prior, ReadingProblem, Side};
-use crate::rewind::{Before, Rewind};
+use crate::rewind::Rewind;
 use crate::search::{Asked, Explained, LastSeen, MAX_PREDICTIONS, Prospect};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup, SetupError};
 use crate::trend::Trend;
@@ -19,10 +19,9 @@ const FIRST_CONTACT_EVIDENCE: f64 = 25.0;
 /// A known gap that many standard deviations from the onset needs one side solved only.
 const CLEAR: f64 = 6.0;
 /// A contact that explains a reading leaves at least so much of its squares: the quantile of 1 %.
-const LEAST_Z: f64 = -2.326;
+const MIN_Z: f64 = -2.326;
 /// How far inside the contact the search begins when the prior lies outside (mm).
 const INSIDE_CONTACT_MM: f64 = 0.5;
-
 /// Predictions that a search from earlier estimates may take.
 const LEFT_TO_REWIND: u32 = 4;
 
@@ -188,7 +187,7 @@ impl Filter {
         }
         self.last_t_s = Some(measurement.t_s);
         for (at, unknown) in self.setup.unknowns.iter().enumerate() {
-            let drift = unknown.drift_per_sqrt_s * unknown.drift_per_sqrt_s * passed_s;
+            let drift = unknown.drift_variance(passed_s);
             self.covariance.add_diagonal(at, drift);
             self.unread[at] += drift;
         }
@@ -235,8 +234,7 @@ impl Filter {
         let now = (self.mean, self.covariance);
         (self.mean, self.covariance) = (before.mean, before.covariance);
         for (at, unknown) in self.setup.unknowns.iter().enumerate() {
-            let passed_s = measurement.t_s - before.t_s;
-            self.covariance.add_diagonal(at, unknown.drift_per_sqrt_s.powi(2) * passed_s);
+            self.covariance.add_diagonal(at, unknown.drift_variance(measurement.t_s - before.t_s));
         }
         let again = self.prior().and_then(|prior| {
             let onset_mm = asked.model.onset_gap_mm(&self.setup.inputs_at(measurement, &prior.states))?;
@@ -307,7 +305,7 @@ impl Filter {
         // A reading only makes the determinant larger, and a contact that explains it leaves some squares too.
         let before = prior.information.cholesky()?.ln_determinant();
         let present = on(Side::Free).present().count();
-        let least = before + chi_squared_quantile(present.saturating_sub(prior.information.size()), LEAST_Z);
+        let least = before + chi_squared_quantile(present.saturating_sub(prior.information.size()), MIN_Z);
         let is_worth = |open: &Explained, contact: Prospect| {
             // Readings in a row that only a contact explains whole say it together.
             let partly = open.rejected.count_ones() > contact.rejected.count_ones();
@@ -392,8 +390,7 @@ impl Filter {
         if side == Side::Free && rejected == 0 {
             self.gap_floor_mm =
                 self.gap_floor_mm.max(model.onset_gap_mm(&inputs).unwrap_or(f64::NEG_INFINITY));
-            let (mean, covariance, gap_floor_mm) = (self.mean, self.covariance, self.gap_floor_mm);
-            self.before.keep(Before { t_s: measurement.t_s, mean, covariance, gap_floor_mm });
+            self.before.keep(measurement.t_s, &self.mean, &self.covariance, self.gap_floor_mm);
         } else if in_contact {
             self.gap_floor_mm = f64::NEG_INFINITY;
         }

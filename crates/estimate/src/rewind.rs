@@ -42,18 +42,18 @@ impl Rewind {
     }
 
     /// Keeps an estimate where the lowest point has come down since the last one.
-    pub(crate) fn keep(&mut self, now: Before) {
+    pub(crate) fn keep(&mut self, t_s: f64, mean: &Vector, covariance: &Symmetric, gap_floor_mm: f64) {
         // The bound falls where the gap drifts, and begins anew after a contact: what was farther down is of another time.
-        while self.0.last().is_some_and(|last| last.gap_floor_mm > now.gap_floor_mm + SPACING_MM) {
+        while self.0.last().is_some_and(|last| last.gap_floor_mm > gap_floor_mm + SPACING_MM) {
             self.0.pop();
         }
-        if self.0.last().is_some_and(|last| now.gap_floor_mm < last.gap_floor_mm + SPACING_MM) {
+        if self.0.last().is_some_and(|last| gap_floor_mm < last.gap_floor_mm + SPACING_MM) {
             return;
         }
         if self.0.len() == KEPT {
             self.0.remove(0);
         }
-        self.0.push(now);
+        self.0.push(Before { t_s, mean: *mean, covariance: *covariance, gap_floor_mm });
     }
 
     /// The last one from before a contact with an obstacle at a gap; none is left afterwards.
@@ -69,14 +69,14 @@ mod tests {
     use super::*;
     use crate::matrix::MAX_STATES;
 
-    fn at(t_s: f64, gap_floor_mm: f64) -> Before {
-        Before { t_s, mean: [t_s; MAX_STATES], covariance: Symmetric::diagonal(&[1.0]), gap_floor_mm }
+    fn keep(kept: &mut Rewind, t_s: f64, gap_floor_mm: f64) {
+        kept.keep(t_s, &[t_s; MAX_STATES], &Symmetric::diagonal(&[1.0]), gap_floor_mm);
     }
 
     #[test]
     fn the_last_estimate_from_clear_of_the_obstacle_is_found_once() {
         let mut kept = Rewind::new();
-        (0..1000).for_each(|k| kept.keep(at(f64::from(k), 0.1 * f64::from(k))));
+        (0..1000).for_each(|k| keep(&mut kept, f64::from(k), 0.1 * f64::from(k)));
         assert_eq!((kept.0.len(), kept.0.capacity()), (KEPT, KEPT));
         let found = kept.clone().before_contact(90.0).expect("one");
         assert!((88.0..=88.5).contains(&found.gap_floor_mm), "{found:?}");
@@ -89,7 +89,7 @@ mod tests {
     fn what_was_farther_down_before_is_forgotten() {
         let mut kept = Rewind::new();
         for floor_mm in [10.0, 20.0, 30.0, 5.0, 12.0] {
-            kept.keep(at(floor_mm, floor_mm));
+            keep(&mut kept, floor_mm, floor_mm);
         }
         let found = kept.before_contact(40.0).expect("one");
         assert_eq!(found.gap_floor_mm, 12.0);

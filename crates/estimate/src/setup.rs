@@ -23,6 +23,13 @@ pub struct Unknown {
     pub range: [f64; 2],
 }
 
+impl Unknown {
+    /// Variance by which it drifts in a time (s).
+    pub(crate) fn drift_variance(&self, passed_s: f64) -> f64 {
+        self.drift_per_sqrt_s * self.drift_per_sqrt_s * passed_s
+    }
+}
+
 /// Where the value of a model input comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InputRole {

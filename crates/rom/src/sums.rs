@@ -4,7 +4,7 @@ use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
 use crate::interpolant::{Interpolant, Metric};
 use crate::kernel::approach::approach;
-use crate::kernel::tail::Polynomial;
+use crate::kernel::tail::{Gradient, Polynomial};
 use crate::kernel::weigh::{BLOCK, Near, Weights, weigh};
 
 /// Interpolants over the same centres and with the same kernel, their outputs side by side.
@@ -31,9 +31,6 @@ pub(crate) struct Room {
 
 /// No centre yet.
 const NOWHERE: Near = [[0.0; BLOCK]; 3 + MAX_INPUTS];
-
-/// Slices that take the derivatives by each scaled input; those beyond the inputs in use stay as they are.
-pub(crate) type Gradient<'a> = [&'a mut [f64]; MAX_INPUTS];
 
 impl Room {
     /// Allocates only where there is less room than asked for.

@@ -9,6 +9,7 @@ mod import_pneunets;
 mod import_results;
 mod offline;
 mod parameters;
+mod program;
 mod ranges;
 mod recording;
 mod recording_memory;

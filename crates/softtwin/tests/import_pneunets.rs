@@ -1,6 +1,7 @@
 //! The PneuNets actuator (the classical shape, meshed by `scripts/mesh.sh`) by way of other programs: its states as the arrays that a
 //! solver's user would save, in metres and pascals, become a database, a model and predictions.
 
+use crate::program::succeeds;
 use formats::database::ObstacleKind;
 use formats::mesh_file::MeshFile;
 use rom::snapshots::{Database, Split};
@@ -8,17 +9,9 @@ use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 fn committed() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/pneunet/database")
-}
-
-fn succeeds(folder: &Path, arguments: &[&str]) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
-    let output = command.args(arguments).current_dir(folder).env_remove("RUST_LOG").output().expect("starts");
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).expect("UTF-8")
 }
 
 /// A file of NumPy's format 1.0, little-endian.

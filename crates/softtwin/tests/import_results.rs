@@ -1,25 +1,12 @@
 //! A structure that is no actuator, from another program's results to predictions: a cantilever with load and thickness as inputs,
 //! as VTU files of linear hexahedra with an analytic bending field.
 
+use crate::program::{run, succeeds};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 use tests::cantilever::{beam, cells, simulations, vtu};
-
-fn run(folder: &Path, args: &[&str]) -> (i32, String, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
-    let ended = command.args(args).current_dir(folder).env_remove("RUST_LOG").output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (ended.status.code().unwrap(), text(ended.stdout), text(ended.stderr))
-}
-
-fn succeeds(folder: &Path, args: &[&str]) -> String {
-    let (code, out, err) = run(folder, args);
-    assert_eq!(code, 0, "{args:?}: {err}");
-    out
-}
 
 const UNITS: [&str; 4] = ["--length-unit", "m", "--stress-unit", "pa"];
 

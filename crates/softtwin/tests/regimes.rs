@@ -1,10 +1,10 @@
 //! A structure with three regimes of its own names, from another program's results to predictions: a strip that is straight below
 //! a load and buckles to one of two sides.
 
+use crate::program::{run, succeeds};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 use tests::strip::{nodes, simulations};
 
 /// The regimes in the order in which the states name them.
@@ -12,19 +12,6 @@ const REGIMES: [&str; 3] = ["straight", "down", "up"];
 const STATES: usize = 80;
 const UNITS: [&str; 4] = ["--length-unit", "m", "--stress-unit", "pa"];
 const TABLE: [&str; 4] = ["--inputs", "inputs.csv", "--out", "db"];
-
-fn run(folder: &Path, args: &[&str]) -> (i32, String, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
-    let ended = command.args(args).current_dir(folder).env_remove("RUST_LOG").output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (ended.status.code().unwrap(), text(ended.stdout), text(ended.stderr))
-}
-
-fn succeeds(folder: &Path, args: &[&str]) -> String {
-    let (code, out, err) = run(folder, args);
-    assert_eq!(code, 0, "{args:?}: {err}");
-    out
-}
 
 fn answer(folder: &Path, args: &[&str]) -> Value {
     serde_json::from_str(&succeeds(folder, args)).unwrap()

@@ -5,8 +5,7 @@ mod truth;
 mod unscented;
 
 use crate::stats::median;
-use estimate::{InputRole, MAX_INPUTS, Measurement, Model as _, Predicted, Setup, Status};
-use rom::inputs::PRESSURE;
+use estimate::{MAX_INPUTS, Measurement, Model as _, Predicted, Setup, Status};
 use runtime::config::Scene;
 use runtime::estimation::SensorModel;
 use serde_json::{Value, json};
@@ -77,8 +76,6 @@ struct Outcome {
     unknowns: Vec<(f64, f64, bool)>,
     /// Predicted less true contact force at the end, N.
     force_n: f64,
-    /// The same without the noise of the last reading's gauge, N.
-    quiet_force_n: f64,
     /// Share of the readings used whose NIS lies in its 95 % band.
     consistent: f64,
     /// From the first contact until the gap stays near the truth, s.
@@ -193,15 +190,9 @@ fn filtered(
     }
     let off =
         ours.estimates().zip(&truth.unknowns).map(|(e, truth)| (e.value - truth, e.sigma, e.identifiable));
-    let mut quiet = inputs;
-    if let Some(InputRole::Measured { bias: Some(bias), .. }) = setup.inputs.get(PRESSURE) {
-        let left_mpa = ours.estimates().nth(*bias).map_or(0.0, |e| truth.unknowns[*bias] - e.value);
-        quiet[PRESSURE] = readings.inputs[PRESSURE] + left_mpa;
-    }
     let outcome = Outcome {
         unknowns: off.collect(),
         force_n: force_n(setup, model, &inputs) - readings.force_n,
-        quiet_force_n: force_n(setup, model, &quiet) - readings.force_n,
         consistent: f64::from(consistent) / f64::from(used.max(1)),
         converged_s: since_s.map_or(f64::INFINITY, |since| (since - readings.contact_s).max(0.0)),
         cost,
@@ -234,8 +225,6 @@ fn summary(names: &[&str], outcomes: &[Outcome]) -> Value {
     json!({
         "median_error": medians(names, &errors),
         "median_force_error_n": median(outcomes.iter().map(|outcome| outcome.force_n.abs())),
-        "median_force_error_without_noise_of_the_last_pressure_n":
-            median(outcomes.iter().map(|outcome| outcome.quiet_force_n.abs())),
         "coverage_of_90_percent_bands": share(&|(off, sigma, _)| off.abs() <= BAND * sigma),
         "beyond_3_sigma": share(&|(off, sigma, _)| off.abs() > 3.0 * sigma),
         "told_and_beyond_3_sigma": share(&|(off, sigma, told)| *told && off.abs() > 3.0 * sigma),

@@ -1,59 +1,22 @@
 //! What the centres of an interpolant are to a state: kernel values, their derivatives, and the ways to the centres. Every instruction
 //! set gives the same bits.
 
-use super::isa::Isa;
+use super::isa::with_widest_vectors;
 use super::weigh::{BLOCK, Near};
 use crate::config::KernelKind;
 use crate::inputs::Point;
 
-/// What all centres are to the state `u = M x`. `centres` holds their inputs by group and input, eight centres a row.
-pub(crate) fn approach(
-    kernel: KernelKind,
-    u: &Point,
-    dimensions: usize,
-    centres: &[[f64; BLOCK]],
-    near: &mut [Near],
-) {
-    match Isa::detect() {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: detected just now.
-        Isa::Avx512 => unsafe { approach_avx512(kernel, u, dimensions, centres, near) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: detected just now.
-        Isa::Avx2 => unsafe { approach_avx2(kernel, u, dimensions, centres, near) },
-        _ => approach_groups(kernel, u, dimensions, centres, near),
-    }
+with_widest_vectors! {
+    /// What all centres are to the state `u = M x`. `centres` holds their inputs by group and input, eight centres a row.
+    pub(crate) fn approach(
+        kernel: KernelKind,
+        u: &Point,
+        dimensions: usize,
+        centres: &[[f64; BLOCK]],
+        near: &mut [Near],
+    ) = approach_groups;
 }
 
-/// # Safety
-/// The processor has AVX-512 F.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-unsafe fn approach_avx512(
-    kernel: KernelKind,
-    u: &Point,
-    dimensions: usize,
-    centres: &[[f64; BLOCK]],
-    near: &mut [Near],
-) {
-    approach_groups(kernel, u, dimensions, centres, near);
-}
-
-/// # Safety
-/// The processor has AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-unsafe fn approach_avx2(
-    kernel: KernelKind,
-    u: &Point,
-    dimensions: usize,
-    centres: &[[f64; BLOCK]],
-    near: &mut [Near],
-) {
-    approach_groups(kernel, u, dimensions, centres, near);
-}
-
-/// Plain Rust that the compiler makes vectors of.
 #[inline(always)]
 fn approach_groups(
     kernel: KernelKind,

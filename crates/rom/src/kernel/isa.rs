@@ -52,3 +52,35 @@ impl fmt::Display for Isa {
         })
     }
 }
+
+/// A function of plain Rust (`#[inline(always)]`, no closures around loops: they do not have the instruction set of the function that they
+/// stand in) as one that runs it with the widest vectors of this processor. Nothing is contracted: the same bits with each.
+macro_rules! with_widest_vectors {
+    ($(#[$doc:meta])* $visible:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) = $plain:path;) => {
+        $(#[$doc])*
+        $visible fn $name($($argument: $type),*) {
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx512f")]
+            unsafe fn avx512($($argument: $type),*) {
+                $plain($($argument),*);
+            }
+
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx2")]
+            unsafe fn avx2($($argument: $type),*) {
+                $plain($($argument),*);
+            }
+
+            match $crate::kernel::Isa::detect() {
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: detected just now.
+                $crate::kernel::Isa::Avx512 => unsafe { avx512($($argument),*) },
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: detected just now.
+                $crate::kernel::Isa::Avx2 => unsafe { avx2($($argument),*) },
+                _ => $plain($($argument),*),
+            }
+        }
+    };
+}
+pub(super) use with_widest_vectors;

@@ -14,9 +14,9 @@ use crate::snapshots::{Database, RegimeKind};
 
 /// A state whose best two scores are closer than this is near another regime, whatever leave-one-out says: at a training state
 /// they are 2 apart.
-const LEAST_DOUBT: f64 = 0.2;
+const MIN_MARGIN: f64 = 0.2;
 /// Beyond this a state is not doubted, whatever leave-one-out says.
-const MOST_DOUBT: f64 = 1.0;
+const MAX_MARGIN: f64 = 1.0;
 /// A regime needs so many more states than inputs vary in it, to be predicted with one state left out.
 const SPARE_STATES: usize = 2;
 
@@ -109,7 +109,7 @@ fn doubt(mut margins: Vec<f64>, coverage: f64) -> f64 {
     margins.sort_by(f64::total_cmp);
     let rank = (margins.len() as f64 * coverage).ceil() as usize;
     let margin = rank.checked_sub(1).and_then(|at| margins.get(at)).copied().unwrap_or(0.0);
-    margin.clamp(LEAST_DOUBT, MOST_DOUBT)
+    margin.clamp(MIN_MARGIN, MAX_MARGIN)
 }
 
 /// Refuses states at the same inputs in different regimes: inputs alone cannot tell which one holds.

@@ -3,15 +3,15 @@
 use super::arrivals::Arrivals;
 
 /// A slower source is not spun for: its next sample is known too badly, and its delay matters less.
-const LONGEST_PERIOD_NS: f64 = 20e6;
+const MAX_PERIOD_NS: f64 = 20e6;
 /// Longest spin for one sample.
-const LONGEST_SPIN_NS: f64 = 500_000.0;
+const MAX_SPIN_NS: f64 = 500_000.0;
 /// A spin that the share makes shorter than this is over before a sleeper is awake.
-const SHORTEST_SPIN_NS: f64 = 20_000.0;
+const MIN_SPIN_NS: f64 = 20_000.0;
 /// A source whose samples deviate more than this share of the spin is not spun for.
 const MAX_JITTER: f64 = 0.5;
 /// Most of the spin that may lie before the expected time; the rest is for samples that come later.
-const MOST_BEFORE: f64 = 0.75;
+const MAX_BEFORE: f64 = 0.75;
 /// A sample that was there before the spin makes the next ones begin earlier by so much ...
 const LATE_STEP_NS: f64 = 32_000.0;
 /// ... and one that came during a spin makes them begin later by so much: one of 256 comes before the spin.
@@ -73,7 +73,7 @@ impl Planner {
     /// The next spin, if one helps and the share allows it.
     pub(super) fn next(&mut self, now_ns: u64) -> Option<Plan> {
         let passed_ns = now_ns.saturating_sub(std::mem::replace(&mut self.counted_ns, now_ns));
-        self.allowed_ns = (self.allowed_ns + self.share * passed_ns as f64).min(LONGEST_SPIN_NS);
+        self.allowed_ns = (self.allowed_ns + self.share * passed_ns as f64).min(MAX_SPIN_NS);
         let (share, allowed_ns) = (self.share, self.allowed_ns);
         let plans = self.sources.iter().enumerate().filter_map(|(at, source)| source.plan(at, share));
         let open = plans.filter(|plan| {
@@ -110,7 +110,7 @@ impl Planner {
             // A sample long before its time says nothing of wake-ups.
             let longest_ns = found.longest_spin_ns(share);
             if plan.expected_ns.saturating_sub(now_ns) as f64 <= longest_ns {
-                let most_ns = MOST_BEFORE * longest_ns;
+                let most_ns = MAX_BEFORE * longest_ns;
                 found.before_ns = Some((found.before_ns.unwrap_or(most_ns) + step_ns).clamp(0.0, most_ns));
             }
         }
@@ -124,10 +124,10 @@ impl Source {
     fn plan(&self, source: usize, share: f64) -> Option<Plan> {
         let expected_ns = self.arrivals.next_ns().filter(|_| !self.is_over)?;
         let longest_ns = self.longest_spin_ns(share);
-        let helps = self.arrivals.period_ns() <= LONGEST_PERIOD_NS
-            && longest_ns >= SHORTEST_SPIN_NS
+        let helps = self.arrivals.period_ns() <= MAX_PERIOD_NS
+            && longest_ns >= MIN_SPIN_NS
             && self.arrivals.jitter_ns() <= MAX_JITTER * longest_ns;
-        let most_ns = MOST_BEFORE * longest_ns;
+        let most_ns = MAX_BEFORE * longest_ns;
         let before_ns = self.before_ns.map_or(most_ns, |before_ns| before_ns.min(most_ns));
         let from_ns = expected_ns.saturating_sub(before_ns as u64);
         let until_ns = from_ns.saturating_add(longest_ns as u64);
@@ -136,7 +136,7 @@ impl Source {
 
     /// What the share leaves for one sample.
     fn longest_spin_ns(&self, share: f64) -> f64 {
-        (share * self.arrivals.period_ns()).min(LONGEST_SPIN_NS)
+        (share * self.arrivals.period_ns()).min(MAX_SPIN_NS)
     }
 }
 

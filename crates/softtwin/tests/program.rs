@@ -1,0 +1,19 @@
+//! The tool in a folder: its exit code and what it says.
+
+use std::path::Path;
+use std::process::Command;
+
+/// Exit code, standard output, standard error.
+pub fn run(folder: &Path, args: &[&str]) -> (i32, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_softtwin"));
+    let ended = command.args(args).current_dir(folder).env_remove("RUST_LOG").output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (ended.status.code().unwrap(), text(ended.stdout), text(ended.stderr))
+}
+
+/// Standard output of a call that must succeed.
+pub fn succeeds(folder: &Path, args: &[&str]) -> String {
+    let (code, out, err) = run(folder, args);
+    assert_eq!(code, 0, "{args:?}: {err}");
+    out
+}
