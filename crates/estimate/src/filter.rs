@@ -134,26 +134,41 @@ impl Filter {
         let mut seen = self.seen.take().unwrap_or_default();
         let mut asked = Asked { model, left: MAX_PREDICTIONS, seen: &mut seen };
         let mut explained = self.best(measurement, &prior, &mut asked);
-        if let Some((earlier, again)) =
-            explained.as_ref().and_then(|e| self.rewound(measurement, e, &mut asked))
+        // With too few predictions left the next reading looks back.
+        let is_first = explained.as_ref().is_some_and(|explained| self.begins_contact(explained));
+        let now = (is_first && asked.left >= LEFT_TO_REWIND).then_some((self.mean, self.covariance));
+        if now.is_some()
+            && let Some((earlier, again)) =
+                explained.as_ref().and_then(|e| self.rewound(measurement, e, &mut asked))
         {
             (prior, explained) = (earlier, Some(again));
         }
         self.seen = Some(seen);
         let most = self.problem(measurement, &prior, Side::Any).most_rejected();
-        let mut update = match &explained {
-            Some(explained) if explained.rejected.count_ones() > most => {
-                let rejected = explained.rejected;
-                Update { rejected, ..self.unchanged(Status::NotExplained, measurement) }
+        let contradicting =
+            explained.as_ref().map(|e| e.rejected).filter(|blocks| blocks.count_ones() > most);
+        let accepted = explained.as_ref().filter(|_| contradicting.is_none());
+        let used = accepted.and_then(|explained| self.accept(measurement, &prior, explained, model));
+        let noise = accepted.map(|solved| &solved.states[self.setup.unknowns.len()..]);
+        if let Some(now) = now {
+            // What was taken up again stays only with the reading that it was taken up for.
+            match used {
+                Some(_) => self.before.forget(),
+                None => (self.mean, self.covariance) = now,
             }
-            Some(explained) => self.accept(measurement, &prior, explained, model),
+        }
+        let update = used.unwrap_or_else(|| match contradicting {
+            Some(rejected) => Update { rejected, ..self.unchanged(Status::NotExplained, measurement) },
             None => self.unchanged(Status::NotConverged, measurement),
-        };
-        let solved = explained.as_ref().filter(|_| update.status == Status::Used);
+        });
+        self.conclude(measurement, update, noise)
+    }
+
+    /// Follows inputs that change steadily and watches for alarms. `noise` is that of the measured inputs at a solution.
+    fn conclude(&mut self, measurement: &Measurement, mut update: Update, noise: Option<&[f64]>) -> Update {
         self.follow(measurement, &mut update.inputs);
-        let noise = solved.map(|solved| &solved.states[self.setup.unknowns.len()..]);
         let mut watch = std::mem::take(&mut self.watch);
-        watch.add(&self.setup, measurement, &update, noise);
+        watch.add(&self.setup, measurement, &update, noise.filter(|_| update.status == Status::Used));
         let unread = self.unread.map(f64::sqrt);
         update.alarm = watch.judge(&self.setup, self.estimates().zip(unread));
         self.alarm = update.alarm;
@@ -216,8 +231,13 @@ impl Filter {
         ReadingProblem { setup: &self.setup, measurement, prior, side, weights: [0.0; MAX_ROWS] }
     }
 
-    /// At the first reading of a contact whose gap was not told: prior and solution from the estimates before it began. They are the
-    /// filter's from then on.
+    /// Whether a solution is of a contact whose gap was not told yet.
+    fn begins_contact(&self, explained: &Explained) -> bool {
+        let gap = self.setup.gap_unknown();
+        explained.side == Side::Contact && gap.is_some_and(|gap| !self.identifiability.tells(gap))
+    }
+
+    /// At the first reading of a contact: prior and solution from the estimates before it began. They are the filter's from then on.
     fn rewound<M: Model>(
         &mut self,
         measurement: &Measurement,
@@ -225,11 +245,6 @@ impl Filter {
         asked: &mut Asked<'_, M>,
     ) -> Option<(Prior, Explained)> {
         let unknown = self.setup.gap_unknown()?;
-        let is_first = explained.side == Side::Contact && !self.identifiability.tells(unknown);
-        // With too few predictions left the next reading does it.
-        if !is_first || asked.left < LEFT_TO_REWIND {
-            return None;
-        }
         let before = self.before.before_contact(explained.states[unknown])?;
         let now = (self.mean, self.covariance);
         (self.mean, self.covariance) = (before.mean, before.covariance);
@@ -358,14 +373,14 @@ impl Filter {
         start
     }
 
-    /// Makes the solution the estimate.
+    /// Makes the solution the estimate; none, and nothing changed, where it leaves no covariance.
     fn accept(
         &mut self,
         measurement: &Measurement,
         prior: &Prior,
         explained: &Explained,
         model: &mut impl Model,
-    ) -> Update {
+    ) -> Option<Update> {
         let Explained { side, rejected, converged, .. } = *explained;
         let mut problem = self.problem(measurement, prior, side);
         problem.leave_out(rejected);
@@ -375,9 +390,7 @@ impl Filter {
         let lasting = self.lasting_weights(&problem.weights);
         let mut states = explained.states;
         let (matrix, right) = problem.equations(&states, &explained.linear, &lasting);
-        let Some((step, factor)) = problem.step(&states, &matrix, &right) else {
-            return self.unchanged(Status::NotConverged, measurement);
-        };
+        let (step, factor) = problem.step(&states, &matrix, &right)?;
         states.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
         for (x, unknown) in states.iter_mut().zip(&self.setup.unknowns) {
             *x = x.clamp(unknown.range[0], unknown.range[1]);
@@ -396,7 +409,7 @@ impl Filter {
         }
         self.identifiability = identify::judge(&self.covariance, &self.unread);
         let band = [-BAND_Z, BAND_Z].map(|z| chi_squared_quantile(used, z));
-        Update {
+        Some(Update {
             status: Status::Used,
             converged,
             inputs,
@@ -406,7 +419,7 @@ impl Filter {
             nis,
             nis_band: band,
             alarm: None,
-        }
+        })
     }
 
     /// Weights by which a reading tells the unknowns: the model's error counts as often as readings share it.

@@ -63,10 +63,10 @@ impl Symmetric {
 
     /// `A += weight v v^T`.
     pub(crate) fn add_outer(&mut self, weight: f64, v: &Vector) {
-        for i in 0..self.size {
-            for j in 0..self.size {
-                self.entries[i][j] += weight * v[i] * v[j];
-            }
+        // Whole rows, whose length the compiler knows: entries beyond the states in use stay 0.
+        for (row, along) in self.entries.iter_mut().zip(v).take(self.size) {
+            let along = weight * along;
+            row.iter_mut().zip(v).for_each(|(entry, v)| *entry += along * v);
         }
     }
 

@@ -77,6 +77,25 @@ impl Seen {
         ways.all(|way| way.abs() <= sigmas)
     }
 
+    /// The longest way from the prediction's inputs to others, by estimated or measured input in standard deviations: `spread`, of the
+    /// unknowns first, then of the measured inputs.
+    pub(crate) fn way_to(&self, inputs: &[f64; MAX_INPUTS], setup: &Setup, spread: &Vector) -> f64 {
+        let mut measured = spread[setup.unknowns.len()..].iter();
+        let mut longest: f64 = 0.0;
+        for (input, role) in setup.inputs.iter().enumerate() {
+            let sigma = match *role {
+                InputRole::Given(_) => continue,
+                InputRole::Estimated(unknown) => spread[unknown],
+                InputRole::Measured { .. } => measured.next().copied().unwrap_or(f64::NAN),
+            };
+            let way = (inputs[input] - self.inputs[input]).abs() / sigma;
+            // A gap without obstacle is infinite, twice: no way.
+            let way = if inputs[input] == self.inputs[input] { 0.0 } else { way };
+            longest = if way.is_nan() { f64::INFINITY } else { longest.max(way) };
+        }
+        longest
+    }
+
     /// The prediction continued along its tangent.
     pub(crate) fn moved_to(&self, inputs: &[f64; MAX_INPUTS]) -> Self {
         let mut way = *inputs;
@@ -149,39 +168,40 @@ impl ReadingProblem<'_> {
         for (i, row) in self.present() {
             let bias = row.bias.map_or(0.0, |bias| states[bias]);
             out.residual[i] = self.measurement.rows[i] - seen.predicted[i].value - bias;
-            out.jacobian[i] = self.by_state(&seen.predicted[i].gradient);
-            if let Some(bias) = row.bias {
-                out.jacobian[i][bias] += 1.0;
-            }
-            // A sum is finite where all that is summed is, but for overflow, which is none of a prediction.
-            if !(out.residual[i] + out.jacobian[i].iter().sum::<f64>()).is_finite() {
-                return None;
-            }
         }
-        Some(out)
+        self.by_states(seen, &mut out.jacobian);
+        // A sum is finite where all that is summed is, but for overflow, which is none of a prediction.
+        let sums = out.residual.iter().zip(&out.jacobian).map(|(r, by)| r + by.iter().sum::<f64>());
+        sums.sum::<f64>().is_finite().then_some(out)
     }
 
-    /// From derivatives by inputs to derivatives by states.
-    fn by_state(&self, by_input: &[f64; MAX_INPUTS]) -> Vector {
-        let mut out = [0.0; MAX_STATES];
+    /// From derivatives by inputs to derivatives by states, of the measured values.
+    fn by_states(&self, seen: &Seen, out: &mut [Vector; MAX_ROWS]) {
         let mut noise = self.setup.unknowns.len();
         for (input, role) in self.setup.inputs.iter().enumerate() {
-            // Without contact the gap is infinite and has no effect.
-            let free_gap = self.side == Side::Free && self.setup.gap == Some(input);
-            let derivative = if free_gap { 0.0 } else { by_input[input] };
-            match *role {
-                InputRole::Given(_) => {}
-                InputRole::Estimated(unknown) => out[unknown] += derivative,
+            let states = match *role {
+                InputRole::Given(_) => continue,
+                InputRole::Estimated(unknown) => [Some((unknown, 1.0)), None],
                 InputRole::Measured { bias, .. } => {
-                    if let Some(bias) = bias {
-                        out[bias] -= derivative;
-                    }
-                    out[noise] -= derivative;
                     noise += 1;
+                    [bias.map(|bias| (bias, -1.0)), Some((noise - 1, -1.0))]
+                }
+            };
+            // Without contact the gap is infinite and has no effect.
+            if self.side == Side::Free && self.setup.gap == Some(input) {
+                continue;
+            }
+            for (state, sign) in states.into_iter().flatten() {
+                for (i, _) in self.present() {
+                    out[i][state] += sign * seen.predicted[i].gradient[input];
                 }
             }
         }
-        out
+        for (i, row) in self.present() {
+            if let Some(bias) = row.bias {
+                out[i][bias] += 1.0;
+            }
+        }
     }
 
     /// The sum that is minimised.

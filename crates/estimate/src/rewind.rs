@@ -56,11 +56,14 @@ impl Rewind {
         self.0.push(Before { t_s, mean: *mean, covariance: *covariance, gap_floor_mm });
     }
 
-    /// The last one from before a contact with an obstacle at a gap; none is left afterwards.
-    pub(crate) fn before_contact(&mut self, gap_mm: f64) -> Option<Before> {
-        let found = self.0.iter().rev().find(|kept| kept.gap_floor_mm <= gap_mm - CLEARANCE_MM).copied();
+    /// The last one from before a contact with an obstacle at a gap.
+    pub(crate) fn before_contact(&self, gap_mm: f64) -> Option<Before> {
+        self.0.iter().rev().find(|kept| kept.gap_floor_mm <= gap_mm - CLEARANCE_MM).copied()
+    }
+
+    /// None is left: a contact has begun.
+    pub(crate) fn forget(&mut self) {
         self.0.clear();
-        found
     }
 }
 
@@ -74,14 +77,15 @@ mod tests {
     }
 
     #[test]
-    fn the_last_estimate_from_clear_of_the_obstacle_is_found_once() {
+    fn the_last_estimate_from_clear_of_the_obstacle_is_found_until_it_is_forgotten() {
         let mut kept = Rewind::new();
         (0..1000).for_each(|k| keep(&mut kept, f64::from(k), 0.1 * f64::from(k)));
         assert_eq!((kept.0.len(), kept.0.capacity()), (KEPT, KEPT));
-        let found = kept.clone().before_contact(90.0).expect("one");
+        let found = kept.before_contact(90.0).expect("one");
         assert!((88.0..=88.5).contains(&found.gap_floor_mm), "{found:?}");
         assert!(kept.clone().0.capacity() >= KEPT);
         assert!(kept.before_contact(20.0).is_none(), "those are not kept any more");
+        kept.forget();
         assert!(kept.before_contact(90.0).is_none(), "none is left");
     }
 

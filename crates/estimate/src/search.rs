@@ -15,7 +15,7 @@ pub const MAX_PREDICTIONS: u32 = 10;
 const GATE_Z: f64 = 3.719;
 /// A block whose sum of squares is so many times the limit is rejected at the minimum too, however far that is.
 const BEYOND_DOUBT: f64 = 4.0;
-/// Evidence that a minimum may have beyond what the tangent before it says; twice that beyond another reading's.
+/// Evidence that a minimum may have beyond what the tangent before it says; twice that beyond another reading's tangent, [`FAR`] along it.
 const CURVATURE_EVIDENCE: f64 = 10.0;
 /// A prediction is recent for readings of measured inputs within so many standard deviations of it.
 const RECENT: f64 = 10.0;
@@ -23,7 +23,7 @@ const RECENT: f64 = 10.0;
 const MAX_HALVINGS: usize = 6;
 /// A step below this share of the standard deviations is the last: it is taken along the tangent, for another prediction
 /// would move it by its curvature's share only.
-const SMALL_STEP: f64 = 0.1;
+const SMALL_STEP: f64 = 0.3;
 /// Standard deviations by which the tangent of another reading may move the begin of a search.
 const FAR: f64 = 4.0;
 
@@ -170,9 +170,12 @@ impl<M: Model> Asked<'_, M> {
         let mut states = *start;
         states.iter_mut().zip(&step.along).for_each(|(x, s)| *x += s);
         problem.keep_in_range(&mut states);
+        // What the tangent leaves out grows with the square of the way along it.
+        let way = seen.way_to(&problem.inputs_at(&states), problem.setup, spread) / FAR;
+        let beyond = 2.0 * CURVATURE_EVIDENCE * (way * way).min(1.0);
         Some(Guess {
             states: is_near.then_some(states),
-            prospect: is_fresh.then(|| step.prospect(problem.cost(start, &linear), 2.0 * CURVATURE_EVIDENCE)),
+            prospect: is_fresh.then(|| step.prospect(problem.cost(start, &linear), beyond)),
         })
     }
 }

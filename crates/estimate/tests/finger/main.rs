@@ -5,7 +5,7 @@ mod faults;
 mod model;
 mod plan;
 
-use estimate::{Filter, InputRole, Measurement, Status, fit};
+use estimate::{Filter, InputRole, Measurement, Row, Status, fit};
 use model::{Finger, PRESSURE, Random, STIFFNESS, Truth, readings, run, setup, truth};
 
 #[test]
@@ -188,6 +188,36 @@ fn bad_readings_change_nothing_and_say_why() {
     reading.inputs[PRESSURE] = f64::NAN;
     assert_eq!(filter.update(&reading, &mut Finger).status, Status::InputMissing);
     assert_eq!(before, filter.estimates().collect::<Vec<_>>());
+}
+
+/// Also where a contact began in it, for which earlier estimates are taken up again.
+#[test]
+fn a_reading_that_is_not_used_changes_no_estimate() {
+    let mut random = Random(29);
+    let (mut unused, mut begun) = (0, 0);
+    for _ in 0..30 {
+        let truth = truth(&mut random);
+        let mut setup = setup(true);
+        for name in ["middle x", "middle y"] {
+            setup.rows.push(Row { name: name.into(), block: 2, sigma: 0.2, model_sigma: 0.0, bias: None });
+        }
+        let mut filter = Filter::new(setup).expect("a valid setup");
+        for mut reading in readings(truth, &mut random).into_iter().step_by(4) {
+            // Markers that show anything.
+            if random.uniform() < 0.7 {
+                reading.rows[0] = f64::NAN;
+                reading.rows[1..5].fill_with(|| random.between(-80.0, 120.0));
+            }
+            let before: Vec<_> = filter.estimates().collect();
+            let update = filter.update(&reading, &mut Finger);
+            begun += usize::from(update.in_contact);
+            if update.status != Status::Used {
+                unused += 1;
+                assert_eq!(before, filter.estimates().collect::<Vec<_>>(), "{truth:?} {update:?}");
+            }
+        }
+    }
+    assert!(unused > 100 && begun > 100, "{unused} readings not used, {begun} in contact");
 }
 
 #[test]
