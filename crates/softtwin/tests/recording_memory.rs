@@ -1,7 +1,7 @@
 //! The memory that long recordings take: rotated files of readings and states at 1 kHz, read as one recording.
 //!
 //! `SOFTTWIN_SECONDS=3600 cargo test --workspace --test all -- --nocapture recording_memory::` measures an hour (some GB of disk, minutes);
-//! without it 20 s are recorded, so that what reads them is tried each time.
+//! without it 5 s are recorded, so that what reads them is tried each time.
 
 use recording::message::{Recorded, channel};
 use recording::{Retention, RotateOptions, RotatingWriter};
@@ -88,7 +88,7 @@ fn largest_mb(mut child: Child, until: Option<&str>) -> u64 {
 
 #[test]
 fn what_reads_a_long_recording_takes_bounded_memory() {
-    let seconds = std::env::var("SOFTTWIN_SECONDS").map_or(20, |text| text.parse().expect("seconds"));
+    let seconds = std::env::var("SOFTTWIN_SECONDS").map_or(5, |text| text.parse().expect("seconds"));
     let folder = tempfile::tempdir().expect("a folder");
     let recordings = folder.path().join("recordings");
     std::fs::create_dir(&recordings).expect("a folder");

@@ -85,8 +85,7 @@ pub(crate) fn weigh(weights: &Weights, near: &[Near], gradient: bool, sums: &mut
         #[cfg(target_arch = "x86_64")]
         // SAFETY: detected just now.
         Isa::Avx2 => unsafe { avx2(weights, near, gradient, sums) },
-        // SAFETY: plain Rust needs no instruction set.
-        _ => unsafe { over::<[f64; BLOCK]>(weights, near, gradient, sums) },
+        _ => plain(weights, near, gradient, sums),
     }
 }
 
@@ -108,6 +107,14 @@ unsafe fn avx2(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f6
     unsafe { over::<Avx2>(weights, near, gradient, sums) }
 }
 
+/// For any processor; compiled once for all numbers of inputs.
+fn plain(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f64; BLOCK]]) {
+    // SAFETY: plain Rust needs no instruction set.
+    unsafe { blocks::<[f64; BLOCK], MAX_INPUTS>(weights, weights.dimensions, near, gradient, sums) }
+}
+
+/// Compiled for every number of inputs, so that all sums are registers.
+///
 /// # Safety
 /// The processor has the instruction set of `E`.
 #[inline(always)]
@@ -116,9 +123,9 @@ unsafe fn over<E: Eight>(weights: &Weights, near: &[Near], gradient: bool, sums:
         ($($dimensions:literal)*) => {
             match weights.dimensions {
                 // SAFETY: the caller's promise.
-                $($dimensions => unsafe { blocks::<E, $dimensions>(weights, near, gradient, sums) },)*
+                $($dimensions => unsafe { blocks::<E, $dimensions>(weights, $dimensions, near, gradient, sums) },)*
                 // SAFETY: the caller's promise.
-                _ => unsafe { blocks::<E, MAX_INPUTS>(weights, near, gradient, sums) },
+                _ => unsafe { blocks::<E, MAX_INPUTS>(weights, MAX_INPUTS, near, gradient, sums) },
             }
         };
     }
@@ -130,6 +137,7 @@ unsafe fn over<E: Eight>(weights: &Weights, near: &[Near], gradient: bool, sums:
 #[inline(always)]
 unsafe fn blocks<E: Eight, const D: usize>(
     weights: &Weights,
+    dimensions: usize,
     near: &[Near],
     gradient: bool,
     sums: &mut [[f64; BLOCK]],
@@ -137,10 +145,10 @@ unsafe fn blocks<E: Eight, const D: usize>(
     // SAFETY: the caller's promise.
     unsafe {
         match (weights.is_single, gradient) {
-            (true, true) => single::<E, D, true>(weights, near, sums),
-            (true, false) => single::<E, D, false>(weights, near, sums),
-            (false, true) => every_block::<E, D, true>(weights, near, sums),
-            (false, false) => every_block::<E, D, false>(weights, near, sums),
+            (true, true) => single::<E, D, true>(weights, dimensions, near, sums),
+            (true, false) => single::<E, D, false>(weights, dimensions, near, sums),
+            (false, true) => every_block::<E, D, true>(weights, dimensions, near, sums),
+            (false, false) => every_block::<E, D, false>(weights, dimensions, near, sums),
         }
     }
 }
@@ -150,15 +158,16 @@ unsafe fn blocks<E: Eight, const D: usize>(
 #[inline(always)]
 unsafe fn every_block<E: Eight, const D: usize, const GRADIENT: bool>(
     weights: &Weights,
+    dimensions: usize,
     near: &[Near],
     sums: &mut [[f64; BLOCK]],
 ) {
-    let rows = weights.centres + weights.sloped * D;
+    let rows = weights.centres + weights.sloped * dimensions;
     for block in 0..weights.blocks {
         let values = &weights.values[block * rows..(block + 1) * rows];
-        let sums = &mut sums[block * (1 + D)..(block + 1) * (1 + D)];
+        let sums = &mut sums[block * (1 + dimensions)..(block + 1) * (1 + dimensions)];
         // SAFETY: the caller's promise.
-        unsafe { block_of::<E, D, GRADIENT>(values, near, weights.sloped, sums) };
+        unsafe { block_of::<E, D, GRADIENT>(values, dimensions, near, weights.sloped, sums) };
     }
 }
 
@@ -169,6 +178,7 @@ unsafe fn every_block<E: Eight, const D: usize, const GRADIENT: bool>(
 #[inline(always)]
 unsafe fn add<E: Eight, const D: usize, const GRADIENT: bool>(
     rows: &[[f64; BLOCK]],
+    dimensions: usize,
     [g, a, b]: [E; 3],
     d: &[E; D],
     value: &mut E,
@@ -178,13 +188,13 @@ unsafe fn add<E: Eight, const D: usize, const GRADIENT: bool>(
     unsafe {
         let w = E::load(&rows[0]);
         let mut along = E::splat(0.0);
-        for j in 0..D {
+        for j in 0..dimensions {
             along = along.add(E::load(&rows[1 + j]).mul(d[j]));
         }
         *value = value.add(w.mul(g).sub(a.mul(along)));
         if GRADIENT {
             let common = w.mul(a).sub(b.mul(along));
-            for (j, sum) in gradient.iter_mut().enumerate() {
+            for (j, sum) in gradient.iter_mut().enumerate().take(dimensions) {
                 *sum = sum.add(common.mul(d[j]).sub(a.mul(E::load(&rows[1 + j]))));
             }
         }
@@ -196,6 +206,7 @@ unsafe fn add<E: Eight, const D: usize, const GRADIENT: bool>(
 #[inline(always)]
 unsafe fn block_of<E: Eight, const D: usize, const GRADIENT: bool>(
     weights: &[[f64; BLOCK]],
+    dimensions: usize,
     near: &[Near],
     sloped: usize,
     sums: &mut [[f64; BLOCK]],
@@ -203,26 +214,26 @@ unsafe fn block_of<E: Eight, const D: usize, const GRADIENT: bool>(
     // SAFETY: the caller's promise.
     unsafe {
         let (mut value, mut gradient) = (E::splat(0.0), [E::splat(0.0); D]);
-        let (with, without) = weights.split_at(sloped * (1 + D));
-        for (centre, rows) in with.chunks_exact(1 + D).enumerate() {
+        let (with, without) = weights.split_at(sloped * (1 + dimensions));
+        for (centre, rows) in with.chunks_exact(1 + dimensions).enumerate() {
             let (near, lane) = (&near[centre / BLOCK], centre % BLOCK);
             let mut d = [E::splat(0.0); D];
-            for j in 0..D {
+            for j in 0..dimensions {
                 d[j] = E::splat(near[3 + j][lane]);
             }
             let of_kernel = [E::splat(near[0][lane]), E::splat(near[1][lane]), E::splat(near[2][lane])];
-            add::<E, D, GRADIENT>(rows, of_kernel, &d, &mut value, &mut gradient);
+            add::<E, D, GRADIENT>(rows, dimensions, of_kernel, &d, &mut value, &mut gradient);
         }
         for (w, centre) in without.iter().zip(sloped..) {
             let (near, lane, w) = (&near[centre / BLOCK], centre % BLOCK, E::load(w));
             value = value.add(w.mul(E::splat(near[0][lane])));
             if GRADIENT {
-                for (j, sum) in gradient.iter_mut().enumerate() {
+                for (j, sum) in gradient.iter_mut().enumerate().take(dimensions) {
                     *sum = sum.add(w.mul(E::splat(near[1][lane] * near[3 + j][lane])));
                 }
             }
         }
-        store::<E, D, GRADIENT>(value, gradient, sums);
+        store::<E, D, GRADIENT>(value, gradient, &mut sums[..=dimensions]);
     }
 }
 
@@ -233,6 +244,7 @@ unsafe fn block_of<E: Eight, const D: usize, const GRADIENT: bool>(
 #[inline(always)]
 unsafe fn single<E: Eight, const D: usize, const GRADIENT: bool>(
     weights: &Weights,
+    dimensions: usize,
     near: &[Near],
     sums: &mut [[f64; BLOCK]],
 ) {
@@ -240,27 +252,27 @@ unsafe fn single<E: Eight, const D: usize, const GRADIENT: bool>(
     unsafe {
         let (mut value, mut gradient) = (E::splat(0.0), [E::splat(0.0); D]);
         let groups = weights.sloped.div_ceil(BLOCK);
-        let (with, without) = weights.values.split_at(groups * (1 + D));
-        for (rows, near) in with.chunks_exact(1 + D).zip(near) {
+        let (with, without) = weights.values.split_at(groups * (1 + dimensions));
+        for (rows, near) in with.chunks_exact(1 + dimensions).zip(near) {
             let mut d = [E::splat(0.0); D];
-            for j in 0..D {
+            for j in 0..dimensions {
                 d[j] = E::load(&near[3 + j]);
             }
             let of_kernel = [E::load(&near[0]), E::load(&near[1]), E::load(&near[2])];
-            add::<E, D, GRADIENT>(rows, of_kernel, &d, &mut value, &mut gradient);
+            add::<E, D, GRADIENT>(rows, dimensions, of_kernel, &d, &mut value, &mut gradient);
         }
         for (w, near) in without.iter().zip(&near[groups..]) {
             let w = E::load(w);
             value = value.add(w.mul(E::load(&near[0])));
             if GRADIENT {
                 let by_r = w.mul(E::load(&near[1]));
-                for (j, sum) in gradient.iter_mut().enumerate() {
+                for (j, sum) in gradient.iter_mut().enumerate().take(dimensions) {
                     *sum = sum.add(by_r.mul(E::load(&near[3 + j])));
                 }
             }
         }
-        store::<E, D, GRADIENT>(value, gradient, sums);
-        for row in sums.iter_mut().take(if GRADIENT { 1 + D } else { 1 }) {
+        store::<E, D, GRADIENT>(value, gradient, &mut sums[..=dimensions]);
+        for row in sums.iter_mut().take(if GRADIENT { 1 + dimensions } else { 1 }) {
             row[0] = row.iter().sum();
         }
     }
@@ -325,10 +337,6 @@ mod tests {
                 std::array::from_fn(|row| std::array::from_fn(|k| of.get(k).map_or(0.0, |near| near[row])))
             };
             let near: Vec<Near> = centres.chunks(BLOCK).map(group).collect();
-            let portable = |weights: &Weights, near: &[Near], gradient, sums: &mut [[f64; BLOCK]]| {
-                // SAFETY: plain Rust.
-                unsafe { over::<[f64; BLOCK]>(weights, near, gradient, sums) }
-            };
             let narrow = |weights: &Weights, near: &[Near], gradient, sums: &mut [[f64; BLOCK]]| {
                 match Isa::Avx2.is_available() {
                     #[cfg(target_arch = "x86_64")]
@@ -344,7 +352,7 @@ mod tests {
                     way(&weights, &near, gradient, &mut sums);
                     sums
                 };
-                let all = [sums(&weigh), sums(&portable), sums(&narrow)];
+                let all = [sums(&weigh), sums(&plain), sums(&narrow)];
                 for (output, row) in (0..outputs).flat_map(|output| (0..rows).map(move |row| (output, row))) {
                     let found = all.each_ref().map(|sums| sums[output / BLOCK * (1 + dimensions) + row][output % BLOCK]);
                     prop_assert!(found.iter().all(|f| f.to_bits() == found[0].to_bits()), "{found:?}");
