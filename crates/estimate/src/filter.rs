@@ -18,6 +18,8 @@ const BAND_Z: f64 = 1.959_964;
 const FIRST_CONTACT_EVIDENCE: f64 = 25.0;
 /// A known gap that many standard deviations from the onset needs one side solved only.
 const CLEAR: f64 = 6.0;
+/// What [`Model::inside_contact_mm`] says may be as many times too large.
+const INSIDE_AT_MOST: f64 = 2.0;
 /// A contact that explains a reading leaves at least so much of its squares: the quantile of 1 %.
 const MIN_Z: f64 = -2.326;
 /// How far inside the contact the search begins when the prior lies outside (mm).
@@ -288,6 +290,17 @@ impl Filter {
             return asked.explain(&mut on(Side::Any), &prior.states, &spread, all);
         };
         let before = self.setup.inputs_at(measurement, &prior.states);
+        if self.identifiability.tells(unknown) {
+            // Far inside the contact the onset need not be looked for.
+            let inside_mm = asked.model.inside_contact_mm(&before).unwrap_or(f64::NEG_INFINITY);
+            let inside = inside_mm / (INSIDE_AT_MOST * spread[unknown]);
+            if inside > CLEAR {
+                let touching = asked.explain(&mut on(Side::Contact), &prior.states, &spread, all);
+                if touching.as_ref().is_some_and(|touching| touching.penalty <= inside * inside) {
+                    return touching;
+                }
+            }
+        }
         let Some(onset_mm) = asked.model.onset_gap_mm(&before) else {
             return asked.explain(&mut on(Side::Free), &prior.states, &spread, all);
         };

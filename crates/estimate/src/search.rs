@@ -23,7 +23,7 @@ const RECENT: f64 = 10.0;
 const MAX_HALVINGS: usize = 6;
 /// A step below this share of the standard deviations is the last: it is taken along the tangent, for another prediction
 /// would move it by its curvature's share only.
-const SMALL_STEP: f64 = 0.3;
+const SMALL_STEP: f64 = 0.5;
 /// Standard deviations by which the tangent of another reading may move the begin of a search.
 const FAR: f64 = 4.0;
 

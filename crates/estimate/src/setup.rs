@@ -284,4 +284,10 @@ pub trait Model {
 
     /// Largest gap (mm) at which the other inputs make the actuator touch; none when no gap does.
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64>;
+
+    /// About how far the gap of a state lies inside the contact (mm), by what [`Self::predict`] found last; to half of it. None where that
+    /// cannot be said without a prediction.
+    fn inside_contact_mm(&self, _inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
+        None
+    }
 }

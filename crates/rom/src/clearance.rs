@@ -157,11 +157,7 @@ impl OnsetSolver {
         last: &LastOnset,
         room: &mut Evaluation,
     ) -> Option<OnsetAt> {
-        let (from, found) = last.0.as_ref().filter(|(_, found)| matches!(found.onset, Onset::At(_)))?;
-        let ways = inputs.values().iter().zip(from.values()).zip(found.gradient);
-        // The gradient by inputs that the model does not have is 0; their values are no numbers.
-        let along = ways.filter(|(_, by)| *by != 0.0).map(|((to, from), by)| (to - from) * by);
-        let mut p = found.pressure_mpa + along.sum::<f64>();
+        let mut p = last.continued_mpa(inputs)?;
         for _ in 0..NEAR_STEPS {
             if p.is_nan() || p <= 0.0 || p >= self.clearance.max_pressure_mpa {
                 return None;

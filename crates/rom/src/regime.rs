@@ -73,6 +73,24 @@ impl OnsetAt {
 #[derive(Clone, Debug, Default)]
 pub struct LastOnset(pub(crate) Option<(Inputs, OnsetAt)>);
 
+impl LastOnset {
+    /// The onset's pressure at another state along its tangent, MPa; none where there was no onset.
+    pub(crate) fn continued_mpa(&self, inputs: &Inputs) -> Option<f64> {
+        let (from, found) = self.0.as_ref().filter(|(_, found)| matches!(found.onset, Onset::At(_)))?;
+        let ways = inputs.values().iter().zip(from.values()).zip(found.gradient);
+        // The gradient by inputs that the model does not have is 0; their values are no numbers.
+        let along = ways.filter(|(_, by)| *by != 0.0).map(|((to, from), by)| (to - from) * by);
+        Some(found.pressure_mpa + along.sum::<f64>())
+    }
+
+    /// By how much the gap of a state is smaller than the one that its pressure closes (mm), along the onset's tangent; none where there
+    /// was no onset. Error: the onset's curvature over that way.
+    pub fn inside_mm(&self, inputs: &Inputs) -> Option<f64> {
+        let (_, found) = self.0.as_ref()?;
+        Some((inputs.pressure_mpa() - self.continued_mpa(inputs)?) / found.gradient[GAP])
+    }
+}
+
 impl OnsetTable {
     /// Onset, continued pressure and slope at a gap.
     pub(crate) fn at(&self, gap_mm: f64) -> OnsetAt {

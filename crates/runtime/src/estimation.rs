@@ -202,6 +202,10 @@ impl estimate::Model for SensorModel {
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
         self.probes.closed_gap_mm(Inputs::from(*inputs), &mut self.evaluation)
     }
+
+    fn inside_contact_mm(&self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
+        self.onset.inside_mm(&Inputs::from(*inputs))
+    }
 }
 
 /// The filter of one actuator with the model that predicts its sensors.

@@ -66,6 +66,10 @@ impl Model for Counted<'_> {
         self.calls += 1;
         self.model.onset_gap_mm(inputs)
     }
+
+    fn inside_contact_mm(&self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
+        self.model.inside_contact_mm(inputs)
+    }
 }
 
 /// A filter before any reading.

@@ -55,6 +55,11 @@ impl Model for Finger {
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
         Some(27.4 + 900.0 * inputs[PRESSURE] / inputs[STIFFNESS])
     }
+
+    fn inside_contact_mm(&self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
+        // As far off as it may be.
+        Some(1.4 * (27.4 + 900.0 * inputs[PRESSURE] / inputs[STIFFNESS] - inputs[GAP]))
+    }
 }
 
 /// Random numbers that are the same on every machine (xorshift*), with a normal distribution by Box and Muller.
