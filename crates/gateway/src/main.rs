@@ -105,7 +105,8 @@ fn listed(values: &[impl ToString]) -> String {
 fn run(options: &Options) -> anyhow::Result<()> {
     let Some(path) = &options.config else {
         let folder = options.manual.as_deref().context("--config is missing")?;
-        return clap_mangen::generate_to(Options::command(), folder).context(folder.display().to_string());
+        let page = Options::command().after_help(format!("{EXAMPLES}\n\n{CODES}")); // a man page shows nothing before its name
+        return clap_mangen::generate_to(page, folder).context(folder.display().to_string());
     };
     let mut config = Config::load(path)?;
     say(&config);
