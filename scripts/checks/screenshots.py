@@ -26,6 +26,24 @@ nodes = "surface"
 SHARP = "softtwin.painter.software = false; softtwin.painter.sharpness = 2; softtwin.state.dirty = true"
 
 
+# What does not fit: a page wider than the screen, numbers and charts longer than their column, a shape or a force beside the
+# scene, a command broken over two lines.
+CUT = """(() => {
+  const [page, panel, stage] = [document.documentElement, document.getElementById("panel"), document.getElementById("stage").getBoundingClientRect()];
+  const found = page.scrollWidth > innerWidth ? ["the page's width"] : [];
+  if (innerWidth >= 1000 && panel.scrollHeight > panel.clientHeight + 1) found.push(`the charts, by ${panel.scrollHeight - panel.clientHeight} pixels`);
+  for (const code of document.querySelectorAll("code")) if (code.getClientRects().length > 1) found.push(code.textContent);
+  const { camera, visible } = softtwin;
+  const isCut = ([x, y]) => x < 0 || y < 0 || x > camera.canvas.clientWidth || y > camera.canvas.clientHeight;
+  for (const body of visible()) if (body.some(1000).some((point) => isCut(camera.project(point) ?? [-1, -1]))) found.push(`${body.name} in the scene`);
+  for (const mark of document.querySelectorAll(".mark")) {
+    const box = mark.getBoundingClientRect();
+    if (box.left < stage.left || box.right > stage.right || box.top < stage.top || box.bottom > stage.bottom) found.push(`${mark.textContent} in the scene`);
+  }
+  return found;
+})()"""
+
+
 def take(stage, program, folder, make_page, only=""):
     """All screenshots into a folder, with an index.html that shows them side by side."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -57,8 +75,8 @@ def shot(page, width, height):
     browser = page.browser
     browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 900)
     settle(page)
-    covered = page.run(f"document.documentElement.scrollWidth > {width}")
-    assert not covered, f"the page is wider than {width} pixels"
+    cut = page.run(CUT)
+    assert cut == [], f"cut off at {width} x {height}: {cut}"
     whole = page.run("document.documentElement.scrollHeight")
     if whole > height:
         browser.call("Emulation.setDeviceMetricsOverride", width=width, height=whole, deviceScaleFactor=1, mobile=True)

@@ -104,6 +104,9 @@ class Page:
     def choose(self, element, value):
         self.run(f"(() => {{ const e = document.getElementById('{element}'); e.value = '{value}'; e.dispatchEvent(new Event('change')); }})()")
 
+    def resize(self, width, height):
+        self.browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 900)
+
     def picture(self):
         """What is on the screen, after the next two frames are drawn."""
         self.run("new Promise((done) => { softtwin.state.dirty = true; requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))); })")
@@ -311,6 +314,10 @@ def without_a_model_nodes_are_points_and_a_second_browser_sees_the_same(stage, p
         assert "drawn as points" in page.run("document.getElementById('notice').textContent")
         page.click("whatif-toggle")
         assert "softtwin view --model" in page.run("document.getElementById('whatif').textContent"), "what if says what it needs"
+        for width, height in screenshots.SIZES:
+            page.resize(width, height)
+            screenshots.settle(page)
+            assert page.run(screenshots.CUT) == [], f"cut off at {width} x {height}: {page.run(screenshots.CUT)}"
         assert page.run("softtwin.chosen().body.corners === undefined && softtwin.chosen().body.nodes") == 25022
         assert page.picture().colours() > 200, "points are visible"
         other = Page(program, url)
@@ -346,13 +353,35 @@ def a_scene_says_where_its_fingers_and_blocks_stand(stage, program):
         for bins, seconds in page.run(spans):
             assert bins > 8 * seconds, f"{bins} stretches of 50 ms have readings in {seconds} s, however few frames are drawn"
         for width, height in ((390, 844), (820, 1180), (1280, 720)):
-            page.browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 900)
+            page.resize(width, height)
             for _ in range(2):  # with "what if" closed and open
                 page.picture()
                 assert page.run(HIDDEN) == [], f"hidden at {width} x {height}: {page.run(HIDDEN)}"
+                assert page.run(screenshots.CUT) == [], f"cut off at {width} x {height}: {page.run(screenshots.CUT)}"
                 page.click("whatif-toggle")
                 wait(lambda: page.run("softtwin.visible().length > 0"), "the other mode")
         stage.end(view, bridge, twin)
+    finally:
+        page.browser.close()
+
+
+@check
+def a_measured_force_stands_beside_the_predicted_one_and_all_of_it_fits(stage, program):
+    processes, url, ready = screenshots.cell(stage)
+    page = Page(program, url)
+    try:
+        ready(page)
+        numbers = page.run("[...document.querySelectorAll('.number')].map((box) => box.textContent).join(' | ')")
+        assert "measured force" in numbers and ("N above predicted" in numbers or "N below predicted" in numbers), numbers
+        assert "measured" in page.run("document.querySelectorAll('.chart .name')[1].textContent"), "the chart of forces shows both"
+        for width, height in screenshots.SIZES:
+            page.resize(width, height)
+            for _ in range(3):
+                screenshots.settle(page)
+                assert page.run(screenshots.CUT) == [], f"cut off at {width} x {height}: {page.run(screenshots.CUT)}"
+                assert "–" not in page.run("[...document.querySelectorAll('.number .value')].map((box) => box.textContent.trim())"), "every number is known"
+                assert page.run("document.getElementById('scrub').value") == "0", "the time bar stands at its end while nobody moves it"
+        stage.end(*processes)
     finally:
         page.browser.close()
 

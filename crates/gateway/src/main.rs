@@ -53,22 +53,22 @@ const LOG_EVERY: Duration = Duration::from_secs(60);
 
 const EXAMPLES: &str = "\
 Examples:
-  The twins of this machine for programs on this machine that speak Zenoh
+  The twins of this machine for programs on this machine that speak Zenoh:
     softtwin-gateway --config config/gateway.toml
-  Look at a configuration without starting
+  Look at a configuration without starting:
     softtwin-gateway --config config/gateway.toml --check
+  With a page for Prometheus:
+    softtwin-gateway --config config/gateway.toml --metrics 127.0.0.1:9467";
 
-The shared-memory domain is $SOFTTWIN_DOMAIN (with $SOFTTWIN_ROOT), or iceoryx2's own.
-Keys, encodings and security: docs/gateway.md.
-  With a page for Prometheus
-    softtwin-gateway --config config/gateway.toml --metrics 127.0.0.1:9467
-
+const CODES: &str = "\
+The shared-memory domain is $SOFTTWIN_DOMAIN (with $SOFTTWIN_ROOT), or iceoryx2's own. Keys, encodings and security: docs/gateway.md. \
 SIGHUP reads the configuration again, with certificates and users, and connects anew; a wrong one is refused and the old one stays.
+
 Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";
 
 /// The twins of this machine on a Zenoh network.
 #[derive(Parser)]
-#[command(name = "softtwin-gateway", version, about, after_help = EXAMPLES)]
+#[command(name = "softtwin-gateway", version, about, before_help = EXAMPLES, after_help = CODES)]
 struct Options {
     /// Configuration file, see config/gateway.toml
     #[arg(long, value_name = "FILE", required_unless_present = "manual")]
@@ -105,7 +105,8 @@ fn listed(values: &[impl ToString]) -> String {
 fn run(options: &Options) -> anyhow::Result<()> {
     let Some(path) = &options.config else {
         let folder = options.manual.as_deref().context("--config is missing")?;
-        return clap_mangen::generate_to(Options::command(), folder).context(folder.display().to_string());
+        let page = Options::command().after_help(format!("{EXAMPLES}\n\n{CODES}")); // a man page shows nothing before its name
+        return clap_mangen::generate_to(page, folder).context(folder.display().to_string());
     };
     let mut config = Config::load(path)?;
     say(&config);

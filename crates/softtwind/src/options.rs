@@ -8,18 +8,28 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples (two terminals):
   softtwind twin   --scene config/scenes/finger.toml
-  softtwind bridge --scene config/scenes/finger.toml
-  softtwind bridge --scene config/scenes/finger.toml --trace config/traces/gap80.csv --speed 2
-Replace a running twin by this version, without a gap:
-  softtwind twin   --scene config/scenes/finger.toml --take-over
+  softtwind bridge --scene config/scenes/finger.toml";
 
-Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 3 another twin has taken over,
-78 configuration. RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly, SIGHUP makes a twin read its scene and models
+const CODES: &str = "\
+Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 3 another twin has taken over, \
+78 configuration. RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly, SIGHUP makes a twin read its scene and models \
 again, and a bridge its scene: sources that have changed are replaced.";
+
+const TWIN: &str = "\
+Examples:
+  softtwind twin --scene config/scenes/finger.toml
+Replace a running twin by this version, without a gap:
+  softtwind twin --scene config/scenes/finger.toml --take-over";
+
+const BRIDGE: &str = "\
+Examples:
+  softtwind bridge --scene config/scenes/finger.toml
+  softtwind bridge --scene config/scenes/finger.toml \\
+    --trace config/traces/gap80.csv --speed 2";
 
 /// Digital twin daemon: readings in, deformed and stressed actuators out, through shared memory.
 #[derive(Debug, Parser)]
-#[command(name = "softtwind", version, about, after_help = EXAMPLES, propagate_version = true)]
+#[command(name = "softtwind", version, about, before_help = EXAMPLES, after_help = CODES, propagate_version = true)]
 pub struct Options {
     #[command(subcommand)]
     pub command: Command,
@@ -29,8 +39,10 @@ pub struct Options {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Feed readings (a recorded trace, a simulation) into the sensor topics of a scene.
+    #[command(before_help = BRIDGE)]
     Bridge(BridgeOptions),
     /// Answer every reading with state and fields of a scene's actuators.
+    #[command(before_help = TWIN)]
     Twin(TwinOptions),
 }
 

@@ -21,8 +21,8 @@ Examples:
   softtwin demo --seconds 10 --json
   softtwin demo --view
 
-Scene, model and trace are those that come with softtwin, found from any folder, unless others are named.
-Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of their own and subscribes like any program.
+Scene, model and trace are those that come with softtwin, found from any folder, unless others are named. \
+Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of their own and subscribes like any program. \
 `lost` counts readings whose field this program did not receive.";
 
 /// Watch a recorded pressure trace become live fields through two real processes.

@@ -24,9 +24,9 @@ use wire::{
 #[derive(Debug, Parser)]
 #[command(
     name = "softtwin-hold-force",
-    after_help = "Examples:\n  softtwin-hold-force --scene config/scenes/force.toml --target-n 0.3\n  \
-    softtwin-hold-force --scene config/scenes/force.toml --tip-mm -40\n\nSee softtwin-plant --help for the whole example, \
-    docs/control.md for the law."
+    before_help = "Examples:\n  softtwin-hold-force --scene config/scenes/force.toml --target-n 0.3\n  \
+    softtwin-hold-force --scene config/scenes/force.toml --tip-mm -40",
+    after_help = "See softtwin-plant --help for the whole example, docs/control.md for the law."
 )]
 struct Args {
     /// Scene of the twin; its model is the controller's.

@@ -14,7 +14,7 @@ use wire::{Bus, Domain, FieldReader, Query, QueryClient, SpinWait, StateReader, 
 #[derive(Debug, Parser)]
 #[command(
     name = "softtwin-latency",
-    after_help = "Examples:\n  softtwin-latency field --seconds 60\n  softtwin-latency state --spin-share 0.2\n  softtwin-latency whatif --seconds 10"
+    before_help = "Examples:\n  softtwin-latency field --seconds 60\n  softtwin-latency state --spin-share 0.2\n  softtwin-latency whatif --seconds 10"
 )]
 struct Args {
     /// `state`, `field`, or `whatif` (questions, one after the other).

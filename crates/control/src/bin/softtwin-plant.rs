@@ -20,7 +20,7 @@ use wire::{
 #[derive(Debug, Parser)]
 #[command(
     name = "softtwin-plant",
-    after_help = "Example, three terminals:\n  softtwind twin --scene config/scenes/force.toml\n  \
+    before_help = "Example, three terminals:\n  softtwind twin --scene config/scenes/force.toml\n  \
     softtwin-plant --scene config/scenes/force.toml --true-gap-mm 33 --target-n 0.3\n  softtwin-hold-force --scene config/scenes/force.toml --target-n 0.3"
 )]
 struct Args {

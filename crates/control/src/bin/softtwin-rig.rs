@@ -15,10 +15,11 @@ use std::time::{Duration, Instant};
 #[derive(Debug, Parser)]
 #[command(
     name = "softtwin-rig",
-    after_help = "It says `driven T` and `safe written T` or `safe watchdog T` (T: ns of the monotonic clock) when the valve opens and \
-closes, and takes lines from standard input: `pull gauge|gap|cell`, `plug gauge|gap|cell`, `report`.\n\nExample, four terminals:\n  \
+    before_help = "Example, four terminals:\n  \
 softtwin-rig --listen 127.0.0.1:5020\n  softtwind twin --scene config/scenes/rig.toml\n  \
-softtwind bridge --scene config/scenes/rig.toml\n  softtwin-hold-force --scene config/scenes/rig.toml --target-n 0.3\n\n\
+softtwind bridge --scene config/scenes/rig.toml\n  softtwin-hold-force --scene config/scenes/rig.toml --target-n 0.3",
+    after_help = "It says `driven T` and `safe written T` or `safe watchdog T` (T: ns of the monotonic clock) when the valve opens and \
+closes, and takes lines from standard input: `pull gauge|gap|cell`, `plug gauge|gap|cell`, `report`.\n\n\
 Its registers and units: crates/control/src/rig.rs."
 )]
 struct Args {

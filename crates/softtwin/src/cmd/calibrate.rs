@@ -18,10 +18,11 @@ Examples:
   What a recording says about gap, gauge bias and stiffness; the scene names the unknowns and the sensors:
     softtwin calibrate --scene config/scenes/estimate.toml --recording run.mcap
   The same for a table, with a picture of measured and predicted values, and a scene with the result:
-    softtwin calibrate --scene config/scenes/estimate.toml --recording run.csv --picture fit.svg --out calibrated.toml
+    softtwin calibrate --scene config/scenes/estimate.toml \\
+      --recording run.csv --picture fit.svg --out calibrated.toml
 
-A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...; an empty
-cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the
+A table has the columns t_s,pressure_mpa[,gap_mm][,measured_force_n][,marker1_x_mm,marker1_y_mm,marker1_z_mm]...; an empty \
+cell is a missing value. `identifiable` is false where the recording does not tell a quantity: its value then rests on the \
 prior of the scene. With --json the last thing on standard output is one JSON object. Exit code 1: the fit did not converge.";
 
 /// Fit the unknowns of a scene to a whole recording.

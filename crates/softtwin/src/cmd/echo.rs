@@ -14,8 +14,8 @@ Examples:
   softtwin echo softtwin/finger/state
   softtwin echo 'softtwin/*/state' --json
   softtwin echo softtwin/finger/field --once
-  softtwin echo softtwin/finger/field --field von_mises --once        all values of one field
-  softtwin echo softtwin/finger/field --node 1200 --count 10          all fields of one node
+  softtwin echo softtwin/finger/field --field von_mises --once   all values of one field
+  softtwin echo softtwin/finger/field --node 1200 --count 10     all fields of one node
 
 A field is shown as a summary unless --field or --node is given. Ctrl-C ends.";
 

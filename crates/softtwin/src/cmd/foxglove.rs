@@ -25,7 +25,7 @@ Examples:
   Points only (no model given), of one actuator:
     softtwin foxglove 'softtwin/finger/**'
 
-Topics: viewer/NAME/SET/surface, .../points, .../frame and viewer/NAME/numbers (docs/viewers.md). The protocol knows no
+Topics: viewer/NAME/SET/surface, .../points, .../frame and viewer/NAME/numbers (docs/viewers.md). The protocol knows no \
 password: who reaches the port can watch, pages of other sites than --origin cannot. Nothing can be changed through it.";
 
 /// Show running twins in the Foxglove app.

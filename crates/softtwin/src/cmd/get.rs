@@ -20,7 +20,8 @@ Examples:
   What if: state and force at a pressure and a gap that the sensors do not show
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30'
   With the whole field, as an array of fields x nodes (x, y, z, displacement, von Mises), float32
-    softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;field=all' --out state.npy
+    softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;field=all' \\
+      --out state.npy
   With other values of the model's parameters than the scene's (by their names in `softtwin inspect MODEL`)
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;elastomer.law.mu_mpa=0.7'
   The inverse: which pressure gives 0.3 N at a gap of 30 mm
@@ -30,7 +31,7 @@ Examples:
   Every twin of the domain
     softtwin get 'softtwin/*/whatif?pressure_mpa=0.05;gap_mm=30' --json
 
-The twin answers in a thread apart from its real-time loop. When there is no answer (the force is out of reach, for example)
+The twin answers in a thread apart from its real-time loop. When there is no answer (the force is out of reach, for example) \
 the reason is printed and the exit code is 1.";
 
 /// Ask a running twin: what if, which pressure, which gap.

@@ -14,11 +14,15 @@ const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
 
 const EXAMPLES: &str = "\
 Examples:
-  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079
-  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079 --paper      compared with the paper
-  softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.05 --friction 0.3 --mass-g 30 --json
+    softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.079
+  Compared with the paper:
+    softtwin grasp --scene config/scenes/gripper.toml --paper \\
+      --pressure-mpa 0.079
+  Another object, for a script:
+    softtwin grasp --scene config/scenes/gripper.toml --pressure-mpa 0.05 \\
+      --friction 0.3 --mass-g 30 --json
 
-The object is held when n mu F >= s m g, with the smallest of the n finger forces as F. A running twin publishes the same
+The object is held when n mu F >= s m g, with the smallest of the n finger forces as F. A running twin publishes the same \
 as softtwin/<scene>/grasp.";
 
 /// Show whether a gripper holds its object at a pressure, and from which pressure on it does.

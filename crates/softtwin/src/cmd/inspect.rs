@@ -16,7 +16,7 @@ Examples:
     softtwin inspect finger.twin --card markdown
     softtwin inspect finger.twin --card aas --licence 'CC-BY-4.0'
 
-The data sheet in the same folder (finger.json) names the candidates that were tried and the error of every
+The data sheet in the same folder (finger.json) names the candidates that were tried and the error of every \
 training case when it was left out, and its card (finger.card.json, schema in docs/card.schema.json).";
 
 /// Show what a model file holds; every checksum is verified on the way.

@@ -41,9 +41,17 @@ impl Args {
     }
 }
 
+/// A man page shows nothing before the name of its program: examples go to its end.
+fn with_examples(command: clap::Command) -> clap::Command {
+    let texts = [command.get_before_help(), command.get_after_help()];
+    let text: Vec<String> = texts.into_iter().flatten().map(ToString::to_string).collect();
+    command.after_help(text.join("\n\n")).mut_subcommands(with_examples)
+}
+
 fn write(mut program: clap::Command, man: &Path, completions: &Path) -> anyhow::Result<()> {
     // One page a program and one a sub-command: softtwin.1, softtwin-train.1, ... Before the completions, which add `help`.
-    clap_mangen::generate_to(program.clone(), man).with_context(|| man.display().to_string())?;
+    clap_mangen::generate_to(with_examples(program.clone()), man)
+        .with_context(|| man.display().to_string())?;
     let name = program.get_name().to_owned();
     for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
         clap_complete::generate_to(shell, &mut program, &name, completions)?;

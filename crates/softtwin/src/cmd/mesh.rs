@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
-  Three chambers instead of eleven: copy the reference, set chambers.count = 3, body.length_mm = 31, base.length_mm = 43,
+  Three chambers instead of eleven: copy the reference, set chambers.count = 3, body.length_mm = 31, base.length_mm = 43, \
   mesh.file = \"mesh.vtu\" and mesh.nodes = 0, then
     cp models/pneunet/actuator.toml short.toml
     softtwin mesh --actuator short.toml --size-mm 4

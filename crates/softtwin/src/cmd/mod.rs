@@ -77,10 +77,63 @@ impl Command {
             let found = program.get_subcommands().find(|command| command.get_name() == name);
             found.and_then(|command| command.get_about()).map_or_else(String::new, ToString::to_string)
         };
-        let line = |name: &&str| format!("  {:<10} {}\n", name.replace('_', "-"), about(name));
+        let line = |name: &&str| {
+            let about = folded(&about(name), HELP_WIDTH - NAME_WIDTH).join(&format!("\n{:NAME_WIDTH$}", ""));
+            format!("  {:<width$} {about}\n", name.replace('_', "-"), width = NAME_WIDTH - 3)
+        };
         let group = |(heading, names): &(&str, &[&str])| {
             format!("{heading}:\n{}", names.iter().map(line).collect::<String>())
         };
         Self::GROUPS.iter().map(group).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// Columns of the help, and where a command's line begins to say what it does.
+const HELP_WIDTH: usize = 80;
+const NAME_WIDTH: usize = 18;
+
+/// Words in lines of at most so many columns.
+fn folded(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.len() + 1 + word.len() <= width => *line += &format!(" {word}"),
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Subcommand;
+
+    /// Columns of a help that goes to no terminal; longer lines are folded.
+    const PIPED_WIDTH: usize = 100;
+
+    fn check(command: &clap::Command) {
+        let name = command.get_name();
+        let text = command.get_before_help().map(ToString::to_string).unwrap_or_default();
+        assert!(text.starts_with("Example"), "{name} --help begins with no example: {text}");
+        let is_command =
+            |line: &&str| ["softtwin", "sudo", "--"].iter().any(|s| line.trim_start().starts_with(s));
+        let long = text.lines().filter(is_command).find(|line| line.len() >= PIPED_WIDTH);
+        assert_eq!(long, None, "{name}: a command folded without a backslash cannot be pasted");
+        command.get_subcommands().for_each(check);
+    }
+
+    #[test]
+    fn every_help_begins_with_examples_that_can_be_pasted() {
+        let tool = Command::augment_subcommands(clap::Command::new("softtwin").before_help("Example"));
+        [tool, softtwind::command(), demo::command()].iter().for_each(check);
+    }
+
+    #[test]
+    fn the_list_of_commands_fits_eighty_columns() {
+        let listed = Command::groups(&Command::augment_subcommands(clap::Command::new("softtwin")));
+        assert_eq!(listed.lines().find(|line| line.len() > HELP_WIDTH), None, "{listed}");
+        assert!(listed.contains("\n  plan-experiment Say which pressures"), "{listed}");
     }
 }

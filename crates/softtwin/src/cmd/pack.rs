@@ -12,11 +12,12 @@ use std::path::{Path, PathBuf};
 const EXAMPLES: &str = "\
 Examples:
   softtwin pack --database target/database/pneunet --out models/pneunet/database
-  softtwin pack --database database --out small --length-error-mm 0.01 --stress-error-mpa 1e-4
+  softtwin pack --database database --out small --length-error-mm 0.01 \\
+    --stress-error-mpa 1e-4
   Back to snapshots.npy (float32, cases x nodes x fields), for other programs:
     softtwin pack --unpack --database models/pneunet/database --out plain
 
-`softtwin train --database` reads the packed folder like any other. The displacement magnitude is not stored but taken
+`softtwin train --database` reads the packed folder like any other. The displacement magnitude is not stored but taken \
 from the coordinates and the mesh.";
 
 /// Pack a database's snapshots: every value within a stated error, a fraction of the size.

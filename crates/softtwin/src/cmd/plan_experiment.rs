@@ -18,11 +18,12 @@ Examples:
   Which four pressures tell gap, gauge bias and stiffness apart, with the load cell, the markers, or both:
     softtwin plan-experiment --scene config/scenes/estimate.toml
   The plate can be moved to three places; two holds of 400 readings each, for a script:
-    softtwin plan-experiment --scene config/scenes/estimate.toml --gap-mm 30 40 50 --holds 2 --readings 400 --json
+    softtwin plan-experiment --scene config/scenes/estimate.toml \\
+      --gap-mm 30 40 50 --holds 2 --readings 400 --json
 
-A hold is a state that is kept while readings are taken. Of all holds on a grid of pressures and of the given gaps those are chosen
-whose readings together shrink the unknowns' joint uncertainty most (D-optimal, on the model's gradients at the priors). A gap that is
-estimated is taken to be off by the same amount at every place of the plate. `condition` is that of the information in units of the
+A hold is a state that is kept while readings are taken. Of all holds on a grid of pressures and of the given gaps those are chosen \
+whose readings together shrink the unknowns' joint uncertainty most (D-optimal, on the model's gradients at the priors). A gap that is \
+estimated is taken to be off by the same amount at every place of the plate. `condition` is that of the information in units of the \
 priors' standard deviations: a large one says that a combination of unknowns is hardly told.";
 
 /// Pressures of the grid.

@@ -17,13 +17,15 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   Contact force over pressure and gap, with the onset curve and the training states:
-    softtwin plot force-map --model finger.twin --database models/pneunet/database --out force.png
+    softtwin plot force-map --model finger.twin \\
+      --database models/pneunet/database --out force.png
   How fast the singular values fall, by regime and group:
     softtwin plot singular-values --model finger.twin --out modes.svg
   The leading modal coefficients over pressure:
     softtwin plot coefficients --model finger.twin --out coefficients.svg
   A recording: pressure, gap, force, displacement, stress and latency over time (displacement and stress by the model):
-    softtwin plot recording --recording run.mcap --model finger.twin --out run.png
+    softtwin plot recording --recording run.mcap --model finger.twin \\
+      --out run.png
 The modes themselves are drawn by `softtwin render --modes`.";
 
 /// Cells of the force map along each axis.

@@ -18,16 +18,19 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   One state as an array, nodes x fields (x, y, z, displacement, von Mises), float32:
-    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --out state.npy
+    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 \\
+      --out state.npy
   For ParaView, with the inside of the body (the model itself knows its surface only):
-    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --mesh mesh.vtu --out state.vtu
+    softtwin predict --model finger.twin --pressure-mpa 0.05 --gap-mm 40 \\
+      --mesh mesh.vtu --out state.vtu
   A softer batch of silicone, with a model that was trained over its stiffness:
-    softtwin predict --model design.twin --pressure-mpa 0.05 --gap-mm 40 --set elastomer.law.mu_mpa=0.7
+    softtwin predict --model design.twin --pressure-mpa 0.05 --gap-mm 40 \\
+      --set elastomer.law.mu_mpa=0.7
   No obstacle; only the answer on standard output:
     softtwin predict --model finger.twin --pressure-mpa 0.05
 
-Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by
-each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error
+Standard output is one JSON object. `inputs` shows the value of every input that was used, `dforce` the force's derivative by \
+each in N per unit. `in_domain` is false outside the training states: the answer is then an extrapolation and its error \
 bars do not hold.";
 
 const NO_PRESSURE: &str =

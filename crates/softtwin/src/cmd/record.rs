@@ -26,18 +26,21 @@ Examples:
   Everything but fields, until Ctrl-C:
     softtwin record --out run.mcap
   States of two actuators for one minute, fields of the surface too:
-    softtwin record 'softtwin/finger_*/state' 'softtwin/*/field/surface' --fields --seconds 60 --out run.mcap
+    softtwin record 'softtwin/finger_*/state' 'softtwin/*/field/surface' \\
+      --fields --seconds 60 --out run.mcap
   For Foxglove and rerun: the coloured surface, 30 pictures a second, in the file's own messages:
-    softtwin record --viewer --scene config/scenes/finger.toml --seconds 60 --out run.mcap
+    softtwin record --viewer --scene config/scenes/finger.toml \\
+      --seconds 60 --out run.mcap
   For months: a new file each hour, the last 48 kept (run-0001.mcap, run-0002.mcap, ...); a restart goes on with the next number:
     softtwin record --out run.mcap --rotate-minutes 60 --keep 48
   The same within 20 GB, and never the last 2 GB of the disk; with a page for Prometheus:
-    softtwin record --out run.mcap --rotate-minutes 60 --keep-mb 20000 --free-mb 2000 --metrics 127.0.0.1:9466
+    softtwin record --out run.mcap --rotate-minutes 60 --keep-mb 20000 \\
+      --free-mb 2000 --metrics 127.0.0.1:9466
 
-A kill or a power cut loses at most the last second; the file reads without its footer. Open it with any MCAP viewer, with
-`softtwin replay`, `softtwin export`; they read the folder of a series as one recording. On a full disk the oldest files of the
-series make room where --keep, --keep-mb or --free-mb is given; otherwise it ends with exit code 1 (what is written stays readable),
-as it does when its file is deleted, and when a topic could not be recorded to the end. SIGHUP begins a new file where there are
+A kill or a power cut loses at most the last second; the file reads without its footer. Open it with any MCAP viewer, with \
+`softtwin replay`, `softtwin export`; they read the folder of a series as one recording. On a full disk the oldest files of the \
+series make room where --keep, --keep-mb or --free-mb is given; otherwise it ends with exit code 1 (what is written stays readable), \
+as it does when its file is deleted, and when a topic could not be recorded to the end. SIGHUP begins a new file where there are \
 several, and ends nothing: a closed terminal does not stop a recorder.";
 
 /// Record readings, states, health and, if asked, fields into MCAP files.

@@ -18,7 +18,8 @@ Examples:
   As it was, to the twin of the actuator `finger`:
     softtwin replay run.mcap --actuator finger
   Seconds 10 to 20, ten times as fast, for ever:
-    softtwin replay run.mcap --actuator finger --from-s 10 --to-s 20 --speed 10 --loop
+    softtwin replay run.mcap --actuator finger --from-s 10 --to-s 20 \\
+      --speed 10 --loop
   One reading each time Enter is pressed:
     softtwin replay config/traces/gap40.csv --actuator finger --step
   A trace of the inputs of a model without a pressure (columns t_s, load_n):

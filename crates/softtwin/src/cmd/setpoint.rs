@@ -18,7 +18,7 @@ Examples:
     softtwin setpoint finger --override --pressure-mpa 0.02
     softtwin setpoint finger --release
 
-An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends.
+An override keeps to the valve's range and rate and to nothing else. It ends with --release, or when the bridge ends. \
 What the valve does: softtwin echo softtwin/finger/valve";
 
 /// Drive a valve by hand, or override its owner.

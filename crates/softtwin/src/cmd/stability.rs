@@ -10,7 +10,7 @@ Examples:
   More states, for a script:
     softtwin stability --model finger.twin --states 100000 --json
 
-At random states inside the contact domain the force must not be negative, must grow with pressure and fall with the gap. Along
+At random states inside the contact domain the force must not be negative, must grow with pressure and fall with the gap. Along \
 the onset of contact coordinates, stress and force of both regimes must meet. Ends with 1 when one of these does not hold.";
 
 /// Check a model at thousands of random states: force, continuity at the onset of contact, conditioning.

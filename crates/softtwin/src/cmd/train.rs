@@ -22,7 +22,8 @@ Examples:
     softtwin train --database models/pneunet/database --paper --out paper.twin
   Your own choices, beginning with the commented defaults:
     cp config/train.toml mine.toml
-    softtwin train --database models/pneunet/database --config mine.toml --out mine.twin
+    softtwin train --database models/pneunet/database --config mine.toml \\
+      --out mine.twin
 
 Only cases with split = train are looked at; test and check cases are kept for `softtwin evaluate`.";
 

@@ -27,9 +27,9 @@ Examples:
     softtwin view --model finger.twin --key 'softtwin/finger_*/**'
   Without a sensor: press \"What if\" on the page and move the sliders:
     softtwin view --model finger.twin
-  A recording, or a folder of recordings to choose from:
+  A recording, or a folder of recordings to choose from (the files of a recorder that rotates are one recording):
     softtwin view --model finger.twin --recording run.mcap
-    softtwin view --model finger.twin --recording /var/lib/softtwin      # rotated files of a series are one recording
+    softtwin view --model finger.twin --recording /var/lib/softtwin
   For other machines, with a token in the printed address:
     softtwin view --model finger.twin --bind 0.0.0.0
 

@@ -48,7 +48,25 @@ fn a_grasp_has_a_row_of_its_own() {
         ..Grasp::default()
     };
     let row = grasp_row("gripper", &grasp);
-    assert_eq!(row, "gripper   grasp: held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa");
+    let lines: Vec<&str> = row.lines().collect();
+    assert_eq!(lines[0], "gripper   grasp: held, 0.586 of 0.417 N a finger,");
+    assert_eq!(lines[1], "                 first held at 0.06510 +- 0.00120 MPa");
+}
+
+#[test]
+fn long_lines_go_on_below_within_eighty_columns() {
+    let mut estimate = Estimate { unknown_count: 3, ..Estimate::default() };
+    ["gap_mm", "pressure_bias_mpa", "elastomer.law.mu_mpa"]
+        .iter()
+        .enumerate()
+        .for_each(|(at, name)| estimate.set_name(at, name));
+    let flags = flags::STALE | flags::HELD | flags::OUTSIDE_DOMAIN | flags::FORCE_MISMATCH;
+    let state = State { flags, ..state() };
+    let row = row("finger", Some(&state), Some(&health()), 60_000_000_000);
+    for text in [row, estimate_row(&estimate)] {
+        assert!(text.lines().count() > 1 && text.lines().all(|line| line.len() <= 80), "{text}");
+        assert!(text.lines().all(|line| !line.ends_with(' ')), "{text}");
+    }
 }
 
 #[test]

@@ -28,8 +28,8 @@ Example: a first look at a new finger, then the twin for use
   softtwin build finger6 --quick
   softtwin build finger6
 
-Reads DIR/actuator.toml. Makes the mesh, finds the pressures that suit the actuator, simulates free and touching states,
-trains, measures the model on states it was not trained on, and writes a scene. Solved states are kept: stopped and started
+Reads DIR/actuator.toml. Makes the mesh, finds the pressures that suit the actuator, simulates free and touching states, \
+trains, measures the model on states it was not trained on, and writes a scene. Solved states are kept: stopped and started \
 again it goes on where it was, and what --quick has solved is used again.";
 
 /// Make a twin from DIR/actuator.toml: mesh, states, model, its errors, scene.

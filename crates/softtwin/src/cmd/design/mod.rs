@@ -19,14 +19,17 @@ use std::time::Instant;
 const EXAMPLES: &str = "\
 Examples:
   The silicone's stiffness and the wall between the chambers for 0.3 N at a pressure and a gap:
-    softtwin design --model design.twin --pressure-mpa 0.05 --gap-mm 30 --objective force_n=0.3
+    softtwin design --model design.twin --pressure-mpa 0.05 --gap-mm 30 \\
+      --objective force_n=0.3
       --within elastomer.law.mu_mpa=0.6:1.0 --within chambers.length_mm=2.6:3.4
   The tip at a height, and the stress below a limit; finite elements confirm the answer:
-    softtwin design --model design.twin --gap-mm 60 --objective y_mm@110,0,16=-20 --objective 'max_von_mises_mpa<=0.3'
-      --within pressure_mpa=0.02:0.08 --within elastomer.law.mu_mpa=0.6:1.0 --actuator actuator.toml
+    softtwin design --model design.twin --gap-mm 60 \\
+      --objective y_mm@110,0,16=-20 --objective 'max_von_mises_mpa<=0.3'
+      --within pressure_mpa=0.02:0.08 --within elastomer.law.mu_mpa=0.6:1.0 \\
+      --actuator actuator.toml
 
-Any input of the model may vary, pressure and gap too; `softtwin inspect` lists them. The search follows the model's gradients
-from the nominal values and then from other starts, and keeps near its start what the goal leaves open. Standard output is one
+Any input of the model may vary, pressure and gap too; `softtwin inspect` lists them. The search follows the model's gradients \
+from the nominal values and then from other starts, and keeps near its start what the goal leaves open. Standard output is one \
 JSON object: `missed` is what is left of each objective in its unit, `confirmed` the same by one finite-element run. Exit code 1:
 the goal is not met within the bounds; the nearest inputs are printed all the same.";
 

@@ -18,11 +18,13 @@ Examples:
   The machine:
     softtwin doctor
   A service as it is installed, its scene, settings, models and sensors too:
-    sudo -u softtwin SOFTTWIN_ROOT=/run/softtwin softtwin doctor --scene /etc/softtwin/finger.toml --config /etc/softtwin/twin.toml
+    sudo -u softtwin SOFTTWIN_ROOT=/run/softtwin softtwin doctor \\
+      --scene /etc/softtwin/finger.toml --config /etc/softtwin/twin.toml
   A recorder's folder and a gateway's configuration:
-    softtwin doctor --recordings /var/lib/softtwin --gateway /etc/softtwin/gateway.toml
+    softtwin doctor --recordings /var/lib/softtwin \\
+      --gateway /etc/softtwin/gateway.toml
 
-Exit code 0 when nothing is wrong (warnings allowed), 1 otherwise. Each sensor is read once; a serial port that a running
+Exit code 0 when nothing is wrong (warnings allowed), 1 otherwise. Each sensor is read once; a serial port that a running \
 bridge holds cannot be read.";
 
 /// Check shared memory, rights, versions, scene, models and sensors; each finding comes with its remedy.

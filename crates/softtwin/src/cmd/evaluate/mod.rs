@@ -18,16 +18,20 @@ Examples:
   The paper's test cases, which training never looks at:
     softtwin evaluate --model finger.twin --database models/pneunet/database
   All states kept aside, as JSON, with a picture:
-    softtwin evaluate --model finger.twin --database models/pneunet/database --split held-out --json --picture errors.svg
-  On 12 states that nobody has seen, drawn at random inside the model's domain and simulated now (about 10 s each) into a
+    softtwin evaluate --model finger.twin \\
+      --database models/pneunet/database --split held-out --json \\
+      --picture errors.svg
+  On 12 states that nobody has seen, drawn at random inside the model's domain and simulated now (about 10 s each) into a \
   folder of their own:
-    softtwin evaluate --model models/pneunet/pneunet.twin --actuator models/pneunet/actuator.toml \\
+    softtwin evaluate --model models/pneunet/pneunet.twin \\
+      --actuator models/pneunet/actuator.toml \\
       --simulate 12 --seed 7 --database fresh
   A sealed evaluation: 200 states over the whole domain, a tenth of them free, simulated, looked at once and not kept:
-    softtwin evaluate --model models/pneunet/pneunet.twin --sealed 200 --seed 20261122
+    softtwin evaluate --model models/pneunet/pneunet.twin --sealed 200 \\
+      --seed 20261122
 
-Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share
-of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent;
+Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share \
+of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
 interpolation: what the kernels get wrong within the modes.";
 
 /// Measure a model's errors on cases of a database, truncation and interpolation apart.

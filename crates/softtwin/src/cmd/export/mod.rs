@@ -21,11 +21,14 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   A sweep of predictions for ParaView (one .vtu a state, the .pvd opens them all):
-    softtwin export finger.twin --pressure-mpa 0.01,0.025,0.04,0.055,0.07 --gap-mm 40 --out sweep.pvd
+    softtwin export finger.twin --pressure-mpa 0.01,0.025,0.04,0.055,0.07 \\
+      --gap-mm 40 --out sweep.pvd
   The same with the inside of the body (the model itself knows its surface only), for Tecplot:
-    softtwin export finger.twin --pressure-mpa 0.01,0.04,0.07 --mesh mesh.vtu --out sweep.dat
+    softtwin export finger.twin --pressure-mpa 0.01,0.04,0.07 \\
+      --mesh mesh.vtu --out sweep.dat
   Of a model over parameters, with another wall; the displacement is that from the mesh of this wall:
-    softtwin export design.twin --pressure-mpa 0.05 --gap-mm 40 --set chambers.length_mm=3.2 --out wall.pvd
+    softtwin export design.twin --pressure-mpa 0.05 --gap-mm 40 \\
+      --set chambers.length_mm=3.2 --out wall.pvd
   Two cases of a database, or all of them as one array (cases x nodes x fields):
     softtwin export models/pneunet/database --case A --case C --out cases.xdmf
     softtwin export models/pneunet/database --out all.npy
@@ -42,9 +45,10 @@ Examples:
     softtwin export /var/lib/softtwin --out tables
     softtwin export /var/lib/softtwin/finger --out tables
   A model for Simulink, Modelica and others, as an FMU of FMI 3.0, with two nodes as outputs (docs/fmi.md):
-    softtwin export finger.twin --fmu finger.fmu --node tip=9696 --node middle=120
+    softtwin export finger.twin --fmu finger.fmu --node tip=9696 \\
+      --node middle=120
 
-Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy, .fmu (--fmu FILE says the same as --out FILE).
+Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy, .fmu (--fmu FILE says the same as --out FILE). \
 VTU files (as field data) and CSV files (as columns) carry every input, the contact force and the name of the case.";
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.

@@ -17,12 +17,13 @@ Examples:
   softtwin import finger.inp --out finger.vtu
   softtwin import finger.msh --out finger.vtu --json
   softtwin import finger.cdb --out finger.vtu
-  softtwin import results run_*.frd --out database --length-unit mm --stress-unit mpa --inputs inputs.csv
+  softtwin import results run_*.frd --out database --length-unit mm \\
+    --stress-unit mpa --inputs inputs.csv
 
-From Abaqus: nodes, tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...) and wedges (C3D6, C3D15...), shells and membranes
-(S3, S4, STRI65, S8R, M3D...); any other element is refused by its name.
-From Ansys (.cdb as CDWRITE,DB writes it): solids and shells, linear and quadratic. From gmsh (.msh 4.1) and VTK (.vtu): 10-node tetrahedra.
-Finished simulations: `softtwin import results --help`. No import is needed for what `softtwin train --database DIR` reads as
+From Abaqus: nodes, tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...) and wedges (C3D6, C3D15...), shells and membranes \
+(S3, S4, STRI65, S8R, M3D...); any other element is refused by its name. \
+From Ansys (.cdb as CDWRITE,DB writes it): solids and shells, linear and quadratic. From gmsh (.msh 4.1) and VTK (.vtu): 10-node tetrahedra. \
+Finished simulations: `softtwin import results --help`. No import is needed for what `softtwin train --database DIR` reads as \
 it is: our layout, the authors' tables (authors.toml) and the exchange of Ansys' static reduced-order models (folders with settings.json, points.bin, doe.csv, snapshots/).";
 
 /// Import a mesh (.inp, .cdb, .msh, .vtu) as a .vtu file, or finished simulations as a database.

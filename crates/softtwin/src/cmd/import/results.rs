@@ -18,18 +18,22 @@ use std::path::{Path, PathBuf};
 const EXAMPLES: &str = "\
 Examples:
   CalculiX, one job a state, inputs in a table (columns file, load_n, thickness_mm):
-    softtwin import results jobs/*.frd --out db --length-unit mm --stress-unit mpa --inputs inputs.csv
+    softtwin import results jobs/*.frd --out db --length-unit mm \\
+      --stress-unit mpa --inputs inputs.csv
   ParaView or meshio, inputs in the file names:
-    softtwin import results beam_f*.vtu --pattern 'beam_f{load_n}_t{thickness_mm}.vtu' --out db --length-unit mm --stress-unit mpa
+    softtwin import results beam_f*.vtu \\
+      --pattern 'beam_f{load_n}_t{thickness_mm}.vtu' --out db \\
+      --length-unit mm --stress-unit mpa
   Every increment of one job is a state, the load grows with the time:
-    softtwin import results ramp.frd --steps all --ramp load_n=2.5 --out db --length-unit mm --stress-unit mpa --field ENER=mJ/mm3
+    softtwin import results ramp.frd --steps all --ramp load_n=2.5 \\
+      --out db --length-unit mm --stress-unit mpa --field ENER=mJ/mm3
 then
     softtwin train --database db --out beam.twin
     softtwin predict --model beam.twin --set load_n=1.2 --set thickness_mm=4
 
-Reads .frd (CalculiX, text), .vtu, .pvd, .xdmf with .h5 (FEniCS, meshio), Abaqus' .inp with a .csv of the same name, Ansys' .cdb
-with a .csv or with listings of PRNSOL (.txt, .lis), FEBio's .xplt, NumPy's .npz, folders of .npy arrays: docs/import.md.
-An input's name ends in its unit (load_n, stiffness_mpa; _1 for plain numbers). pressure_mpa and gap_mm are those of an actuator
+Reads .frd (CalculiX, text), .vtu, .pvd, .xdmf with .h5 (FEniCS, meshio), Abaqus' .inp with a .csv of the same name, Ansys' .cdb \
+with a .csv or with listings of PRNSOL (.txt, .lis), FEBio's .xplt, NumPy's .npz, folders of .npy arrays: docs/import.md. \
+An input's name ends in its unit (load_n, stiffness_mpa; _1 for plain numbers). pressure_mpa and gap_mm are those of an actuator \
 over a plate; a state with a gap needs contact_force_n in the table. Steps that did not converge are left out and named.";
 
 /// A database from finished simulations (CalculiX, VTK, XDMF, Abaqus, Ansys, FEBio, NumPy).

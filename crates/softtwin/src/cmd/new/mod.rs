@@ -21,7 +21,7 @@ Example: a finger of six chambers, 100 mm long, and its twin
   softtwin new finger6 --chambers 6 --length-mm 100 --silicone elastosil-m4601
   softtwin build finger6 --quick
 
-Without options on a terminal it asks for chambers, length, wall and silicone. Every other length follows the proportions of
+Without options on a terminal it asks for chambers, length, wall and silicone. Every other length follows the proportions of \
 the reference actuator; actuator.toml explains each, and all of them may be changed there.";
 
 /// Begin an actuator of your own: a folder with a commented actuator.toml.

@@ -9,15 +9,18 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   One state, the plate 40 mm below the base:
-    softtwin render --model models/pneunet/pneunet.twin --pressure-mpa 0.05 --gap-mm 40 --out state.png
+    softtwin render --model models/pneunet/pneunet.twin \\
+      --pressure-mpa 0.05 --gap-mm 40 --out state.png
   The same seen from the side, coloured by displacement, for a dark page:
-    softtwin render --model finger.twin --pressure-mpa 0.05 --gap-mm 40 --view side --field displacement --theme dark --out state.png
+    softtwin render --model finger.twin --pressure-mpa 0.05 --gap-mm 40 \\
+      --view side --field displacement --theme dark --out state.png
   The modes of the contact regime (the paper's Fig. 6):
     softtwin render --model finger.twin --modes contact --out modes.png
   Three gaps at five pressures with their contact forces (the paper's Fig. 9):
     softtwin render --model finger.twin --fig9 --out scenes.png
   A whole scene: both fingers of the gripper and the block between them
-    softtwin render --scene config/scenes/gripper.toml --pressure-mpa 0.079 --view side --out gripper.png
+    softtwin render --scene config/scenes/gripper.toml \\
+      --pressure-mpa 0.079 --view side --out gripper.png
   A case of a database, as computed by the finite elements:
     softtwin render --database models/pneunet/database --case 17 --out case.png";
 

@@ -22,26 +22,32 @@ Examples:
   A space-filling Latin hypercube over pressure and gap:
     softtwin sample --kind hypercube --n 85 --regime contact --out cases.csv
   States over pressure, gap and two parameters of the actuator, every fourth without the plate:
-    softtwin sample --kind sequence --n 100 --regime both --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \
+    softtwin sample --kind sequence --n 100 --regime both \\
+      --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \\
       --parameter base.lower_mm=1.6:2.4 --out design.csv
   36 designs, each with four free states and six that touch (where --database says when the actuator as its file has it does):
-    softtwin sample --kind sequence --n 36 --states-per-design 10 --regime both --database models/pneunet/database \
-      --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 --parameter base.lower_mm=1.6:2.4 --out designs.csv
+    softtwin sample --kind sequence --n 36 --states-per-design 10 \\
+      --regime both --database models/pneunet/database \\
+      --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \\
+      --parameter base.lower_mm=1.6:2.4 --out designs.csv
   Seventeen pressures for the free regime:
     softtwin sample --kind hypercube --n 17 --regime free --out free.csv
   A grid of 10 pressures by 9 gaps:
-    softtwin sample --kind grid --n 10 --n-gaps 9 --regime contact --out grid.csv
+    softtwin sample --kind grid --n 10 --n-gaps 9 --regime contact \\
+      --out grid.csv
   States on the onset of contact, read off the free states of a database:
     softtwin sample --kind onset --n 20 --database database --out onset.csv
-  The same over a parameter of a database that has it
-    softtwin sample --kind onset --n 20 --database design --actuator actuator.toml --parameter base.lower_mm=1.6:2.4 --out onset.csv
-Then:
+  The same over a parameter of a database that has it:
+    softtwin sample --kind onset --n 20 --database design \\
+      --actuator actuator.toml --parameter base.lower_mm=1.6:2.4 --out onset.csv
+  Then:
     softtwin simulate --actuator actuator.toml --cases cases.csv --out database
   Eight more states where the model trained on a database is least sure: simulated, added, retrained, compared:
-    softtwin sample --refine 8 --database models/pneunet/database --actuator models/pneunet/actuator.toml --out refined
+    softtwin sample --refine 8 --database models/pneunet/database \\
+      --actuator models/pneunet/actuator.toml --out refined
 
-Refinement picks, one after another, the state with the largest product of the nearest sample's leave-one-out error (by the
-model's own error bars) and the distance to it. It writes a database folder with the trained model in it; stopped and
+Refinement picks, one after another, the state with the largest product of the nearest sample's leave-one-out error (by the \
+model's own error bars) and the distance to it. It writes a database folder with the trained model in it; stopped and \
 started again it goes on where it was.";
 
 /// How states are chosen.

@@ -12,23 +12,28 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   One state as an array, nodes x (x, y, z, displacement, von Mises); force and volume as JSON:
-    softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.05 --gap-mm 40 --out state.npy
+    softtwin simulate --actuator models/pneunet/actuator.toml \\
+      --pressure-mpa 0.05 --gap-mm 40 --out state.npy
   No obstacle, for ParaView:
-    softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.05 --out state.vtu
+    softtwin simulate --actuator models/pneunet/actuator.toml \\
+      --pressure-mpa 0.05 --out state.vtu
   A path from rest in 10 steps, one JSON line a step:
-    softtwin simulate --actuator models/pneunet/actuator.toml --pressure-mpa 0.07 --gap-mm 40 --steps 10
+    softtwin simulate --actuator models/pneunet/actuator.toml \\
+      --pressure-mpa 0.07 --gap-mm 40 --steps 10
   Softer silicone and a thinner wall:
-    softtwin simulate --actuator models/pneunet/actuator.toml --set elastomer.law.mu_mpa=0.7 --set chambers.length_mm=3.2 \
+    softtwin simulate --actuator models/pneunet/actuator.toml \\
+      --set elastomer.law.mu_mpa=0.7 --set chambers.length_mm=3.2 \\
       --pressure-mpa 0.05 --out state.npy
   A whole database, two cases at a time; stop it and start it again as you like:
-    softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/cases.csv --out database
+    softtwin simulate --actuator models/pneunet/actuator.toml \\
+      --cases models/pneunet/cases.csv --out database
     softtwin train --database database --out finger.twin
 
 A database run keeps every solved state in OUT/states: what is there is not computed again. Needs about 1 GB a thread.
 
-Several machines work on one list through a common folder: `--shard 1/3`, `--shard 2/3`, `--shard 3/3`. Each takes its own part
-first, then what is left; a case in work is a locked file in OUT/states/claims, whose lock the system gives back when its
-holder ends. On NFS that takes about 90 seconds for a machine that is gone; a file system without locks is refused. Each
+Several machines work on one list through a common folder: `--shard 1/3`, `--shard 2/3`, `--shard 3/3`. Each takes its own part \
+first, then what is left; a case in work is a locked file in OUT/states/claims, whose lock the system gives back when its \
+holder ends. On NFS that takes about 90 seconds for a machine that is gone; a file system without locks is refused. Each \
 machine ends when the whole list is done, and writes the same database.";
 
 /// Compute states of an actuator with the finite-element solver.

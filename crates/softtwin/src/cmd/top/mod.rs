@@ -21,8 +21,8 @@ Examples:
   softtwin top --key 'softtwin/left_*/**' --interval-s 0.5
   softtwin top --once --json | jq '.[] | select(.alive | not)'
 
-RATE readings a second, P50/P99 time from sensor stamp to publication in microseconds, AGE of the newest good reading,
-HELD/DROP readings held and dropped since the start; below a twin the values of its model's parameters with the force's gradient by each,
+RATE readings a second, P50/P99 time from sensor stamp to publication in microseconds, AGE of the newest good reading, \
+HELD/DROP readings held and dropped since the start; below a twin the values of its model's parameters with the force's gradient by each, \
 and its estimates and alarm. A twin that has published nothing for 3 s is marked `gone`.";
 
 /// Watch all twins: rate, latency, age, regime, force, flags, faults.

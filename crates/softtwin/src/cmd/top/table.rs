@@ -9,6 +9,26 @@ use wire::{AnySample, Estimate, Grasp, Health, Outcome, State};
 /// Health comes once a second; after so long without, the twin is gone.
 const GONE_NS: u64 = 3_000_000_000;
 
+/// Columns that a line of the table may have.
+const WIDTH: usize = 80;
+
+/// Pieces behind a head, in lines of at most [`WIDTH`] columns that begin where the head ends.
+fn packed<'a>(head: String, pieces: impl IntoIterator<Item = &'a str>, gap: &str) -> String {
+    let indent = head.chars().count();
+    let (mut text, mut used) = (head, indent);
+    for piece in pieces {
+        let columns = piece.chars().count();
+        if used > indent && used + gap.len() + piece.trim_end().chars().count() > WIDTH {
+            text = format!("{}\n{:indent$}", text.trim_end(), "");
+            used = indent;
+        }
+        let gap = if used > indent { gap } else { "" };
+        text.extend([gap, piece]);
+        used += gap.len() + columns;
+    }
+    text
+}
+
 /// The names of the columns.
 pub fn head() -> String {
     format!(
@@ -17,7 +37,7 @@ pub fn head() -> String {
     )
 }
 
-/// One line of the table: 58 columns, and 22 for what is wrong.
+/// One line of the table: 58 columns, and 22 for what is wrong; more lines where that is too much.
 pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64) -> String {
     let number = |value: Option<f64>, digits: usize| match value {
         Some(value) if value.is_finite() => format!("{value:.digits$}"),
@@ -35,8 +55,8 @@ pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64)
     }
     let age_ns =
         state.filter(|state| state.t_sensor_ns > 0).map(|state| now.saturating_sub(state.t_sensor_ns));
-    format!(
-        "{name:<9.9} {:>5}{:>6}{:>7}{:>7} {:<7}{:>7}{:>7}  {}",
+    let head = format!(
+        "{name:<9.9} {:>5}{:>6}{:>7}{:>7} {:<7}{:>7}{:>7}  ",
         number(health.map(|health| health.rate_hz), 0),
         micros(health.map(|health| health.latency_p50_ns)),
         micros(health.map(|health| health.latency_p99_ns)),
@@ -44,24 +64,24 @@ pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64)
         regime::as_str(state.map_or(regime::UNKNOWN, |state| state.regime)),
         number(state.map(|state| state.pressure_mpa), 4),
         number(state.map(|state| state.contact_force_n), 3),
-        notes.join(" ")
-    )
+    );
+    packed(head, notes.iter().map(String::as_str), " ")
 }
 
-/// One line for what a twin estimates, below it.
+/// What a twin estimates, below it.
 pub fn estimate_row(estimate: &Estimate) -> String {
-    format!("          {}", live::text::estimates(estimate))
+    packed("          ".into(), live::text::estimates(estimate).split("  "), "  ")
 }
 
-/// One line for the values of a model's parameters, below the twin; none without parameters.
+/// The values of a model's parameters, below the twin; none without parameters.
 pub fn parameter_row(state: &State) -> Option<String> {
     let text = live::text::parameters(state.inputs());
-    (!text.is_empty()).then(|| format!("        {text}"))
+    (!text.is_empty()).then(|| packed("          ".into(), text.trim_start().split("  "), "  "))
 }
 
-/// One line for a grasp, below the fingers.
+/// A grasp, below the fingers.
 pub fn grasp_row(scene: &str, grasp: &Grasp) -> String {
-    format!("{scene:<9.9} grasp: {}", live::text::grasp(grasp))
+    packed(format!("{scene:<9.9} grasp: "), live::text::grasp(grasp).split_inclusive(", "), "")
 }
 
 /// Whether nothing has been published for [`GONE_NS`].

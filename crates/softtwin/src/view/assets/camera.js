@@ -2,6 +2,7 @@
 
 const VIEW_ANGLE = 0.45; // rad, full height
 const FILLED = 0.9; // of the free part
+const ROOM = 6; // pixels around what is shown
 const VIEWS = { iso: [0.45, 0.30], side: [0, 0.02], top: [0, 1.5], end: [1.45, 0.12] };
 
 export class Camera {
@@ -107,6 +108,13 @@ export class Camera {
     const clip = [0, 1, 2, 3].map((r) => m[r] * point[0] + m[4 + r] * point[1] + m[8 + r] * point[2] + m[12 + r]);
     if (clip[3] <= 0) return null;
     return [((clip[0] / clip[3] + 1) / 2) * this.canvas.clientWidth, ((1 - clip[1] / clip[3]) / 2) * this.canvas.clientHeight];
+  }
+
+  // Whether all points are on the canvas; nothing else can be said of one without a size.
+  shows(points) {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const isOutside = ([x, y]) => x < ROOM || y < ROOM || x > width - ROOM || y > height - ROOM;
+    return !width || !height || !points.some((point) => isOutside(this.project(point) ?? [-1, -1]));
   }
 
   // Ray through a pixel: origin and direction.

@@ -6,6 +6,7 @@ export const COLOURS = ["#2f81f7", "#e8742c", "#2da44e", "#a475f9", "#d4a72c", "
 const BREAK_MS = 300; // a longer silence interrupts a line, unless readings come slower than that
 const BREAK_TIMES = 6; // their usual distance
 const LEFT = 44;
+const LOW = 44; // pixels; a lower chart has room for two numbers at its side
 const NEWEST = 40; // bins that are searched for quantities
 
 const STRIPS = [
@@ -100,7 +101,7 @@ export class Charts {
     context.font = "11px system-ui, sans-serif";
     context.textAlign = "right";
     context.textBaseline = "middle";
-    const { at, digits } = log ? decades(low, high) : ticks(low, high, height > 110 ? 4 : 2);
+    const { at, digits } = log ? decades(low, high, height < LOW ? 1 : 3) : ticks(low, high, height > 110 ? 4 : 2);
     for (const value of empty ? [] : at) {
       context.fillStyle = faint;
       context.fillText(log ? String(value) : value.toFixed(digits), LEFT - 6, y(value));
@@ -124,7 +125,7 @@ function valueAt(bins, key, t_ms) {
 
 function number(value, digits, colour, measured) {
   const text = document.createElement("i");
-  text.textContent = `${measured ? "measured " : ""}${value.toFixed(digits)}`;
+  text.textContent = `${measured ? "measured " : ""}${value.toFixed(digits).replace("-", "−")}`;
   text.style.color = colour;
   return text;
 }
@@ -177,7 +178,8 @@ function rangeOf(lines, place, log, band) {
   return [low === 0 ? 0 : low - margin, high + margin];
 }
 
-function decades(low, high) {
-  const every = Math.ceil((high - low) / 3);
+// Powers of ten, not more than `steps` steps apart.
+function decades(low, high, steps) {
+  const every = Math.ceil((high - low) / steps);
   return { at: Array.from({ length: Math.floor((high - low) / every) + 1 }, (_, k) => Number((10 ** (low + every * k)).toPrecision(1))), digits: 0 };
 }

@@ -85,6 +85,7 @@ function addFrame(header, buffer, start) {
     frame.max_displacement_mm = frame.fields.displacement?.reduce((a, b) => Math.max(a, b), 0) ?? null;
   }
   const actuator = actuatorOf(frame.actuator);
+  frame.max_displacement_mm ??= actuator.latest?.max_displacement_mm; // without a field: that of the shape, which stays
   actuator.receive(frame);
   state.frames++;
   if (frame.predicted) whatIf.answered();
@@ -142,8 +143,11 @@ function alarm(text, mood = "bad") {
   Object.assign(at("alarm"), { hidden: !text, textContent: text, className: mood });
 }
 
+// What stands between backticks is a command.
 function notice(text) {
-  Object.assign(at("notice"), { hidden: !text, textContent: text });
+  const parts = text.split("`").map((part, k) => (k % 2 ? Object.assign(document.createElement("code"), { textContent: part }) : part));
+  at("notice").replaceChildren(...parts);
+  at("notice").hidden = !text;
 }
 
 // Whether the gripper holds its object, and where to stop inflating.
@@ -169,7 +173,7 @@ function status() {
   let [badge, mood, text] = ["live", "live", ""];
   if (!state.up) [badge, mood, text] = ["disconnected", "bad", state.reason || (state.everUp ? "Connection to softtwin view lost; trying again" : "")];
   else if (whatIf.active) [badge, mood] = ["what if", "warn"];
-  else if (!visible().length) [badge, mood, text] = ["waiting", "warn", "Nothing is published yet: start a twin, or press What if"];
+  else if (!visible().length) [badge, mood, text] = ["waiting", "warn", `Nothing is published yet: start a twin${whatIf.model ? ", or press What if" : ""}`];
   else if (stale.length) [badge, mood, text] = ["stale", "bad", `Stale: ${stale.map((a) => a.name).join(", ")} (last data ${(oldest / 1000).toFixed(0)} s ago)`];
   else if (recording.on) [badge, mood] = [`recording ${recording.opened.name}`, "warn"];
   else if (showsPast()) [badge, mood] = [state.paused ? "paused" : "looking back", "warn"];
@@ -203,10 +207,11 @@ function panels() {
   const mode = whatIf.active ? "whatif" : recording.on ? "recording" : series.some(({ bins }) => bins.length) ? "live" : "waiting";
   charts.draw(series, window, { ink: css("--ink"), line: css("--line"), faint: css("--faint") }, mode);
   at("window").hidden = kept === "all" && recording.on;
-  at("span-text").textContent = mode === "recording" ? `the whole recording, ${(window.span_ms / 1000).toFixed(1)} s` : `charts: ${duration(window.span_ms)}, every reading`;
+  at("span-text").textContent = { recording: `the whole recording, ${(window.span_ms / 1000).toFixed(1)} s`, waiting: "charts: no reading yet",
+    whatif: `charts: ${duration(window.span_ms)}, every prediction`, live: `charts: ${duration(window.span_ms)}, every reading` }[mode];
   at("time").hidden = whatIf.active;
   if (recording.on) return;
-  at("scrub").min = -Math.min(SPAN_MS, window.span_ms) / 1000;
+  at("scrub").min = -Math.round(Math.min(SPAN_MS, window.span_ms) / 100) / 10; // whole steps, so that 0 is one of them
   at("when").textContent = state.age_ms > 0 ? `−${(state.age_ms / 1000).toFixed(1)} s` : state.paused ? "paused" : "now";
 }
 

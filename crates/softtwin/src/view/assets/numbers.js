@@ -3,17 +3,18 @@
 const ROWS = [
   { name: "contact force", unit: "N", main: true, value: (f) => f.contact_force_n, digits: 3, more: (f) => [halfwidthText(f.force_halfwidth_n, 3, "N")] },
   { name: "measured force", unit: "N", main: true, value: (f) => f.measured_force_n, digits: 3, wanted: (f) => known(f.measured_force_n),
-    more: (f) => [known(f.contact_force_n) ? `predicted ${signed(f.contact_force_n - f.measured_force_n, 3)} N` : ""] },
-  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, more: (f) => [sourceText(f, 0), onsetText(f.onset_pressure_mpa)] },
+    more: (f) => [comparedText(f.measured_force_n - f.contact_force_n)] },
+  { name: "pressure", unit: "MPa", value: (f) => f.pressure_mpa, digits: 4, more: (f) => [sourceText(f, 0)] },
   { name: "gap", unit: "mm", value: (f) => f.gap_mm, digits: 2, none: "no plate", more: (f) => [sourceText(f, 1)] },
   { name: "largest stress", unit: "MPa", value: (f) => f.max_von_mises_mpa, digits: 3,
     more: (f) => [halfwidthText(f.von_mises_halfwidth_mpa, 3, ""), known(f.max_von_mises_node) ? `node ${f.max_von_mises_node}` : ""] },
   { name: "largest displacement", unit: "mm", value: (f) => f.max_displacement_mm, digits: 2, more: (f) => [halfwidthText(f.displacement_halfwidth_mm, 2, "mm")] },
-  { name: "latency", unit: "ms", value: (f) => f.latency_ms, digits: 3, none: "–", more: (f) => [known(f.rate_hz) ? `${f.rate_hz.toFixed(0)} readings/s` : ""] },
+  { name: "latency", unit: "ms", value: (f) => f.latency_ms, digits: 3, none: "–",
+    more: (f, fps) => [known(f.rate_hz) ? `${f.rate_hz.toFixed(0)} read/s` : "", fps > 0 ? `${fps.toFixed(0)} drawn/s` : ""] },
 ];
 
 const known = (value) => Number.isFinite(value);
-const signed = (value, digits) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(digits)}`;
+const comparedText = (more_n) => (known(more_n) ? `${Math.abs(more_n).toFixed(3)} N ${more_n < 0 ? "below" : "above"} predicted` : "");
 const halfwidthText = (half, digits, unit) => (known(half) ? `± ${Number(half.toFixed(digits + 1)) || !half ? half.toFixed(digits + 1) : half.toPrecision(1)} ${unit}`.trim() : "");
 
 // Where the value of an input comes from: measured, given, nominal, estimated; empty where nobody says.
@@ -25,7 +26,7 @@ function sourceText({ input_sources = [] }, at) {
 function onsetText(onset_mpa) {
   if (onset_mpa === "Infinity") return "plate out of reach";
   if (!known(onset_mpa)) return "";
-  return onset_mpa > 0 ? `contact from ${onset_mpa.toFixed(4)}` : "contact by weight";
+  return onset_mpa > 0 ? `contact from ${onset_mpa.toFixed(4)} MPa` : "contact by weight";
 }
 
 // Flags that tell of no trouble: a load cell is there; a model has more coefficients than a state has room for.
@@ -36,20 +37,19 @@ export function showNumbers(parent, frame, fps, regimes = {}) {
   const cells = ROWS.filter((row) => row.wanted?.(frame) ?? true).map((row) => {
     const value = row.value(frame);
     const main = known(value) ? [value.toFixed(row.digits), row.unit] : [row.none ?? "–", ""];
-    return cell(row, main, row.more(frame).filter(Boolean).join(" · "));
+    return cell(row, main, row.more(frame, fps));
   });
   const { input_names = [], inputs = [], force_by_input = [] } = frame;
   input_names.slice(2).forEach((name, k) => { // the parameters
     const [value, by] = [inputs[k + 2], force_by_input[k + 2]];
     const more = [sourceText(frame, k + 2), known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""];
-    if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more.filter(Boolean).join(" · ")));
+    if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more));
   });
-  const drawn = fps > 0 ? `${fps.toFixed(0)} ${fps.toFixed(0) === "1" ? "frame" : "frames"}/s drawn` : "";
-  cells.push(words("regime", regimes[frame.regime] ?? frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
+  cells.push(words("regime", regimes[frame.regime] ?? frame.regime, frame.regime === "unknown" ? "warn" : "good", [onsetText(frame.onset_pressure_mpa)]));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
   const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;
-  cells.push(words("flags", trouble.join(", ") || "none", trouble.length ? "warn" : "good", outcome));
+  cells.push(words("flags", trouble.join(", ") || "none", trouble.length ? "warn" : "good", [outcome]));
   parent.replaceChildren(...cells);
 }
 
@@ -57,14 +57,21 @@ function cell({ name, main }, [value, unit], more) {
   const box = element("div", main ? "number main" : "number");
   const line = element("div", "value", value);
   line.append(" ", element("span", "unit", unit));
-  box.append(element("div", "name", name), line, element("div", "more", more));
+  box.append(element("div", "name", name), line, notes(more));
   return box;
 }
 
 function words(name, text, mood, more) {
   const box = element("div", "number");
-  box.append(element("div", "name", name), element("div", `value words ${mood}`, text), element("div", "more", more));
+  box.append(element("div", "name", name), element("div", `value words ${mood}`, text), notes(more));
   return box;
+}
+
+// What stands below a value; a line breaks between notes, not within one.
+function notes(texts) {
+  const line = element("div", "more");
+  texts.filter(Boolean).forEach((text, k) => line.append(k ? " " : "", element("span", "note", k ? `· ${text}` : text)));
+  return line;
 }
 
 function element(tag, className, text) {

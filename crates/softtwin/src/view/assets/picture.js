@@ -7,7 +7,7 @@ const FORMATS = [["video/webm;codecs=vp9", "webm"], ["video/webm", "webm"], ["vi
 const BITS_PER_S = 8e6;
 
 export class Recorder {
-  // `describe()`: { title, numbers: [text], labels: [{ at, text }], scale } of what is shown.
+  // `describe()`: { title, numbers: [text], labels: [{ left, at, text }], scale } of what is shown.
   constructor(scene, describe, failed) {
     Object.assign(this, { scene, describe, failed, canvas: document.createElement("canvas"), film: null });
   }
@@ -54,7 +54,7 @@ export class Recorder {
     };
     text(title, 16, 28, { size: 16, weight: 650 });
     numbers.forEach((words, k) => text(words, 16, 50 + 19 * k));
-    for (const { at, text: words } of labels) text(words, at[0] + 10, at[1] + 4, { weight: 650, colour: "--force" });
+    for (const { left, at, text: words } of labels) text(words, left, at[1] + 4, { weight: 650, colour: "--force" });
     this.drawScale(draw, scale, unit, text);
   }
 

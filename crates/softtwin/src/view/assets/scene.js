@@ -12,6 +12,7 @@ const HEAD_RADIUS_MM = 2.4;
 const SHAFT_RADIUS_MM = 0.8;
 const GROWN_MM = 1;
 const [LABEL_WIDTH, LABEL_HEIGHT] = [76, 24]; // pixels, of a force with its rim
+const BESIDE = 10; // pixels from an arrow's point to its force; on its left where the right has no room
 const SEEN_NODES = 200; // of a shape, to fit the view to
 
 export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -58,10 +59,10 @@ export class Scene {
     const box = { low: corner("low", Math.min), high: corner("high", Math.max) };
     const grown = !this.box || box.low.some((v, k) => this.box.low[k] - v > GROWN_MM) || box.high.some((v, k) => v - this.box.high[k] > GROWN_MM);
     const tips = this.arrows(this.largest_n).map(({ tip }) => tip);
-    if (!grown && tips.length <= this.touched) return;
+    const nodes = actuators.flatMap((actuator) => actuator.some(SEEN_NODES)); // they may reach corners of the box that were empty before
+    if (!grown && tips.length <= this.touched && (this.camera.moved || this.camera.shows(nodes))) return;
     Object.assign(this, { box, touched: Math.max(tips.length, this.touched) });
-    this.seen.push(...tips);
-    for (const actuator of actuators) this.seen.push(...actuator.some(SEEN_NODES));
+    this.seen.push(...tips, ...nodes);
     for (const { low, high } of still) this.seen.push(...cornersOf(low, high));
     if (!this.camera.moved) this.fit();
   }
@@ -111,11 +112,13 @@ export class Scene {
     this.labels = arrows.map(({ tip, force_n }) => ({ at: this.camera.project(tip), text: `${force_n.toFixed(3)} N` })).filter(({ at }) => at);
     separate(this.labels);
     while (this.marks.children.length > this.labels.length) this.marks.lastChild.remove();
-    this.labels.forEach(({ at, text }, k) => {
+    this.labels.forEach((label, k) => {
+      const { at, text } = label;
       const mark = this.marks.children[k] ?? this.marks.appendChild(Object.assign(document.createElement("div"), { className: "mark" }));
       if (mark.textContent !== text) mark.textContent = text;
-      const x = Math.min(at[0] + 10, this.camera.canvas.clientWidth - mark.offsetWidth - 6); // inside the view
-      mark.style.transform = `translate(${x}px, ${at[1] - 11}px)`;
+      const isInside = at[0] + BESIDE + mark.offsetWidth + 6 <= this.camera.canvas.clientWidth;
+      label.left = isInside ? at[0] + BESIDE : Math.max(6, at[0] - BESIDE - mark.offsetWidth);
+      mark.style.transform = `translate(${label.left}px, ${at[1] - 11}px)`;
     });
   }
 }
