@@ -8,12 +8,13 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use wire::layout::{hex, unpack_name};
-use wire::{AnySample, Stamp, State, Topic, WireError, now_ns};
+use wire::{AnySample, RegimeNames, Stamp, State, Topic, WireError, now_ns};
 
 use super::companion::Companion;
 use super::summary::{RecordError, RecordSummary};
 use crate::gaps::GapCounter;
 use crate::message::{GapMessage, Recorded};
+use crate::regimes;
 use crate::rotate::{RotateSummary, RotatingWriter};
 use crate::sample;
 use crate::thread_group::{ThreadEnded, panic_cause};
@@ -126,8 +127,9 @@ impl QueueSink {
         self.queue.summary().set_trouble(self.topic.name(), cause);
     }
 
-    /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one.
-    pub fn put(&mut self, sample: &AnySample) {
+    /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one. `names` looks up what a
+    /// model calls its regimes.
+    pub fn put(&mut self, sample: &AnySample, names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
         let stamp = sample.stamp();
         if let Some(gap) = self.gaps.observe(stamp) {
             self.queue.summary().add_missing(gap.missing());
@@ -136,7 +138,7 @@ impl QueueSink {
             self.enqueue(self.gap_channel.clone(), stamp, data);
         }
         if let AnySample::State(state) = sample {
-            self.note_model(state);
+            self.note_model(state, names);
         }
         if self.is_recorded {
             self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
@@ -152,17 +154,22 @@ impl QueueSink {
         }
     }
 
-    /// Records which model an actuator's states come from, whenever that changes.
-    fn note_model(&mut self, state: &State) {
+    /// Records which model an actuator's states come from and what it calls its regimes, whenever that changes.
+    fn note_model(&mut self, state: &State, names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
         if self.model.replace(state.model_hash) == Some(state.model_hash) {
             return;
         }
+        let names = names(&state.model_hash).unwrap_or_else(|error| {
+            self.set_trouble(Some(&error)); // the numbers stand for the names
+            RegimeNames::new()
+        });
         let actuator = unpack_name(&state.actuator);
-        let name = format!("softtwin.model.{actuator}");
-        let entries = BTreeMap::from([
+        let name = format!("{}{actuator}", regimes::MODEL);
+        let mut entries = BTreeMap::from([
             ("actuator".to_owned(), actuator),
-            ("model_hash".to_owned(), hex(&state.model_hash)),
+            (regimes::HASH.to_owned(), hex(&state.model_hash)),
         ]);
+        entries.extend(regimes::entries(&names));
         // If the writer has ended, the recorder's loop sees it.
         let _ = self.queue.sender.send(Entry::Metadata { name, entries });
     }

@@ -45,7 +45,8 @@ export function showNumbers(parent, frame, fps, regimes = {}) {
     if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more.filter(Boolean).join(" · ")));
   });
   const drawn = fps > 0 ? `${fps.toFixed(0)} ${fps.toFixed(0) === "1" ? "frame" : "frames"}/s drawn` : "";
-  cells.push(words("regime", regimes[frame.regime] ?? frame.regime, frame.regime === "unknown" ? "warn" : "good", drawn));
+  const regime = frame.regime_name ?? regimes[frame.regime] ?? frame.regime;
+  cells.push(words("regime", regime, frame.regime === "unknown" ? "warn" : "good", drawn));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
   const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;
