@@ -115,11 +115,13 @@ fn wait_listening(bus: &wire::Bus, recorder: &Program) {
 /// A recording has the names beside its messages: without twin and model its tables say them.
 fn recorded(stage: &Stage) {
     run(stage, &["export", "run.mcap", "--out", "tables"]);
-    let table = std::fs::read_to_string(stage.path("tables/softtwin.strip.state.csv")).expect("a table");
-    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let at = rows.next().expect("a head").iter().position(|name| *name == "regime").expect("a column");
-    let mut found: Vec<String> =
-        rows.map(|row| row[at].to_owned()).filter(|name| name != "unknown").collect();
-    found.dedup();
-    assert_eq!(found, ["straight", "up"], "{table}");
+    for topic in ["state", "field"] {
+        let path = stage.path(&format!("tables/softtwin.strip.{topic}.csv"));
+        let table = std::fs::read_to_string(path).expect("a table");
+        let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let at = rows.next().expect("a head").iter().position(|name| *name == "regime").expect("a column");
+        let mut found: Vec<&str> = rows.map(|row| row[at]).filter(|name| *name != "unknown").collect();
+        found.dedup();
+        assert_eq!(found, ["straight", "up"], "{topic}: {table}");
+    }
 }

@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use wire::layout::{hex, unpack_name};
-use wire::{AnySample, RegimeNames, Stamp, State, Topic, WireError, now_ns};
+use wire::layout::hex;
+use wire::{AnySample, RegimeNames, Stamp, Topic, WireError, now_ns};
 
 use super::companion::Companion;
 use super::summary::{RecordError, RecordSummary};
@@ -50,7 +50,7 @@ pub struct QueueSink {
     /// Whether the samples themselves are recorded.
     is_recorded: bool,
     companion: Option<Box<dyn Companion>>,
-    /// The model of the newest state.
+    /// The model of the newest state or field.
     model: Option<[u8; 16]>,
 }
 
@@ -137,8 +137,13 @@ impl QueueSink {
             GapMessage::new(self.topic.name(), gap).encode(&mut data);
             self.enqueue(self.gap_channel.clone(), stamp, data);
         }
-        if let AnySample::State(state) = sample {
-            self.note_model(state, names);
+        let model = match sample {
+            AnySample::State(state) => Some(state.model_hash),
+            AnySample::Field(field) if self.is_recorded => Some(field.header().model_hash),
+            _ => None,
+        };
+        if let Some(model) = model {
+            self.note_model(model, names);
         }
         if self.is_recorded {
             self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
@@ -154,21 +159,19 @@ impl QueueSink {
         }
     }
 
-    /// Records which model an actuator's states come from and what it calls its regimes, whenever that changes.
-    fn note_model(&mut self, state: &State, names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
-        if self.model.replace(state.model_hash) == Some(state.model_hash) {
+    /// Records which model an actuator's states or fields come from and what it calls its regimes, whenever that changes.
+    fn note_model(&mut self, model: [u8; 16], names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
+        if self.model.replace(model) == Some(model) {
             return;
         }
-        let names = names(&state.model_hash).unwrap_or_else(|error| {
+        let names = names(&model).unwrap_or_else(|error| {
             self.set_trouble(Some(&error)); // the numbers stand for the names
             RegimeNames::new()
         });
-        let actuator = unpack_name(&state.actuator);
+        let actuator = self.topic.actuator().to_owned();
         let name = format!("{}{actuator}", regimes::MODEL);
-        let mut entries = BTreeMap::from([
-            ("actuator".to_owned(), actuator),
-            (regimes::HASH.to_owned(), hex(&state.model_hash)),
-        ]);
+        let mut entries =
+            BTreeMap::from([("actuator".to_owned(), actuator), (regimes::HASH.to_owned(), hex(&model))]);
         entries.extend(regimes::entries(&names));
         // If the writer has ended, the recorder's loop sees it.
         let _ = self.queue.sender.send(Entry::Metadata { name, entries });
