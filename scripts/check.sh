@@ -69,7 +69,7 @@ calculix() {
 
 clients() {
     [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
-    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy jsonschema basyx-python-sdk \
+    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy 'pymoca<0.13' jsonschema basyx-python-sdk \
         mcap mcap-protobuf-support foxglove-sdk rerun-sdk websockets gymnasium nbclient nbformat ipykernel
     cargo build --locked --quiet --workspace --bins --lib
     export PYTHONPATH=$PWD/clients/python/src

@@ -1,6 +1,7 @@
 //! Everything that reads bytes from outside, each as one function from bytes to nothing: no panic, no hang, no large
 //! allocation, whatever the bytes. The fuzz targets of `fuzz/` and the property test `inputs` run the same bodies.
 
+pub mod packed;
 pub mod wrapped;
 
 use recording::message::{Recorded, channel, decode_reading};
@@ -27,7 +28,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 26] = [
+pub const ENTRANCES: [Entrance; 29] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -54,7 +55,10 @@ pub const ENTRANCES: [Entrance; 26] = [
     Entrance { name: "listing", body: listing, seed: || LISTING.to_vec() },
     Entrance { name: "xplt", body: xplt, seed: || XPLT.to_vec() },
     Entrance { name: "msh", body: msh, seed: || MSH.to_vec() },
-    Entrance { name: "npz", body: npz, seed: npz_seed },
+    Entrance { name: "npz", body: npz, seed: packed::good_archive },
+    Entrance { name: "npz_arrays", body: packed::npz_arrays, seed: packed::npz_seed },
+    Entrance { name: "vtu_arrays", body: packed::vtu_arrays, seed: packed::vtu_seed },
+    Entrance { name: "xplt_plain", body: xplt, seed: || PLAIN_XPLT.to_vec() },
     Entrance { name: "model_header", body: wrapped::model_header, seed: wrapped::header_seed },
     Entrance { name: "named_header", body: wrapped::named_header, seed: wrapped::named_seed },
     Entrance { name: "chunk", body: wrapped::chunk, seed: wrapped::chunk_seed },
@@ -147,20 +151,18 @@ pub fn npz(bytes: &[u8]) {
     assert!(run.blocks.iter().flat_map(|block| &block.nodes).all(|node| (*node as usize) < nodes));
 }
 
-fn npz_seed() -> Vec<u8> {
-    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    let arrays: [(&str, &[usize], Vec<f32>); 3] = [
-        ("points", &[4, 3], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
-        ("tetra", &[1, 4], vec![0.0, 1.0, 2.0, 3.0]),
-        ("displacement", &[1, 4, 3], vec![0.1; 12]),
+/// Points, a tetrahedron and its displacement, as `.npy` files.
+fn npz_arrays_seed() -> [Vec<u8>; 3] {
+    let arrays: [(&[usize], &[f32]); 3] = [
+        (&[4, 3], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+        (&[1, 4], &[0.0, 1.0, 2.0, 3.0]),
+        (&[1, 4, 3], &[0.1; 12]),
     ];
-    for (name, shape, data) in arrays {
-        let stored =
-            zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
-        archive.start_file(format!("{name}.npy"), stored).expect("memory");
-        formats::npy::write_f32_to(&mut archive, shape, &data).expect("memory");
-    }
-    archive.finish().expect("memory").into_inner()
+    arrays.map(|(shape, data)| {
+        let mut bytes = Vec::new();
+        formats::npy::write_f32_to(&mut bytes, shape, data).expect("memory");
+        bytes
+    })
 }
 
 /// A gmsh mesh.
@@ -399,8 +401,9 @@ const LISTING: &[u8] = b" PRINT U    NODAL SOLUTION PER NODE\n\n  ***** POST1 NO
 GLOBAL COORDINATE SYSTEM\n\n    NODE       UX           UY           UZ\n 1  0.10000E-001-0.20000E-001 0.0000\n 2  1.0 2.0 3.0\n\
  3 0.0 0.0 0.0\n 4 1 2 3\n\n MAXIMUM ABSOLUTE VALUES\n NODE          4          2          4\n VALUE   1.0 2.0 3.0\n";
 
-/// As `scripts/checks/xplt_fixtures.py` wrote it.
+/// As `scripts/checks/xplt_fixtures.py` wrote them; the second one is not deflated.
 const XPLT: &[u8] = include_bytes!("../../crates/formats/tests/data/compressed.xplt");
+const PLAIN_XPLT: &[u8] = include_bytes!("../../crates/formats/tests/data/plain.xplt");
 
 const FRD: &[u8] = b"    2C                             4                                     1\n\
  -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n -1         2 1.00000E+00 0.00000E+00 0.00000E+00\n\

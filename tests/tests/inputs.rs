@@ -1,7 +1,8 @@
 //! Damaged inputs at every entrance: the bodies of the fuzz targets, on stable, with every allocation watched.
 //!
 //! `SOFTTWIN_INPUTS=10000000 cargo test --workspace --test inputs -- --nocapture` tries so many inputs over all entrances
-//! and says how many it tried, the largest allocation and the slowest input of each entrance.
+//! and says how many it tried, the largest allocation and the slowest input of each entrance. `SOFTTWIN_ENTRANCES=frd,xplt` tries
+//! these only, each as often.
 
 use rom::rng::Rng;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -56,6 +57,7 @@ fn share(entrance: &Entrance) -> usize {
         "recording" => 90,
         "key" => 120,
         "frd" | "vtu" | "pvd" | "xdmf" | "hdf5" | "inp" | "cdb" | "listing" | "xplt" | "msh" | "chunk" => 20,
+        "npz_arrays" | "vtu_arrays" | "xplt_plain" => 20,
         "selector" | "websocket" => 30,
         _ => 220,
     }
@@ -69,9 +71,15 @@ fn no_input_breaks_an_entrance() {
     let asked: Option<usize> =
         std::env::var("SOFTTWIN_INPUTS").ok().map(|count| count.parse().expect("a number"));
     let wanted = asked.unwrap_or(USUAL_TOTAL);
+    let chosen = std::env::var("SOFTTWIN_ENTRANCES").ok();
+    let chosen: Option<Vec<&str>> = chosen.as_ref().map(|names| names.split(',').collect());
+    let unknown = |name: &&&str| ENTRANCES.iter().all(|entrance| entrance.name != **name);
+    assert_eq!(chosen.iter().flatten().find(unknown), None, "no such entrance");
     let mut total = 0;
-    for entrance in &ENTRANCES {
-        let count = (wanted * share(entrance)).div_ceil(1000);
+    for entrance in
+        ENTRANCES.iter().filter(|one| chosen.as_ref().is_none_or(|names| names.contains(&one.name)))
+    {
+        let count = chosen.as_ref().map_or_else(|| (wanted * share(entrance)).div_ceil(1000), |_| wanted);
         let (largest, slowest) = try_all(entrance, count);
         assert!(largest <= LARGEST_ALLOCATION, "{}: {largest} bytes at once", entrance.name);
         println!(

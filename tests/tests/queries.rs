@@ -352,7 +352,7 @@ fn selectors_are_read_as_zenoh_writes_them() {
         ("softtwin/finger/whatif?pressure_mpa=x", "finite number"),
         ("softtwin/finger/whatif?pressure_mpa=0.1;pressure_mpa=0.2", "twice"),
         (
-            "softtwin/finger/whatif?pressure=0.1",
+            "softtwin/finger/gap?pressure=0.1;force_n=0.3",
             "needs pressure_mpa; taken for parameters of the model: pressure",
         ),
         ("softtwin/finger/whatif?pressure_mpa=0.1;=3", "expected name=value"),

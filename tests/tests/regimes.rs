@@ -7,7 +7,7 @@ use tests::strip::simulations;
 use tests::wait::{wait_for, wait_state, wait_until};
 use tests::{Program, Stage};
 use wire::layout::{flags, regime};
-use wire::{FieldReader, StateReader, Topic};
+use wire::{FieldReader, KeyExpr, StateReader, Topic};
 
 /// What the trace has, and the regime with an imperfection of [`IMPERFECTION_MM`].
 const LOADS: [(f64, &str, u32); 3] =
@@ -45,6 +45,8 @@ fn a_strip_is_served_in_the_regime_of_each_reading() {
     let bus = stage.bus();
     let states = StateReader::attach(&bus, &Topic::state("strip").unwrap()).expect("a state");
     let fields = FieldReader::attach(&bus, &Topic::field("strip", None).unwrap()).expect("a field");
+    let mut recorder = Program::tool(&stage, &["record", "--out", "run.mcap", "--fields"]);
+    wait_listening(&bus, &recorder);
     let bridge = Program::daemon(&stage, &["bridge", "--scene", &scene]);
     let mut seen = Vec::new();
     wait_state(&states, "the last reading's state", |state| {
@@ -78,11 +80,48 @@ fn a_strip_is_served_in_the_regime_of_each_reading() {
             "{load} N: off by {off}"
         );
     }
-    // Where no model is at hand, the number stands for the name.
-    wait_until("a state as text", || {
-        let said = Program::tool(&stage, &["echo", "softtwin/strip/state", "--once"]).end().1.join("\n");
-        said.contains("regime 5").then_some(())
-    });
+    // Programs without the model learn the names from the twin.
+    for (arguments, text) in [
+        (&["echo", "softtwin/strip/state", "--once"][..], "  up "),
+        (&["echo", "softtwin/strip/state", "--once", "--json"], "\"regime\":\"up\""),
+        (&["top", "--once"], " up "),
+        (&["top", "--once", "--json"], "\"regime\":\"up\""),
+        (&["info", "softtwin/strip/state"], "  up "),
+        (&["get", "softtwin/strip/whatif?load_n=5"], "  straight "),
+        (&["get", "softtwin/strip/whatif?load_n=13", "--json"], "\"regime\":\"up\""),
+    ] {
+        wait_until(text, || {
+            let said = Program::tool(&stage, arguments).end().1.join("\n");
+            said.contains(text).then_some(())
+        });
+    }
     assert!(bridge.ended().0.success());
+    recorder.signal(libc::SIGINT);
+    assert!(recorder.end().0.success());
     assert!(twin.stop().0.success());
+    recorded(&stage);
+}
+
+/// Waits until the recorder reads state and field.
+fn wait_listening(bus: &wire::Bus, recorder: &Program) {
+    let all = KeyExpr::new("softtwin/strip/**").expect("a key");
+    wait_until("a recorder that listens", || {
+        let found = bus.topics(&all).expect("topics");
+        let is_read = |info: &wire::TopicInfo| info.readers.contains(&recorder.id());
+        (found.iter().filter(|info| is_read(info)).count() == found.len()).then_some(())
+    });
+}
+
+/// A recording has the names beside its messages: without twin and model its tables say them.
+fn recorded(stage: &Stage) {
+    run(stage, &["export", "run.mcap", "--out", "tables"]);
+    for topic in ["state", "field"] {
+        let path = stage.path(&format!("tables/softtwin.strip.{topic}.csv"));
+        let table = std::fs::read_to_string(path).expect("a table");
+        let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let at = rows.next().expect("a head").iter().position(|name| *name == "regime").expect("a column");
+        let mut found: Vec<&str> = rows.map(|row| row[at]).filter(|name| *name != "unknown").collect();
+        found.dedup();
+        assert_eq!(found, ["straight", "up"], "{topic}: {table}");
+    }
 }

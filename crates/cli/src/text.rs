@@ -9,13 +9,14 @@ use wire::{
     State, Valve, now_ns,
 };
 
-/// A summary of a sample; of a field never all values.
-pub fn sample(sample: &AnySample) -> String {
+/// A summary of a sample; of a field never all values. `regime` is the name of its regime where that is known; else the number
+/// stands for it.
+pub fn sample(sample: &AnySample, regime: Option<&str>) -> String {
     match sample {
         AnySample::Sensor(sample) => sensor(sample),
-        AnySample::State(sample) => state(sample),
+        AnySample::State(sample) => state(sample, regime),
         AnySample::Health(sample) => health(sample),
-        AnySample::Field(sample) => field(sample),
+        AnySample::Field(sample) => field(sample, regime),
         AnySample::Grasp(sample) => numbered_grasp(sample),
         AnySample::Estimate(sample) => estimate(sample),
         AnySample::Command(sample) => format!("#{:<7} P wanted {:8.5} MPa", sample.seq, sample.pressure_mpa),
@@ -71,7 +72,7 @@ fn sensor(sample: &SensorSample) -> String {
     )
 }
 
-fn state(state: &State) -> String {
+fn state(state: &State, regime: Option<&str>) -> String {
     let outcome = Outcome::from_code(state.outcome).filter(|outcome| *outcome != Outcome::Published);
     format!(
         "#{:<7} {}{}{}  {:7}  {}{}  age {}{}{}",
@@ -79,7 +80,7 @@ fn state(state: &State) -> String {
         inputs(state.pressure_mpa, state.gap_mm),
         not_measured(state.inputs()),
         parameters(state.inputs()),
-        regime::as_str(state.regime),
+        regime.unwrap_or(regime::as_str(state.regime)),
         force(
             state.contact_force_n,
             state.force_halfwidth_n,
@@ -152,7 +153,7 @@ fn health(health: &Health) -> String {
     )
 }
 
-fn field(sample: &FieldSample) -> String {
+fn field(sample: &FieldSample, regime: Option<&str>) -> String {
     let header = sample.header();
     let ranges: Vec<String> = header
         .fields()
@@ -163,21 +164,21 @@ fn field(sample: &FieldSample) -> String {
         .collect();
     format!(
         "{}  {} nodes  {}{}",
-        field_header(header),
+        field_header(header, regime),
         header.node_count,
         ranges.join("  "),
         flag_list(header.flags),
     )
 }
 
-/// Number, inputs, regime and force of a field.
-pub fn field_header(header: &FieldHeader) -> String {
+/// Number, inputs, regime (by its name where that is known) and force of a field.
+pub fn field_header(header: &FieldHeader, regime: Option<&str>) -> String {
     format!(
         "#{:<7} {}{}  {:7}  {}",
         header.seq,
         inputs(header.pressure_mpa, header.gap_mm),
         parameters(header.inputs()),
-        regime::as_str(header.regime),
+        regime.unwrap_or(regime::as_str(header.regime)),
         force(header.contact_force_n, f32::NAN, [f64::NAN; 2]),
     )
 }
@@ -211,8 +212,8 @@ pub fn grasp_forces(grasp: &Grasp) -> String {
     format!("{:.3} of {:.3} N a finger, {stop}", grasp.least_force_n, grasp.needed_force_n)
 }
 
-/// An answer with the question it belongs to, or why there is none.
-pub fn answer(answer: &Answer) -> String {
+/// An answer with the question it belongs to, or why there is none. `regime` is the name of its regime where that is known.
+pub fn answer(answer: &Answer, regime: Option<&str>) -> String {
     let head = format!("softtwin/{}/{}", unpack_name(&answer.actuator), query_kind::as_str(answer.kind));
     if let Some(reason) = answer.refusal() {
         return format!("{head}  no answer: {reason}");
@@ -234,7 +235,7 @@ pub fn answer(answer: &Answer) -> String {
         },
         inputs(answer.pressure_mpa, answer.gap_mm),
         parameters(answer.inputs()),
-        regime::as_str(answer.regime),
+        regime.unwrap_or(regime::as_str(answer.regime)),
         force(
             answer.contact_force_n,
             answer.force_halfwidth_n,

@@ -82,9 +82,12 @@ fn files_that_cannot_be_read_say_what_to_do() {
     );
     assert!(refused(binary.as_bytes()).contains("*NODE FILE"));
     let dir = tempfile::tempdir().unwrap();
-    for (name, part) in
-        [("run.odb", "Abaqus' Python"), ("run.h5", "the .xdmf beside it"), ("run", "no ending")]
-    {
+    for (name, part) in [
+        ("run.odb", "Abaqus' Python"),
+        ("run.h5", "the .xdmf beside it"),
+        ("run.case", "save its data as .pvd"),
+        ("run", "no ending"),
+    ] {
         let path = dir.path().join(name);
         fs::write(&path, "").unwrap();
         let text = results::read(&path).unwrap_err().to_string();

@@ -149,6 +149,12 @@ impl Evaluator {
         kind.name_in(self.decision.as_ref().map_or(&[], |decision| &decision.names))
     }
 
+    /// Number and name of each regime of the model's own; none where they are free and contact.
+    pub fn named_regimes(&self) -> impl Iterator<Item = (u32, &str)> {
+        let names = self.decision.iter().flat_map(|decision| &decision.names);
+        (0..).zip(names).map(|(at, name)| (RegimeKind::Named(at).number(), name.as_str()))
+    }
+
     /// Pressure by which the onset must be undercut before the contact label is dropped, in MPa.
     pub(crate) fn hysteresis_mpa(&self) -> f64 {
         self.hysteresis_mpa

@@ -1,5 +1,6 @@
 //! SIGHUP: reads scene and models again while the loop runs, and hands them over between two readings.
 
+use crate::regime_names::RegimeTeller;
 use crate::side_services::{ReloadHandle, SideServices};
 use runtime::config::ConfigError;
 use runtime::load::Loaded;
@@ -55,12 +56,13 @@ impl Loader {
         requested: &AtomicBool,
         end: &StopFlag,
         services: &ReloadHandle,
+        mut teller: RegimeTeller,
         load: impl Fn() -> Result<Reloaded, ConfigError>,
     ) {
         while !end.is_set() {
             if requested.swap(false, Ordering::Relaxed) {
                 service::notify_reloading();
-                self.reload(end, services, &load);
+                self.reload(end, services, &mut teller, &load);
                 service::notify_reloaded();
             }
             end.pause(INTERVAL);
@@ -71,6 +73,7 @@ impl Loader {
         &self,
         end: &StopFlag,
         services: &ReloadHandle,
+        teller: &mut RegimeTeller,
         load: &impl Fn() -> Result<Reloaded, ConfigError>,
     ) {
         let (loaded, new_services) = match load() {
@@ -78,6 +81,7 @@ impl Loader {
             Err(error) => return tracing::error!("reload refused, the old scene and models stay: {error}"),
         };
         let models: Vec<String> = loaded.iter().map(|loaded| layout::hex(&loaded.model_hash)).collect();
+        teller.tell(&loaded); // before the first state with them
         if self.new.send(loaded).is_err() {
             return;
         }

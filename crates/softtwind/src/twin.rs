@@ -2,6 +2,7 @@
 
 use crate::exclusive::ExclusiveServices;
 use crate::options::TwinOptions;
+use crate::regime_names::RegimeTeller;
 use crate::side_services::SideServices;
 use crate::take_over::{Ended, TakeOver};
 use crate::{files, reload, reporter};
@@ -38,6 +39,8 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     let domain = options.domain.domain();
     let bus = Bus::open(&domain)?;
     let (sender, events) = event_channel();
+    let mut teller = RegimeTeller::new(domain.clone(), Some(bus.clone()));
+    teller.tell(&loaded);
     let enter = if options.take_over { Twin::stand_by } else { Twin::start };
     let mut twin = enter(&bus, loaded, &settings, &sender)?;
     let topics = twin.state_topics();
@@ -60,6 +63,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
         Ok(())
     })?;
     let metrics = options.metrics.clone();
+    let retold = domain.clone();
     let mut exclusive = Some(ExclusiveServices { metrics, shown, services: side_services, domain, topics });
     let started =
         exclusive.take_if(|_| !options.take_over).map(|services| services.start(&mut group)).transpose()?;
@@ -76,7 +80,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
             }
             _ => return Ok(()), // it could not take over
         };
-        loader.run(&reload, end, &services, || reread(&reread_options));
+        loader.run(&reload, end, &services, RegimeTeller::new(retold, None), || reread(&reread_options));
         Ok(late.end()?)
     })?;
     let granted = prepare(&settings, &twin)?;

@@ -154,8 +154,10 @@ fn taken_for_parameters(names: &[String]) -> String {
 }
 
 fn needs(query: &Query) -> Result<(), SelectorError> {
-    // A fixed gap needs not be given: the twin then takes its own (see the scene), and says so when there is none.
+    // A fixed gap needs not be given: the twin then takes its own (see the scene), and says so when there is none. Nor need the
+    // pressure beside inputs by name: only the twin knows whether its model has one.
     let needed: &[(&str, f64)] = match query.kind {
+        query_kind::WHATIF if query.parameter_count > 0 => &[],
         query_kind::WHATIF => &[("pressure_mpa", query.pressure_mpa)],
         query_kind::PRESSURE => &[("force_n", query.force_n)],
         _ => &[("pressure_mpa", query.pressure_mpa), ("force_n", query.force_n)],

@@ -7,8 +7,8 @@ use std::time::{Duration, SystemTime};
 use wire::layout::{field_id, flags, pack_name, unpack_name};
 use wire::{
     Bus, Domain, Estimate, EstimateReader, EstimateWriter, FieldHeader, FieldReader, FieldWriter, KeyExpr,
-    SensorReader, SensorSample, SensorWriter, SpinWait, State, StateReader, StateWriter, Topic, Wake,
-    WakeSet, Wakeable, Waking, WireError,
+    RegimeNames, SensorReader, SensorSample, SensorWriter, SpinWait, State, StateReader, StateWriter,
+    ToldRegimes, Topic, Wake, WakeSet, Wakeable, Waking, WireError,
 };
 
 /// A bus in a domain of its own that leaves nothing behind.
@@ -257,6 +257,27 @@ fn topics_are_found_by_key_expression() {
 }
 
 /// Whoever writes to the domain's folder waits for its disk: a loop that looks for topics must not.
+/// Sixteen names of the greatest length, which is what a model may have.
+#[test]
+fn names_of_regimes_are_told_as_long_as_a_twin_is_there() {
+    let bus = bus();
+    let names: RegimeNames = (3..19).map(|number| (number, format!("{number:0>32}"))).collect();
+    let (model, other) = ([7; 16], [8; 16]);
+    assert!(bus.regime_names(&model).unwrap().is_empty(), "nobody tells them");
+    let told = ToldRegimes::tell(&bus, &model, &names).unwrap();
+    let again = ToldRegimes::tell(&bus, &model, &names).unwrap();
+    let late = Bus::open(&bus.1).unwrap();
+    assert_eq!(late.regime_names(&model).unwrap(), names);
+    assert!(late.regime_names(&other).unwrap().is_empty());
+    assert!(bus.names(&KeyExpr::new("softtwin/**").unwrap()).unwrap().is_empty(), "they are no topic");
+    let contradiction = ToldRegimes::tell(&late, &model, &RegimeNames::from([(3, "up".to_owned())]));
+    assert!(contradiction.is_err());
+    drop((told, late));
+    assert_eq!(bus.regime_names(&model).unwrap(), names, "another twin still tells them");
+    drop(again);
+    assert!(bus.regime_names(&model).unwrap().is_empty());
+}
+
 #[test]
 fn a_look_for_names_leaves_the_folder_alone() {
     let root = tempfile::tempdir().unwrap();

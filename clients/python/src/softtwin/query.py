@@ -36,17 +36,18 @@ class Client:
             )
 
     @overload
-    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: None = None, inputs: Inputs = ...) -> layout.Answer: ...
+    def whatif(self, pressure_mpa: float = ..., gap_mm: float = ..., *, field: None = None, inputs: Inputs = ...) -> layout.Answer: ...
 
     @overload
-    def whatif(self, pressure_mpa: float, gap_mm: float = ..., *, field: str, inputs: Inputs = ...) -> Field: ...
+    def whatif(self, pressure_mpa: float = ..., gap_mm: float = ..., *, field: str, inputs: Inputs = ...) -> Field: ...
 
     def whatif(
-        self, pressure_mpa: float, gap_mm: float = math.nan, *, field: Optional[str] = None, inputs: Inputs = None
+        self, pressure_mpa: float = math.nan, gap_mm: float = math.nan, *, field: Optional[str] = None, inputs: Inputs = None
     ) -> Union[layout.Answer, Field]:
         """State and force at a pressure (MPa) and a gap (mm; NaN: the scene's); with `field`, the node set's field too.
 
         `inputs`: values of the model's parameters by name, such as {"elastomer.law.mu_mpa": 0.7}; the others are the scene's.
+        Of a model that does not depend on the pressure they are enough: `whatif(inputs={"load_n": 2.6})`.
         """
         return self._ask("whatif", field, inputs, pressure_mpa=pressure_mpa, gap_mm=gap_mm)
 

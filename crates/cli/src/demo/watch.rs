@@ -111,7 +111,7 @@ fn show_line(header: &FieldHeader, latency_ns: u64) {
     let _ = write!(
         std::io::stderr(),
         "{begin}{}  max stress {:.3} MPa  {} entries  {:6.0} us{end}",
-        text::field_header(header),
+        text::field_header(header, None),
         header.max_von_mises_mpa,
         header.entries(),
         latency_ns as f64 / 1000.0,

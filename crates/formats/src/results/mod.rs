@@ -37,9 +37,10 @@ use crate::error::{Diagnostic, FormatError};
 use std::path::Path;
 
 /// Formats of which the reader is another program.
-const ELSEWHERE: [(&str, &str); 5] = [
+const ELSEWHERE: [(&str, &str); 6] = [
     ("h5", "the .xdmf beside it says what its data sets are; name that one"),
     ("vtk", "meshio convert run.vtk run.vtu"),
+    ("case", "open the EnSight case in ParaView and save its data as .pvd"),
     ("odb", "write mesh (.inp) and fields (.csv) from Abaqus' Python: docs/import.md shows the lines"),
     (
         "rst",

@@ -7,13 +7,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use wire::layout::{hex, unpack_name};
-use wire::{AnySample, Stamp, State, Topic, WireError, now_ns};
+use wire::layout::hex;
+use wire::{AnySample, RegimeNames, Stamp, Topic, WireError, now_ns};
 
 use super::companion::Companion;
 use super::summary::{RecordError, RecordSummary};
 use crate::gaps::GapCounter;
 use crate::message::{GapMessage, Recorded};
+use crate::regimes;
 use crate::rotate::{RotateSummary, RotatingWriter};
 use crate::sample;
 use crate::thread_group::{ThreadEnded, panic_cause};
@@ -49,7 +50,7 @@ pub struct QueueSink {
     /// Whether the samples themselves are recorded.
     is_recorded: bool,
     companion: Option<Box<dyn Companion>>,
-    /// The model of the newest state.
+    /// The model of the newest state or field.
     model: Option<[u8; 16]>,
 }
 
@@ -126,8 +127,9 @@ impl QueueSink {
         self.queue.summary().set_trouble(self.topic.name(), cause);
     }
 
-    /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one.
-    pub fn put(&mut self, sample: &AnySample) {
+    /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one. `names` looks up what a
+    /// model calls its regimes.
+    pub fn put(&mut self, sample: &AnySample, names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
         let stamp = sample.stamp();
         if let Some(gap) = self.gaps.observe(stamp) {
             self.queue.summary().add_missing(gap.missing());
@@ -135,8 +137,13 @@ impl QueueSink {
             GapMessage::new(self.topic.name(), gap).encode(&mut data);
             self.enqueue(self.gap_channel.clone(), stamp, data);
         }
-        if let AnySample::State(state) = sample {
-            self.note_model(state);
+        let model = match sample {
+            AnySample::State(state) => Some(state.model_hash),
+            AnySample::Field(field) if self.is_recorded => Some(field.header().model_hash),
+            _ => None,
+        };
+        if let Some(model) = model {
+            self.note_model(model, names);
         }
         if self.is_recorded {
             self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
@@ -152,17 +159,20 @@ impl QueueSink {
         }
     }
 
-    /// Records which model an actuator's states come from, whenever that changes.
-    fn note_model(&mut self, state: &State) {
-        if self.model.replace(state.model_hash) == Some(state.model_hash) {
+    /// Records which model an actuator's states or fields come from and what it calls its regimes, whenever that changes.
+    fn note_model(&mut self, model: [u8; 16], names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
+        if self.model.replace(model) == Some(model) {
             return;
         }
-        let actuator = unpack_name(&state.actuator);
-        let name = format!("softtwin.model.{actuator}");
-        let entries = BTreeMap::from([
-            ("actuator".to_owned(), actuator),
-            ("model_hash".to_owned(), hex(&state.model_hash)),
-        ]);
+        let names = names(&model).unwrap_or_else(|error| {
+            self.set_trouble(Some(&error)); // the numbers stand for the names
+            RegimeNames::new()
+        });
+        let actuator = self.topic.actuator().to_owned();
+        let name = format!("{}{actuator}", regimes::MODEL);
+        let mut entries =
+            BTreeMap::from([("actuator".to_owned(), actuator), (regimes::HASH.to_owned(), hex(&model))]);
+        entries.extend(regimes::entries(&names));
         // If the writer has ended, the recorder's loop sees it.
         let _ = self.queue.sender.send(Entry::Metadata { name, entries });
     }

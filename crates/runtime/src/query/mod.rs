@@ -34,6 +34,8 @@ pub struct Answerer {
     solver: Solver,
     /// The gap that stands in when a question names none; none: it must.
     default_gap_mm: Option<f64>,
+    /// The pressure that stands in when a question names none: any, where the model does not depend on it; else none.
+    default_pressure_mpa: Option<f64>,
     /// Names of the inputs, and the parameters' values that stand in when a question names none; NaN for one that is measured:
     /// the question must.
     names: InputNames,
@@ -76,6 +78,7 @@ impl Answerer {
             model_hash: loaded.model_hash,
             solver: Solver::new(loaded.evaluator, pressure_mpa, gap_mm),
             default_gap_mm: fixed_mm.or(constant_mm),
+            default_pressure_mpa: (!loaded.needs[PRESSURE]).then_some(0.0),
             names,
             inputs,
             measured,
@@ -158,7 +161,9 @@ impl Answerer {
         let gap_mm = if query.gap_mm.is_nan() { self.default_gap_mm } else { Some(query.gap_mm) };
         // No obstacle is a gap without end.
         let gap_mm = gap_mm.or((query.kind == query_kind::WHATIF).then_some(f64::INFINITY));
-        let (pressure_mpa, force_n) = (query.pressure_mpa, query.force_n);
+        let (asked_mpa, force_n) = (query.pressure_mpa, query.force_n);
+        let pressure_mpa =
+            if asked_mpa.is_nan() { self.default_pressure_mpa.unwrap_or(f64::NAN) } else { asked_mpa };
         match (query.kind, gap_mm) {
             (query_kind::WHATIF, Some(gap_mm)) if pressure_mpa.is_finite() => {
                 Ok((pressure_mpa, gap_mm, None))

@@ -1,7 +1,7 @@
 //! `softtwin echo`.
 
 use crate::failure::usage;
-use crate::live::{self, DomainArgs, Readers};
+use crate::live::{self, DomainArgs, Readers, Regimes};
 use crate::output;
 use serde_json::json;
 use std::io::IsTerminal;
@@ -56,13 +56,15 @@ impl Args {
     pub fn run(self) -> anyhow::Result<()> {
         let field = self.field.as_deref().map(field_number).transpose()?;
         let limit = self.seconds.map(Duration::from_secs_f64);
-        let mut readers = Readers::open(&self.domain.join()?, &live::key(&self.key)?, limit)?;
+        let bus = self.domain.join()?;
+        let mut readers = Readers::open(&bus, &live::key(&self.key)?, limit)?;
+        let mut regimes = Regimes::new(&bus);
         let topics: Vec<String> = readers.topics().map(|topic| topic.name().to_owned()).collect();
         let wanted = if self.once { 1 } else { self.count.unwrap_or(u64::MAX) };
         let mut shown = 0;
         while shown < wanted {
             if let Some((index, sample)) = readers.next()? {
-                self.show(&topics[index], &sample, field)?;
+                self.show(&topics[index], &sample, field, regimes.of(&sample)?)?;
                 shown += 1;
             } else if !readers.wait(Duration::from_secs(1))? {
                 break;
@@ -77,16 +79,22 @@ impl Args {
         Ok(())
     }
 
-    fn show(&self, topic: &str, sample: &AnySample, field: Option<u8>) -> anyhow::Result<()> {
+    fn show(
+        &self,
+        topic: &str,
+        sample: &AnySample,
+        field: Option<u8>,
+        regime: Option<&str>,
+    ) -> anyhow::Result<()> {
         if let AnySample::Field(values) = sample
             && (field.is_some() || self.node.is_some())
         {
             return self.show_values(topic, values, field);
         }
         if self.json {
-            return output::json(&json!({ "topic": topic, "sample": live::json::sample(sample)? }));
+            return output::json(&json!({ "topic": topic, "sample": live::json::sample(sample, regime)? }));
         }
-        let line = format!("{topic}  {}", live::text::sample(sample));
+        let line = format!("{topic}  {}", live::text::sample(sample, regime));
         let is_terminal = std::io::stdout().is_terminal();
         Ok(output!("{}", if is_terminal { fold(&line, COLUMNS) } else { line })?)
     }

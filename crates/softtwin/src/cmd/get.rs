@@ -1,7 +1,7 @@
 //! `softtwin get`.
 
 use crate::failure::usage;
-use crate::live::{self, DomainArgs};
+use crate::live::{self, DomainArgs, Regimes};
 use crate::output;
 use anyhow::Context;
 use formats::npy;
@@ -24,6 +24,8 @@ Examples:
       --out state.npy
   With other values of the model's parameters than the scene's (by their names in `softtwin inspect MODEL`)
     softtwin get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;elastomer.law.mu_mpa=0.7'
+  Of a model of other inputs: those by name; a pressure is asked for only where the model depends on one
+    softtwin get 'softtwin/part/whatif?load_n=2.6;thickness_mm=7.3'
   The inverse: which pressure gives 0.3 N at a gap of 30 mm
     softtwin get 'softtwin/finger/pressure?force_n=0.3;gap_mm=30'
   The gap that explains 0.3 N (known to 5 mN) at 0.05 MPa, with its uncertainty
@@ -71,28 +73,32 @@ impl Args {
         {
             return Err(usage("--out: expected one question with field=<node set>"));
         }
-        let mut refused = 0;
+        let (mut refused, mut regimes) = (0, Regimes::new(&bus));
         for (actuator, query) in &questions {
             let mut client = QueryClient::open(&bus, actuator)?;
             let sample = client.ask(query, Duration::from_millis(self.timeout_ms))?;
             refused += usize::from(sample.answer().refusal().is_some());
-            self.show(query, &sample)?;
+            let answer = sample.answer();
+            self.show(query, &sample, regimes.name(&answer.model_hash, answer.regime)?)?;
         }
         anyhow::ensure!(refused == 0, "{refused} of {} questions have no answer, see above", questions.len());
         Ok(())
     }
 
-    fn show(&self, query: &Query, sample: &AnswerSample) -> anyhow::Result<()> {
+    fn show(&self, query: &Query, sample: &AnswerSample, regime: Option<&str>) -> anyhow::Result<()> {
         let answer = sample.answer();
         if let (Some(out), None) = (&self.out, answer.refusal()) {
             let shape = [answer.field_count as usize, answer.node_count as usize];
             npy::write_f32(out, &shape, sample.values()).context("the field was not written")?;
         }
         if !self.json {
-            return Ok(output!("{}{}", live::text::answer(answer), did_you_mean(query, answer))?);
+            return Ok(output!("{}{}", live::text::answer(answer, regime), did_you_mean(query, answer))?);
         }
         let fields: Vec<&str> = answer.fields().map(field_id::as_str).collect();
         let mut value = message::answer(answer);
+        if let Some(name) = regime {
+            value["regime"] = name.into();
+        }
         if let Some(reason) = answer.refusal() {
             value["refusal"] = (reason + &did_you_mean(query, answer)).into();
         }

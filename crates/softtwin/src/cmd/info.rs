@@ -1,6 +1,6 @@
 //! `softtwin info`.
 
-use crate::live::{self, DomainArgs};
+use crate::live::{self, DomainArgs, Regimes};
 use crate::output;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -32,13 +32,15 @@ impl Args {
     /// Prints what is known of each topic.
     pub fn run(self) -> anyhow::Result<()> {
         let bus = self.domain.join()?;
+        let mut regimes = Regimes::new(&bus);
         for info in live::find(&bus, &live::key(&self.key)?)? {
             let newest = newest(&bus, &info)?;
+            let regime = newest.as_ref().map(|sample| regimes.of(sample)).transpose()?.flatten();
             if self.json {
-                let last = newest.as_ref().map(live::json::sample).transpose()?.unwrap_or(Value::Null);
-                output::json(&describe(&info, last))?;
+                let last = newest.as_ref().map(|sample| live::json::sample(sample, regime)).transpose()?;
+                output::json(&describe(&info, last.unwrap_or(Value::Null)))?;
             } else {
-                print(&info, newest.as_ref())?;
+                print(&info, newest.as_ref(), regime)?;
             }
         }
         Ok(())
@@ -79,7 +81,7 @@ fn describe(info: &TopicInfo, last: Value) -> Value {
     })
 }
 
-fn print(info: &TopicInfo, newest: Option<&AnySample>) -> anyhow::Result<()> {
+fn print(info: &TopicInfo, newest: Option<&AnySample>, regime: Option<&str>) -> anyhow::Result<()> {
     let qos = qos::of(info.topic.kind());
     let list = |ids: &[u32]| match ids {
         [] => "none".to_owned(),
@@ -99,7 +101,7 @@ fn print(info: &TopicInfo, newest: Option<&AnySample>) -> anyhow::Result<()> {
         qos.samples_in_use()
     )?;
     if let Some(sample) = newest {
-        output!("  last      {}", live::text::sample(sample))?;
+        output!("  last      {}", live::text::sample(sample, regime))?;
     }
     Ok(())
 }

@@ -2,10 +2,12 @@
 
 pub mod json;
 mod readers;
+mod regimes;
 
 pub use cli::latency::{Latencies, PercentilesUs};
 pub use cli::text;
 pub use readers::Readers;
+pub use regimes::Regimes;
 
 use crate::failure::usage;
 use std::path::PathBuf;

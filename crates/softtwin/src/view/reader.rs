@@ -5,6 +5,7 @@ use super::frame::{FrameHead, bits, encode};
 use super::grasp::Grasps;
 use super::hub::Hub;
 use super::readings::Reading;
+use crate::live::Regimes;
 use anyhow::{Context, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -65,6 +66,7 @@ impl Reader {
         let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
         let (mut sources, mut grasps, mut warned) = (BTreeMap::new(), Grasps::default(), BTreeSet::new());
         let mut scanned: Option<Instant> = None;
+        let mut regimes = Regimes::new(&bus);
         while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(TICK);
             if self.hub.viewers() == 0 {
@@ -82,7 +84,7 @@ impl Reader {
             }
             grasps.update(&self.hub);
             for (actuator, source) in &mut sources {
-                if let Err(error) = source.update(actuator, &self.catalogue, &self.hub) {
+                if let Err(error) = source.update(actuator, &self.catalogue, &self.hub, &mut regimes) {
                     tracing::warn!("{actuator}: reading failed; the topic is opened again: {error}");
                     (source.field, source.state, source.estimate) = (None, None, None);
                 }
@@ -162,7 +164,13 @@ impl Source {
     }
 
     /// Reads all topics: every state, estimate and field's header for the charts; of the newest a frame goes to the hub.
-    fn update(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
+    fn update(
+        &mut self,
+        actuator: &str,
+        catalogue: &Catalogue,
+        hub: &Hub,
+        regimes: &mut Regimes,
+    ) -> Result<(), wire::WireError> {
         let (mut state, mut sample) = (None, None);
         while let Some(next) = self.state.as_ref().map(StateReader::next).transpose()?.flatten() {
             hub.record(actuator, Reading::of_state(&next));
@@ -179,8 +187,14 @@ impl Source {
             hub.record(actuator, Reading::of_field(next.header(), self.state.is_some()));
             sample = Some(next);
         }
-        if let Some(sample) = &sample {
-            let header = *sample.header();
+        let header = sample.as_ref().map(|sample| *sample.header());
+        let of_field = header.map(|header| (header.model_hash, header.regime));
+        if let Some((model, number)) =
+            self.last_state.map(|state| (state.model_hash, state.regime)).or(of_field)
+        {
+            self.head.regime_name = regimes.name(&model, number)?.map(str::to_owned);
+        }
+        if let Some((sample, header)) = sample.as_ref().zip(header) {
             if self.state.is_none() {
                 self.pace.count(header.seq, &mut self.head);
             }

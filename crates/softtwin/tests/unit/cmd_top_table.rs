@@ -29,9 +29,13 @@ fn health() -> Health {
     health
 }
 
+fn known<'a>(state: &'a State, health: &'a Health) -> Known<'a> {
+    Known { state: Some(state), health: Some(health), ..Known::default() }
+}
+
 #[test]
 fn a_row_fits_into_eighty_columns() {
-    let row = row("finger", Some(&state()), Some(&health()), 1_001_000_000);
+    let row = row("finger", known(&state(), &health()), 1_001_000_000);
     let cells: Vec<&str> = row.split_whitespace().collect();
     assert_eq!(cells, ["finger", "1000", "61", "240", "1.0ms", "contact", "0.0450", "1.250", "3/1"]);
     assert!(row.len() <= 80 && head().len() <= 80, "{row}");
@@ -72,12 +76,12 @@ fn long_lines_go_on_below_within_eighty_columns() {
 #[test]
 fn a_twin_that_is_gone_and_a_stale_state_are_marked() {
     let stale = State { flags: flags::STALE | flags::HELD, ..state() };
-    let row = row("finger", Some(&stale), Some(&health()), 60_000_000_000);
+    let row = row("finger", known(&stale, &health()), 60_000_000_000);
     assert!(row.contains("gone stale held 3/1") && row.contains("59s"), "{row}");
 }
 
 #[test]
 fn a_twin_of_which_nothing_is_known_has_a_row() {
-    let row = row("finger", None, None, 60_000_000_000);
+    let row = row("finger", Known::default(), 60_000_000_000);
     assert!(row.contains("unknown") && row.contains("gone"), "{row}");
 }

@@ -4,6 +4,7 @@ mod any;
 mod exhausted;
 mod field;
 mod query;
+mod regime_names;
 pub(crate) mod retry;
 pub(crate) mod segment;
 pub(crate) mod service;
@@ -14,6 +15,7 @@ mod writer_lock;
 pub use any::{AnyReader, AnySample, Stamp};
 pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
 pub use query::{AnswerSample, QueryClient, QueryServer, Question};
+pub use regime_names::{RegimeNames, ToldRegimes};
 pub use sized::{
     CommandReader, CommandWriter, EstimateReader, EstimateWriter, GraspReader, GraspWriter, HealthReader,
     HealthWriter, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter, StateReader,

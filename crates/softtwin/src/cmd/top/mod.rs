@@ -2,7 +2,7 @@
 
 mod table;
 
-use crate::live::{self, DomainArgs};
+use crate::live::{self, DomainArgs, Regimes};
 use crate::output;
 use anyhow::Result;
 use serde_json::Value;
@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
+use table::Known;
 use wire::{
     Bus, Estimate, EstimateReader, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader,
     Topic, TopicKind, WireError, now_ns,
@@ -55,6 +56,8 @@ struct Twin {
     states: StateReader,
     healths: HealthReader,
     state: Option<State>,
+    /// Of the state.
+    regime: Option<String>,
     health: Option<Health>,
 }
 
@@ -79,11 +82,11 @@ impl Args {
         let key = live::key(&self.key)?;
         let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
-        let mut scan = TopicScan::default();
+        let (mut scan, mut regimes) = (TopicScan::default(), Regimes::new(&bus));
         let is_live = !self.once && std::io::stdout().is_terminal();
         let first = Instant::now();
         loop {
-            scan.update(&bus, &key)?;
+            scan.update(&bus, &key, &mut regimes)?;
             // A twin publishes its health once a second, so a single table waits for it.
             let is_incomplete = scan.twins.values().any(|twin| twin.health.is_none());
             let waits = !is_live && is_incomplete && first.elapsed() < FIRST_HEALTH;
@@ -97,27 +100,28 @@ impl Args {
         }
     }
 
-    fn show(&self, scan: &TopicScan, is_live: bool) -> Result<()> {
+    fn show<'a>(&self, scan: &'a TopicScan, is_live: bool) -> Result<()> {
         let TopicScan { twins, estimates, grasps, skipped } = scan;
         let now = now_ns();
-        let estimate = |name: &String| estimates.get(name).and_then(|(_, last)| last.as_ref());
+        let known = |name: &String, twin: &'a Twin| Known {
+            state: twin.state.as_ref(),
+            regime: twin.regime.as_deref(),
+            health: twin.health.as_ref(),
+            estimate: estimates.get(name).and_then(|(_, last)| last.as_ref()),
+        };
         if self.json {
-            let all: Vec<Value> = twins
-                .iter()
-                .map(|(name, twin)| {
-                    table::json(name, twin.state.as_ref(), twin.health.as_ref(), estimate(name), now)
-                })
-                .collect();
+            let all: Vec<Value> =
+                twins.iter().map(|(name, twin)| table::json(name, known(name, twin), now)).collect();
             return output::json(&all);
         }
         let clear_screen = if is_live { "\x1b[H\x1b[2J" } else { "" };
         output!("{clear_screen}{}", table::head())?;
         for (name, twin) in twins {
-            output!("{}", table::row(name, twin.state.as_ref(), twin.health.as_ref(), now))?;
+            output!("{}", table::row(name, known(name, twin), now))?;
             if let Some(parameters) = twin.state.as_ref().and_then(table::parameter_row) {
                 output!("{parameters}")?;
             }
-            if let Some(estimate) = estimate(name) {
+            if let Some(estimate) = known(name, twin).estimate {
                 output!("{}", table::estimate_row(estimate))?;
             }
         }
@@ -138,7 +142,7 @@ impl Args {
 
 impl TopicScan {
     /// Finds new twins and reads what is new of the known ones.
-    fn update(&mut self, bus: &Bus, key: &KeyExpr) -> Result<()> {
+    fn update(&mut self, bus: &Bus, key: &KeyExpr, regimes: &mut Regimes) -> Result<()> {
         for topic in bus.names(key)? {
             match self.add(bus, &topic) {
                 Err(error @ WireError::Incompatible { .. }) => {
@@ -148,6 +152,10 @@ impl TopicScan {
             }
         }
         self.read()?;
+        for twin in self.twins.values_mut() {
+            let name = twin.state.map(|state| regimes.name(&state.model_hash, state.regime)).transpose()?;
+            twin.regime = name.flatten().map(str::to_owned);
+        }
         Ok(())
     }
 
@@ -186,6 +194,6 @@ impl Twin {
     fn attach(bus: &Bus, name: &str) -> Result<Self, WireError> {
         let states = StateReader::attach(bus, &Topic::state(name)?)?;
         let healths = HealthReader::attach(bus, &Topic::health(name)?)?;
-        Ok(Self { states, healths, state: None, health: None })
+        Ok(Self { states, healths, state: None, regime: None, health: None })
     }
 }

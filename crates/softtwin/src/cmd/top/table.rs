@@ -6,6 +6,25 @@ use std::collections::BTreeMap;
 use wire::layout::{flags, input_source, regime};
 use wire::{AnySample, Estimate, Grasp, Health, Outcome, State};
 
+/// What is known of one twin.
+#[derive(Clone, Copy, Default)]
+pub struct Known<'a> {
+    /// Its newest state.
+    pub state: Option<&'a State>,
+    /// The name of that state's regime, where it is the model's own and known.
+    pub regime: Option<&'a str>,
+    /// Its newest health.
+    pub health: Option<&'a Health>,
+    /// Its newest estimate.
+    pub estimate: Option<&'a Estimate>,
+}
+
+impl Known<'_> {
+    fn regime(&self) -> &str {
+        self.regime.unwrap_or(regime::as_str(self.state.map_or(regime::UNKNOWN, |state| state.regime)))
+    }
+}
+
 /// Health comes once a second; after so long without, the twin is gone.
 const GONE_NS: u64 = 3_000_000_000;
 
@@ -38,7 +57,8 @@ pub fn head() -> String {
 }
 
 /// One line of the table: 58 columns, and 22 for what is wrong; more lines where that is too much.
-pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64) -> String {
+pub fn row(name: &str, known: Known<'_>, now: u64) -> String {
+    let Known { state, health, .. } = known;
     let number = |value: Option<f64>, digits: usize| match value {
         Some(value) if value.is_finite() => format!("{value:.digits$}"),
         _ => "-".into(),
@@ -61,7 +81,7 @@ pub fn row(name: &str, state: Option<&State>, health: Option<&Health>, now: u64)
         micros(health.map(|health| health.latency_p50_ns)),
         micros(health.map(|health| health.latency_p99_ns)),
         age_ns.map_or("-".into(), age),
-        regime::as_str(state.map_or(regime::UNKNOWN, |state| state.regime)),
+        known.regime(),
         number(state.map(|state| state.pressure_mpa), 4),
         number(state.map(|state| state.contact_force_n), 3),
     );
@@ -110,13 +130,8 @@ fn age(ns: u64) -> String {
 }
 
 /// What is known of a twin, for programs.
-pub fn json(
-    name: &str,
-    state: Option<&State>,
-    health: Option<&Health>,
-    estimate: Option<&Estimate>,
-    now: u64,
-) -> Value {
+pub fn json(name: &str, known: Known<'_>, now: u64) -> Value {
+    let Known { state, health, estimate, .. } = known;
     let counts = health
         .iter()
         .flat_map(|health| Outcome::ALL.iter().map(|outcome| (outcome.as_str(), health.count(*outcome))));
@@ -127,7 +142,7 @@ pub fn json(
         "latency_p50_us": health.map(|health| health.latency_p50_ns as f64 * 1e-3),
         "latency_p99_us": health.map(|health| health.latency_p99_ns as f64 * 1e-3),
         "age_ms": state.map(|state| now.saturating_sub(state.t_sensor_ns) as f64 * 1e-6),
-        "regime": state.map(|state| regime::as_str(state.regime)),
+        "regime": state.map(|_| known.regime()),
         "pressure_mpa": state.map(|state| state.pressure_mpa),
         "gap_mm": state.map(|state| state.gap_mm),
         "contact_force_n": state.map(|state| state.contact_force_n),
@@ -139,7 +154,7 @@ pub fn json(
         "flags": flags::names(state.map_or(0, |state| state.flags)).collect::<Vec<_>>(),
         "received": health.map(|health| health.received),
         "missed": health.map(|health| health.missed),
-        "estimate": estimate.and_then(|estimate| live::json::sample(&AnySample::Estimate(*estimate)).ok()),
+        "estimate": estimate.and_then(|estimate| live::json::sample(&AnySample::Estimate(*estimate), None).ok()),
         "outcomes": counts.collect::<BTreeMap<_, _>>(),
     })
 }

@@ -45,7 +45,8 @@ export function showNumbers(parent, frame, fps, regimes = {}) {
     const more = [sourceText(frame, k + 2), known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""];
     if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more));
   });
-  cells.push(words("regime", regimes[frame.regime] ?? frame.regime, frame.regime === "unknown" ? "warn" : "good", [onsetText(frame.onset_pressure_mpa)]));
+  const regime = frame.regime_name ?? regimes[frame.regime] ?? frame.regime;
+  cells.push(words("regime", regime, frame.regime === "unknown" ? "warn" : "good", [onsetText(frame.onset_pressure_mpa)]));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
   const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;
