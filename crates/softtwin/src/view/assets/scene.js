@@ -69,7 +69,13 @@ export class Scene {
 
   fit() {
     if (!this.box) return;
+    this.fitted = this.size();
     this.camera.fit(this.seen);
+  }
+
+  size() {
+    const { clientWidth, clientHeight } = this.camera.canvas;
+    return `${clientWidth} x ${clientHeight}`;
   }
 
   // Force arrows: where they begin, how long they are and where their points are. `all_n`: as if all had this force.
@@ -88,6 +94,7 @@ export class Scene {
     const { painter, camera } = this;
     const { actuators, blocks } = this.shown();
     const [plate, grid, mark] = ["--plate", "--grid", "--force"].map((name) => rgb(css(name)));
+    if (!camera.moved && this.fitted !== this.size()) this.fit(); // a size that came and went between two frames
     painter.begin(camera);
     for (const { body, place } of actuators) if (body) painter.drawBody(body, place, { range, lit, lines });
     for (const { mesh } of blocks) painter.drawBody(mesh, HERE, { range, lit: true, lines: false, plain: plate });
