@@ -66,7 +66,7 @@ fn long_lines_go_on_below_within_eighty_columns() {
         .for_each(|(at, name)| estimate.set_name(at, name));
     let flags = flags::STALE | flags::HELD | flags::OUTSIDE_DOMAIN | flags::FORCE_MISMATCH;
     let state = State { flags, ..state() };
-    let row = row("finger", Some(&state), Some(&health()), 60_000_000_000);
+    let row = row("finger", known(&state, &health()), 60_000_000_000);
     for text in [row, estimate_row(&estimate)] {
         assert!(text.lines().count() > 1 && text.lines().all(|line| line.len() <= 80), "{text}");
         assert!(text.lines().all(|line| !line.ends_with(' ')), "{text}");
