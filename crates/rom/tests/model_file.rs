@@ -156,6 +156,16 @@ fn what_is_not_in_the_model_is_refused_by_name() {
 }
 
 #[test]
+fn a_block_of_a_field_that_is_not_there_is_refused() {
+    let mut model = model().0.clone();
+    let regime = model.header.regimes[0].kind;
+    let values = vec![0.0; model.header.node_count];
+    model.blocks.push((BlockKind::Mean { regime, field: 5 }, BlockData::F32(values)));
+    let error = Model::from_bytes(&model.to_bytes().expect("encodes")).expect_err("there are five fields");
+    assert!(error.to_string().contains("field: 5 }: expected one of the 5 fields"), "{error}");
+}
+
+#[test]
 fn foreign_and_newer_files_are_named_as_such() {
     let (_, bytes) = model();
     let mut foreign = bytes.clone();

@@ -242,6 +242,7 @@ impl<R: Read + Seek> ModelReader<R> {
         header.model.check().map_err(ModelFileError::Header)?;
         let data_start = (ALIGN as u64 + header_bytes).next_multiple_of(ALIGN as u64);
         for block in &header.blocks {
+            belongs(block.kind, header.model.fields.len()).map_err(ModelFileError::Header)?;
             let needed = block
                 .values
                 .saturating_mul(4)
@@ -324,6 +325,16 @@ fn decode(version: u32, bytes: &[u8]) -> Result<FileHeader<ModelHeader>, String>
     }
     let FileHeader { blocks, model } = codec::decode::<FileHeader<version2::Header>>(bytes)?;
     Ok(FileHeader { blocks, model: model.into() })
+}
+
+/// A block of a field that is not there would be passed over, and so would its damage.
+fn belongs(kind: BlockKind, fields: usize) -> Result<(), String> {
+    match kind {
+        BlockKind::Mean { field, .. } | BlockKind::Modes { field, .. } if field as usize >= fields => {
+            Err(format!("block {kind:?}: expected one of the {fields} fields, counted from 0"))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn fits(what: &str, expected: u64, found: u64) -> Result<(), ModelFileError> {
