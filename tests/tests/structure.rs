@@ -216,7 +216,7 @@ fn replayed(stage: &Stage, recording: &str, readers: &Readers) {
 /// One input is measured, the other estimated from a marker at the end of the beam: by a fit to a recording, by a twin that runs.
 #[test]
 fn an_input_is_estimated_beside_a_measured_one() {
-    let (stage, _) = stage("structure-estimate");
+    let (stage, _) = stage("estimate");
     let mut trace = String::from("t_s,load_n,marker1_x_mm,marker1_y_mm,marker1_z_mm\n");
     for at in 0..40 {
         let load_n = 1.5 + 0.05 * f64::from(at);

@@ -1,6 +1,7 @@
 //! A small HTTP server for pages on this machine: bounded in time and in connections, so that idle visitors block nobody.
 
-use hyper::body::{Body, Incoming};
+use axum::body::Body;
+use hyper::body::Incoming;
 use hyper::server::conn::http1::Builder;
 use hyper::service::{Service, service_fn};
 use hyper::{Request, Response};
@@ -38,11 +39,10 @@ struct Connection {
 struct Connections(Vec<Connection>);
 
 /// Serves until `stop` is done. Everything runs in the calling thread, so that `service` may hold what belongs to it.
-pub async fn serve<S, B>(listener: TcpListener, service: S, stop: impl Future<Output = ()>)
+pub async fn serve<S>(listener: TcpListener, service: S, stop: impl Future<Output = ()>)
 where
-    S: Service<Request<Incoming>, Response = Response<B>> + Clone + 'static,
+    S: Service<Request<Incoming>, Response = Response<Body>> + Clone + 'static,
     S::Error: Into<Box<dyn Error + Send + Sync>>,
-    B: Body<Error: Into<Box<dyn Error + Send + Sync>>> + 'static,
 {
     let accept = async {
         let mut connections = Connections::default();
@@ -84,11 +84,10 @@ fn cure(error: &std::io::Error) -> &'static str {
     }
 }
 
-fn connect<S, B>(stream: TcpStream, service: S) -> Connection
+fn connect<S>(stream: TcpStream, service: S) -> Connection
 where
-    S: Service<Request<Incoming>, Response = Response<B>> + 'static,
+    S: Service<Request<Incoming>, Response = Response<Body>> + 'static,
     S::Error: Into<Box<dyn Error + Send + Sync>>,
-    B: Body<Error: Into<Box<dyn Error + Send + Sync>>> + 'static,
 {
     let has_asked = Rc::new(Cell::new(false));
     let asked = has_asked.clone();

@@ -4,10 +4,10 @@ use crate::bridge::{BridgeCounters, BridgeDevices};
 use crate::http;
 use crate::thread_group::ThreadGroup;
 use crate::valve::ValveCounters;
+use axum::http::{Method, Request, StatusCode, header};
+use axum::response::{IntoResponse, Response};
 use hyper::body::Incoming;
-use hyper::header::{self, HeaderValue};
 use hyper::service::service_fn;
-use hyper::{Method, Request, Response, StatusCode};
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
@@ -300,26 +300,16 @@ pub fn serve(
     })
 }
 
-fn answer(request: &Request<Incoming>, page: &mut impl FnMut() -> String) -> Response<String> {
+fn answer(request: &Request<Incoming>, page: &mut impl FnMut() -> String) -> Response {
     let host = request.headers().get(header::HOST).and_then(|value| value.to_str().ok());
     if !host.is_some_and(http::is_this_machine) {
-        return response(
-            StatusCode::FORBIDDEN,
-            "the metrics are for this machine; ask for localhost\n".into(),
-        );
+        return (StatusCode::FORBIDDEN, "the metrics are for this machine; ask for localhost\n")
+            .into_response();
     }
     if request.method() == Method::GET && request.uri().path() == "/metrics" {
-        return response(StatusCode::OK, page());
+        return ([(header::CONTENT_TYPE, CONTENT_TYPE)], page()).into_response();
     }
-    response(StatusCode::NOT_FOUND, "the metrics are at /metrics\n".into())
-}
-
-fn response(status: StatusCode, text: String) -> Response<String> {
-    let kind = if status == StatusCode::OK { CONTENT_TYPE } else { "text/plain; charset=utf-8" };
-    let mut out = Response::new(text);
-    *out.status_mut() = status;
-    out.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(kind));
-    out
+    (StatusCode::NOT_FOUND, "the metrics are at /metrics\n").into_response()
 }
 
 #[cfg(test)]
