@@ -151,7 +151,8 @@ impl Filter {
             explained.as_ref().map(|e| e.rejected).filter(|blocks| blocks.count_ones() > most);
         let accepted = explained.as_ref().filter(|_| contradicting.is_none());
         let used = accepted.and_then(|explained| self.accept(measurement, &prior, explained, model));
-        let noise = accepted.map(|solved| &solved.states[self.setup.unknowns.len()..]);
+        let solved = accepted.filter(|_| used.is_some());
+        let noise = solved.map(|solved| &solved.states[self.setup.unknowns.len()..]);
         if let Some(now) = now {
             // What was taken up again stays only with the reading that it was taken up for.
             match used {
@@ -166,11 +167,12 @@ impl Filter {
         self.conclude(measurement, update, noise)
     }
 
-    /// Follows inputs that change steadily and watches for alarms. `noise` is that of the measured inputs at a solution.
+    /// Follows inputs that change steadily and watches for alarms. `noise` is that of the measured inputs, where the reading was
+    /// used.
     fn conclude(&mut self, measurement: &Measurement, mut update: Update, noise: Option<&[f64]>) -> Update {
         self.follow(measurement, &mut update.inputs);
         let mut watch = std::mem::take(&mut self.watch);
-        watch.add(&self.setup, measurement, &update, noise.filter(|_| update.status == Status::Used));
+        watch.add(&self.setup, measurement, &update, noise);
         let unread = self.unread.map(f64::sqrt);
         update.alarm = watch.judge(&self.setup, self.estimates().zip(unread));
         self.alarm = update.alarm;

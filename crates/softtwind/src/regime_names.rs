@@ -1,7 +1,7 @@
 //! Tells the names of models' own regimes to the domain, beside the states that carry their numbers.
 
 use runtime::load::Loaded;
-use runtime::wire::{Bus, Domain, ToldRegimes, WireError};
+use runtime::wire::{Bus, Domain, RegimeNames, ToldRegimes, WireError};
 
 /// Tells the names of the models that a twin has now. Stays in the thread that made it.
 pub struct RegimeTeller {
@@ -31,9 +31,9 @@ impl RegimeTeller {
     fn try_tell(&mut self, loaded: &[Loaded]) -> Result<Vec<ToldRegimes>, WireError> {
         let mut told = Vec::new();
         for model in loaded {
-            let names =
-                model.evaluator.named_regimes().map(|(number, name)| (number, name.to_owned())).collect();
-            if model.evaluator.named_regimes().next().is_some() {
+            let names = model.evaluator.named_regimes().map(|(number, name)| (number, name.to_owned()));
+            let names: RegimeNames = names.collect();
+            if !names.is_empty() {
                 let bus = match &mut self.bus {
                     Some(bus) => bus,
                     none => none.insert(Bus::open(&self.domain)?),

@@ -1,7 +1,7 @@
 //! Faults of a rig, each named or said not to be explained within two seconds, and none where there is none.
 
-use crate::model::{Finger, GAP, PRESSURE, Random, setup};
-use estimate::{Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Model, Predicted, Row, Setup};
+use crate::model::{Finger, GAP, PRESSURE, Random, setup_with_middle};
+use estimate::{Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Model, Predicted, Setup};
 
 const RATE_HZ: f64 = 200.0;
 const TRUTH: [f64; 2] = [42.0, 0.84]; // gap in mm, stiffness in MPa
@@ -20,10 +20,7 @@ struct Instant {
 
 /// An inflation of 10 s, then breathing; two markers. The sensors are as the shipped scene says.
 fn rig() -> Setup {
-    let mut setup = setup(true);
-    for name in ["middle x", "middle y"] {
-        setup.rows.push(Row { name: name.into(), block: 2, sigma: 0.2, model_sigma: 0.0, bias: None });
-    }
+    let mut setup = setup_with_middle();
     for row in &mut setup.rows {
         row.model_sigma = if row.block == 0 { 0.006 } else { 0.1 };
     }

@@ -5,8 +5,8 @@ mod faults;
 mod model;
 mod plan;
 
-use estimate::{Filter, InputRole, Measurement, Row, Status, fit};
-use model::{Finger, PRESSURE, Random, STIFFNESS, Truth, readings, run, setup, truth};
+use estimate::{Filter, InputRole, Measurement, Status, fit};
+use model::{Finger, PRESSURE, Random, STIFFNESS, Truth, readings, run, setup, setup_with_middle, truth};
 
 #[test]
 fn gap_bias_and_stiffness_are_found_with_force_and_tip() {
@@ -197,11 +197,7 @@ fn a_reading_that_is_not_used_changes_no_estimate() {
     let (mut unused, mut begun) = (0, 0);
     for _ in 0..30 {
         let truth = truth(&mut random);
-        let mut setup = setup(true);
-        for name in ["middle x", "middle y"] {
-            setup.rows.push(Row { name: name.into(), block: 2, sigma: 0.2, model_sigma: 0.0, bias: None });
-        }
-        let mut filter = Filter::new(setup).expect("a valid setup");
+        let mut filter = Filter::new(setup_with_middle()).expect("a valid setup");
         for mut reading in readings(truth, &mut random).into_iter().step_by(4) {
             // Markers that show anything.
             if random.uniform() < 0.7 {

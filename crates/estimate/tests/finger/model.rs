@@ -118,6 +118,15 @@ pub(crate) fn setup(markers: bool) -> Setup {
     }
 }
 
+/// With a second marker, half way along.
+pub(crate) fn setup_with_middle() -> Setup {
+    let mut setup = setup(true);
+    for name in ["middle x", "middle y"] {
+        setup.rows.push(Row { name: name.into(), block: 2, sigma: 0.2, model_sigma: 0.0, bias: None });
+    }
+    setup
+}
+
 pub(crate) fn truth(random: &mut Random) -> Truth {
     Truth {
         gap: random.between(30.0, 50.0),
