@@ -48,7 +48,7 @@ fn a_recorder_killed_at_any_call_disturbs_nobody() {
     let (_twin, _bridge) = (Program::twin(&stage, &scene), Program::bridge(&stage, &scene));
     let bus = stage.bus();
     wait_state(&states(&bus), "a fresh state", fresh);
-    let command = vec!["softtwin", "record", "--out", "run.mcap", "--seconds", "0.3"];
+    let command = vec!["softtwin", "record", "--out", "run.mcap", "--seconds", "0.1"];
     Subject { command, ready: "messages in" }.withstands(&stage, || {});
 }
 
