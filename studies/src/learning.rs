@@ -16,14 +16,15 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
     scripts/make_model.sh design
-    softtwin-studies learning --model models/pneunet-design/pneunet-design.twin --database target/database/design
+    softtwin-studies learning --model models/pneunet-design/pneunet-design.twin --database target/database/design";
 
+const NOTES: &str = "\
 Errors are on the contact states of the split `check` inside the model's domain: mean / 95th percentile. Training is that of
 `softtwin train`; the states are taken evenly from the list.";
 
 /// Train on parts of a database's states, with and without derivatives, and measure the errors on states that no training saw.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Database with derivatives and states of the split `check`.
     #[arg(long, value_name = "DIR")]

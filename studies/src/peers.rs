@@ -17,14 +17,15 @@ const EXAMPLES: &str = "\
 Examples:
     cargo build --release -p softtwin -p softtwind -p studies
     target/release/softtwin-studies peers
-    target/release/softtwin-studies peers --database fresh --rounds 10
+    target/release/softtwin-studies peers --database fresh --rounds 10";
 
+const NOTES: &str = "\
 All on the same contact states with 6 modes and one thread, measured in turn in one run. Run it in the repository's folder.
 Python packages go into build/peers-venv; EZyRB is installed without PyTorch, which its POD and RBF do not use.";
 
 /// Time a prediction and a training beside numpy, EZyRB and the paper's own way; prints the README's table.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Database in our layout; packed snapshots are unpacked first.
     #[arg(long, value_name = "DIR", default_value = "models/pneunet/database")]

@@ -14,14 +14,15 @@ const EXAMPLES: &str = "\
 Examples:
     softtwin-studies sweep
   Half-widths against 40 fresh states (about 10 s each) that contact at pressures below 5 kPa:
-    softtwin-studies sweep --fresh 40 --below-mpa 0.005 --database target/sweep
+    softtwin-studies sweep --fresh 40 --below-mpa 0.005 --database target/sweep";
 
+const NOTES: &str = "\
 The sweep is that of `softtwin stability`. The fresh states are simulated into a folder; states that are there already are not
 solved again. Ends with 1 when something does not hold.";
 
 /// Sweep random states over a model: monotonic force, continuity, half-widths against fresh finite elements.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin", default_value = "models/pneunet/pneunet.twin")]

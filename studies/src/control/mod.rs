@@ -25,14 +25,15 @@ Examples:
     softtwin mesh --actuator second.toml --size-mm 9            (second.toml: models/pneunet/actuator.toml with mesh.file =
                                                                  \"second.vtu\" and mesh.nodes = 0)
     softtwin simulate --actuator second.toml --cases crates/control/data/plant_cases.csv --out target/plant
-    softtwin-studies control --database target/plant --out crates/control/data/plant.csv
+    softtwin-studies control --database target/plant --out crates/control/data/plant.csv";
 
+const NOTES: &str = "\
 The plant is crates/control/data/plant.csv behind a valve (20 ms), a line (60 ms) and a delay (10 ms); the controller's model
 is --model. Its own time is that of this build: measure a release build on a quiet machine.";
 
 /// Try the controller: step response, disturbance, noise, random steps with a wrong model, time of a turn.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// The controller's model.
     #[arg(long, value_name = "FILE.twin", default_value = "models/pneunet/pneunet.twin")]

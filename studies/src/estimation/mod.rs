@@ -24,8 +24,9 @@ Examples:
   Truths of the scene's own model, which have no error of the mesh:
     softtwin-studies estimation --scene config/scenes/estimate.toml --truths 20
   What an update costs with more unknowns and markers than the scene has, of a model with five parameters:
-    softtwin-studies estimation --model models/pneunet-design/pneunet-design.twin --unknowns 5 --markers 8 --truths 10
+    softtwin-studies estimation --model models/pneunet-design/pneunet-design.twin --unknowns 5 --markers 8 --truths 10";
 
+const NOTES: &str = "\
 A truth is an inflation in 10 s at 200 Hz, to the largest pressure that both models have samples at, with hidden unknowns: gap
 within 10 mm of its prior, gauge bias within 2 kPa, every other unknown within 20 % of its prior, but inside the truth's samples. Noise 0.5 kPa, 5 mN, 0.2 mm; 10 % of the markers' readings
 missing, 1 % outliers. The truth's model must have the inputs of the scene's model that are estimated; others take its own values. The
@@ -34,7 +35,7 @@ that what the system does meanwhile does not count. Prints one JSON object.";
 
 /// Estimates hidden truths: errors, coverage, consistency, cost, beside an unscented filter and believing the readings.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Scene with `[actuator.estimate]`.
     #[arg(long, value_name = "FILE.toml", default_value = "config/scenes/estimate.toml")]

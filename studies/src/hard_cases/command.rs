@@ -9,15 +9,16 @@ const EXAMPLES: &str = "\
 Examples:
     softtwin-studies hard-cases
   Only the cases with `duplicate` in their name, for a script:
-    softtwin-studies hard-cases --only duplicate --json
+    softtwin-studies hard-cases --only duplicate --json";
 
+const NOTES: &str = "\
 Every case has a known truth. It ends in a correct answer within its bound, a refusal with its reason, or an answer that is
 flagged; a silent wrong number fails, and so does the command (exit code 1). The paper's method runs on the same cases for
 comparison and fails nothing.";
 
 /// Run the named hard cases: conditioning, duplicates, degenerate data, the switch between regimes.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Run only the cases whose name contains this.
     #[arg(long, value_name = "TEXT")]

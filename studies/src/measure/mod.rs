@@ -23,13 +23,14 @@ Examples:
   Models without a daemon (scripts/check.sh clients makes the Python environment):
     cargo build --release -p capi && target/release/softtwin-studies measure model
   Stress from modes against stress from mechanics; no daemon:
-    target/release/softtwin-studies measure stress
+    target/release/softtwin-studies measure stress";
 
+const NOTES: &str = "\
 Run it in the repository's folder, on a machine that has nothing else to do. One JSON object a line.";
 
 /// Measure what readers, questions, actuators, the gateway and viewers cost a running twin.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     #[command(subcommand)]
     what: What,

@@ -28,14 +28,15 @@ Examples:
   Only what is promised, without writing anything; ends with 1 when a promise does not hold:
     softtwin-studies report --database models/pneunet/database --check
   On another database, with more random subsets:
-    softtwin-studies report --database fresh --out /tmp/report --repeats 20
+    softtwin-studies report --database fresh --out /tmp/report --repeats 20";
 
+const NOTES: &str = "\
 Everything is computed on the spot: three columns set the paper's published figures, the paper's method on this database,
 and this program's method side by side. Test cases are looked at here and nowhere else.";
 
 /// Regenerate the paper's tables and figures, and the table of speed against error.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Database folder.
     #[arg(long, value_name = "DIR")]

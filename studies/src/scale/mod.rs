@@ -24,7 +24,7 @@ Examples:
 
 /// Measure cost against nodes, modes, actuators and subscribers.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES)]
 pub struct Args {
     /// One JSON object on standard output.
     #[arg(long)]

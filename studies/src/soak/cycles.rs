@@ -21,14 +21,15 @@ Examples:
     cargo build --release --workspace --bins
     target/release/softtwin-studies cycles
   A tenth:
-    target/release/softtwin-studies cycles --restarts 1000 --reloads 1000 --readers 10000
+    target/release/softtwin-studies cycles --restarts 1000 --reloads 1000 --readers 10000";
 
+const NOTES: &str = "\
 One JSON object; ends with 1 when memory, open files or files of the domain grow: the slope of Theil and Sen over the cycles is above 0
 with 99 % confidence, and what it makes of the run is more than a page of memory or one file.";
 
 /// Restart, reload, rotate and attach thousands of times; find what grows by its slope.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin", default_value = "models/pneunet/pneunet.twin")]

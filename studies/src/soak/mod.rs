@@ -26,14 +26,15 @@ const EXAMPLES: &str = "\
 Examples:
     cargo build --release --workspace --bins
     target/release/softtwin-studies soak --seconds 3600 --report soak.json
-    target/release/softtwin-studies soak --seconds 60 --model FILE --rate-hz 1000 --no-faults
+    target/release/softtwin-studies soak --seconds 60 --model FILE --rate-hz 1000 --no-faults";
 
+const NOTES: &str = "\
 Reports memory, files, latency drift, lost and wrong samples as one JSON object; ends with 1 when something was lost, wrong
 or grew.";
 
 /// Run twins, a recorder and readers for hours under faults, and verify every sample.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Model of both twins; it is copied, so that the file may change meanwhile.
     #[arg(long, value_name = "FILE.twin", default_value = "models/pneunet/pneunet.twin")]

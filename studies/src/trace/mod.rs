@@ -20,13 +20,14 @@ Examples:
     softtwin simulate --actuator models/pneunet/actuator.toml --cases models/pneunet/trace_cases.csv --out target/traces
     softtwin-studies trace --volumes target/traces/volumes.csv --gap-mm 40 --seed 2 --out config/traces/gap40.csv
   Half the flow through a long tube:
-    softtwin-studies trace --gap-mm 40 --flow-ml-per-min 62.5 --dead-volume-mm3 3000 --out slow.csv
+    softtwin-studies trace --gap-mm 40 --flow-ml-per-min 62.5 --dead-volume-mm3 3000 --out slow.csv";
 
+const NOTES: &str = "\
 The cavity's volume is simulated at --states pressures; the ideal gas law at constant temperature does the rest.";
 
 /// Make a pressure trace: constant-flow inflation of the simulated actuator, read by a gauge.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     #[command(flatten)]
     geometry: ActuatorFile,

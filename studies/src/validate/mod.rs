@@ -19,14 +19,15 @@ Examples:
   Node by node, with further cases of the shared database, by number:
     softtwin-studies validate --only commercial --cases 10 22 34 70 124 141
   As one JSON object:
-    softtwin-studies validate --json
+    softtwin-studies validate --json";
 
+const NOTES: &str = "\
 The commercial mesh and result are not part of the project: they are looked for in --shared, and where they are absent
 the command says so and leaves that part out. Ends with 1 when a figure misses its bound.";
 
 /// Compare the finite elements with published figures, with the commercial solver node by node, and with finer meshes.
 #[derive(clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Parts to run; all when left out.
     #[arg(long, value_enum, value_name = "PART", num_args = 1..)]
