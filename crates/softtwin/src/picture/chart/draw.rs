@@ -8,6 +8,7 @@ use anyhow::anyhow;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 use std::path::Path;
 use std::sync::Once;
@@ -185,7 +186,8 @@ fn head<B: DrawingBackend>(
         if series.mark != Mark::Line {
             area.draw(&Circle::new((x + 9 * unit, y + 8 * unit), 4 * unit, colour.filled()))?;
         }
-        area.draw(&Text::new(series.name.clone(), (x + 24 * unit, y), (FONT, 14 * unit)))?;
+        let style = TextStyle::from((FONT, 14 * unit)).pos(Pos::new(HPos::Left, VPos::Center));
+        area.draw(&Text::new(series.name.clone(), (x + 24 * unit, y + 8 * unit), style))?;
         x += width;
     }
     Ok(if named.is_empty() { first + 2 * unit } else { y + 26 * unit })
