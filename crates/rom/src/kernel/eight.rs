@@ -55,9 +55,11 @@ impl Eight for [f64; 8] {
     }
 }
 
+// Register by register, without iterators: what an iterator leaves to other functions is inlined only where code generation happens to
+// see both.
 #[cfg(target_arch = "x86_64")]
 macro_rules! registers {
-    ($name:ident, $register:ty, $count:literal, $splat:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident) => {
+    ($name:ident, $register:ty, $count:literal [$($r:literal)*], $splat:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident) => {
         /// In registers of this instruction set.
         #[derive(Clone, Copy)]
         pub(in super::super) struct $name([$register; $count]);
@@ -73,47 +75,31 @@ macro_rules! registers {
             #[inline(always)]
             unsafe fn load(from: &[f64; 8]) -> Self {
                 // SAFETY: see the impl.
-                let mut out = [unsafe { $load(from.as_ptr()) }; $count];
-                for (r, register) in out.iter_mut().enumerate().skip(1) {
-                    // SAFETY: see the impl.
-                    *register = unsafe { $load(from.as_ptr().add(8 / $count * r)) };
-                }
-                Self(out)
+                unsafe { Self([$($load(from.as_ptr().add(8 / $count * $r))),*]) }
             }
 
             #[inline(always)]
             unsafe fn store(self, to: &mut [f64; 8]) {
-                for (r, register) in self.0.into_iter().enumerate() {
-                    // SAFETY: see the impl.
-                    unsafe { $store(to.as_mut_ptr().add(8 / $count * r), register) }
-                }
+                // SAFETY: see the impl.
+                unsafe { $($store(to.as_mut_ptr().add(8 / $count * $r), self.0[$r]);)* }
             }
 
             #[inline(always)]
-            unsafe fn add(mut self, other: Self) -> Self {
-                for (own, other) in self.0.iter_mut().zip(other.0) {
-                    // SAFETY: see the impl.
-                    *own = unsafe { $add(*own, other) };
-                }
-                self
+            unsafe fn add(self, other: Self) -> Self {
+                // SAFETY: see the impl.
+                unsafe { Self([$($add(self.0[$r], other.0[$r])),*]) }
             }
 
             #[inline(always)]
-            unsafe fn sub(mut self, other: Self) -> Self {
-                for (own, other) in self.0.iter_mut().zip(other.0) {
-                    // SAFETY: see the impl.
-                    *own = unsafe { $sub(*own, other) };
-                }
-                self
+            unsafe fn sub(self, other: Self) -> Self {
+                // SAFETY: see the impl.
+                unsafe { Self([$($sub(self.0[$r], other.0[$r])),*]) }
             }
 
             #[inline(always)]
-            unsafe fn mul(mut self, other: Self) -> Self {
-                for (own, other) in self.0.iter_mut().zip(other.0) {
-                    // SAFETY: see the impl.
-                    *own = unsafe { $mul(*own, other) };
-                }
-                self
+            unsafe fn mul(self, other: Self) -> Self {
+                // SAFETY: see the impl.
+                unsafe { Self([$($mul(self.0[$r], other.0[$r])),*]) }
             }
         }
     };
@@ -127,7 +113,7 @@ mod x86 {
     registers!(
         Avx512,
         __m512d,
-        1,
+        1[0],
         _mm512_set1_pd,
         _mm512_loadu_pd,
         _mm512_storeu_pd,
@@ -138,7 +124,7 @@ mod x86 {
     registers!(
         Avx2,
         __m256d,
-        2,
+        2 [0 1],
         _mm256_set1_pd,
         _mm256_loadu_pd,
         _mm256_storeu_pd,
