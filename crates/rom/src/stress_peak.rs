@@ -8,7 +8,7 @@ use crate::reconstructor::source;
 use crate::snapshots::{FieldKind, RegimeKind};
 
 /// Finds value and node of the largest von Mises stress of all nodes: to the bit those that a
-/// [`crate::reconstructor::Reconstructor`] in f32 finds on its way through the whole field, at a tenth of its cost where the stress has
+/// [`crate::reconstructor::Reconstructor`] in f32 finds on its way through the whole field, at a part of its cost where the stress has
 /// its peaks in few places.
 #[derive(Clone, Debug)]
 pub struct StressPeak {

@@ -1,37 +1,44 @@
 //! The largest value of one field without computing all of it: value and node are those of a sweep over all nodes, to the bit.
 //!
-//! Nodes with similar rows share a tile. Of every tile the middle `c` of its rows and their largest distance `d` from it are known, so
-//! that no value of it exceeds
+//! Nodes with similar rows share a tile. Of every tile the middle `c` of its rows and their largest distance `d` from it are known, and of
+//! the modes beyond the first few, whose coefficients are small, the largest length `t` over its nodes. So no value of it exceeds
 //!
 //! ```text
-//! c_0 + d_0 + sum_j (c_j a_j + d_j |a_j|)        j over the modes, a the coefficients
+//! c_0 + d_0 + sum_j (c_j a_j + d_j |a_j|) + t |a / w|        j over the first modes; t = max |m w|, and |a / w|, over the others
 //! ```
 //!
-//! The bounds of all tiles are two sums like those of a field, with a node a tile. Tiles whose bound is below the largest value found are
-//! left out; all others are swept as they are in a [`Basis`] of all nodes: the same rows in the same order, hence the same bits.
+//! with any weights `w`: the usual magnitudes of the coefficients. The bounds of all tiles are two sums like those of a field, with a node a
+//! tile. Tiles whose bound is below the largest value found are left out; all others are swept as they are in a [`Basis`] of all nodes: the
+//! same rows in the same order, hence the same bits.
 
+use super::TILE_NODES;
 use super::basis::{Basis, Peak, ReconstructError};
 use super::isa::Isa;
 use super::plan::Plan;
 use super::spec::{Affine, BasisError, Field, Role, Source, Spec, Values};
 use super::tiles::Precision;
-use super::{MAX_ROWS, TILE_NODES};
 use std::ops::Range;
 
 /// Unit roundoff of f32.
 const ROUNDOFF: f64 = 1.0 / (1u64 << 24) as f64;
 /// More than all roundings of numbers near zero add up to, also where the processor takes the smallest ones for zero.
 const NEAR_ZERO: f64 = f32::MIN_POSITIVE as f64 * 4096.0;
+/// Modes that are bounded one by one.
+const FIRST_MODES: usize = 12;
+/// Weights are kept from where their products would leave f32.
+const WEIGHTS: [f64; 2] = [1e-9, 1e9];
 
 /// A field whose largest value is searched for. Fields as of [`Role::Stress`]: not below 0.
 #[derive(Debug, Clone)]
 pub struct PeakSearch {
     /// `c` of every tile, over all coefficients.
     centres: Basis,
-    /// `d` of every tile, over the magnitudes of the field's own coefficients.
+    /// `d` and `t` of every tile, over what they are multiplied by.
     reaches: Basis,
     tiles: Vec<Basis>,
     coefficients: Range<usize>,
+    /// Weights of the modes beyond the first.
+    weights: Vec<f64>,
     bounds: Vec<f32>,
     reach: Vec<f32>,
     swept: usize,
@@ -70,10 +77,11 @@ impl PeakSearch {
         };
         let bases: Vec<Basis> = tiles.iter().map(tile).collect::<Result<_, _>>()?;
         let (centres, reaches) = rows.bounds(&tiles);
-        let own = 0..field.coefficients.len();
+        let (from, first) = (field.coefficients.start, rows.first - 1);
         Ok(Self {
-            centres: basis_of(&centres, field.coefficients.clone(), tiles.len(), isa)?,
-            reaches: basis_of(&reaches, own, tiles.len(), isa)?,
+            centres: basis_of(&centres, from..from + first, tiles.len(), isa)?,
+            reaches: basis_of(&reaches, 0..first + 1, tiles.len(), isa)?,
+            weights: rows.weights[rows.first..].to_vec(),
             bounds: vec![0.0; tiles.len()],
             reach: vec![0.0; tiles.len()],
             tiles: bases,
@@ -87,11 +95,19 @@ impl PeakSearch {
     /// # Errors
     /// [`ReconstructError`] when there are fewer coefficients than the modes refer to.
     pub fn find(&mut self, coefficients: &[f64]) -> Result<Peak, ReconstructError> {
+        let Some(own) = coefficients.get(self.coefficients.clone()) else {
+            let (found, expected) = (coefficients.len(), self.coefficients.end);
+            return Err(ReconstructError::Coefficients { found, expected });
+        };
         self.centres.reconstruct(coefficients, &mut self.bounds)?;
-        let mut sizes = [0.0; MAX_ROWS];
-        let own = &coefficients[self.coefficients.clone()];
-        sizes.iter_mut().zip(own).for_each(|(size, coefficient)| *size = coefficient.abs());
-        self.reaches.reconstruct(&sizes[..own.len()], &mut self.reach)?;
+        let (first, others) = own.split_at(own.len() - self.weights.len());
+        let mut sizes = [0.0; FIRST_MODES + 1];
+        sizes.iter_mut().zip(first).for_each(|(size, coefficient)| *size = coefficient.abs());
+        // As the sweep takes them: in f32.
+        let square = |(a, weight): (&f64, &f64)| (f64::from(*a as f32) / weight).powi(2);
+        let length = others.iter().zip(&self.weights).map(square).sum::<f64>().sqrt();
+        sizes[first.len()] = length + f64::from(f32::MIN_POSITIVE);
+        self.reaches.reconstruct(&sizes[..=first.len()], &mut self.reach)?;
         for (bound, reach) in self.bounds.iter_mut().zip(&self.reach) {
             let sum = *bound + reach;
             // What is no number bounds nothing, and nothing is below 0.
@@ -147,14 +163,19 @@ fn basis_of(rows: &[f32], coefficients: Range<usize>, tiles: usize, isa: Isa) ->
 /// Mean and modes of the field, as the sweep reads them.
 struct Rows<'a> {
     field: &'a Affine<'a>,
-    /// What a row is usually multiplied by.
-    scales: Vec<f64>,
+    /// What each is usually multiplied by.
+    weights: Vec<f64>,
+    /// Mean and first modes.
+    first: usize,
 }
 
 impl<'a> Rows<'a> {
     fn new(field: &'a Affine<'a>, largest: &[f64]) -> Self {
+        let [least, most] = WEIGHTS;
         let own = field.coefficients.clone().map(|at| largest.get(at).copied().unwrap_or(1.0));
-        Self { field, scales: std::iter::once(1.0).chain(own).collect() }
+        let weights: Vec<f64> =
+            std::iter::once(1.0).chain(own.map(|size| size.max(least).min(most))).collect();
+        Self { field, first: weights.len().min(1 + FIRST_MODES), weights }
     }
 
     /// In f32, as it is stored.
@@ -182,9 +203,9 @@ impl<'a> Rows<'a> {
         }
         let width = |row: usize| {
             let (low, high) = self.span(row, nodes);
-            (high - low) * self.scales[row]
+            (high - low) * self.weights[row]
         };
-        let widths: Vec<f64> = (0..self.scales.len()).map(width).collect();
+        let widths: Vec<f64> = (0..self.weights.len()).map(width).collect();
         let widest = (0..widths.len()).max_by(|a, b| widths[*a].total_cmp(&widths[*b])).unwrap_or(0);
         let middle = (nodes.len() / 2).next_multiple_of(TILE_NODES);
         nodes.select_nth_unstable_by(middle, |a, b| {
@@ -198,18 +219,33 @@ impl<'a> Rows<'a> {
     /// Rows of centres and of reaches, a value a tile.
     fn bounds(&self, tiles: &[&[u32]]) -> (Vec<f32>, Vec<f32>) {
         let one = |row: usize| tiles.iter().map(move |nodes| self.bound(row, nodes));
-        (0..self.scales.len()).flat_map(one).unzip()
+        let (centres, mut reaches): (Vec<f32>, Vec<f32>) = (0..self.first).flat_map(one).unzip();
+        reaches.extend(tiles.iter().map(|nodes| self.others(nodes)));
+        (centres, reaches)
     }
 
-    /// Middle and reach of a row in a tile. With `n` modes in f32 a value is off by at most `(n + 2) u` times the sum of the magnitudes
-    /// of its terms, and so are both parts of the bound, whose sum is rounded once more: the reach is so much longer and more.
+    /// Middle and reach of a row in a tile.
     fn bound(&self, row: usize, nodes: &[u32]) -> (f32, f32) {
         let (low, high) = self.span(row, nodes);
         let centre = (0.5 * (low + high)) as f32;
         let middle = f64::from(centre);
         let reach = (high - middle).max(middle - low);
-        let roundings = (4 * self.scales.len() + 16) as f64 * ROUNDOFF;
         let near_zero = if row == 0 { NEAR_ZERO } else { 0.0 };
-        (centre, ((reach + roundings * (middle.abs() + reach) + near_zero) as f32).next_up())
+        (centre, ((reach + self.roundings() * (middle.abs() + reach) + near_zero) as f32).next_up())
+    }
+
+    /// Largest length, over the nodes, of the weighted modes beyond the first.
+    fn others(&self, nodes: &[u32]) -> f32 {
+        let square = |node: u32| move |row: usize| (self.value(row, node) * self.weights[row]).powi(2);
+        let squares =
+            nodes.iter().map(|node| (self.first..self.weights.len()).map(square(*node)).sum::<f64>());
+        let length = squares.fold(0.0, f64::max).sqrt();
+        ((length * (1.0 + self.roundings())) as f32).next_up()
+    }
+
+    /// With `n` modes in f32 a value is off by at most `(n + 2) u` times the sum of the magnitudes of its terms. So are both parts of the
+    /// bound, which have no more terms; factor and sum are rounded once more. More than all of these together.
+    fn roundings(&self) -> f64 {
+        (4 * self.weights.len() + 16) as f64 * ROUNDOFF
     }
 }
