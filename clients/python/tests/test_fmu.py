@@ -1,6 +1,8 @@
 """A model as an FMU, in the hands of FMPy: valid, equal to `softtwin predict`, and clear about mistakes."""
 
 import json
+import pathlib
+import re
 import subprocess
 import sys
 import time
@@ -218,14 +220,33 @@ def test_mistakes_of_an_export_are_named(tmp_path):
     assert done.returncode == 2 and "--out FILE.fmu" in done.stderr
 
 
+def test_the_declarations_are_those_of_the_standard_and_of_the_library(archive, tmp_path):
+    """FMPy has the headers of FMI 3.0: a compiler that reads both refuses declarations that differ."""
+    text = zipfile.ZipFile(archive).read("documentation/softtwin_fmi3.h").decode()
+    (tmp_path / "softtwin_fmi3.h").write_text(text)
+    standard = pathlib.Path(fmpy.__file__).parent / "c-code"
+    compiler = ["cc", "-std=c11", "-Wall", "-Werror", "-fsyntax-only", f"-I{standard}", f"-I{tmp_path}", "-xc", "-"]
+    for before in ("", '#include "fmi3Functions.h"\n'):
+        done = subprocess.run(compiler, input=before + '#include "softtwin_fmi3.h"\n', capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    declared = re.findall(r"\b(fmi3\w+)\(", text.split("Begin, end, modes")[1])
+    (binary,) = [name for name in zipfile.ZipFile(archive).namelist() if name.startswith("binaries/")]
+    library = zipfile.ZipFile(archive).extract(binary, tmp_path)
+    symbols = subprocess.run(["nm", "--dynamic", "--defined-only", library], capture_output=True, text=True, check=True).stdout
+    exported = [line.split()[-1] for line in symbols.splitlines() if line.split()[-1].startswith("fmi3")]
+    functions = re.findall(r"TYPE\s+(fmi3\w+);", (standard / "fmi3Functions.h").read_text())
+    assert sorted(declared) == sorted(exported) == sorted(functions)
+
+
 def test_a_step_is_fast(twin):
     """Prints what a step in contact costs, without FMPy's own work: a step with the same inputs, for which nothing is computed."""
     twin.put(gap_mm=30.0)
+    many = np.linspace(0.04, 0.06, 100)
 
-    def microseconds(output, pressures):
-        wanted, inputs = [twin.number[output]], [twin.number["pressure_mpa"]]
+    def microseconds(outputs, pressures):
+        wanted, inputs = [twin.number[name] for name in outputs], [twin.number["pressure_mpa"]]
         best = np.inf
-        for _ in range(5):
+        for _ in range(100):
             began = time.perf_counter()
             for pressure_mpa in pressures:
                 twin.fmu.setFloat64(inputs, [pressure_mpa])
@@ -234,7 +255,10 @@ def test_a_step_is_fast(twin):
             best = min(best, (time.perf_counter() - began) / len(pressures) * 1e6)
         return best
 
-    idle = microseconds("contact_force_n", [0.05] * 1000)
-    steps = {name: microseconds(name, np.linspace(0.04, 0.06, 1000)) - idle for name in ("contact_force_n", "tip.x", "max_von_mises_mpa")}
-    print(json.dumps({"fmpy_us": round(idle, 1), **{f"{name}_us": round(us, 1) for name, us in steps.items()}}))
-    assert steps["contact_force_n"] < 100.0, "a machine so busy that the figure says nothing; see docs/fmi.md"
+    numbers = [v.name for v in twin.description.modelVariables if v.causality == "output" and v.type == "Float64"]
+    asked = {"force": ["contact_force_n"], "tip": ["tip.x"], "max_von_mises": ["max_von_mises_mpa"], "everything": numbers}
+    steps = {what: microseconds(names, many) - microseconds(names, [0.05] * len(many)) for what, names in asked.items()}
+    print(json.dumps({f"{what}_us": round(us, 1) for what, us in steps.items()}))
+    # 20 us are promised of a machine that does nothing else; with all else that a busy one does, twice that.
+    assert steps["everything"] < 40.0 and steps["max_von_mises"] < 40.0, steps
+    assert steps["force"] < 0.5 * steps["max_von_mises"], "the force alone takes no coefficients"

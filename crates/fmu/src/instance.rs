@@ -1,45 +1,15 @@
 //! One instance: the model with its present inputs, and what was computed from them.
 
-use crate::variables::{
-    self, ChosenNode, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME,
-};
+use crate::part::{Part, Stress};
+use crate::variables::{self, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
 use rom::inputs::{GAP, Inputs, MAX_INPUTS};
-use rom::model::{ModelReader, Nodes, Selection};
-use rom::reconstructor::Reconstructor;
+use rom::model::{ModelReader, Selection};
 use rom::snapshots::FieldKind;
 use std::io::Cursor;
 use std::path::Path;
-
-/// A selection of fields and nodes with its memory.
-struct Part {
-    reconstructor: Reconstructor,
-    values: Vec<f32>,
-    /// Largest stress of the selection, MPa.
-    max_stress_mpa: f64,
-    is_current: bool,
-}
-
-impl Part {
-    fn new(model: &rom::model::Model, fields: Option<Vec<String>>, nodes: Nodes) -> Result<Self, String> {
-        let selection = Selection { fields, nodes };
-        let reconstructor = Reconstructor::new(model, &selection).map_err(|error| error.to_string())?;
-        let values = vec![0.0; reconstructor.entries()];
-        Ok(Self { reconstructor, values, max_stress_mpa: f64::NAN, is_current: false })
-    }
-
-    fn update(&mut self, evaluation: &Evaluation) -> Result<(), String> {
-        if !self.is_current {
-            let peaks = self.reconstructor.reconstruct_into(evaluation, &mut self.values);
-            let stress = peaks.map_err(|error| error.to_string())?.stress_mpa;
-            self.max_stress_mpa = stress.map_or(f64::NAN, |peak| peak.value.into());
-            self.is_current = true;
-        }
-        Ok(())
-    }
-}
 
 /// The running model.
 pub(crate) struct Instance {
@@ -52,11 +22,10 @@ pub(crate) struct Instance {
     evaluation: Evaluation,
     is_current: bool,
     outputs: Vec<Output>,
-    nodes: Vec<ChosenNode>,
-    /// All fields at the chosen nodes; none chosen, none.
-    at_nodes: Option<Part>,
-    /// The stress at all nodes; none when the model has no stress.
-    stress: Option<Part>,
+    /// All fields but the stress.
+    others: Option<Part>,
+    /// None when the model has no stress.
+    stress: Option<Stress>,
 }
 
 impl Instance {
@@ -79,9 +48,11 @@ impl Instance {
         let evaluator = Evaluator::new(&model.header).map_err(|error| error.to_string())?;
         let start = variables::start(&model).into_iter().enumerate();
         let start = start.fold(Inputs::new(0.0, 0.0), |inputs, (at, value)| inputs.with(at, value));
-        let chosen: Vec<u32> = nodes.iter().map(|chosen| chosen.node).collect();
-        let stress = model.header.fields.iter().find(|f| f.spec.kind == FieldKind::Stress);
-        let stress = stress.map(|field| Part::new(&model, Some(vec![field.spec.name.clone()]), Nodes::All));
+        let fields = model.header.fields.iter();
+        let stress = fields.clone().position(|field| field.spec.kind == FieldKind::Stress);
+        let others = (0..fields.len()).filter(|field| Some(*field) != stress).collect();
+        let others = Part::new(&model, &evaluator, others, &nodes)?;
+        let stress = Part::new(&model, &evaluator, stress.into_iter().collect(), &nodes)?;
         Ok(Self {
             keys: model.header.inputs.iter().map(|input| input.key()).collect(),
             start,
@@ -90,12 +61,9 @@ impl Instance {
             evaluation: evaluator.evaluation(),
             is_current: false,
             outputs: variables::outputs(&model.header, &nodes),
-            at_nodes: (!nodes.is_empty())
-                .then(|| Part::new(&model, None, Nodes::List(chosen)))
-                .transpose()?,
-            stress: stress.transpose()?,
+            others,
+            stress: stress.map(|part| Stress::new(&model, part)).transpose()?.flatten(),
             evaluator,
-            nodes,
         })
     }
 
@@ -135,14 +103,13 @@ impl Instance {
             return Ok(());
         }
         self.evaluator.give(&self.inputs, &mut self.evaluation).map_err(|error| error.to_string())?;
-        self.evaluator.evaluate(self.inputs, &mut self.evaluation);
+        self.evaluator.state(self.inputs, &mut self.evaluation);
         if !self.evaluator.has_regime(self.evaluation.regime) {
             let name = self.evaluator.regime_name(self.evaluation.regime);
             return Err(format!("this state belongs to regime {name}, in which the model was not trained"));
         }
-        for part in self.at_nodes.iter_mut().chain(&mut self.stress) {
-            part.is_current = false;
-        }
+        self.others.iter_mut().for_each(Part::forget);
+        self.stress.iter_mut().for_each(Stress::forget);
         self.is_current = true;
         Ok(())
     }
@@ -176,15 +143,18 @@ impl Instance {
             Quantity::DisplacementHalfwidth => found.halfwidths.displacement_mm,
             Quantity::StressHalfwidth => found.halfwidths.stress_mpa,
             Quantity::DomainDistance => found.domain_distance,
-            Quantity::MaxStress => {
-                let Some(part) = &mut self.stress else { return Ok(f64::NAN) };
-                part.update(found)?;
-                part.max_stress_mpa
-            }
+            Quantity::MaxStress => match &mut self.stress {
+                Some(stress) => stress.largest_mpa(found)?.into(),
+                None => f64::NAN,
+            },
             Quantity::AtNode { field, chosen } => {
-                let part = self.at_nodes.as_mut().ok_or("no node was chosen")?;
-                part.update(found)?;
-                part.values[field * self.nodes.len() + chosen].into()
+                let stress = self.stress.iter_mut().map(|stress| &mut stress.part);
+                for part in self.others.iter_mut().chain(stress) {
+                    if let Some(value) = part.value(found, field, chosen)? {
+                        return Ok(value.into());
+                    }
+                }
+                return Err("no node was chosen".into());
             }
             Quantity::DomainStatus | Quantity::Regime => return Err("an Int32".into()),
         })

@@ -4,8 +4,9 @@
 //! FMI's interface is written by hand: generators of FMUs in Rust want the variables when they are compiled; ours are those of
 //! the model in `resources/`. Functions of FMI that such a model has no use for return `fmi3Error` and log their name.
 //!
-//! What an output costs: force, gradients, half-widths and nodes one evaluation, the largest stress the whole stress field;
-//! each is computed when it is read, once for the same inputs.
+//! What an output costs: force, gradients, onset and half-widths one evaluation without coefficients; fields at nodes the coefficients of
+//! these fields; the largest stress those of the stress and a search among few nodes. Each is computed when it is read, once for the same
+//! inputs.
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
@@ -13,9 +14,13 @@
 mod border;
 mod description;
 mod instance;
+mod part;
 #[allow(non_snake_case)]
 mod unsupported;
 mod variables;
 
 pub use description::{IDENTIFIER, describe};
+
+/// Declarations of the exported functions in C.
+pub const DECLARATIONS: &str = include_str!("../softtwin_fmi3.h");
 pub use variables::{ChosenNode, MODEL_FILE, NODES_FILE, nodes_text, token};

@@ -207,7 +207,11 @@ fn serve(
         let (own, keys) = (thread_link(), config.keys.clone());
         let (its_own, its_ros2, its_keys) = (thread_link(), ros2.clone(), keys.clone());
         threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period)?))?;
-        threads.start("ros2-services", move |_| Ok(ros::answer(&its_own, &its_ros2, &its_keys)?))?;
+        let (to_twins, questions) = ros::questions();
+        threads
+            .start("ros2-services", move |_| Ok(ros::answer(&its_own, &its_ros2, &its_keys, &to_twins)?))?;
+        let own = thread_link();
+        threads.start("ros2-questions", move |_| Ok(ros::ask(&own, &questions)?))?;
     }
     if !inlets.is_empty() {
         let (own, ros2) = (thread_link(), config.ros2.clone());

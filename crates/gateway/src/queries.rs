@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 use wire::layout::{field_id, query_kind, unpack_name};
-use wire::{AnswerSample, Bus, QueryClient, Selector};
+use wire::{AnswerSample, Bus, QueryClient, Selector, WireError};
 use zenoh::bytes::ZBytes;
 use zenoh::query::{Query, Queryable};
 
@@ -48,11 +48,10 @@ impl QueryHandler {
 /// # Errors
 /// When the domain cannot be joined.
 pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {
-    let bus = Bus::open(&link.domain)?;
-    let mut clients = HashMap::new();
+    let mut clients = Clients::open(link)?;
     while link.goes_on() {
         let Ok((name, query)) = requests.recv_timeout(TICK) else { continue };
-        match ask(&bus, &mut clients, &name, &query) {
+        match ask(&mut clients, &name, &query) {
             Ok(sample) => {
                 reply(link, &query, &name, &encode(&sample), sample.answer().entries() > 0);
             }
@@ -62,24 +61,43 @@ pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn ask(
-    bus: &Bus,
-    clients: &mut HashMap<String, QueryClient>,
-    name: &str,
-    query: &Query,
-) -> anyhow::Result<AnswerSample> {
+/// Asks the twins of this machine, each through one client.
+pub struct Clients {
+    bus: Bus,
+    by_actuator: HashMap<String, QueryClient>,
+}
+
+impl Clients {
+    /// Of none yet.
+    ///
+    /// # Errors
+    /// When the domain cannot be joined.
+    pub fn open(link: &Link) -> Result<Self, WireError> {
+        Ok(Self { bus: Bus::open(&link.domain)?, by_actuator: HashMap::new() })
+    }
+
+    /// The answer of an actuator's twin.
+    ///
+    /// # Errors
+    /// When there is no such twin, or it does not answer within a second.
+    pub fn ask(&mut self, actuator: &str, question: &wire::Query) -> Result<AnswerSample, WireError> {
+        let mut client = match self.by_actuator.remove(actuator) {
+            Some(client) => client,
+            None => QueryClient::open(&self.bus, actuator)?,
+        };
+        // A client whose twin has gone is not kept: the next query finds the next twin.
+        let sample = client.ask(question, PATIENCE)?;
+        self.by_actuator.insert(actuator.to_owned(), client);
+        Ok(sample)
+    }
+}
+
+fn ask(clients: &mut Clients, name: &str, query: &Query) -> anyhow::Result<AnswerSample> {
     let selector = Selector::parse(&format!("{name}?{}", query.parameters().as_str()))?;
     let actuator = selector.actuator().unwrap_or_default().to_owned();
     let question = selector.questions(&actuator).into_iter().next();
     let question = question.ok_or_else(|| anyhow::anyhow!("`{name}` asks nothing"))?;
-    let mut client = match clients.remove(&actuator) {
-        Some(client) => client,
-        None => QueryClient::open(bus, &actuator)?,
-    };
-    // A client whose twin has gone is not kept: the next query finds the next twin.
-    let sample = client.ask(&question, PATIENCE)?;
-    clients.insert(actuator, client);
-    Ok(sample)
+    Ok(clients.ask(&actuator, &question)?)
 }
 
 /// JSON; for a field its values, and the JSON beside them.

@@ -1,4 +1,6 @@
-"""Types of ROS 2 as `rosbags` has them, services added from their definitions, and keys by them."""
+"""Types of ROS 2 as `rosbags` has them, services added from their definitions (our own from the package that robots build), and keys by them."""
+
+import pathlib
 
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -24,6 +26,8 @@ SERVICES = {
     ),
     "std_srvs/srv/Trigger": ("", "bool success\nstring message"),
 }
+PACKAGE = pathlib.Path(__file__).resolve().parents[3] / "clients/ros2/softtwin_interfaces"
+OWN = {f"softtwin_interfaces/srv/{path.stem}": path.read_text().split("\n---\n") for path in sorted(PACKAGE.glob("srv/*.srv"))}
 # As the interface generator of ROS has it: `char` of a .msg is a byte without sign.
 EVENT_INFO = "uint8 event_type\nbuiltin_interfaces/Time stamp\nuint8[16] client_gid\nint64 sequence_number"
 
@@ -40,7 +44,9 @@ def register(name, text):
 
 
 STORE.fielddefs.update(get_types_from_msg(EVENT_INFO, "service_msgs/msg/ServiceEventInfo"))
-for name, (request, response) in SERVICES.items():
+for path in PACKAGE.glob("msg/*.msg"):
+    register(f"softtwin_interfaces/msg/{path.stem}", path.read_text())
+for name, (request, response) in {**SERVICES, **OWN}.items():
     register(f"{name}_Request", request)
     register(f"{name}_Response", response)
     lists = f"{name}_Request[<=1] request\n{name}_Response[<=1] response"

@@ -3,10 +3,11 @@
 
 import os
 import pathlib
+import re
 
 import numpy as np
 import pytest
-from ros2_types import STORE, make, parameter_value
+from ros2_types import PACKAGE, STORE, make, parameter_value
 
 GOLDEN = pathlib.Path(__file__).parent / "golden"
 
@@ -109,6 +110,52 @@ GIVEN = [
     parameter("abcdef", 9, string_array_value=["", "x", "xy"]),
 ]
 
+OWN = "softtwin_interfaces/srv/"
+NO_PARAMETERS = dict(parameter_names=[], parameters=np.zeros(0), node_set="")
+
+
+def answer(**given):
+    """What NaN stands for is not there."""
+    numbers = "pressure_mpa gap_mm domain_distance contact_force_n force_halfwidth_n onset_pressure_mpa displacement_halfwidth_mm"
+    numbers += " von_mises_halfwidth_mpa found_halfwidth found_low found_high max_von_mises_mpa"
+    empty = dict(
+        {name: float("nan") for name in numbers.split()},
+        **dict(input_names=[], inputs=np.zeros(0), regime="unknown", domain_status=0, force_by_input=np.zeros(0)),
+        **dict(field_names=[], node_count=0, field=np.zeros(0, "float32"), max_von_mises_node=2**32 - 1, flags=[], model_hash="00" * 16),
+    )
+    return make("softtwin_interfaces/msg/Answer", **{**empty, **given})
+
+
+def answered():
+    """Numbers that f32 holds, so that those of f32 and of f64 are the same."""
+    found = answer(
+        pressure_mpa=0.05,
+        gap_mm=30.0,
+        input_names=["pressure_mpa", "gap_mm", "elastomer.law.mu_mpa"],
+        inputs=np.array([0.05, 30.0, 0.8]),
+        regime="contact",
+        domain_status=2,
+        domain_distance=0.25,
+        contact_force_n=0.3,
+        force_halfwidth_n=0.5,
+        force_by_input=np.array([10.0, -0.02, 0.1]),
+        onset_pressure_mpa=float("inf"),
+        displacement_halfwidth_mm=0.125,
+        von_mises_halfwidth_mpa=0.0625,
+        found_halfwidth=0.001,
+        found_low=0.049,
+        found_high=0.051,
+        field_names=["x", "von_mises"],
+        node_count=3,
+        field=np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], "float32"),
+        max_von_mises_mpa=0.3,
+        max_von_mises_node=17,
+        flags=["outside-domain"],
+        model_hash=bytes(range(16)).hex(),
+    )
+    return make(OWN + "WhatIf_Response", success=True, message="", answer=found)
+
+
 SRV = "rcl_interfaces/srv/"
 MESSAGES = {
     "marker": ("visualization_msgs/msg/Marker", marker),
@@ -122,6 +169,30 @@ MESSAGES = {
     "set": (SRV + "SetParameters_Response", response("SetParameters", results=[REFUSED] * len(GIVEN))),
     "set_atomically": (SRV + "SetParametersAtomically_Response", response("SetParametersAtomically", result=REFUSED)),
     "described": ("std_srvs/srv/Trigger_Response", lambda: make("std_srvs/srv/Trigger_Response", success=True, message="{}")),
+    "what_if_request": (
+        OWN + "WhatIf_Request",
+        lambda: make(
+            OWN + "WhatIf_Request",
+            pressure_mpa=0.05,
+            gap_mm=30.0,
+            parameter_names=["a", "elastomer.law.mu_mpa"],
+            parameters=np.array([1.5, 0.8]),
+            node_set="tip",
+        ),
+    ),
+    "find_pressure_request": (
+        OWN + "FindPressure_Request",
+        lambda: make(OWN + "FindPressure_Request", force_n=0.3, gap_mm=30.0, **NO_PARAMETERS),
+    ),
+    "find_gap_request": (
+        OWN + "FindGap_Request",
+        lambda: make(OWN + "FindGap_Request", pressure_mpa=0.06, force_n=0.3, force_halfwidth_n=0.01, **NO_PARAMETERS),
+    ),
+    "answered": (OWN + "WhatIf_Response", answered),
+    "not_answered": (
+        OWN + "FindGap_Response",
+        lambda: make(OWN + "FindGap_Response", success=False, message="no twin", answer=answer()),
+    ),
 }
 
 
@@ -134,3 +205,8 @@ def test_golden_bytes_are_those_of_rosbags(name):
         text = found.hex()
         path.write_text("".join(text[at : at + 128] + "\n" for at in range(0, len(text), 128)))
     assert bytes.fromhex(path.read_text()) == found
+
+
+def test_the_package_builds_every_definition():
+    listed = re.findall(r'"(\w+/\w+\.\w+)"', (PACKAGE / "CMakeLists.txt").read_text())
+    assert sorted(listed) == sorted(str(path.relative_to(PACKAGE)) for path in PACKAGE.glob("*/*"))

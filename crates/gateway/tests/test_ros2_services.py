@@ -6,6 +6,7 @@ import re
 import struct
 import time
 
+import numpy as np
 import pytest
 import zenoh
 from ros2_types import STORE, key, make, parameter_value
@@ -21,7 +22,11 @@ SERVICES = {
     "twins/set_parameters": (RCL + "SetParameters", "1000"),
     "twins/set_parameters_atomically": (RCL + "SetParametersAtomically", "1000"),
     "softtwin/finger/describe": ("std_srvs/srv/Trigger", "10"),
+    "softtwin/finger/what_if": ("softtwin_interfaces/srv/WhatIf", "10"),
+    "softtwin/finger/find_pressure": ("softtwin_interfaces/srv/FindPressure", "10"),
+    "softtwin/finger/find_gap": ("softtwin_interfaces/srv/FindGap", "10"),
 }
+NOTHING_MORE = dict(parameter_names=[], parameters=np.zeros(0), node_set="")
 CLIENT = bytes(range(100, 116))
 
 
@@ -158,6 +163,75 @@ def test_a_twin_describes_itself(stage):
         assert answer.message.startswith("no state of finger")
         (reply,) = replies(session, key("softtwin/finger/describe", "std_srvs/srv/Trigger"), b"\0\1\0", beside(1))
         assert "expected an empty request in little-endian CDR" in bytes(reply.err.payload).decode()
+
+
+def question(session, service, **given):
+    return ask(session, f"softtwin/finger/{service}", **{**NOTHING_MORE, **given})
+
+
+def test_questions_are_answered_as_by_zenoh(stage):
+    stage.live(200.0, SETTINGS)
+    asked = [
+        ("what_if", "whatif", dict(pressure_mpa=0.05, gap_mm=30.0)),
+        ("what_if", "whatif", dict(pressure_mpa=0.01, gap_mm=60.0)),
+        ("what_if", "whatif", dict(pressure_mpa=0.3, gap_mm=30.0)),
+        ("find_pressure", "pressure", dict(force_n=0.3, gap_mm=30.0)),
+        ("find_gap", "gap", dict(pressure_mpa=0.06, force_n=0.3, force_halfwidth_n=0.01)),
+    ]
+    same = "pressure_mpa gap_mm contact_force_n force_halfwidth_n onset_pressure_mpa displacement_halfwidth_mm von_mises_halfwidth_mpa"
+    same += " domain_distance domain_status regime flags model_hash"
+    with stage.session("client") as session:
+        for service, name, values in asked:
+            for node_set in ("", "surface"):
+                answer = question(session, service, **values, node_set=node_set)
+                assert (answer.success, answer.message) == (True, "")
+                found = answer.answer
+                text = ";".join(f"{key}={value}" for key, value in values.items()) + (f";field={node_set}" if node_set else "")
+                (reply,) = session.get(f"softtwin/finger/{name}?{text}", timeout=PATIENCE_S)
+                said = json.loads(bytes(reply.ok.attachment if node_set else reply.ok.payload))
+                for key_ in same.split():
+                    wanted = said[key_] if not isinstance(said[key_], str) or key_ in ("regime", "model_hash") else float(said[key_])
+                    assert getattr(found, key_) == wanted, key_
+                assert found.input_names == ["pressure_mpa", "gap_mm"] == said["input_names"]
+                assert found.inputs.tolist() == said["inputs"] and found.force_by_input.tolist() == said["force_by_input"]
+                ends = [found.found_halfwidth, found.found_low, found.found_high]
+                np.testing.assert_equal(ends, [float(said[key_]) for key_ in ("uncertainty", "low", "high")])
+                assert found.domain_status == (2 if values.get("pressure_mpa") == 0.3 else 0)
+                if node_set:
+                    assert (found.node_count, found.field_names) == (said["node_count"], said["fields"])
+                    assert found.field.tobytes() == bytes(reply.ok.payload)
+                    assert (found.max_von_mises_mpa, found.max_von_mises_node) == (said["max_von_mises_mpa"], said["max_von_mises_node"])
+                else:
+                    assert (found.node_count, found.field_names, len(found.field)) == (0, [], 0) and np.isnan(found.max_von_mises_mpa)
+
+
+def test_why_there_is_no_answer_stands_in_the_response(stage):
+    stage.live(200.0, SETTINGS)
+    state = dict(pressure_mpa=0.05, gap_mm=30.0)
+    two, many = ["a", "b"], [f"parameter{at}" for at in range(7)]
+    refused = [
+        ("find_pressure", dict(force_n=1000.0, gap_mm=30.0), "more force than the sampled states give here: at most"),
+        ("what_if", dict(pressure_mpa=float("nan"), gap_mm=30.0), "missing or not finite"),
+        ("what_if", dict(state, parameter_names=["mu"], parameters=np.ones(1)), "no input of this model, which has pressure_mpa, gap_mm"),
+        ("what_if", dict(state, parameter_names=two, parameters=np.ones(1)), "expected as many parameters as parameter_names, found 1 and 2"),
+        ("what_if", dict(state, parameter_names=many, parameters=np.ones(7)), "expected at most 6 parameters, found 7"),
+        ("what_if", dict(state, node_set="a b"), "expected the name of a node set in node_set, found"),
+        ("what_if", dict(state, node_set="other"), "the twin offers no field of these nodes"),
+    ]
+    with stage.session("client") as session:
+        for service, values, reason in refused:
+            answer = question(session, service, **values)
+            assert not answer.success and reason in answer.message, answer.message
+            # Without such a field the state is there all the same.
+            assert np.isnan(answer.answer.contact_force_n) == (values.get("node_set") != "other") and len(answer.answer.field) == 0
+        (reply,) = replies(session, key("softtwin/finger/what_if", SERVICES["softtwin/finger/what_if"][0]), b"\0\1\0\0", beside(1))
+        assert "expected a request to what_if of at most 64 parameters in little-endian CDR" in bytes(reply.err.payload).decode()
+        assert question(session, "what_if", **state).success
+        for child in stage.programs[:2]:
+            child.kill()
+            child.wait()
+        answer = question(session, "what_if", **state)
+        assert not answer.success and "finger" in answer.message, answer.message
 
 
 def test_requests_that_are_none_are_refused(stage):

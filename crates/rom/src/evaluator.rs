@@ -244,11 +244,17 @@ impl Evaluator {
     }
 
     /// From now on the coefficients of fields other than these (indices into [`ModelHeader::fields`]) are not interpolated and
-    /// mean nothing, where they share no group with one of these.
+    /// mean nothing, where they share no group with one of these. The others keep their bits.
     pub fn restrict(&mut self, fields: &[usize]) {
         for part in &mut self.parts {
             let is_used = |group: &&GroupModel| group.fields.iter().any(|field| fields.contains(field));
-            part.groups = sums(part.model.groups.iter().filter(is_used));
+            let used = sums(part.model.groups.iter().filter(is_used));
+            // One coefficient by itself would be summed in another order than beside others.
+            let all = sums(part.model.groups.iter());
+            let is_alone = |(sums, range): &(Sums, Range<usize>)| {
+                sums.outputs() == 1 && all.iter().all(|(_, joined)| joined != range)
+            };
+            part.groups = if used.iter().any(is_alone) { all } else { used };
         }
     }
 

@@ -65,6 +65,7 @@ pub mod regime;
 pub mod rng;
 mod select;
 pub mod snapshots;
+pub mod stress_peak;
 mod sums;
 pub mod synthetic;
 pub mod train;

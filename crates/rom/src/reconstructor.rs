@@ -289,7 +289,8 @@ fn shortfall(model: &Model, field: usize, short: &Shortfall) -> String {
     )
 }
 
-fn source<'a>(
+/// Where a field of a regime comes from; `order` says which field of the model each of the spec is.
+pub(crate) fn source<'a>(
     model: &'a Model,
     regime: &RegimeModel,
     order: &[usize],

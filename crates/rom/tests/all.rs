@@ -10,3 +10,4 @@ mod predict;
 mod probe;
 mod regimes;
 mod shipped_design;
+mod stress_peak;

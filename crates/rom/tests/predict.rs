@@ -165,10 +165,12 @@ fn a_state_is_evaluated_without_the_coefficients_that_nobody_asked_for() {
         assert_eq!(parts.coefficients, whole.coefficients);
         restricted.evaluate(inputs, &mut some);
         let regime = model().header.regimes.iter().find(|regime| regime.kind == whole.regime).unwrap();
+        // One coefficient by itself would be summed in another order: it keeps those it is summed with.
+        let own = regime.groups.iter().find(|group| group.fields.contains(&stress)).unwrap();
         for group in &regime.groups {
             let range = group.coefficients.clone();
             let same = some.coefficients[range.clone()] == whole.coefficients[range];
-            assert_eq!(same, group.fields.contains(&stress), "{}", group.name);
+            assert_eq!(same, group.fields.contains(&stress) || own.coefficients.len() == 1, "{}", group.name);
         }
     }
 }

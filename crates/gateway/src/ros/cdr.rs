@@ -130,6 +130,15 @@ impl<'a> Reader<'a> {
         (0..count).map(|_| self.text()).collect()
     }
 
+    /// At most so many numbers of double precision.
+    pub fn doubles(&mut self, most: usize) -> Option<Vec<f64>> {
+        let count = self.word()? as usize;
+        if count > most {
+            return None;
+        }
+        (0..count).map(|_| self.double()).collect()
+    }
+
     /// Passes a list of values of this size.
     pub fn skip_list(&mut self, size: usize) -> Option<()> {
         let count = self.word()? as usize;

@@ -1,5 +1,6 @@
 //! The twins as a node of ROS 2, on the wire of `rmw_zenoh` (docs/ros2.md): tokens make node and topics appear in the graph, keys hold
-//! type and hash, messages are CDR with an attachment of number, time and sender. Services are answered by a thread of their own.
+//! type and hash, messages are CDR with an attachment of number, time and sender. Services are answered by a thread of their own, those
+//! that ask a twin by another one.
 
 mod attachment;
 mod cdr;
@@ -13,6 +14,8 @@ mod outlet;
 mod parameter_services;
 mod parameters;
 mod plain;
+mod question;
+mod questions;
 mod requests;
 mod service;
 mod twins;
@@ -27,6 +30,7 @@ use wire::{Bus, KeyExpr};
 
 pub use config::{Ros2, Ros2File, check};
 pub use inlet::{Inlet, reading};
+pub use questions::{channel as questions, run as ask};
 pub use requests::run as answer;
 
 /// How often the domain is scanned, and how often it is checked who subscribes.

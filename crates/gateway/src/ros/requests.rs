@@ -5,6 +5,8 @@ use super::describe;
 use super::names::{Names, QOS, QOS_PARAMETERS};
 use super::parameter_services::Access;
 use super::parameters;
+use super::question::Question;
+use super::questions::Asking;
 use super::service::{Announced, Call, Service};
 use super::twins::Twins;
 use super::types::TRIGGER;
@@ -34,11 +36,16 @@ enum Asked {
     Actuator(String),
 }
 
-/// Answers until the gateway ends.
+/// Answers until the gateway ends; requests that a twin answers go to `questions`.
 ///
 /// # Errors
 /// When the domain cannot be joined or the session is closed.
-pub fn run(link: &Link, ros: &Ros2, keys: &[KeyExpr]) -> anyhow::Result<()> {
+pub fn run(
+    link: &Link,
+    ros: &Ros2,
+    keys: &[KeyExpr],
+    questions: &SyncSender<Call<Asking>>,
+) -> anyhow::Result<()> {
     let mut twins = Twins::open(link, keys)?;
     let (sender, calls) = sync_channel(CALLS);
     let names = Names::new(ros, link);
@@ -47,7 +54,7 @@ pub fn run(link: &Link, ros: &Ros2, keys: &[KeyExpr]) -> anyhow::Result<()> {
     let mut waiting: Vec<(Call<Asked>, Instant)> = Vec::new();
     while link.goes_on() {
         twins.scan(Instant::now())?;
-        announce_actuators(link, &names, &twins, &mut actuators, &sender)?;
+        announce_actuators(link, &names, &twins, &mut actuators, (&sender, questions))?;
         let arrived = calls.recv_timeout(if waiting.is_empty() { TICK } else { PACE });
         let now = Instant::now();
         for call in arrived.into_iter().chain(calls.try_iter().take(CALLS.saturating_sub(waiting.len()))) {
@@ -109,22 +116,33 @@ fn announce_parameters(
     Access::ALL.into_iter().enumerate().map(declare).collect()
 }
 
-/// `softtwin/<actuator>/describe` of the twins that are new. One that has gone is still answered for, with the reason.
+/// The services of the twins that are new: `softtwin/<actuator>/describe` and the questions. One that has gone is still answered for,
+/// with the reason.
 fn announce_actuators(
     link: &Link,
     names: &Names,
     twins: &Twins,
-    known: &mut BTreeMap<String, Service>,
-    sender: &SyncSender<Call<Asked>>,
+    known: &mut BTreeMap<String, Vec<Service>>,
+    (sender, questions): (&SyncSender<Call<Asked>>, &SyncSender<Call<Asking>>),
 ) -> anyhow::Result<()> {
     for name in twins.names() {
-        if !known.contains_key(name) {
-            let number = FIRST + Access::ALL.len() + known.len();
-            let service = format!("softtwin/{name}/describe");
-            let announced = Announced { number, name: &service, of: TRIGGER, qos: QOS };
-            let asked = Asked::Actuator(name.to_owned());
-            known.insert(name.to_owned(), Service::declare(link, names, &announced, asked, sender.clone())?);
+        if known.contains_key(name) {
+            continue;
         }
+        let first = FIRST + Access::ALL.len() + known.len() * (1 + Question::ALL.len());
+        let service = format!("softtwin/{name}/describe");
+        let announced = Announced { number: first, name: &service, of: TRIGGER, qos: QOS };
+        let asked = Asked::Actuator(name.to_owned());
+        let mut services = vec![Service::declare(link, names, &announced, asked, sender.clone())?];
+        let actuator = twins.actuator(name).unwrap_or(name);
+        for (number, question) in (first + 1..).zip(Question::ALL) {
+            let (kind, of) = question.service();
+            let service = format!("softtwin/{name}/{kind}");
+            let announced = Announced { number, name: &service, of, qos: QOS };
+            let asking = Asking { actuator: actuator.to_owned(), question };
+            services.push(Service::declare(link, names, &announced, asking, questions.clone())?);
+        }
+        known.insert(name.to_owned(), services);
     }
     Ok(())
 }

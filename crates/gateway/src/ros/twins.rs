@@ -94,6 +94,11 @@ impl Twins {
         self.by_name.iter().filter(|(_, twin)| twin.is_alive).map(|(name, _)| name.as_str())
     }
 
+    /// The actuator of a twin that lives or lived, by its name in ROS.
+    pub fn actuator(&self, name: &str) -> Option<&str> {
+        Some(self.by_name.get(name)?.topic.actuator())
+    }
+
     /// The newest state of a twin; none before it came.
     pub fn state(&self, name: &str) -> Option<&State> {
         match self.by_name.get(name)?.newest.as_ref()? {

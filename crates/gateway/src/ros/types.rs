@@ -82,3 +82,18 @@ pub const TRIGGER: MessageType = MessageType {
     name: "std_srvs::srv::dds_::Trigger_",
     hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
 };
+/// `softtwin_interfaces/srv/WhatIf`, our own: clients/ros2/softtwin_interfaces.
+pub const WHAT_IF: MessageType = MessageType {
+    name: "softtwin_interfaces::srv::dds_::WhatIf_",
+    hash: "RIHS01_9f2ac41aea00462ce74df4a6e79b64f152cb2f5a016da59b01275b0881aff29c",
+};
+/// `softtwin_interfaces/srv/FindPressure`.
+pub const FIND_PRESSURE: MessageType = MessageType {
+    name: "softtwin_interfaces::srv::dds_::FindPressure_",
+    hash: "RIHS01_02039dd0399fb01b07e8dc294ae3685b5ea0a0704c03a5bcf02707eb91d25eb0",
+};
+/// `softtwin_interfaces/srv/FindGap`.
+pub const FIND_GAP: MessageType = MessageType {
+    name: "softtwin_interfaces::srv::dds_::FindGap_",
+    hash: "RIHS01_67eb9215946c75657692c55fb03354a965e0a6d2839b1253e1cbd4f0bf6efa05",
+};

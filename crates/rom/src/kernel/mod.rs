@@ -30,6 +30,7 @@ mod eight;
 mod isa;
 mod lanes;
 mod mixed;
+mod peak;
 mod plan;
 mod rows;
 mod spec;
@@ -45,6 +46,7 @@ mod tests;
 pub use basis::{Basis, Peak, Peaks, ReconstructError};
 pub use budget::Budget;
 pub use isa::Isa;
+pub use peak::PeakSearch;
 pub use spec::{Affine, BasisError, Field, Role, Shift, Shortfall, Source, Spec, Values};
 pub use tiles::Precision;
 

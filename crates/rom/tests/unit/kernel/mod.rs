@@ -2,5 +2,6 @@
 
 mod cases;
 mod edges;
+mod peaks;
 mod properties;
 mod reference;

@@ -21,10 +21,10 @@ const ABOUT: &str = "<!DOCTYPE html><html><head><meta charset=\"utf-8\"><title>s
 <h1>Digital twin of a soft pneumatic actuator</h1>
 <p>Inputs pressure_mpa and gap_mm, parameters of the model; outputs force, its derivatives, onset pressure, half-widths, largest
 stress, fields at chosen nodes. domain_status is 0 among the training states, 1 near them, 2 outside: half-widths do not hold there.
-The largest stress costs the whole stress field when it is read; all else one evaluation of the model.</p>
+Each output is computed when it is read.</p>
 <p>The binary is for one platform. For another one, compile the crate fmu of softtwin there (cargo build --release -p fmu) and put
 the library into binaries/PLATFORM/softtwin with that platform's ending; description and resources stay as they are. The functions are those of
-fmi3Functions.h of the FMI standard 3.0.</p>
+fmi3Functions.h of the FMI standard 3.0; <a href=\"softtwin_fmi3.h\">softtwin_fmi3.h</a> beside this page declares them.</p>
 </body></html>
 ";
 
@@ -68,6 +68,7 @@ pub fn write(source: &Path, out: &Path, mut nodes: Vec<ChosenNode>, as_json: boo
         (&format!("resources/{MODEL_FILE}"), &bytes),
         (&format!("resources/{NODES_FILE}"), fmu::nodes_text(&nodes).as_bytes()),
         ("documentation/index.html", ABOUT.as_bytes()),
+        ("documentation/softtwin_fmi3.h", fmu::DECLARATIONS.as_bytes()),
     ] {
         archive.start_file(name, stored)?;
         archive.write_all(content)?;
