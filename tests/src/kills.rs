@@ -14,7 +14,7 @@ const CALLS: &str = "?open,openat,ftruncate,fallocate,?chmod,fchmod,fchmodat,mma
                      ?rename,?renameat,renameat2,?unlink,unlinkat,?rmdir,bind,connect,sendto,flock,fcntl,write,pwrite64,\
                      close,clone,?clone3";
 /// Calls of each program that are taken when not all are.
-const SAMPLE: usize = 36;
+const SAMPLE: usize = 24;
 /// How long a program runs before it is told to stop.
 pub const RUN: Duration = Duration::from_millis(100);
 
