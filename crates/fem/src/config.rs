@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::contact::obstacle::{Obstacle, Round};
 use crate::element::cavity::CavityLoad;
-use crate::material::{Elastomer, Hyperelastic, SheetMaterial};
+use crate::material::{Elastomer, Hyperelastic, SheetMaterial, VolumeChange};
 use rom::snapshots::Footprint;
 
 /// Gravity along -y (mm/s2), the actuator's usual attitude.
@@ -106,6 +106,7 @@ impl Default for ProblemConfig {
                 law: Hyperelastic::Gent { mu_mpa: 0.8, jm: 6.0 },
                 bulk_mpa: 2000.0,
                 density_t_per_mm3: 1.0e-9,
+                volume_change: VolumeChange::Mean,
             }],
             sheet: Some(SheetMaterial {
                 youngs_mpa: 6500.0,

@@ -119,6 +119,23 @@ impl Hyperelastic {
     }
 }
 
+/// The volume change that the bulk modulus resists.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VolumeChange {
+    /// Its mean over each element: nearly incompressible rubber does not lock.
+    #[default]
+    Mean,
+    /// That at each Gauss point, as in the C3D10 of other programs: for compressible rubber; a large bulk modulus locks.
+    Points,
+}
+
+impl VolumeChange {
+    fn is_mean(&self) -> bool {
+        *self == Self::Mean
+    }
+}
+
 /// A nearly incompressible elastomer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -129,9 +146,22 @@ pub struct Elastomer {
     pub bulk_mpa: f64,
     /// Mass density (t/mm3).
     pub density_t_per_mm3: f64,
+    /// The volume change that the bulk modulus resists; the mean over each element unless said.
+    #[serde(default, skip_serializing_if = "VolumeChange::is_mean")]
+    pub volume_change: VolumeChange,
 }
 
 impl Elastomer {
+    /// Bulk modulus of the pressure that each element has for itself (MPa): 0 where the pressure is that of each Gauss point.
+    pub(crate) fn element_bulk_mpa(&self) -> f64 {
+        if self.volume_change.is_mean() { self.bulk_mpa } else { 0.0 }
+    }
+
+    /// Bulk modulus of the pressure at each Gauss point (MPa), 0 where the element has one for itself.
+    pub(crate) fn point_bulk_mpa(&self) -> f64 {
+        self.bulk_mpa - self.element_bulk_mpa()
+    }
+
     /// Checks that the formulation is valid for the constants.
     ///
     /// # Errors

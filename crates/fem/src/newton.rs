@@ -294,7 +294,7 @@ impl Newton {
             let gradient = &self.system.volume_gradient[e];
             let nodes = &problem.mesh.tets[e];
             let linear: f64 = gradient.iter().zip(nodes).map(|(g, n)| dot(*g, du[*n as usize])).sum();
-            let bulk = problem.elastomer(e).bulk_mpa / problem.tets[e].volume_mm3();
+            let bulk = problem.elastomer(e).element_bulk_mpa() / problem.tets[e].volume_mm3();
             bulk * (self.system.volume_change[e] + linear) - state.element_pressure_mpa[e]
         };
         self.increment.pressure = (0..problem.mesh.tets.len()).map(pressure).collect();

@@ -107,9 +107,9 @@ impl System {
             let geometry = &problem.tets[e];
             let carried = state.element_pressure_mpa[e];
             self.terms
-                .evaluate(geometry, &u, carried, &material.law, with_tangent)
+                .evaluate(geometry, &u, carried, material, with_tangent)
                 .map_err(|reason| InvalidState { reason, element: e })?;
-            let bulk = material.bulk_mpa / geometry.volume_mm3();
+            let bulk = material.element_bulk_mpa() / geometry.volume_mm3();
             let follows = bulk * self.terms.volume_change;
             self.volume_change[e] = self.terms.volume_change;
             self.volume_gradient[e] = self.terms.volume_gradient;

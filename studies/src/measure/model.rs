@@ -21,6 +21,19 @@ pub struct Args {
     /// Rounds, Rust and Python in turn; the smallest of their medians count.
     #[arg(long, default_value_t = 7)]
     rounds: u32,
+    /// Ends with 1 when Python takes more than this many times Rust's time; with at most 15 rounds, as many as it takes.
+    #[arg(long, value_name = "RATIO")]
+    at_most: Option<f64>,
+}
+
+/// Rounds after which a ratio that is still too large is believed: other programs disturb single rounds.
+const MAX_ROUNDS: u32 = 15;
+
+/// Smallest medians so far (us).
+struct Times {
+    rust: f64,
+    python: f64,
+    python_new_memory: f64,
 }
 
 impl Args {
@@ -36,25 +49,46 @@ impl Args {
             .arg("clients/python/examples/predict_time.py")
             .arg(&path)
             .args(["--states", &STATES.to_string()]);
-        let [mut rust_us, mut out_us, mut new_us] = [f64::INFINITY; 3];
-        for _ in 0..self.rounds {
-            let mut times = (0..STATES)
-                .map(|at| {
-                    let pressure_mpa = 0.02 + 0.06 * f64::from(at) / f64::from(STATES - 1);
-                    let began = Instant::now();
-                    state.update(Inputs::new(pressure_mpa, 30.0))?;
-                    Ok(began.elapsed().as_secs_f64() * 1e6)
-                })
-                .collect::<anyhow::Result<Vec<f64>>>()?;
-            times.sort_by(f64::total_cmp);
-            rust_us = rust_us.min(times[times.len() / 2]);
-            let said: Value = serde_json::from_str(output_of(&mut python)?.trim())?;
-            let time = |key: &str| said[key].as_f64().with_context(|| format!("expected {key} in {said}"));
-            (out_us, new_us) = (out_us.min(time("out_us")?), new_us.min(time("new_memory_us")?));
+        let never = f64::INFINITY;
+        let mut times = Times { rust: never, python: never, python_new_memory: never };
+        let most = self.at_most.unwrap_or(f64::INFINITY);
+        let within = |times: &Times| times.python <= most * times.rust;
+        let mut rounds = 0;
+        while rounds < self.rounds || (rounds < MAX_ROUNDS && !within(&times)) {
+            times.rust = times.rust.min(rust_us(&mut state)?);
+            let printed: Value = serde_json::from_str(output_of(&mut python)?.trim())?;
+            let time =
+                |key: &str| printed[key].as_f64().with_context(|| format!("expected {key} in {printed}"));
+            times.python = times.python.min(time("out_us")?);
+            times.python_new_memory = times.python_new_memory.min(time("new_memory_us")?);
+            rounds += 1;
         }
+        let ratio = times.python / times.rust;
         print(
             "whole field",
-            json!({ "rust_us": rust_us, "python_us": out_us, "python_new_memory_us": new_us, "ratio": out_us / rust_us }),
-        )
+            json!({
+                "rust_us": times.rust, "python_us": times.python, "python_new_memory_us": times.python_new_memory,
+                "ratio": ratio, "rounds": rounds,
+            }),
+        )?;
+        anyhow::ensure!(
+            within(&times),
+            "Python takes {ratio:.2} times the time of Rust, at most {most} expected"
+        );
+        Ok(())
     }
+}
+
+/// Median of one round (us).
+fn rust_us(state: &mut ModelState) -> anyhow::Result<f64> {
+    let mut times = (0..STATES)
+        .map(|at| {
+            let pressure_mpa = 0.02 + 0.06 * f64::from(at) / f64::from(STATES - 1);
+            let began = Instant::now();
+            state.update(Inputs::new(pressure_mpa, 30.0))?;
+            Ok(began.elapsed().as_secs_f64() * 1e6)
+        })
+        .collect::<anyhow::Result<Vec<f64>>>()?;
+    times.sort_by(f64::total_cmp);
+    Ok(times[times.len() / 2])
 }

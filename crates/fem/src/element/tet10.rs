@@ -1,11 +1,11 @@
-//! The 10-node tetrahedron with 4 Gauss points and one condensed pressure.
+//! The 10-node tetrahedron with 4 Gauss points and one condensed pressure, or with the pressure of each point.
 //!
 //! Notation: `N` shape functions, `grad N` with respect to the undeformed position, `F` deformation gradient,
 //! `g = F^-T grad N`, `f = F grad N`, `I1 = tr(F^T F)`, `I = J^(-2/3) I1`, `s = 2 W' J^(-2/3)`.
 //! First Piola stress: `P = s (F - I1/3 F^-T) + p J F^-T`.
 
 use crate::algebra::{Mat3, Vec3, axpy, det_inv_transpose, dot, mat_vec, scale};
-use crate::material::Hyperelastic;
+use crate::material::{Elastomer, Hyperelastic};
 use formats::mesh_file::TET_EDGES;
 
 /// Barycentric coordinates of the Gauss points: `OWN` of their own corner, `OTHER` of the three others.
@@ -156,7 +156,7 @@ pub(crate) fn point(
 /// What one element contributes.
 #[derive(Clone, Debug)]
 pub(crate) struct TetTerms {
-    /// Nodal forces of the isochoric stress (N).
+    /// Nodal forces of the isochoric stress, and of the points' pressures (N).
     pub(crate) force: [Vec3; 10],
     /// `dV/du`: nodal forces of a unit pressure (mm2).
     pub(crate) volume_gradient: [Vec3; 10],
@@ -189,9 +189,10 @@ impl TetTerms {
         geometry: &TetGeometry,
         u: &[Vec3; 10],
         pressure_mpa: f64,
-        law: &Hyperelastic,
+        material: &Elastomer,
         with_tangent: bool,
     ) -> Result<(), Invalid> {
+        let point_bulk_mpa = material.point_bulk_mpa();
         self.force = [[0.0; 3]; 10];
         self.volume_gradient = [[0.0; 3]; 10];
         self.volume_change = 0.0;
@@ -199,7 +200,7 @@ impl TetTerms {
             self.tangent = [[[0.0; 3]; 3]; PAIRS];
         }
         for q in 0..4 {
-            let p = point(geometry, q, u, law)?;
+            let p = point(geometry, q, u, &material.law)?;
             let weight = geometry.weights[q];
             let gradients = &geometry.gradients[q];
             let mut g = [[0.0; 3]; 10];
@@ -215,19 +216,28 @@ impl TetTerms {
                 axpy(weight * p.det, g[a], &mut self.volume_gradient[a]);
             }
             self.volume_change += weight * (p.det - 1.0);
+            let mut pressure_mpa = pressure_mpa;
+            if point_bulk_mpa > 0.0 {
+                pressure_mpa = point_bulk_mpa * (p.det - 1.0);
+                for (force, g) in self.force.iter_mut().zip(g) {
+                    axpy(weight * pressure_mpa * p.det, g, force);
+                }
+            }
             if with_tangent {
-                self.add_tangent(&p, weight, pressure_mpa, gradients, &g, &f);
+                let follows = point_bulk_mpa * p.det * p.det * weight;
+                self.add_tangent(&p, weight, [pressure_mpa, follows], gradients, &g, &f);
             }
         }
         Ok(())
     }
 
-    /// `dP : (grad N_a, grad N_b)` at one Gauss point, in the five products it reduces to.
+    /// `dP : (grad N_a, grad N_b)` at one Gauss point, in the five products it reduces to, at a pressure (MPa) that `follows` the
+    /// point's volume (`K J^2` times the weight; 0 for a pressure of the element).
     fn add_tangent(
         &mut self,
         p: &Point,
         weight: f64,
-        pressure_mpa: f64,
+        [pressure_mpa, follows]: [f64; 2],
         gradients: &[Vec3; 10],
         g: &[Vec3; 10],
         f: &[Vec3; 10],
@@ -237,7 +247,7 @@ impl TetTerms {
         let pressure = pressure_mpa * p.det * weight;
         let third = p.trace / 3.0;
         let gf = -(2.0 / 3.0) * s - kappa * third;
-        let gg = (2.0 / 3.0) * s * third + kappa * third * third + pressure;
+        let gg = (2.0 / 3.0) * s * third + kappa * third * third + pressure + follows;
         let gg_swapped = s * third - pressure;
         let mut pair = 0;
         for a in 0..10 {

@@ -8,7 +8,7 @@ use crate::config::Load;
 use crate::element::cavity::face_terms;
 use crate::element::tet10::{Invalid, TetGeometry, point};
 use crate::element::{bending, membrane};
-use crate::material::Hyperelastic;
+use crate::material::{Elastomer, Hyperelastic};
 use crate::problem::Problem;
 use crate::state::State;
 use crate::system::{InvalidState, face};
@@ -22,9 +22,8 @@ pub fn potential_n_mm(problem: &Problem, state: &State, load: &Load) -> Result<f
     let mut sum = 0.0;
     for (e, (tet, geometry)) in problem.mesh.tets.iter().zip(&problem.tets).enumerate() {
         let material = problem.elastomer(e);
-        let (w, change) = isochoric(geometry, &tet.map(|n| u[n as usize]), &material.law)
+        sum += solid(geometry, &tet.map(|n| u[n as usize]), material)
             .map_err(|reason| InvalidState { reason, element: e })?;
-        sum += w + 0.5 * material.bulk_mpa / geometry.volume_mm3() * change * change;
     }
     let x = problem.positions(u);
     for (tri, geometry) in problem.mesh.sheet.iter().zip(&problem.sheet.membrane) {
@@ -51,6 +50,18 @@ pub fn potential_n_mm(problem: &Problem, state: &State, load: &Load) -> Result<f
         sum += touching.sum::<f64>();
     }
     Ok(sum)
+}
+
+/// Strain energy (N mm) of an element.
+fn solid(geometry: &TetGeometry, u: &[Vec3; 10], material: &Elastomer) -> Result<f64, Invalid> {
+    let (w, change) = isochoric(geometry, u, &material.law)?;
+    let mean = material.element_bulk_mpa() / geometry.volume_mm3() * change * change;
+    Ok(w + 0.5 * (mean + material.point_bulk_mpa() * squared_change(geometry, u, &material.law)?))
+}
+
+/// Squared volume change `integral (J - 1)^2` (mm3) of an element.
+pub fn squared_change(geometry: &TetGeometry, u: &[Vec3; 10], law: &Hyperelastic) -> Result<f64, Invalid> {
+    (0..4).map(|q| Ok(geometry.weights[q] * (point(geometry, q, u, law)?.det - 1.0).powi(2))).sum()
 }
 
 /// Isochoric strain energy (N mm) and volume change `integral (J - 1)` (mm3) of an element.

@@ -93,7 +93,7 @@ fn follow(problem: &Problem, u: Vec<Vec3>, load: Load) -> State {
         let material = problem.elastomer(e);
         let (_, change) =
             super::energy::isochoric(&geometry, &tet.map(|n| u[n as usize]), &material.law).unwrap();
-        material.bulk_mpa * change / geometry.volume_mm3()
+        material.element_bulk_mpa() * change / geometry.volume_mm3()
     };
     let x = problem.positions(&u);
     let axes = mesh.sheet.first().map(|t| membrane::plane_axes(&t.map(|n| mesh.nodes_mm[n as usize])));

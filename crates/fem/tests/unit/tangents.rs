@@ -7,7 +7,7 @@ use crate::element::cavity::{CavityLoad, face_terms};
 use crate::element::membrane::{self, MembraneGeometry};
 use crate::element::tet10::{self, TetGeometry, TetTerms};
 use crate::element::{bending, tri6};
-use crate::material::Hyperelastic;
+use crate::material::{Elastomer, Hyperelastic, VolumeChange};
 use formats::mesh_file::{TET_EDGES, TRI_EDGES};
 
 const STEP: f64 = 1.0e-6;
@@ -40,6 +40,18 @@ fn shaken<const N: usize>(size: f64, seed: usize) -> [Vec3; N] {
     std::array::from_fn(|a| std::array::from_fn(|i| size * noise(seed + 3 * a + i)))
 }
 
+/// Each law with one pressure an element, and with that of each Gauss point.
+fn materials() -> impl Iterator<Item = Elastomer> {
+    LAWS.into_iter().flat_map(|law| {
+        [VolumeChange::Mean, VolumeChange::Points].map(|volume_change| Elastomer {
+            law,
+            bulk_mpa: 20.0,
+            density_t_per_mm3: 0.0,
+            volume_change,
+        })
+    })
+}
+
 #[test]
 fn energies_have_the_derivatives_they_state() {
     for law in LAWS {
@@ -56,16 +68,19 @@ fn energies_have_the_derivatives_they_state() {
 #[test]
 fn solid_force_is_the_derivative_of_its_energy() {
     let geometry = TetGeometry::new(&tet()).unwrap();
-    for law in LAWS {
+    for material in materials() {
+        let law = material.law;
         let u = shaken::<10>(0.12, 7);
         let mut terms = TetTerms::default();
-        terms.evaluate(&geometry, &u, 0.0, &law, false).unwrap();
+        terms.evaluate(&geometry, &u, 0.0, &material, false).unwrap();
         for a in 0..10 {
             for i in 0..3 {
                 let at = |step: f64| {
                     let mut moved = u;
                     moved[a][i] += step;
-                    super::energy::isochoric(&geometry, &moved, &law).unwrap()
+                    let (w, change) = super::energy::isochoric(&geometry, &moved, &law).unwrap();
+                    let squared = super::energy::squared_change(&geometry, &moved, &law).unwrap();
+                    (w + 0.5 * material.point_bulk_mpa() * squared, change)
                 };
                 let (up, down) = (at(STEP), at(-STEP));
                 assert!(((up.0 - down.0) / (2.0 * STEP) - terms.force[a][i]).abs() < 1.0e-7);
@@ -79,11 +94,13 @@ fn solid_force_is_the_derivative_of_its_energy() {
 fn solid_tangent_is_the_derivative_of_its_force_at_constant_pressure() {
     let geometry = TetGeometry::new(&tet()).unwrap();
     let pressure = -0.37;
-    for law in LAWS {
+    for material in materials() {
         let u = shaken::<10>(0.12, 3);
+        // What the element's own pressure adds; with a pressure at each point there is none.
+        let pressure = if material.point_bulk_mpa() > 0.0 { 0.0 } else { pressure };
         let force = |u: &[Vec3; 10]| {
             let mut terms = TetTerms::default();
-            terms.evaluate(&geometry, u, pressure, &law, true).unwrap();
+            terms.evaluate(&geometry, u, pressure, &material, true).unwrap();
             let total: [Vec3; 10] =
                 std::array::from_fn(|a| add(terms.force[a], scale(pressure, terms.volume_gradient[a])));
             (total, terms)
@@ -101,7 +118,7 @@ fn solid_tangent_is_the_derivative_of_its_force_at_constant_pressure() {
                     for i in 0..3 {
                         let block = &here.tangent[a * (a + 1) / 2 + b];
                         let measured = (up[a][i] - down[a][i]) / (2.0 * STEP);
-                        assert!((block[i][j] - measured).abs() < 1.0e-6, "{law:?} {a}{i} {b}{j}");
+                        assert!((block[i][j] - measured).abs() < 1.0e-6, "{material:?} {a}{i} {b}{j}");
                     }
                 }
             }
