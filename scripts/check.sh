@@ -10,6 +10,7 @@
 #   scripts/check.sh clients [pytest arguments]  the Python client against live twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
+#   scripts/check.sh prepare                     nothing but the Python packages of exports, clients and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
 # Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
@@ -40,6 +41,26 @@ python() {
     python=$venv/bin/python
 }
 
+readers_python() {
+    python=python3
+    if ! python3 -c 'import meshio, numpy, h5py' 2>/dev/null; then python readers 'meshio==5.3.5' 'numpy<3' h5py; fi
+}
+
+clients_python() {
+    [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
+    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy 'pymoca<0.13' jsonschema basyx-python-sdk \
+        mcap mcap-protobuf-support foxglove-sdk rerun-sdk websockets gymnasium nbclient nbformat ipykernel
+}
+
+gateway_python() { python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags; }
+
+# What exports, clients and gateway need of Python, for those who want it there before.
+prepare() {
+    readers_python
+    clients_python
+    gateway_python
+}
+
 view() {
     needs python3
     python=python3
@@ -55,8 +76,7 @@ actuators() {
 
 exports() {
     build
-    python=python3
-    if ! python3 -c 'import meshio, numpy, h5py' 2>/dev/null; then python readers 'meshio==5.3.5' 'numpy<3' h5py; fi
+    readers_python
     exec "$python" scripts/checks/exports.py --programs "$target/debug"
 }
 
@@ -68,9 +88,7 @@ calculix() {
 }
 
 clients() {
-    [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
-    python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy 'pymoca<0.13' jsonschema basyx-python-sdk \
-        mcap mcap-protobuf-support foxglove-sdk rerun-sdk websockets gymnasium nbclient nbformat ipykernel
+    clients_python
     cargo build --locked --quiet --workspace --bins --lib
     export PYTHONPATH=$PWD/clients/python/src
     SOFTTWIN_LIBRARY=$(realpath "$target")/debug/libcapi.so
@@ -126,11 +144,21 @@ install_check() {
 
 gateway() {
     needs openssl
-    python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags
+    gateway_python
     build
-    cargo clippy --quiet --locked -p gateway --features network --all-targets -- -D warnings
-    cargo test --locked -p gateway --features network --no-fail-fast -- "$@"
-    exec "$python" -m pytest -q crates/gateway/tests
+    # As .ci/run calls it, which then need not be done again.
+    cargo clippy --quiet --workspace --all-targets --features gateway/network --locked -- -D warnings
+    cargo test --quiet --locked -p gateway --features network --no-run
+    local log peers failed=0
+    log=$(mktemp)
+    # Both wait for processes most of the time.
+    "$python" -m pytest -q crates/gateway/tests >"$log" 2>&1 &
+    peers=$!
+    cargo test --locked -p gateway --features network --no-fail-fast -- "$@" || failed=1
+    wait "$peers" || failed=1
+    cat "$log"
+    rm -f "$log"
+    return "$failed"
 }
 
 # With an aarch64 target of the installed toolchain that target is used; without one (no rustup server in reach) Debian's own
@@ -160,8 +188,8 @@ aarch64() {
 }
 
 case ${1:-} in
-    view | actuators | exports | calculix | clients | c | gateway | aarch64) "$@" ;;
+    view | actuators | exports | calculix | clients | c | prepare | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
-    -h | --help) sed -n '2,16s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,16s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,17s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,17s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

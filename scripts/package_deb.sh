@@ -53,7 +53,10 @@ END
 # package ROOT NAME
 package() {
     chmod -R go-w,a+rX "$1"
-    dpkg-deb --root-owner-group --build "$1" "$out/$2_${version}_$architecture.deb" >/dev/null
+    # A package that is only tried is not worth a minute of compressing it.
+    local quick=()
+    [ "$profile" = release ] || quick=(-Zgzip -z1)
+    dpkg-deb --root-owner-group "${quick[@]}" --build "$1" "$out/$2_${version}_$architecture.deb" >/dev/null
     echo "$out/$2_${version}_$architecture.deb"
 }
 
