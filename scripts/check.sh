@@ -11,6 +11,7 @@
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin
+#   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an implementation of ROS 2 that is not ours
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
 # Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
 # pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl. scripts/test.sh needs none of this.
@@ -133,6 +134,36 @@ gateway() {
     exec "$python" -m pytest -q crates/gateway/tests
 }
 
+# Two twins, one of which has its readings from the peer; `softtwin echo` and `get` say the same of them as the peer is to hear.
+ros2_peer() {
+    needs python3
+    local work port say scene=scripts/checks/ros2_peer/scene.toml
+    work=$(mktemp -d)
+    # shellcheck disable=SC2064
+    trap "kill \$(jobs -p) 2>/dev/null || true; wait; rm -rf '$work'" EXIT
+    build
+    cargo build --locked --quiet -p gateway --features network --bins
+    CARGO_TARGET_DIR=$target/ros2-peer cargo build --locked --quiet --manifest-path scripts/checks/ros2_peer/Cargo.toml
+    export SOFTTWIN_DOMAIN=ros2peer$$ SOFTTWIN_ROOT=$work/iox
+    port=$(python3 -c 'import socket; one = socket.socket(); one.bind(("127.0.0.1", 0)); print(one.getsockname()[1])')
+    cat >"$work/gateway.toml" <<END
+listen = ["tcp/127.0.0.1:$port"]
+readings_from_network = ["fed"]
+[ros2]
+domain_id = 7
+node = "twins"
+models = ["$PWD/models/pneunet/pneunet.twin"]
+END
+    started "$work/twin.log" "$target/debug/softtwind" twin --scene "$scene"
+    started "$work/bridge.log" "$target/debug/softtwind" bridge --scene "$scene" --loop
+    say=$target/debug/softtwin
+    "$say" echo softtwin/finger/state --json >"$work/states.jsonl" &
+    "$say" echo softtwin/finger/field/surface --json >"$work/fields.jsonl" &
+    "$say" get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30' --json >"$work/whatif.json"
+    started "$work/gateway.log" "$target/debug/softtwin-gateway" --config "$work/gateway.toml"
+    "$target/ros2-peer/debug/ros2-peer" "tcp/127.0.0.1:$port" "$work"
+}
+
 # With an aarch64 target of the installed toolchain that target is used; without one (no rustup server in reach) Debian's own
 # compiler and its arm64 standard library are unpacked into build/aarch64.
 aarch64() {
@@ -162,6 +193,7 @@ aarch64() {
 case ${1:-} in
     view | actuators | exports | calculix | clients | c | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
-    -h | --help) sed -n '2,16s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,16s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    ros2-peer) ros2_peer ;;
+    -h | --help) sed -n '2,17s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,17s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac
