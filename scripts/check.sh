@@ -83,6 +83,7 @@ clients() {
 # started LOG COMMAND...: starts it in the background and waits until it is ready.
 started() {
     local log=$1 pid
+    : >"$log"
     "${@:2}" 2>"$log" &
     pid=$!
     until grep -q ready: "$log"; do
@@ -135,9 +136,11 @@ gateway() {
 }
 
 # Two twins, one of which has its readings from the peer; `softtwin echo` and `get` say the same of them as the peer is to hear.
+# The gateway is a client of a router with the settings of ROS, a router beside it, and what the peer calls itself.
 ros2_peer() {
     needs python3
-    local work port say scene=scripts/checks/ros2_peer/scene.toml
+    local work ports way called say=$target/debug/softtwin peer=$target/ros2-peer/debug/ros2-peer
+    local scene=scripts/checks/ros2_peer/scene.toml
     work=$(mktemp -d)
     # shellcheck disable=SC2064
     trap "kill \$(jobs -p) 2>/dev/null || true; wait; rm -rf '$work'" EXIT
@@ -145,23 +148,37 @@ ros2_peer() {
     cargo build --locked --quiet -p gateway --features network --bins
     CARGO_TARGET_DIR=$target/ros2-peer cargo build --locked --quiet --manifest-path scripts/checks/ros2_peer/Cargo.toml
     export SOFTTWIN_DOMAIN=ros2peer$$ SOFTTWIN_ROOT=$work/iox
-    port=$(python3 -c 'import socket; one = socket.socket(); one.bind(("127.0.0.1", 0)); print(one.getsockname()[1])')
-    cat >"$work/gateway.toml" <<END
-listen = ["tcp/127.0.0.1:$port"]
+    started "$work/twin.log" "$target/debug/softtwind" twin --scene "$scene"
+    started "$work/bridge.log" "$target/debug/softtwind" bridge --scene "$scene" --loop
+    "$say" echo softtwin/finger/state --json >"$work/states.jsonl" &
+    "$say" echo softtwin/finger/field/surface --json >"$work/fields.jsonl" &
+    "$say" get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30' --json >"$work/whatif.json"
+    read -ra ports < <(python3 -c 'import socket
+held = [socket.socket() for _ in range(2)]
+for one in held: one.bind(("127.0.0.1", 0))
+print(*(one.getsockname()[1] for one in held))')
+    local router=tcp/127.0.0.1:${ports[0]} gateway=tcp/127.0.0.1:${ports[1]}
+    started "$work/router.log" "$peer" router "$router"
+    for way in client router peer; do
+        echo "check.sh: the gateway's mode is $way"
+        called=$router
+        case $way in
+            client) echo "connect = [\"$router\"]" ;;
+            router) printf '%s\n' "connect = [\"$router\"]" "listen = [\"$gateway\"]" ;;
+            peer) echo "listen = [\"$gateway\"]" && called=$gateway ;;
+        esac >"$work/gateway.toml"
+        cat >>"$work/gateway.toml" <<END
+mode = "$way"
 readings_from_network = ["fed"]
 [ros2]
 domain_id = 7
 node = "twins"
 models = ["$PWD/models/pneunet/pneunet.twin"]
 END
-    started "$work/twin.log" "$target/debug/softtwind" twin --scene "$scene"
-    started "$work/bridge.log" "$target/debug/softtwind" bridge --scene "$scene" --loop
-    say=$target/debug/softtwin
-    "$say" echo softtwin/finger/state --json >"$work/states.jsonl" &
-    "$say" echo softtwin/finger/field/surface --json >"$work/fields.jsonl" &
-    "$say" get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30' --json >"$work/whatif.json"
-    started "$work/gateway.log" "$target/debug/softtwin-gateway" --config "$work/gateway.toml"
-    "$target/ros2-peer/debug/ros2-peer" "tcp/127.0.0.1:$port" "$work"
+        started "$work/gateway.log" "$target/debug/softtwin-gateway" --config "$work/gateway.toml"
+        echo $! >"$work/gateway.pid"
+        "$peer" "$called" "$work"
+    done
 }
 
 # With an aarch64 target of the installed toolchain that target is used; without one (no rustup server in reach) Debian's own

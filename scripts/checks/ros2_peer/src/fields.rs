@@ -2,11 +2,10 @@
 
 use crate::heard::Heard;
 use crate::stage::{Error, Seen, Stage, ensure, until};
-use crate::states::{is_now, ns};
+use crate::states::is_now;
 use hiroz_msgs::ros::sensor_msgs::{PointCloud2, PointField};
 use hiroz_msgs::ros::visualization_msgs::Marker;
 use serde_json::Value;
-use std::collections::BTreeMap;
 use zenoh_buffers::buffer::SplitBuffer;
 
 /// Columns of a cloud, with the names that the twin's fields have.
@@ -20,32 +19,33 @@ const ROUNDED_M: f64 = 1e-7;
 /// Smallest and largest value of each column.
 type Ranges = Vec<[f32; 2]>;
 
-/// The same field as points and, with the same stamp, as triangles.
+/// Each of a field that echo shows: on a busy machine the two topics need not carry the same one.
 pub fn cloud_and_marker(stage: &Stage) -> Seen {
     let clouds = Heard::<PointCloud2>::on(stage, "/softtwin/finger/surface/points")?;
     let markers = Heard::<Marker>::on(stage, "/softtwin/finger/surface/marker")?;
-    let mut by_stamp = BTreeMap::new();
-    let (cloud, marker) = until(|| {
-        by_stamp.extend(clouds.take().into_iter().map(|cloud| (ns(&cloud.header.stamp), cloud)));
-        let both = markers
-            .take()
-            .into_iter()
-            .find_map(|marker| Some((by_stamp.remove(&ns(&marker.header.stamp))?, marker)));
-        both.ok_or_else(|| {
-            format!("no cloud and marker of the same stamp among {} clouds", by_stamp.len()).into()
-        })
-    })?;
-    let ranges = ranges(&cloud)?;
+    clouds.wait(1)?;
+    markers.wait(1)?;
+    let [cloud, ..] = &clouds.take()[..] else { return Err("no cloud came".into()) };
+    let [marker, ..] = &markers.take()[..] else { return Err("no marker came".into()) };
+    let (points, corners) = (ranges(cloud)?, spans(marker)?);
     until(|| {
-        let samples = stage.samples("fields.jsonl")?;
-        let is_there = samples.iter().any(|sample| echoed(sample).is_some_and(|echoed| echoed == ranges));
-        ensure(is_there, || format!("no field that echo shows has the cloud's ranges {ranges:?}"))
+        let fields: Vec<Ranges> = stage.samples("fields.jsonl")?.iter().filter_map(echoed).collect();
+        let is_cloud = fields.contains(&points);
+        ensure(is_cloud, || format!("no field that echo shows has the cloud's ranges {points:?}"))?;
+        let is_marker = fields.iter().any(|field| are_near(field, &corners));
+        ensure(is_marker, || format!("no field that echo shows spans what the marker does, {corners:?} m"))
     })?;
-    let triangles = triangles(&marker, &ranges)?;
+    let triangles = marker.points.len() / 3;
     Ok(format!(
-        "{} points with the ranges of a field to the bit, {triangles} triangles within them",
+        "{} points with the ranges of a field to the bit, {triangles} triangles that span one",
         cloud.width
     ))
+}
+
+/// Whether the coordinates of a field span this.
+fn are_near(field: &Ranges, corners: &[[f64; 2]; 3]) -> bool {
+    let ends = field.iter().flatten().zip(corners.iter().flatten());
+    ends.take(6).all(|(point, corner)| (f64::from(*point) - corner).abs() < ROUNDED_M)
 }
 
 fn ranges(cloud: &PointCloud2) -> Result<Ranges, Error> {
@@ -88,32 +88,29 @@ fn echoed(sample: &Value) -> Option<Ranges> {
     COLUMNS.iter().enumerate().map(range).collect()
 }
 
-/// How many triangles; their corners span what the points span, their colours are colours.
-fn triangles(marker: &Marker, ranges: &Ranges) -> Result<usize, Error> {
+/// What the corners of the triangles span along each axis, m; their colours are colours.
+fn spans(marker: &Marker) -> Result<[[f64; 2]; 3], Error> {
     let corners = marker.points.len();
     ensure((marker.r#type, marker.action) == (TRIANGLES, 0), || format!("type {}", marker.r#type))?;
-    ensure(marker.header.frame_id == "finger", || format!("{:?}", marker.header))?;
-    ensure(corners > 3000 && corners % 3 == 0 && marker.colors.len() == corners, || {
+    ensure(marker.header.frame_id == "finger" && is_now(&marker.header.stamp), || {
+        format!("{:?}", marker.header)
+    })?;
+    ensure(corners > 3000 && corners.is_multiple_of(3) && marker.colors.len() == corners, || {
         format!("{corners} corners, {} colours", marker.colors.len())
     })?;
-    let is_colour = |one: f32| (0.0..=1.0).contains(&one);
-    let are_colours = marker
-        .colors
-        .iter()
-        .all(|one| is_colour(one.r) && is_colour(one.g) && is_colour(one.b) && one.a == 1.0);
+    let is_share = |one: f32| (0.0..=1.0).contains(&one);
+    let are_colours =
+        marker.colors.iter().all(|one| [one.r, one.g, one.b].into_iter().all(is_share) && one.a == 1.0);
     ensure(are_colours, || "a colour is none".into())?;
-    let places = marker.points.iter().map(|point| [point.x, point.y, point.z]);
-    for axis in 0..3 {
-        let low = places.clone().fold(f64::INFINITY, |low, place| low.min(place[axis]));
-        let high = places.clone().fold(f64::NEG_INFINITY, |high, place| high.max(place[axis]));
-        let [first, last] = ranges[axis].map(f64::from);
-        ensure((low - first).abs() < ROUNDED_M && (high - last).abs() < ROUNDED_M, || {
-            format!("corners from {low} to {high} m, points from {first} to {last} m along axis {axis}")
-        })?;
-    }
     let orientation = &marker.pose.orientation;
     ensure((orientation.w, marker.scale.x) == (1.0, 1.0), || {
         format!("{:?} {:?}", marker.pose, marker.scale)
     })?;
-    Ok(corners / 3)
+    let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    for point in &marker.points {
+        for ([low, high], place) in spans.iter_mut().zip([point.x, point.y, point.z]) {
+            (*low, *high) = (low.min(place), high.max(place));
+        }
+    }
+    Ok(spans)
 }

@@ -1,7 +1,8 @@
 //! A node of ROS 2 on a wire that nobody here wrote: `hiroz` joins as another process and says what it sees of the gateway. Types are its
 //! own, from the definitions that it ships and from those in clients/ros2. Started by scripts/check.sh ros2-peer, which starts the twins.
 //!
-//!   ros2-peer ENDPOINT FOLDER      FOLDER holds what our own programs say: states.jsonl, fields.jsonl, whatif.json, gateway.log
+//!   ros2-peer router ENDPOINT      a router with the settings of ROS, until it is killed
+//!   ros2-peer ENDPOINT FOLDER      all checks; FOLDER holds what our own programs say: states.jsonl, fields.jsonl, whatif.json, gateway.log
 
 #![allow(unexpected_cfgs)] // of generated code
 
@@ -21,11 +22,13 @@ pub use hiroz_msgs::size_estimation;
 // The types of clients/ros2/softtwin_interfaces; see build.rs.
 include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 
-use stage::{Seen, Stage};
+use stage::{Error, Seen, Stage};
 use std::process::ExitCode;
 
+type Check = fn(&Stage) -> Seen;
+
 /// In this order: what comes last must not be disturbed by what came before.
-const CHECKS: [(&str, fn(&Stage) -> Seen); 13] = [
+const CHECKS: [(&str, Check); 14] = [
     ("node in the graph", graph::node),
     ("published topics with types and hashes", graph::publishers),
     ("subscribed topics with types and hashes", graph::subscriptions),
@@ -39,24 +42,41 @@ const CHECKS: [(&str, fn(&Stage) -> Seen); 13] = [
     ("parameters", parameters::all),
     ("another type hash is named in the log", other_hash::is_named),
     ("nothing broke by it", other_hash::breaks_nothing),
+    ("gone with its program", graph::gone),
 ];
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [endpoint, folder] = &arguments[..] else {
-        eprintln!("usage: ros2-peer ENDPOINT FOLDER");
-        return ExitCode::from(2);
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = match arguments[..] {
+        ["router", endpoint] => route(endpoint),
+        [endpoint, folder] => Stage::join(endpoint, folder.into()).map(|stage| check(&stage)),
+        _ => Err("expected ENDPOINT FOLDER, or router ENDPOINT".into()),
     };
-    let stage = match Stage::join(endpoint, folder.into()) {
-        Ok(stage) => stage,
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("ros2-peer: hiroz cannot join at {endpoint}: {error}");
-            return ExitCode::FAILURE;
+            eprintln!("ros2-peer: {error}");
+            ExitCode::from(2)
         }
-    };
+    }
+}
+
+/// Routes until the program is killed.
+fn route(endpoint: &str) -> Result<bool, Error> {
+    let _router = stage::router(endpoint)?;
+    eprintln!("ready: router at {endpoint}");
+    loop {
+        std::thread::park();
+    }
+}
+
+/// Whether all checks hold.
+fn check(stage: &Stage) -> bool {
     let mut held = 0;
     for (name, check) in CHECKS {
-        match check(&stage) {
+        match check(stage) {
             Ok(seen) => {
                 held += 1;
                 println!("holds   {name}: {seen}");
@@ -65,5 +85,5 @@ fn main() -> ExitCode {
         }
     }
     println!("ros2-peer: {held} of {} checks hold", CHECKS.len());
-    if held == CHECKS.len() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    held == CHECKS.len()
 }

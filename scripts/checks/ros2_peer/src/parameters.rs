@@ -18,9 +18,9 @@ pub fn all(stage: &Stage) -> Seen {
         ensure(missing.is_empty(), || format!("expected {missing:?} among {:?}", listed.names))?;
         Ok(listed)
     })?;
-    let below = stage.block_on(client.list(&["finger.range"], Some(1)))?;
+    let below = until(|| stage.block_on(client.list(&["finger.range"], Some(1))))?;
     ensure(below.names.len() == 2, || format!("expected two ranges, found {:?}", below.names))?;
-    let values = stage.block_on(client.get(&NAMES))?;
+    let values = until(|| stage.block_on(client.get(&NAMES)))?;
     let [
         ParameterValue::StringArray(actuators),
         ParameterValue::Double(rate_hz),
@@ -39,19 +39,19 @@ pub fn all(stage: &Stage) -> Seen {
     let expected = ["pressure_mpa", "gap_mm"].map(String::from).to_vec();
     ensure(*inputs == ParameterValue::StringArray(expected), || format!("found {inputs:?}"))?;
     ensure(*range == ParameterValue::DoubleArray(vec![0.0, 0.09]), || format!("found {range:?}"))?;
-    let types = stage.block_on(client.get_types(&NAMES))?;
+    let types = until(|| stage.block_on(client.get_types(&NAMES)))?;
     let said: Vec<ParameterType> = values.iter().map(ParameterValue::parameter_type).collect();
     ensure(types == said, || format!("expected {said:?}, found {types:?}"))?;
-    let described = stage.block_on(client.describe(&["finger.input.pressure_mpa"]))?;
+    let described = until(|| stage.block_on(client.describe(&["finger.input.pressure_mpa"])))?;
     let is_described =
         described.len() == 1 && described[0].read_only && described[0].type_ == ParameterType::Double;
     ensure(is_described, || format!("found {described:?}"))?;
     let wanted = [Parameter::new("field_rate_hz", ParameterValue::Double(5.0))];
-    let result = stage.block_on(client.set(&wanted))?;
+    let result = until(|| stage.block_on(client.set(&wanted)))?;
     ensure(result.len() == 1 && !result[0].successful && result[0].reason == "read only", || {
         format!("found {result:?}")
     })?;
-    let result = stage.block_on(client.set_atomically(&wanted))?;
+    let result = until(|| stage.block_on(client.set_atomically(&wanted)))?;
     ensure(!result.successful && result.reason == "read only", || format!("found {result:?}"))?;
     Ok(format!("{} listed, read and described, none is set: {}", listed.names.len(), result.reason))
 }

@@ -18,7 +18,7 @@ const ROUNDED: f64 = 1e-6;
 /// The description is JSON with model, inputs and a state.
 pub fn describe(stage: &Stage) -> Seen {
     let client = stage.node.create_client::<Trigger>("/softtwin/finger/describe").build()?;
-    let response = stage.block_on(client.call(&TriggerRequest::default()))?;
+    let response = stage.call(&client, &TriggerRequest::default())?;
     ensure(response.success, || response.message.clone())?;
     let said: Value = serde_json::from_str(&response.message)?;
     let names: Vec<_> = said["model"]["inputs"]
@@ -49,7 +49,7 @@ pub fn questions(stage: &Stage) -> Seen {
         node_set: "surface".into(),
         ..Default::default()
     };
-    let response = stage.block_on(what_if.call(&asked))?;
+    let response = stage.call(&what_if, &asked)?;
     ensure(response.success, || response.message.clone())?;
     let answer = response.answer;
     let said: Value = serde_json::from_str(&stage.text("whatif.json")?)?;
@@ -63,7 +63,7 @@ pub fn questions(stage: &Stage) -> Seen {
     let force_n = answer.contact_force_n;
     let find_pressure = stage.node.create_client::<FindPressure>("/softtwin/finger/find_pressure").build()?;
     let asked = FindPressureRequest { force_n, gap_mm: GAP_MM, ..Default::default() };
-    let found = stage.block_on(find_pressure.call(&asked))?;
+    let found = stage.call(&find_pressure, &asked)?;
     let off = (found.answer.pressure_mpa - PRESSURE_MPA).abs();
     ensure(found.success && off < ROUNDED, || {
         format!("{} {} MPa", found.message, found.answer.pressure_mpa)
@@ -71,14 +71,14 @@ pub fn questions(stage: &Stage) -> Seen {
 
     let find_gap = stage.node.create_client::<FindGap>("/softtwin/finger/find_gap").build()?;
     let asked = FindGapRequest { pressure_mpa: PRESSURE_MPA, force_n, ..Default::default() };
-    let found = stage.block_on(find_gap.call(&asked))?;
+    let found = stage.call(&find_gap, &asked)?;
     let off = (found.answer.gap_mm - GAP_MM).abs();
     ensure(found.success && off < ROUNDED * GAP_MM, || {
         format!("{} {} mm", found.message, found.answer.gap_mm)
     })?;
 
     let asked = FindPressureRequest { force_n: 1000.0, gap_mm: GAP_MM, ..Default::default() };
-    let refused = stage.block_on(find_pressure.call(&asked))?;
+    let refused = stage.call(&find_pressure, &asked)?;
     ensure(!refused.success && refused.message.contains("more force than"), || refused.message.clone())?;
     Ok(format!(
         "{force_n} N at {PRESSURE_MPA} MPa as `softtwin get`, {values} field values, 1000 N refused: {}",

@@ -1,8 +1,11 @@
 //! Where the checks run: a node of hiroz, and the files in which our own programs say the same.
 
 use hiroz::Builder;
-use hiroz::context::ZContextBuilder;
+use hiroz::config::RouterConfigBuilder;
+use hiroz::context::{ZContext, ZContextBuilder};
+use hiroz::msg::{ZDeserializer, ZMessage, ZService};
 use hiroz::node::ZNode;
+use hiroz::service::ZClient;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -28,7 +31,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Joins the network at the gateway's address.
+    /// Joins the network at the address of a router, or of the gateway itself.
     pub fn join(endpoint: &str, folder: PathBuf) -> Result<Self, Error> {
         let context =
             ZContextBuilder::default().with_domain_id(DOMAIN).with_router_endpoint(endpoint)?.build()?;
@@ -48,11 +51,27 @@ impl Stage {
         complete.lines().map(|line| Ok(serde_json::from_str::<Value>(line)?["sample"].take())).collect()
     }
 
+    /// The answer of a service. A client that is new may not be connected to it yet: it asks again.
+    pub fn call<T: ZService>(&self, client: &ZClient<T>, request: &T::Request) -> Result<T::Response, Error>
+    where
+        T::Request: ZMessage,
+        T::Response: ZMessage,
+        for<'a> <T::Response as ZMessage>::Serdes: ZDeserializer<Output = T::Response, Input<'a> = &'a [u8]>,
+    {
+        until(|| self.block_on(client.call(request)))
+    }
+
     /// What an operation of hiroz gives, within the patience.
     pub fn block_on<T>(&self, operation: impl Future<Output = hiroz::Result<T>>) -> Result<T, Error> {
         let limited = async { tokio::time::timeout(PATIENCE, operation).await };
         self.runtime.block_on(limited).map_err(|_| Error::from("no answer came"))?
     }
+}
+
+/// A router with the settings of `rmw_zenohd`, as long as the result exists.
+pub fn router(endpoint: &str) -> Result<ZContext, Error> {
+    let config = RouterConfigBuilder::new().with_listen_endpoint(endpoint).build_config()?;
+    ZContextBuilder::default().with_zenoh_config(config).build()
 }
 
 /// The text of a file.
