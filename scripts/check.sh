@@ -14,7 +14,8 @@
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an implementation of ROS 2 that is not ours
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
 # Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
-# pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl. scripts/test.sh needs none of this.
+# pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl; ros2-peer: crates of its own,
+# into target/ros2-peer. scripts/test.sh needs none of this.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 target=${CARGO_TARGET_DIR:-target}
@@ -211,6 +212,6 @@ case ${1:-} in
     view | actuators | exports | calculix | clients | c | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,17s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,17s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,18s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,18s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

@@ -56,8 +56,13 @@ pub fn questions(stage: &Stage) -> Seen {
     same(&answer, &said)?;
     let values = answer.field_names.len() * answer.node_count as usize;
     let has_field = answer.node_count > 1000 && answer.field.len() == values;
-    ensure(has_field && answer.max_von_mises_mpa > 0.0, || {
-        format!("{} values of {} nodes", answer.field.len(), answer.node_count)
+    ensure(has_field && answer.field_names.last().is_some_and(|name| name == "von_mises"), || {
+        format!("{:?}: {} values of {} nodes", answer.field_names, answer.field.len(), answer.node_count)
+    })?;
+    let stresses = answer.field.iter().rev().take(answer.node_count as usize);
+    let largest_mpa = f64::from(stresses.copied().fold(0.0, f32::max));
+    ensure(largest_mpa == answer.max_von_mises_mpa, || {
+        format!("the field's largest stress is {largest_mpa} MPa, the answer's {}", answer.max_von_mises_mpa)
     })?;
 
     let force_n = answer.contact_force_n;
