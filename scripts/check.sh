@@ -12,9 +12,11 @@
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh prepare                     nothing but the Python packages of exports, clients and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin
+#   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an implementation of ROS 2 that is not ours
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
 # Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
-# pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl. scripts/test.sh needs none of this.
+# pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl; ros2-peer: crates of its own,
+# into target/ros2-peer. scripts/test.sh needs none of this.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 target=${CARGO_TARGET_DIR:-target}
@@ -100,6 +102,7 @@ clients() {
 # started LOG COMMAND...: starts it in the background and waits until it is ready.
 started() {
     local log=$1 pid
+    : >"$log"
     "${@:2}" 2>"$log" &
     pid=$!
     until grep -q ready: "$log"; do
@@ -161,6 +164,52 @@ gateway() {
     return "$failed"
 }
 
+# Two twins, one of which has its readings from the peer; `softtwin echo` and `get` say the same of them as the peer is to hear.
+# The gateway is a client of a router with the settings of ROS, a router beside it, and what the peer calls itself.
+ros2_peer() {
+    needs python3
+    local work ports way called say=$target/debug/softtwin peer=$target/ros2-peer/debug/ros2-peer
+    local scene=scripts/checks/ros2_peer/scene.toml
+    work=$(mktemp -d)
+    # shellcheck disable=SC2064
+    trap "kill \$(jobs -p) 2>/dev/null || true; wait; rm -rf '$work'" EXIT
+    build
+    cargo build --locked --quiet -p gateway --features network --bins
+    CARGO_TARGET_DIR=$target/ros2-peer cargo build --locked --quiet --manifest-path scripts/checks/ros2_peer/Cargo.toml
+    export SOFTTWIN_DOMAIN=ros2peer$$ SOFTTWIN_ROOT=$work/iox
+    started "$work/twin.log" "$target/debug/softtwind" twin --scene "$scene"
+    started "$work/bridge.log" "$target/debug/softtwind" bridge --scene "$scene" --loop
+    "$say" echo softtwin/finger/state --json >"$work/states.jsonl" &
+    "$say" echo softtwin/finger/field/surface --json >"$work/fields.jsonl" &
+    "$say" get 'softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30' --json >"$work/whatif.json"
+    read -ra ports < <(python3 -c 'import socket
+held = [socket.socket() for _ in range(2)]
+for one in held: one.bind(("127.0.0.1", 0))
+print(*(one.getsockname()[1] for one in held))')
+    local router=tcp/127.0.0.1:${ports[0]} gateway=tcp/127.0.0.1:${ports[1]}
+    started "$work/router.log" "$peer" router "$router"
+    for way in client router peer; do
+        echo "check.sh: the gateway's mode is $way"
+        called=$router
+        case $way in
+            client) echo "connect = [\"$router\"]" ;;
+            router) printf '%s\n' "connect = [\"$router\"]" "listen = [\"$gateway\"]" ;;
+            peer) echo "listen = [\"$gateway\"]" && called=$gateway ;;
+        esac >"$work/gateway.toml"
+        cat >>"$work/gateway.toml" <<END
+mode = "$way"
+readings_from_network = ["fed"]
+[ros2]
+domain_id = 7
+node = "twins"
+models = ["$PWD/models/pneunet/pneunet.twin"]
+END
+        started "$work/gateway.log" "$target/debug/softtwin-gateway" --config "$work/gateway.toml"
+        echo $! >"$work/gateway.pid"
+        "$peer" "$called" "$work"
+    done
+}
+
 # With an aarch64 target of the installed toolchain that target is used; without one (no rustup server in reach) Debian's own
 # compiler and its arm64 standard library are unpacked into build/aarch64.
 aarch64() {
@@ -190,6 +239,7 @@ aarch64() {
 case ${1:-} in
     view | actuators | exports | calculix | clients | c | prepare | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
-    -h | --help) sed -n '2,17s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,17s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    ros2-peer) ros2_peer ;;
+    -h | --help) sed -n '2,19s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,19s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

@@ -1,22 +1,31 @@
 #!/usr/bin/env bash
 # What takes longer than every change can wait for; run it before anything is called resolved. Some hours on two cores.
 #   scripts/verify_all.sh            all of it
-#   scripts/verify_all.sh WHAT...    only soak, cycles, sealed, inputs, kills, peers, calculix, hard-cases or install
+#   scripts/verify_all.sh WHAT...    only soak, cycles, sealed, inputs, kills, peers, ros2-peer, calculix, hard-cases or install
 #   soak        an hour at 1 kHz with disturbances: nothing lost, nothing wrong, nothing that grows
 #   cycles      10,000 restarts, reloads and rotations, 100,000 readers: nothing that grows, by its slope
 #   sealed      40 states that no model has seen, solved afresh and compared with predictions and half-widths
 #   inputs      100,000 damaged command lines and files, a million damaged inputs of the parsers
 #   kills       every program killed at every system call of its start and end
 #   peers       the same job by other libraries, from PyPI
+#   ros2-peer   the network gateway by an implementation of ROS 2 that is not ours, from crates.io
 #   calculix    a finger by CalculiX; needs root to install it
 #   hard-cases  cases with a known truth
 #   install     packages of a release build, with the gateway's
 # Results go to build/verify, one log each; it ends with 1 when something failed.
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+usage() { sed -n '2,14s/^# \{0,1\}//p' "$0"; }
+for what in "$@"; do
+    case "$what" in
+        soak | cycles | sealed | inputs | kills | peers | ros2-peer | calculix | hard-cases | install) ;;
+        -h | --help) usage; exit ;;
+        *) usage >&2; exit 2 ;;
+    esac
+done
+[ $# -gt 0 ] || set -- soak cycles sealed inputs kills peers ros2-peer calculix hard-cases install
 out=build/verify
 mkdir -p "$out"
-[ $# -gt 0 ] || set -- soak cycles sealed inputs kills peers calculix hard-cases install
 target=${CARGO_TARGET_DIR:-target}
 
 studies() { "$target/release/softtwin-studies" "$@"; }
@@ -30,6 +39,7 @@ inputs() {
 }
 kills() { SOFTTWIN_KILLS=all SOFTTWIN_KILLED_READERS=1500 cargo test --locked --workspace --test system -- kills::; }
 peers() { studies peers; }
+ros2-peer() { scripts/check.sh ros2-peer; }
 calculix() { scripts/check.sh calculix; }
 hard-cases() { studies hard-cases; }
 install() {
@@ -40,10 +50,6 @@ install() {
 cargo build --locked --release -p softtwin -p softtwind -p studies --bins || exit 1
 failed=()
 for what in "$@"; do
-    case "$what" in
-        soak | cycles | sealed | inputs | kills | peers | calculix | hard-cases | install) ;;
-        *) sed -n '2,13s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
-    esac
     begin=$SECONDS
     if "$what" >"$out/$what.log" 2>&1; then result=holds; else result="FAILED, see $out/$what.log"; failed+=("$what"); fi
     printf '%-10s %6d s  %s\n' "$what" $((SECONDS - begin)) "$result"

@@ -124,6 +124,12 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
             "security.user: who has a password of its own asks callers for theirs; give users_file, or listen = []".into(),
         );
     }
+    if file.ros2.is_some() && file.mode == Mode::Peer && !connect.is_empty() {
+        let mode = if listen.is_empty() { "client" } else { "router" };
+        problems.push(format!(
+            "mode: expected \"{mode}\", found \"peer\": the router of ROS 2 passes nothing on from one peer to another"
+        ));
+    }
     if !(0.001..=1000.0).contains(&file.field_rate_hz) {
         problems.push(format!("field_rate_hz: expected 0.001 to 1000, found {}", file.field_rate_hz));
     }

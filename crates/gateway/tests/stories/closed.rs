@@ -157,6 +157,10 @@ fn wrong_configurations_are_refused_with_all_problems_and_what_to_do() {
     );
     expect("listen = []", &["expected at least one endpoint"]);
     expect("mode = \"client\"", &["expected the endpoint of a router"]);
+    // Seen with the settings of ROS 2's router: scripts/check.sh ros2-peer.
+    let called = "connect = [\"tcp/127.0.0.1:1\"]\n[ros2]";
+    expect(&format!("listen = []\n{called}"), &["mode: expected \"client\", found \"peer\""]);
+    expect(called, &["mode: expected \"router\", found \"peer\""]);
     expect("[security]\nuser = \"a\"", &["user and password_file go together"]);
     expect("[security]\nusers_file = \"none.txt\"", &["users_file", "cannot be read"]);
     stage.write("open.txt", "a:b\n");
