@@ -97,6 +97,9 @@ fn a_strip_is_served_in_the_regime_of_each_reading() {
             said.contains(text).then_some(())
         });
     }
+    // In a domain of its own, with the lines of the fields as they come.
+    let said = run(&stage, &["demo", "--scene", &scene, "--json"]);
+    assert!(said.contains("\"regimes\":{\"straight\":1,\"up\":2}"), "{said}");
     assert!(bridge.ended().0.success());
     recorder.signal(libc::SIGINT);
     assert!(recorder.end().0.success());
