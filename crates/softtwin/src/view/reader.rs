@@ -250,3 +250,7 @@ impl Pace {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/view_reader.rs"]
+mod tests;
