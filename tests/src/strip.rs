@@ -1,13 +1,16 @@
 //! A structure with three regimes, as another program leaves its results: a strip under an axial load that is straight below a load
 //! and buckles to one of two sides by the sign of an imperfection, as VTU files.
 
+use crate::Stage;
 use crate::cantilever::{Node, beam, vtu_of};
+use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use rom::snapshots::Split;
 use rom::synthetic::strip;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use wire::{Bus, SensorSample, SensorWriter, Topic, now_ns};
 
 const THICKNESS_MM: f64 = 2.0;
 const LENGTH_MM: f64 = 100.0;
@@ -50,4 +53,57 @@ pub fn simulations(folder: &Path, count: usize) -> Vec<String> {
     }
     fs::write(folder.join("inputs.csv"), table).unwrap();
     names
+}
+
+/// A model of the strip that calls its regimes so: the straight one, and those to the two sides.
+///
+/// # Panics
+/// When it cannot be trained.
+pub fn model_bytes(names: [&str; 3]) -> Vec<u8> {
+    let mut database = strip::database(&strip::states(40));
+    database.regime_names = names.map(String::from).to_vec();
+    let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    config.free.kernels = vec![KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear }];
+    let (model, _) = rom::train::train(&database, &config, &mut |_| {}).expect("the strip trains");
+    model.to_bytes().expect("the strip can be written")
+}
+
+/// Writes a scene with the strip of [`model_bytes`] under measured loads, and that model as `strip.twin`.
+pub fn scene(stage: &Stage, model: &[u8]) -> PathBuf {
+    fs::write(stage.path("strip.twin"), model).unwrap();
+    stage.write(
+        "strip.toml",
+        "name = \"bench\"\n[[actuator]]\nname = \"strip\"\nmodel = \"strip.twin\"\n\
+         [actuator.inputs]\nload_n = \"measured\"\nimperfection_mm = 0.3\n[[actuator.output]]\n",
+    )
+}
+
+/// A bridge's place: sends loads to the twin of [`scene`].
+#[derive(Debug)]
+pub struct Loads {
+    writer: SensorWriter,
+    seq: u64,
+}
+
+impl Loads {
+    /// The one writer of the strip's readings.
+    ///
+    /// # Panics
+    /// When there is another one.
+    pub fn new(bus: &Bus) -> Self {
+        let topic = Topic::sensor("strip").expect("a name");
+        Self { writer: SensorWriter::create(bus, &topic).expect("the only writer"), seq: 0 }
+    }
+
+    /// Sends a reading of the load alone.
+    ///
+    /// # Panics
+    /// When it cannot be sent.
+    pub fn send(&mut self, load_n: f64) {
+        self.seq += 1;
+        let mut sample =
+            SensorSample { boot_id: 1, seq: self.seq, t_sensor_ns: now_ns(), ..SensorSample::default() };
+        sample.add_input("load_n", load_n);
+        self.writer.publish(sample).expect("sent");
+    }
 }

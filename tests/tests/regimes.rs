@@ -3,7 +3,7 @@
 
 use formats::npy;
 use serde_json::Value;
-use tests::strip::simulations;
+use tests::strip::{self, simulations};
 use tests::wait::{wait_for, wait_state, wait_until};
 use tests::{Program, Stage};
 use wire::layout::{flags, regime};
@@ -46,8 +46,10 @@ fn a_strip_is_served_in_the_regime_of_each_reading() {
     let states = StateReader::attach(&bus, &Topic::state("strip").unwrap()).expect("a state");
     let fields = FieldReader::attach(&bus, &Topic::field("strip", None).unwrap()).expect("a field");
     let mut recorder = Program::tool(&stage, &["record", "--out", "run.mcap", "--fields"]);
-    wait_listening(&bus, &recorder);
+    wait_listening(&bus, "softtwin/strip/**", &recorder);
     let bridge = Program::daemon(&stage, &["bridge", "--scene", &scene]);
+    twin.wait_for("strip: regime straight");
+    twin.wait_for("strip: regime up");
     let mut seen = Vec::new();
     wait_state(&states, "the last reading's state", |state| {
         if state.flags & (flags::NO_DATA | flags::STALE) == 0 {
@@ -95,6 +97,9 @@ fn a_strip_is_served_in_the_regime_of_each_reading() {
             said.contains(text).then_some(())
         });
     }
+    // In a domain of its own, with the lines of the fields as they come.
+    let said = run(&stage, &["demo", "--scene", &scene, "--json"]);
+    assert!(said.contains("\"regimes\":{\"straight\":1,\"up\":2}"), "{said}");
     assert!(bridge.ended().0.success());
     recorder.signal(libc::SIGINT);
     assert!(recorder.end().0.success());
@@ -102,12 +107,46 @@ fn a_strip_is_served_in_the_regime_of_each_reading() {
     recorded(&stage);
 }
 
-/// Waits until the recorder reads state and field.
-fn wait_listening(bus: &wire::Bus, recorder: &Program) {
-    let all = KeyExpr::new("softtwin/strip/**").expect("a key");
-    wait_until("a recorder that listens", || {
+/// Readers that saw the model before say the names of the one that a reload brings; between the two a state says none. A reload that
+/// is refused leaves the names as they are.
+#[test]
+fn a_reload_brings_the_names_of_the_other_model() {
+    let stage = Stage::with_model("regimenames", &[]);
+    let scene = strip::scene(&stage, &strip::model_bytes(["straight", "up", "down"]));
+    let mut twin = Program::twin(&stage, &scene);
+    let bus = stage.bus();
+    let mut loads = strip::Loads::new(&bus);
+    let mut echo = Program::tool(&stage, &["echo", "softtwin/strip/state", "--json"]);
+    wait_listening(&bus, "softtwin/strip/state", &echo);
+    loads.send(13.0);
+    echo.wait_for("\"regime\":\"up\"");
+    twin.wait_for("strip: regime up");
+    let reload = |twin: &mut Program, names, outcome| {
+        std::fs::write(stage.path("strip.twin"), strip::model_bytes(names)).unwrap();
+        twin.signal(libc::SIGHUP);
+        twin.wait_for(outcome);
+    };
+    reload(&mut twin, ["rest", "high", "low"], "reloaded: ");
+    echo.wait_for("\"regime\":\"unknown\"");
+    loads.send(13.0);
+    echo.wait_for("\"regime\":\"high\"");
+    twin.wait_for("strip: regime high");
+    let text = std::fs::read_to_string(&scene).unwrap();
+    stage.write("strip.toml", &text.replace("name = \"strip\"", "name = \"other\""));
+    reload(&mut twin, ["rest", "left", "right"], "start the twin anew");
+    let late =
+        Program::tool(&stage, &["echo", "softtwin/strip/state", "--once", "--json"]).end().1.join("\n");
+    assert!(late.contains("\"regime\":\"high\""), "{late}");
+    drop(echo);
+    assert!(twin.stop().0.success());
+}
+
+/// Waits until a program reads all topics of a key.
+fn wait_listening(bus: &wire::Bus, key: &str, program: &Program) {
+    let all = KeyExpr::new(key).expect("a key");
+    wait_until("a program that listens", || {
         let found = bus.topics(&all).expect("topics");
-        let is_read = |info: &wire::TopicInfo| info.readers.contains(&recorder.id());
+        let is_read = |info: &wire::TopicInfo| info.readers.contains(&program.id());
         (found.iter().filter(|info| is_read(info)).count() == found.len()).then_some(())
     });
 }

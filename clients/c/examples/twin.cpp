@@ -11,7 +11,8 @@ int main(int argc, char **argv) try {
     std::optional<softtwin::Field> field = fields.next(std::chrono::seconds(5));
     if (!field) throw std::runtime_error("no field within 5 s");
     const softtwin::Values stress = field->values(SOFTTWIN_FIELD_VON_MISES);
-    std::cout << "field " << field->header().seq << ": " << stress.size() << " nodes, largest stress "
+    std::cout << "field " << field->header().seq << ", " << bus.regime_name(field->header()) << ": " << stress.size()
+              << " nodes, largest stress "
               << *std::max_element(stress.begin(), stress.end()) << " MPa\n";
 
     softtwin::Client twin(bus, actuator);

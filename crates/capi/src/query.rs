@@ -23,7 +23,7 @@ pub unsafe extern "C" fn softtwin_client_open(
     call(|| {
         // SAFETY: by the caller's promise.
         let (bus, name) = unsafe { (handle(bus)?, name(actuator)?) };
-        let client = QueryClient::open(&bus.0, name)?;
+        let client = QueryClient::open(&bus.bus, name)?;
         // SAFETY: by the caller's promise.
         unsafe { give(out, softtwin_client(client)) }
     })

@@ -98,7 +98,7 @@ pub unsafe extern "C" fn softtwin_reader_open(
     call(|| {
         // SAFETY: by the caller's promise.
         let (bus, topic) = unsafe { (handle(bus)?, topic_of(name_, kind, node_set)?) };
-        let reader = AnyReader::open(&bus.0, &topic)?;
+        let reader = AnyReader::open(&bus.bus, &topic)?;
         // SAFETY: by the caller's promise.
         unsafe { give(out, softtwin_reader::new(reader)) }
     })
@@ -123,7 +123,7 @@ pub unsafe extern "C" fn softtwin_reader_attach(
         // SAFETY: by the caller's promise.
         let (bus, topic) = unsafe { (handle(bus)?, topic_of(name_, kind, node_set)?) };
         let waking = if wakes == 0 { Waking::Never } else { Waking::ByEvent };
-        let reader = AnyReader::attach_as(&bus.0, &topic, waking)?;
+        let reader = AnyReader::attach_as(&bus.bus, &topic, waking)?;
         // SAFETY: by the caller's promise.
         unsafe { give(out, softtwin_reader::new(reader)) }
     })

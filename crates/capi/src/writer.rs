@@ -43,8 +43,8 @@ pub unsafe extern "C" fn softtwin_writer_open(
         let (bus, owner, kind) = unsafe { (handle(bus)?, name(name_)?, name(kind)?) };
         let topic = topic(owner, kind)?;
         let port = match topic.kind() {
-            TopicKind::Sensor => Port::Sensor(SensorWriter::create(&bus.0, &topic)?),
-            TopicKind::Command => Port::Command(CommandWriter::create(&bus.0, &topic)?),
+            TopicKind::Sensor => Port::Sensor(SensorWriter::create(&bus.bus, &topic)?),
+            TopicKind::Command => Port::Command(CommandWriter::create(&bus.bus, &topic)?),
             TopicKind::Setpoint => {
                 return Err(argument("setpoints have an owner; expected softtwin_writer_open_setpoint"));
             }
@@ -75,7 +75,7 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
                 "expected an owner's name of 1 to {NAME_BYTES} bytes, found {owner:?}"
             )));
         }
-        let port = SetpointWriter::create_named(&bus.0, &topic(actuator, "setpoint")?, owner)?;
+        let port = SetpointWriter::create_named(&bus.bus, &topic(actuator, "setpoint")?, owner)?;
         let port = Port::Setpoint(port, pack_name(owner));
         // SAFETY: by the caller's promise.
         unsafe { give(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }

@@ -2,3 +2,4 @@
 
 mod header;
 mod live;
+mod regimes;

@@ -90,6 +90,7 @@ fn the_examples_run_in_c_and_in_cpp() {
         {
             assert!(all.contains(expected), "{program}: `{expected}` is missing in {all}");
         }
+        assert!(all.contains("free") || all.contains("contact"), "{program}: no regime in {all}");
     }
     if let Some(latency) = compile(&stage, "cc", "-std=c11", "latency.c") {
         for (what, share) in [("state", 0.0), ("field", 0.0), ("state", 0.3), ("field", 0.3)] {

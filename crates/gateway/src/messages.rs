@@ -2,13 +2,13 @@
 
 use crate::link::{Link, network};
 use crate::topic_bridge::{EncodedSample, ReadBridge, TopicBridge};
-use recording::message::{GapMessage, Recorded};
-use recording::{Gap, GapCounter, sample};
+use recording::message::{GapMessage, Json, Recorded};
+use recording::{Gap, GapCounter};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
-use wire::{AnyReader, Bus, Waking, WireError};
+use wire::{AnyReader, AnySample, Bus, KnownRegimes, Waking, WireError};
 use zenoh::Wait;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
@@ -21,6 +21,8 @@ const TICK: Duration = Duration::from_millis(50);
 /// How often open topics are emptied. Waiting for each sample's event would be sooner by a millisecond, and the twin would
 /// pay for every wake-up; readers that are never woken cost it none.
 const PACE: Duration = Duration::from_millis(2);
+/// Room for a message; longer ones take more.
+const BYTES: usize = 1536;
 
 /// Moves messages until the gateway ends; `bridges` brings new topics.
 ///
@@ -34,7 +36,7 @@ pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
         .encoding(Encoding::APPLICATION_JSON)
         .congestion_control(CongestionControl::Block);
     let gap_publisher = network(gap_publisher.wait())?;
-    let mut topics: Vec<MessageTopic> = Vec::new();
+    let (mut topics, mut regimes) = (Vec::<MessageTopic>::new(), KnownRegimes::new(&bus));
     let mut check_at = Instant::now();
     while link.goes_on() {
         let now = Instant::now();
@@ -46,7 +48,7 @@ pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
             }
         }
         for topic in &mut topics {
-            if let Err(error) = topic.pump(link, &gap_publisher) {
+            if let Err(error) = topic.pump(link, &gap_publisher, &mut regimes) {
                 topic.read.close(&error);
             }
         }
@@ -75,7 +77,12 @@ impl MessageTopic {
     }
 
     /// Sends what waits and answers requests.
-    fn pump(&mut self, link: &Link, gap_publisher: &Publisher) -> Result<(), WireError> {
+    fn pump(
+        &mut self,
+        link: &Link,
+        gap_publisher: &Publisher,
+        regimes: &mut KnownRegimes,
+    ) -> Result<(), WireError> {
         let Some(reader) = &self.read.reader else { return Ok(()) };
         let (bridge, counters) = (&self.read.bridge, &link.counters);
         while let Some(sample) = reader.next()? {
@@ -83,14 +90,20 @@ impl MessageTopic {
                 counters.lost.fetch_add(gap.missing(), Ordering::Relaxed);
                 report_loss(bridge.topic.name(), gap, gap_publisher);
             }
-            let payload = ZBytes::from(sample::encode(&sample));
-            let encoded = EncodedSample { payload, attachment: None };
+            let encoded = encode(&sample, regimes.of(&sample));
             bridge.send(&encoded, &counters.messages, &counters.longest_send_us);
             self.read.newest = Some(encoded);
         }
         self.read.answer(link);
         Ok(())
     }
+}
+
+/// JSON, with the name of the regime where that is known.
+fn encode(sample: &AnySample, regime: Option<&str>) -> EncodedSample {
+    let mut json = Vec::with_capacity(BYTES);
+    Json { view: sample.view(), regime }.encode(&mut json);
+    EncodedSample { payload: ZBytes::from(json), attachment: None }
 }
 
 fn report_loss(topic: &str, gap: Gap, publisher: &Publisher) {

@@ -2,8 +2,8 @@
 
 /// Most named regimes of a database or a model.
 pub const MAX_REGIMES: usize = 16;
-/// Longest name in characters.
-const MAX_LENGTH: usize = 32;
+/// Longest name in characters, of one byte each.
+pub const MAX_LENGTH: usize = 32;
 /// Names that mean something already, in any case of letters.
 const TAKEN: [&str; 4] = ["free", "contact", "gripper", "unknown"];
 

@@ -2,8 +2,10 @@
 //! a load and buckles to one of two sides.
 
 use crate::program::{run, succeeds};
+use rom::model::{ModelReader, Selection};
 use serde_json::{Value, json};
 use std::fs;
+use std::io::Cursor;
 use std::path::Path;
 use tests::strip::{nodes, simulations};
 
@@ -48,6 +50,10 @@ fn a_strip_is_imported_trained_evaluated_and_predicted_in_its_regimes() {
         (&card["regimes"]["straight"]["number"], &card["regimes"]["down"]["number"]),
         (&json!(3), &json!(4))
     );
+    let bytes = fs::read(folder.join("strip.twin")).unwrap();
+    let model = ModelReader::open(Cursor::new(bytes)).unwrap().load(&Selection::default()).unwrap();
+    let fmu = fmu::describe(&model, &[], "token");
+    assert!(fmu.contains("description=\"3 straight, 4 down, 5 up\"/>"), "{fmu}");
     succeeds(
         folder,
         &["render", "--model", "strip.twin", "--modes", "up", "--field", "displacement", "--out", "up.png"],

@@ -81,7 +81,7 @@ impl Loader {
             Err(error) => return tracing::error!("reload refused, the old scene and models stay: {error}"),
         };
         let models: Vec<String> = loaded.iter().map(|loaded| layout::hex(&loaded.model_hash)).collect();
-        teller.tell(&loaded); // before the first state with them
+        let before = teller.tell(&loaded); // before the first state with them
         if self.new.send(loaded).is_err() {
             return;
         }
@@ -98,6 +98,7 @@ impl Loader {
                     );
                 }
                 Ok(Err(error)) => {
+                    teller.keep(before);
                     return tracing::error!("reload refused, the old scene and models stay: {error}");
                 }
                 Err(_not_yet) => {}

@@ -2,7 +2,7 @@
 
 use crate::exclusive::ExclusiveServices;
 use crate::options::TwinOptions;
-use crate::regime_names::RegimeTeller;
+use crate::regime_names::{LogRegimes, RegimeTeller};
 use crate::side_services::SideServices;
 use crate::take_over::{Ended, TakeOver};
 use crate::{files, reload, reporter};
@@ -39,8 +39,9 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     let domain = options.domain.domain();
     let bus = Bus::open(&domain)?;
     let (sender, events) = event_channel();
-    let mut teller = RegimeTeller::new(domain.clone(), Some(bus.clone()));
-    teller.tell(&loaded);
+    let log = LogRegimes::default();
+    let mut teller = RegimeTeller::new(domain.clone(), Some(bus.clone()), log.clone());
+    drop(teller.tell(&loaded));
     let enter = if options.take_over { Twin::stand_by } else { Twin::start };
     let mut twin = enter(&bus, loaded, &settings, &sender)?;
     let topics = twin.state_topics();
@@ -51,9 +52,9 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     let own_files = bus.own_files();
     let mut group = ThreadGroup::new(stop.clone());
     // All threads start before this one takes real-time rights, so that they do not inherit them.
-    let (reported, progressed) = (names.clone(), progress.clone());
+    let (reported, progressed, regimes) = (names.clone(), progress.clone(), log.clone());
     group.start("reporter", move |end| {
-        reporter::run(&events, &reported, &progressed, end);
+        reporter::run(&events, &reported, &regimes, &progressed, end);
         Ok(())
     })?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
@@ -80,7 +81,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
             }
             _ => return Ok(()), // it could not take over
         };
-        loader.run(&reload, end, &services, RegimeTeller::new(retold, None), || reread(&reread_options));
+        loader.run(&reload, end, &services, RegimeTeller::new(retold, None, log), || reread(&reread_options));
         Ok(late.end()?)
     })?;
     let granted = prepare(&settings, &twin)?;

@@ -64,8 +64,10 @@ pub fn run(
             waiting.push((call, now + PATIENCE));
         }
         twins.pump(now);
-        for (call, _) in waiting.extract_if(.., |(call, until)| call.what.is_ready(&twins) || now >= *until) {
-            match call.what.answer(&call.request, ros, &twins) {
+        let is_due = |(call, until): &mut (Call<Asked>, Instant)| call.what.is_ready(&twins) || now >= *until;
+        let due: Vec<_> = waiting.extract_if(.., is_due).collect();
+        for (call, _) in due {
+            match call.what.answer(&call.request, ros, &mut twins) {
                 Ok(message) => call.reply(message),
                 Err(text) => call.refuse(&text),
             }
@@ -91,11 +93,14 @@ impl Asked {
         }
     }
 
-    fn answer(&self, request: &[u8], ros: &Ros2, twins: &Twins) -> Result<Vec<u8>, String> {
+    fn answer(&self, request: &[u8], ros: &Ros2, twins: &mut Twins) -> Result<Vec<u8>, String> {
         match self {
             Self::Parameters(access) => access.answer(request, &parameters::all(ros, twins)),
-            Self::Actuator(name) => describe::answer(request, ros, name, twins.state(name))
-                .ok_or_else(|| "expected an empty request in little-endian CDR".into()),
+            Self::Actuator(name) => {
+                let regime = twins.regime(name);
+                describe::answer(request, ros, name, twins.state(name), regime.as_deref())
+                    .ok_or_else(|| "expected an empty request in little-endian CDR".into())
+            }
         }
     }
 }

@@ -4,6 +4,7 @@ mod closed;
 mod common;
 mod inward;
 mod killed;
+mod named;
 mod outward;
 mod reloaded;
 mod watched;

@@ -18,9 +18,9 @@ fn a_request_without_its_head_is_none_and_an_absent_twin_is_said() {
         marker_full_scale_mpa: 0.5,
     };
     for request in [&[][..], &[0, 1, 0], &[0, 0, 0, 0, 0]] {
-        assert!(answer(request, &ros, "finger", None).is_none(), "{request:?}");
+        assert!(answer(request, &ros, "finger", None, None).is_none(), "{request:?}");
     }
-    let found = answer(&[0, 1, 0, 0, 0], &ros, "finger", None).unwrap();
+    let found = answer(&[0, 1, 0, 0, 0], &ros, "finger", None, None).unwrap();
     let mut reader = Reader::new(&found).unwrap();
     assert_eq!(reader.byte(), Some(0));
     assert!(reader.text().unwrap().starts_with("no state of finger"));

@@ -7,7 +7,7 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 use wire::{FieldHeader, Payload};
 
-use super::{Recorded, json, write};
+use super::{Json, Recorded, json, write};
 
 /// A field as a message: the properties of its header, and `values` in base64.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +27,7 @@ impl Serialize for FieldMessage<'_> {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let bytes: Vec<u8> = self.values.iter().flat_map(|value| value.to_le_bytes()).collect();
         let mut map = to.serialize_map(None)?;
-        json::properties(self.header.view(), &mut map)?;
+        json::properties(Json::new(self.header.view()), &mut map)?;
         map.serialize_entry("values", &STANDARD.encode(bytes))?;
         map.end()
     }

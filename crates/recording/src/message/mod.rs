@@ -35,9 +35,15 @@ pub fn channel(layout: &Layout, topic: &str) -> Channel {
     }
 }
 
+impl Recorded for Json<'_> {
+    fn encode(&self, out: &mut Vec<u8>) {
+        write(self, out);
+    }
+}
+
 impl Recorded for View<'_> {
     fn encode(&self, out: &mut Vec<u8>) {
-        write(&Json(*self), out);
+        Json::new(*self).encode(out);
     }
 }
 

@@ -25,7 +25,7 @@ mod record;
 mod swap;
 mod take_over;
 
-pub use events::{Event, EventKind, EventSender, event_channel};
+pub use events::{Event, EventKind, EventSender, event_channel, regime_value};
 pub use swap::{Retired, SwapError};
 
 use crate::config::{Realtime, Settings};

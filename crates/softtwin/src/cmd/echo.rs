@@ -1,13 +1,13 @@
 //! `softtwin echo`.
 
 use crate::failure::usage;
-use crate::live::{self, DomainArgs, Readers, Regimes};
+use crate::live::{self, DomainArgs, Readers};
 use crate::output;
 use serde_json::json;
 use std::io::IsTerminal;
 use std::time::Duration;
 use wire::layout::field_id;
-use wire::{AnySample, FieldSample};
+use wire::{AnySample, FieldSample, KnownRegimes};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -58,13 +58,13 @@ impl Args {
         let limit = self.seconds.map(Duration::from_secs_f64);
         let bus = self.domain.join()?;
         let mut readers = Readers::open(&bus, &live::key(&self.key)?, limit)?;
-        let mut regimes = Regimes::new(&bus);
+        let mut regimes = KnownRegimes::new(&bus);
         let topics: Vec<String> = readers.topics().map(|topic| topic.name().to_owned()).collect();
         let wanted = if self.once { 1 } else { self.count.unwrap_or(u64::MAX) };
         let mut shown = 0;
         while shown < wanted {
             if let Some((index, sample)) = readers.next()? {
-                self.show(&topics[index], &sample, field, regimes.of(&sample)?)?;
+                self.show(&topics[index], &sample, field, regimes.of(&sample))?;
                 shown += 1;
             } else if !readers.wait(Duration::from_secs(1))? {
                 break;

@@ -1,7 +1,7 @@
 //! `softtwin get`.
 
 use crate::failure::usage;
-use crate::live::{self, DomainArgs, Regimes};
+use crate::live::{self, DomainArgs};
 use crate::output;
 use anyhow::Context;
 use formats::npy;
@@ -11,7 +11,9 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
 use wire::layout::{field_id, unpack_name};
-use wire::{Answer, AnswerSample, Bus, KeyExpr, Query, QueryClient, QueryStatus, Selector, TopicKind};
+use wire::{
+    Answer, AnswerSample, Bus, KeyExpr, KnownRegimes, Query, QueryClient, QueryStatus, Selector, TopicKind,
+};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -73,13 +75,13 @@ impl Args {
         {
             return Err(usage("--out: expected one question with field=<node set>"));
         }
-        let (mut refused, mut regimes) = (0, Regimes::new(&bus));
+        let (mut refused, mut regimes) = (0, KnownRegimes::new(&bus));
         for (actuator, query) in &questions {
             let mut client = QueryClient::open(&bus, actuator)?;
             let sample = client.ask(query, Duration::from_millis(self.timeout_ms))?;
             refused += usize::from(sample.answer().refusal().is_some());
             let answer = sample.answer();
-            self.show(query, &sample, regimes.name(&answer.model_hash, answer.regime)?)?;
+            self.show(query, &sample, regimes.name(&answer.model_hash, answer.regime))?;
         }
         anyhow::ensure!(refused == 0, "{refused} of {} questions have no answer, see above", questions.len());
         Ok(())
@@ -95,10 +97,7 @@ impl Args {
             return Ok(output!("{}{}", live::text::answer(answer, regime), did_you_mean(query, answer))?);
         }
         let fields: Vec<&str> = answer.fields().map(field_id::as_str).collect();
-        let mut value = message::answer(answer);
-        if let Some(name) = regime {
-            value["regime"] = name.into();
-        }
+        let mut value = message::answer(answer, regime);
         if let Some(reason) = answer.refusal() {
             value["refusal"] = (reason + &did_you_mean(query, answer)).into();
         }

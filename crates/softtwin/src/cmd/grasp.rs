@@ -73,7 +73,7 @@ impl Args {
         };
         let grasp = model.at(self.pressure_mpa, self.gap_mm.unwrap_or(f64::NAN));
         if self.json {
-            return output::json(&Json(grasp.view()));
+            return output::json(&Json::new(grasp.view()));
         }
         output!("scene {} at {:.4} MPa: {}", scene.name, self.pressure_mpa, live::text::grasp(&grasp))?;
         for (number, (force, _)) in grasp.fingers().enumerate() {

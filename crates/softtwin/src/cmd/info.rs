@@ -1,10 +1,10 @@
 //! `softtwin info`.
 
-use crate::live::{self, DomainArgs, Regimes};
+use crate::live::{self, DomainArgs};
 use crate::output;
 use serde_json::{Value, json};
 use std::time::Duration;
-use wire::{AnyReader, AnySample, Bus, TopicInfo, WakeSet, Wakeable, qos};
+use wire::{AnyReader, AnySample, Bus, KnownRegimes, TopicInfo, WakeSet, Wakeable, qos};
 
 /// How long to wait for a sample to show.
 const NEWEST_TIMEOUT: Duration = Duration::from_millis(300);
@@ -32,10 +32,10 @@ impl Args {
     /// Prints what is known of each topic.
     pub fn run(self) -> anyhow::Result<()> {
         let bus = self.domain.join()?;
-        let mut regimes = Regimes::new(&bus);
+        let mut regimes = KnownRegimes::new(&bus);
         for info in live::find(&bus, &live::key(&self.key)?)? {
             let newest = newest(&bus, &info)?;
-            let regime = newest.as_ref().map(|sample| regimes.of(sample)).transpose()?.flatten();
+            let regime = newest.as_ref().and_then(|sample| regimes.of(sample));
             if self.json {
                 let last = newest.as_ref().map(|sample| live::json::sample(sample, regime)).transpose()?;
                 output::json(&describe(&info, last.unwrap_or(Value::Null)))?;

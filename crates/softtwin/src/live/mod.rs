@@ -2,12 +2,10 @@
 
 pub mod json;
 mod readers;
-mod regimes;
 
 pub use cli::latency::{Latencies, PercentilesUs};
 pub use cli::text;
 pub use readers::Readers;
-pub use regimes::Regimes;
 
 use crate::failure::usage;
 use std::path::PathBuf;

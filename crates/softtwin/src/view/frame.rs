@@ -92,7 +92,7 @@ impl FrameHead {
 }
 
 fn state_json<S: Serializer>(state: &State, to: S) -> Result<S::Ok, S::Error> {
-    Json(state.view()).serialize(to)
+    Json::new(state.view()).serialize(to)
 }
 
 /// Header and numbers as one message. `O(numbers)`.

@@ -5,15 +5,14 @@ use super::frame::{FrameHead, bits, encode};
 use super::grasp::Grasps;
 use super::hub::Hub;
 use super::readings::Reading;
-use crate::live::Regimes;
 use anyhow::{Context, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use wire::{
-    Bus, Domain, EstimateReader, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind,
-    Waking,
+    Bus, Domain, EstimateReader, FieldHeader, FieldReader, KeyExpr, KnownRegimes, State, StateReader, Topic,
+    TopicKind, Waking,
 };
 
 /// Frames at most this often: a screen's rate.
@@ -66,7 +65,7 @@ impl Reader {
         let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
         let (mut sources, mut grasps, mut warned) = (BTreeMap::new(), Grasps::default(), BTreeSet::new());
         let mut scanned: Option<Instant> = None;
-        let mut regimes = Regimes::new(&bus);
+        let mut regimes = KnownRegimes::new(&bus);
         while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(TICK);
             if self.hub.viewers() == 0 {
@@ -169,7 +168,7 @@ impl Source {
         actuator: &str,
         catalogue: &Catalogue,
         hub: &Hub,
-        regimes: &mut Regimes,
+        regimes: &mut KnownRegimes,
     ) -> Result<(), wire::WireError> {
         let (mut state, mut sample) = (None, None);
         while let Some(next) = self.state.as_ref().map(StateReader::next).transpose()?.flatten() {
@@ -192,7 +191,7 @@ impl Source {
         if let Some((model, number)) =
             self.last_state.map(|state| (state.model_hash, state.regime)).or(of_field)
         {
-            self.head.regime_name = regimes.name(&model, number)?.map(str::to_owned);
+            self.head.regime_name = regimes.name(&model, number).map(str::to_owned);
         }
         if let Some((sample, header)) = sample.as_ref().zip(header) {
             if self.state.is_none() {
@@ -251,3 +250,7 @@ impl Pace {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/view_reader.rs"]
+mod tests;

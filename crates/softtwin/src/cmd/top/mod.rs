@@ -2,7 +2,7 @@
 
 mod table;
 
-use crate::live::{self, DomainArgs, Regimes};
+use crate::live::{self, DomainArgs};
 use crate::output;
 use anyhow::Result;
 use serde_json::Value;
@@ -12,8 +12,8 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use table::Known;
 use wire::{
-    Bus, Estimate, EstimateReader, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader,
-    Topic, TopicKind, WireError, now_ns,
+    Bus, Estimate, EstimateReader, Grasp, GraspReader, Health, HealthReader, KeyExpr, KnownRegimes, State,
+    StateReader, Topic, TopicKind, WireError, now_ns,
 };
 
 const EXAMPLES: &str = "\
@@ -82,7 +82,7 @@ impl Args {
         let key = live::key(&self.key)?;
         let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
-        let (mut scan, mut regimes) = (TopicScan::default(), Regimes::new(&bus));
+        let (mut scan, mut regimes) = (TopicScan::default(), KnownRegimes::new(&bus));
         let is_live = !self.once && std::io::stdout().is_terminal();
         let first = Instant::now();
         loop {
@@ -142,7 +142,7 @@ impl Args {
 
 impl TopicScan {
     /// Finds new twins and reads what is new of the known ones.
-    fn update(&mut self, bus: &Bus, key: &KeyExpr, regimes: &mut Regimes) -> Result<()> {
+    fn update(&mut self, bus: &Bus, key: &KeyExpr, regimes: &mut KnownRegimes) -> Result<()> {
         for topic in bus.names(key)? {
             match self.add(bus, &topic) {
                 Err(error @ WireError::Incompatible { .. }) => {
@@ -153,8 +153,8 @@ impl TopicScan {
         }
         self.read()?;
         for twin in self.twins.values_mut() {
-            let name = twin.state.map(|state| regimes.name(&state.model_hash, state.regime)).transpose()?;
-            twin.regime = name.flatten().map(str::to_owned);
+            let name = twin.state.and_then(|state| regimes.name(&state.model_hash, state.regime));
+            twin.regime = name.map(str::to_owned);
         }
         Ok(())
     }
