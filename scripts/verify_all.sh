@@ -8,7 +8,7 @@
 #   inputs      100,000 damaged command lines and files, a million damaged inputs of the parsers
 #   kills       every program killed at every system call of its start and end
 #   peers       the same job by other libraries, from PyPI
-#   ros2-peer   the network gateway by an implementation of ROS 2 that is not ours, from crates.io
+#   ros2-peer   the network gateway by an implementation of ROS 2 that is not ours
 #   calculix    a finger by CalculiX; needs root to install it
 #   hard-cases  cases with a known truth
 #   install     packages of a release build, with the gateway's
