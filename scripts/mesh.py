@@ -5,6 +5,7 @@ walls of slot i on its lower-x and upper-x side). Writes binary .msh 4.1.
 """
 
 import argparse
+import math
 import random
 import sys
 import time
@@ -111,22 +112,23 @@ def name_surfaces(a):
         gmsh.model.addPhysicalGroup(2, tags, name=name)
 
 
-def mesh_solids(m):
-    """First-order tetrahedra: seeded edges, frontal triangles and tetrahedra, optimised."""
+def mesh_solids(m, finer=1.0):
+    """First-order tetrahedra: seeded edges, frontal triangles and tetrahedra, optimised. `finer`: so many times the parts of each edge."""
+    size = m["size_mm"] / finer
     for option, value in {
         "Mesh.RandomSeed": m["random_seed"],
         "Mesh.Algorithm": 6,  # frontal Delaunay triangles
         "Mesh.Algorithm3D": 4,  # frontal tetrahedra
         "Mesh.OptimizeThreshold": m["optimise_below"],
         "Mesh.MeshSizeMin": 0,
-        "Mesh.MeshSizeMax": m["size_mm"],
+        "Mesh.MeshSizeMax": size,
     }.items():
         gmsh.option.setNumber(option, value)
     for entity in gmsh.model.getEntities(0):
-        gmsh.model.mesh.setSize([entity], m["size_mm"])
+        gmsh.model.mesh.setSize([entity], size)
     for _, tag in gmsh.model.getEntities(1):
         parts = max(1, int(gmsh.model.occ.getMass(1, tag) / m["seed_mm"] + 0.5))
-        gmsh.model.mesh.setTransfiniteCurve(tag, parts + 1)
+        gmsh.model.mesh.setTransfiniteCurve(tag, math.ceil(parts * finer - 1e-9) + 1)
     gmsh.model.mesh.generate(3)
     for _ in range(m["netgen_passes"]):
         gmsh.model.mesh.optimize("Netgen")
@@ -203,7 +205,10 @@ def main():
     parser.add_argument("actuator", type=Path, help="actuator.toml, as in models/pneunet/")
     parser.add_argument("--out", type=Path, help="the .msh to write (default: as the file says)")
     parser.add_argument("--search", type=float, metavar="SECONDS", help="look for parameters that give mesh.nodes")
+    parser.add_argument("--finer", type=float, default=1.0, metavar="TIMES", help="divide every edge into so many times the parts, 1 or more")
     args = parser.parse_args()
+    if not 1.0 <= args.finer <= 10.0:
+        parser.error(f"--finer: expected 1 to 10, found {args.finer}")
     a = tomllib.loads(args.actuator.read_text())
     out = args.out or args.actuator.parent / a["mesh"]["file"]
     if out.suffix != ".msh":
@@ -215,10 +220,10 @@ def main():
     gmsh.option.setNumber("General.Verbosity", 2)
     build_geometry(a)
     name_surfaces(a)
-    wanted = a["mesh"]["nodes"]
+    wanted = a["mesh"]["nodes"] if args.finer == 1.0 else 0
     if args.search:
         return search(a, wanted, args.search)
-    mesh_solids(a["mesh"])
+    mesh_solids(a["mesh"], args.finer)
     missing = wanted - second_order_nodes(corners()[0])
     if wanted and 0 < missing <= MOST_FLIPS:
         add_edges(missing)

@@ -24,6 +24,7 @@ mod sparse;
 mod state;
 mod system;
 mod tangent;
+mod transfer;
 
 pub use config::{
     ContactSettings, GRAVITY_ALONG_MM_S2, GRAVITY_DOWN_MM_S2, Load, NewtonSettings, ProblemConfig,
@@ -40,6 +41,7 @@ pub use recovery::StressRecovery;
 pub use sensitivity::{Change, Sensitivity};
 pub use solver::{Bodies, FORMULATION, NotConverged, Report, SolveError, Solver};
 pub use state::State;
+pub use transfer::{Locator, Place};
 
 #[cfg(test)]
 #[path = "../tests/unit/mod.rs"]

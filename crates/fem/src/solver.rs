@@ -14,6 +14,7 @@ use crate::newton::{Effort, Newton, NewtonError};
 use crate::output::{self, MAX_RESIDUAL, Output};
 use crate::problem::Problem;
 use crate::state::State;
+use crate::transfer::transferred;
 
 /// The work that a solution took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -263,6 +264,14 @@ impl Solver {
         }
         let (state, report) = self.continuation(&start, load, 1.0, path)?;
         Ok((state, before.and(&report)))
+    }
+
+    /// A state of another mesh of the same body as a start on this one: interpolated, not in equilibrium.
+    ///
+    /// None where the other mesh does not cover this one.
+    #[must_use]
+    pub fn transferred(&self, from: &Problem, state: &State) -> Option<State> {
+        transferred(from, state, &self.problem)
     }
 
     /// Distance below the undeformed base at which an obstacle just clears the state (mm).

@@ -100,8 +100,15 @@ pub struct RegimeSheet {
     /// Half-widths that cover the stated share of states.
     #[serde(rename = "bars")]
     pub halfwidths: HalfWidths,
+    /// States that no training saw and by whose errors the half-widths are set; 0: by leave-one-out.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unseen_states: usize,
     /// Leave-one-out errors by case.
     pub leave_one_out: Vec<CaseError>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Sampled range of an input.

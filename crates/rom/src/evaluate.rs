@@ -7,7 +7,7 @@
 //! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
 
 use crate::hull::DomainStatus;
-use crate::inputs::PARAMETERS;
+use crate::inputs::{Inputs, PARAMETERS};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
 use crate::model_state::ModelState;
 use crate::snapshots::{Database, FieldKind, RegimeKind};
@@ -73,6 +73,9 @@ pub struct CaseReport {
     /// Names of both, where they are the user's own: of the one that answered, and of the one the case was sampled for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub regime_names: Option<[String; 2]>,
+    /// All inputs by position.
+    #[serde(skip)]
+    pub inputs: Inputs,
     /// Pressure in MPa.
     pub pressure_mpa: f64,
     /// Gap in mm.
@@ -91,7 +94,9 @@ pub struct CaseReport {
     pub force_n: f64,
     /// Relative force error; none where the true force is 0.
     pub force_relative: Option<f64>,
-    /// Whether displacement, stress and force errors are within the half-widths.
+    /// Displacement (mm, the length of the coordinate error) and stress (MPa) of the worst node, force (N).
+    pub errors: [f64; 3],
+    /// Whether they are within the half-widths.
     pub covered: Covered,
 }
 
@@ -282,6 +287,7 @@ fn one_case(
     }
     let error_n = (evaluation.contact_force_n - case.contact_force_n).abs();
     let halfwidths = evaluation.halfwidths;
+    let error_mm = displacement.iter().copied().fold(0.0, f64::max).sqrt().max(magnitude);
     CaseReport {
         case: case.name.clone(),
         regime: evaluation.regime,
@@ -289,6 +295,8 @@ fn one_case(
         regime_names: sampled
             .place()
             .map(|_| [evaluation.regime, sampled].map(|kind| model.header.regime_name(kind).to_owned())),
+        inputs: case.inputs(),
+        errors: [error_mm, stress, error_n],
         pressure_mpa: case.pressure_mpa,
         gap_mm: case.gap_mm,
         domain: evaluation.domain,
@@ -299,8 +307,7 @@ fn one_case(
         force_n: evaluation.contact_force_n,
         force_relative: (case.contact_force_n > 0.0).then(|| error_n / case.contact_force_n),
         covered: Covered {
-            displacement: displacement.iter().copied().fold(0.0, f64::max).sqrt().max(magnitude)
-                <= halfwidths.displacement_mm,
+            displacement: error_mm <= halfwidths.displacement_mm,
             stress: stress <= halfwidths.stress_mpa,
             force: error_n <= halfwidths.force_n,
         },

@@ -1,4 +1,5 @@
-//! Half-widths of the answers: split-conformal, from leave-one-out residuals.
+//! Half-widths of the answers: split-conformal, from leave-one-out residuals or, where there are any, from the errors of states that
+//! no training saw ([`crate::calibration`]).
 //!
 //! The half-width of a whole regime is the `ceil((n + 1) c)`-th smallest of the `n` cases' worst-node residuals:
 //! exchangeable states err by less with probability at least `c`. It says the same everywhere. The local one follows the
@@ -49,9 +50,9 @@ const MIN_SHARE: f64 = 0.3;
 pub struct LocalHalfWidths {
     /// Share promised.
     pub coverage: f64,
-    /// `dimensions x cases`: scaled inputs of the training cases.
+    /// `dimensions x cases`: scaled inputs of the training cases, or of the unseen states.
     pub inputs: Vec<f64>,
-    /// By displacement (mm), stress (MPa) and force (N): the cases' leave-one-out errors.
+    /// By displacement (mm), stress (MPa) and force (N): the cases' leave-one-out errors, or those of the unseen states.
     pub errors: [Vec<f64>; 3],
     /// Smallest local mean of each.
     pub least: [f64; 3],
@@ -60,7 +61,7 @@ pub struct LocalHalfWidths {
 }
 
 impl LocalHalfWidths {
-    /// Calibrates on the leave-one-out errors of the cases at these scaled inputs. Cost `O(cases^2)`.
+    /// Calibrates on the errors of the cases at these scaled inputs. Cost `O(cases^2)`.
     pub(crate) fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e[k]).collect() };
         let mut local = Self {
@@ -73,6 +74,31 @@ impl LocalHalfWidths {
         let means: Vec<Errors> = (0..points.len()).map(|i| local.means(&points[i], Some(i))).collect();
         let ratios = |k: usize| errors.iter().zip(&means).map(|(e, m)| e[k] / m[k]).collect();
         local.factors = [0, 1, 2].map(|k| quantile(ratios(k), coverage));
+        local
+    }
+
+    /// Calibrates on the errors of states at these scaled inputs that no training saw. They scatter more than leave-one-out
+    /// errors, which share their neighbours, so each quantity is smoothed as widely as gives the least quantile loss: the proper score of
+    /// a bound that a share `coverage` shall keep to. Cost `O(states^2)`.
+    pub(crate) fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
+        let mut local = Self::calibrate(dimensions, points, errors, coverage);
+        for k in 0..3 {
+            let own: Vec<f64> = errors.iter().map(|e| e[k]).collect();
+            let candidate = |smoothing: &f64| {
+                let (all, left_out) = smoothed(points, &own, *smoothing);
+                let left_out: Vec<f64> = left_out.into_iter().map(|m| m.max(local.least[k])).collect();
+                let factor = quantile(own.iter().zip(&left_out).map(|(e, m)| e / m).collect(), coverage);
+                let loss = |(e, m): (&f64, &f64)| {
+                    let beyond = e - factor * m;
+                    if beyond > 0.0 { coverage * beyond } else { (coverage - 1.0) * beyond }
+                };
+                (own.iter().zip(&left_out).map(loss).sum::<f64>(), factor, all)
+            };
+            let best = SMOOTHINGS.iter().map(candidate).min_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((_, factor, all)) = best {
+                (local.factors[k], local.errors[k]) = (factor, all);
+            }
+        }
         local
     }
 
@@ -115,6 +141,35 @@ impl LocalHalfWidths {
         let mean = |k: usize| if weights > 0.0 { sums[k] / weights } else { 0.0 };
         [0, 1, 2].map(|k| mean(k).max(self.least[k]))
     }
+}
+
+/// Scaled distances tried for [`LocalHalfWidths::of_unseen`].
+const SMOOTHINGS: [f64; 4] = [SMOOTHING, 0.1, 0.2, 0.4];
+
+/// The mean of the errors around each state, which the model keeps in place of its error; and what [`LocalHalfWidths::means`] then
+/// gives at each state when its error is in none of the means.
+fn smoothed(points: &[Point], errors: &[f64], smoothing: f64) -> (Vec<f64>, Vec<f64>) {
+    let weight = |a: &Point, b: &Point, smoothing: f64| {
+        let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+        (square + smoothing * smoothing).powi(-2)
+    };
+    let sums = |x: &Point| {
+        points.iter().zip(errors).fold((0.0, 0.0), |(weights, sum), (point, error)| {
+            let w = weight(point, x, smoothing);
+            (weights + w, sum + w * error)
+        })
+    };
+    let sums: Vec<(f64, f64)> = points.iter().map(sums).collect();
+    let left_out = |i: usize| {
+        let (mut weights, mut sum) = (0.0, 0.0);
+        for j in (0..points.len()).filter(|j| *j != i) {
+            let (w, own) = (weight(&points[i], &points[j], SMOOTHING), weight(&points[i], &points[j], smoothing));
+            weights += w;
+            sum += w * (sums[j].1 - own * errors[i]) / (sums[j].0 - own);
+        }
+        sum / weights
+    };
+    (sums.iter().map(|(weights, sum)| sum / weights).collect(), (0..points.len()).map(left_out).collect())
 }
 
 /// The conformal quantile: the largest value when there are too few for the share asked.

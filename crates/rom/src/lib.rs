@@ -35,6 +35,7 @@
 
 mod accepted;
 mod border;
+pub mod calibration;
 mod clearance;
 pub mod config;
 mod contract;

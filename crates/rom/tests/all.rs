@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod budget;
+mod calibration;
 mod database;
 mod goal;
 mod model_file;

@@ -78,7 +78,7 @@ fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
             .map(|axis| (inputs[axis.input].key(), json!([axis.min, axis.max]))).collect::<Map<_, _>>(),
         "modes": regime.coefficient_count(),
         "accuracy": {
-            "method": "conformal half-widths from leave-one-out residuals, worst node",
+            "method": "conformal half-widths of the worst node, from errors of states that the fit did not see: left out one by one, or never trained on",
             "share_of_states": halfwidths.coverage,
             "displacement_mm": halfwidths.displacement_mm,
             "von_mises_mpa": halfwidths.stress_mpa,

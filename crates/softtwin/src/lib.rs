@@ -18,6 +18,7 @@ pub mod resources;
 pub mod sweep;
 pub mod testbed;
 pub mod unknowns;
+mod unseen_errors;
 mod view;
 mod viewers;
 

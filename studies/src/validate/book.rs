@@ -22,13 +22,15 @@ struct Row {
 pub struct Book {
     rows: Vec<Row>,
     skipped: Vec<String>,
+    /// What stands for itself and has no bound.
+    differences: Vec<serde_json::Value>,
     quiet: bool,
 }
 
 impl Book {
     /// An empty book that prints nothing but one JSON object when `quiet`.
     pub fn new(quiet: bool) -> Self {
-        Self { rows: Vec::new(), skipped: Vec::new(), quiet }
+        Self { rows: Vec::new(), skipped: Vec::new(), differences: Vec::new(), quiet }
     }
 
     pub fn heading(&self, text: &str) -> anyhow::Result<()> {
@@ -82,6 +84,12 @@ impl Book {
         self.add(Row { part, quantity, computed: error, reference: 0.0, error, bound, unit, holds: false })
     }
 
+    /// Keeps a difference without a bound for the JSON object.
+    pub fn keep(&mut self, difference: &impl Serialize) -> anyhow::Result<()> {
+        self.differences.push(serde_json::to_value(difference)?);
+        Ok(())
+    }
+
     fn add(&mut self, mut row: Row) -> anyhow::Result<()> {
         row.holds = row.error.abs() <= row.bound;
         if !self.quiet {
@@ -104,7 +112,7 @@ impl Book {
     pub fn close(self) -> anyhow::Result<()> {
         let missed: Vec<&str> = self.rows.iter().filter(|r| !r.holds).map(|r| r.quantity.as_str()).collect();
         if self.quiet {
-            output::json(&json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped}))?;
+            output::json(&json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped, "differences": self.differences}))?;
         } else {
             output!("\n{} figures compared, {} missed", self.rows.len(), missed.len())?;
         }

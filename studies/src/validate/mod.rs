@@ -4,6 +4,7 @@ mod abaqus_arrays;
 mod agreement;
 mod book;
 mod commercial;
+mod discretisation;
 mod published;
 mod refinement;
 
@@ -18,6 +19,9 @@ Examples:
     softtwin-studies validate --only published
   Node by node, with further cases of the shared database, by number:
     softtwin-studies validate --only commercial --cases 10 22 34 70 124 141
+  The whole actuator on its own mesh and on a finer one (an hour, 6 GB); only when asked for:
+    scripts/mesh.sh models/pneunet/actuator.toml --finer 1.8 --out target/finer.msh
+    softtwin-studies validate --only discretisation
   As one JSON object:
     softtwin-studies validate --json";
 
@@ -29,7 +33,7 @@ the command says so and leaves that part out. Ends with 1 when a figure misses i
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
-    /// Parts to run; all when left out.
+    /// Parts to run; when left out all but the discretisation.
     #[arg(long, value_enum, value_name = "PART", num_args = 1..)]
     only: Vec<Part>,
     /// The reference actuator.
@@ -47,6 +51,9 @@ pub struct Args {
     /// Meshes of the refinement study: into how many parts each box of the coarsest grid is divided along each axis.
     #[arg(long, value_name = "N", num_args = 2.., default_values_t = [1, 2, 3], value_parser = softtwin::range::count(1, 20))]
     times: Vec<usize>,
+    /// Finer mesh of the whole actuator.
+    #[arg(long, value_name = "FILE.msh", default_value = "target/finer.msh")]
+    finer_mesh: PathBuf,
     /// Chambers of the refinement study.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = softtwin::range::count(1, 1000))]
     chambers: usize,
@@ -64,6 +71,8 @@ enum Part {
     Commercial,
     /// The same state on finer and finer meshes.
     Refinement,
+    /// The whole actuator on a finer mesh.
+    Discretisation,
 }
 
 impl Args {
@@ -79,6 +88,9 @@ impl Args {
         }
         if wanted(Part::Refinement) {
             refinement::run(&self.actuator, self.chambers, &self.times, &mut book)?;
+        }
+        if self.only.contains(&Part::Discretisation) {
+            discretisation::run(&self.actuator, &self.finer_mesh, &mut book)?;
         }
         book.close()
     }

@@ -118,6 +118,7 @@ fn regime_sheet(plan: &Plan, part: &Part, inputs: &[InputSpec]) -> RegimeSheet {
             fit_sheet("contact_force", 0, 0.0, &model.surrogate, *rms, candidates)
         }),
         halfwidths: part.halfwidths,
+        unseen_states: 0,
         leave_one_out: part.errors.clone(),
     }
 }

@@ -3,7 +3,7 @@
 use crate::failure::{configuration, usage};
 use crate::options::SceneArg;
 use crate::progress::Progress;
-use crate::{card, files, output};
+use crate::{card, files, output, unseen_errors};
 use anyhow::Context;
 use formats::database::ObstacleKind;
 use rom::config::TrainConfig;
@@ -43,6 +43,10 @@ pub struct Args {
     /// Train by the paper's method instead of the defaults.
     #[arg(long)]
     paper: bool,
+    /// The model's errors on states that no training saw, as `softtwin evaluate --errors` writes them: half-widths are set by these
+    /// instead of leave-one-out, which over-states errors.
+    #[arg(long, value_name = "FILE.csv")]
+    errors: Option<PathBuf>,
     /// Whose cases are used: the plate, or the gripper's block; default: the plate, where the database has it.
     #[arg(long, value_enum)]
     scene: Option<SceneArg>,
@@ -75,10 +79,13 @@ impl Args {
         let database = files::database(&self.database, scene)?;
         let started = Instant::now();
         let trained = rom::train::train(&database, &config, &mut |step| progress.step(step));
-        let (model, sheet) = trained.map_err(|e| match e {
+        let (mut model, mut sheet) = trained.map_err(|e| match e {
             TrainError::Database(_) | TrainError::Config(_) => configuration(e),
             other => other.into(),
         })?;
+        if let Some(errors) = &self.errors {
+            unseen_errors::calibrate(errors, &mut model, &mut sheet)?;
+        }
         let training_s = started.elapsed().as_secs_f64();
         progress.step("writing the model");
         let bytes = model.to_bytes()?;

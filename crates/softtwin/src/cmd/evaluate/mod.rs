@@ -5,10 +5,11 @@ mod sealed;
 
 use crate::options::SceneArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
-use crate::{files, output};
+use crate::{files, output, unseen_errors};
 use formats::database::ObstacleKind;
 use rom::datasheet::{CaseError, DataSheet};
 use rom::evaluate::{CaseReport, DEFAULT_FLOOR, FieldErrors, Report, Summary, evaluate, spread};
+use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -29,6 +30,11 @@ Examples:
   A sealed evaluation: 200 states over the whole domain, a tenth of them free, simulated, looked at once and not kept:
     softtwin evaluate --model models/pneunet/pneunet.twin --sealed 200 \\
       --seed 20261122
+  Errors on 300 more such states, by which training then sets the half-widths:
+    softtwin evaluate --model finger.twin --actuator finger/actuator.toml \\
+      --sealed 300 --seed 31 --errors errors.csv
+    softtwin train --database finger/database --errors errors.csv \\
+      --out finger.twin
 
 Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share \
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
@@ -72,6 +78,9 @@ pub struct Args {
     /// Picture of the errors by case: .svg or .png.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     picture: Option<PathBuf>,
+    /// Table of the errors of every state inside the domain, for `softtwin train --errors`.
+    #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
+    errors: Option<PathBuf>,
     /// Print one JSON object instead of text.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -141,10 +150,13 @@ impl Args {
                 splits(&database)
             )));
         }
-        self.show(&evaluate(&model, &database, &cases, self.floor)?, None)
+        self.show(&model, &evaluate(&model, &database, &cases, self.floor)?, None)
     }
 
-    fn show(&self, report: &Report, sealed: Option<&serde_json::Value>) -> anyhow::Result<()> {
+    fn show(&self, model: &Model, report: &Report, sealed: Option<&serde_json::Value>) -> anyhow::Result<()> {
+        if let Some(path) = &self.errors {
+            unseen_errors::write(path, model, &report.cases)?;
+        }
         let left_out = leave_one_out(&files::data_sheet(&self.model));
         if let Some(path) = &self.picture {
             picture(report).save(path)?;
@@ -282,7 +294,7 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
         output!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
     }
     let [displacement, stress, force] = summary.coverage.map(|share| format!("{:.0} %", share * 100.0));
-    output!("  within the error bars: displacement {displacement}, stress {stress}, force {force}")?;
+    output!("  within the half-widths: displacement {displacement}, stress {stress}, force {force}")?;
     for case in &cases {
         let percent = |value: f64| format!("{} %", percent(value));
         let worst = |name: &str| {

@@ -72,7 +72,7 @@ impl Args {
         let report = self.judge(model, &folder)?;
         let found = Sealed::of(model, &report, seed)?;
         std::fs::remove_dir_all(&folder)?;
-        self.show(&report, Some(&serde_json::to_value(&found)?))?;
+        self.show(model, &report, Some(&serde_json::to_value(&found)?))?;
         if self.json { Ok(()) } else { found.print() }
     }
 
@@ -123,7 +123,7 @@ impl Sealed {
     fn print(&self) -> anyhow::Result<()> {
         output!("\nsealed states of seed {}; {} contact states below 5 kPa", self.seed, self.below_5_kpa)?;
         output!(
-            "within the error bars by half of the pressure and gap range (displacement, stress, force):"
+            "within the half-widths by half of the pressure and gap range (displacement, stress, force):"
         )?;
         for quarter in &self.quarters {
             let shares = quarter.coverage.map_or("-".into(), |shares| {

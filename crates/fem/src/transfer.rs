@@ -1,0 +1,187 @@
+//! A state of one mesh on another mesh of the same undeformed body: the start of a solution on a finer mesh, and the way to
+//! compare two meshes point by point.
+
+use crate::algebra::{Mat3, Vec3, add, axpy, det_inv_transpose, dot, scale, sub};
+use crate::element::membrane::{self, Plane};
+use crate::element::tet10;
+use crate::problem::Problem;
+use crate::state::State;
+use formats::mesh_file::Tri6;
+
+/// Edge of a search cell over the mean edge of a box that holds one element.
+const CELL_ELEMENTS: f64 = 2.0;
+
+/// Where undeformed points lie in the elements of a problem. Undeformed elements have straight edges.
+pub struct Locator<'a> {
+    problem: &'a Problem,
+    low: Vec3,
+    cell_mm: f64,
+    counts: [usize; 3],
+    /// Elements whose box reaches into each cell.
+    cells: Vec<Vec<u32>>,
+}
+
+/// A point in an element.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// The element.
+    pub element: usize,
+    /// Its ten nodes.
+    nodes: [u32; 10],
+    /// What each node's value counts at the point.
+    shares: [f64; 10],
+    /// How far the point lies outside the element, as a share of the element's height; 0 inside.
+    pub outside: f64,
+}
+
+impl Place {
+    /// The value at the point of a field given at all nodes: quadratic in the element.
+    #[must_use]
+    pub fn value(&self, field: &[f64]) -> f64 {
+        self.nodes.iter().zip(self.shares).map(|(n, share)| share * field[*n as usize]).sum()
+    }
+
+    /// The same of a vector.
+    #[must_use]
+    pub fn vector(&self, field: &[[f64; 3]]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        self.nodes.iter().zip(self.shares).for_each(|(n, share)| axpy(share, field[*n as usize], &mut sum));
+        sum
+    }
+}
+
+impl<'a> Locator<'a> {
+    /// Sorts the elements into cells. Cost `O(elements)`.
+    #[must_use]
+    pub fn new(problem: &'a Problem) -> Self {
+        let mesh = &problem.mesh;
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for x in &mesh.nodes_mm {
+            for k in 0..3 {
+                low[k] = low[k].min(x[k]);
+                high[k] = high[k].max(x[k]);
+            }
+        }
+        let extent = sub(high, low);
+        let cell_mm = CELL_ELEMENTS * (extent.iter().product::<f64>() / mesh.tets.len() as f64).cbrt();
+        let counts = extent.map(|length| (length / cell_mm) as usize + 1);
+        let mut this =
+            Self { problem, low, cell_mm, counts, cells: vec![Vec::new(); counts.iter().product()] };
+        for (e, tet) in mesh.tets.iter().enumerate() {
+            let corners = [0, 1, 2, 3].map(|n| this.cell(mesh.nodes_mm[tet[n] as usize]));
+            let range = |k: usize| {
+                let along = corners.map(|cell| cell[k]);
+                along.into_iter().min().unwrap_or(0)..=along.into_iter().max().unwrap_or(0)
+            };
+            for i in range(0) {
+                for j in range(1) {
+                    for k in range(2) {
+                        let at = this.index([i, j, k]);
+                        this.cells[at].push(e as u32);
+                    }
+                }
+            }
+        }
+        this
+    }
+
+    fn cell(&self, x: Vec3) -> [usize; 3] {
+        std::array::from_fn(|k| (((x[k] - self.low[k]) / self.cell_mm) as usize).min(self.counts[k] - 1))
+    }
+
+    fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.counts[1] + j) * self.counts[2] + k
+    }
+
+    /// The element that holds a point, or the nearest of those around it; none where no element is near.
+    #[must_use]
+    pub fn place(&self, x: [f64; 3]) -> Option<Place> {
+        let [i, j, k] = self.cell(x);
+        let around = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
+        // The cell itself nearly always does; a point on its face may belong to a neighbour by rounding.
+        let own = self.nearest(x, self.cells[self.index([i, j, k])].iter());
+        if own.as_ref().is_some_and(|place| place.outside < 1.0e-9) {
+            return own;
+        }
+        let neighbours = around(i, self.counts[0])
+            .flat_map(|i| around(j, self.counts[1]).map(move |j| (i, j)))
+            .flat_map(|(i, j)| around(k, self.counts[2]).map(move |k| [i, j, k]));
+        self.nearest(x, neighbours.flat_map(|cell| self.cells[self.index(cell)].iter()))
+    }
+
+    fn nearest<'c>(&self, x: Vec3, elements: impl Iterator<Item = &'c u32>) -> Option<Place> {
+        let place = |e: &u32| {
+            let nodes = self.problem.mesh.tets[*e as usize];
+            let corner = |n: usize| self.problem.mesh.nodes_mm[nodes[n] as usize];
+            let barycentric = barycentric([0, 1, 2, 3].map(corner), x);
+            let outside = barycentric.iter().fold(0.0, |most: f64, l| most.max(-l));
+            Place { element: *e as usize, nodes, shares: tet10::shape(barycentric), outside }
+        };
+        elements.map(place).min_by(|a, b| a.outside.total_cmp(&b.outside))
+    }
+}
+
+/// Barycentric coordinates of `x` in a tetrahedron.
+fn barycentric(corners: [Vec3; 4], x: Vec3) -> [f64; 4] {
+    let edges: Mat3 = [1, 2, 3].map(|k| sub(corners[k], corners[0]));
+    // x - x0 = sum of l_k edge_k, so l = (edges as columns)^-1 (x - x0): rows of the inverse transpose of the edges as rows.
+    let (_, rows) = det_inv_transpose(&edges);
+    let from = sub(x, corners[0]);
+    let l = rows.map(|row| dot(row, from));
+    [1.0 - l[0] - l[1] - l[2], l[0], l[1], l[2]]
+}
+
+/// A state of the problem `from` on the mesh of `to`: displacements interpolated, element pressures and the sheet's resultants of
+/// the element around each middle. It is no equilibrium of `to`, but near one where both meshes are of one body.
+///
+/// None where a node of `to` is near no element of `from`.
+#[must_use]
+pub(crate) fn transferred(from: &Problem, state: &State, to: &Problem) -> Option<State> {
+    let locator = Locator::new(from);
+    let displacement = |x: &Vec3| Some(locator.place(*x)?.vector(&state.displacement_mm));
+    let displacement_mm = to.mesh.nodes_mm.iter().map(displacement).collect::<Option<Vec<_>>>()?;
+    let pressure = |tet: &[u32; 10]| {
+        Some(state.element_pressure_mpa[locator.place(middle(to, &tet[..4]))?.element])
+    };
+    let element_pressure_mpa = to.mesh.tets.iter().map(pressure).collect::<Option<Vec<_>>>()?;
+    Some(State {
+        displacement_mm,
+        element_pressure_mpa,
+        sheet_resultants_n_per_mm: resultants(from, state, to),
+        load: state.load,
+    })
+}
+
+/// Resultants of the triangle whose middle is nearest, the mean of its three points, in the axes of the other mesh's sheet.
+fn resultants(from: &Problem, state: &State, to: &Problem) -> Vec<[Plane; 3]> {
+    let axes = |problem: &Problem, t: &Tri6| membrane::plane_axes(&t.map(|n| problem.mesh.nodes_mm[n as usize]));
+    let (Some(first), Some(other)) = (from.mesh.sheet.first(), to.mesh.sheet.first()) else {
+        return vec![[[0.0; 3]; 3]; to.mesh.sheet.len()];
+    };
+    let (a, b) = (axes(from, first), axes(to, other));
+    // The new axes in the old ones.
+    let [c, s] = b.map(|b| [dot(b, a[0]), dot(b, a[1])]);
+    let turned = |[n11, n22, n12]: Plane| {
+        let along = |u: [f64; 2], v: [f64; 2]| {
+            u[0] * v[0] * n11 + u[1] * v[1] * n22 + (u[0] * v[1] + u[1] * v[0]) * n12
+        };
+        [along(c, c), along(s, s), along(c, s)]
+    };
+    let middles: Vec<Vec3> = from.mesh.sheet.iter().map(|t| middle(from, &t[..3])).collect();
+    let nearest = |t: &Tri6| {
+        let at = middle(to, &t[..3]);
+        let distance = |k: &usize| {
+            let d = sub(middles[*k], at);
+            dot(d, d)
+        };
+        let k = (0..middles.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
+        let points = &state.sheet_resultants_n_per_mm[k];
+        [turned(std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / 3.0)); 3]
+    };
+    to.mesh.sheet.iter().map(nearest).collect()
+}
+
+fn middle(problem: &Problem, corners: &[u32]) -> Vec3 {
+    let sum = corners.iter().fold([0.0; 3], |sum, n| add(sum, problem.mesh.nodes_mm[*n as usize]));
+    scale(1.0 / corners.len() as f64, sum)
+}

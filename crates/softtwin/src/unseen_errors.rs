@@ -1,0 +1,81 @@
+//! The table of a model's errors on states that no training saw: `evaluate --errors` writes it, `train --errors` reads it.
+
+use crate::failure::configuration;
+use crate::files;
+use anyhow::Context;
+use formats::FormatError;
+use formats::table::{Table, to_text};
+use rom::calibration::UnseenState;
+use rom::datasheet::DataSheet;
+use rom::evaluate::CaseReport;
+use rom::hull::DomainStatus;
+use rom::inputs::Inputs;
+use rom::model::{Model, ModelHeader};
+use std::path::Path;
+
+/// Columns behind the inputs: worst node's displacement and stress, force, and whose errors these are.
+const ERRORS: [&str; 4] = ["displacement_error_mm", "stress_error_mpa", "force_error_n", "predictions"];
+
+/// Writes the errors of all states inside the domain.
+///
+/// # Errors
+/// The operating system's; a model that cannot be written.
+pub fn write(path: &Path, model: &Model, cases: &[CaseReport]) -> anyhow::Result<()> {
+    let (header, hash) = (&model.header, wire::layout::hex(&model.prediction_hash()?[..8]));
+    let keys: Vec<String> = header.inputs.iter().map(|input| input.key()).collect();
+    let columns = ["case", "regime"].into_iter().chain(keys.iter().map(String::as_str)).chain(ERRORS);
+    let row = |case: &CaseReport| {
+        let inputs = case.inputs.values()[..keys.len()].iter();
+        // No obstacle, or an input that the state does not have: an empty cell.
+        let inputs = inputs.map(|value| if value.is_finite() { value.to_string() } else { String::new() });
+        let errors = case.errors.iter().map(|error| format!("{error:.4e}"));
+        let names = [case.case.clone(), header.regime_name(case.regime).to_owned()];
+        names.into_iter().chain(inputs).chain(errors).chain([hash.clone()]).collect::<Vec<_>>()
+    };
+    let inside = cases.iter().filter(|case| case.domain == DomainStatus::Inside);
+    files::save(path, to_text(&columns.collect::<Vec<_>>(), inside.map(row)).as_bytes())
+}
+
+/// Sets a model's half-widths by a table of its errors.
+///
+/// # Errors
+/// A table that cannot be read, that is of another model, or that has too few states.
+pub fn calibrate(path: &Path, model: &mut Model, sheet: &mut DataSheet) -> anyhow::Result<()> {
+    let states = read(path, &model.header, &wire::layout::hex(&model.prediction_hash()?[..8]))?;
+    model.calibrate(sheet, &states).with_context(|| path.display().to_string()).map_err(configuration)
+}
+
+fn read(path: &Path, header: &ModelHeader, hash: &str) -> anyhow::Result<Vec<UnseenState>> {
+    let table = Table::read(path, true).map_err(files::refusal)?;
+    let refused = |diagnostic| files::refusal(FormatError::one(path, diagnostic));
+    let column = |name: &str| table.column(name).map_err(refused);
+    let inputs = header.inputs.iter().map(|input| column(&input.key())).collect::<anyhow::Result<Vec<_>>>()?;
+    let (regime, [displacement, stress, force, predictions]) = (column("regime")?, ERRORS.map(column));
+    let (errors, predictions) = ([displacement?, stress?, force?], predictions?);
+    let names: Vec<_> = header.regimes.iter().map(|r| (header.regime_name(r.kind), r.kind)).collect();
+    let state = |row: formats::table::Row<'_>| {
+        if row.text(predictions) != hash {
+            return Err(row.diagnostic(
+                predictions,
+                &format!(
+                    "{hash}, the predictions of the model just trained; these errors are of another one: measure them anew with \
+                     `softtwin evaluate --errors`"
+                ),
+            ));
+        }
+        let mut values = Inputs::new(f64::NAN, f64::INFINITY);
+        for (at, column) in inputs.iter().enumerate() {
+            if let Some(value) = row.optional_number(*column)? {
+                values = values.with(at, value);
+            }
+        }
+        let [displacement_mm, stress_mpa, force_n] = errors.map(|column| row.number(column));
+        Ok(UnseenState {
+            regime: row.choice(regime, &names)?,
+            inputs: values,
+            domain: DomainStatus::Inside,
+            errors: [displacement_mm?, stress_mpa?, force_n?],
+        })
+    };
+    table.rows().map(|row| state(row).map_err(refused)).collect()
+}
