@@ -445,7 +445,7 @@ fn designs_share_their_parameters_and_onset_points_lie_on_the_onset() {
     use rom::synthetic::design;
     let place = Place::new();
     let states: Vec<_> =
-        design::states(0, 160).into_iter().map(|s| (rom::snapshots::Split::Train, s)).collect();
+        design::states(0, 100).into_iter().map(|s| (rom::snapshots::Split::Train, s)).collect();
     let cells = formats::vtu::Cells::QuadraticTets(&[]);
     formats::database::write(&place.at("db"), &design::database(&states, false), cells).unwrap();
     let over =
