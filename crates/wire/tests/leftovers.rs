@@ -126,6 +126,30 @@ fn a_dead_listeners_memory_is_removed_though_others_have_it_mapped_and_a_living_
     assert!(!of_dead.exists() && of_living.exists());
 }
 
+/// A program that lists nodes opens the files of dead ones for a moment, and looks to the kernel like their owner.
+#[test]
+fn a_dead_node_whose_files_another_program_just_reads_is_removed_all_the_same() {
+    let place = Place::new("looked-at");
+    let bus = Bus::open(&place.domain).unwrap();
+    let node = port_of(dead_process()); // nodes are numbered as ports are
+    let path = place.root().join("nodes").join(format!("{}{node}.node_monitor_context", place.domain.prefix));
+    std::fs::write(&path, [0; 16]).unwrap();
+    std::fs::set_permissions(&path, Permissions::from_mode(0o400)).unwrap();
+    let reading = File::open(&path).unwrap();
+    let removed = bus.clean_up(Duration::from_secs(1));
+    assert!(removed.nodes == 0 && path.exists(), "somebody has it open all the time: {removed:?}");
+    let (begun, begins) = std::sync::mpsc::channel();
+    let reader = std::thread::spawn(move || {
+        begun.send(()).unwrap();
+        std::thread::sleep(Duration::from_millis(5)); // how long it reads
+        drop(reading);
+    });
+    begins.recv().unwrap();
+    assert_eq!(bus.clean_up(Duration::from_secs(1)).nodes, 1);
+    assert!(!path.exists());
+    reader.join().unwrap();
+}
+
 /// A port's number, as iceoryx2 forms it: counter, process, time, each of 32 bits or two times 32.
 fn port_of(process: u32) -> u128 {
     (1 << 96) | (u128::from(process) << 64) | 7
