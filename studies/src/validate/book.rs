@@ -113,7 +113,7 @@ impl Book {
         let missed: Vec<&str> = self.rows.iter().filter(|r| !r.holds).map(|r| r.quantity.as_str()).collect();
         if self.quiet {
             output::json(&json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped, "differences": self.differences}))?;
-        } else {
+        } else if !self.rows.is_empty() {
             output!("\n{} figures compared, {} missed", self.rows.len(), missed.len())?;
         }
         if missed.is_empty() {
