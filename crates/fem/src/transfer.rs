@@ -140,9 +140,8 @@ pub(crate) fn transferred(from: &Problem, state: &State, to: &Problem) -> Option
     let locator = Locator::new(from);
     let displacement = |x: &Vec3| Some(locator.place(*x)?.vector(&state.displacement_mm));
     let displacement_mm = to.mesh.nodes_mm.iter().map(displacement).collect::<Option<Vec<_>>>()?;
-    let pressure = |tet: &[u32; 10]| {
-        Some(state.element_pressure_mpa[locator.place(middle(to, &tet[..4]))?.element])
-    };
+    let pressure =
+        |tet: &[u32; 10]| Some(state.element_pressure_mpa[locator.place(middle(to, &tet[..4]))?.element]);
     let element_pressure_mpa = to.mesh.tets.iter().map(pressure).collect::<Option<Vec<_>>>()?;
     Some(State {
         displacement_mm,
@@ -154,7 +153,8 @@ pub(crate) fn transferred(from: &Problem, state: &State, to: &Problem) -> Option
 
 /// Resultants of the triangle whose middle is nearest, the mean of its three points, in the axes of the other mesh's sheet.
 fn resultants(from: &Problem, state: &State, to: &Problem) -> Vec<[Plane; 3]> {
-    let axes = |problem: &Problem, t: &Tri6| membrane::plane_axes(&t.map(|n| problem.mesh.nodes_mm[n as usize]));
+    let axes =
+        |problem: &Problem, t: &Tri6| membrane::plane_axes(&t.map(|n| problem.mesh.nodes_mm[n as usize]));
     let (Some(first), Some(other)) = (from.mesh.sheet.first(), to.mesh.sheet.first()) else {
         return vec![[[0.0; 3]; 3]; to.mesh.sheet.len()];
     };

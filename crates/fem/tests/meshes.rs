@@ -3,7 +3,7 @@
 use crate::actuators::{chambers, tiny, with};
 use fem::actuator::Actuator;
 use fem::run::fingerprint;
-use fem::{FORMULATION, Output, Problem, Solver};
+use fem::{FORMULATION, Locator, Output, Problem, Solver};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -126,4 +126,43 @@ fn the_formulation_has_the_version_it_says() {
     for (found, expected) in found.iter().zip(expected) {
         assert!((found / expected - 1.0).abs() < 1.0e-4, "{found} against {expected}");
     }
+}
+
+/// What is interpolated from one mesh is a start on a finer one: the same equilibrium as from rest, in fewer factorisations.
+#[test]
+fn a_state_of_a_coarse_mesh_starts_the_same_state_of_a_finer_one() {
+    let actuator = Actuator::parse(&tiny()).unwrap();
+    let ((_, coarse), (_, fine)) = (problem(&tiny(), 9.0), problem(&tiny(), 6.0));
+    assert!(fine.mesh().tets.len() > coarse.mesh().tets.len());
+    let (mut on_coarse, mut on_fine) =
+        (Solver::new(Arc::clone(&coarse)).unwrap(), Solver::new(Arc::clone(&fine)).unwrap());
+    let load = actuator.load(0.05, None);
+    let (rest, _) = on_coarse.gravity_equilibrium(actuator.loads.gravity_mm_s2).unwrap();
+    let (state, _) = on_coarse.solve_to(&rest, &load).unwrap();
+    let same = on_coarse.transferred(&coarse, &state).unwrap();
+    for (a, b) in same.displacement_mm.iter().flatten().zip(state.displacement_mm.iter().flatten()) {
+        assert!((a - b).abs() < 1.0e-9, "on its own mesh a state is what it was: {a} and {b}");
+    }
+
+    let (rest, to_rest) = on_fine.gravity_equilibrium(actuator.loads.gravity_mm_s2).unwrap();
+    let (from_rest, inflation) = on_fine.solve_to(&rest, &load).unwrap();
+    let start = on_fine.transferred(&coarse, &state).unwrap();
+    let (found, report) = on_fine.solve_to(&start, &load).unwrap();
+    let off = found.displacement_mm.iter().flatten().zip(from_rest.displacement_mm.iter().flatten());
+    let off_mm = off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("{off_mm:.1e} mm apart, {report:?}");
+    assert!(off_mm < 1.0e-4, "{off_mm} mm");
+    assert!(report.factorisations < to_rest.factorisations + inflation.factorisations, "{report:?}");
+
+    // Between meshes fields are compared point by point: at its own nodes a field is what it is, outside there is none.
+    let locator = Locator::new(&fine);
+    for (n, x) in fine.mesh().nodes_mm.iter().enumerate().step_by(37) {
+        let place = locator.place(*x).unwrap();
+        let [a, b] = [place.vector(&found.displacement_mm), found.displacement_mm[n]];
+        assert!(
+            place.outside < 1.0e-9 && (0..3).all(|k| (a[k] - b[k]).abs() < 1.0e-9),
+            "node {n}: {a:?} and {b:?}"
+        );
+    }
+    assert!(locator.place([1.0e3, 0.0, 0.0]).is_none_or(|place| place.outside > 1.0));
 }

@@ -65,7 +65,11 @@ impl Model {
     ///
     /// # Errors
     /// [`CalibrationError`]; the model is then as it was.
-    pub fn calibrate(&mut self, sheet: &mut DataSheet, states: &[UnseenState]) -> Result<(), CalibrationError> {
+    pub fn calibrate(
+        &mut self,
+        sheet: &mut DataSheet,
+        states: &[UnseenState],
+    ) -> Result<(), CalibrationError> {
         for (state, unseen) in states.iter().enumerate() {
             if let Some(found) = unseen.errors.iter().find(|e| !(e.is_finite() && **e >= 0.0)) {
                 return Err(CalibrationError::NoError { state, found: *found });
@@ -82,7 +86,8 @@ impl Model {
             }
             let (dimensions, coverage) = (regime.inputs.dimensions(), regime.halfwidths.coverage);
             regime.halfwidths = HalfWidths::of_all(&errors, coverage);
-            regime.local_halfwidths = Some(LocalHalfWidths::of_unseen(dimensions, &points, &errors, coverage));
+            regime.local_halfwidths =
+                Some(LocalHalfWidths::of_unseen(dimensions, &points, &errors, coverage));
             for part in sheet.regimes.iter_mut().filter(|part| part.kind == regime.kind) {
                 (part.halfwidths, part.unseen_states) = (regime.halfwidths, points.len());
             }

@@ -163,7 +163,8 @@ fn smoothed(points: &[Point], errors: &[f64], smoothing: f64) -> (Vec<f64>, Vec<
     let left_out = |i: usize| {
         let (mut weights, mut sum) = (0.0, 0.0);
         for j in (0..points.len()).filter(|j| *j != i) {
-            let (w, own) = (weight(&points[i], &points[j], SMOOTHING), weight(&points[i], &points[j], smoothing));
+            let (w, own) =
+                (weight(&points[i], &points[j], SMOOTHING), weight(&points[i], &points[j], smoothing));
             weights += w;
             sum += w * (sums[j].1 - own * errors[i]) / (sums[j].0 - own);
         }

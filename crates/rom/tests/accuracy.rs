@@ -70,20 +70,35 @@ fn training_again_gives_the_committed_model() {
     let hash = |model: &Model| model.prediction_hash().expect("encodes");
     let same = hash(&plate.model) == hash(&committed);
     println!("the same bytes but for half-widths: {same}");
-    let mut states = [&plate.model, &committed].map(|m| ModelState::new(m, &Selection::default()).expect("fits"));
+    let mut states =
+        [&plate.model, &committed].map(|m| ModelState::new(m, &Selection::default()).expect("fits"));
     for case in &plate.database.cases {
         let force = states.each_mut().map(|state| {
             state.update(case.inputs()).expect("trained");
             state.evaluation().contact_force_n
         });
         let entries = states[0].fields().iter().zip(states[1].fields());
-        let (a, b) = entries.map(|(a, b)| (*a, *b)).max_by(|x, y| (x.0 - x.1).abs().total_cmp(&(y.0 - y.1).abs())).expect("entries");
+        let (a, b) = entries
+            .map(|(a, b)| (*a, *b))
+            .max_by(|x, y| (x.0 - x.1).abs().total_cmp(&(y.0 - y.1).abs()))
+            .expect("entries");
         if same {
-            assert!(a.to_bits() == b.to_bits() && force[0].to_bits() == force[1].to_bits(), "case {}", case.name);
+            assert!(
+                a.to_bits() == b.to_bits() && force[0].to_bits() == force[1].to_bits(),
+                "case {}",
+                case.name
+            );
         }
-        assert!((a - b).abs() < 1e-4 && (force[0] - force[1]).abs() < 1e-7, "case {}: {a} and {b}, {force:?}", case.name);
+        assert!(
+            (a - b).abs() < 1e-4 && (force[0] - force[1]).abs() < 1e-7,
+            "case {}: {a} and {b}, {force:?}",
+            case.name
+        );
     }
-    assert!(same || !made_here(), "this machine made the model, and makes another one of the same database now");
+    assert!(
+        same || !made_here(),
+        "this machine made the model, and makes another one of the same database now"
+    );
 }
 
 /// Whether this processor has the vector instructions of the machines that made the models: AVX-512 changes no rounding of
@@ -239,10 +254,18 @@ fn thinned(database: &Database, every: usize) -> Database {
     // Rows of `width` values a node.
     let rows = |values: &[f32], width: usize| -> Vec<f32> {
         let states = values.chunks_exact(nodes * width);
-        states.flat_map(|state| kept.iter().flat_map(move |n| &state[n * width..(n + 1) * width])).copied().collect()
+        states
+            .flat_map(|state| kept.iter().flat_map(move |n| &state[n * width..(n + 1) * width]))
+            .copied()
+            .collect()
     };
     let set = |set: &NodeSet| NodeSet {
-        nodes: set.nodes.iter().filter(|n| **n as usize % every == 0).map(|n| n / every as u32).collect(),
+        nodes: set
+            .nodes
+            .iter()
+            .filter(|n| (**n as usize).is_multiple_of(every))
+            .map(|n| n / every as u32)
+            .collect(),
         ..set.clone()
     };
     Database {

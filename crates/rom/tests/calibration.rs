@@ -68,14 +68,21 @@ fn new_states_of_the_same_kind_lie_within_in_nine_of_ten_cases() {
             within[half][k] += f64::from(u8::from(state.errors[k] <= limit));
         }
     }
-    for k in 0..3 {
-        let [low, high] = [0, 1].map(|half| within[half][k] / counts[half]);
-        let all = (within[0][k] + within[1][k]) / fresh.len() as f64;
-        println!("within: {all:.3}, at low pressures {low:.3}, at high ones {high:.3}");
+    for (quantity, [low, high]) in ["displacement", "stress", "force"].into_iter().zip(transposed(&within)) {
+        let all = (low + high) / fresh.len() as f64;
+        let [low, high] = [low / counts[0], high / counts[1]];
+        println!("{quantity} within: {all:.3}, at low pressures {low:.3}, at high ones {high:.3}");
         // 400 states tell a share of 0.9 to 0.015, one standard deviation.
-        assert!((0.85..0.95).contains(&all) && low > 0.8 && high > 0.8, "{all} {low} {high}");
+        assert!((0.85..0.95).contains(&all) && low > 0.8 && high > 0.8, "{quantity}: {all} {low} {high}");
     }
-    assert!(widths[1] / counts[1] > 1.8 * widths[0] / counts[0], "wider where errors are larger: {widths:?} {counts:?}");
+    assert!(
+        widths[1] / counts[1] > 1.8 * widths[0] / counts[0],
+        "wider where errors are larger: {widths:?} {counts:?}"
+    );
+}
+
+fn transposed([a, b]: &[[f64; 3]; 2]) -> [[f64; 2]; 3] {
+    [0, 1, 2].map(|k| [a[k], b[k]])
 }
 
 #[test]

@@ -36,6 +36,16 @@ pub fn write(path: &Path, model: &Model, cases: &[CaseReport]) -> anyhow::Result
     files::save(path, to_text(&columns.collect::<Vec<_>>(), inside.map(row)).as_bytes())
 }
 
+/// Whether there is such a table; whose errors they are is seen when the model is there.
+///
+/// # Errors
+/// A table that cannot be read or has other columns.
+pub fn check(path: &Path) -> anyhow::Result<()> {
+    let table = Table::read(path, true).map_err(files::refusal)?;
+    let missing = |diagnostic| files::refusal(FormatError::one(path, diagnostic));
+    ERRORS.iter().try_for_each(|name| table.column(name).map(drop).map_err(missing))
+}
+
 /// Sets a model's half-widths by a table of its errors.
 ///
 /// # Errors
@@ -49,7 +59,8 @@ fn read(path: &Path, header: &ModelHeader, hash: &str) -> anyhow::Result<Vec<Uns
     let table = Table::read(path, true).map_err(files::refusal)?;
     let refused = |diagnostic| files::refusal(FormatError::one(path, diagnostic));
     let column = |name: &str| table.column(name).map_err(refused);
-    let inputs = header.inputs.iter().map(|input| column(&input.key())).collect::<anyhow::Result<Vec<_>>>()?;
+    let inputs =
+        header.inputs.iter().map(|input| column(&input.key())).collect::<anyhow::Result<Vec<_>>>()?;
     let (regime, [displacement, stress, force, predictions]) = (column("regime")?, ERRORS.map(column));
     let (errors, predictions) = ([displacement?, stress?, force?], predictions?);
     let names: Vec<_> = header.regimes.iter().map(|r| (header.regime_name(r.kind), r.kind)).collect();

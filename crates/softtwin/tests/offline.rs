@@ -202,6 +202,58 @@ fn evaluation_names_worst_case_and_draws() {
     assert!(std::fs::read(place.at("e.png")).unwrap().starts_with(b"\x89PNG"));
 }
 
+/// Errors on states that no training saw set the half-widths, of the model that they were measured on and of no other.
+#[test]
+fn measured_errors_set_the_half_widths_of_their_own_model() {
+    let place = Place::trained();
+    let unseen = (0..40).map(|i| {
+        let gap = 1.2 + 0.09 * f64::from(i);
+        let pressure = 0.01 * gap + 0.004 + 0.0007 * f64::from(i * 17 % 40);
+        crate::common::case(&format!("u{i}"), Split::Check, pressure, Some(gap))
+    });
+    let (database, tets) = crate::common::database(cases().into_iter().chain(unseen).collect());
+    let cells = formats::vtu::Cells::QuadraticTets(&tets);
+    formats::database::write(&place.at("more"), &database, cells).unwrap();
+    let evaluate = |model: &str| {
+        let line =
+            ["evaluate", "--model", model, "--database", "more", "--split", "check", "--json", "--errors"];
+        place.run(&[&line[..], &["errors.csv"]].concat()).json()
+    };
+    evaluate("bar.twin");
+    let table = std::fs::read_to_string(place.at("errors.csv")).unwrap();
+    assert!(
+        table.starts_with("case,regime,pressure_mpa,gap_mm,displacement_error_mm,stress_error_mpa,force_error_n,predictions\n"),
+        "{table}"
+    );
+    assert!(table.lines().count() > 30, "{table}");
+
+    let train = ["train", "--database", "db", "--out", "set.twin", "--errors", "errors.csv"];
+    assert_eq!(place.run(&train).code, 0);
+    let predict = |model: &str| {
+        place
+            .run(&["predict", "--model", model, "--pressure-mpa", "0.04", "--gap-mm", "2.5", "--json"])
+            .json()
+    };
+    let (before, after) = (predict("bar.twin"), predict("set.twin"));
+    assert_eq!(before["contact_force_n"], after["contact_force_n"], "predictions stay as they are");
+    let found = evaluate("set.twin");
+    let coverage = found["regimes"].as_array().unwrap().iter().find(|r| r["regime"] == "Contact").unwrap();
+    for share in coverage["coverage"].as_array().unwrap() {
+        assert!((0.85..=1.0).contains(&share.as_f64().unwrap()), "{coverage}");
+    }
+    // Measured on the model with the new half-widths the table is the same: it is about predictions.
+    assert_eq!(std::fs::read_to_string(place.at("errors.csv")).unwrap(), table);
+
+    place.run(&[&train[..], &["--paper"]].concat()).refused(78, "these errors are of another one");
+    let rows = |count: usize| table.lines().take(count + 1).collect::<Vec<_>>().join("\n");
+    std::fs::write(place.at("errors.csv"), rows(19)).unwrap();
+    place.run(&train).refused(78, "at least 20 states");
+    std::fs::write(place.at("errors.csv"), table.replacen("e-", "x-", 1)).unwrap();
+    place.run(&train).refused(78, "errors.csv");
+    std::fs::write(place.at("errors.csv"), table.replacen("gap_mm", "gap", 1)).unwrap();
+    place.run(&train).refused(78, "a column `gap_mm`");
+}
+
 #[test]
 fn wrong_usage_leaves_with_2() {
     let place = Place::trained();

@@ -112,7 +112,9 @@ impl Book {
     pub fn close(self) -> anyhow::Result<()> {
         let missed: Vec<&str> = self.rows.iter().filter(|r| !r.holds).map(|r| r.quantity.as_str()).collect();
         if self.quiet {
-            output::json(&json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped, "differences": self.differences}))?;
+            output::json(
+                &json!({"rows": self.rows, "missed": missed.len(), "skipped": self.skipped, "differences": self.differences}),
+            )?;
         } else if !self.rows.is_empty() {
             output!("\n{} figures compared, {} missed", self.rows.len(), missed.len())?;
         }

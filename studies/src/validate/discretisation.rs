@@ -101,7 +101,9 @@ pub fn run(path: &Path, finer: &Path, book: &mut Book) -> anyhow::Result<()> {
 
 fn compare(coarse: &mut Body, fine: &mut Body, state: &State, load: &Load) -> anyhow::Result<Difference> {
     let start = fine.solver.transferred(&coarse.problem, state);
-    let start = start.ok_or_else(|| usage("--finer-mesh: expected a mesh of the same body; it reaches beyond the actuator's own"))?;
+    let start = start.ok_or_else(|| {
+        usage("--finer-mesh: expected a mesh of the same body; it reaches beyond the actuator's own")
+    })?;
     let (finer, report) = fine.solver.solve_to(&start, load)?;
     let (a, b) = (coarse.solver.output(state), fine.solver.output(&finer));
     difference(coarse, fine, (&a, &b), (state, &finer), &report)
@@ -118,7 +120,9 @@ fn difference(
     let (mut distances, mut stresses) = (Vec::new(), Vec::new());
     for (n, x) in coarse.problem.mesh().nodes_mm.iter().enumerate() {
         let place = locator.place(*x);
-        let place = place.ok_or_else(|| usage("--finer-mesh: expected a mesh of the whole actuator, found a part of it"))?;
+        let place = place.ok_or_else(|| {
+            usage("--finer-mesh: expected a mesh of the whole actuator, found a part of it")
+        })?;
         let (u, v) = (state.displacement_mm[n], place.vector(&finer.displacement_mm));
         distances.push((0..3).map(|k| (u[k] - v[k]).powi(2)).sum::<f64>().sqrt());
         stresses.push((a.von_mises_mpa[n] - place.value(&b.von_mises_mpa)).abs());
@@ -142,7 +146,12 @@ fn print(found: &Difference, book: &mut Book) -> anyhow::Result<()> {
     let gap = found.gap_mm.map_or("free".into(), |gap| format!("gap {gap:.3} mm"));
     let change = |[coarse, fine]: [f64; 2]| 100.0 * (coarse / fine - 1.0);
     let force = found.gap_mm.map_or(String::new(), |_| {
-        format!(", force {:.5} and {:.5} N ({:+.2} %)", found.force_n[0], found.force_n[1], change(found.force_n))
+        format!(
+            ", force {:.5} and {:.5} N ({:+.2} %)",
+            found.force_n[0],
+            found.force_n[1],
+            change(found.force_n)
+        )
     });
     book.remark(&format!(
         "{:.6} MPa, {gap}: largest displacement {:.3} and {:.3} mm ({:+.2} %), volume {:+.2} %{force}\n  mean / 95 % / worst node: \

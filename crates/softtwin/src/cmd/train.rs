@@ -73,6 +73,9 @@ impl Args {
             )));
         }
         let config = self.config()?;
+        if let Some(errors) = &self.errors {
+            unseen_errors::check(errors)?; // before minutes of training
+        }
         let mut progress = Progress::new(self.json);
         progress.step("reading the database");
         let scene = self.scene.map_or_else(|| only_scene(&self.database), ObstacleKind::from);
