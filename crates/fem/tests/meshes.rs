@@ -132,7 +132,7 @@ fn the_formulation_has_the_version_it_says() {
 #[test]
 fn a_state_of_a_coarse_mesh_starts_the_same_state_of_a_finer_one() {
     let actuator = Actuator::parse(&tiny()).unwrap();
-    let ((_, coarse), (_, fine)) = (problem(&tiny(), 9.0), problem(&tiny(), 6.0));
+    let ((_, coarse), (_, fine)) = (problem(&tiny(), 9.0), problem(&tiny(), 3.5));
     assert!(fine.mesh().tets.len() > coarse.mesh().tets.len());
     let (mut on_coarse, mut on_fine) =
         (Solver::new(Arc::clone(&coarse)).unwrap(), Solver::new(Arc::clone(&fine)).unwrap());
