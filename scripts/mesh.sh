@@ -1,5 +1,5 @@
 #!/bin/sh
-# Builds an actuator's mesh: scripts/mesh.sh models/pneunet/actuator.toml [--out FILE] [--search SECONDS]
+# Builds an actuator's mesh: scripts/mesh.sh models/pneunet/actuator.toml [--out FILE] [--finer TIMES] [--search SECONDS]
 # gmsh comes from PyPI into target/mesh-venv. On a bare Debian or Ubuntu it needs these libraries:
 #   apt-get install python3-venv libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1
 # Nobody needs this to use the committed mesh.

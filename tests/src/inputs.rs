@@ -28,7 +28,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 29] = [
+pub const ENTRANCES: [Entrance; 31] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -53,6 +53,8 @@ pub const ENTRANCES: [Entrance; 29] = [
     Entrance { name: "inp", body: inp, seed: || INP.to_vec() },
     Entrance { name: "cdb", body: cdb, seed: || CDB.to_vec() },
     Entrance { name: "listing", body: listing, seed: || LISTING.to_vec() },
+    Entrance { name: "rpt", body: rpt, seed: || RPT.to_vec() },
+    Entrance { name: "dat", body: dat, seed: || DAT.to_vec() },
     Entrance { name: "xplt", body: xplt, seed: || XPLT.to_vec() },
     Entrance { name: "msh", body: msh, seed: || MSH.to_vec() },
     Entrance { name: "npz", body: npz, seed: packed::good_archive },
@@ -387,6 +389,21 @@ pub fn listing(bytes: &[u8]) {
     }
 }
 
+/// Field reports of Abaqus.
+pub fn rpt(bytes: &[u8]) {
+    let labels = [1, 2, 3, 4];
+    let Ok(steps) = formats::results::parse_rpt(&String::from_utf8_lossy(bytes), &labels) else { return };
+    for quantity in steps.iter().flat_map(|step| &step.quantities) {
+        assert_eq!(quantity.values.len(), labels.len() * quantity.components.len());
+    }
+}
+
+/// Total forces that CalculiX prints.
+pub fn dat(bytes: &[u8]) {
+    let Ok(totals) = formats::results::parse_dat(&String::from_utf8_lossy(bytes)) else { return };
+    assert!(totals.iter().all(|total| total.time.is_finite() && total.force.iter().all(|f| f.is_finite())));
+}
+
 /// FEBio's plot file.
 pub fn xplt(bytes: &[u8]) {
     if let Ok(run) = formats::results::parse_xplt(bytes) {
@@ -396,6 +413,10 @@ pub fn xplt(bytes: &[u8]) {
 
 const CDB: &[u8] = include_bytes!("../../crates/formats/tests/data/model.cdb");
 
+const RPT: &[u8] = b"   Step: Step-1\n   Frame: Increment     12: Step Time =   0.5000\n\n            Node            U.U1         S.Mises\n\
+           Label          @Loc 1          @Loc 1\n-----\n   1  0.1  2.\n   2  0.  3.\n   3  0.  4.\n   4  0.2  5.\n\n  Minimum  0.  2.\n";
+const DAT: &[u8] =
+    b"\n total force (fx,fy,fz) for set PLATE and time  0.1000000E+01\n\n   3.0E-01 -4.0E-01  0.0E+00\n";
 const LISTING: &[u8] = b" PRINT U    NODAL SOLUTION PER NODE\n\n  ***** POST1 NODAL DEGREE OF FREEDOM LISTING *****\n\n\
   LOAD STEP=     1  SUBSTEP=     2\n   TIME=    1.0000      LOAD CASE=   0\n\n  THE FOLLOWING DEGREE OF FREEDOM RESULTS ARE IN THE \
 GLOBAL COORDINATE SYSTEM\n\n    NODE       UX           UY           UZ\n 1  0.10000E-001-0.20000E-001 0.0000\n 2  1.0 2.0 3.0\n\

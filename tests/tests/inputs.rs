@@ -56,7 +56,8 @@ fn share(entrance: &Entrance) -> usize {
         "config" => 45,
         "recording" => 90,
         "key" => 120,
-        "frd" | "vtu" | "pvd" | "xdmf" | "hdf5" | "inp" | "cdb" | "listing" | "xplt" | "msh" | "chunk" => 20,
+        "frd" | "vtu" | "pvd" | "xdmf" | "hdf5" | "inp" | "cdb" | "listing" | "rpt" | "dat" | "xplt"
+        | "msh" | "chunk" => 20,
         "npz_arrays" | "vtu_arrays" | "xplt_plain" => 20,
         "selector" | "websocket" => 30,
         _ => 220,

@@ -10,6 +10,7 @@ mod msh_reader;
 mod npy;
 mod packed;
 mod results;
+mod results_beside;
 mod results_cdb;
 mod results_xdmf;
 mod results_xplt;

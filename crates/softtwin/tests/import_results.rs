@@ -106,6 +106,32 @@ fn increments_of_a_calculix_job_become_states() {
 }
 
 /// FEniCS' layout: one collection a function, data in HDF5. A file that is cut short is named, and nothing is written.
+/// What CalculiX prints beside its results is the contact force of the states that have a gap.
+#[test]
+fn a_total_force_beside_a_job_is_the_contact_force() {
+    let dir = tempfile::tempdir().unwrap();
+    let frd = concat!(env!("CARGO_MANIFEST_DIR"), "/../formats/tests/data/cutback.frd");
+    fs::copy(frd, dir.path().join("job.frd")).unwrap();
+    fs::write(dir.path().join("inputs.csv"), "file,pressure_mpa,gap_mm\njob.frd,0.02,3\n").unwrap();
+    let line =
+        ["import", "results", "job.frd", "--inputs", "inputs.csv", "--out", "db", "--force-from", "PLATE"];
+    let units = ["--length-unit", "mm", "--stress-unit", "mpa"];
+    let import = [&line[..], &units[..]].concat();
+    let (code, _, err) = run(dir.path(), &import);
+    assert!(
+        code == 78 && err.contains("TOTALS=ONLY") && err.contains("found totals of: none"),
+        "{code} {err}"
+    );
+    let totals = "\n total force (fx,fy,fz) for set NPLATE and time  0.1000000E+01\n\n  0.0 -2.5E-01 0.0\n";
+    fs::write(dir.path().join("job.dat"), totals).unwrap();
+    let (code, _, err) = run(dir.path(), &import);
+    assert!(code == 78 && err.contains("found totals of: NPLATE"), "{code} {err}");
+    fs::write(dir.path().join("job.dat"), totals.replace("NPLATE", "PLATE")).unwrap();
+    succeeds(dir.path(), &import);
+    let cases = fs::read_to_string(dir.path().join("db/cases.csv")).unwrap();
+    assert!(cases.contains("contact") && cases.contains("0.25"), "{cases}");
+}
+
 #[test]
 fn grids_of_an_xdmf_series_become_states() {
     let dir = tempfile::tempdir().unwrap();

@@ -3,6 +3,7 @@
 //! Columns are fixed, numbers touch each other: `-1`, the node in 10 (short form: 5) characters, 12 characters a value.
 //! A job that fails stores the state of the failed increment and leaves out the line `9999` that ends the file.
 
+use super::dat;
 use super::run::{Quantity, Run, Step};
 use crate::cells::{Block, Kind};
 use crate::error::{Diagnostic, FormatError};
@@ -22,7 +23,8 @@ const VALUES: usize = 6;
 /// Reads a file.
 pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
-    parse(&bytes).map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
+    let run = parse(&bytes).map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
+    Ok(Run { totals: dat::beside(path)?, ..run })
 }
 
 /// Reads the text of a file. Cost and memory are linear in the bytes.

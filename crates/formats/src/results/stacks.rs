@@ -39,7 +39,20 @@ pub fn parse_archive(bytes: &[u8]) -> Result<Run, FormatError> {
     from_archive(Cursor::new(bytes), Path::new("bytes.npz"))
 }
 
+/// Reads a `.npz` of fields alone, for a mesh of so many nodes from another file, in the order of its nodes.
+pub(super) fn read_fields(path: &Path, nodes: usize) -> Result<Vec<Step>, FormatError> {
+    let (file, _) = file::open(path, file::MAX_DATA_BYTES)?;
+    let mut arrays = arrays_of(file, path)?;
+    let times = times_of(&mut arrays);
+    let known = arrays.into_iter().map(|(name, array)| quantity(path, name, array, nodes));
+    steps_of(path, known.collect::<Result<_, _>>()?, nodes, &times)
+}
+
 fn from_archive(file: impl Read + Seek, path: &Path) -> Result<Run, FormatError> {
+    assemble(path, arrays_of(file, path)?)
+}
+
+fn arrays_of(file: impl Read + Seek, path: &Path) -> Result<Arrays, FormatError> {
     let damaged = |place: &str, error: &dyn std::fmt::Display| {
         FormatError::one(path, Diagnostic::new(place, "an archive that numpy.savez wrote", error))
     };
@@ -55,7 +68,27 @@ fn from_archive(file: impl Read + Seek, path: &Path) -> Result<Run, FormatError>
         read.map_err(|error| damaged(&format!("{name}.npy"), &error))?;
         arrays.insert(name.clone(), npy::parse_f64(&bytes, &path.join(format!("{name}.npy")))?);
     }
-    assemble(path, arrays)
+    Ok(arrays)
+}
+
+fn times_of(arrays: &mut Arrays) -> Vec<f64> {
+    arrays.remove("time").map_or_else(Vec::new, |times| times.data)
+}
+
+/// Name, steps, components and values of an array of a quantity.
+type Stack = (String, usize, usize, Vec<f64>);
+
+fn quantity(dir: &Path, name: String, array: Array<f64>, nodes: usize) -> Result<Stack, FormatError> {
+    match array.shape[..] {
+        [steps, found] if found == nodes => Ok((name, steps, 1, array.data)),
+        [steps, found, components] if found == nodes && components > 0 => {
+            Ok((name, steps, components, array.data))
+        }
+        _ => {
+            let path = dir.join(format!("{name}.npy"));
+            Err(shape(&path, &format!("steps x {nodes} nodes (x components)"), &array.shape))
+        }
+    }
 }
 
 fn assemble(dir: &Path, mut arrays: Arrays) -> Result<Run, FormatError> {
@@ -67,7 +100,7 @@ fn assemble(dir: &Path, mut arrays: Arrays) -> Result<Run, FormatError> {
     let [nodes, 3] = points.shape[..] else { return Err(shape(&path, "nodes x 3", &points.shape)) };
     let points: Vec<[f64; 3]> = points.data.as_chunks::<3>().0.to_vec();
     let mut run = Run { points, ..Run::default() };
-    let times = arrays.remove("time").map_or_else(Vec::new, |times| times.data);
+    let times = times_of(&mut arrays);
     let mut quantities = Vec::new();
     for (name, array) in arrays {
         let path = dir.join(format!("{name}.npy"));
@@ -81,33 +114,36 @@ fn assemble(dir: &Path, mut arrays: Arrays) -> Result<Run, FormatError> {
             run.blocks.push(Block { kind: kind.number, nodes_per_cell: kind.nodes, nodes });
             continue;
         }
-        let (steps, components) = match array.shape[..] {
-            [steps, found] if found == nodes => (steps, 1),
-            [steps, found, components] if found == nodes && components > 0 => (steps, components),
-            _ => return Err(shape(&path, &format!("steps x {nodes} nodes (x components)"), &array.shape)),
-        };
-        quantities.push((name, steps, components, array.data));
+        quantities.push(quantity(dir, name, array, nodes)?);
     }
+    run.steps = steps_of(dir, quantities, nodes, &times)?;
+    Ok(run)
+}
+
+fn steps_of(
+    dir: &Path,
+    quantities: Vec<Stack>,
+    nodes: usize,
+    times: &[f64],
+) -> Result<Vec<Step>, FormatError> {
     let steps = quantities.first().map_or(0, |first| first.1);
     if let Some((name, found, ..)) = quantities.iter().find(|quantity| quantity.1 != steps) {
         let expected = format!("{steps} steps as in {}.npy", quantities[0].0);
         return Err(FormatError::one(dir, Diagnostic::new(format!("{name}.npy"), expected, found)));
     }
-    run.steps = (0..steps)
-        .map(|step| Step {
-            name: format!("step {}", step + 1),
-            time: times.get(step).copied(),
-            quantities: quantities
-                .iter()
-                .map(|(name, _, components, data)| Quantity {
-                    name: name.clone(),
-                    components: counted(*components),
-                    values: data[step * nodes * components..][..nodes * components].to_vec(),
-                })
-                .collect(),
-        })
-        .collect();
-    Ok(run)
+    let step = |step: usize| Step {
+        name: format!("step {}", step + 1),
+        time: times.get(step).copied(),
+        quantities: quantities
+            .iter()
+            .map(|(name, _, components, data)| Quantity {
+                name: name.clone(),
+                components: counted(*components),
+                values: data[step * nodes * components..][..nodes * components].to_vec(),
+            })
+            .collect(),
+    };
+    Ok((0..steps).map(step).collect())
 }
 
 fn shape(path: &Path, expected: &str, found: &[usize]) -> FormatError {

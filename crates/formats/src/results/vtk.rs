@@ -17,7 +17,7 @@ pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
     };
     let quantities = content.point_data.into_iter().map(quantity).collect();
     let step = Step { name: "step 1".into(), time: content.time, quantities };
-    Ok(Run { points: content.points, blocks: content.blocks, steps: vec![step], left_out: Vec::new() })
+    Ok(Run { points: content.points, blocks: content.blocks, steps: vec![step], ..Run::default() })
 }
 
 /// All files of a list, which must have one mesh.

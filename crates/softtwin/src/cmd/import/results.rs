@@ -73,6 +73,10 @@ pub struct Args {
     /// A further field, with its unit: NAME of a scalar, NAME.COMPONENT otherwise. Repeat for others.
     #[arg(long = "field", value_name = "NAME=UNIT", value_parser = field)]
     fields: Vec<(String, String)>,
+    /// Node set whose total force, which CalculiX prints into the .dat beside the .frd (N), is the contact force of states that have a gap
+    /// and no force in the table: its length.
+    #[arg(long, value_name = "SET")]
+    force_from: Option<String>,
     /// Every so many-th state is for testing (2 to 1000000000); a column split in the table goes before.
     #[arg(long, value_name = "N", value_parser = crate::range::count(2, 1_000_000_000))]
     test_every: Option<usize>,
@@ -251,9 +255,13 @@ impl States {
         }
         let states = source.states(path, &run, args.steps == Steps::All)?;
         let several = states.len() > 1;
-        for (at, labels) in states {
+        for (at, mut labels) in states {
             let step = &run.steps[at];
             let place = format!("{}, {}", path.display(), step.name);
+            let wanted = labels.contact_force_n.is_none() && labels.values.contains_key("gap_mm");
+            if let Some(set) = args.force_from.as_ref().filter(|_| wanted) {
+                labels.contact_force_n = Some(force_from(set, &run, step, path)?);
+            }
             let suffix = if several { format!("-{}", at + 1) } else { String::new() };
             let name = labels.name.clone().unwrap_or_else(|| format!("{}{suffix}", plain(path)));
             let inputs = self.inputs(&place, &labels)?;
@@ -334,6 +342,19 @@ impl States {
             parameters: further.map(|(_, value)| *value).collect(),
         })
     }
+}
+
+/// The contact force of a step, from what the solver printed beside its results.
+fn force_from(set: &str, run: &results::Run, step: &results::Step, path: &Path) -> Result<f64> {
+    run.total_force(set, step).map_err(|sets| {
+        let found = if sets.is_empty() { "none".to_owned() } else { sets.join(", ") };
+        let expected = format!(
+            "the total force of {set} at {} in {} (*NODE PRINT, NSET={set}, TOTALS=ONLY with RF)",
+            step.name,
+            path.with_extension("dat").display()
+        );
+        configuration(anyhow!("--force-from: expected {expected}, found totals of: {found}"))
+    })
 }
 
 fn is_operating(name: &str) -> bool {
