@@ -239,8 +239,12 @@ def test_the_declarations_are_those_of_the_standard_and_of_the_library(archive, 
 
 
 def test_a_step_is_fast(twin):
-    """Prints what a step in contact costs, without FMPy's own work: a step with the same inputs, for which nothing is computed."""
+    """Prints what a step in contact costs, without FMPy's own work: a step with the same inputs, for which nothing is computed.
+
+    20 us are promised of a machine that does nothing else; here a step is held against a whole field of the same model in the same run.
+    """
     twin.put(gap_mm=30.0)
+    model = softtwin.Model(MODEL)
     many = np.linspace(0.04, 0.06, 100)
 
     def microseconds(outputs, pressures):
@@ -258,7 +262,12 @@ def test_a_step_is_fast(twin):
     numbers = [v.name for v in twin.description.modelVariables if v.causality == "output" and v.type == "Float64"]
     asked = {"force": ["contact_force_n"], "tip": ["tip.x"], "max_von_mises": ["max_von_mises_mpa"], "everything": numbers}
     steps = {what: microseconds(names, many) - microseconds(names, [0.05] * len(many)) for what, names in asked.items()}
-    print(json.dumps({f"{what}_us": round(us, 1) for what, us in steps.items()}))
-    # 20 us are promised of a machine that does nothing else; with all else that a busy one does, twice that.
-    assert steps["everything"] < 40.0 and steps["max_von_mises"] < 40.0, steps
+    field = np.inf
+    for pressure_mpa in np.tile(many, 5):
+        began = time.perf_counter()
+        model.predict(pressure_mpa, 30.0)
+        field = min(field, (time.perf_counter() - began) * 1e6)
+    print(json.dumps({f"{what}_us": round(us, 1) for what, us in (steps | {"whole_field": field}).items()}))
+    # A step that reconstructed the field to find its largest stress, or for its nodes, would take as long as the field.
+    assert steps["everything"] < 0.5 * field and steps["max_von_mises"] < 0.4 * field, (steps, field)
     assert steps["force"] < 0.5 * steps["max_von_mises"], "the force alone takes no coefficients"
