@@ -7,7 +7,7 @@
 //! ratios `e_i / s_i(x_i)`, with `s_i` the mean without case `i`, have a conformal quantile `q`, and the half-width at `x` is
 //! `q s(x)`. Leave-one-out removes a neighbour from every case and so over-states the error a little.
 
-use crate::inputs::Point;
+use crate::inputs::{Point, square_distance};
 use serde::{Deserialize, Serialize};
 
 /// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
@@ -149,10 +149,8 @@ const SMOOTHINGS: [f64; 4] = [SMOOTHING, 0.1, 0.2, 0.4];
 /// The mean of the errors around each state, which the model keeps in place of its error; and what [`LocalHalfWidths::means`] then
 /// gives at each state when its error is in none of the means.
 fn smoothed(points: &[Point], errors: &[f64], smoothing: f64) -> (Vec<f64>, Vec<f64>) {
-    let weight = |a: &Point, b: &Point, smoothing: f64| {
-        let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
-        (square + smoothing * smoothing).powi(-2)
-    };
+    let weight =
+        |a: &Point, b: &Point, smoothing: f64| (square_distance(a, b) + smoothing * smoothing).powi(-2);
     let sums = |x: &Point| {
         points.iter().zip(errors).fold((0.0, 0.0), |(weights, sum), (point, error)| {
             let w = weight(point, x, smoothing);

@@ -227,6 +227,22 @@ fn measured_errors_set_the_half_widths_of_their_own_model() {
     );
     assert!(table.lines().count() > 30, "{table}");
 
+    for split in ["train", "all"] {
+        let line = [
+            "evaluate",
+            "--model",
+            "bar.twin",
+            "--database",
+            "more",
+            "--errors",
+            "seen.csv",
+            "--split",
+            split,
+        ];
+        place.run(&line).refused(2, "training states among them");
+        assert!(!place.at("seen.csv").exists());
+    }
+
     let train = ["train", "--database", "db", "--out", "set.twin", "--errors", "errors.csv"];
     assert_eq!(place.run(&train).code, 0);
     let predict = |model: &str| {

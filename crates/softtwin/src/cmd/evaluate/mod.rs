@@ -140,6 +140,11 @@ impl Args {
             }
             None => SplitArg::Check,
         };
+        if self.errors.is_some() && split.has(Split::Train) {
+            return Err(crate::failure::usage(
+                "--errors: expected states that no training saw, found training states among them; name --split check, test or held-out",
+            ));
+        }
         let cases: Vec<usize> =
             (0..database.cases.len()).filter(|i| split.has(database.cases[*i].split)).collect();
         if cases.is_empty() {
