@@ -6,7 +6,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # Crates whose tests compute and have no deadline. The others mostly wait for processes and readings, so both run at the same time, these
 # at low priority: a process that a story waits for does not wait for them. (tests/tests/house.rs reads this line.)
-computing=(rom fem formats estimate control studies softtwin)
+computing=(rom train fem formats estimate control studies softtwin)
 
 # Multi-process tests start our programs, so these are built as well.
 cargo build --locked --workspace --bins --tests --examples

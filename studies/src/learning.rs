@@ -2,16 +2,16 @@
 
 use anyhow::Context;
 use formats::database::ObstacleKind;
-use rom::config::TrainConfig;
-use rom::evaluate::{DEFAULT_FLOOR, Summary, evaluate};
 use rom::hull::DomainStatus;
 use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
-use rom::train::train;
 use softtwin::progress::Progress;
 use softtwin::{files, output, range};
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use train::config::TrainConfig;
+use train::evaluate::{DEFAULT_FLOOR, Summary, evaluate};
+use train::train;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -1,9 +1,9 @@
 //! A folder, a model, a domain: one for each story.
 
 use crate::synthetic;
-use rom::config::{KernelKind, KernelSpec, RegimeConfig, Tail, TrainConfig};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use train::config::{KernelKind, KernelSpec, RegimeConfig, Tail, TrainConfig};
 use wire::{Bus, Domain};
 
 /// Where a story plays.
@@ -38,7 +38,7 @@ fn train(kernel: KernelKind) -> Vec<u8> {
         full_leave_one_out: false,
         ..TrainConfig::default()
     };
-    let (model, _) = rom::train::train(&synthetic::plate(), &config, &mut |_| {}).expect("the beam trains");
+    let (model, _) = train::train(&synthetic::plate(), &config, &mut |_| {}).expect("the beam trains");
     model.to_bytes().expect("the beam can be written")
 }
 

@@ -3,13 +3,13 @@
 
 use crate::Stage;
 use crate::cantilever::{Node, beam, vtu_of};
-use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use rom::snapshots::Split;
 use rom::synthetic::strip;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use train::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use wire::{Bus, SensorSample, SensorWriter, Topic, now_ns};
 
 const THICKNESS_MM: f64 = 2.0;
@@ -64,7 +64,7 @@ pub fn model_bytes(names: [&str; 3]) -> Vec<u8> {
     database.regime_names = names.map(String::from).to_vec();
     let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
     config.free.kernels = vec![KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear }];
-    let (model, _) = rom::train::train(&database, &config, &mut |_| {}).expect("the strip trains");
+    let (model, _) = train::train(&database, &config, &mut |_| {}).expect("the strip trains");
     model.to_bytes().expect("the strip can be written")
 }
 

@@ -1,17 +1,17 @@
 //! The C and C++ examples, compiled as their headers say, against a running twin.
 
-use rom::config::TrainConfig;
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Split;
 use rom::synthetic::design;
-use rom::train::train;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tests::skip::{Missing, skipped};
 use tests::wait::wait_until;
 use tests::{Program, Stage};
+use train::config::TrainConfig;
+use train::train;
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()

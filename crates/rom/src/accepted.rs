@@ -5,12 +5,12 @@
 //! singular values beyond them. Errors that have nothing to do with each other add in squares, so the own error grows by a
 //! share `s` when `own^2 s (2 + s)` is added to its square.
 
-use crate::fit::left_out_of;
 use crate::inputs::{Point, square_distance};
 use crate::interpolant::Interpolant;
 use crate::kernel::Shortfall;
 use crate::model::{GroupModel, RegimeModel};
 use crate::sums::{Room, Sums};
+use crate::system::left_out_of;
 
 /// A state's neighbours between which coefficients are looked at as well: an interpolant's peaks lie between its samples.
 const NEIGHBOURS: usize = 8;
@@ -67,7 +67,8 @@ impl<'a> OwnErrors<'a> {
         let mut groups = Vec::new();
         for alike in regime.groups.chunk_by(|a, b| a.surrogate.shares_kernel_with(&b.surrogate)) {
             let fits: Vec<&Interpolant> = alike.iter().map(|group| &group.surrogate).collect();
-            groups.extend(alike.iter().zip(left_out_of(&fits)));
+            // A system that cannot be inverted says nothing: its fields then have no error that may grow.
+            groups.extend(alike.iter().zip(left_out_of(&fits).unwrap_or_default()));
         }
         Self { groups }
     }

@@ -41,7 +41,7 @@ impl Decision {
 }
 
 /// Place of the largest score and how far above the next one it is.
-pub(crate) fn largest(scores: &[f64]) -> (usize, f64) {
+pub fn largest(scores: &[f64]) -> (usize, f64) {
     let best = (0..scores.len()).fold(0, |best, at| if scores[at] > scores[best] { at } else { best });
     let others = scores.iter().enumerate().filter(|(at, _)| *at != best);
     let next = others.fold(f64::NEG_INFINITY, |next, (_, score)| next.max(*score));

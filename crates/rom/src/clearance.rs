@@ -35,7 +35,7 @@ struct Depth {
 
 /// Solves for the onset of one model.
 #[derive(Clone, Debug)]
-pub(crate) struct OnsetSolver {
+pub struct OnsetSolver {
     clearance: Clearance,
     inputs: InputMap,
     modes: usize,
@@ -46,7 +46,7 @@ pub(crate) struct OnsetSolver {
 
 impl OnsetSolver {
     /// With the free regime that the heights are modes of.
-    pub(crate) fn new(clearance: Clearance, free: &RegimeModel) -> Self {
+    pub fn new(clearance: Clearance, free: &RegimeModel) -> Self {
         let surrogate = &free.groups[clearance.group].surrogate;
         let sums = Sums::new(&[surrogate]);
         let modes = surrogate.outputs;
@@ -64,12 +64,12 @@ impl OnsetSolver {
     }
 
     /// Room for an answer.
-    pub(crate) fn room(&self) -> Evaluation {
+    pub fn room(&self) -> Evaluation {
         Evaluation::with_room(self.modes, self.memory())
     }
 
     /// What the model keeps.
-    pub(crate) fn into_clearance(self) -> Clearance {
+    pub fn into_clearance(self) -> Clearance {
         self.clearance
     }
 
@@ -97,14 +97,14 @@ impl OnsetSolver {
     }
 
     /// Depth of the lowest node at a state's pressure and parameters, mm.
-    pub(crate) fn depth_mm(&self, inputs: &Inputs, room: &mut Evaluation) -> f64 {
+    pub fn depth_mm(&self, inputs: &Inputs, room: &mut Evaluation) -> f64 {
         -self.lowest(inputs, room, false).1
     }
 
     /// The onset at a state. `table` is one at some parameters, where it is at hand, and whether these are the state's own:
     /// then it saves the ends of the search, otherwise it is where the search begins. No allocation when `room` is of the
     /// model's evaluator; at most 160 evaluations of the free model's height, 2 to 5 with a table.
-    pub(crate) fn onset(
+    pub fn onset(
         &self,
         inputs: &Inputs,
         table: Option<(&OnsetTable, bool)>,
@@ -210,7 +210,7 @@ impl OnsetSolver {
     }
 
     /// The onset table at fixed parameters; none when the free model moves down at no pressure there.
-    pub(crate) fn table(&self, inputs: &Inputs, room: &mut Evaluation) -> Option<OnsetTable> {
+    pub fn table(&self, inputs: &Inputs, room: &mut Evaluation) -> Option<OnsetTable> {
         let (mut gaps, mut pressures): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for step in 0..=TABLE_STEPS {
             let pressure = self.clearance.max_pressure_mpa * step as f64 / TABLE_STEPS as f64;

@@ -4,9 +4,8 @@
 //! `(J^T J + l I) s = -J^T r` over the inputs that do not press against a bound. The damping keeps the answer near its start where
 //! the goal leaves inputs open. The first start is the caller's, the others fill the bounds evenly.
 
+use crate::dense::Dense;
 use crate::inputs::{Inputs, MAX_INPUTS};
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
 
 /// Steps from each start.
 const STEPS: usize = 80;
@@ -138,13 +137,13 @@ impl Descent<'_> {
         }
         let product =
             |i: usize, j: usize| residuals.iter().map(|r| by(r, open[i]) * by(r, open[j])).sum::<f64>();
-        let mut normal = Mat::from_fn(open.len(), open.len(), product);
+        let mut normal = Dense::from_fn(open.len(), product);
         let largest = (0..open.len()).map(|i| normal[(i, i)]).fold(f64::MIN_POSITIVE, f64::max);
         (0..open.len()).for_each(|i| normal[(i, i)] += damping * largest);
-        let right = Mat::from_fn(open.len(), 1, |i, _| downhill(open[i]));
-        let step = normal.llt(Side::Lower).ok()?.solve(&right);
+        let mut step: Vec<f64> = open.iter().map(|k| downhill(*k)).collect();
+        normal.solve(&mut step, 1)?;
         let mut trial = x.to_vec();
-        open.iter().enumerate().for_each(|(i, k)| trial[*k] = (trial[*k] + step[(i, 0)]).clamp(0.0, 1.0));
+        open.iter().enumerate().for_each(|(i, k)| trial[*k] = (trial[*k] + step[i]).clamp(0.0, 1.0));
         Some(trial)
     }
 }

@@ -24,12 +24,12 @@ pub struct HalfWidths {
 }
 
 /// Errors of a case: displacement in mm, stress in MPa, force in N.
-pub(crate) type Errors = [f64; 3];
+pub type Errors = [f64; 3];
 
 impl HalfWidths {
     /// For a share `coverage`, the same everywhere, from the errors of all cases: those on the hull stand for the untouched
     /// states that lie near the edge.
-    pub(crate) fn of_all(errors: &[Errors], coverage: f64) -> Self {
+    pub fn of_all(errors: &[Errors], coverage: f64) -> Self {
         Self::new(coverage, [0, 1, 2].map(|k| quantile(errors.iter().map(|e| e[k]).collect(), coverage)))
     }
 
@@ -62,7 +62,7 @@ pub struct LocalHalfWidths {
 
 impl LocalHalfWidths {
     /// Calibrates on the errors of the cases at these scaled inputs. Cost `O(cases^2)`.
-    pub(crate) fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
+    pub fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e[k]).collect() };
         let mut local = Self {
             coverage,
@@ -80,7 +80,7 @@ impl LocalHalfWidths {
     /// Calibrates on the errors of states at these scaled inputs that no training saw. They scatter more than leave-one-out
     /// errors, which share their neighbours, so each quantity is smoothed as widely as gives the least quantile loss: the proper score of
     /// a bound that a share `coverage` shall keep to. Cost `O(states^2)`.
-    pub(crate) fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
+    pub fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let mut local = Self::calibrate(dimensions, points, errors, coverage);
         for k in 0..3 {
             let own: Vec<f64> = errors.iter().map(|e| e[k]).collect();

@@ -61,7 +61,7 @@ impl Domain {
 
     /// The domain of samples, of whose inputs the first `operating` are pressure and gap; where neither varies the first
     /// parameter takes their place. `O(n log n)`, with parameters `O(n^2)`.
-    pub(crate) fn of_points(operating: usize, dimensions: usize, points: &[Point]) -> Self {
+    pub fn of_points(operating: usize, dimensions: usize, points: &[Point]) -> Self {
         let operating = operating.max(1);
         match dimensions {
             _ if operating < dimensions => Self::product(operating, dimensions, points),
@@ -90,7 +90,7 @@ impl Domain {
     }
 
     /// Whether the lengths fit a regime of so many inputs.
-    pub(crate) fn fits(&self, inputs: usize) -> bool {
+    pub fn fits(&self, inputs: usize) -> bool {
         match self {
             Self::Product { operating, dimensions, corners, samples, .. } => {
                 let shape = *operating >= 1 && operating < dimensions && samples.len() % dimensions == 0;
@@ -118,7 +118,7 @@ impl Domain {
     }
 
     /// Distance to the domain over scaled inputs: 0 inside. `O(vertices)`, with parameters `O(samples)`; no allocation.
-    pub(crate) fn distance(&self, x: &Point) -> f64 {
+    pub fn distance(&self, x: &Point) -> f64 {
         match self {
             Self::Interval([min, max]) => (min - x[0]).max(x[0] - max).max(0.0),
             Self::Hull(vertices) => polygon_distance(vertices, [x[0], x[1]]),
@@ -144,7 +144,7 @@ impl Domain {
     }
 
     /// Whether a point is one of the corners (or ends), or at an end of a parameter's range.
-    pub(crate) fn has_vertex(&self, x: &Point) -> bool {
+    pub fn has_vertex(&self, x: &Point) -> bool {
         match self {
             Self::Interval(ends) => ends.contains(&x[0]),
             Self::Hull(vertices) => vertices.contains(&[x[0], x[1]]),

@@ -16,10 +16,10 @@ pub const GAP: usize = 1;
 pub const PARAMETERS: usize = 2;
 
 /// Scaled inputs of a regime; entries beyond its dimensions are 0.
-pub(crate) type Point = [f64; MAX_INPUTS];
+pub type Point = [f64; MAX_INPUTS];
 
 /// Squared distance of two points, summed in the order of the inputs.
-pub(crate) fn square_distance(a: &Point, b: &Point) -> f64 {
+pub fn square_distance(a: &Point, b: &Point) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
@@ -68,7 +68,7 @@ impl InputSpec {
     }
 
     /// Pressure, gap and the parameters of a database, without a range.
-    pub(crate) fn without_range(parameters: &[Parameter]) -> Vec<Self> {
+    pub fn without_range(parameters: &[Parameter]) -> Vec<Self> {
         let spec = |name: &str, unit: &str, value: Option<f64>| Self {
             name: name.into(),
             unit: unit.into(),
@@ -80,7 +80,7 @@ impl InputSpec {
     }
 
     /// The same inputs with the ranges that the regimes were trained over.
-    pub(crate) fn ranged<'a>(
+    pub fn ranged<'a>(
         mut inputs: Vec<Self>,
         regimes: impl Iterator<Item = &'a InputMap> + Clone,
     ) -> Vec<Self> {
@@ -124,7 +124,7 @@ impl Inputs {
     }
 
     /// The same with `values` wherever nothing was set (NaN).
-    pub(crate) fn or(mut self, values: &[f64; MAX_INPUTS]) -> Self {
+    pub fn or(mut self, values: &[f64; MAX_INPUTS]) -> Self {
         self.0.iter_mut().zip(values).filter(|(own, _)| own.is_nan()).for_each(|(own, v)| *own = *v);
         self
     }
@@ -164,7 +164,7 @@ pub struct InputAxis {
 
 impl InputMap {
     /// Axes for those of `inputs` that vary over the states; when none does the first one, a unit wide.
-    pub(crate) fn of_states(states: &[Inputs], inputs: &[usize]) -> Self {
+    pub fn of_states(states: &[Inputs], inputs: &[usize]) -> Self {
         let axis = |&input: &usize| {
             let values = states.iter().map(|state| state.0[input]);
             let (min, max) =
@@ -189,7 +189,7 @@ impl InputMap {
     }
 
     /// Number of leading axes that are pressure or gap; the others are parameters.
-    pub(crate) fn operating(&self) -> usize {
+    pub fn operating(&self) -> usize {
         self.axes.iter().filter(|axis| axis.input < PARAMETERS).count()
     }
 

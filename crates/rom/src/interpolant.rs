@@ -4,8 +4,8 @@
 //! range and the metric `M` stretches and shears it (for a Gaussian process by its lengths). One kernel vector serves all
 //! outputs. Fitted to derivatives as well, it has further terms `v_kj d/dx_kj g(|M (x - x_k)|)`, one for each ([`Slope`]).
 
-use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
+use crate::radial::{KernelKind, Tail};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// How distances between scaled inputs are taken: `M x = (s0 (x0 + shear x1), s1 x1, s2 x2, ...)`. Contact features run
@@ -37,13 +37,13 @@ impl Metric {
     pub const IDENTITY: Self = Self { scale: [1.0; MAX_INPUTS], shear: 0.0 };
 
     /// The same with another factor on one input.
-    pub(crate) fn stretched(mut self, input: usize, factor: f64) -> Self {
+    pub fn stretched(mut self, input: usize, factor: f64) -> Self {
         self.scale[input] = factor;
         self
     }
 
     /// `M x`.
-    pub(crate) fn apply(&self, x: &Point) -> Point {
+    pub fn apply(&self, x: &Point) -> Point {
         let mut u = *x;
         u[0] += self.shear * x[1];
         u.iter_mut().zip(&self.scale).for_each(|(u, s)| *u *= s);
@@ -51,7 +51,7 @@ impl Metric {
     }
 
     /// `x` of `M x`.
-    pub(crate) fn undo(&self, u: &Point) -> Point {
+    pub fn undo(&self, u: &Point) -> Point {
         let mut x = *u;
         x.iter_mut().zip(&self.scale).for_each(|(x, s)| *x /= s);
         x[0] -= self.shear * x[1];

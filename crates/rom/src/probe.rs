@@ -5,14 +5,13 @@
 //! `dx/dp = sum_i w_i sum_k phi_ik dc_k/dp`. Modes and interpolation are multiplied once (`contract.rs`).
 
 use crate::contract::{self, Output};
+use crate::dense::Dense;
 use crate::evaluation::Evaluation;
 use crate::evaluator::Evaluator;
 use crate::inputs::{Inputs, MAX_INPUTS};
 use crate::model::{BlockKind, Model, ModelError, RegimeModel};
 use crate::regime::LastOnset;
 use crate::snapshots::{FieldKind, RegimeKind};
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
 use thiserror::Error;
 
 /// Nodes that a point's weights are spread over.
@@ -124,7 +123,7 @@ fn linear_weights(
         let x = place(node);
         [1.0, (x[0] - at_mm[0]) / scale, (x[1] - at_mm[1]) / scale, (x[2] - at_mm[2]) / scale]
     };
-    let mut normal = Mat::<f64>::zeros(4, 4);
+    let mut normal = Dense::zeros(4);
     for (square, node) in nodes {
         let t = terms(*node);
         for i in 0..4 {
@@ -136,12 +135,13 @@ fn linear_weights(
     // Nodes in one plane span the point in it; the ridge keeps the missing direction out.
     let ridge = 1e-12 * (0..4).map(|i| normal[(i, i)]).sum::<f64>();
     (0..4).for_each(|i| normal[(i, i)] += ridge);
-    let right = Mat::from_fn(4, 1, |i, _| if i == 0 { 1.0 } else { 0.0 });
-    let Ok(factor) = normal.llt(Side::Lower) else { return Vec::new() };
-    let multipliers = factor.solve(&right);
+    let mut multipliers = [1.0, 0.0, 0.0, 0.0];
+    if normal.solve(&mut multipliers, 1).is_none() {
+        return Vec::new();
+    }
     let weight = |(square, node): &(f64, usize)| {
         let t = terms(*node);
-        (*node as u32, (0..4).map(|i| t[i] * multipliers[(i, 0)]).sum::<f64>() / square)
+        (*node as u32, (0..4).map(|i| t[i] * multipliers[i]).sum::<f64>() / square)
     };
     nodes.iter().map(weight).collect()
 }

@@ -3,8 +3,75 @@
 //! Kernels carry the sign that makes them conditionally positive definite (`-r`, `r^2 ln r`, `r^3`, `-r^5`), so that
 //! smoothing is always added with the same sign. The sign does not change an interpolant.
 
-use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display};
+
+/// Polynomial added to a kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tail {
+    /// None: the paper's method.
+    None,
+    /// A constant.
+    Constant,
+    /// Constant and linear terms.
+    Linear,
+    /// Up to second order.
+    Quadratic,
+}
+
+/// Kernel of an interpolant, over inputs scaled to [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum KernelKind {
+    /// `r`: the paper's linear spline.
+    Linear,
+    /// `r^2 ln r`.
+    ThinPlate,
+    /// `r^3`.
+    Cubic,
+    /// `r^5`.
+    Quintic,
+    /// `exp(-(shape r)^2)`.
+    Gaussian {
+        /// Shape parameter over scaled inputs, > 0.
+        shape: f64,
+    },
+    /// Gaussian process: Matern 5/2 with one length a dimension, by maximum likelihood.
+    Matern52,
+    /// Matern 7/2 of one length over scaled inputs: between quintic (long) and a process that forgets (short).
+    Matern72 {
+        /// Length over scaled inputs, > 0.
+        length: f64,
+    },
+}
+
+/// As people write it: `quintic`, `Matern 7/2 of length 0.5`.
+impl Display for KernelKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Linear => f.write_str("linear"),
+            Self::ThinPlate => f.write_str("thin plate"),
+            Self::Cubic => f.write_str("cubic"),
+            Self::Quintic => f.write_str("quintic"),
+            Self::Gaussian { shape } => write!(f, "Gaussian of shape {shape:.3}"),
+            Self::Matern52 => f.write_str("Matern 5/2"),
+            Self::Matern72 { length } => write!(f, "Matern 7/2 of length {length:.3}"),
+        }
+    }
+}
+
+impl Display for Tail {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "no tail",
+            Self::Constant => "constant tail",
+            Self::Linear => "linear tail",
+            Self::Quadratic => "quadratic tail",
+        })
+    }
+}
 
 impl KernelKind {
     /// `g(r)`, `g'(r) / r` and `(g'(r) / r)' / r` for a squared distance. The second is what a gradient multiplies `x - x_k`
@@ -51,12 +118,12 @@ impl KernelKind {
     }
 
     /// `g(r)` for a squared distance.
-    pub(crate) fn value(self, r2: f64) -> f64 {
+    pub fn value(self, r2: f64) -> f64 {
         self.derivatives(r2)[0]
     }
 
     /// Whether second derivatives exist everywhere: what fitting derivatives needs.
-    pub(crate) const fn takes_derivatives(self) -> bool {
+    pub const fn takes_derivatives(self) -> bool {
         !matches!(self, Self::Linear | Self::ThinPlate)
     }
 
@@ -109,7 +176,7 @@ impl Tail {
     }
 
     /// Values of the terms in use at `u`.
-    pub(crate) fn values(self, dimensions: usize, u: &Point) -> Vec<f64> {
+    pub fn values(self, dimensions: usize, u: &Point) -> Vec<f64> {
         let mut values = Vec::with_capacity(self.terms(dimensions));
         self.each_term(dimensions, u, |value, _| values.push(value));
         values

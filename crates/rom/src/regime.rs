@@ -55,7 +55,8 @@ impl Onset {
 
 /// The onset at one state, with the pressure continued beyond sag and reach: the force is a multiple of its distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct OnsetAt {
+pub struct OnsetAt {
+    /// Pressure, or that there is none.
     pub onset: Onset,
     /// `P_c` in MPa: negative below the sag, above the largest training pressure beyond the reach.
     pub pressure_mpa: f64,
@@ -93,7 +94,7 @@ impl LastOnset {
 
 impl OnsetTable {
     /// Onset, continued pressure and slope at a gap.
-    pub(crate) fn at(&self, gap_mm: f64) -> OnsetAt {
+    pub fn at(&self, gap_mm: f64) -> OnsetAt {
         let (pressure_mpa, slope) = self.pressure_and_slope(gap_mm);
         let mut gradient = [0.0; MAX_INPUTS];
         gradient[GAP] = slope;

@@ -84,7 +84,7 @@ impl RegimeKind {
     }
 
     /// Place among the names; none for free and contact.
-    pub(crate) fn place(self) -> Option<usize> {
+    pub fn place(self) -> Option<usize> {
         if let Self::Named(at) = self { Some(at.into()) } else { None }
     }
 
@@ -124,7 +124,7 @@ impl Case {
     }
 
     /// The state's inputs with another gap, in mm.
-    pub(crate) fn inputs_at_gap(&self, gap_mm: f64) -> Inputs {
+    pub fn inputs_at_gap(&self, gap_mm: f64) -> Inputs {
         let values = self.parameters.iter().take(MAX_INPUTS - PARAMETERS).enumerate();
         values.fold(Inputs::new(self.pressure_mpa, gap_mm), |inputs, (i, value)| {
             inputs.with(PARAMETERS + i, *value)
@@ -297,7 +297,7 @@ impl Database {
     }
 
     /// Undeformed position of a node in a case (mm), along an axis; NaN without a mesh.
-    pub(crate) fn undeformed_at(&self, case: usize, node: usize, axis: usize) -> f64 {
+    pub fn undeformed_at(&self, case: usize, node: usize, axis: usize) -> f64 {
         let nominal = self.undeformed_mm.as_ref().map_or(f64::NAN, |mesh| mesh[node][axis]);
         let values = self.cases[case].parameters.iter().zip(&self.parameters);
         let moved = values.zip(&self.undeformed_by);

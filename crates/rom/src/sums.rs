@@ -1,11 +1,11 @@
 //! Interpolants ready to run: several that share their kernel in one pass, weights in the order in which they are read.
 
-use crate::config::{KernelKind, Tail};
 use crate::inputs::{MAX_INPUTS, Point};
 use crate::interpolant::{Interpolant, Metric};
 use crate::kernel::approach::approach;
 use crate::kernel::tail::{Gradient, Polynomial};
 use crate::kernel::weigh::{BLOCK, Near, Weights, weigh};
+use crate::radial::{KernelKind, Tail};
 
 /// Interpolants over the same centres and with the same kernel, their outputs side by side.
 #[derive(Clone, Debug)]
@@ -152,12 +152,12 @@ impl Sums {
 
 impl Interpolant {
     /// Values only, allocated: for training.
-    pub(crate) fn values_at(&self, x: &Point) -> Vec<f64> {
+    pub fn values_at(&self, x: &Point) -> Vec<f64> {
         self.all_at(x).0
     }
 
     /// Derivatives by each scaled input, allocated: for training.
-    pub(crate) fn gradient_at(&self, x: &Point) -> Vec<Vec<f64>> {
+    pub fn gradient_at(&self, x: &Point) -> Vec<Vec<f64>> {
         self.all_at(x).1.into_iter().take(self.dimensions).collect()
     }
 

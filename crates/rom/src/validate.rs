@@ -1,6 +1,5 @@
-//! What can be wrong with a database or a configuration: everything is reported at once.
+//! What can be wrong with a database: everything is reported at once.
 
-use crate::config::{KernelKind, ModeChoice, RegimeConfig, TrainConfig};
 use crate::inputs::{MAX_INPUTS, PARAMETERS};
 use crate::names;
 use crate::snapshots::{Case, Database, RegimeKind, Split};
@@ -182,75 +181,6 @@ impl Database {
                 "case {}: {count} non-finite values, the first ({}) at node {node}, field {field}",
                 case.name, snapshot[first]
             ));
-        }
-        problems
-    }
-}
-
-impl TrainConfig {
-    /// Every problem of the configuration, in words; empty when there is none.
-    pub fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        if !(self.coverage > 0.0 && self.coverage < 1.0) {
-            problems.push(format!("coverage: expected a share between 0 and 1, found {}", self.coverage));
-        }
-        for (name, value) in [
-            ("boundary_overshoot", self.boundary_overshoot),
-            ("hysteresis_mpa", self.hysteresis_mpa),
-            ("duplicate_distance", self.duplicate_distance),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                problems.push(format!("{name}: expected a number >= 0, found {value}"));
-            }
-        }
-        for (name, regime) in [("free", &self.free), ("contact", &self.contact)] {
-            problems.extend(regime.problems().into_iter().map(|p| format!("[{name}] {p}")));
-        }
-        problems
-    }
-}
-
-impl RegimeConfig {
-    fn problems(&self) -> Vec<String> {
-        let mut problems = Vec::new();
-        if self.kernels.is_empty()
-            || self.anisotropy.is_empty()
-            || self.smoothing.is_empty()
-            || self.max_modes == 0
-        {
-            problems.push(
-                "kernels, anisotropy, smoothing: expected at least one each; max_modes: at least 1".into(),
-            );
-        }
-        for kernel in &self.kernels {
-            let (KernelKind::Gaussian { shape: width } | KernelKind::Matern72 { length: width }) =
-                kernel.kernel
-            else {
-                continue;
-            };
-            if !(width.is_finite() && width > 0.0) {
-                problems
-                    .push(format!("{}: expected a shape or length > 0, found {width}", kernel.kernel.name()));
-            }
-        }
-        if self.shear.iter().any(|s| !s.is_finite()) {
-            problems.push("shear: expected finite shares".into());
-        }
-        if self.anisotropy.iter().any(|a| !(a.is_finite() && *a > 0.0)) {
-            problems.push("anisotropy: expected factors > 0".into());
-        }
-        if self.smoothing.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
-            problems.push("smoothing: expected numbers >= 0".into());
-        }
-        for modes in std::iter::once(&self.modes).chain(self.group_modes.values()) {
-            let sound = match *modes {
-                ModeChoice::Fixed(modes) => modes > 0,
-                ModeChoice::Energy(limit) => (0.0..1.0).contains(&limit),
-                ModeChoice::LeaveOneOut(factor) => factor >= 1.0,
-            };
-            if !sound {
-                problems.push(format!("modes: {modes:?} is out of range"));
-            }
         }
         problems
     }

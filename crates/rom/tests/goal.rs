@@ -1,13 +1,13 @@
 //! Inputs for a goal, on the beam of formulas: the formulas themselves judge the answer.
 
-use rom::config::TrainConfig;
 use rom::evaluator::Evaluator;
 use rom::goal::{Found, Residual, reach};
 use rom::inputs::{Inputs, MAX_INPUTS};
 use rom::snapshots::Split;
 use rom::synthetic::design;
-use rom::train::train;
 use std::sync::OnceLock;
+use train::config::TrainConfig;
+use train::train;
 
 fn evaluator() -> Evaluator {
     static MODEL: OnceLock<Evaluator> = OnceLock::new();

@@ -1,7 +1,6 @@
 //! The model file: round trip, golden bytes, partial loading, and every way of being damaged.
 
 use proptest::prelude::*;
-use rom::config::TrainConfig;
 use rom::inputs::{InputSpec, Inputs};
 use rom::model::{
     BlockData, BlockKind, FIXED_VERSION, MAGIC, MOVING_VERSION, Model, ModelError, ModelFileError,
@@ -10,9 +9,10 @@ use rom::model::{
 use rom::model_state::ModelState;
 use rom::reconstructor::Reconstructor;
 use rom::synthetic;
-use rom::train::train;
 use std::io::Cursor;
 use std::sync::OnceLock;
+use train::config::TrainConfig;
+use train::train;
 
 fn model() -> &'static (Model, Vec<u8>) {
     static MODEL: OnceLock<(Model, Vec<u8>)> = OnceLock::new();

@@ -1,7 +1,6 @@
 //! Evaluator and reconstructor on the synthetic actuator: gradients against finite differences, regimes, hysteresis, bad input.
 
 use proptest::prelude::*;
-use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::hull::DomainStatus;
@@ -11,8 +10,9 @@ use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
 use rom::synthetic;
-use rom::train::train;
 use std::sync::OnceLock;
+use train::config::{KernelKind, KernelSpec, Tail, TrainConfig};
+use train::train;
 
 fn config(kernel: KernelKind, tail: Tail) -> TrainConfig {
     let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
@@ -201,7 +201,7 @@ fn readings_that_are_no_numbers_end_in_flags_not_in_panics() {
 fn untouched_test_states_are_predicted() {
     let database = synthetic::plate();
     let cases: Vec<usize> = database.of_split(Split::Test).collect();
-    let report = rom::evaluate::evaluate(model(), &database, &cases, 0.01).expect("evaluates");
+    let report = train::evaluate::evaluate(model(), &database, &cases, 0.01).expect("evaluates");
     assert_eq!(report.cases.len(), 3);
     for case in &report.cases {
         for field in &case.fields {

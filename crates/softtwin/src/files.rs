@@ -6,11 +6,11 @@ use fem::actuator::Actuator;
 use fem::{Family, Problem};
 use formats::database::{self, ObstacleKind};
 use formats::{FormatError, file};
-use rom::datasheet::DataSheet;
 use rom::model::Model;
 use rom::snapshots::Database;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use train::datasheet::DataSheet;
 
 /// Largest model file that is read: 4 GiB.
 const MAX_MODEL_BYTES: u64 = 4 << 30;

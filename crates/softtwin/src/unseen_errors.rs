@@ -5,13 +5,13 @@ use crate::files;
 use anyhow::Context;
 use formats::FormatError;
 use formats::table::{Table, to_text};
-use rom::calibration::UnseenState;
-use rom::datasheet::DataSheet;
-use rom::evaluate::CaseReport;
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
 use rom::model::{Model, ModelHeader};
 use std::path::Path;
+use train::calibration::UnseenState;
+use train::datasheet::DataSheet;
+use train::evaluate::CaseReport;
 
 /// Columns behind the inputs: worst node's displacement and stress, force, and whose errors these are.
 const ERRORS: [&str; 4] = ["displacement_error_mm", "stress_error_mpa", "force_error_n", "predictions"];
@@ -52,7 +52,9 @@ pub fn check(path: &Path) -> anyhow::Result<()> {
 /// A table that cannot be read, that is of another model, or that has too few states.
 pub fn calibrate(path: &Path, model: &mut Model, sheet: &mut DataSheet) -> anyhow::Result<()> {
     let states = read(path, &model.header, &wire::layout::hex(&model.prediction_hash()?[..8]))?;
-    model.calibrate(sheet, &states).with_context(|| path.display().to_string()).map_err(configuration)
+    train::calibration::calibrate(model, sheet, &states)
+        .with_context(|| path.display().to_string())
+        .map_err(configuration)
 }
 
 fn read(path: &Path, header: &ModelHeader, hash: &str) -> anyhow::Result<Vec<UnseenState>> {

@@ -115,9 +115,9 @@ fn train_writes_a_model_and_its_data_sheet() {
 #[test]
 fn the_commented_configuration_is_the_default() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/train.toml");
-    let written: rom::config::TrainConfig =
+    let written: train::config::TrainConfig =
         toml::from_str(&std::fs::read_to_string(config).unwrap()).unwrap();
-    assert_eq!(written, rom::config::TrainConfig::default());
+    assert_eq!(written, train::config::TrainConfig::default());
 }
 
 #[test]

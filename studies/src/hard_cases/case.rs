@@ -1,8 +1,8 @@
 //! What a hard case is.
 
 use super::ending::Ending;
-use rom::config::TrainConfig;
 use rom::snapshots::Database;
+use train::config::TrainConfig;
 
 /// A hard case: what to train on, what to ask, and what counts as right.
 #[derive(Clone, Debug)]

@@ -2,9 +2,9 @@
 
 use super::case::{HardCase, Probe, Query};
 use super::ending::Ending;
-use rom::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 use rom::snapshots::{Database, FieldKind, Split};
 use rom::synthetic::{State, database, force_n, snapshot, training_states};
+use train::config::{KernelKind, KernelSpec, Tail, TrainConfig};
 
 /// Error that counts as correct where nothing but interpolation stands between data and answer.
 const BOUND: f64 = 0.01;

@@ -14,8 +14,8 @@ pub use ending::HEAD;
 
 use case::HardCase;
 use ending::{Ending, Outcome, Row};
-use rom::config::TrainConfig;
-use rom::train::train;
+use train::config::TrainConfig;
+use train::train;
 
 /// Runs one case with both methods.
 pub fn run(case: &HardCase) -> Row {

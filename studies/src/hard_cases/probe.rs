@@ -1,7 +1,6 @@
 //! Asking a trained model, and measuring how wrong it is.
 
 use super::case::{HardCase, Probe, Query};
-use rom::config::TrainConfig;
 use rom::evaluation::Evaluation;
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
@@ -9,7 +8,8 @@ use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::regime::Onset;
 use rom::snapshots::{Database, FieldKind};
-use rom::train::train;
+use train::config::TrainConfig;
+use train::train;
 
 /// The largest error, and whether every answer beyond the bound said that it should not be trusted.
 pub(super) struct Found {

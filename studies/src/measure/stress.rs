@@ -4,7 +4,6 @@ use super::twin::print;
 use anyhow::Context;
 use fem::StressRecovery;
 use formats::database::ObstacleKind;
-use rom::evaluate::spread;
 use rom::hull::DomainStatus;
 use rom::model::Selection;
 use rom::model_state::ModelState;
@@ -13,6 +12,7 @@ use serde_json::json;
 use softtwin::files;
 use std::path::PathBuf;
 use std::time::Instant;
+use train::evaluate::spread;
 
 /// Nodes of the small set: as `softtwin bench` has it.
 const SET: u32 = 500;

@@ -3,11 +3,11 @@
 use super::folder::Folder;
 use super::published::{self, Case as Published};
 use super::study::{REGIMES, Study, percent};
-use rom::evaluate::{CaseReport, spread};
 use rom::hull::DomainStatus;
 use rom::snapshots::{Case, FieldKind, RegimeKind, Split};
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use std::fmt::Write as _;
+use train::evaluate::{CaseReport, spread};
 
 pub fn section(study: &Study, out: &Folder) -> anyhow::Result<String> {
     let mut page = String::from("\n## Test cases (the paper's Figs. 7 and 8)\n\n");

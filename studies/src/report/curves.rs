@@ -2,13 +2,13 @@
 
 use super::folder::Folder;
 use super::study::{REGIMES, Study, ours_with, paper, test_mse, train};
-use rom::config::{KernelKind, ModeChoice, Tail};
 use rom::model::Model;
 use rom::rng::Rng;
 use rom::snapshots::{Database, RegimeKind, Split};
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;
 use std::fmt::Write as _;
+use train::config::{KernelKind, ModeChoice, Tail};
 
 /// Numbers of modes at which models are trained.
 const MODES: [usize; 8] = [1, 2, 3, 4, 5, 6, 9, 12];

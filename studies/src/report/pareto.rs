@@ -3,8 +3,6 @@
 use super::folder::Folder;
 use super::method::{Double, Kernel, ReconstructionMethod};
 use super::study::{Study, ours_with, paper, percent, train};
-use rom::config::{KernelKind, ModeChoice, Tail, TrainConfig};
-use rom::evaluate::spread;
 use rom::kernel::Precision;
 use rom::model::Model;
 use rom::model::{Nodes, Selection};
@@ -13,6 +11,8 @@ use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;
 use std::fmt::Write as _;
 use std::time::Instant;
+use train::config::{KernelKind, ModeChoice, Tail, TrainConfig};
+use train::evaluate::spread;
 
 /// Reconstructions timed for one figure; the median is reported, so that a busy machine disturbs little.
 const TIMED: usize = 301;

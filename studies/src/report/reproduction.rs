@@ -1,11 +1,11 @@
 //! How exactly the training cases come back, and what exactness costs on untouched states.
 
 use super::study::{Study, ours, percent, train};
-use rom::config::{ModeChoice, TrainConfig};
-use rom::evaluate::Report;
 use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
 use std::fmt::Write as _;
+use train::config::{ModeChoice, TrainConfig};
+use train::evaluate::Report;
 
 pub fn section(study: &Study) -> anyhow::Result<String> {
     let mut text = String::from(

@@ -1,11 +1,11 @@
 //! One database, both methods, and what every section asks of them.
 
-use rom::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
-use rom::evaluate::{DEFAULT_FLOOR, Report, evaluate};
 use rom::hull::DomainStatus;
 use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
 use std::path::Path;
+use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
+use train::evaluate::{DEFAULT_FLOOR, Report, evaluate};
 
 /// Both regimes, in the order of the paper.
 pub const REGIMES: [RegimeKind; 2] = [RegimeKind::Free, RegimeKind::Contact];
@@ -38,7 +38,7 @@ impl Study {
         let held_out = self.cases(|c| c.split != Split::Train);
         let report = self.evaluate(&self.ours, &held_out)?;
         let inside =
-            |(i, c): (&usize, &rom::evaluate::CaseReport)| (c.domain == DomainStatus::Inside).then_some(*i);
+            |(i, c): (&usize, &train::evaluate::CaseReport)| (c.domain == DomainStatus::Inside).then_some(*i);
         Ok(held_out.iter().zip(&report.cases).filter_map(inside).collect())
     }
 
@@ -66,7 +66,7 @@ impl Study {
 
 /// Trains quietly.
 pub fn train(database: &Database, config: &TrainConfig) -> anyhow::Result<Model> {
-    Ok(rom::train::train(database, config, &mut |_| {})?.0)
+    Ok(train::train(database, config, &mut |_| {})?.0)
 }
 
 /// Mean squared error on the test cases of a regime.

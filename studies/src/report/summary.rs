@@ -2,12 +2,12 @@
 
 use super::study::{REGIMES, Study, percent, test_mse};
 use super::switch::GAPS;
-use rom::evaluate::{Report, spread};
 use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
 use softtwin::stability::MAX_STRESS_JUMP;
 use softtwin::sweep;
 use std::fmt::Write as _;
+use train::evaluate::{Report, spread};
 
 /// Most a mean squared error on the test cases may be, free and contact.
 const MSE: [f64; 2] = [2e-6, 1e-5];
@@ -75,7 +75,7 @@ fn tests(study: &Study, model: &Model) -> anyhow::Result<Report> {
 /// Displacement (0), stress (1) or force (2): the largest over a regime's cases.
 fn largest(study: &Study, report: &Report, regime: RegimeKind, quantity: usize) -> f64 {
     let cases = report.cases.iter().filter(|c| c.gap_mm.is_some() == (regime == RegimeKind::Contact));
-    let of = |c: &rom::evaluate::CaseReport| match quantity {
+    let of = |c: &train::evaluate::CaseReport| match quantity {
         2 => c.force_relative.unwrap_or(0.0),
         k => field(study, k).map_or(0.0, |f| c.fields[f].normalised),
     };

@@ -40,7 +40,7 @@ struct Spread([f64; 3]);
 
 impl Spread {
     fn of(mut values: Vec<f64>, largest: f64) -> Self {
-        let shares = rom::evaluate::spread(&mut values);
+        let shares = train::evaluate::spread(&mut values);
         Self(shares.map(|value| value / largest))
     }
 

@@ -3,8 +3,8 @@
 
 use super::isa::with_widest_vectors;
 use super::weigh::{BLOCK, Near};
-use crate::config::KernelKind;
 use crate::inputs::Point;
+use crate::radial::KernelKind;
 
 with_widest_vectors! {
     /// What all centres are to the state `u = M x`. `centres` holds their inputs by group and input, eight centres a row.

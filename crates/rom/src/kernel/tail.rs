@@ -2,9 +2,9 @@
 
 use super::isa::with_widest_vectors;
 use super::weigh::BLOCK;
-use crate::config::Tail;
 use crate::inputs::{MAX_INPUTS, Point};
 use crate::interpolant::Metric;
+use crate::radial::Tail;
 
 /// Terms of a tail at most: 1, every input, every product of two.
 const MAX_TERMS: usize = 1 + MAX_INPUTS + MAX_INPUTS * (MAX_INPUTS + 1) / 2;

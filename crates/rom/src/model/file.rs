@@ -21,6 +21,7 @@ use super::header::{BlockData, BlockKind, Model, ModelHeader};
 use super::named::NamedRegimes;
 use super::selection::{ModelError, Selection};
 use super::{codec, version2};
+use crate::halfwidths::HalfWidths;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Seek, SeekFrom};
 use thiserror::Error;
@@ -119,6 +120,19 @@ struct FileHeader<H> {
 }
 
 impl Model {
+    /// What identifies the model's predictions, whatever its half-widths: a hash of the file without them.
+    ///
+    /// # Errors
+    /// [`ModelFileError`], as [`Model::to_bytes`].
+    pub fn prediction_hash(&self) -> Result<[u8; 32], ModelFileError> {
+        let mut bare = self.clone();
+        for regime in &mut bare.header.regimes {
+            regime.halfwidths = HalfWidths { coverage: regime.halfwidths.coverage, ..HalfWidths::default() };
+            regime.local_halfwidths = None;
+        }
+        Ok(*blake3::hash(&bare.to_bytes()?).as_bytes())
+    }
+
     /// The whole file as bytes. Cost `O(bytes)`.
     ///
     /// # Errors

@@ -5,7 +5,6 @@ use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
 use crate::inputs::{InputMap, InputSpec, Inputs};
 use crate::interpolant::Interpolant;
-use crate::pod::truncation_error;
 use crate::regime::OnsetTable;
 use crate::snapshots::{FieldSpec, NodeSet, RegimeKind};
 use serde::{Deserialize, Serialize};
@@ -149,6 +148,14 @@ impl GroupModel {
     pub fn truncation_error(&self, modes: usize) -> f64 {
         truncation_error(&self.singular_values, modes)
     }
+}
+
+/// Truncation error of Eq. (4), summed from the small end so that 1e-16 is still seen: the paper's `1 - sum/sum`
+/// cannot show less than rounding.
+pub fn truncation_error(singular_values: &[f64], modes: usize) -> f64 {
+    let tail: f64 = singular_values.iter().skip(modes).rev().map(|s| s * s).sum();
+    let head: f64 = singular_values.iter().take(modes).rev().map(|s| s * s).sum();
+    if tail + head > 0.0 { tail / (tail + head) } else { 0.0 }
 }
 
 /// What a block of numbers is.

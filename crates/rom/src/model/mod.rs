@@ -14,7 +14,7 @@ pub use file::{
 };
 pub use header::{
     BlockData, BlockKind, Clearance, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField,
-    RegimeModel,
+    RegimeModel, truncation_error,
 };
 pub use named::{Border, NamedRegimes};
 pub use selection::{ModelError, Nodes, Selection};

@@ -2,11 +2,11 @@
 //! where a regime has one input. It is read, never written.
 
 use super::header::{FarOnset, ForceModel, GroupModel, ModelHeader, OutputField, RegimeModel};
-use crate::config::{KernelKind, Tail};
 use crate::halfwidths::HalfWidths;
 use crate::hull::Domain;
 use crate::inputs::{GAP, InputAxis, InputMap, InputSpec, MAX_INPUTS, PRESSURE};
 use crate::interpolant::{Interpolant, Metric};
+use crate::radial::{KernelKind, Tail};
 use crate::regime::OnsetTable;
 use crate::snapshots::{NodeSet, RegimeKind};
 use serde::Deserialize;

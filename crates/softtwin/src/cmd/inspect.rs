@@ -1,11 +1,11 @@
 //! `softtwin inspect`.
 
 use crate::{card, files, output};
-use rom::datasheet::{BorderSheet, DataSheet, FitSheet};
 use rom::hull::Domain;
 use rom::model::{Model, ModelHeader, RegimeModel};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use train::datasheet::{BorderSheet, DataSheet, FitSheet};
 use wire::layout::hex;
 
 const EXAMPLES: &str = "\

@@ -6,13 +6,13 @@ use crate::progress::Progress;
 use crate::{card, files, output, unseen_errors};
 use anyhow::Context;
 use formats::database::ObstacleKind;
-use rom::config::TrainConfig;
-use rom::datasheet::{DataSheet, FitSheet, RegimeSheet};
 use rom::snapshots::{Database, Split};
-use rom::train::TrainError;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use train::TrainError;
+use train::config::TrainConfig;
+use train::datasheet::{DataSheet, FitSheet, RegimeSheet};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -81,7 +81,7 @@ impl Args {
         let scene = self.scene.map_or_else(|| only_scene(&self.database), ObstacleKind::from);
         let database = files::database(&self.database, scene)?;
         let started = Instant::now();
-        let trained = rom::train::train(&database, &config, &mut |step| progress.step(step));
+        let trained = train::train(&database, &config, &mut |step| progress.step(step));
         let (mut model, mut sheet) = trained.map_err(|e| match e {
             TrainError::Database(_) | TrainError::Config(_) => configuration(e),
             other => other.into(),
@@ -185,7 +185,7 @@ fn regime_json(regime: &RegimeSheet) -> serde_json::Value {
 #[cfg(test)]
 mod tests {
     use super::parse;
-    use rom::config::TrainConfig;
+    use train::config::TrainConfig;
 
     #[test]
     fn kernels_that_are_left_out_are_those_of_the_regime() {

@@ -1,9 +1,9 @@
 //! A model of full size from formulas: the costs of a twin do not depend on what the numbers mean.
 
 use anyhow::Context;
-use rom::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
 use rom::model::Model;
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
+use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
 
 /// Nodes of the reference actuator.
 pub const NODES: usize = 25_022;
@@ -24,7 +24,7 @@ pub fn model() -> anyhow::Result<Model> {
         ..RegimeConfig::default()
     };
     let config = TrainConfig { free: regime.clone(), contact: regime, ..TrainConfig::default() };
-    let (model, _) = rom::train::train(&database(), &config, &mut |_| {})
+    let (model, _) = train::train(&database(), &config, &mut |_| {})
         .context("the synthetic model could not be trained")?;
     Ok(model)
 }

@@ -158,7 +158,7 @@ impl Args {
     fn train(&self, actuator: &Actuator, database: &Path) -> Result<PathBuf> {
         let scene = actuator.obstacle.kind.scene();
         let data = files::database(database, scene)?;
-        let (model, sheet) = rom::train::train(&data, &rom::config::TrainConfig::default(), &mut |_| ())
+        let (model, sheet) = train::train(&data, &train::config::TrainConfig::default(), &mut |_| ())
             .with_context(|| format!("training on {}", database.display()))?;
         let path = self.folder.join(&actuator.name).with_extension("twin");
         let bytes = model.to_bytes()?;

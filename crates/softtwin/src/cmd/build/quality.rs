@@ -3,10 +3,10 @@
 use crate::cmd::evaluate;
 use crate::{files, output};
 use anyhow::Result;
-use rom::evaluate::{DEFAULT_FLOOR, Summary};
 use rom::snapshots::{RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use train::evaluate::{DEFAULT_FLOOR, Summary};
 
 /// Errors of one regime in percent of the largest value of a state, mean and largest over the states.
 #[derive(Debug, Serialize)]
@@ -37,7 +37,7 @@ impl Quality {
         let kinds = formats::database::obstacle_kinds(database).map_err(files::refusal)?;
         let data = files::database(database, kinds[0])?;
         let cases: Vec<usize> = data.of_split(Split::Check).collect();
-        let report = rom::evaluate::evaluate(&loaded, &data, &cases, DEFAULT_FLOOR)?;
+        let report = train::evaluate::evaluate(&loaded, &data, &cases, DEFAULT_FLOOR)?;
         evaluate::picture(&report).save(picture)?;
         Ok(Self {
             held_back: report.regimes.iter().map(errors).collect(),

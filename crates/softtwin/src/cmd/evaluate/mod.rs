@@ -7,12 +7,12 @@ use crate::options::SceneArg;
 use crate::picture::{Axis, Figure, Mark, Panel, Series};
 use crate::{files, output, unseen_errors};
 use formats::database::ObstacleKind;
-use rom::datasheet::{CaseError, DataSheet};
-use rom::evaluate::{CaseReport, DEFAULT_FLOOR, FieldErrors, Report, Summary, evaluate, spread};
 use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use train::datasheet::{CaseError, DataSheet};
+use train::evaluate::{CaseReport, DEFAULT_FLOOR, FieldErrors, Report, Summary, evaluate, spread};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -219,7 +219,7 @@ pub fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
         tracing::warn!("no data sheet beside the model: leave-one-out errors are not shown");
         return Vec::new();
     };
-    let of = |regime: &rom::datasheet::RegimeSheet| {
+    let of = |regime: &train::datasheet::RegimeSheet| {
         let inner: Vec<&CaseError> = regime.leave_one_out.iter().filter(|c| !c.on_hull).collect();
         let column =
             |get: fn(&CaseError) -> f64| spread(&mut inner.iter().map(|c| get(c)).collect::<Vec<_>>());

@@ -5,12 +5,12 @@ use super::fresh::random_states;
 use crate::failure::usage;
 use crate::{files, output, sweep};
 use formats::database::ObstacleKind;
-use rom::evaluate::{CaseReport, Covered, Report, evaluate};
 use rom::inputs::{GAP, PARAMETERS, PRESSURE};
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
 use serde::Serialize;
 use std::path::Path;
+use train::evaluate::{CaseReport, Covered, Report, evaluate};
 
 /// One of so many states is free: there is one input then.
 const FREE_SHARE: usize = 10;

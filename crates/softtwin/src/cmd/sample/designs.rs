@@ -6,11 +6,11 @@ use anyhow::Context;
 use fem::cases::Case;
 use fem::sample::{onset_pressure_mpa, sequence};
 use formats::database::bottom_nodes;
-use rom::config::TrainConfig;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::{Inputs, PARAMETERS};
 use rom::snapshots::{Database, RegimeKind};
+use train::config::TrainConfig;
 
 /// Free states of a design, each in a part of the pressures given by shares of their range. Stress is small at low pressures and
 /// its error counts by its largest value, hence a state at the lowest pressure and one a little above.
@@ -120,8 +120,7 @@ impl Onset {
             place.with_context(|| format!("the database has no parameter {name}, only {}", known.join(", ")))
         };
         let places = names.iter().map(place).collect::<Result<_, _>>()?;
-        let trained =
-            rom::train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)?;
+        let trained = train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)?;
         let evaluator = Evaluator::new(&trained.0.header)?;
         Ok(Self::Model(evaluator.evaluation().into(), evaluator.into(), places))
     }

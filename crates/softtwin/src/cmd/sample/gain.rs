@@ -1,14 +1,14 @@
 //! What a refinement gained: errors before and after, on states the model has not been trained on.
 
 use crate::output;
-use rom::datasheet::DataSheet;
-use rom::evaluate::{CaseReport, DEFAULT_FLOOR, evaluate};
 use rom::hull::DomainStatus;
 use rom::model::Model;
 use rom::snapshots::{Database, FieldKind, RegimeKind, Split};
 use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
+use train::datasheet::DataSheet;
+use train::evaluate::{CaseReport, DEFAULT_FLOOR, evaluate};
 
 /// A model and its data sheet.
 pub type Trained = (Model, DataSheet);

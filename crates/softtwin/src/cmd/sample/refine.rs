@@ -12,13 +12,13 @@ use fem::Family;
 use fem::cases::{self, Case};
 use fem::run::{self, Event, Run, Solved, Store, fingerprint};
 use fem::sample::{InfillError, infill};
-use rom::config::TrainConfig;
-use rom::datasheet::RegimeSheet;
 use rom::inputs::Inputs;
 use rom::model::RegimeModel;
 use rom::snapshots::{Database, RegimeKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use train::config::TrainConfig;
+use train::datasheet::RegimeSheet;
 
 /// Places among which the next states are chosen.
 const CANDIDATES: usize = 1500;
@@ -175,7 +175,7 @@ impl Refinement {
 }
 
 fn train(database: &Database) -> anyhow::Result<Trained> {
-    rom::train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)
+    train::train(database, &TrainConfig::default(), &mut |_| ()).map_err(configuration)
 }
 
 /// A state's scaled inputs; the second is 0 where the regime has one.
@@ -193,7 +193,7 @@ fn infill_errors(
 ) -> Vec<InfillError> {
     let halfwidths = &sheet.halfwidths;
     let share = |error: f64, bar: f64| if bar > 0.0 { error / bar } else { 0.0 };
-    let error = |e: &rom::datasheet::CaseError| {
+    let error = |e: &train::datasheet::CaseError| {
         share(e.displacement_mm, halfwidths.displacement_mm)
             .max(share(e.stress_mpa, halfwidths.stress_mpa))
             .max(share(e.force_n, halfwidths.force_n))
@@ -201,7 +201,7 @@ fn infill_errors(
     let mut inner: Vec<f64> = sheet.leave_one_out.iter().filter(|e| !e.on_hull).map(error).collect();
     inner.sort_by(f64::total_cmp);
     let median = inner.get(inner.len() / 2).copied().unwrap_or(1.0);
-    let place = |e: &rom::datasheet::CaseError| {
+    let place = |e: &train::datasheet::CaseError| {
         let case = database.cases.iter().find(|c| c.name == e.case)?;
         Some(InfillError { at: scale(&case.inputs()), error: if e.on_hull { median } else { error(e) } })
     };

@@ -1,0 +1,81 @@
+//! Half-widths from the errors of states that no training saw (split conformal): a new state errs by less with the promised
+//! probability. Leave-one-out, which they come from otherwise, takes a neighbour from every case and over-states the error.
+
+use crate::datasheet::DataSheet;
+use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
+use rom::hull::DomainStatus;
+use rom::inputs::{Inputs, Point};
+use rom::model::Model;
+use rom::snapshots::RegimeKind;
+use thiserror::Error;
+
+/// Fewest states by which a regime's half-widths are set: with less the quantile of 90 % is little more than the largest error.
+pub const MIN_STATES: usize = 20;
+
+/// A state that no training saw, and the model's largest error over its nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnseenState {
+    /// Regime that answered.
+    pub regime: RegimeKind,
+    /// Inputs by position.
+    pub inputs: Inputs,
+    /// Where it lies; only states inside the domain count, as only there half-widths are promised.
+    pub domain: DomainStatus,
+    /// Displacement (mm), stress (MPa), force (N).
+    pub errors: [f64; 3],
+}
+
+/// Why half-widths could not be set.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum CalibrationError {
+    /// No regime has enough states.
+    #[error(
+        "expected at least {MIN_STATES} states inside the domain of a regime, found {found} at most; measure on more states"
+    )]
+    TooFew {
+        /// States of the regime that has most.
+        found: usize,
+    },
+    /// An error is no number of at least 0.
+    #[error("state {state}: expected errors of 0 or more, found {found}")]
+    NoError {
+        /// Position in the list.
+        state: usize,
+        /// The value.
+        found: f64,
+    },
+}
+
+/// Sets the half-widths of every regime that has [`MIN_STATES`] states, of all others they stay as they are; the data sheet
+/// says so. States of the training cases must not be among them. `O(states^2)`.
+///
+/// # Errors
+/// [`CalibrationError`]; the model is then as it was.
+pub fn calibrate(
+    model: &mut Model,
+    sheet: &mut DataSheet,
+    states: &[UnseenState],
+) -> Result<(), CalibrationError> {
+    for (state, unseen) in states.iter().enumerate() {
+        if let Some(found) = unseen.errors.iter().find(|e| !(e.is_finite() && **e >= 0.0)) {
+            return Err(CalibrationError::NoError { state, found: *found });
+        }
+    }
+    let mut most = 0;
+    for regime in &mut model.header.regimes {
+        let inside = |s: &&UnseenState| s.regime == regime.kind && s.domain == DomainStatus::Inside;
+        let (points, errors): (Vec<Point>, Vec<Errors>) =
+            states.iter().filter(inside).map(|s| (regime.inputs.scale(&s.inputs), s.errors)).unzip();
+        most = most.max(points.len());
+        if points.len() < MIN_STATES {
+            continue;
+        }
+        let (dimensions, coverage) = (regime.inputs.dimensions(), regime.halfwidths.coverage);
+        regime.halfwidths = HalfWidths::of_all(&errors, coverage);
+        regime.local_halfwidths = Some(LocalHalfWidths::of_unseen(dimensions, &points, &errors, coverage));
+        for part in sheet.regimes.iter_mut().filter(|part| part.kind == regime.kind) {
+            (part.halfwidths, part.unseen_states) = (regime.halfwidths, points.len());
+        }
+    }
+    if most < MIN_STATES { Err(CalibrationError::TooFew { found: most }) } else { Ok(()) }
+}

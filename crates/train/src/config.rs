@@ -1,0 +1,252 @@
+//! What a user can choose about training. Every key has a default; the defaults alone work on any database.
+
+pub use rom::radial::{KernelKind, Tail};
+
+use rom::snapshots::Footprint;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How fields share a POD.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Grouping {
+    /// One POD a field: units cannot starve a field.
+    PerField,
+    /// One POD of all fields stacked: the paper's Eqs. (2)-(7).
+    Joint,
+}
+
+/// How many modes a group keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModeChoice {
+    /// Exactly so many (fewer where the rank is lower).
+    Fixed(usize),
+    /// The fewest with truncation error (Eq. 4) at most this.
+    Energy(f64),
+    /// The fewest whose leave-one-out error (geometric mean over cases) is within this factor of the best (1.2 = 20 %
+    /// above the best).
+    LeaveOneOut(f64),
+}
+
+/// A kernel with its tail.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KernelSpec {
+    /// Kernel.
+    pub kernel: KernelKind,
+    /// Polynomial tail.
+    pub tail: Tail,
+}
+
+/// Choices for one regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegimeConfig {
+    /// How many modes each group keeps.
+    pub modes: ModeChoice,
+    /// Overrides by group name (`von_mises = { fixed = 20 }`).
+    pub group_modes: BTreeMap<String, ModeChoice>,
+    /// Never more modes than this.
+    pub max_modes: usize,
+    /// Candidates among which leave-one-out chooses, per group and for the force. One entry: no choice.
+    pub kernels: Vec<KernelSpec>,
+    /// Candidate factors on the second scaled input before distances are taken (fields vary less along the gap).
+    pub anisotropy: Vec<f64>,
+    /// Candidate shares of the second scaled input added to the first before distances are taken (features run aslant),
+    /// tried on the best few kernels.
+    pub shear: Vec<f64>,
+    /// Smoothing candidates, relative to the kernel matrix's scale. 0 interpolates: training states come back to the
+    /// truncation error; more must halve the leave-one-out error to be taken. Noisy snapshots ask for larger candidates.
+    pub smoothing: Vec<f64>,
+}
+
+impl Default for RegimeConfig {
+    fn default() -> Self {
+        Self::over(2.0)
+    }
+}
+
+/// Length of the Matern 7/2 candidate over the free regime's one input: longer ones are quintic splines at a condition
+/// number a thousand times as high.
+const FREE_LENGTH: f64 = 0.5;
+
+impl RegimeConfig {
+    /// The defaults, with a Matern 7/2 candidate of this length.
+    fn over(length: f64) -> Self {
+        Self {
+            modes: ModeChoice::LeaveOneOut(1.2),
+            group_modes: BTreeMap::new(),
+            max_modes: 64,
+            kernels: KernelSpec::candidates(length),
+            anisotropy: vec![0.25, 0.35, 0.5, 0.7, 1.0, 1.4],
+            shear: vec![-0.5, -0.45, -0.4, -0.35, -0.3, -0.25, -0.2, -0.15, -0.1, -0.05, 0.0, 0.2],
+            smoothing: vec![0.0, 1e-9, 1e-8, 3e-8],
+        }
+    }
+}
+
+impl KernelSpec {
+    /// The default candidates, Matern 7/2 with this length.
+    pub fn candidates(length: f64) -> Vec<Self> {
+        let spec = |kernel, tail| Self { kernel, tail };
+        vec![
+            spec(KernelKind::Linear, Tail::Constant),
+            spec(KernelKind::ThinPlate, Tail::Linear),
+            spec(KernelKind::Cubic, Tail::Linear),
+            spec(KernelKind::Cubic, Tail::Quadratic),
+            spec(KernelKind::Quintic, Tail::Quadratic),
+            spec(KernelKind::Matern52, Tail::Linear),
+            spec(KernelKind::Matern72 { length }, Tail::Linear),
+        ]
+    }
+}
+
+/// Everything `softtwin train --config` may set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainConfig {
+    /// One POD a field or one for all.
+    pub grouping: Grouping,
+    /// Subtract the mean snapshot before the POD.
+    pub centred: bool,
+    /// Derive the displacement magnitude from the coordinates where the undeformed mesh is known.
+    pub derive_magnitude: bool,
+    /// Train contact on touching states and the onset boundary only, free on all untouched states. `false`: each
+    /// regime on all of its own cases, as in the paper.
+    pub split_at_onset: bool,
+    /// States on the onset boundary taken from the free model, 0 for none.
+    pub boundary_states: usize,
+    /// How far beyond the largest sampled gap these states reach, as a share of the sampled range of gaps. With
+    /// parameters they reach as far as the free states.
+    pub boundary_overshoot: f64,
+    /// What can be touched; the database's own when absent.
+    pub obstacle: Option<Footprint>,
+    /// Choices for the free regime.
+    pub free: RegimeConfig,
+    /// Choices for the contact regime.
+    pub contact: RegimeConfig,
+    /// Coverage the error bars promise (0.9 = 90 %).
+    pub coverage: f64,
+    /// Pressure by which the onset must be undercut before contact is left, in MPa.
+    pub hysteresis_mpa: f64,
+    /// Two training inputs closer than this fraction of the range are one state twice: merged or refused.
+    pub duplicate_distance: f64,
+    /// Also repeat the POD for every left-out case and report how far the closed form is from it (up to 250 states).
+    pub full_leave_one_out: bool,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            grouping: Grouping::PerField,
+            centred: true,
+            derive_magnitude: true,
+            split_at_onset: true,
+            boundary_states: 32,
+            boundary_overshoot: 0.55,
+            obstacle: None,
+            free: RegimeConfig::over(FREE_LENGTH),
+            contact: RegimeConfig::default(),
+            coverage: 0.9,
+            hysteresis_mpa: 2e-4,
+            duplicate_distance: 1e-3,
+            full_leave_one_out: true,
+        }
+    }
+}
+
+impl TrainConfig {
+    /// The paper's method: joint uncentred POD, linear splines without tail, 4 and 6 modes.
+    pub fn paper() -> Self {
+        let regime = |modes| RegimeConfig {
+            modes: ModeChoice::Fixed(modes),
+            kernels: vec![KernelSpec { kernel: KernelKind::Linear, tail: Tail::None }],
+            anisotropy: vec![1.0],
+            shear: vec![0.0],
+            smoothing: vec![0.0],
+            ..RegimeConfig::default()
+        };
+        Self {
+            grouping: Grouping::Joint,
+            centred: false,
+            derive_magnitude: false,
+            split_at_onset: false,
+            boundary_states: 0,
+            free: regime(4),
+            contact: regime(6),
+            duplicate_distance: 0.0,
+            full_leave_one_out: false,
+            ..Self::default()
+        }
+    }
+}
+
+impl TrainConfig {
+    /// Every problem of the configuration, in words; empty when there is none.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if !(self.coverage > 0.0 && self.coverage < 1.0) {
+            problems.push(format!("coverage: expected a share between 0 and 1, found {}", self.coverage));
+        }
+        for (name, value) in [
+            ("boundary_overshoot", self.boundary_overshoot),
+            ("hysteresis_mpa", self.hysteresis_mpa),
+            ("duplicate_distance", self.duplicate_distance),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                problems.push(format!("{name}: expected a number >= 0, found {value}"));
+            }
+        }
+        for (name, regime) in [("free", &self.free), ("contact", &self.contact)] {
+            problems.extend(regime.problems().into_iter().map(|p| format!("[{name}] {p}")));
+        }
+        problems
+    }
+}
+
+impl RegimeConfig {
+    fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.kernels.is_empty()
+            || self.anisotropy.is_empty()
+            || self.smoothing.is_empty()
+            || self.max_modes == 0
+        {
+            problems.push(
+                "kernels, anisotropy, smoothing: expected at least one each; max_modes: at least 1".into(),
+            );
+        }
+        for kernel in &self.kernels {
+            let (KernelKind::Gaussian { shape: width } | KernelKind::Matern72 { length: width }) =
+                kernel.kernel
+            else {
+                continue;
+            };
+            if !(width.is_finite() && width > 0.0) {
+                problems
+                    .push(format!("{}: expected a shape or length > 0, found {width}", kernel.kernel.name()));
+            }
+        }
+        if self.shear.iter().any(|s| !s.is_finite()) {
+            problems.push("shear: expected finite shares".into());
+        }
+        if self.anisotropy.iter().any(|a| !(a.is_finite() && *a > 0.0)) {
+            problems.push("anisotropy: expected factors > 0".into());
+        }
+        if self.smoothing.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
+            problems.push("smoothing: expected numbers >= 0".into());
+        }
+        for modes in std::iter::once(&self.modes).chain(self.group_modes.values()) {
+            let sound = match *modes {
+                ModeChoice::Fixed(modes) => modes > 0,
+                ModeChoice::Energy(limit) => (0.0..1.0).contains(&limit),
+                ModeChoice::LeaveOneOut(factor) => factor >= 1.0,
+            };
+            if !sound {
+                problems.push(format!("modes: {modes:?} is out of range"));
+            }
+        }
+        problems
+    }
+}

@@ -1,0 +1,177 @@
+//! The data sheet: what a user reads before trusting a model. Written beside it by `train`.
+
+use crate::config::TrainConfig;
+use rom::halfwidths::HalfWidths;
+use rom::interpolant::Metric;
+use rom::snapshots::RegimeKind;
+use serde::{Deserialize, Serialize};
+
+/// Everything worth knowing about a trained model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DataSheet {
+    /// Actuator.
+    pub actuator: String,
+    /// blake3 of the database, hexadecimal.
+    pub database_hash: String,
+    /// Nodes a field.
+    pub node_count: usize,
+    /// Fields in order: name, unit, how they come about.
+    pub fields: Vec<FieldSheet>,
+    /// Regimes.
+    pub regimes: Vec<RegimeSheet>,
+    /// Names of regimes that are the user's own; left out where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub regime_names: Vec<String>,
+    /// How regimes with such names are told apart; left out where there is nothing to tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub border: Option<BorderSheet>,
+    /// Gap at which gravity alone touches, in mm.
+    pub sag_mm: Option<f64>,
+    /// Largest gap the trained pressures close, in mm.
+    pub reach_mm: Option<f64>,
+    /// Training cases that were merged or set aside, and why.
+    pub remarks: Vec<String>,
+    /// The configuration in force.
+    pub config: TrainConfig,
+}
+
+impl DataSheet {
+    /// The name of a regime.
+    pub fn regime_name(&self, kind: RegimeKind) -> &str {
+        kind.name_in(&self.regime_names)
+    }
+}
+
+/// How named regimes are told apart, and how often that fails for a training state that is left out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BorderSheet {
+    /// Kernel and tail of the scores.
+    pub kernel: String,
+    /// Training states of all regimes.
+    pub states: usize,
+    /// Share of them that, left out, is assigned to another regime.
+    pub wrong_share: f64,
+    /// Those states.
+    pub wrong: Vec<WrongState>,
+    /// States whose best two scores are closer than this are near the boundary: their domain is `near`.
+    pub doubt: f64,
+}
+
+/// A training state that, left out, is assigned to another regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WrongState {
+    /// Case name.
+    pub case: String,
+    /// Its regime.
+    pub regime: String,
+    /// The regime it is assigned to.
+    pub assigned: String,
+}
+
+/// One field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FieldSheet {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// `interpolated` or `derived from the coordinates`.
+    pub source: String,
+    /// What storing the basis as 16-bit integers adds to the error of a value at most, over the training states, in the
+    /// field's unit.
+    pub i16_error_bound: f64,
+}
+
+/// One regime.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RegimeSheet {
+    /// Which.
+    pub kind: RegimeKind,
+    /// Training cases.
+    pub cases: usize,
+    /// States on the onset boundary added to them.
+    pub boundary_states: usize,
+    /// Sampled ranges by input.
+    pub inputs: Vec<InputSheet>,
+    /// Groups.
+    pub groups: Vec<FitSheet>,
+    /// Contact force.
+    pub force: Option<FitSheet>,
+    /// Half-widths that cover the stated share of states.
+    #[serde(rename = "bars")]
+    pub halfwidths: HalfWidths,
+    /// States that no training saw and by whose errors the half-widths are set; 0: by leave-one-out.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unseen_states: usize,
+    /// Leave-one-out errors by case.
+    pub leave_one_out: Vec<CaseError>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+/// Sampled range of an input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InputSheet {
+    /// `pressure_mpa` or `gap_mm`.
+    pub name: String,
+    /// Smallest training value.
+    pub min: f64,
+    /// Largest training value.
+    pub max: f64,
+}
+
+/// What was chosen for a group or the force, and the runners-up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitSheet {
+    /// Group name or `contact_force`.
+    pub name: String,
+    /// Modes kept (0 for the force).
+    pub modes: usize,
+    /// Truncation error of Eq. (4) with them.
+    pub truncation_error: f64,
+    /// Condition number of the interpolation system.
+    pub condition: f64,
+    /// Relative residual of its solution.
+    pub residual: f64,
+    /// Leave-one-out error, closed form, in the field's unit: root mean square over nodes, mean over cases inside the
+    /// hull (for the force: root mean square over those cases).
+    pub leave_one_out: f64,
+    /// The same with the POD redone for every left-out case, when asked for.
+    pub leave_one_out_full: Option<f64>,
+    /// Candidates, best first.
+    pub candidates: Vec<Candidate>,
+}
+
+/// What was tried and how it fared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Kernel and tail in words.
+    pub kernel: String,
+    /// How distances were taken.
+    pub metric: Metric,
+    /// Smoothing on the diagonal.
+    pub smoothing: f64,
+    /// Modes the group would keep.
+    pub modes: usize,
+    /// Leave-one-out score of the groups chosen together, in the data's own norm; none when the fit was refused.
+    pub error: Option<f64>,
+    /// Why the fit was refused.
+    pub refused: Option<String>,
+}
+
+/// Leave-one-out errors of one training case: the worst node's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CaseError {
+    /// Case name.
+    pub case: String,
+    /// On the hull of the samples: leaving it out extrapolates, so selection does not judge by it.
+    pub on_hull: bool,
+    /// Displacement error in mm.
+    pub displacement_mm: f64,
+    /// Stress error in MPa.
+    pub stress_mpa: f64,
+    /// Contact-force error in N.
+    pub force_n: f64,
+}

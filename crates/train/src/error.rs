@@ -1,0 +1,45 @@
+//! What keeps a model from being trained.
+
+use crate::fit::FitError;
+use crate::pod::PodError;
+use rom::model::ModelError;
+use thiserror::Error;
+
+/// Why a model could not be trained.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum TrainError {
+    /// The database has problems; all of them.
+    #[error("the database cannot be trained on:\n  {}", .0.join("\n  "))]
+    Database(Vec<String>),
+    /// The configuration has problems; all of them.
+    #[error("the training configuration cannot be used:\n  {}", .0.join("\n  "))]
+    Config(Vec<String>),
+    /// The decomposition of a group failed.
+    #[error("POD of group {group}, regime {regime}: {source}")]
+    Pod {
+        /// Group.
+        group: String,
+        /// Regime.
+        regime: String,
+        /// Cause.
+        source: PodError,
+    },
+    /// No candidate kernel could be fitted.
+    #[error("no kernel could be fitted to {what}, regime {regime}; the last refusal: {source}")]
+    Fit {
+        /// Group or force.
+        what: String,
+        /// Regime.
+        regime: String,
+        /// Cause.
+        source: FitError,
+    },
+    /// Both regimes are there, but the pressure at which one becomes the other cannot be told.
+    #[error(
+        "the onset pressure cannot be derived: {0}; add coordinate fields, or train one regime by leaving the other's cases out"
+    )]
+    Onset(String),
+    /// The trained model does not answer.
+    #[error("the trained model cannot predict: {0}")]
+    Predict(#[from] ModelError),
+}

@@ -1,0 +1,407 @@
+//! How good is a model? Truncation and interpolation error apart, by field and for the force, on cases it never saw.
+//!
+//! Per case and field: mean squared error (the summand of Eq. 15), largest error over nodes, and the relative errors of
+//! Eq. (16), `|prediction - truth| / max(|truth|, floor)`, where the floor is a stated share of the field's largest
+//! value: stress is exactly 0 at some nodes. *Normalised* is the largest error over nodes by the field's maximum in that
+//! case. *Truncation* is what the modes alone cannot represent: the distance of the true field from its best
+//! approximation in the basis; *interpolation* is the distance of the prediction from that best approximation.
+
+use rom::hull::DomainStatus;
+use rom::inputs::{Inputs, PARAMETERS};
+use rom::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
+use rom::model_state::ModelState;
+use rom::snapshots::{Database, FieldKind, RegimeKind};
+use serde::Serialize;
+use thiserror::Error;
+
+/// Share of a field's largest value below which Eq. (16) divides by that share instead of by the value.
+pub const DEFAULT_FLOOR: f64 = 0.01;
+
+/// Why a model could not be evaluated on a database.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum EvaluateError {
+    /// The model cannot predict.
+    #[error(transparent)]
+    Predict(#[from] ModelError),
+    /// Fields or nodes differ.
+    #[error(
+        "the model has {expected}, the database {found}; evaluate on a database of the same actuator and mesh"
+    )]
+    Mismatch {
+        /// Model's fields and nodes.
+        expected: String,
+        /// Database's.
+        found: String,
+    },
+}
+
+/// Errors of one field in one case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FieldErrors {
+    /// Field name.
+    pub field: String,
+    /// Mean squared error over nodes, in unit^2.
+    pub mse: f64,
+    /// Largest error over nodes, in the field's unit.
+    pub max: f64,
+    /// Node it is at.
+    pub worst_node: usize,
+    /// Largest error over the field's largest value in this case.
+    pub normalised: f64,
+    /// Mean of Eq. (16) over nodes.
+    pub relative_mean: f64,
+    /// Its 95th percentile over nodes.
+    pub relative_p95: f64,
+    /// Its maximum over nodes.
+    pub relative_max: f64,
+    /// Largest truncation error over nodes; none for a derived field.
+    pub truncation_max: Option<f64>,
+    /// Largest interpolation error over nodes; none for a derived field.
+    pub interpolation_max: Option<f64>,
+}
+
+/// Errors of one case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CaseReport {
+    /// Case name.
+    pub case: String,
+    /// Regime that answered.
+    pub regime: RegimeKind,
+    /// Regime the case was sampled for.
+    #[serde(skip)]
+    pub sampled: RegimeKind,
+    /// Names of both, where they are the user's own: of the one that answered, and of the one the case was sampled for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub regime_names: Option<[String; 2]>,
+    /// All inputs by position.
+    #[serde(skip)]
+    pub inputs: Inputs,
+    /// Pressure in MPa.
+    pub pressure_mpa: f64,
+    /// Gap in mm.
+    pub gap_mm: Option<f64>,
+    /// Where the case lies.
+    pub domain: DomainStatus,
+    /// Scaled distance to the domain.
+    pub domain_distance: f64,
+    /// By field.
+    pub fields: Vec<FieldErrors>,
+    /// Mean squared error over all entries: the summand of Eq. (15).
+    pub mse: f64,
+    /// True force in N.
+    pub force_true_n: f64,
+    /// Predicted force in N.
+    pub force_n: f64,
+    /// Relative force error; none where the true force is 0.
+    pub force_relative: Option<f64>,
+    /// Displacement (mm, the length of the coordinate error) and stress (MPa) of the worst node, force (N).
+    pub errors: [f64; 3],
+    /// Whether they are within the half-widths.
+    pub covered: Covered,
+}
+
+impl CaseReport {
+    /// Whether the case counts for a regime: one with a name of the user's own by its name, else by whether there is a gap.
+    pub fn is_of(&self, regime: RegimeKind) -> bool {
+        match regime {
+            RegimeKind::Named(_) => self.sampled == regime,
+            RegimeKind::Free | RegimeKind::Contact => {
+                self.gap_mm.is_some() == (regime == RegimeKind::Contact)
+            }
+        }
+    }
+}
+
+/// Whether errors are within the model's half-widths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Covered {
+    /// Displacement (the length of the coordinate error) at the worst node.
+    pub displacement: bool,
+    /// Stress at the worst node.
+    pub stress: bool,
+    /// Force.
+    pub force: bool,
+}
+
+/// Errors of a set of cases.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Floor used by the relative errors, as a share of the field's maximum.
+    pub floor: f64,
+    /// By case.
+    pub cases: Vec<CaseReport>,
+    /// Summary by regime.
+    pub regimes: Vec<Summary>,
+}
+
+/// Summary over the cases of a regime.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Regime the cases were sampled for.
+    pub regime: RegimeKind,
+    /// Its name, where that is the user's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub regime_name: Option<String>,
+    /// Share of the cases that the model finds in this regime; of regimes with names of the user's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_regime: Option<f64>,
+    /// Cases.
+    pub cases: usize,
+    /// Eq. (15): mean over cases and entries.
+    pub mse: f64,
+    /// By field: mean, 95th percentile and maximum over cases of the normalised error; and the worst case and node.
+    pub fields: Vec<FieldSummary>,
+    /// Force error over the largest force: mean, 95th percentile, maximum.
+    pub force_normalised: [f64; 3],
+    /// Share of cases within the displacement, stress and force half-widths.
+    pub coverage: [f64; 3],
+}
+
+impl Summary {
+    /// The regime's name.
+    pub fn name(&self) -> &str {
+        self.regime_name.as_deref().unwrap_or_else(|| self.regime.name())
+    }
+}
+
+/// A field over the cases of a regime.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FieldSummary {
+    /// Field.
+    pub field: String,
+    /// Normalised error over cases: mean, 95th percentile, maximum.
+    pub normalised: [f64; 3],
+    /// Case with the largest normalised error.
+    pub worst_case: String,
+    /// Node it is at.
+    pub worst_node: usize,
+}
+
+/// Evaluates a model on the given cases of a database. Cost `O(cases x nodes x modes)`.
+///
+/// # Errors
+/// [`EvaluateError`] when model and database do not belong together.
+pub fn evaluate(
+    model: &Model,
+    database: &Database,
+    cases: &[usize],
+    floor: f64,
+) -> Result<Report, EvaluateError> {
+    let names = |fields: Vec<&str>, nodes: usize| format!("fields {} over {nodes} nodes", fields.join(", "));
+    let expected =
+        names(model.header.fields.iter().map(|f| f.spec.name.as_str()).collect(), model.header.node_count);
+    let found = names(database.fields.iter().map(|f| f.name.as_str()).collect(), database.node_count);
+    if expected != found {
+        return Err(EvaluateError::Mismatch { expected, found });
+    }
+    let further =
+        model.header.inputs.iter().skip(PARAMETERS).map(|input| input.name.as_str()).collect::<Vec<_>>();
+    let own: Vec<&str> = database.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
+    if !own.is_empty() && own != further {
+        let names = |names: Vec<&str>| format!("parameters {}", names.join(", "));
+        return Err(EvaluateError::Mismatch { expected: names(further), found: names(own) });
+    }
+    let own = regimes_of_model(model, database)?;
+    let mut state = ModelState::new(model, &Selection::default())?;
+    let cases: Vec<CaseReport> =
+        cases.iter().map(|&i| one_case(model, database, &mut state, i, floor, &own)).collect();
+    let regimes = [RegimeKind::Free, RegimeKind::Contact]
+        .into_iter()
+        .chain(model.header.regimes.iter().map(|regime| regime.kind).filter(|kind| kind.place().is_some()))
+        .filter_map(|kind| {
+            let sampled: Vec<&CaseReport> = cases.iter().filter(|c| c.sampled == kind).collect();
+            Some(named(model, summary(database, kind, sampled.clone())?, &sampled))
+        })
+        .collect();
+    Ok(Report { floor, cases, regimes })
+}
+
+/// The model's regimes by the names of the database's; as many as the database has names.
+fn regimes_of_model(model: &Model, database: &Database) -> Result<Vec<RegimeKind>, EvaluateError> {
+    let known = model.header.named.as_ref().map_or(&[][..], |named| &named.names);
+    let place = |name: &String| known.iter().position(|known| known == name);
+    let found: Option<Vec<usize>> = database.regime_names.iter().map(place).collect();
+    match found {
+        Some(places) if places.is_empty() == known.is_empty() => {
+            Ok(places.into_iter().map(|at| RegimeKind::Named(at as u8)).collect())
+        }
+        _ => {
+            let names = |names: &[String]| match names {
+                [] => "the regimes free and contact".to_owned(),
+                names => format!("the regimes {}", names.join(", ")),
+            };
+            Err(EvaluateError::Mismatch { expected: names(known), found: names(&database.regime_names) })
+        }
+    }
+}
+
+/// A summary with what belongs to names of the user's own.
+fn named(model: &Model, summary: Summary, cases: &[&CaseReport]) -> Summary {
+    if summary.regime.place().is_none() {
+        return summary;
+    }
+    let right = cases.iter().filter(|case| case.regime == summary.regime).count();
+    Summary {
+        regime_name: Some(model.header.regime_name(summary.regime).to_owned()),
+        in_regime: Some(right as f64 / cases.len() as f64),
+        ..summary
+    }
+}
+
+fn one_case(
+    model: &Model,
+    database: &Database,
+    state: &mut ModelState,
+    index: usize,
+    floor: f64,
+    own: &[RegimeKind],
+) -> CaseReport {
+    let case = &database.cases[index];
+    let sampled = case.regime.place().and_then(|at| own.get(at)).copied().unwrap_or(case.regime);
+    let nodes = database.node_count;
+    let reconstructed = state.update(case.inputs());
+    debug_assert!(reconstructed.is_ok(), "the output was sized by the reconstructor");
+    let (evaluation, out) = (state.evaluation(), state.fields());
+    let regime = model.regime(evaluation.regime);
+    let mut displacement = vec![0.0; nodes];
+    let (mut magnitude, mut stress, mut fields) = (0.0_f64, 0.0_f64, Vec::new());
+    for (f, spec) in database.fields.iter().enumerate() {
+        let truth: Vec<f64> = database.field(index, f).map(f64::from).collect();
+        let prediction = &out[f * nodes..(f + 1) * nodes];
+        let mut best = regime.and_then(|r| best_approximation(model, r, f, &truth));
+        if spec.kind == FieldKind::Stress {
+            // As the reconstruction does: otherwise its clamp would pass for an error of interpolation.
+            best.iter_mut().flatten().for_each(|value| *value = value.max(0.0));
+        }
+        let errors = field_errors(&spec.name, &truth, prediction, best.as_deref(), floor);
+        match spec.kind {
+            FieldKind::Coordinate(_) => {
+                let pairs = truth.iter().zip(prediction);
+                displacement.iter_mut().zip(pairs).for_each(|(d, (t, p))| *d += (t - f64::from(*p)).powi(2));
+            }
+            FieldKind::Stress => stress = stress.max(errors.max),
+            FieldKind::Magnitude => magnitude = magnitude.max(errors.max),
+            FieldKind::Other => {}
+        }
+        fields.push(errors);
+    }
+    let error_n = (evaluation.contact_force_n - case.contact_force_n).abs();
+    let halfwidths = evaluation.halfwidths;
+    let error_mm = displacement.iter().copied().fold(0.0, f64::max).sqrt().max(magnitude);
+    CaseReport {
+        case: case.name.clone(),
+        regime: evaluation.regime,
+        sampled,
+        regime_names: sampled
+            .place()
+            .map(|_| [evaluation.regime, sampled].map(|kind| model.header.regime_name(kind).to_owned())),
+        inputs: case.inputs(),
+        errors: [error_mm, stress, error_n],
+        pressure_mpa: case.pressure_mpa,
+        gap_mm: case.gap_mm,
+        domain: evaluation.domain,
+        domain_distance: evaluation.domain_distance,
+        mse: fields.iter().map(|f| f.mse).sum::<f64>() / fields.len() as f64,
+        fields,
+        force_true_n: case.contact_force_n,
+        force_n: evaluation.contact_force_n,
+        force_relative: (case.contact_force_n > 0.0).then(|| error_n / case.contact_force_n),
+        covered: Covered {
+            displacement: error_mm <= halfwidths.displacement_mm,
+            stress: stress <= halfwidths.stress_mpa,
+            force: error_n <= halfwidths.force_n,
+        },
+    }
+}
+
+/// `mean + Phi Phi^T (truth - mean)` restricted to one field's rows: exact for groups of one field, where the modes are
+/// orthonormal. None for derived fields and for fields of a joint group.
+fn best_approximation(model: &Model, regime: &RegimeModel, field: usize, truth: &[f64]) -> Option<Vec<f64>> {
+    let group = regime.groups.iter().find(|g| g.fields == [field])?;
+    let (kind, field) = (regime.kind, field as u32);
+    let mean = model.f32_block(BlockKind::Mean { regime: kind, field })?;
+    let modes = model.f32_block(BlockKind::Modes { regime: kind, field })?;
+    let mut best: Vec<f64> = mean.iter().map(|m| f64::from(*m)).collect();
+    let deviation: Vec<f64> = truth.iter().zip(&best).map(|(t, m)| t - m).collect();
+    for mode in modes.chunks_exact(truth.len()).take(group.coefficients.len()) {
+        let a: f64 = mode.iter().zip(&deviation).map(|(phi, d)| f64::from(*phi) * d).sum();
+        best.iter_mut().zip(mode).for_each(|(b, phi)| *b += a * f64::from(*phi));
+    }
+    Some(best)
+}
+
+fn field_errors(
+    name: &str,
+    truth: &[f64],
+    prediction: &[f32],
+    best: Option<&[f64]>,
+    floor: f64,
+) -> FieldErrors {
+    let largest = truth.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let errors: Vec<f64> = truth.iter().zip(prediction).map(|(t, p)| (f64::from(*p) - t).abs()).collect();
+    let (worst_node, max) =
+        errors.iter().enumerate().fold((0, 0.0), |w, (i, e)| if *e > w.1 { (i, *e) } else { w });
+    let least = (floor * largest).max(f64::MIN_POSITIVE);
+    let mut relative: Vec<f64> = errors.iter().zip(truth).map(|(e, t)| e / t.abs().max(least)).collect();
+    let [relative_mean, relative_p95, relative_max] = spread(&mut relative);
+    let farthest = |a: &dyn Fn(usize) -> f64| (0..truth.len()).map(|i| a(i).abs()).fold(0.0, f64::max);
+    FieldErrors {
+        field: name.to_owned(),
+        mse: errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64,
+        max,
+        worst_node,
+        normalised: if largest > 0.0 { max / largest } else { max },
+        relative_mean,
+        relative_p95,
+        relative_max,
+        truncation_max: best.map(|b| farthest(&|i| truth[i] - b[i])),
+        interpolation_max: best.map(|b| farthest(&|i| f64::from(prediction[i]) - b[i])),
+    }
+}
+
+fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> Option<Summary> {
+    if cases.is_empty() {
+        return None;
+    }
+    let mean =
+        |of: &dyn Fn(&CaseReport) -> f64| cases.iter().map(|c| of(c)).sum::<f64>() / cases.len() as f64;
+    let largest = database.cases.iter().map(|c| c.contact_force_n).fold(f64::MIN_POSITIVE, f64::max);
+    let mut forces: Vec<f64> = cases.iter().map(|c| (c.force_n - c.force_true_n).abs() / largest).collect();
+    let share = |of: &dyn Fn(&CaseReport) -> bool| mean(&|c| f64::from(u8::from(of(c))));
+    let fields = database.fields.iter().enumerate().map(|(f, spec)| {
+        let worst = cases
+            .iter()
+            .fold(cases[0], |w, c| if c.fields[f].normalised > w.fields[f].normalised { c } else { w });
+        FieldSummary {
+            field: spec.name.clone(),
+            normalised: spread(&mut cases.iter().map(|c| c.fields[f].normalised).collect::<Vec<_>>()),
+            worst_case: worst.case.clone(),
+            worst_node: worst.fields[f].worst_node,
+        }
+    });
+    Some(Summary {
+        regime,
+        regime_name: None,
+        in_regime: None,
+        cases: cases.len(),
+        mse: mean(&|c| c.mse),
+        fields: fields.collect(),
+        force_normalised: spread(&mut forces),
+        coverage: [
+            share(&|c| c.covered.displacement),
+            share(&|c| c.covered.stress),
+            share(&|c| c.covered.force),
+        ],
+    })
+}
+
+/// Mean, 95th percentile (nearest rank) and maximum.
+pub fn spread(values: &mut [f64]) -> [f64; 3] {
+    if values.is_empty() {
+        return [f64::NAN; 3];
+    }
+    values.sort_by(f64::total_cmp);
+    let rank = ((values.len() as f64) * 0.95).ceil() as usize;
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    [mean, values[rank.clamp(1, values.len()) - 1], values[values.len() - 1]]
+}

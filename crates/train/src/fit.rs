@@ -1,0 +1,205 @@
+//! Fitting an interpolant: one symmetric indefinite system, honest about its condition, with leave-one-out for free.
+//!
+//! The system is that of [`rom::system`], solved by Bunch-Kaufman; the relative residual is checked, the 2-norm condition number
+//! reported.
+
+use crate::config::{KernelSpec, Tail};
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+use rom::dense::Dense;
+use rom::inputs::Point;
+use rom::interpolant::{Interpolant, Metric, Slope};
+use rom::system::{Points, assemble, left_out, system_of};
+use std::cmp::Ordering;
+use thiserror::Error;
+
+/// Largest relative residual (backward error) a solution may have.
+const MAX_RESIDUAL: f64 = 1e-9;
+
+/// Why an interpolant could not be fitted.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum FitError {
+    /// No sample at all.
+    #[error("no samples to interpolate; at least 1 is needed")]
+    Empty,
+    /// Two samples at the same inputs: the system is singular.
+    #[error("samples {first} and {second} have the same inputs; merge them or smooth")]
+    Coincident {
+        /// Index of the first.
+        first: usize,
+        /// Index of the second.
+        second: usize,
+    },
+    /// The samples do not determine the tail (too few, or collinear).
+    #[error("{samples} samples do not determine a {tail} over {dimensions} inputs (too few, or collinear)")]
+    TailUndetermined {
+        /// Samples.
+        samples: usize,
+        /// Tail asked for.
+        tail: &'static str,
+        /// Inputs.
+        dimensions: usize,
+    },
+    /// Derivatives were to be fitted with a kernel that has no second ones.
+    #[error("{kernel} takes no derivatives: its second ones do not exist everywhere")]
+    NoDerivatives {
+        /// Kernel.
+        kernel: &'static str,
+    },
+    /// The factorisation did not solve the system.
+    #[error(
+        "{kernel}: relative residual {residual:.1e}, expected at most {MAX_RESIDUAL:.0e} (condition {condition:.1e}); \
+             choose another kernel or smooth"
+    )]
+    Residual {
+        /// Kernel.
+        kernel: &'static str,
+        /// Residual found.
+        residual: f64,
+        /// Condition number.
+        condition: f64,
+    },
+}
+
+/// Samples to interpolate: scaled inputs and `inputs.len() x outputs` values.
+#[derive(Clone, Debug)]
+pub struct Samples<'a> {
+    /// Inputs in use.
+    pub dimensions: usize,
+    /// Scaled inputs.
+    pub inputs: &'a [Point],
+    /// `samples x outputs`, all outputs of a sample together.
+    pub values: &'a [f64],
+    /// Outputs.
+    pub outputs: usize,
+    /// Known derivatives, ordered by sample.
+    pub slopes: &'a [Slope],
+    /// `slopes x outputs`, by scaled input.
+    pub slope_values: &'a [f64],
+}
+
+/// A fitted interpolant and what leaving each sample out would have cost.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The interpolant.
+    pub interpolant: Interpolant,
+    /// `samples x outputs` leave-one-out residuals: data minus prediction without the sample.
+    pub residuals: Vec<f64>,
+    /// `slopes x outputs`: the same for the derivatives, left out together with their sample.
+    pub slope_residuals: Vec<f64>,
+}
+
+/// Condition number of the system an interpolant solved. Cost `O(n^3)`.
+pub fn condition_of(interpolant: &Interpolant) -> f64 {
+    condition(&matrix(&system_of(interpolant)))
+}
+
+/// Fits one kernel. `metric` says how distances between inputs are taken; `smoothing` is relative to the largest absolute
+/// kernel value. The condition number is left NaN: selection tries many candidates and reports only that of the chosen one
+/// ([`condition_of`]). Cost `O((n + q)^3)`.
+///
+/// # Errors
+/// [`FitError`] when the samples do not determine the interpolant or the solution fails its residual check.
+pub fn fit(samples: &Samples, spec: KernelSpec, metric: Metric, smoothing: f64) -> Result<Fit, FitError> {
+    let n = samples.inputs.len();
+    if n == 0 {
+        return Err(FitError::Empty);
+    }
+    let centres: Vec<Point> = samples.inputs.iter().map(|x| metric.apply(x)).collect();
+    refuse_coincident(&centres, smoothing)?;
+    refuse_undetermined(samples.dimensions, &centres, spec.tail)?;
+    if !samples.slopes.is_empty() && !spec.kernel.takes_derivatives() {
+        return Err(FitError::NoDerivatives { kernel: spec.kernel.name() });
+    }
+    let points = Points { dimensions: samples.dimensions, centres: &centres, slopes: samples.slopes };
+    let system = matrix(&assemble(points, spec.kernel, spec.tail, &metric, smoothing));
+    let (size, terms) = (system.nrows(), n + samples.slopes.len());
+    let rhs = Mat::from_fn(size, samples.outputs, |i, k| match i {
+        i if i < n => samples.values[i * samples.outputs + k],
+        i if i < terms => samples.slope_values[(i - n) * samples.outputs + k],
+        _ => 0.0,
+    });
+    let factors = system.lblt(Side::Lower);
+    let mut solution = factors.solve(&rhs);
+    let correction = factors.solve(&rhs - &system * &solution);
+    solution += correction; // one refinement step: residuals down to rounding even where the condition is high
+    let residual = backward_error(&system, &solution, &rhs);
+    let refused =
+        || FitError::Residual { kernel: spec.kernel.name(), residual, condition: condition(&system) };
+    if !residual.is_finite() || residual > MAX_RESIDUAL {
+        return Err(refused());
+    }
+    let inverse = factors.solve(Mat::<f64>::identity(size, size));
+    let rows = |range: std::ops::Range<usize>| -> Vec<f64> {
+        range.flat_map(|i| (0..samples.outputs).map(move |k| (i, k))).map(|(i, k)| solution[(i, k)]).collect()
+    };
+    let weights = rows(0..terms);
+    let inverse = Dense::from_fn(size, |i, j| inverse[(i, j)]);
+    let (residuals, slope_residuals) =
+        left_out(n, samples.outputs, samples.slopes, &weights, &inverse).ok_or_else(refused)?;
+    let interpolant = Interpolant {
+        kernel: spec.kernel,
+        tail: spec.tail,
+        dimensions: samples.dimensions,
+        metric,
+        tail_weights: rows(terms..size),
+        weights,
+        centres: centres.iter().flat_map(|c| &c[..samples.dimensions]).copied().collect(),
+        outputs: samples.outputs,
+        smoothing,
+        condition: f64::NAN,
+        residual,
+        slopes: samples.slopes.to_vec(),
+    };
+    Ok(Fit { interpolant, residuals, slope_residuals })
+}
+
+/// For the solver of large systems.
+fn matrix(system: &Dense) -> Mat<f64> {
+    Mat::from_fn(system.size(), system.size(), |i, j| system[(i, j)])
+}
+
+fn refuse_coincident(centres: &[Point], smoothing: f64) -> Result<(), FitError> {
+    if smoothing > 0.0 {
+        return Ok(());
+    }
+    let mut order: Vec<usize> = (0..centres.len()).collect();
+    let compare = |a: &Point, b: &Point| {
+        a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
+    };
+    order.sort_by(|&a, &b| compare(&centres[a], &centres[b]));
+    match order.windows(2).find(|w| centres[w[0]] == centres[w[1]]) {
+        Some(w) => Err(FitError::Coincident { first: w[0].min(w[1]), second: w[0].max(w[1]) }),
+        None => Ok(()),
+    }
+}
+
+/// The tail must have full column rank over the centres, or the saddle system is singular.
+fn refuse_undetermined(dimensions: usize, centres: &[Point], tail: Tail) -> Result<(), FitError> {
+    let q = tail.terms(dimensions);
+    if q == 0 {
+        return Ok(());
+    }
+    let terms: Vec<Vec<f64>> = centres.iter().map(|c| tail.values(dimensions, c)).collect();
+    let p = Mat::from_fn(centres.len(), q, |i, j| terms[i][j]);
+    let determined = centres.len() >= q && p.singular_values().is_ok_and(|s| s[q - 1] > 1e-8 * s[0]);
+    if determined {
+        return Ok(());
+    }
+    Err(FitError::TailUndetermined { samples: centres.len(), tail: tail.name(), dimensions })
+}
+
+/// `max |A x - b| / (|A| |x| + |b|)`, in maximum norms.
+fn backward_error(a: &Mat<f64>, x: &Mat<f64>, b: &Mat<f64>) -> f64 {
+    let r = b - a * x;
+    let scale = a.norm_max() * a.nrows() as f64 * x.norm_max() + b.norm_max();
+    if scale > 0.0 { r.norm_max() / scale } else { r.norm_max() }
+}
+
+/// 2-norm condition number of a symmetric matrix, infinite when singular to rounding.
+fn condition(a: &Mat<f64>) -> f64 {
+    let Ok(eigenvalues) = a.self_adjoint_eigenvalues(Side::Lower) else { return f64::INFINITY };
+    let (low, high) =
+        eigenvalues.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), e| (l.min(e.abs()), h.max(e.abs())));
+    if low > 0.0 { high / low } else { f64::INFINITY }
+}

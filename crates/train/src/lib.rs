@@ -1,0 +1,118 @@
+//! Training of reduced-order models: a database of snapshots and a configuration in, a model and its data sheet out.
+//!
+//! Order: sort the training cases into regimes; free model (POD by group, interpolants by leave-one-out); onset pressure
+//! over gap from the free model; contact model on touching states plus states on the onset boundary taken from the free
+//! model, so that fields are continuous across the switch; half-widths from leave-one-out residuals. Regimes with names of the
+//! user's own are trained one by one, each on all of its states, then what decides between them.
+//!
+//! ```text
+//! Y (n x m snapshots) = mean + Phi A        pod.rs             modes Phi, coefficients A, by thin QR and SVD (Eqs. 3, 5, 6)
+//! a(x) = sum_k w_k g(|x - x_k|) + tail(x)   fit.rs             weights w, by one symmetric indefinite system (Eqs. 8-14)
+//! kernel, metric, smoothing, modes          select.rs          by leave-one-out in closed form
+//! ```
+//! Pure functions of data: no clock, no threads, no files. What a model answers is [`rom`]'s.
+//!
+//! ```
+//! use rom::{inputs::Inputs, model::Selection, model_state::ModelState};
+//! use train::{config::TrainConfig, train};
+//!
+//! let database = rom::synthetic::plate(); // an actuator made of formulas
+//! let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_step| {})?;
+//! let mut state = ModelState::new(&model, &Selection::default())?;
+//! state.update(Inputs::new(0.06, 17.0))?;
+//! assert!(state.evaluation().contact_force_n > 0.0 && sheet.regimes.len() == 2);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#![forbid(unsafe_code)]
+
+mod assemble;
+mod border;
+mod boundary;
+pub mod calibration;
+pub mod config;
+pub mod datasheet;
+mod error;
+pub mod evaluate;
+#[doc(hidden)] // for tests/numerics.rs and tests/slopes.rs, as gp, pod and select
+pub mod fit;
+mod full;
+#[doc(hidden)]
+pub mod gp;
+mod group;
+mod identify;
+mod onset;
+#[doc(hidden)]
+pub mod pod;
+mod regime;
+#[doc(hidden)]
+pub mod select;
+mod sort;
+mod storage;
+
+pub use error::TrainError;
+
+use crate::config::TrainConfig;
+use crate::datasheet::DataSheet;
+use rom::model::Model;
+use rom::snapshots::{Database, RegimeKind};
+
+/// Trains a model. `progress` is told what is being done. Reads the training split only.
+///
+/// Cost: `O(n m^2)` for the decompositions, `O(candidates m^3)` for the choice (n entries of a group, m cases).
+///
+/// # Errors
+/// [`TrainError`]: every problem of database or configuration at once, or the step that failed.
+pub fn train(
+    database: &Database,
+    config: &TrainConfig,
+    progress: &mut dyn FnMut(&str),
+) -> Result<(Model, DataSheet), TrainError> {
+    let problems = config.problems();
+    if !problems.is_empty() {
+        return Err(TrainError::Config(problems));
+    }
+    progress("checking the database");
+    let problems = database.problems();
+    if !problems.is_empty() {
+        return Err(TrainError::Database(problems));
+    }
+    let mut sorted = sort::sort(database, config)?;
+    border::check_counts(database, &sorted)?;
+    identify::check_spread(database, &sorted)?;
+    let plan = group::Plan::new(database, config);
+    let mut parts = Vec::new();
+    let mut onset = None;
+    if !sorted.free.is_empty() {
+        progress("free regime: decomposing and choosing kernels");
+        parts.push(regime::free(database, config, &plan, &sorted)?);
+    }
+    if !sorted.contact.is_empty() {
+        let free = parts.first();
+        if let Some(free) = free {
+            progress("onset pressure from the free model");
+            let boundary = onset::derive(database, config, &plan, free, &sorted)?;
+            sorted.remarks.extend(boundary.remarks());
+            onset = Some(boundary);
+        }
+        progress("contact regime: decomposing and choosing kernels");
+        let boundary = free.zip(onset.as_ref());
+        let contact = regime::contact(database, config, &plan, &sorted, boundary)?;
+        parts.push(contact);
+    }
+    for (at, name) in database.regime_names.iter().enumerate() {
+        progress(&format!("regime {name}: decomposing and choosing kernels"));
+        parts.push(regime::named(database, config, &plan, &sorted, RegimeKind::Named(at as u8))?);
+    }
+    let mut named = None;
+    if !database.regime_names.is_empty() {
+        progress("the boundary between the regimes");
+        named = Some(border::learn(database, config, &sorted)?);
+    }
+    progress("assembling the model");
+    sorted.remarks.extend(identify::remarks(database, &parts));
+    let (model, mut sheet) = assemble::assemble(database, config, &plan, parts, onset, named, sorted.remarks);
+    let bounds = storage::i16_bounds(&model, database)?;
+    sheet.fields.iter_mut().zip(bounds).for_each(|(field, bound)| field.i16_error_bound = bound);
+    Ok((model, sheet))
+}

@@ -1,0 +1,130 @@
+//! Onset pressure, read off the free model: when does its lowest node above the obstacle reach it? Without parameters a table
+//! over the gap, with parameters what the pressure is solved from at every state.
+
+use crate::boundary::OnsetBoundary;
+use crate::config::TrainConfig;
+use crate::error::TrainError;
+use crate::group::Plan;
+use crate::regime::Part;
+use crate::sort::Sorted;
+use rom::clearance::OnsetSolver;
+use rom::inputs::{Inputs, PARAMETERS, PRESSURE};
+use rom::model::Clearance;
+use rom::regime::OnsetTable;
+use rom::snapshots::{Database, Footprint};
+
+/// Pressures the free model is asked at.
+const STEPS: usize = 240;
+/// With parameters: pressures it is asked at for every set of parameters that was sampled.
+const COARSE_STEPS: usize = 12;
+/// Nodes that lie within this of the lowest one in some state may be the lowest in another, mm.
+const NEAR_MM: f64 = 0.05;
+/// No more nodes than this are looked at when the onset is solved.
+const MAX_NODES: usize = 512;
+
+/// The onset for pressures from 0 to the largest one sampled.
+pub(crate) fn derive(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    free: &Part,
+    sorted: &Sorted,
+) -> Result<OnsetBoundary, TrainError> {
+    let missing = |axis: u8| TrainError::Onset(format!("no field is the coordinate along axis {axis}"));
+    let [x, y, z] = [0, 1, 2].map(|axis| database.coordinate(axis).ok_or_else(|| missing(axis)));
+    let coordinates = [x?, y?, z?];
+    let obstacle = config.obstacle.unwrap_or(database.obstacle);
+    let nominal: Vec<f64> = database.parameters.iter().map(|p| p.nominal).collect();
+    let at = |pressure: f64, parameters: &[f64]| {
+        let inputs = Inputs::new(pressure, 0.0);
+        parameters.iter().enumerate().fold(inputs, |inputs, (i, v)| inputs.with(PARAMETERS + i, *v))
+    };
+    let max_mpa = sorted.max_pressure_mpa;
+    let (mut gaps, mut pressures): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    for step in 0..=STEPS {
+        let pressure = max_mpa * step as f64 / STEPS as f64;
+        let heights = Heights::new(plan, free, coordinates, &obstacle, &at(pressure, &nominal));
+        let lowest = heights.lowest();
+        // Only a new lowest point closes a gap that was open before: the table stays monotone.
+        if lowest.is_finite() && gaps.last().is_none_or(|deepest| -lowest > deepest + 1e-9) {
+            gaps.push(-lowest);
+            pressures.push(pressure);
+        }
+    }
+    if gaps.len() < 2 {
+        return Err(TrainError::Onset(format!(
+            "the free model reaches only {} depth(s) over the obstacle (x {:?} mm, z {:?} mm)",
+            gaps.len(),
+            obstacle.x_mm,
+            obstacle.z_mm
+        )));
+    }
+    let table = OnsetTable::new(gaps, pressures);
+    if free.inputs.axes.iter().all(|axis| axis.input == PRESSURE) {
+        return Ok(OnsetBoundary { table, solver: None, crossings: 0 });
+    }
+    let mut sampled: Vec<&[f64]> =
+        sorted.free.iter().chain(&sorted.contact).map(|&i| database.cases[i].parameters.as_slice()).collect();
+    sampled.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    sampled.dedup();
+    let (mut near, mut crossings) = (vec![f64::INFINITY; database.node_count], 0);
+    for parameters in sampled {
+        for step in 0..=COARSE_STEPS {
+            let pressure = max_mpa * step as f64 / COARSE_STEPS as f64;
+            let heights = Heights::new(plan, free, coordinates, &obstacle, &at(pressure, parameters));
+            let lowest = heights.lowest();
+            crossings += usize::from(heights.y.iter().any(|y| *y < lowest - NEAR_MM));
+            for (near, (y, above)) in near.iter_mut().zip(heights.y.iter().zip(&heights.above)) {
+                *near = if *above { near.min(y - lowest) } else { *near };
+            }
+        }
+    }
+    let mut nodes: Vec<usize> = (0..near.len()).filter(|i| near[*i] <= NEAR_MM).collect();
+    nodes.sort_by(|a, b| near[*a].total_cmp(&near[*b]).then(a.cmp(b)));
+    nodes.truncate(MAX_NODES);
+    let clearance = heights_of_nodes(plan, free, coordinates[1], &nodes, max_mpa, table.bend_per_mm);
+    let solver = OnsetSolver::new(clearance, &free.model(plan));
+    Ok(OnsetBoundary { table, solver: Some(solver), crossings })
+}
+
+fn heights_of_nodes(
+    plan: &Plan,
+    free: &Part,
+    y: usize,
+    nodes: &[usize],
+    max_pressure_mpa: f64,
+    bend_per_mm: f64,
+) -> Clearance {
+    let (group, at) = plan.find(y).unwrap_or_default();
+    let fit = &free.groups[group];
+    let first = at * (fit.compact.mean.len() / plan.groups[group].fields.len());
+    let row = |node: &usize| (0..fit.choice.modes).map(|k| fit.basis[(first + node, k)]).collect::<Vec<_>>();
+    Clearance {
+        max_pressure_mpa,
+        bend_per_mm,
+        group,
+        mean_mm: nodes.iter().map(|node| fit.compact.mean[first + node]).collect(),
+        modes: nodes.iter().flat_map(row).collect(),
+    }
+}
+
+/// Heights of all nodes in a free state, and which of them lie above the obstacle.
+struct Heights {
+    y: Vec<f64>,
+    above: Vec<bool>,
+}
+
+impl Heights {
+    fn new(plan: &Plan, free: &Part, fields: [usize; 3], obstacle: &Footprint, at: &Inputs) -> Self {
+        let [xs, y, zs] = fields.map(|f| free.field(plan, f, at));
+        let within = |range: [f64; 2], v: f64| (range[0]..=range[1]).contains(&v);
+        let above = xs.iter().zip(&zs).map(|(x, z)| within(obstacle.x_mm, *x) && within(obstacle.z_mm, *z));
+        Self { above: above.collect(), y }
+    }
+
+    /// Height of the lowest node above the obstacle; infinite when there is none.
+    fn lowest(&self) -> f64 {
+        let above = self.y.iter().zip(&self.above).filter(|(_, above)| **above);
+        above.map(|(y, _)| *y).fold(f64::INFINITY, f64::min)
+    }
+}

@@ -1,0 +1,97 @@
+//! Proper orthogonal decomposition by thin QR and SVD in f64.
+//!
+//! `Y - mean = Q R`, `R = U S V^T`, modes `Phi = Q U`, coefficients `A = S V^T` (Eqs. 3, 5, 6). Forming `Y^T Y` would
+//! square the singular values and lose everything below 1e-8 of the largest; QR keeps them to rounding. All snapshots
+//! lie in the span of `Q`, so leaving a case out repeats only the small SVD of `R`: exact and cheap.
+
+use faer::{Mat, MatRef};
+use rom::model::truncation_error;
+use thiserror::Error;
+
+/// Why a decomposition failed.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum PodError {
+    /// No snapshot.
+    #[error("no snapshots to decompose; at least 1 is needed")]
+    Empty,
+    /// The singular value decomposition did not converge: non-finite data.
+    #[error("the singular value decomposition did not converge; check the snapshots for non-finite values")]
+    NoConvergence,
+}
+
+/// A group's snapshots in compact form: everything exact, nothing truncated yet.
+pub struct Compact {
+    /// Mean snapshot (zeros when not centred), `n`.
+    pub mean: Vec<f64>,
+    /// Orthonormal basis of all (centred) snapshots, `n x r`.
+    pub q: Mat<f64>,
+    /// Snapshots in that basis, `r x m`: distances and norms are those of the full snapshots.
+    pub r: Mat<f64>,
+}
+
+/// POD in the compact basis.
+pub struct Pod {
+    /// Left singular vectors in the compact basis, `r x rank`.
+    pub u: Mat<f64>,
+    /// Singular values, largest first, all of them.
+    pub singular_values: Vec<f64>,
+    /// Number of singular values above rounding.
+    pub rank: usize,
+}
+
+impl Compact {
+    /// Compacts snapshots given as columns. The last `directions` columns are derivatives or deviations: they belong to the span,
+    /// and the mean is not theirs. Cost `O(n m^2)`.
+    ///
+    /// # Errors
+    /// [`PodError::Empty`] without columns.
+    pub fn new(mut y: Mat<f64>, directions: usize, centred: bool) -> Result<Self, PodError> {
+        let (n, m) = (y.nrows(), y.ncols() - directions);
+        if m == 0 || n == 0 {
+            return Err(PodError::Empty);
+        }
+        let mut mean = vec![0.0; n];
+        if centred {
+            for j in 0..m {
+                mean.iter_mut().zip(y.col_as_slice(j)).for_each(|(mean, v)| *mean += v / m as f64);
+            }
+            for j in 0..m {
+                for (v, mean) in y.col_as_slice_mut(j).iter_mut().zip(&mean) {
+                    *v -= mean;
+                }
+            }
+        }
+        let qr = y.qr();
+        Ok(Self { mean, q: qr.compute_thin_Q(), r: qr.thin_R().to_owned() })
+    }
+
+    /// The full-length modes of the first `count` compact modes, `n x count`.
+    pub fn modes(&self, pod: &Pod, count: usize) -> Mat<f64> {
+        &self.q * pod.u.get(.., ..count)
+    }
+}
+
+/// SVD of compact snapshots. Cost `O(m^3)`.
+///
+/// # Errors
+/// [`PodError::NoConvergence`] on non-finite data.
+pub fn decompose(r: MatRef<'_, f64>) -> Result<Pod, PodError> {
+    let svd = r.thin_svd().map_err(|_| PodError::NoConvergence)?;
+    let singular_values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+    let floor =
+        singular_values.first().copied().unwrap_or(0.0) * f64::EPSILON * 4.0 * (r.ncols() as f64).sqrt();
+    let rank = singular_values.iter().filter(|s| **s > floor && **s > 0.0).count();
+    Ok(Pod { u: svd.U().get(.., ..rank).to_owned(), singular_values, rank })
+}
+
+impl Pod {
+    /// Truncation error of Eq. (4): the share of energy beyond the first `modes`.
+    pub fn truncation_error(&self, modes: usize) -> f64 {
+        truncation_error(&self.singular_values, modes)
+    }
+
+    /// The fewest modes with truncation error at most `limit`, at least 1 where there is any.
+    pub fn modes_for_energy(&self, limit: f64) -> usize {
+        (1..=self.rank).find(|l| self.truncation_error(*l) <= limit).unwrap_or(self.rank)
+    }
+}

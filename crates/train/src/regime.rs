@@ -1,0 +1,532 @@
+//! Training one regime: inputs, groups, force, domain, half-widths.
+
+use crate::boundary::OnsetBoundary;
+use crate::config::{ModeChoice, RegimeConfig, TrainConfig};
+use crate::datasheet::{Candidate, CaseError};
+use crate::error::TrainError;
+use crate::group::{Columns, Decomposed, Group, GroupFit, Plan, fit_groups};
+use crate::select::{States, Task, choose};
+use crate::sort::{Sorted, varying};
+use faer::Mat;
+use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
+use rom::hull::Domain;
+use rom::inputs::{GAP, InputMap, Inputs, PRESSURE, Point};
+use rom::interpolant::Slope;
+use rom::model::{FarOnset, ForceModel, GroupModel, RegimeModel};
+use rom::regime::{OnsetAt, OnsetTable};
+use rom::snapshots::{Database, FieldKind, RegimeKind};
+
+/// Left-out cases count as predicted when their half-width is at most this share of the largest value.
+const PREDICTED_SHARE: f64 = 0.02;
+
+/// Excess pressures below this share of the largest say more about the onset table than about the force.
+const MIN_EXCESS: f64 = 0.01;
+
+/// A trained regime, before assembly.
+pub(crate) struct Part {
+    pub kind: RegimeKind,
+    pub inputs: InputMap,
+    pub groups: Vec<GroupFit>,
+    pub force: Option<Force>,
+    pub domain: Domain,
+    pub halfwidths: HalfWidths,
+    pub local_halfwidths: Option<LocalHalfWidths>,
+    pub cases: usize,
+    pub boundary_states: usize,
+    pub far_onset: Option<FarOnset>,
+    pub errors: Vec<CaseError>,
+    /// Scaled inputs of the training states.
+    pub scaled: Vec<Point>,
+    /// Positions of parameters that no group and no force needs.
+    pub idle: Vec<usize>,
+}
+
+impl Part {
+    /// What the model keeps of it.
+    pub fn model(&self, plan: &Plan) -> RegimeModel {
+        let mut next = 0;
+        let groups = plan.groups.iter().zip(&self.groups).map(|(group, fit)| {
+            let coefficients = next..next + fit.choice.modes;
+            next = coefficients.end;
+            GroupModel {
+                name: group.name.clone(),
+                fields: group.fields.clone(),
+                coefficients,
+                surrogate: fit.choice.fit.interpolant.clone(),
+                singular_values: fit.pod.singular_values.clone(),
+            }
+        });
+        RegimeModel {
+            kind: self.kind,
+            inputs: self.inputs.clone(),
+            groups: groups.collect(),
+            force: self.force.as_ref().map(|f| f.0.clone()),
+            domain: self.domain.clone(),
+            halfwidths: self.halfwidths,
+            local_halfwidths: self.local_halfwidths.clone(),
+            far_onset: self.far_onset.clone(),
+        }
+    }
+
+    /// A field at a state, node by node.
+    pub fn field(&self, plan: &Plan, field: usize, inputs: &Inputs) -> Vec<f64> {
+        let Some((g, at)) = plan.find(field) else { return Vec::new() };
+        let stacked = self.groups[g].evaluate(&self.inputs.scale(inputs));
+        let nodes = stacked.len() / plan.groups[g].fields.len();
+        stacked[at * nodes..(at + 1) * nodes].to_vec()
+    }
+}
+
+/// The states a regime is trained on: cases first, then boundary states.
+struct Training<'a> {
+    database: &'a Database,
+    kind: RegimeKind,
+    cases: &'a [usize],
+    /// Inputs of cases and boundary states.
+    points: Vec<Inputs>,
+    inputs: InputMap,
+    scaled: Vec<Point>,
+    /// 1 for cases inside the hull of the cases, 0 for the others.
+    score: Vec<f64>,
+    domain: Domain,
+    /// States along the whole onset: the modes know them, the kernels do not.
+    onset: Vec<Inputs>,
+    /// Known derivatives by state, and the rows of the database's sensitivities that hold them.
+    slopes: Vec<Slope>,
+    slope_rows: Vec<usize>,
+}
+
+pub(crate) fn free(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    sorted: &Sorted,
+) -> Result<Part, TrainError> {
+    let cases = &sorted.free;
+    let points = cases.iter().map(|&i| database.cases[i].inputs_at_gap(0.0)).collect();
+    let training = Training::new(database, sorted, RegimeKind::Free, points, f64::INFINITY);
+    let groups = training.groups(config, &config.free, plan, None)?;
+    let errors = training.errors(plan, &groups, None);
+    Ok(training.part(groups, None, errors, config.coverage))
+}
+
+/// A regime with a name of the user's own, on all of its states and with the choices of the free one. A contact force is
+/// trained where its states have one.
+pub(crate) fn named(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    sorted: &Sorted,
+    kind: RegimeKind,
+) -> Result<Part, TrainError> {
+    let cases = sorted.of(kind);
+    let points = cases.iter().map(|&i| named_inputs(database, i)).collect();
+    let training = Training::new(database, sorted, kind, points, f64::INFINITY);
+    let groups = training.groups(config, &config.free, plan, None)?;
+    let has_force = cases.iter().any(|&i| database.cases[i].contact_force_n > 0.0);
+    let force = has_force.then(|| training.force(&config.free, None)).transpose()?;
+    let (force, residuals) = force.unzip();
+    let errors = training.errors(plan, &groups, residuals.as_deref());
+    Ok(training.part(groups, force, errors, config.coverage))
+}
+
+/// The inputs of a state in a named regime; the gap is one as any other, 0 where there is none.
+pub(crate) fn named_inputs(database: &Database, case: usize) -> Inputs {
+    let case = &database.cases[case];
+    case.inputs_at_gap(case.gap_mm.unwrap_or(0.0))
+}
+
+pub(crate) fn contact(
+    database: &Database,
+    config: &TrainConfig,
+    plan: &Plan,
+    sorted: &Sorted,
+    boundary: Option<(&Part, &OnsetBoundary)>,
+) -> Result<Part, TrainError> {
+    let cases = &sorted.contact;
+    let mut points: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
+    let largest_gap = points.iter().map(Inputs::gap_mm).fold(f64::NEG_INFINITY, f64::max);
+    let (mut far, mut along_onset) = (Vec::new(), Vec::new());
+    match boundary {
+        Some((_, onset)) if onset.has_parameters() => {
+            // Neighbours in the list differ in their parameters: fewer along the onset for each input.
+            let count = config.boundary_states * 3 / 4 * (1 + database.parameters.len());
+            let at_onset = onset_with_parameters(&points, onset, count.min(cases.len()), 0.0);
+            if at_onset.len() > 1 {
+                along_onset = onset_with_parameters(&points, onset, ONSET_DIRECTIONS, 0.5);
+            }
+            points.extend(at_onset);
+        }
+        Some((_, onset)) => {
+            points.extend(boundary_points(&points, onset, config));
+            far = far_points(&points[cases.len()..], &onset.table);
+            if points.len() > cases.len() + 1 {
+                let picked = spread(onset.table.gap_mm.len() - 1, ONSET_DIRECTIONS);
+                along_onset = picked.into_iter().map(|i| entry(&onset.table, i)).collect();
+            }
+        }
+        None => {}
+    }
+    let mut training = Training::new(database, sorted, RegimeKind::Contact, points, largest_gap);
+    training.onset = along_onset;
+    let groups = training.groups(config, &config.contact, plan, boundary.map(|b| b.0))?;
+    let far_onset = boundary.and_then(|(free, _)| training.far_onset(free, &groups, &far));
+    let onset = boundary.filter(|_| config.split_at_onset).map(|b| b.1);
+    let force = training.force(&config.contact, onset)?;
+    let errors = training.errors(plan, &groups, Some(&force.1));
+    Ok(Part { far_onset, ..training.part(groups, Some(force.0), errors, config.coverage) })
+}
+
+/// States on the onset, see [`spread`]; one only where all cases share a gap.
+fn boundary_points(cases: &[Inputs], onset: &OnsetBoundary, config: &TrainConfig) -> Vec<Inputs> {
+    let (count, table) = (config.boundary_states, &onset.table);
+    let gap = cases[0].gap_mm();
+    let gaps = || cases.iter().map(Inputs::gap_mm);
+    if gaps().all(|g| g == gap) {
+        let onset = table.onset(gap).pressure_mpa().filter(|p| count > 0 && *p > 0.0);
+        return onset.map(|p| Inputs::new(p, gap)).into_iter().collect();
+    }
+    let (low, high) = gaps().fold((f64::INFINITY, 0.0_f64), |(l, h), g| (l.min(g), h.max(g)));
+    let limit = high + config.boundary_overshoot * (high - low);
+    let last = table.gap_mm.partition_point(|g| *g <= limit).saturating_sub(1);
+    let state = |i: usize| cases[0].with(PRESSURE, table.pressure_mpa[i]).with(GAP, table.gap_mm[i]);
+    spread(last, count).into_iter().map(state).collect()
+}
+
+/// At most `count` numbers from 0 to `last`, closer at the low end: there stress is smallest beside its change with pressure, and
+/// its kinks at nodes without much stress show most.
+fn spread(last: usize, count: usize) -> Vec<usize> {
+    let share = |i: usize| i as f64 / count.saturating_sub(1).max(1) as f64;
+    let mut picked: Vec<usize> =
+        (0..count).map(|i| (last as f64 * share(i) * share(i).sqrt()).round() as usize).collect();
+    picked.dedup();
+    picked
+}
+
+/// So many states on the onset at the parameters of the cases, in turn: pressures closer at the low end, as by [`spread`], gaps
+/// where the free model then is, up to the largest that is reached. Other `first` shares give other pressures.
+fn onset_with_parameters(cases: &[Inputs], onset: &OnsetBoundary, count: usize, first: f64) -> Vec<Inputs> {
+    let largest_mpa = onset.table.pressure_mpa.last().copied().unwrap_or(0.0);
+    let state = |i: usize| {
+        // Golden-ratio steps: no two neighbours in the list of cases get neighbouring pressures.
+        let share = (first + i as f64 * 0.618_033_988_749_895).fract();
+        let inputs = cases[i * cases.len() / count.max(1) % cases.len()]
+            .with(PRESSURE, largest_mpa * share * share.sqrt());
+        Some(inputs.with(GAP, onset.depth_mm(&inputs)?))
+    };
+    (0..count).filter_map(state).collect()
+}
+
+/// Derivatives of the cases by the inputs of a regime, ordered by case and input, with their rows in the database.
+fn slopes(
+    database: &Database,
+    cases: &[usize],
+    inputs: &InputMap,
+    doubtful: &[usize],
+) -> Vec<(Slope, usize)> {
+    let rows = database.sensitivities.iter().flat_map(|known| known.rows.iter().enumerate());
+    let mut slopes: Vec<(Slope, usize)> = rows
+        .filter(|(_, row)| !doubtful.contains(&row.case))
+        .filter_map(|(at, row)| {
+            let centre = cases.iter().position(|case| *case == row.case)? as u32;
+            let axis = inputs.axes.iter().position(|axis| axis.input == row.input)? as u32;
+            Some((Slope { centre, axis }, at))
+        })
+        .collect();
+    slopes.sort_by_key(|(slope, _)| (slope.centre, slope.axis));
+    slopes
+}
+
+/// So many states along the onset take part in the POD: stress has kinks along it, which the few states that are interpolated
+/// between do not span.
+const ONSET_DIRECTIONS: usize = 80;
+
+fn entry(table: &OnsetTable, i: usize) -> Inputs {
+    Inputs::new(table.pressure_mpa[i], table.gap_mm[i])
+}
+
+/// The last onset state among `boundary` and all entries of the table beyond it; none when it is the table's end.
+fn far_points(boundary: &[Inputs], table: &OnsetTable) -> Vec<Inputs> {
+    let Some(last) = boundary.iter().copied().max_by(|a, b| a.gap_mm().total_cmp(&b.gap_mm())) else {
+        return Vec::new();
+    };
+    let entries = (0..table.gap_mm.len()).map(|i| entry(table, i));
+    let beyond: Vec<Inputs> = entries.filter(|e| e.gap_mm() > last.gap_mm()).collect();
+    if beyond.is_empty() { beyond } else { std::iter::once(last).chain(beyond).collect() }
+}
+
+/// The force's model, the candidates, the leave-one-out error in N, the parameters that it does not need (by axis).
+type Force = (ForceModel, Vec<Candidate>, f64, Vec<usize>);
+
+impl<'a> Training<'a> {
+    fn new(
+        database: &'a Database,
+        sorted: &'a Sorted,
+        kind: RegimeKind,
+        points: Vec<Inputs>,
+        largest_gap: f64,
+    ) -> Self {
+        let cases = sorted.of(kind);
+        let inputs = InputMap::of_states(&points, &varying(database, kind));
+        let scaled: Vec<Point> = points.iter().map(|p| inputs.scale(p)).collect();
+        // The domain is where cases were simulated, plus the onset up to the largest gap simulated.
+        let trusted: Vec<Point> = scaled
+            .iter()
+            .zip(&points)
+            .enumerate()
+            .filter(|(i, (_, p))| *i < cases.len() || p.gap_mm() <= largest_gap)
+            .map(|(_, (x, _))| *x)
+            .collect();
+        let (operating, dimensions) = (inputs.operating(), inputs.dimensions());
+        let domain = Domain::of_points(operating, dimensions, &trusted);
+        let edge = Domain::of_points(operating, dimensions, &scaled[..cases.len()]);
+        let mut score: Vec<f64> = (0..points.len())
+            .map(|i| f64::from(u8::from(i < cases.len() && !edge.has_vertex(&scaled[i]))))
+            .collect();
+        if score.iter().sum::<f64>() < 3.0 {
+            score[..cases.len()].fill(1.0); // too few inside to judge by: judge by all
+        }
+        let known = slopes(database, cases, &inputs, &sorted.doubtful);
+        let (slopes, slope_rows) = known.into_iter().unzip();
+        let onset = Vec::new();
+        Self { database, kind, cases, points, inputs, scaled, score, domain, onset, slopes, slope_rows }
+    }
+
+    fn groups(
+        &self,
+        config: &TrainConfig,
+        choices: &RegimeConfig,
+        plan: &Plan,
+        free: Option<&Part>,
+    ) -> Result<Vec<GroupFit>, TrainError> {
+        let states = self.states(&self.scaled, &self.score);
+        let one = |(g, group): (usize, &Group)| {
+            let nodes = self.database.node_count;
+            let all = self.points.iter().chain(&self.onset);
+            let columns = self.columns(group);
+            let mut y = Mat::zeros(nodes * group.fields.len(), columns.count());
+            for (j, &case) in self.cases.iter().enumerate() {
+                for (at, &field) in group.fields.iter().enumerate() {
+                    let column = &mut y.col_as_slice_mut(j)[at * nodes..(at + 1) * nodes];
+                    column
+                        .iter_mut()
+                        .zip(self.database.field(case, field))
+                        .for_each(|(y, v)| *y = f64::from(v));
+                }
+            }
+            for (j, point) in all.enumerate().skip(self.cases.len()) {
+                if let Some(free) = free {
+                    let state = free.groups[g].evaluate(&free.inputs.scale(point));
+                    y.col_as_slice_mut(j).copy_from_slice(&state);
+                }
+            }
+            for j in 0..columns.derivatives {
+                let at = columns.states + columns.onset + j;
+                self.derivative(j, group, columns.weight, y.col_as_slice_mut(at));
+            }
+            Decomposed::new(group, y, columns, self.name(), choices, config.centred)
+        };
+        let decomposed = plan.groups.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
+        fit_groups(plan, decomposed, states, self.name(), choices, config)
+    }
+
+    /// The regime's name.
+    fn name(&self) -> &str {
+        self.database.regime_name(self.kind)
+    }
+
+    /// What a group is decomposed from. Of derivatives: all that are known, or none where one of its fields has none.
+    fn columns(&self, group: &Group) -> Columns {
+        let known = self.database.sensitivities.as_ref().map_or(&[][..], |s| &s.fields);
+        let all = group.fields.iter().all(|field| known.contains(field));
+        // Half the spacing of the states: so far a state speaks for its neighbourhood.
+        let spacing = (self.cases.len() as f64).powf(-1.0 / self.inputs.dimensions() as f64);
+        Columns {
+            states: self.points.len(),
+            onset: self.onset.len(),
+            derivatives: if all { self.slopes.len() } else { 0 },
+            weight: 0.5 * spacing,
+        }
+    }
+
+    /// A derivative of a group's fields by a scaled input, times `weight`.
+    fn derivative(&self, j: usize, group: &Group, weight: f64, column: &mut [f64]) {
+        let Some(known) = &self.database.sensitivities else { return };
+        let (nodes, count) = (self.database.node_count, known.fields.len());
+        let axis = &self.inputs.axes[self.slopes[j].axis as usize];
+        let row = &known.values[self.slope_rows[j] * nodes * count..][..nodes * count];
+        let factor = weight * (axis.max - axis.min);
+        for (field, column) in group.fields.iter().zip(column.chunks_exact_mut(nodes)) {
+            let at = known.fields.iter().position(|f| f == field).unwrap_or(0);
+            let values = row.iter().skip(at).step_by(count);
+            column.iter_mut().zip(values).for_each(|(y, v)| *y = factor * f64::from(*v));
+        }
+    }
+
+    /// What makes the contact fields meet the free ones at the onset entries `far`, of which the first is trained on.
+    fn far_onset(&self, free: &Part, groups: &[GroupFit], far: &[Inputs]) -> Option<FarOnset> {
+        if far.len() < 2 || self.inputs.dimensions() < 2 {
+            return None;
+        }
+        let correction = |(at, point): (usize, &Inputs)| {
+            let one = |(fit, free_fit): (&GroupFit, &GroupFit)| {
+                let surrogate = fit.choice.fit.interpolant.values_at(&self.inputs.scale(point));
+                let wanted = fit.project(&free_fit.evaluate(&free.inputs.scale(point)));
+                let difference =
+                    wanted.iter().zip(&surrogate).map(|(w, s)| if at == 0 { 0.0 } else { w - s });
+                difference.collect::<Vec<_>>()
+            };
+            groups.iter().zip(&free.groups).flat_map(one).collect::<Vec<_>>()
+        };
+        Some(FarOnset {
+            gap_mm: far.iter().map(Inputs::gap_mm).collect(),
+            corrections: far.iter().enumerate().flat_map(correction).collect(),
+        })
+    }
+
+    fn states<'b>(&'b self, inputs: &'b [Point], score: &'b [f64]) -> States<'b> {
+        let (operating, dimensions) = (self.inputs.operating(), self.inputs.dimensions());
+        States { operating, dimensions, inputs, score, slopes: &self.slopes }
+    }
+
+    /// The contact force and its leave-one-out residuals by case, in N.
+    fn force(
+        &self,
+        config: &RegimeConfig,
+        onset: Option<&OnsetBoundary>,
+    ) -> Result<(Force, Vec<f64>), TrainError> {
+        let forces: Vec<f64> = self.cases.iter().map(|&i| self.database.cases[i].contact_force_n).collect();
+        let onsets: Option<Vec<OnsetAt>> =
+            onset.map(|onset| self.points[..forces.len()].iter().map(|p| onset.at(p)).collect());
+        let excess: Vec<f64> = match &onsets {
+            Some(onsets) => {
+                let pairs = self.points.iter().zip(onsets);
+                pairs.map(|(p, onset)| p.pressure_mpa() - onset.pressure_mpa).collect()
+            }
+            None => vec![1.0; forces.len()],
+        };
+        let least = MIN_EXCESS * excess.iter().copied().fold(0.0, f64::max);
+        let used: Vec<usize> = (0..forces.len()).filter(|&i| excess[i] > least).collect();
+        let inputs: Vec<Point> = used.iter().map(|&i| self.scaled[i]).collect();
+        let values: Vec<f64> = used.iter().map(|&i| forces[i] / excess[i]).collect();
+        let score: Vec<f64> = used.iter().map(|&i| self.score[i] * excess[i]).collect();
+        let (mut slopes, mut slope_values) = (Vec::new(), Vec::new());
+        for (slope, row) in self.slopes.iter().zip(&self.slope_rows) {
+            let case = slope.centre as usize;
+            let Some(centre) = used.iter().position(|&i| i == case) else { continue };
+            let axis = &self.inputs.axes[slope.axis as usize];
+            let by_input = onsets.as_ref().map_or(0.0, |onsets| onsets[case].gradient[axis.input]);
+            let excess_by = if onsets.is_some() && axis.input == PRESSURE { 1.0 } else { 0.0 } - by_input;
+            let force_by =
+                self.database.sensitivities.as_ref().map_or(0.0, |s| s.rows[*row].contact_force_n_per_unit);
+            let h_by = (force_by - values[centre] * excess_by) / excess[case];
+            slopes.push(Slope { centre: centre as u32, ..*slope });
+            slope_values.push(h_by * (axis.max - axis.min));
+        }
+        let task = Task {
+            dropped: vec![0.0; values.len()],
+            values,
+            outputs: 1,
+            slope_values,
+            modes: ModeChoice::Fixed(1),
+            modes_for_energy: 1,
+        };
+        let states = States { slopes: &slopes, ..self.states(&inputs, &score) };
+        let chosen = choose(states, &[task], config);
+        let error = |source| TrainError::Fit {
+            what: "the contact force".into(),
+            regime: self.name().to_owned(),
+            source,
+        };
+        let choice = chosen.map_err(error)?.swap_remove(0); // one task, one choice
+        let mut residuals = vec![0.0; forces.len()];
+        used.iter().zip(&choice.fit.residuals).for_each(|(&i, e)| residuals[i] = e * excess[i]);
+        let squares: f64 = residuals.iter().zip(&self.score).map(|(e, s)| e * e * s).sum();
+        let rms = (squares / self.score.iter().sum::<f64>()).sqrt();
+        let force = ForceModel { surrogate: choice.fit.interpolant, times_excess_pressure: onset.is_some() };
+        Ok(((force, choice.candidates, rms, choice.idle), residuals))
+    }
+
+    /// Leave-one-out errors at each case's worst node.
+    fn errors(&self, plan: &Plan, groups: &[GroupFit], force: Option<&[f64]>) -> Vec<CaseError> {
+        let (cases, nodes) = (self.cases.len(), self.database.node_count);
+        let mut displacement = Mat::<f64>::zeros(nodes, cases);
+        // Of a magnitude that is interpolated by itself, and of stress.
+        let (mut magnitude, mut stress) = (vec![0.0_f64; cases], vec![0.0_f64; cases]);
+        for (group, fit) in plan.groups.iter().zip(groups) {
+            let errors = fit.error_fields(cases);
+            for (at, &field) in group.fields.iter().enumerate() {
+                let part = errors.get(at * nodes..(at + 1) * nodes, ..);
+                let raise = |largest: &mut Vec<f64>| {
+                    largest.iter_mut().enumerate().for_each(|(i, l)| *l = l.max(part.col(i).norm_max()));
+                };
+                match self.database.fields[field].kind {
+                    FieldKind::Coordinate(_) => {
+                        for i in 0..cases {
+                            displacement
+                                .col_mut(i)
+                                .iter_mut()
+                                .zip(part.col(i).iter())
+                                .for_each(|(d, e)| *d += e * e);
+                        }
+                    }
+                    FieldKind::Stress => raise(&mut stress),
+                    FieldKind::Magnitude => raise(&mut magnitude),
+                    FieldKind::Other => {}
+                }
+            }
+        }
+        let case = |i: usize| CaseError {
+            case: self.database.cases[self.cases[i]].name.clone(),
+            on_hull: self.score[i] == 0.0,
+            displacement_mm: displacement.col(i).norm_max().sqrt().max(magnitude[i]),
+            stress_mpa: stress[i],
+            force_n: force.map_or(0.0, |f| f[i].abs()),
+        };
+        (0..cases).map(case).collect()
+    }
+
+    /// Whether left-out cases are predicted at all: the errors of their coordinates are small beside the largest coordinate.
+    /// Where they are not, an error says nothing about its neighbours, and the half-widths stay the same everywhere.
+    fn predicts(&self, halfwidths: &HalfWidths) -> bool {
+        let database = self.database;
+        let coordinates = (0..database.fields.len())
+            .filter(|f| matches!(database.fields[*f].kind, FieldKind::Coordinate(_)));
+        let values = coordinates.flat_map(|f| self.cases.iter().flat_map(move |c| database.field(*c, f)));
+        let largest_mm = values.fold(0.0, |most: f64, value| most.max(f64::from(value).abs()));
+        halfwidths.displacement_mm <= PREDICTED_SHARE * largest_mm
+    }
+
+    fn part(
+        self,
+        groups: Vec<GroupFit>,
+        force: Option<Force>,
+        errors: Vec<CaseError>,
+        coverage: f64,
+    ) -> Part {
+        let all: Vec<Errors> = errors.iter().map(|e| [e.displacement_mm, e.stress_mpa, e.force_n]).collect();
+        let (dimensions, cases) = (self.inputs.dimensions(), &self.scaled[..self.cases.len()]);
+        let halfwidths = HalfWidths::of_all(&all, coverage);
+        let choices = groups.iter().map(|group| &group.choice.idle).chain(force.iter().map(|f| &f.3));
+        let needed = |axis: &usize| choices.clone().any(|idle| !idle.contains(axis));
+        let axes = (self.inputs.operating()..dimensions).filter(|axis| !needed(axis));
+        let idle = axes.map(|axis| self.inputs.axes[axis].input).collect();
+        Part {
+            kind: self.kind,
+            groups,
+            force,
+            errors,
+            halfwidths,
+            local_halfwidths: self
+                .predicts(&halfwidths)
+                .then(|| LocalHalfWidths::calibrate(dimensions, cases, &all, coverage)),
+            cases: self.cases.len(),
+            far_onset: None,
+            boundary_states: self.points.len() - self.cases.len(),
+            inputs: self.inputs,
+            domain: self.domain,
+            scaled: self.scaled,
+            idle,
+        }
+    }
+}

@@ -1,0 +1,534 @@
+//! Choosing kernel, tail, metric, smoothing and modes by leave-one-out in closed form.
+//!
+//! With orthonormal modes the error of leaving case `i` out, at `l` modes, is
+//! `e_i(l)^2 = sum_{k<l} E_ik^2 + sum_{k>=l} A_ik^2`: interpolation residuals (Rippa) of the kept modes plus the energy
+//! of the dropped ones. The score is its mean over the cases inside the domain: leaving out a corner of the
+//! domain measures extrapolation, which no kernel choice should be judged by. Test cases are never seen here. Smoothing
+//! carries a handicap.
+//!
+//! Groups that belong together (the three coordinates: what counts is the length of their error) are chosen together and
+//! share a kernel; each keeps its own number of modes.
+
+use crate::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig};
+use crate::datasheet::Candidate;
+use crate::fit::{Fit, FitError, Samples, condition_of, fit};
+use crate::gp::maximum_likelihood;
+use rom::inputs::Point;
+use rom::interpolant::{Interpolant, Metric, Slope};
+use std::ops::Range;
+
+/// Fewer scored cases than this say nothing about modes: all are kept, so that at least the samples are reproduced.
+const MIN_CASES: usize = 4;
+
+/// The winner for one group, and the others, best first.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The fit of the first `modes` outputs.
+    pub fit: Fit,
+    /// Modes kept.
+    pub modes: usize,
+    /// The group's own leave-one-out score.
+    pub error: f64,
+    /// All candidates, best first.
+    pub candidates: Vec<Candidate>,
+    /// Parameters (by axis) without which left-out states are predicted as well.
+    pub idle: Vec<usize>,
+}
+
+/// States that all groups of a regime share.
+#[derive(Clone, Copy, Debug)]
+pub struct States<'a> {
+    /// Leading inputs that are pressure or gap; the others are parameters.
+    pub operating: usize,
+    /// Inputs in use.
+    pub dimensions: usize,
+    /// Scaled inputs.
+    pub inputs: &'a [Point],
+    /// Per state: weight of its error in the score; 0 leaves it out of the score (not out of the fit).
+    pub score: &'a [f64],
+    /// Known derivatives, ordered by state.
+    pub slopes: &'a [Slope],
+}
+
+/// One group's coefficients.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// `states x outputs`: coefficients of all modes that may be kept.
+    pub values: Vec<f64>,
+    /// Modes that may be kept.
+    pub outputs: usize,
+    /// `slopes x outputs`: derivatives of the coefficients by scaled input; empty where a field has none.
+    pub slope_values: Vec<f64>,
+    /// Per state: energy in the modes that cannot be kept.
+    pub dropped: Vec<f64>,
+    /// How many modes.
+    pub modes: ModeChoice,
+    /// Modes the energy criterion asks for.
+    pub modes_for_energy: usize,
+}
+
+impl Task {
+    /// Square of the norm of a state's coefficients, those that cannot be kept included.
+    fn square(&self, state: usize) -> f64 {
+        let kept = &self.values[state * self.outputs..(state + 1) * self.outputs];
+        self.dropped[state] + kept.iter().map(|a| a * a).sum::<f64>()
+    }
+}
+
+/// A candidate: score of all groups together, and by group modes and own score.
+struct CandidateScore {
+    score: f64,
+    groups: Vec<(usize, f64)>,
+}
+
+/// So many of the best kernels get their metric refined.
+const REFINED: usize = 3;
+
+/// Where the search for the lengths of parameters begins: fields vary less along them than along the pressure.
+const PARAMETER_SCALE: f64 = 0.35;
+/// Factors on a parameter around the metric being refined.
+const PARAMETER_STRETCHES: [f64; 4] = [0.4, 0.7, 1.4, 2.5];
+/// Passes over the parameters.
+const SWEEPS: usize = 2;
+
+/// Factors on the second input around the metric being refined.
+const STRETCHES: [f64; 3] = [0.7, 1.0, 1.4];
+
+/// Tries every candidate of `config` on groups that belong together and keeps the best: first every kernel with every
+/// anisotropy and smoothing, then sheared and stretched metrics around the best of the best few kernels, then, parameter
+/// after parameter, stretched ones along it. Cost
+/// `O(candidates x n^3)`.
+///
+/// # Errors
+/// The last refusal when no candidate could be fitted.
+pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<Vec<Choice>, FitError> {
+    let outputs: usize = tasks.iter().map(|t| t.outputs).sum();
+    let values = side_by_side(tasks, states.inputs.len(), |task| &task.values);
+    let samples = Samples {
+        dimensions: states.dimensions,
+        inputs: states.inputs,
+        values: &values,
+        outputs,
+        slopes: &[],
+        slope_values: &[],
+    };
+    let known = |task: &Task| task.slope_values.len() == states.slopes.len() * task.outputs;
+    let differentiated = !states.slopes.is_empty() && tasks.iter().all(known);
+    let rows = if differentiated { states.slopes.len() } else { 0 };
+    let slope_values = side_by_side(tasks, rows, |task| &task.slope_values);
+    let floor = DATA_ROUNDING * size(states, tasks);
+    let mut search =
+        Search { samples, states, tasks, floor, best: None, refusal: FitError::Empty, trials: Vec::new() };
+    for spec in &config.kernels {
+        for (metric, smoothing) in variants(&search.samples, states.operating, *spec, config) {
+            search.attempt(*spec, metric, smoothing);
+        }
+    }
+    if states.operating > 1 {
+        search.refine(&config.shear);
+    }
+    for _ in 0..SWEEPS {
+        for input in states.operating..states.dimensions {
+            search.stretch(input, &PARAMETER_STRETCHES);
+        }
+    }
+    if differentiated {
+        search.with_slopes(&config.kernels, &slope_values);
+    }
+    search.choices()
+}
+
+/// A parameter is missed when leaving it out raises the score by more than this share.
+const MISSED: f64 = 0.1;
+/// Beyond so many times that score no other factors on the other inputs are tried.
+const DOUBTED: f64 = 2.0;
+
+/// Whether states are predicted as well without a parameter: the chosen kernel, fitted over the other inputs.
+fn idle(samples: &Samples, states: States, tasks: &[Task], chosen: &Fit, axis: usize) -> bool {
+    let without = |x: &Point| -> Point {
+        let mut rest = Point::default();
+        let others = (0..samples.dimensions).filter(|i| *i != axis);
+        rest.iter_mut().zip(others).for_each(|(r, i)| *r = x[i]);
+        rest
+    };
+    let (kernel, tail) = (chosen.interpolant.kernel, chosen.interpolant.tail);
+    let inputs: Vec<Point> = samples.inputs.iter().map(without).collect();
+    let scale = without(&chosen.interpolant.metric.scale);
+    let metric = Metric { scale: scale.map(|s| if s > 0.0 { s } else { 1.0 }), ..chosen.interpolant.metric };
+    let kept: Vec<usize> =
+        (0..samples.slopes.len()).filter(|j| samples.slopes[*j].axis as usize != axis).collect();
+    let slope = |j: &usize| {
+        let slope = samples.slopes[*j];
+        Slope { axis: slope.axis - u32::from(slope.axis as usize > axis), ..slope }
+    };
+    let row = |j: &usize| samples.slope_values[j * samples.outputs..(j + 1) * samples.outputs].to_vec();
+    let slopes: Vec<Slope> = kept.iter().map(slope).collect();
+    let slope_values: Vec<f64> = kept.iter().flat_map(row).collect();
+    let fewer = Samples {
+        dimensions: samples.dimensions - 1,
+        inputs: &inputs,
+        slopes: &slopes,
+        slope_values: &slope_values,
+        ..samples.clone()
+    };
+    // Where two states differ in this parameter alone, nothing can be fitted without it: it is not idle.
+    let score_of = |metric: Metric| {
+        let fit = fit(&fewer, KernelSpec { kernel, tail }, metric, chosen.interpolant.smoothing).ok()?;
+        Some(score(states, tasks, &fit.residuals).score)
+    };
+    let limit = (1.0 + MISSED) * score(states, tasks, &chosen.residuals).score;
+    let Some(mut without) = score_of(metric) else { return false };
+    // The other inputs' factors were chosen beside this one: they may change by one step before it is said to be missed.
+    let mut metric = metric;
+    for (i, stretch) in (0..fewer.dimensions).flat_map(|i| SLOPE_STRETCHES.map(|stretch| (i, stretch))) {
+        if without <= limit || without > DOUBTED * limit {
+            break;
+        }
+        let mut other = metric;
+        other.scale[i] *= stretch;
+        if let Some(better) = score_of(other).filter(|score| *score < without) {
+            (without, metric) = (better, other);
+        }
+    }
+    without <= limit
+}
+
+/// Floating-point operations that may be spent on metrics with derivatives, over the cube of the system's size.
+const SLOPE_BUDGET: f64 = 4e10;
+/// Smallest factor that the derivatives may suggest for an input: one without any effect keeps its centres apart.
+const MIN_LENGTH_SCALE: f64 = 0.02;
+/// Smoothing that is tried with derivatives beside the kernel's own.
+const SLOPE_SMOOTHING: f64 = 1e-9;
+/// Factors on an input around the metric that was chosen without derivatives.
+const SLOPE_STRETCHES: [f64; 2] = [0.6, 1.6];
+/// A derivative whose prediction by the others is off by so many times the median contradicts them.
+const OUTLIER: f64 = 8.0;
+
+/// How many times better than interpolation smoothing must be: it misses the training states, which truth that is computed
+/// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
+const SMOOTHING_MUST_GAIN: f64 = 2.0;
+
+/// What candidates are ranked by: the score, with the handicap of smoothing.
+fn merit(score: f64, smoothing: f64) -> f64 {
+    if smoothing > 0.0 { SMOOTHING_MUST_GAIN * score } else { score }
+}
+
+/// A candidate that was tried, and the modes each group would keep with it.
+struct Trial {
+    spec: KernelSpec,
+    row: Candidate,
+    modes: Vec<usize>,
+}
+
+struct Search<'a> {
+    samples: Samples<'a>,
+    states: States<'a>,
+    tasks: &'a [Task],
+    /// Errors below this are the data's own rounding.
+    floor: f64,
+    best: Option<(CandidateScore, Fit)>,
+    refusal: FitError,
+    trials: Vec<Trial>,
+}
+
+impl<'a> Search<'a> {
+    fn attempt(&mut self, spec: KernelSpec, metric: Metric, smoothing: f64) {
+        let samples = self.samples.clone();
+        self.attempt_on(&samples, spec, metric, smoothing);
+    }
+
+    fn attempt_on(&mut self, samples: &Samples, spec: KernelSpec, metric: Metric, smoothing: f64) {
+        let derivatives = if samples.slopes.is_empty() { "" } else { ", derivatives" };
+        let kernel = format!("{}, {}{derivatives}", spec.kernel.name(), spec.tail.name());
+        let mut row = Candidate { kernel, metric, smoothing, modes: 0, error: None, refused: None };
+        let mut modes = vec![0; self.tasks.len()];
+        match fit(samples, spec, metric, smoothing) {
+            Ok(fit) => {
+                let scored = score(self.states, self.tasks, &fit.residuals);
+                row.error = Some(scored.score);
+                modes = scored.groups.iter().map(|g| g.0).collect();
+                if self.best.as_ref().is_none_or(|(b, f)| self.better((&scored, &fit), (b, f))) {
+                    self.best = Some((scored, fit));
+                }
+            }
+            Err(e) => {
+                row.refused = Some(e.to_string());
+                self.refusal = e;
+            }
+        }
+        self.trials.push(Trial { spec, row, modes });
+    }
+
+    /// By merit; where both are down at the rounding of the data, by the tail: the higher one extrapolates.
+    fn better(&self, new: (&CandidateScore, &Fit), best: (&CandidateScore, &Fit)) -> bool {
+        let merit = |(scored, fit): (&CandidateScore, &Fit)| {
+            merit(scored.score.max(self.floor), fit.interpolant.smoothing)
+        };
+        let terms = |(_, fit): (&CandidateScore, &Fit)| fit.interpolant.tail.terms(self.samples.dimensions);
+        merit(new) < merit(best) || (merit(new) == merit(best) && terms(new) > terms(best))
+    }
+
+    /// The best few kernels again, fitted to the derivatives as well, then other metrics around the best of these. Where
+    /// derivatives contradict their neighbours (a contact set that changes, a state that did not converge) a fit without
+    /// those is tried too. Leave-one-out decides, as between any two candidates.
+    fn with_slopes(&mut self, all: &[KernelSpec], values: &'a [f64]) {
+        let kernels: Vec<_> =
+            self.best_kernels().into_iter().filter(|(spec, ..)| spec.kernel.takes_derivatives()).collect();
+        (self.samples.slopes, self.samples.slope_values) = (self.states.slopes, values);
+        let size = self.samples.inputs.len() + values.len() / self.samples.outputs.max(1);
+        let smoothings = [0.0, SLOPE_SMOOTHING];
+        for (spec, metric, smoothing) in &kernels {
+            smoothings.iter().for_each(|own| self.attempt(*spec, *metric, own.max(*smoothing)));
+        }
+        let over_parameters = self.states.operating < self.samples.dimensions;
+        if over_parameters && let Some(metric) = self.by_variation() {
+            let specs = all.iter().filter(|spec| spec.kernel.takes_derivatives());
+            specs.for_each(|spec| self.attempt(*spec, metric, 0.0));
+        }
+        let mut tries = (SLOPE_BUDGET / (size as f64).powi(3)) as usize;
+        let (sweeps, axes) = (if over_parameters { SWEEPS } else { 1 }, 1..self.samples.dimensions);
+        for axis in (0..sweeps).flat_map(|_| axes.clone()) {
+            let Some((spec, metric, smoothing)) = self.best_with_slopes() else { return };
+            for factor in SLOPE_STRETCHES.iter().take(tries) {
+                self.attempt(spec, metric.stretched(axis, metric.scale[axis] * factor), smoothing);
+            }
+            tries = tries.saturating_sub(SLOPE_STRETCHES.len());
+        }
+        self.without_outliers();
+    }
+
+    /// Lengths by how much the derivatives along an input differ from state to state, against those along the first input: what
+    /// a tail takes up, the same derivative everywhere, needs no near centres. None where an input has no derivatives.
+    fn by_variation(&self) -> Option<Metric> {
+        let outputs = self.samples.outputs;
+        let variation = |axis: usize| {
+            let own =
+                (0..self.samples.slopes.len()).filter(|j| self.samples.slopes[*j].axis as usize == axis);
+            let rows: Vec<&[f64]> =
+                own.map(|j| &self.samples.slope_values[j * outputs..(j + 1) * outputs]).collect();
+            let count = rows.len() as f64;
+            let of_output = |k: usize| {
+                let mean = rows.iter().map(|row| row[k]).sum::<f64>() / count;
+                rows.iter().map(|row| (row[k] - mean).powi(2)).sum::<f64>() / count
+            };
+            (0..outputs).map(of_output).sum::<f64>().sqrt()
+        };
+        let first = variation(0);
+        let scale = |metric: Metric, axis: usize| {
+            metric.stretched(axis, (variation(axis) / first).clamp(MIN_LENGTH_SCALE, 1.0 / MIN_LENGTH_SCALE))
+        };
+        let metric = (1..self.samples.dimensions).fold(Metric::IDENTITY, scale);
+        metric.scale.iter().all(|s| s.is_finite()).then_some(metric)
+    }
+
+    /// The best candidate so far that was fitted to derivatives.
+    fn best_with_slopes(&self) -> Option<(KernelSpec, Metric, f64)> {
+        let fitted = self.trials.iter().filter(|t| t.row.kernel.ends_with("derivatives"));
+        let merit = |t: &&Trial| t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing));
+        let best = fitted.filter(|t| t.row.error.is_some()).min_by(|a, b| merit(a).total_cmp(&merit(b)))?;
+        Some((best.spec, best.row.metric, best.row.smoothing))
+    }
+
+    /// The best fit to derivatives again, without those of states where they are far from what the others predict.
+    fn without_outliers(&mut self) {
+        let Some((spec, metric, smoothing)) = self.best_with_slopes() else { return };
+        let Ok(all) = fit(&self.samples, spec, metric, smoothing) else { return };
+        let outputs = self.samples.outputs;
+        let size = |j: usize| {
+            all.slope_residuals[j * outputs..(j + 1) * outputs].iter().map(|e| e * e).sum::<f64>().sqrt()
+        };
+        let sizes: Vec<f64> = (0..self.samples.slopes.len()).map(size).collect();
+        let mut sorted = sizes.clone();
+        sorted.sort_by(f64::total_cmp);
+        let limit = OUTLIER * sorted[sorted.len() / 2];
+        let worst = |slope: &Slope| {
+            let own = self.samples.slopes.iter().zip(&sizes).filter(|(s, _)| s.centre == slope.centre);
+            own.map(|(_, size)| *size).fold(0.0, f64::max)
+        };
+        let kept: Vec<usize> =
+            (0..sizes.len()).filter(|j| worst(&self.samples.slopes[*j]) <= limit).collect();
+        if kept.len() == sizes.len() || kept.is_empty() {
+            return;
+        }
+        let slopes: Vec<Slope> = kept.iter().map(|&j| self.samples.slopes[j]).collect();
+        let row = |&j: &usize| self.samples.slope_values[j * outputs..(j + 1) * outputs].to_vec();
+        let values: Vec<f64> = kept.iter().flat_map(row).collect();
+        let samples = Samples { slopes: &slopes, slope_values: &values, ..self.samples.clone() };
+        self.attempt_on(&samples, spec, metric, smoothing);
+    }
+
+    /// Best first; refused ones last.
+    fn sort(&mut self) {
+        let score = |t: &Trial| t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing));
+        self.trials.sort_by(|a, b| score(a).total_cmp(&score(b)));
+    }
+
+    /// Sheared and stretched metrics around the best few kernels.
+    fn refine(&mut self, shears: &[f64]) {
+        for (spec, metric, smoothing) in self.best_kernels() {
+            for shear in shears.iter().copied().filter(|s| *s != metric.shear) {
+                for stretch in STRETCHES {
+                    let stretched = metric.stretched(1, metric.scale[1] * stretch);
+                    self.attempt(spec, Metric { shear, ..stretched }, smoothing);
+                }
+            }
+        }
+    }
+
+    /// Metrics stretched along one input around the best few kernels.
+    fn stretch(&mut self, input: usize, factors: &[f64]) {
+        for (spec, metric, smoothing) in self.best_kernels() {
+            for factor in factors.iter().map(|f| f * metric.scale[input]) {
+                self.attempt(spec, metric.stretched(input, factor), smoothing);
+            }
+        }
+    }
+
+    /// The best few kernels, each with its best metric and smoothing so far.
+    fn best_kernels(&mut self) -> Vec<(KernelSpec, Metric, f64)> {
+        self.sort();
+        let mut best: Vec<(KernelSpec, Metric, f64)> = Vec::new();
+        for trial in self.trials.iter().filter(|t| t.row.error.is_some()) {
+            if best.len() < REFINED && best.iter().all(|s| s.0 != trial.spec) {
+                best.push((trial.spec, trial.row.metric, trial.row.smoothing));
+            }
+        }
+        best
+    }
+
+    fn choices(mut self) -> Result<Vec<Choice>, FitError> {
+        self.sort();
+        let (scored, mut fit) = self.best.ok_or(self.refusal)?;
+        if fit.interpolant.slopes.is_empty() {
+            (self.samples.slopes, self.samples.slope_values) = (&[], &[]);
+        }
+        fit.interpolant.condition = condition_of(&fit.interpolant);
+        let axes = self.states.operating..self.states.dimensions;
+        let idle: Vec<usize> =
+            axes.filter(|axis| idle(&self.samples, self.states, self.tasks, &fit, *axis)).collect();
+        let mut first = 0;
+        let choice = |(g, task): (usize, &Task)| {
+            let (modes, error) = scored.groups[g];
+            let kept = first..first + modes;
+            first += task.outputs;
+            let candidates =
+                self.trials.iter().map(|t| Candidate { modes: t.modes[g], ..t.row.clone() }).collect();
+            Choice { fit: keep_outputs(&fit, kept), modes, error, candidates, idle: idle.clone() }
+        };
+        Ok(self.tasks.iter().enumerate().map(choice).collect())
+    }
+}
+
+/// All groups' coefficients of a state in one row: one factorisation serves all.
+fn side_by_side(tasks: &[Task], rows: usize, of: impl Fn(&Task) -> &[f64]) -> Vec<f64> {
+    let mut all = Vec::new();
+    for i in 0..rows {
+        tasks
+            .iter()
+            .for_each(|task| all.extend_from_slice(&of(task)[i * task.outputs..(i + 1) * task.outputs]));
+    }
+    all
+}
+
+/// Metric and smoothing variants of a kernel: fitted lengths for a process, the configured factors otherwise.
+fn variants(
+    samples: &Samples,
+    operating: usize,
+    spec: KernelSpec,
+    config: &RegimeConfig,
+) -> Vec<(Metric, f64)> {
+    if spec.kernel == KernelKind::Matern52 {
+        return maximum_likelihood(samples, spec.tail).map(|l| (l.metric, l.nugget)).into_iter().collect();
+    }
+    let factors = if operating > 1 { config.anisotropy.as_slice() } else { &[1.0] };
+    let start =
+        (operating..samples.dimensions).fold(Metric::IDENTITY, |m, i| m.stretched(i, PARAMETER_SCALE));
+    let metric = |f: f64| if operating > 1 { start.stretched(1, f) } else { start };
+    factors.iter().flat_map(|f| config.smoothing.iter().map(move |s| (metric(*f), *s))).collect()
+}
+
+/// Snapshots are f32: what they are off by, as a share.
+const DATA_ROUNDING: f64 = 6e-8;
+
+/// Mean over the scored cases of the weighted norm of all groups' coefficients.
+fn size(states: States, tasks: &[Task]) -> f64 {
+    let square = |i: usize| tasks.iter().map(|t| t.square(i)).sum::<f64>();
+    let scored = states.score.iter().enumerate().filter(|(_, w)| **w > 0.0);
+    let (sum, count) = scored.fold((0.0, 0.0), |(s, n), (i, w)| (s + w * square(i).sqrt(), n + 1.0));
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
+/// Modes to keep by group, and the scores with them.
+fn score(states: States, tasks: &[Task], residuals: &[f64]) -> CandidateScore {
+    let stride: usize = tasks.iter().map(|t| t.outputs).sum();
+    let (mut first, mut groups) = (0, Vec::new());
+    let mut squares = vec![0.0; states.score.iter().filter(|w| **w > 0.0).count()];
+    for task in tasks {
+        let errors = case_errors(states, task, &|i, k| residuals[i * stride + first + k]);
+        let modes = modes_to_keep(task, &errors);
+        squares.iter_mut().zip(&errors).for_each(|(s, e)| *s += e[modes] * e[modes]);
+        groups.push((modes, mean(&errors, |e| e[modes])));
+        first += task.outputs;
+    }
+    CandidateScore { score: squares.iter().map(|s| s.sqrt()).sum::<f64>() / squares.len() as f64, groups }
+}
+
+fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
+    match task.modes {
+        ModeChoice::Fixed(modes) => modes.min(task.outputs),
+        ModeChoice::Energy(_) => task.modes_for_energy.min(task.outputs),
+        ModeChoice::LeaveOneOut(_) if errors.len() < MIN_CASES => task.outputs,
+        ModeChoice::LeaveOneOut(factor) => {
+            // Geometric mean over cases: every case asks for the modes it needs at its own level of error. An
+            // arithmetic one would stop at the error of the few cases that are hard to interpolate.
+            let level = |l: usize| mean(errors, |e| e[l].max(f64::MIN_POSITIVE).ln()).exp();
+            let levels: Vec<f64> = (0..=task.outputs).map(level).collect();
+            let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
+            levels.iter().position(|e| *e <= factor * least).unwrap_or(task.outputs)
+        }
+    }
+}
+
+fn mean(errors: &[Vec<f64>], of: impl Fn(&[f64]) -> f64) -> f64 {
+    errors.iter().map(|e| of(e)).sum::<f64>() / errors.len() as f64
+}
+
+/// By scored case: weighted leave-one-out error with 0, 1, ... all modes. `residual(state, mode)`.
+fn case_errors(states: States, task: &Task, residual: &dyn Fn(usize, usize) -> f64) -> Vec<Vec<f64>> {
+    let outputs = task.outputs;
+    let scored = states.score.iter().enumerate().filter(|(_, w)| **w > 0.0);
+    let one = |(i, weight): (usize, &f64)| {
+        let data = &task.values[i * outputs..(i + 1) * outputs];
+        // Sums from the far end: what a mode adds must not drown in what larger modes hold.
+        let mut left_out: Vec<f64> = vec![task.dropped[i]; outputs + 1];
+        for k in (0..outputs).rev() {
+            left_out[k] = left_out[k + 1] + data[k] * data[k];
+        }
+        let mut kept = 0.0;
+        let mut errors = vec![weight * left_out[0].sqrt()];
+        for k in 0..outputs {
+            kept += residual(i, k).powi(2);
+            errors.push(weight * (kept + left_out[k + 1]).sqrt());
+        }
+        errors
+    };
+    scored.map(one).collect()
+}
+
+/// The fit of some of the outputs.
+fn keep_outputs(fit: &Fit, kept: Range<usize>) -> Fit {
+    let outputs = fit.interpolant.outputs;
+    let cut = |values: &[f64]| -> Vec<f64> {
+        if outputs == 0 {
+            return Vec::new();
+        }
+        values.chunks_exact(outputs).flat_map(|row| row[kept.clone()].to_vec()).collect()
+    };
+    let interpolant = Interpolant {
+        weights: cut(&fit.interpolant.weights),
+        tail_weights: cut(&fit.interpolant.tail_weights),
+        outputs: kept.len(),
+        ..fit.interpolant.clone()
+    };
+    Fit { interpolant, residuals: cut(&fit.residuals), slope_residuals: Vec::new() }
+}

@@ -1,0 +1,10 @@
+//! Training, from a database to a model and what it answers. One program: linked once, and its tests run beside each other.
+
+mod accuracy;
+mod calibration;
+mod database;
+mod numerics;
+mod parameters;
+mod regimes;
+mod shipped_design;
+mod slopes;

@@ -1,0 +1,149 @@
+//! Interpolants that were fitted to derivatives as well.
+
+use rom::inputs::{MAX_INPUTS, Point};
+use rom::interpolant::{Metric, Slope};
+use train::config::{KernelKind, KernelSpec, Tail};
+use train::fit::{FitError, Samples, fit};
+
+const KERNELS: [(KernelKind, Tail); 5] = [
+    (KernelKind::Cubic, Tail::Linear),
+    (KernelKind::Quintic, Tail::Quadratic),
+    (KernelKind::Gaussian { shape: 3.0 }, Tail::Constant),
+    (KernelKind::Matern52, Tail::Linear),
+    (KernelKind::Matern72 { length: 2.0 }, Tail::Linear),
+];
+const ASLANT: Metric = Metric { scale: [1.3, 0.6, 0.9, 1.0, 1.0, 1.0, 1.0, 1.0], shear: 0.4 };
+
+fn points(n: usize) -> Vec<Point> {
+    let one = |i: usize| {
+        let mut x = [0.0; MAX_INPUTS];
+        x.iter_mut().zip([2.0_f64, 3.0, 5.0]).for_each(|(x, root)| *x = (i as f64 * root.sqrt()).fract());
+        x
+    };
+    (1..=n).map(one).collect()
+}
+
+fn smooth(x: &Point) -> f64 {
+    (2.0 * x[0]).sin() + x[0] * x[1] * x[1] + 0.3 * (3.0 * x[2]).cos()
+}
+
+fn slope(x: &Point, axis: u32) -> f64 {
+    match axis {
+        0 => 2.0 * (2.0 * x[0]).cos() + x[1] * x[1],
+        1 => 2.0 * x[0] * x[1],
+        _ => -0.9 * (3.0 * x[2]).sin(),
+    }
+}
+
+/// Samples with derivatives by all inputs at every second one; the values and derivatives themselves.
+struct Known {
+    inputs: Vec<Point>,
+    values: Vec<f64>,
+    slopes: Vec<Slope>,
+    slope_values: Vec<f64>,
+}
+
+impl Known {
+    fn at(inputs: Vec<Point>) -> Self {
+        let place = |(centre, axis): (u32, u32)| Slope { centre, axis };
+        let all = (0..inputs.len() as u32).step_by(2).flat_map(|c| (0..3).map(move |axis| (c, axis)));
+        let slopes: Vec<Slope> = all.map(place).collect();
+        Self {
+            values: inputs.iter().map(smooth).collect(),
+            slope_values: slopes.iter().map(|s| slope(&inputs[s.centre as usize], s.axis)).collect(),
+            inputs,
+            slopes,
+        }
+    }
+
+    fn samples(&self) -> Samples<'_> {
+        Samples {
+            dimensions: 3,
+            inputs: &self.inputs,
+            values: &self.values,
+            outputs: 1,
+            slopes: &self.slopes,
+            slope_values: &self.slope_values,
+        }
+    }
+}
+
+#[test]
+fn values_and_derivatives_come_back_and_the_gradient_is_the_derivative() {
+    let known = Known::at(points(24));
+    for (kernel, tail) in KERNELS {
+        let spec = KernelSpec { kernel, tail };
+        let fitted = fit(&known.samples(), spec, ASLANT, 0.0).expect("fits").interpolant;
+        for (x, value) in known.inputs.iter().zip(&known.values) {
+            assert!((fitted.values_at(x)[0] - value).abs() < 1e-7, "{kernel:?}");
+        }
+        for (s, value) in known.slopes.iter().zip(&known.slope_values) {
+            let found = fitted.gradient_at(&known.inputs[s.centre as usize])[s.axis as usize][0];
+            assert!((found - value).abs() < 1e-6, "{kernel:?} {s:?}: {found} is not {value}");
+        }
+        for x in [[0.31, 0.62, 0.44], [0.9, 0.1, 0.7], [0.05, 0.55, 0.5]] {
+            let mut at = Point::default();
+            at[..3].copy_from_slice(&x);
+            for axis in 0..3 {
+                let moved = |h: f64| {
+                    let mut x = at;
+                    x[axis] += h;
+                    fitted.values_at(&x)[0]
+                };
+                let central = |h: f64| (moved(h) - moved(-h)) / (2.0 * h);
+                let (found, numeric) =
+                    (fitted.gradient_at(&at)[axis][0], (4.0 * central(5e-4) - central(1e-3)) / 3.0);
+                assert!((found - numeric).abs() < 1e-5, "{kernel:?} {axis}: {found} is not {numeric}");
+            }
+        }
+    }
+}
+
+#[test]
+fn leaving_a_sample_out_takes_its_derivatives_along() {
+    let known = Known::at(points(24));
+    for (kernel, tail) in KERNELS {
+        let spec = KernelSpec { kernel, tail };
+        let all = fit(&known.samples(), spec, ASLANT, 0.0).expect("fits");
+        for left_out in [0_usize, 7, 22] {
+            let kept = |centre: usize| centre != left_out;
+            let renumbered = |centre: u32| centre - u32::from(centre as usize > left_out);
+            let (mut slopes, mut slope_values) = (Vec::new(), Vec::new());
+            for (s, value) in
+                known.slopes.iter().zip(&known.slope_values).filter(|(s, _)| kept(s.centre as usize))
+            {
+                slopes.push(Slope { centre: renumbered(s.centre), ..*s });
+                slope_values.push(*value);
+            }
+            let pick = |i: &usize| kept(*i);
+            let inputs = (0..24).filter(pick).map(|i| known.inputs[i]).collect();
+            let values = (0..24).filter(pick).map(|i| known.values[i]).collect();
+            let rest = Known { inputs, values, slopes, slope_values };
+            let without = fit(&rest.samples(), spec, ASLANT, 0.0).expect("fits").interpolant;
+            let x = &known.inputs[left_out];
+            let error = known.values[left_out] - without.values_at(x)[0];
+            assert!((all.residuals[left_out] - error).abs() < 1e-6, "{kernel:?} {left_out}");
+            for (j, s) in known.slopes.iter().enumerate().filter(|(_, s)| s.centre as usize == left_out) {
+                let error = known.slope_values[j] - without.gradient_at(x)[s.axis as usize][0];
+                assert!((all.slope_residuals[j] - error).abs() < 1e-5, "{kernel:?} {left_out} {s:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn derivatives_pay_and_kernels_without_second_ones_refuse_them() {
+    let known = Known::at(points(40));
+    let spec = KernelSpec { kernel: KernelKind::Quintic, tail: Tail::Quadratic };
+    let worst = |samples: &Samples| {
+        let fitted = fit(samples, spec, Metric::IDENTITY, 0.0).expect("fits").interpolant;
+        let error = |x: &Point| (fitted.values_at(x)[0] - smooth(x)).abs();
+        points(300).split_off(100).iter().map(error).fold(0.0, f64::max)
+    };
+    let with = worst(&known.samples());
+    let without = worst(&Samples { slopes: &[], slope_values: &[], ..known.samples() });
+    assert!(with < 0.5 * without, "{with} is not half of {without}");
+    let linear = KernelSpec { kernel: KernelKind::Linear, tail: Tail::Constant };
+    let refused = fit(&known.samples(), linear, Metric::IDENTITY, 0.0).expect_err("refused");
+    assert_eq!(refused, FitError::NoDerivatives { kernel: "linear" });
+}
