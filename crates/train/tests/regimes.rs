@@ -113,7 +113,7 @@ fn the_file_has_a_version_of_its_own_and_survives_the_round_trip() {
 /// A kept file, and what it answered: `SOFTTWIN_KEEP=1 cargo test -p rom --test regimes` writes both anew.
 #[test]
 fn a_kept_model_is_read_and_answers_as_it_did() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/version6.twin");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../rom/tests/data/version6.twin");
     if std::env::var_os("SOFTTWIN_KEEP").is_some() {
         let (model, _) = train(&strip::database(&strip::states(40)), &config(), &mut |_| {}).expect("trains");
         std::fs::write(&path, model.to_bytes().expect("encodes")).expect("written");
