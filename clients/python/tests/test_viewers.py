@@ -8,7 +8,10 @@ import pathlib
 import struct
 import subprocess
 import sys
+import time
 
+import foxglove
+import foxglove.channels
 import foxglove.messages as reference
 import numpy as np
 import pytest
@@ -152,40 +155,77 @@ def test_rerun_loads_the_recording(recording, tmp_path):
     assert "/viewer/finger/numbers@softtwin.Numbers:message" in said
 
 
-def test_foxglove_live(stage, scene):
-    """The protocol as the app speaks it: it subscribes and gets binary messages."""
+async def watch(address, count, waiting=lambda: None):
+    """What a client of the app's protocol gets: greeting, channels by topic, the first messages of `count` topics with their time."""
+    hello, channels, got = None, {}, {}
+    async with websockets.connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as socket:
+        assert socket.subprotocol == "foxglove.sdk.v1"
+        wanted = []
+        while len(got) < count:
+            waiting()
+            try:
+                message = await asyncio.wait_for(socket.recv(), 0.1)
+            except asyncio.TimeoutError:
+                continue
+            if not isinstance(message, str):
+                operation, number, time_ns = struct.unpack_from("<BIQ", message)
+                assert operation == 1
+                got[wanted[number]] = (time_ns, message[13:])
+                continue
+            said = json.loads(message)
+            if said["op"] == "serverInfo":
+                hello = said
+            for channel in said["channels"] if said["op"] == "advertise" else []:
+                channels[channel["topic"]] = channel
+                wanted.append(channel["topic"])
+                subscription = {"id": len(wanted) - 1, "channelId": channel["id"]}
+                await socket.send(json.dumps({"op": "subscribe", "subscriptions": [subscription]}))
+    return hello, channels, got
+
+
+@pytest.fixture
+def foxglove_server(stage, scene):
+    """`softtwin foxglove` on a free port, and its address."""
     log = open(stage.folder / "foxglove.log", "w+")
     server = subprocess.Popen(
         [PROGRAMS / "softtwin", "foxglove", "--scene", scene, "--port", "0"], stdout=log, stderr=subprocess.STDOUT, env=stage.environment()
     )
     stage.programs.append(server)
-
-    async def watch():
-        while "ws://" not in (said := (stage.folder / "foxglove.log").read_text()):
-            assert server.poll() is None, said
-            await asyncio.sleep(0.02)
-        address = said[said.index("ws://") :].split()[0]
-        async with websockets.connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as socket:
-            channels, got, wanted = {}, {}, {}
-            while len(got) < 6:
-                message = await asyncio.wait_for(socket.recv(), PATIENCE_S)
-                if isinstance(message, str):
-                    said = json.loads(message)
-                    for channel in said.get("channels", []) if said["op"] == "advertise" else []:
-                        channels[len(channels)] = channel
-                        wanted[len(channels) - 1] = channel["topic"]
-                        subscription = {"id": len(channels) - 1, "channelId": channel["id"]}
-                        await socket.send(json.dumps({"op": "subscribe", "subscriptions": [subscription]}))
-                elif message[0] == 1:
-                    number, _ = struct.unpack_from("<IQ", message, 1)
-                    got[wanted[number]] = message[13:]
-            return got, {channel["topic"]: channel["schemaName"] for channel in channels.values()}
-
-    got, schemas = asyncio.run(asyncio.wait_for(watch(), PATIENCE_S))
-    assert schemas["viewer/finger/all/points"] == "foxglove.PointCloud" and set(schemas) == set(got)
-    assert len(got["viewer/finger/all/points"]) > 25022 * 24
+    while "ws://" not in (said := (stage.folder / "foxglove.log").read_text()):
+        assert server.poll() is None, said
+        time.sleep(0.02)
+    yield said[said.index("ws://") :].split()[0]
     stage.stop(server)
     assert server.returncode == 0
+
+
+def test_foxglove_live(foxglove_server):
+    """The protocol as the app speaks it: it subscribes and gets binary messages."""
+    _, channels, got = asyncio.run(asyncio.wait_for(watch(foxglove_server, 6), PATIENCE_S))
+    assert channels["viewer/finger/all/points"]["schemaName"] == "foxglove.PointCloud" and set(channels) == set(got)
+    assert len(got["viewer/finger/all/points"][1]) > 25022 * 24
+
+
+def test_foxglove_live_is_what_its_own_server_says(foxglove_server):
+    """Beside the server of Foxglove's package: one client reads both, and both describe the same message in the same words."""
+    hello, channels, got = asyncio.run(asyncio.wait_for(watch(foxglove_server, 6), PATIENCE_S))
+    reference_server = foxglove.start_server(name="reference", host="127.0.0.1", port=0)
+    points = foxglove.channels.PointCloudChannel("points")
+    log = lambda: points.log(reference.PointCloud(frame_id="scene"), log_time=123)
+    address = f"ws://127.0.0.1:{reference_server.port}"
+    its_hello, its_channels, its_messages = asyncio.run(asyncio.wait_for(watch(address, 1, log), PATIENCE_S))
+    reference_server.stop()
+    for key in ("op", "name", "capabilities", "metadata"):
+        assert type(hello[key]) is type(its_hello[key]), key
+    ours, its = channels["viewer/finger/all/points"], its_channels["points"]
+    assert set(ours) == set(its)
+    for key in ("encoding", "schemaName", "schemaEncoding"):
+        assert ours[key] == its[key], key
+    of = lambda channel: described(base64.b64decode(channel["schema"]), channel["schemaName"])
+    assert of(ours) == of(its)
+    assert its_messages["points"][0] == 123
+    wall_ns = time.time_ns()
+    assert abs(got["viewer/finger/all/points"][0] - wall_ns) < PATIENCE_S * 1e9
 
 
 def test_a_port_in_use_is_named(stage):
