@@ -280,3 +280,35 @@ fn a_scene_that_measures_what_the_model_does_not_have_is_refused() {
     let replay = "kind = \"replay\"\ntrace = \"load.csv\"";
     refused("bridge", replay, formula, "expected one that can have load_n");
 }
+
+#[test]
+fn one_command_makes_a_twin_of_imported_results() {
+    let stage = Stage::with_model("structure-build", &[]);
+    let names = simulations(stage.folder.path());
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let pattern = ["--pattern", "beam_f{load_n}_t{thickness_mm}.vtu", "--out", "part/database"];
+    let others = ["--length-unit", "m", "--stress-unit", "pa", "--test-every", "6"];
+    run(&stage, &[&["import", "results"], &names[..], &pattern, &others].concat());
+    let built: Value = serde_json::from_str(&run(&stage, &["build", "part", "--json"])).expect("JSON");
+    assert_eq!(built["inputs"], serde_json::json!(["load_n", "thickness_mm"]), "{built:#}");
+    let held_back = &built["quality"]["held_back"][0];
+    assert!(held_back["states"].as_u64().is_some_and(|states| states > 1), "{built:#}");
+    assert!(held_back["displacement_percent"][1].as_f64().is_some_and(|error| error < 2.0), "{built:#}");
+    let scene = stage.path("part/scene.toml").display().to_string();
+    let mut twin = Program::daemon(&stage, &["twin", "--scene", &scene]);
+    twin.wait_for("ready:");
+    let readers = Readers::attach(&stage).expect("the twin's topics");
+    let _bridge = Program::daemon(&stage, &["bridge", "--scene", &scene, "--loop"]);
+    let mut last_n = f64::NAN;
+    let risen = wait_state(&readers.states, "a load that rises, and its field", |state| {
+        let load =
+            state.inputs().find(|input| input.name == "load_n" && input.source == input_source::MEASURED);
+        let load_n = load.map_or(f64::NAN, |load| load.value);
+        let has_risen = load_n > last_n && state.outcome == Outcome::Published.code();
+        last_n = load_n;
+        has_risen
+    });
+    let thickness = risen.inputs().find(|input| input.name == "thickness_mm").expect("the thickness");
+    assert_eq!(thickness.source, input_source::GIVEN);
+    wait_for(&readers.fields, "a field", |reader| reader.next().expect("readable").map(drop));
+}

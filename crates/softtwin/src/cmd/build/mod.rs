@@ -1,5 +1,6 @@
-//! `softtwin build`: from the geometry to a twin that can be started, in one command.
+//! `softtwin build`: from the geometry, or from an imported database, to a twin that can be started, in one command.
 
+mod imported;
 mod plan;
 mod pressures;
 mod quality;
@@ -15,6 +16,7 @@ use fem::Family;
 use fem::actuator::Actuator;
 use fem::cases::to_csv;
 use fem::run::{Run, Store, fingerprint};
+use formats::database::ObstacleKind;
 use plan::{Counts, Plan};
 use pressures::Pressures;
 use quality::Quality;
@@ -27,16 +29,20 @@ Example: a first look at a new finger, then the twin for use
   softtwin new finger6 --chambers 6 --length-mm 100
   softtwin build finger6 --quick
   softtwin build finger6
+A twin of another program's results:
+  softtwin import results jobs/*.frd --inputs inputs.csv --length-unit mm --stress-unit mpa --out part/database
+  softtwin build part
 
 Reads DIR/actuator.toml. Makes the mesh, finds the pressures that suit the actuator, simulates free and touching states, \
 trains, measures the model on states it was not trained on, and writes a scene. Solved states are kept: stopped and started \
-again it goes on where it was, and what --quick has solved is used again.";
+again it goes on where it was, and what --quick has solved is used again. Without actuator.toml it takes DIR/database as it is: trains, \
+measures, writes a scene that replays a sweep of the first input.";
 
-/// Make a twin from DIR/actuator.toml: mesh, states, model, its errors, scene.
+/// Make a twin from DIR/actuator.toml (mesh, states, model, its errors, scene), or from DIR/database.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Folder with actuator.toml (`softtwin new` makes one).
+    /// Folder with actuator.toml (`softtwin new` makes one) or database (`softtwin import results`).
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Few states, for a first look; how good the model then is, is printed.
@@ -66,10 +72,15 @@ impl Args {
     pub fn run(self) -> Result<()> {
         let began = Instant::now();
         let path = self.folder.join("actuator.toml");
+        let database = self.folder.join("database");
         if !path.is_file() {
+            if imported::is_database(&database) {
+                return self.imported(&database);
+            }
             let folder = self.folder.display();
             return Err(usage(format!(
-                "{folder}: expected a folder with actuator.toml; `softtwin new {folder}` makes one"
+                "{folder}: expected a folder with actuator.toml, which `softtwin new {folder}` makes, or with an imported database: \
+                 `softtwin import results ... --out {folder}/database`"
             )));
         }
         let actuator = Actuator::read(&path).map_err(refusal)?;
@@ -83,14 +94,13 @@ impl Args {
         let list = self.folder.join("cases.csv");
         save(&list, to_csv(&plan.cases).as_bytes())?;
         self.say("states", &format!("{} in {}, gaps {low} to {high} mm", plan.cases.len(), list.display()))?;
-        let database = self.folder.join("database");
         let threads = self.threads;
         let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
         let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
         for (index, reason) in &outcome.failed {
             self.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
-        let model = self.train(actuator, &database)?;
+        let model = self.train(&database, actuator.obstacle.kind.scene())?;
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
         save(&scene, scene::text(actuator, &plan, &pressures).as_bytes())?;
@@ -103,7 +113,8 @@ impl Args {
                 "displacement_mm": pressures.displacement_mm, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
             }));
         }
-        quality.print(self.quick, &self.folder)?;
+        quality.print()?;
+        Quality::print_limits(self.quick, &self.folder)?;
         self.commands(&model, &scene, &pressures, &plan)?;
         output!("done in {seconds:.0} s, {:.0} s of processor time", cpu_s.unwrap_or(f64::NAN))?;
         Ok(())
@@ -155,12 +166,11 @@ impl Args {
         Ok(found)
     }
 
-    fn train(&self, actuator: &Actuator, database: &Path) -> Result<PathBuf> {
-        let scene = actuator.obstacle.kind.scene();
+    fn train(&self, database: &Path, scene: ObstacleKind) -> Result<PathBuf> {
         let data = files::database(database, scene)?;
         let (model, sheet) = train::train(&data, &train::config::TrainConfig::default(), &mut |_| ())
             .with_context(|| format!("training on {}", database.display()))?;
-        let path = self.folder.join(&actuator.name).with_extension("twin");
+        let path = self.folder.join(format!("{}.twin", data.actuator));
         let bytes = model.to_bytes()?;
         save(&path, &bytes)?;
         files::save_data_sheet(&path, &sheet)?;

@@ -24,7 +24,8 @@ struct Errors {
 pub struct Quality {
     held_back: Vec<Errors>,
     leave_one_out: Vec<evaluate::LeftOut>,
-    picture: PathBuf,
+    /// None where no state was held back.
+    picture: Option<PathBuf>,
 }
 
 impl Quality {
@@ -36,18 +37,20 @@ impl Quality {
         let loaded = files::model(model)?;
         let kinds = formats::database::obstacle_kinds(database).map_err(files::refusal)?;
         let data = files::database(database, kinds[0])?;
-        let cases: Vec<usize> = data.of_split(Split::Check).collect();
+        let held_back = |case: &usize| data.cases[*case].split != Split::Train;
+        let cases: Vec<usize> = (0..data.cases.len()).filter(held_back).collect();
+        let leave_one_out = evaluate::leave_one_out(&files::data_sheet(model));
+        if cases.is_empty() {
+            return Ok(Self { held_back: Vec::new(), leave_one_out, picture: None });
+        }
         let report = train::evaluate::evaluate(&loaded, &data, &cases, DEFAULT_FLOOR)?;
         evaluate::picture(&report).save(picture)?;
-        Ok(Self {
-            held_back: report.regimes.iter().map(errors).collect(),
-            leave_one_out: evaluate::leave_one_out(&files::data_sheet(model)),
-            picture: picture.into(),
-        })
+        let held_back = report.regimes.iter().map(errors).collect();
+        Ok(Self { held_back, leave_one_out, picture: Some(picture.into()) })
     }
 
     /// As text.
-    pub fn print(&self, quick: bool, folder: &Path) -> Result<()> {
+    pub fn print(&self) -> Result<()> {
         output!("\nhow far it is from the finite elements it was trained on, at the worst node of a state:")?;
         output!("  {:<38}{:>16}{:>16}{:>16}", "mean and largest error", "displacement", "stress", "force")?;
         let pair = |[mean, largest]: [f64; 2]| format!("{mean:.2}, {largest:.2} %");
@@ -67,10 +70,23 @@ impl Quality {
             let force = if left.regime == RegimeKind::Contact { pair(left.force_n, "N") } else { "-".into() };
             output!("  {states:<34}{displacement:>20}{stress:>21}{force:>19}")?;
         }
-        output!(
-            "  percent of the state's largest displacement or stress, and of the largest force; {}",
-            self.picture.display()
-        )?;
+        match &self.picture {
+            Some(picture) => output!(
+                "  percent of the state's largest displacement or stress, and of the largest force; {}",
+                picture.display()
+            )?,
+            None => {
+                output!("  no state was held back (split = test): only leaving out in turn tells the error")?
+            }
+        }
+        Ok(())
+    }
+
+    /// What the figures do not tell of an actuator of our own finite elements.
+    ///
+    /// # Errors
+    /// A closed output.
+    pub fn print_limits(quick: bool, folder: &Path) -> Result<()> {
         output!(
             "  the finite elements themselves: mesh about 4 % (docs/fem.md), and whatever the silicone's constants are off"
         )?;

@@ -80,7 +80,7 @@ pub struct Args {
     /// Every so many-th state is for testing (2 to 1000000000); a column split in the table goes before.
     #[arg(long, value_name = "N", value_parser = crate::range::count(2, 1_000_000_000))]
     test_every: Option<usize>,
-    /// Name of what was simulated; the folder's name when left out.
+    /// Name of what was simulated; the folder's name when left out (of NAME/database: NAME).
     #[arg(long)]
     name: Option<String>,
     /// End with one JSON object.
@@ -163,7 +163,7 @@ impl Args {
         let nodes = states.assembly.nodes();
         let (shape_varies, left_out) = (states.assembly.shape_varies(), states.left_out);
         let parameters = parameters(&states.names, &states.known)?;
-        let name = self.name.clone().unwrap_or_else(|| plain(&self.out));
+        let name = self.name.clone().unwrap_or_else(|| plain(subject(&self.out)));
         let (mut database, blocks) = states
             .assembly
             .finish(name, parameters)
@@ -377,6 +377,12 @@ fn parameters(names: &[String], known: &[(String, BTreeMap<String, f64>)]) -> Re
         parameters.push(Parameter { name: name.clone(), unit: unit(name)?.into(), nominal });
     }
     Ok(parameters)
+}
+
+/// What a folder's name tells of its content: of `part/database` it is the part.
+fn subject(out: &Path) -> &Path {
+    let parent = out.parent().filter(|parent| parent.file_name().is_some());
+    parent.filter(|_| out.file_name().is_some_and(|name| name == "database")).unwrap_or(out)
 }
 
 /// A file's name without folder and ending, of letters, digits, - and _.

@@ -1,0 +1,134 @@
+//! A twin of states that another program solved: model, its errors, and a scene that replays a sweep of the first input that varies.
+
+use super::Args;
+use super::quality::Quality;
+use crate::files::{self, refusal, save};
+use crate::output;
+use anyhow::{Context, Result};
+use formats::database::obstacle_kinds;
+use rom::inputs::{GAP, InputSpec, PARAMETERS};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Rows of the sweep, there and back, and the time between two (s).
+const ROWS: usize = 200;
+const PERIOD_S: f64 = 0.05;
+
+/// Whether a folder holds a database.
+pub fn is_database(folder: &Path) -> bool {
+    folder.join("database.toml").is_file()
+}
+
+impl Args {
+    /// Trains on a database as it is, says how good the model is and how the twin is started.
+    ///
+    /// # Errors
+    /// A database that cannot be read or trained on; the system's refusal.
+    pub(super) fn imported(&self, database: &Path) -> Result<()> {
+        let kinds = obstacle_kinds(database).map_err(refusal)?;
+        let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
+        let model = self.train(database, kind)?;
+        let quality = Quality::of(&model, database, &self.folder.join("errors.png"))?;
+        let header = files::model(&model)?.header;
+        // An input without a range is one that no state had.
+        let inputs: Vec<(usize, &InputSpec)> = header
+            .inputs
+            .iter()
+            .enumerate()
+            .filter(|(_, input)| input.range.iter().all(|end| end.is_finite()))
+            .collect();
+        let (scene, sweep) = (self.folder.join("scene.toml"), self.folder.join("sweep.csv"));
+        save(&sweep, sweep_text(&inputs).as_bytes())?;
+        save(&scene, scene_text(&header.actuator, &inputs).as_bytes())?;
+        if self.json {
+            return output::json(&json!({
+                "model": model, "scene": scene, "sweep": sweep, "quality": quality,
+                "inputs": inputs.iter().map(|(_, input)| input.key()).collect::<Vec<_>>(),
+            }));
+        }
+        quality.print()?;
+        let state: String = inputs.iter().fold(String::new(), |text, input| text + &option(input));
+        let (model, scene) = (model.display(), scene.display());
+        output!("\nstart it, with the readings of {} until a sensor stands in the scene:", sweep.display())?;
+        output!("  softtwind twin --scene {scene}")?;
+        output!("  softtwind bridge --scene {scene} --loop")?;
+        output!(
+            "  softtwin view --scene {scene}      in a browser; or: softtwin echo 'softtwin/{}/state'",
+            header.actuator
+        )?;
+        output!("ask it without starting it:")?;
+        output!("  softtwin predict --model {model}{state}")?;
+        Ok(())
+    }
+}
+
+/// Place of the input that is swept: the first that varies.
+fn swept(inputs: &[(usize, &InputSpec)]) -> usize {
+    inputs.iter().position(|(_, input)| input.range[0] < input.range[1]).unwrap_or(0)
+}
+
+fn middle(input: &InputSpec) -> f64 {
+    0.5 * (input.range[0] + input.range[1])
+}
+
+/// How `softtwin predict` is given the middle of an input's range.
+fn option((at, input): &(usize, &InputSpec)) -> String {
+    match *at {
+        at if at < PARAMETERS => format!(" --{} {:.4}", input.key().replace('_', "-"), middle(input)),
+        _ => format!(" --set {}={:.4}", input.key(), middle(input)),
+    }
+}
+
+/// The first input that varies, through its range and back; pressure and gap, which a trace has or has not, stand in it as well.
+fn sweep_text(inputs: &[(usize, &InputSpec)]) -> String {
+    let swept = swept(inputs);
+    let is_column = |(place, (at, _)): &(usize, &(usize, &InputSpec))| *place == swept || *at < PARAMETERS;
+    let columns: Vec<(usize, &(usize, &InputSpec))> = inputs.iter().enumerate().filter(is_column).collect();
+    let mut text = String::from(
+        "# A sweep of the first input, made by `softtwin build`; further inputs stand in the scene.\nt_s",
+    );
+    columns.iter().for_each(|(_, (_, input))| text.extend([",", &input.key()]));
+    text.push('\n');
+    for row in 0..ROWS {
+        let share = 1.0 - (1.0 - 2.0 * row as f64 / (ROWS - 1) as f64).abs();
+        let _ = write!(text, "{:.2}", row as f64 * PERIOD_S); // into memory
+        for (place, (_, input)) in &columns {
+            let [low, high] = input.range;
+            let value = if *place == swept { low + share * (high - low) } else { middle(input) };
+            let _ = write!(text, ",{value}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The scene: the swept input is measured, other parameters are given.
+fn scene_text(name: &str, inputs: &[(usize, &InputSpec)]) -> String {
+    let swept = swept(inputs);
+    let parameter = |(place, (_, input)): (usize, &(usize, &InputSpec))| {
+        let [low, high] = input.range;
+        match place == swept {
+            true => format!("{} = {{ min = {low:?}, max = {high:?} }}   # measured\n", input.key()),
+            false => format!("{} = {:?}   # given; {low} to {high}\n", input.key(), middle(input)),
+        }
+    };
+    let parameters = inputs.iter().enumerate().filter(|(_, (at, _))| *at > GAP);
+    let parameters: String = parameters.map(parameter).collect();
+    let table =
+        if parameters.is_empty() { String::new() } else { format!("\n[actuator.inputs]\n{parameters}") };
+    format!(
+        "# Scene of {name}, made by `softtwin build`. Every key is explained in OPERATIONS.md, sensors in docs/sensors.md.\n\
+         #   softtwind twin --scene scene.toml, and softtwind bridge --scene scene.toml --loop\n\
+         name = \"{name}\"\n\n\
+         [[actuator]]\n\
+         name = \"{name}\"\n\
+         model = \"{name}.twin\"\n\
+         queries = \"fields\"\n{table}\n\
+         [actuator.source]                # a sweep; put your sensor here (kind = \"modbus\" or \"lines\")\n\
+         kind = \"replay\"\n\
+         trace = \"sweep.csv\"\n\n\
+         [[actuator.output]]              # softtwin/{name}/field\n\
+         nodes = \"all\"\n"
+    )
+}
