@@ -40,7 +40,7 @@ impl Args {
             .collect();
         let (scene, sweep) = (self.folder.join("scene.toml"), self.folder.join("sweep.csv"));
         save(&sweep, sweep_text(&inputs).as_bytes())?;
-        save(&scene, scene_text(&header.actuator, &inputs).as_bytes())?;
+        self.save_scene(&scene, &scene_text(&header.actuator, &inputs))?;
         if self.json {
             return output::json(&json!({
                 "model": model, "scene": scene, "sweep": sweep, "quality": quality,

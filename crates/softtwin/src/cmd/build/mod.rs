@@ -103,7 +103,7 @@ impl Args {
         let model = self.train(&database, actuator.obstacle.kind.scene())?;
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
-        save(&scene, scene::text(actuator, &plan, &pressures).as_bytes())?;
+        self.save_scene(&scene, &scene::text(actuator, &plan, &pressures))?;
         let seconds = began.elapsed().as_secs_f64();
         let cpu_s = resources::cpu_s("self");
         if self.json {
@@ -176,6 +176,16 @@ impl Args {
         files::save_data_sheet(&path, &sheet)?;
         self.say("model", &format!("{} ({:.1} MB)", path.display(), bytes.len() as f64 / 1e6))?;
         Ok(path)
+    }
+
+    /// Writes the scene; another one that stood there, perhaps with a sensor in it by now, is kept beside it.
+    fn save_scene(&self, scene: &Path, text: &str) -> Result<()> {
+        if let Some(other) = std::fs::read(scene).ok().filter(|other| other != text.as_bytes()) {
+            let kept = scene.with_extension("toml.old");
+            save(&kept, &other)?;
+            self.say("scene", &format!("made anew; what was there is {}", kept.display()))?;
+        }
+        save(scene, text.as_bytes())
     }
 
     fn commands(&self, model: &Path, scene: &Path, pressures: &Pressures, plan: &Plan) -> Result<()> {
