@@ -1,6 +1,6 @@
 //! A twin of states that another program solved: model, its errors, and a scene that replays a sweep of the first input that varies.
 
-use super::Args;
+use super::folder::Folder;
 use super::quality::Quality;
 use crate::files::{self, refusal, save};
 use crate::output;
@@ -20,47 +20,45 @@ pub fn is_database(folder: &Path) -> bool {
     folder.join("database.toml").is_file()
 }
 
-impl Args {
-    /// Trains on a database as it is, says how good the model is and how the twin is started.
-    ///
-    /// # Errors
-    /// A database that cannot be read or trained on; the system's refusal.
-    pub(super) fn imported(&self, database: &Path) -> Result<()> {
-        let kinds = obstacle_kinds(database).map_err(refusal)?;
-        let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
-        let model = self.train(database, kind)?;
-        let quality = Quality::of(&model, database, &self.folder.join("errors.png"))?;
-        let header = files::model(&model)?.header;
-        // An input without a range is one that no state had.
-        let inputs: Vec<(usize, &InputSpec)> = header
-            .inputs
-            .iter()
-            .enumerate()
-            .filter(|(_, input)| input.range.iter().all(|end| end.is_finite()))
-            .collect();
-        let (scene, sweep) = (self.folder.join("scene.toml"), self.folder.join("sweep.csv"));
-        save(&sweep, sweep_text(&inputs).as_bytes())?;
-        self.save_scene(&scene, &scene_text(&header.actuator, &inputs))?;
-        if self.json {
-            return output::json(&json!({
-                "model": model, "scene": scene, "sweep": sweep, "quality": quality,
-                "inputs": inputs.iter().map(|(_, input)| input.key()).collect::<Vec<_>>(),
-            }));
-        }
-        quality.print()?;
-        let state: String = inputs.iter().fold(String::new(), |text, input| text + &option(input));
-        let (model, scene) = (model.display(), scene.display());
-        output!("\nstart it, with the readings of {} until a sensor stands in the scene:", sweep.display())?;
-        output!("  softtwind twin --scene {scene}")?;
-        output!("  softtwind bridge --scene {scene} --loop")?;
-        output!(
-            "  softtwin view --scene {scene}      in a browser; or: softtwin echo 'softtwin/{}/state'",
-            header.actuator
-        )?;
-        output!("ask it without starting it:")?;
-        output!("  softtwin predict --model {model}{state}")?;
-        Ok(())
+/// Trains on a database as it is, says how good the model is and how the twin is started.
+///
+/// # Errors
+/// A database that cannot be read or trained on; the system's refusal.
+pub fn build(folder: &Folder, database: &Path) -> Result<()> {
+    let kinds = obstacle_kinds(database).map_err(refusal)?;
+    let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
+    let model = folder.train(database, kind)?;
+    let quality = Quality::of(&model, database, &folder.path.join("errors.png"))?;
+    let header = files::model(&model)?.header;
+    // An input without a range is one that no state had.
+    let inputs: Vec<(usize, &InputSpec)> = header
+        .inputs
+        .iter()
+        .enumerate()
+        .filter(|(_, input)| input.range.iter().all(|end| end.is_finite()))
+        .collect();
+    let (scene, sweep) = (folder.path.join("scene.toml"), folder.path.join("sweep.csv"));
+    save(&sweep, sweep_text(&inputs).as_bytes())?;
+    folder.save_scene(&scene, &scene_text(&header.actuator, &inputs))?;
+    if folder.json {
+        return output::json(&json!({
+            "model": model, "scene": scene, "sweep": sweep, "quality": quality,
+            "inputs": inputs.iter().map(|(_, input)| input.key()).collect::<Vec<_>>(),
+        }));
     }
+    quality.print()?;
+    let state: String = inputs.iter().fold(String::new(), |text, input| text + &option(input));
+    let (model, scene) = (model.display(), scene.display());
+    output!("\nstart it, with the readings of {} until a sensor stands in the scene:", sweep.display())?;
+    output!("  softtwind twin --scene {scene}")?;
+    output!("  softtwind bridge --scene {scene} --loop")?;
+    output!(
+        "  softtwin view --scene {scene}      in a browser; or: softtwin echo 'softtwin/{}/state'",
+        header.actuator
+    )?;
+    output!("ask it without starting it:")?;
+    output!("  softtwin predict --model {model}{state}")?;
+    Ok(())
 }
 
 /// Place of the input that is swept: the first that varies.

@@ -1,5 +1,6 @@
 //! `softtwin build`: from the geometry, or from an imported database, to a twin that can be started, in one command.
 
+mod folder;
 mod imported;
 mod plan;
 mod pressures;
@@ -11,12 +12,12 @@ use super::simulate::batch;
 use crate::failure::usage;
 use crate::files::{self, refusal, save};
 use crate::{output, range, resources};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use fem::Family;
 use fem::actuator::Actuator;
 use fem::cases::to_csv;
 use fem::run::{Run, Store, fingerprint};
-use formats::database::ObstacleKind;
+use folder::Folder;
 use plan::{Counts, Plan};
 use pressures::Pressures;
 use quality::Quality;
@@ -30,7 +31,8 @@ Example: a first look at a new finger, then the twin for use
   softtwin build finger6 --quick
   softtwin build finger6
 A twin of another program's results:
-  softtwin import results jobs/*.frd --inputs inputs.csv --length-unit mm --stress-unit mpa --out part/database
+  softtwin import results jobs/*.frd --inputs inputs.csv \\
+    --length-unit mm --stress-unit mpa --out part/database
   softtwin build part
 
 Reads DIR/actuator.toml. Makes the mesh, finds the pressures that suit the actuator, simulates free and touching states, \
@@ -73,9 +75,10 @@ impl Args {
         let began = Instant::now();
         let path = self.folder.join("actuator.toml");
         let database = self.folder.join("database");
+        let folder = self.target();
         if !path.is_file() {
             if imported::is_database(&database) {
-                return self.imported(&database);
+                return imported::build(&folder, &database);
             }
             let folder = self.folder.display();
             return Err(usage(format!(
@@ -84,7 +87,7 @@ impl Args {
             )));
         }
         let actuator = Actuator::read(&path).map_err(refusal)?;
-        self.say("mesh", &self.mesh(&actuator)?)?;
+        folder.say("mesh", &self.mesh(&actuator)?)?;
         let family = files::family(&path)?;
         let actuator = &family.actuator;
         let pressures = self.pressures(&family)?;
@@ -93,17 +96,18 @@ impl Args {
         let [low, high] = plan.gaps_mm;
         let list = self.folder.join("cases.csv");
         save(&list, to_csv(&plan.cases).as_bytes())?;
-        self.say("states", &format!("{} in {}, gaps {low} to {high} mm", plan.cases.len(), list.display()))?;
+        folder
+            .say("states", &format!("{} in {}, gaps {low} to {high} mm", plan.cases.len(), list.display()))?;
         let threads = self.threads;
         let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
         let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
         for (index, reason) in &outcome.failed {
-            self.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
+            folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
         }
-        let model = self.train(&database, actuator.obstacle.kind.scene())?;
+        let model = folder.train(&database, actuator.obstacle.kind.scene())?;
         let quality = Quality::of(&model, &database, &self.folder.join("errors.png"))?;
         let scene = self.folder.join("scene.toml");
-        self.save_scene(&scene, &scene::text(actuator, &plan, &pressures))?;
+        folder.save_scene(&scene, &scene::text(actuator, &plan, &pressures))?;
         let seconds = began.elapsed().as_secs_f64();
         let cpu_s = resources::cpu_s("self");
         if self.json {
@@ -120,11 +124,8 @@ impl Args {
         Ok(())
     }
 
-    fn say(&self, step: &str, text: &str) -> Result<()> {
-        if !self.json {
-            output!("{step:<10} {text}")?;
-        }
-        Ok(())
+    fn target(&self) -> Folder<'_> {
+        Folder { path: &self.folder, json: self.json }
     }
 
     /// Makes the mesh, unless the actuator names one of the user's own.
@@ -160,32 +161,10 @@ impl Args {
         let run = Run { family, store, threads: 1, sensitivities: false, shard: None };
         let found = pressures::find(&run, |text| {
             // What a reader of the output misses when it is closed is a progress line.
-            let _ = self.say("pressures", text);
+            let _ = self.target().say("pressures", text);
         })?;
-        self.say("pressures", &format!("0 to {} MPa: {}", found.largest_mpa(), found.reason))?;
+        self.target().say("pressures", &format!("0 to {} MPa: {}", found.largest_mpa(), found.reason))?;
         Ok(found)
-    }
-
-    fn train(&self, database: &Path, scene: ObstacleKind) -> Result<PathBuf> {
-        let data = files::database(database, scene)?;
-        let (model, sheet) = train::train(&data, &train::config::TrainConfig::default(), &mut |_| ())
-            .with_context(|| format!("training on {}", database.display()))?;
-        let path = self.folder.join(format!("{}.twin", data.actuator));
-        let bytes = model.to_bytes()?;
-        save(&path, &bytes)?;
-        files::save_data_sheet(&path, &sheet)?;
-        self.say("model", &format!("{} ({:.1} MB)", path.display(), bytes.len() as f64 / 1e6))?;
-        Ok(path)
-    }
-
-    /// Writes the scene; another one that stood there, perhaps with a sensor in it by now, is kept beside it.
-    fn save_scene(&self, scene: &Path, text: &str) -> Result<()> {
-        if let Some(other) = std::fs::read(scene).ok().filter(|other| other != text.as_bytes()) {
-            let kept = scene.with_extension("toml.old");
-            save(&kept, &other)?;
-            self.say("scene", &format!("made anew; what was there is {}", kept.display()))?;
-        }
-        save(scene, text.as_bytes())
     }
 
     fn commands(&self, model: &Path, scene: &Path, pressures: &Pressures, plan: &Plan) -> Result<()> {

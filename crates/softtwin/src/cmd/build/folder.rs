@@ -1,0 +1,46 @@
+//! The folder that `softtwin build` fills: progress lines, the model, the scene.
+
+use crate::files::{self, save};
+use crate::output;
+use anyhow::{Context, Result};
+use formats::database::ObstacleKind;
+use std::path::{Path, PathBuf};
+
+/// Where the twin's files go, and whether the answer is JSON.
+pub struct Folder<'a> {
+    pub path: &'a Path,
+    pub json: bool,
+}
+
+impl Folder<'_> {
+    /// Prints what a step did, unless the answer is JSON.
+    pub fn say(&self, step: &str, text: &str) -> Result<()> {
+        if !self.json {
+            output!("{step:<10} {text}")?;
+        }
+        Ok(())
+    }
+
+    /// Trains on a database and saves the model; its path.
+    pub fn train(&self, database: &Path, scene: ObstacleKind) -> Result<PathBuf> {
+        let data = files::database(database, scene)?;
+        let (model, sheet) = train::train(&data, &train::config::TrainConfig::default(), &mut |_| ())
+            .with_context(|| format!("training on {}", database.display()))?;
+        let path = self.path.join(format!("{}.twin", data.actuator));
+        let bytes = model.to_bytes()?;
+        save(&path, &bytes)?;
+        files::save_data_sheet(&path, &sheet)?;
+        self.say("model", &format!("{} ({:.1} MB)", path.display(), bytes.len() as f64 / 1e6))?;
+        Ok(path)
+    }
+
+    /// Writes the scene; another one that stood there, perhaps with a sensor in it by now, is kept beside it.
+    pub fn save_scene(&self, scene: &Path, text: &str) -> Result<()> {
+        if let Some(other) = std::fs::read(scene).ok().filter(|other| other != text.as_bytes()) {
+            let kept = scene.with_extension("toml.old");
+            save(&kept, &other)?;
+            self.say("scene", &format!("made anew; what was there is {}", kept.display()))?;
+        }
+        save(scene, text.as_bytes())
+    }
+}
