@@ -2,8 +2,11 @@
 
 mod budget;
 mod dense;
+mod footprint;
 mod goal;
+mod kernel;
 mod model_file;
 mod predict;
 mod probe;
+mod rng;
 mod stress_peak;

@@ -133,7 +133,7 @@ fn mistakes_are_named_with_what_would_work() {
     refused("new other --silicone rubber", 2, "expected one of reference");
     refused("new bad.name", 2, "give --name");
     assert!(!stage.path("other").exists(), "what is refused leaves nothing");
-    refused("build nowhere", 2, "`softtwin new nowhere` makes one");
+    refused("build nowhere", 2, "which `softtwin new nowhere` makes");
     refused("build finger --size-mm 30", 2, "flatter elements fold");
     let text = std::fs::read_to_string(stage.path("finger/actuator.toml")).expect("just made");
     stage.write("finger/actuator.toml", &text.replace("floor_mm = 7.0 ", "floor_mm = 5.0 "));

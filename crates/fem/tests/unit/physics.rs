@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::builder::{Builder, close, noise};
+use super::builder::{Builder, close};
 use super::energy::potential_n_mm;
+use super::noise;
 use crate::algebra::{Mat3, Vec3, add, axpy, dot, mat_vec, norm, scale, sub};
 use crate::config::{ContactSettings, GRAVITY_DOWN_MM_S2, NewtonSettings};
 use crate::element::{membrane, tet10};

@@ -1,6 +1,6 @@
 //! Every tangent is the derivative of its force, and every force the derivative of its energy.
 
-use super::builder::noise;
+use super::noise;
 use crate::algebra::{Vec3, add, axpy, dot, scale, skew};
 use crate::contact::penalty::penalty;
 use crate::element::cavity::{CavityLoad, face_terms};

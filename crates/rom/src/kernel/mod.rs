@@ -39,10 +39,6 @@ pub(crate) mod tail;
 mod tiles;
 pub(crate) mod weigh;
 
-#[cfg(test)]
-#[path = "../../tests/unit/kernel/mod.rs"]
-mod tests;
-
 pub use basis::{Basis, Peak, Peaks, ReconstructError};
 pub use budget::Budget;
 pub use isa::Isa;

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::cases::{Body, available};
 use super::reference;
-use crate::kernel::{Basis, Budget, Isa, Peak, Precision, Spec};
+use rom::kernel::{Basis, Budget, Isa, Peak, Precision, Spec};
 
 /// Unit roundoff of f32.
 const U: f64 = 1.0 / (1u64 << 24) as f64;

@@ -1,6 +1,6 @@
 //! The same in the plainest way: the oracle of the tests and the definition of what the kernel computes.
 
-use crate::kernel::{Affine, Field, Role, Source, Spec};
+use rom::kernel::{Affine, Field, Role, Source, Spec};
 
 /// All published fields, field-major, in f64, straight from the equations; with each value the sum of the magnitudes
 /// of its terms, from which the bound of any order of summation in f32 follows.

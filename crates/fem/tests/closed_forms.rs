@@ -2,12 +2,10 @@
 
 use std::sync::Arc;
 
-use super::builder::{Builder, close};
-use crate::algebra::{norm, scale};
-use crate::config::NewtonSettings;
-use crate::element::cavity::CavityLoad;
-use crate::material::{Elastomer, Hyperelastic, VolumeChange};
-use crate::{Load, Problem, ProblemConfig, Solver};
+use crate::builder::{Builder, close};
+
+use fem::material::{Elastomer, Hyperelastic, VolumeChange};
+use fem::{CavityLoad, Load, NewtonSettings, Problem, ProblemConfig, Solver};
 
 /// A cube of side 4 with a hole of side 2, its nodes moved so that both become spheres of radius 2 and 1; held at one
 /// small triangle of its skin.
@@ -21,7 +19,8 @@ fn hollow_sphere(cells: usize, mu: f64) -> Problem {
     b.mesh.fixed_nodes = skin[skin.len() / 2][..3].to_vec();
     for p in &mut b.mesh.nodes_mm {
         let reach = p.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        *p = scale(reach / norm(*p), *p);
+        let norm = p.iter().map(|v| v * v).sum::<f64>().sqrt();
+        *p = p.map(|v| v * reach / norm);
     }
     let law = Hyperelastic::NeoHookean { mu_mpa: mu };
     let volume_change = VolumeChange::Mean;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::mesh::Mesh;
+use super::Mesh;
 use formats::mesh_file::{TET_EDGES, TRI_EDGES, Tet10, Tri6};
 
 /// Corner paths of the six tetrahedra a cube is split into (Kuhn's triangulation).
@@ -110,13 +110,6 @@ impl Builder {
         let nodes = self.mesh.nodes_mm.iter().enumerate();
         nodes.filter(|(_, p)| on(**p)).map(|(n, _)| u32::try_from(n).unwrap()).collect()
     }
-}
-
-/// A reproducible number in -1 ... 1 for each k.
-pub fn noise(k: usize) -> f64 {
-    let mut h = (k as u64).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    h = (h ^ (h >> 31)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    ((h ^ (h >> 29)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
 pub fn close(a: f64, b: f64, relative: f64) -> bool {

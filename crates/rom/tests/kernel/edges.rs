@@ -1,7 +1,7 @@
 //! What the description refuses, and inputs at the edge.
 
 use super::cases::{Body, available};
-use crate::kernel::{
+use rom::kernel::{
     Affine, Basis, BasisError, Budget, Field, Isa, MAX_ROWS, Precision, ReconstructError, Role, Source, Spec,
     Values,
 };

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::kernel::{Affine, Field, Isa, Role, Shift, Source, Spec, Values};
+use rom::kernel::{Affine, Field, Isa, Role, Shift, Source, Spec, Values};
 
 /// Data that a [`Spec`] can borrow from.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::cases::{Lcg, available};
-use crate::kernel::{Affine, Basis, Field, Isa, PeakSearch, Precision, Role, Source, Spec, Values};
+use rom::kernel::{Affine, Basis, Field, Isa, PeakSearch, Precision, Role, Source, Spec, Values};
 
 /// A field over `nodes` whose rows are multiples of `step` (0: any numbers), so that values and bounds are equal where they may be.
 struct Case {
