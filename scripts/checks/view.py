@@ -355,7 +355,7 @@ def a_scene_says_where_its_fingers_and_blocks_stand(stage, program):
         for width, height in ((390, 844), (820, 1180), (1280, 720)):
             page.resize(width, height)
             for _ in range(2):  # with "what if" closed and open
-                page.picture()
+                screenshots.settle(page)
                 assert page.run(HIDDEN) == [], f"hidden at {width} x {height}: {page.run(HIDDEN)}"
                 assert page.run(screenshots.CUT) == [], f"cut off at {width} x {height}: {page.run(screenshots.CUT)}"
                 page.click("whatif-toggle")
