@@ -11,7 +11,7 @@
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh prepare                     nothing but the Python packages of exports, clients and gateway
-#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin
+#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin [--no-run]
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an implementation of ROS 2 that is not ours
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
 # Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
@@ -29,7 +29,8 @@ needs() {
     done
 }
 
-build() { cargo build --locked --quiet --workspace --bins; }
+# Unless SOFTTWIN_BUILT says that it was done, as .ci/run does.
+build() { [ -n "${SOFTTWIN_BUILT:-}" ] || cargo build --locked --quiet --workspace --bins --lib; }
 
 # python NAME PACKAGE... : an interpreter with these packages, in build/NAME-venv; its path is in `python`.
 python() {
@@ -37,7 +38,7 @@ python() {
     needs python3
     if [ ! -f "$venv/installed" ]; then
         python3 -m venv "$venv" || { echo "check.sh: python3 needs venv; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
-        "$venv/bin/pip" install --quiet --disable-pip-version-check "${@:2}"
+        "$venv/bin/pip" install --quiet --disable-pip-version-check --no-compile "${@:2}"
         touch "$venv/installed"
     fi
     python=$venv/bin/python
@@ -91,7 +92,7 @@ calculix() {
 
 clients() {
     clients_python
-    cargo build --locked --quiet --workspace --bins --lib
+    build
     export PYTHONPATH=$PWD/clients/python/src
     SOFTTWIN_LIBRARY=$(realpath "$target")/debug/libcapi.so
     export SOFTTWIN_LIBRARY
@@ -152,6 +153,7 @@ gateway() {
     # As .ci/run calls it, which then need not be done again.
     cargo clippy --quiet --workspace --all-targets --features gateway/network --locked -- -D warnings
     cargo test --quiet --locked -p gateway --features network --no-run
+    [ "${1:-}" != --no-run ] || return 0
     local log peers failed=0
     log=$(mktemp)
     # Both wait for processes most of the time.
@@ -233,7 +235,7 @@ aarch64() {
     fi
     export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
     export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu"
-    exec cargo test --locked --target "$triple" --target-dir target/aarch64 -p rom --lib -- kernel "$@"
+    exec cargo test --locked --target "$triple" --target-dir target/aarch64 -p rom --lib --test all -- kernel "$@"
 }
 
 case ${1:-} in
