@@ -260,7 +260,8 @@ fn inputs_that_cannot_be_told_apart_are_refused_by_name() {
 
 #[test]
 fn an_input_that_changes_nothing_and_two_that_do_the_same_are_reported() {
-    let mut database = database(false);
+    let count = 150;
+    let mut database = few(count, false);
     let mut third = rom::inputs::Parameter { name: "sheet.colour".into(), unit: "1".into(), nominal: 0.5 };
     for (i, case) in database.cases.iter_mut().enumerate() {
         case.parameters.push((i as f64 * 0.324_717_957).fract());
@@ -279,8 +280,8 @@ fn an_input_that_changes_nothing_and_two_that_do_the_same_are_reported() {
     );
     // The same softness by two parameters: only their sum is seen.
     third.name = "elastomer.law.twin_mpa".into();
-    let mut states = design::states(0, STATES);
-    let shares: Vec<f64> = (0..STATES).map(|i| (i as f64 * 0.324_717_957).fract()).collect();
+    let mut states = design::states(0, count);
+    let shares: Vec<f64> = (0..count).map(|i| (i as f64 * 0.324_717_957).fract()).collect();
     let own: Vec<f64> = states.iter().map(|s| s[2]).collect();
     states.iter_mut().zip(&shares).for_each(|(s, share)| s[2] += 0.2 * (share - 0.5));
     let states: Vec<_> = states.into_iter().map(|s| (Split::Train, s)).collect();
@@ -440,7 +441,7 @@ fn an_evaluation_answers_repeatedly_and_says_what_it_costs() {
 /// A displacement measured from a mesh that parameters move is not the distance from the nominal one.
 #[test]
 fn a_magnitude_that_does_not_follow_from_the_coordinates_is_interpolated_by_itself() {
-    let states: Vec<_> = design::states(0, 120).into_iter().map(|s| (Split::Train, s)).collect();
+    let states: Vec<_> = design::states(0, 80).into_iter().map(|s| (Split::Train, s)).collect();
     let mut database = design::database(&states, false);
     let derived = |database: &Database| {
         let (model, _) = train(database, &quick(), &mut |_| {}).expect("trains");
