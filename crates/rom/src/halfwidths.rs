@@ -61,16 +61,21 @@ pub struct LocalHalfWidths {
 }
 
 impl LocalHalfWidths {
-    /// Calibrates on the errors of the cases at these scaled inputs. Cost `O(cases^2)`.
-    pub fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
+    /// Before its factors are set.
+    fn without_factors(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e[k]).collect() };
-        let mut local = Self {
+        Self {
             coverage,
             inputs: (0..dimensions).flat_map(|i| points.iter().map(move |x| x[i])).collect(),
             errors: [of(0), of(1), of(2)],
             least: [0, 1, 2].map(|k| (MIN_SHARE * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)),
             factors: [1.0; 3],
-        };
+        }
+    }
+
+    /// Calibrates on the errors of the cases at these scaled inputs. Cost `O(cases^2)`.
+    pub fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
+        let mut local = Self::without_factors(dimensions, points, errors, coverage);
         let means: Vec<Errors> = (0..points.len()).map(|i| local.means(&points[i], Some(i))).collect();
         let ratios = |k: usize| errors.iter().zip(&means).map(|(e, m)| e[k] / m[k]).collect();
         local.factors = [0, 1, 2].map(|k| quantile(ratios(k), coverage));
@@ -81,7 +86,7 @@ impl LocalHalfWidths {
     /// errors, which share their neighbours, so each quantity is smoothed as widely as gives the least quantile loss: the proper score of
     /// a bound that a share `coverage` shall keep to. Cost `O(states^2)`.
     pub fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
-        let mut local = Self::calibrate(dimensions, points, errors, coverage);
+        let mut local = Self::without_factors(dimensions, points, errors, coverage);
         for k in 0..3 {
             let own: Vec<f64> = errors.iter().map(|e| e[k]).collect();
             let candidate = |smoothing: &f64| {
