@@ -87,23 +87,33 @@ fn the_demonstration_and_the_tests_share_one_build() {
     assert!(twice.is_empty(), "compiled again for the tests; name their features in Cargo.toml: {twice:#?}");
 }
 
-/// The crates whose tests `scripts/test.sh` runs beside the others: named in its line `computing=(...)`.
-fn computing() -> Vec<String> {
-    let script = std::fs::read_to_string(root().join("scripts/test.sh")).expect("scripts/test.sh");
-    let names = script.lines().find_map(|line| line.strip_prefix("computing=(")?.strip_suffix(')'));
-    names.expect("a line computing=(...)").split_whitespace().map(str::to_owned).collect()
+/// The crates whose tests `scripts/test.sh` runs beside the others, in groups: its lines `computing_...=(...)`.
+fn computing() -> Vec<Vec<String>> {
+    let script = read("scripts/test.sh");
+    let lines = script.lines().filter(|line| line.starts_with("computing_"));
+    let names = lines.map(|line| line.split_once("=(").and_then(|(_, names)| names.strip_suffix(')')));
+    let words = |names: Option<&str>| {
+        names.expect("a list in one line").split_whitespace().map(str::to_owned).collect()
+    };
+    names.map(words).collect()
 }
 
 #[test]
-fn both_halves_of_the_tests_share_one_build() {
+fn all_parts_of_the_tests_share_one_build() {
     let whole = features(&["--workspace", "--edges", "normal,build,dev"]);
-    for option in ["--package", "--exclude"] {
-        let mut selection = vec!["--edges".to_owned(), "normal,build,dev".to_owned()];
-        selection.extend((option == "--exclude").then(|| "--workspace".to_owned()));
-        selection.extend(computing().into_iter().flat_map(|name| [option.to_owned(), name]));
-        let half = features(&selection.iter().map(String::as_str).collect::<Vec<_>>());
-        let twice: Vec<&String> = half.difference(&whole).collect();
-        assert!(twice.is_empty(), "compiled again for one half of the tests: {twice:#?}");
+    let groups = computing();
+    assert_eq!(groups.len(), 2, "{groups:?}");
+    let packages = |option: &str, names: &[String]| -> Vec<String> {
+        names.iter().flat_map(|name| [option.to_owned(), name.clone()]).collect()
+    };
+    let mut selections: Vec<_> = groups.iter().map(|group| packages("--package", group)).collect();
+    selections.push(packages("--exclude", &groups.concat()));
+    selections.last_mut().expect("just added").push("--workspace".to_owned());
+    for mut selection in selections {
+        selection.extend(["--edges", "normal,build,dev"].map(str::to_owned));
+        let part = features(&selection.iter().map(String::as_str).collect::<Vec<_>>());
+        let twice: Vec<&String> = part.difference(&whole).collect();
+        assert!(twice.is_empty(), "compiled again for a part of the tests, {selection:?}: {twice:#?}");
     }
 }
 
