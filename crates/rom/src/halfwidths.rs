@@ -1,5 +1,5 @@
 //! Half-widths of the answers: split-conformal, from leave-one-out residuals or, where there are any, from the errors of states that
-//! no training saw ([`crate::calibration`]).
+//! no training saw (`train::calibration`).
 //!
 //! The half-width of a whole regime is the `ceil((n + 1) c)`-th smallest of the `n` cases' worst-node residuals:
 //! exchangeable states err by less with probability at least `c`. It says the same everywhere. The local one follows the

@@ -1,7 +1,7 @@
 //! The snapshot database: what the finite elements computed, before any reduction.
 //!
 //! A [`Database`] is plain data. `formats` fills it from files, `fem` from simulations, tests from formulas; training
-//! reads it and nothing else. [`Database::validate`] (in `validate.rs`) says everything that is wrong with it at once.
+//! reads it and nothing else. [`Database::problems`] (in `validate.rs`) says everything that is wrong with it at once.
 
 use crate::inputs::{Inputs, MAX_INPUTS, PARAMETERS, Parameter};
 use crate::names::unnamed;

@@ -1,4 +1,4 @@
-//! The commands of `softtwin`, one file each under [`cmd`], and what the program `softtwin-studies` shares with them:
+//! The commands of `softtwin`, one file each under `cmd`, and what the program `softtwin-studies` shares with them:
 //! errors and exit codes, files, output, progress, pictures, timing.
 #![forbid(unsafe_code)]
 // Results go through `output!`, which survives a closed pipe; `println!` would panic there.

@@ -1,6 +1,6 @@
 //! `softtwind`: the daemon. `bridge` feeds readings into shared memory, `twin` answers them with states and fields.
 //!
-//! The start-up order is the order of [`bridge::run`] and [`twin::run`]: banner, whole configuration, domain and topics,
+//! The start-up order is the order of `bridge::run` and `twin::run`: banner, whole configuration, domain and topics,
 //! ready, loop, summary. Nothing is bound before the whole configuration has been checked.
 
 mod bridge;

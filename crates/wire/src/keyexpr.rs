@@ -16,7 +16,7 @@ pub enum KeyExprError {
     /// Nothing between the quotes.
     #[error("a key expression is empty; expected for example `softtwin/*/state`")]
     Empty,
-    /// Longer than [`MAX_LEN`].
+    /// Longer than `MAX_LEN`.
     #[error("a key expression has {found} bytes; expected at most {MAX_LEN}")]
     TooLong {
         /// Bytes found.

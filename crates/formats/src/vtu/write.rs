@@ -74,7 +74,7 @@ pub fn write(path: &Path, grid: &Grid<'_>) -> Result<(), FormatError> {
 /// Writes a grid with what belongs to it as a whole: a name (field data `case`, none when empty) and named numbers.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_labelled(
     path: &Path,
     grid: &Grid<'_>,

@@ -1,6 +1,6 @@
 //! Pictures without a display or a graphics card.
 //!
-//! [`chart`]: figures of axes, curves and maps as SVG or PNG. The other modules render bodies: [`skin`] makes lit corners
+//! `chart`: figures of axes, curves and maps as SVG or PNG. The other modules render bodies: [`skin`] makes lit corners
 //! from nodes and facets, `raster` fills pixels with a depth buffer, [`scene`] combines body, plate, light and shadow,
 //! [`sheet`] arranges scenes with texts and a colour bar. Colours, fonts and PNG files are the same for both.
 
