@@ -11,7 +11,7 @@
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh prepare                     nothing but the Python packages of exports, clients and gateway
-#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin [--no-run]
+#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin; --no-run only builds
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an implementation of ROS 2 that is not ours
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
 # Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,

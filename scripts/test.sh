@@ -14,26 +14,20 @@ computing_second=(train fem studies)
 cargo build --locked --workspace --bins --tests --examples
 built_s=$SECONDS
 logs=$(mktemp -d)
-# computing LOG PACKAGE... : in the background, a process group of its own, so that it ends with this script.
-groups=()
-computing() {
-    set -m
-    nice -n 15 cargo test --locked "${@:2}" --no-fail-fast -- "${names[@]}" >"$logs/$1" 2>&1 &
-    set +m
-    groups+=($!)
-}
-names=("$@")
-computing first "${computing_first[@]/#/--package=}"
-computing second "${computing_second[@]/#/--package=}"
-trap 'for group in "${groups[@]}"; do kill -- "-$group" 2>/dev/null || true; done; rm -rf "$logs"' EXIT
+set -m # each group of crates in a process group of its own, so that it ends with this script
+nice -n 15 cargo test --locked "${computing_first[@]/#/--package=}" --no-fail-fast -- "$@" >"$logs/first" 2>&1 &
+beside=($!)
+nice -n 15 cargo test --locked "${computing_second[@]/#/--package=}" --no-fail-fast -- "$@" >"$logs/second" 2>&1 &
+beside+=($!)
+set +m
+trap 'kill -- "${beside[@]/#/-}" 2>/dev/null || true; rm -rf "$logs"' EXIT
 failed=0
-cargo test --locked --workspace "${computing_first[@]/#/--exclude=}" "${computing_second[@]/#/--exclude=}" --no-fail-fast -- "$@" || failed=1
+computing=("${computing_first[@]}" "${computing_second[@]}")
+cargo test --locked --workspace "${computing[@]/#/--exclude=}" --no-fail-fast -- "$@" || failed=1
 stories_s=$SECONDS
-for group in "${groups[@]}"; do
-    # Nothing is left to give way to. Without the right to raise a priority it stays low.
-    renice -n 0 -g "$group" >/dev/null 2>&1 || true
-done
-for group in "${groups[@]}"; do wait "$group" || failed=1; done
+# Nothing is left to give way to. Without the right to raise a priority they stay low.
+renice -n 0 -g "${beside[@]}" >/dev/null 2>&1 || true
+for group in "${beside[@]}"; do wait "$group" || failed=1; done
 cat "$logs"/*
 echo "test.sh: built in $built_s s; stories $((stories_s - built_s)) s, with the computing tests beside them $((SECONDS - built_s)) s"
 ((failed == 0)) || echo "test.sh: tests failed; their names stand below 'failures:' above" >&2

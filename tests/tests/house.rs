@@ -106,12 +106,10 @@ fn all_parts_of_the_tests_share_one_build() {
     let packages = |option: &str, names: &[String]| -> Vec<String> {
         names.iter().flat_map(|name| [option.to_owned(), name.clone()]).collect()
     };
-    let mut selections: Vec<_> = groups.iter().map(|group| packages("--package", group)).collect();
-    selections.push(packages("--exclude", &groups.concat()));
-    selections.last_mut().expect("just added").push("--workspace".to_owned());
-    for mut selection in selections {
-        selection.extend(["--edges", "normal,build,dev"].map(str::to_owned));
-        let part = features(&selection.iter().map(String::as_str).collect::<Vec<_>>());
+    let others = [vec!["--workspace".to_owned()], packages("--exclude", &groups.concat())].concat();
+    for selection in groups.iter().map(|group| packages("--package", group)).chain([others]) {
+        let words = selection.iter().map(String::as_str).chain(["--edges", "normal,build,dev"]);
+        let part = features(&words.collect::<Vec<_>>());
         let twice: Vec<&String> = part.difference(&whole).collect();
         assert!(twice.is_empty(), "compiled again for a part of the tests, {selection:?}: {twice:#?}");
     }

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use crate::builder::{Builder, close};
-
 use fem::material::{Elastomer, Hyperelastic, VolumeChange};
 use fem::{CavityLoad, Load, NewtonSettings, Problem, ProblemConfig, Solver};
 

@@ -1,14 +1,9 @@
 //! What people give the simulator: actuator files, meshes, lists of cases. Sound ones pass, bad ones are refused by name.
 
-use crate::actuators::{reference, with};
+use crate::actuators::{model, reference, with};
 use fem::actuator::Actuator;
 use fem::cases;
 use proptest::prelude::*;
-use std::path::{Path, PathBuf};
-
-fn model(file: &str) -> PathBuf {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models")).join(file)
-}
 
 #[test]
 fn the_committed_actuators_meshes_and_lists_are_sound() {

@@ -16,8 +16,7 @@ use train::{TrainError, train};
 const STATES: usize = 240;
 
 fn database(with_derivatives: bool) -> Database {
-    let states: Vec<_> = design::states(0, STATES).into_iter().map(|s| (Split::Train, s)).collect();
-    design::database(&states, with_derivatives)
+    few(STATES, with_derivatives)
 }
 
 fn quick() -> TrainConfig {
@@ -441,8 +440,7 @@ fn an_evaluation_answers_repeatedly_and_says_what_it_costs() {
 /// A displacement measured from a mesh that parameters move is not the distance from the nominal one.
 #[test]
 fn a_magnitude_that_does_not_follow_from_the_coordinates_is_interpolated_by_itself() {
-    let states: Vec<_> = design::states(0, 80).into_iter().map(|s| (Split::Train, s)).collect();
-    let mut database = design::database(&states, false);
+    let mut database = few(80, false);
     let derived = |database: &Database| {
         let (model, _) = train(database, &quick(), &mut |_| {}).expect("trains");
         let field =

@@ -1,12 +1,16 @@
 //! Actuator files made from the reference by changing values.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// A file among the committed models.
+pub fn model(file: &str) -> PathBuf {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models")).join(file)
+}
 
 /// The text of the reference actuator.
 pub fn reference() -> String {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/actuator.toml"));
-    std::fs::read_to_string(path).unwrap()
+    std::fs::read_to_string(model("pneunet/actuator.toml")).unwrap()
 }
 
 /// Changes the value of a key within a section.

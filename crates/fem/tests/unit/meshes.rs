@@ -1,14 +1,10 @@
 //! Meshes as they are checked and their surfaces found.
 
+use super::actuators::model;
 use crate::actuator::Actuator;
 use crate::mesh::Mesh;
 use crate::mesh::diagnostics;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-
-fn model(file: &str) -> PathBuf {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models")).join(file)
-}
 
 /// The reference mesh, to be damaged.
 fn sound() -> Mesh {
@@ -60,8 +56,8 @@ fn a_missing_surface_is_named_with_those_that_are_there() {
 
 #[test]
 fn surfaces_are_found_where_the_mesher_named_them() {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/pneunet/actuator.toml"));
-    let actuator = Actuator::read(path).unwrap();
+    let path = model("pneunet/actuator.toml");
+    let actuator = Actuator::read(&path).unwrap();
     let file = formats::msh::read(&path.with_file_name("mesh.msh")).unwrap();
     let found = crate::actuator::locate(&actuator, &file.points_mm, &file.tets);
     assert_eq!(found.keys().collect::<Vec<_>>(), file.surfaces.keys().collect::<Vec<_>>());

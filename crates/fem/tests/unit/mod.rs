@@ -1,5 +1,7 @@
 //! Tests of what the crate does not show: elements, assembly, checks of meshes. Compiled into the crate's unit tests.
 
+#[path = "../common/actuators.rs"]
+mod actuators;
 #[path = "../common/builder.rs"]
 mod builder;
 mod energy;

@@ -75,29 +75,29 @@ impl Args {
         let began = Instant::now();
         let path = self.folder.join("actuator.toml");
         let database = self.folder.join("database");
-        let folder = self.target();
+        let folder = Folder { path: &self.folder, json: self.json };
         if !path.is_file() {
             if imported::is_database(&database) {
                 return imported::build(&folder, &database);
             }
-            let folder = self.folder.display();
+            let name = self.folder.display();
             return Err(usage(format!(
-                "{folder}: expected a folder with actuator.toml, which `softtwin new {folder}` makes, or with an imported database: \
-                 `softtwin import results ... --out {folder}/database`"
+                "{name}: expected a folder with actuator.toml, which `softtwin new {name}` makes, or with an imported database: \
+                 `softtwin import results ... --out {name}/database`"
             )));
         }
         let actuator = Actuator::read(&path).map_err(refusal)?;
         folder.say("mesh", &self.mesh(&actuator)?)?;
         let family = files::family(&path)?;
         let actuator = &family.actuator;
-        let pressures = self.pressures(&family)?;
+        let pressures = self.pressures(&folder, &family)?;
         let counts = if self.quick { Counts::QUICK } else { Counts::FULL };
         let plan = Plan::new(&pressures, counts)?;
         let [low, high] = plan.gaps_mm;
         let list = self.folder.join("cases.csv");
         save(&list, to_csv(&plan.cases).as_bytes())?;
-        folder
-            .say("states", &format!("{} in {}, gaps {low} to {high} mm", plan.cases.len(), list.display()))?;
+        let states = plan.cases.len();
+        folder.say("states", &format!("{states} in {}, gaps {low} to {high} mm", list.display()))?;
         let threads = self.threads;
         let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
         let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
@@ -112,7 +112,7 @@ impl Args {
         let cpu_s = resources::cpu_s("self");
         if self.json {
             return output::json(&json!({
-                "model": model, "scene": scene, "states": plan.cases.len(), "failed": outcome.failed.len(),
+                "model": model, "scene": scene, "states": states, "failed": outcome.failed.len(),
                 "reused": outcome.reused, "pressure_mpa": pressures.largest_mpa(), "pressure_reason": pressures.reason,
                 "displacement_mm": pressures.displacement_mm, "gap_mm": plan.gaps_mm, "quality": quality, "seconds": seconds, "cpu_seconds": cpu_s,
             }));
@@ -122,10 +122,6 @@ impl Args {
         self.commands(&model, &scene, &pressures, &plan)?;
         output!("done in {seconds:.0} s, {:.0} s of processor time", cpu_s.unwrap_or(f64::NAN))?;
         Ok(())
-    }
-
-    fn target(&self) -> Folder<'_> {
-        Folder { path: &self.folder, json: self.json }
     }
 
     /// Makes the mesh, unless the actuator names one of the user's own.
@@ -156,14 +152,14 @@ impl Args {
         ))
     }
 
-    fn pressures(&self, family: &Family) -> Result<Pressures> {
+    fn pressures(&self, folder: &Folder, family: &Family) -> Result<Pressures> {
         let store = Store::new(&self.folder.join("database/states"), fingerprint(&family.problem))?;
         let run = Run { family, store, threads: 1, sensitivities: false, shard: None };
         let found = pressures::find(&run, |text| {
             // What a reader of the output misses when it is closed is a progress line.
-            let _ = self.target().say("pressures", text);
+            let _ = folder.say("pressures", text);
         })?;
-        self.target().say("pressures", &format!("0 to {} MPa: {}", found.largest_mpa(), found.reason))?;
+        folder.say("pressures", &format!("0 to {} MPa: {}", found.largest_mpa(), found.reason))?;
         Ok(found)
     }
 
