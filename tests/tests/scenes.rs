@@ -333,7 +333,7 @@ fn a_basis_within_an_accepted_error_is_no_larger_and_one_that_cannot_be_is_refus
     {
         assert!(refused.contains(part), "{part}: {refused}");
     }
-    assert!(problem("accepted_error_share = 0.02\n").contains("expected precision = \"budget\" with it"));
+    assert!(problem("accepted_error_share = 0.01\n").contains("expected precision = \"budget\" with it"));
     assert!(
         problem("precision = \"budget\"\naccepted_error_share = 0.0\n").contains("expected a share above 0")
     );

@@ -1,11 +1,11 @@
-//! What a model tells about the error that storing its basis may add: its own error, and how large its coefficients get.
+//! What a model tells about the error that storing its basis may add: its own error, and its coefficients as they come in use.
 //!
 //! The own error of a field has two parts, both as root mean squares over the nodes: what leaving a state out costs, in
 //! closed form from the interpolants that the model holds, of all states the median; and what the modes leave out, by the
 //! singular values beyond them. Errors that have nothing to do with each other add in squares, so the own error grows by a
 //! share `s` when `own^2 s (2 + s)` is added to its square.
 
-use crate::inputs::{Point, square_distance};
+use crate::inputs::{GAP, Point, square_distance};
 use crate::interpolant::Interpolant;
 use crate::kernel::Shortfall;
 use crate::model::{GroupModel, RegimeModel};
@@ -15,25 +15,34 @@ use crate::system::left_out_of;
 /// A state's neighbours between which coefficients are looked at as well: an interpolant's peaks lie between its samples.
 const NEIGHBOURS: usize = 8;
 
-/// Largest magnitude of every coefficient of a regime at its training states and half way to their neighbours, corrections
-/// beyond the onset included. `O(states^2 (log states + coefficients))`.
-pub(crate) fn largest_coefficients(regime: &RegimeModel) -> Vec<f64> {
-    let mut largest = vec![0.0_f64; regime.coefficient_count()];
+/// Coefficient vectors of a regime as they come in use: at its training states, half way to their neighbours, and beyond the onset.
+/// `O(states^2 (log states + coefficients))`.
+pub(crate) fn typical_coefficients(regime: &RegimeModel) -> Vec<Vec<f64>> {
+    let states = regime.groups.first().map(|group| states(&group.surrogate)).unwrap_or_default();
+    let mut typical = vec![vec![0.0; regime.coefficient_count()]; states.len()];
     for group in &regime.groups {
         let sums = Sums::new(&[&group.surrogate]);
         let mut room = Room::of([&sums].into_iter());
-        let mut values = vec![0.0; group.surrogate.outputs];
-        for x in states(&group.surrogate) {
-            sums.evaluate(&x, &mut room, &mut values, None);
-            let most = largest[group.coefficients.clone()].iter_mut();
-            most.zip(&values).for_each(|(most, value)| *most = most.max(value.abs()));
+        for (x, coefficients) in states.iter().zip(&mut typical) {
+            sums.evaluate(x, &mut room, &mut coefficients[group.coefficients.clone()], None);
         }
     }
     if let Some(far) = &regime.far_onset {
-        for (at, most) in largest.iter_mut().enumerate() {
-            let of_gaps = far.corrections.iter().skip(at).step_by(regime.coefficient_count().max(1));
-            *most += of_gaps.fold(0.0_f64, |most, by| most.max(by.abs()));
-        }
+        // Corrections begin at the last onset state: about the one of the largest gap.
+        let gap = regime.inputs.axes.iter().position(|axis| axis.input == GAP).unwrap_or(0);
+        let last = (0..states.len()).max_by(|a, b| states[*a][gap].total_cmp(&states[*b][gap]));
+        let last = last.map(|at| typical[at].clone()).unwrap_or_default();
+        let corrected = |by: &[f64]| last.iter().zip(by).map(|(a, by)| a + by).collect();
+        typical.extend(far.corrections.chunks_exact(regime.coefficient_count().max(1)).map(corrected));
+    }
+    typical
+}
+
+/// Of these the largest magnitude of every coefficient.
+pub(crate) fn largest_coefficients(regime: &RegimeModel) -> Vec<f64> {
+    let mut largest = vec![0.0_f64; regime.coefficient_count()];
+    for vector in typical_coefficients(regime) {
+        largest.iter_mut().zip(vector).for_each(|(most, value)| *most = most.max(value.abs()));
     }
     largest
 }

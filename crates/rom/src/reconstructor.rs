@@ -1,6 +1,6 @@
 //! Coefficients -> fields, for one selection of fields and nodes. Nothing is allocated after construction.
 
-use crate::accepted::{OwnErrors, added, largest_coefficients, least_share};
+use crate::accepted::{OwnErrors, added, least_share, typical_coefficients};
 use crate::evaluation::Evaluation;
 use crate::kernel::{
     Affine, Basis, BasisError, Budget, Field, MAX_ROWS, Peaks, Precision, ReconstructError, Role, Shift,
@@ -15,10 +15,10 @@ use std::mem::MaybeUninit;
 pub enum Storage {
     /// All rows alike.
     Uniform(Precision),
-    /// In as few bytes as let the model's own error grow by no more than this share (0.02: 2 %): each row of modes has 32, 16
-    /// or 8 bits or is left out, tile by tile. The own error of a field is its leave-one-out error, of all states the
-    /// median, with what the modes leave out. Both, and what storage adds at the largest coefficients between the training
-    /// states, are root mean squares over the nodes.
+    /// In as few bytes as let the model's own error grow by no more than this share (0.01: 1 %): every group of nodes has modes of
+    /// its own, each in 32, 16 or 8 bits. The own error of a field is its leave-one-out error, of all states the
+    /// median, with what the modes leave out. Both, and what storage adds at the training states and between them, are root mean
+    /// squares over the nodes.
     Within {
         /// The share.
         share: f64,
@@ -28,8 +28,8 @@ pub enum Storage {
 }
 
 impl Storage {
-    /// As good as in full: the own error grows by at most 2 %, or a field stays in f32.
-    pub const AS_GOOD: Self = Self::Within { share: 0.02, or_f32: true };
+    /// As good as in full: the own error grows by at most 1 %, or a field stays in f32.
+    pub const AS_GOOD: Self = Self::Within { share: 0.01, or_f32: true };
 
     /// Exactly this share, or an error.
     pub fn within(share: f64) -> Self {
@@ -251,14 +251,19 @@ fn build_within(
     share: f64,
     or_f32: bool,
 ) -> Result<Basis, ModelError> {
-    let mut largest = largest_coefficients(regime);
+    let mut typical = typical_coefficients(regime);
     // Behind the coefficients of all regimes come the inputs that move the mesh.
     let regimes = &model.header.regimes;
-    largest.resize(regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0), 0.0);
-    largest.extend(moving(model).iter().map(|(input, from)| {
-        let range = regime.inputs.range(*input).unwrap_or([*from; 2]);
+    let coefficients = regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0);
+    let farthest = moving(model).into_iter().map(|(input, from)| {
+        let range = regime.inputs.range(input).unwrap_or([from; 2]);
         range.iter().fold(0.0_f64, |most, end| most.max((end - from).abs()))
-    }));
+    });
+    let farthest: Vec<f64> = farthest.collect();
+    for vector in &mut typical {
+        vector.resize(coefficients, 0.0);
+        vector.extend(&farthest);
+    }
     let nodes: Vec<usize> = (0..spec.output_nodes()).map(|i| spec.source_node(i)).collect();
     let errors = OwnErrors::new(regime);
     let own = |field: &usize| {
@@ -267,7 +272,7 @@ fn build_within(
     };
     let own: Vec<f64> = order.iter().map(own).collect();
     let accepted: Vec<f64> = own.iter().map(|own| added(*own, share)).collect();
-    let budget = Budget { largest: &largest, accepted: &accepted, or_f32 };
+    let budget = Budget { typical: &typical, accepted: &accepted, or_f32 };
     Basis::build_within(spec, &budget).map_err(|error| match error {
         BasisError::Budget(short) => ModelError::AcceptedError {
             regime: regime.kind.name(),

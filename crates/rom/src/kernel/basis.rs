@@ -4,11 +4,12 @@ use std::mem::MaybeUninit;
 
 use thiserror::Error;
 
-use super::budget::{self, Budget};
+use super::budget::Budget;
 use super::isa::Isa;
-use super::mixed::Mixed;
+use super::local::Local;
+use super::local_rows::LocalRows;
 use super::plan::Plan;
-use super::rows::{F32, I16, MixedRows, Uniform};
+use super::rows::{F32, I16, Uniform};
 use super::spec::{BasisError, Spec};
 use super::sweep::{self, Job, RawPeaks};
 use super::tiles::{LINE, Precision, Tiles};
@@ -30,7 +31,7 @@ pub struct Basis {
 #[derive(Debug, Clone)]
 enum Store {
     Uniform(Tiles),
-    Mixed(Mixed),
+    Local(Local),
 }
 
 /// A largest value and where it is.
@@ -103,9 +104,7 @@ impl Basis {
     /// # Errors
     /// As [`Basis::build_within`], and [`BasisError::IsaMissing`].
     pub fn build_within_for(spec: &Spec<'_>, budget: &Budget<'_>, isa: Isa) -> Result<Self, BasisError> {
-        Self::stored(spec, isa, |plan| {
-            Mixed::build(spec, plan, budget::steps(spec, plan, budget)?).map(Store::Mixed)
-        })
+        Self::stored(spec, isa, |plan| Local::build(spec, plan, budget).map(Store::Local))
     }
 
     fn stored(
@@ -187,10 +186,10 @@ impl Basis {
                         }
                     }
                 }
-                Store::Mixed(mixed) => {
-                    let mut factors = [0.0; Mixed::FACTORS];
-                    self.each_factor(coefficients, |row, by| mixed.set_factors(row, by, &mut factors));
-                    sweep::run(isa, Job { plan, rows: MixedRows::new(mixed, &factors), out })
+                Store::Local(local) => {
+                    let mut factors = [0.0; MAX_ROWS];
+                    self.each_factor(coefficients, |row, by| factors[row] = by as f32);
+                    sweep::run(isa, Job { plan, rows: LocalRows::new(local, &factors), out })
                 }
             }
         }
@@ -225,8 +224,8 @@ impl Basis {
     }
 
     /// Largest error of a value of published field `slot` that the storage causes, for these coefficients, in the
-    /// unit of the field: half a step of each row, times `|a_j|` for a mode. 0 for F32, whose
-    /// rounding is that of the output itself; within a [`Budget`], rows in f32 are counted as if they had their step. For a magnitude it is the bound of the longest component vector.
+    /// unit of the field: what it changes of each row at most, times `|a_j|` for a mode. 0 for F32, whose
+    /// rounding is that of the output itself. For a magnitude it is the bound of the longest component vector.
     ///
     /// # Panics
     /// When there are fewer coefficients than [`Basis::reconstruct`] needs.
@@ -234,7 +233,7 @@ impl Basis {
         let mut row = 0;
         let mut next = |factor: f64| {
             row += 1;
-            factor.abs() * self.half_step(row - 1)
+            factor.abs() * self.largest_error(row - 1)
         };
         let mut squares = 0.0;
         for op in &self.plan.ops {
@@ -250,10 +249,10 @@ impl Basis {
         squares.sqrt()
     }
 
-    fn half_step(&self, row: usize) -> f64 {
+    fn largest_error(&self, row: usize) -> f64 {
         match &self.store {
             Store::Uniform(tiles) => tiles.half_step(row),
-            Store::Mixed(mixed) => mixed.half_step(row),
+            Store::Local(local) => local.largest_error(row),
         }
     }
 
@@ -276,7 +275,7 @@ impl Basis {
     pub fn bytes(&self) -> usize {
         match &self.store {
             Store::Uniform(tiles) => tiles.lines().len() * LINE,
-            Store::Mixed(mixed) => mixed.bytes(),
+            Store::Local(local) => local.bytes(),
         }
     }
 
@@ -284,7 +283,7 @@ impl Basis {
     pub fn precision(&self) -> Option<Precision> {
         match &self.store {
             Store::Uniform(tiles) => Some(tiles.precision()),
-            Store::Mixed(_) => None,
+            Store::Local(_) => None,
         }
     }
 
@@ -294,7 +293,7 @@ impl Basis {
         let stored = match &self.store {
             Store::Uniform(tiles) if tiles.precision() == Precision::F32 => [rows, 0, 0],
             Store::Uniform(_) => [0, rows, 0],
-            Store::Mixed(mixed) => mixed.stored(),
+            Store::Local(local) => local.stored(&self.plan),
         };
         let [wide, half, quarter] = stored;
         [wide, half, quarter, rows - wide - half - quarter].map(|count| count as f64 / rows.max(1) as f64)
@@ -310,7 +309,7 @@ impl Basis {
     pub fn read_once(&self) -> u32 {
         let lines = match &self.store {
             Store::Uniform(tiles) => tiles.lines(),
-            Store::Mixed(mixed) => mixed.lines(),
+            Store::Local(local) => local.tiles(),
         };
         // SAFETY: `isa` was found available when the basis was built.
         unsafe { sweep::read(self.isa, lines) }

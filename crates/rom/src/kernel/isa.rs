@@ -7,13 +7,13 @@ use std::fmt;
 /// All but [`Isa::Portable`] use fused multiply-add in the same order and give the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Isa {
-    /// x86-64 with AVX-512 F: a tile row is one register.
+    /// x86-64 with AVX-512 F and VNNI.
     Avx512,
-    /// x86-64 with AVX2 and FMA: two registers a row.
+    /// x86-64 with AVX2 and FMA.
     Avx2,
-    /// aarch64, where NEON is always present: four registers a row.
+    /// aarch64, where NEON is always present.
     Neon,
-    /// Plain Rust over arrays of 16, left to the compiler; multiplies and adds are rounded apart.
+    /// Plain Rust over arrays, left to the compiler; multiplies and adds are rounded apart.
     Portable,
 }
 
@@ -30,7 +30,7 @@ impl Isa {
     pub fn is_available(self) -> bool {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => is_x86_feature_detected!("avx512f"),
+            Self::Avx512 => is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vnni"),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
             #[cfg(target_arch = "aarch64")]

@@ -14,8 +14,8 @@
 //! time of moving the bytes. [`Basis`] therefore stores them in the order of use: tiles of [`TILE_NODES`] nodes,
 //! and in a tile, field after field, the mean and the modes as rows of 64 values. The sweep touches each cache line
 //! once, in order, and all fields of a node are at hand together, so that derived fields cost no second pass.
-//! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape). With a [`Budget`] each row of each tile is as
-//! wide as the error that is accepted for its field lets it be.
+//! [`Precision::I16`] halves the bytes (a scale per row: mode, mean or rest shape). With a [`Budget`] every group of tiles has
+//! modes of its own, fewer and each as wide as the error that is accepted for its field lets it be.
 //!
 //! What an evaluation of the model needs before is here as well, for its instruction sets: the kernel sums of interpolants (`approach.rs`,
 //! `weigh.rs`, `tail.rs`).
@@ -29,7 +29,9 @@ mod budget;
 mod eight;
 mod isa;
 mod lanes;
-mod mixed;
+mod local;
+mod local_modes;
+mod local_rows;
 mod peak;
 mod plan;
 mod rows;
@@ -38,6 +40,7 @@ mod sweep;
 pub(crate) mod tail;
 mod tiles;
 pub(crate) mod weigh;
+mod whole;
 
 pub use basis::{Basis, Peak, Peaks, ReconstructError};
 pub use budget::Budget;

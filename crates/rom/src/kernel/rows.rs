@@ -3,7 +3,6 @@
 use std::marker::PhantomData;
 
 use super::lanes::Lanes;
-use super::mixed::{Counts, Mixed};
 use super::plan::Op;
 use super::tiles::Tiles;
 use super::{MAX_ROWS, TILE_NODES};
@@ -15,7 +14,7 @@ use super::{MAX_ROWS, TILE_NODES};
 /// for every tile.
 pub(super) trait Rows: Copy {
     /// Before the first row of a tile.
-    unsafe fn begin_tile(&mut self);
+    unsafe fn begin_tile<V: Lanes>(&mut self);
     /// `mean + sum_j mode_j a_j` of one field; of a component of the displacement, less the rest shape.
     unsafe fn combine<V: Lanes>(&mut self, op: &Op) -> V;
     /// `sum` less what moves the rest shape.
@@ -62,7 +61,7 @@ impl<'a, E: Entry> Uniform<'a, E> {
 // SAFETY (all methods): the trait's contract.
 impl<E: Entry> Rows for Uniform<'_, E> {
     #[inline(always)]
-    unsafe fn begin_tile(&mut self) {
+    unsafe fn begin_tile<V: Lanes>(&mut self) {
         self.next = 0;
     }
 
@@ -164,88 +163,5 @@ impl Entry for I16 {
     unsafe fn plus<V: Lanes>(sum: V, row: V, scale: f32) -> V {
         // SAFETY: see the impl.
         unsafe { row.mul_add(V::splat(scale), sum) }
-    }
-}
-
-/// Rows whose width changes from tile to tile.
-#[derive(Clone, Copy)]
-pub(super) struct MixedRows<'a> {
-    cursor: *const u8,
-    /// Which factor each row takes.
-    entry: *const u16,
-    counts: *const Counts,
-    factors: &'a [f32; Mixed::FACTORS],
-}
-
-impl<'a> MixedRows<'a> {
-    /// From the first tile on.
-    pub fn new(mixed: &'a Mixed, factors: &'a [f32; Mixed::FACTORS]) -> Self {
-        let (entry, counts) = mixed.lists();
-        Self {
-            cursor: mixed.lines().as_ptr().cast(),
-            entry: entry.as_ptr(),
-            counts: counts.as_ptr(),
-            factors,
-        }
-    }
-
-    /// `sum` plus the rows of the next list, each width in turn.
-    #[inline(always)]
-    unsafe fn add_list<V: Lanes>(&mut self, mut sum: V) -> V {
-        // SAFETY: the lists were made with the rows, for the plan that drives the sweep; their entries are below the number
-        // of factors.
-        unsafe {
-            let [wide, half, quarter] = *self.counts;
-            self.counts = self.counts.add(1);
-            for _ in 0..wide {
-                let row = V::load(self.cursor.cast());
-                sum = self.times_factor(row, TILE_NODES * 4, sum);
-            }
-            for _ in 0..half {
-                let row = V::load_pairs(self.cursor.cast());
-                sum = self.times_factor(row, TILE_NODES * 2, sum);
-            }
-            for _ in 0..quarter {
-                let row = V::load_quads(self.cursor.cast());
-                sum = self.times_factor(row, TILE_NODES, sum);
-            }
-            sum
-        }
-    }
-
-    /// `row` times its factor plus `sum`; goes on to the next row, so many bytes further.
-    #[inline(always)]
-    unsafe fn times_factor<V: Lanes>(&mut self, row: V, bytes: usize, sum: V) -> V {
-        // SAFETY: as above.
-        unsafe {
-            let factor = *self.factors.get_unchecked(usize::from(*self.entry));
-            self.cursor = self.cursor.add(bytes);
-            self.entry = self.entry.add(1);
-            row.mul_add(V::splat(factor), sum)
-        }
-    }
-}
-
-// SAFETY (all methods): the trait's contract.
-impl Rows for MixedRows<'_> {
-    #[inline(always)]
-    unsafe fn begin_tile(&mut self) {}
-
-    #[inline(always)]
-    unsafe fn combine<V: Lanes>(&mut self, _: &Op) -> V {
-        // SAFETY: see the impl.
-        unsafe { self.add_list(V::splat(0.0)) }
-    }
-
-    #[inline(always)]
-    unsafe fn shift<V: Lanes>(&mut self, _: &Op, sum: V) -> V {
-        // SAFETY: see the impl.
-        unsafe { self.add_list(sum) }
-    }
-
-    #[inline(always)]
-    unsafe fn add_rest<V: Lanes>(&mut self, sum: V) -> V {
-        // SAFETY: see the impl.
-        unsafe { self.add_list(sum) }
     }
 }

@@ -232,6 +232,16 @@ pub enum BasisError {
     /// Fields of which even f32 adds more than is accepted.
     #[error("{}", shortfalls(.0))]
     Budget(Vec<Shortfall>),
+    /// A budget without coefficient vectors, or with shorter ones than the modes refer to.
+    #[error(
+        "the budget's typical coefficients: found vectors of {found} values; expected at least one, of {expected}"
+    )]
+    Typical {
+        /// Least length given; 0 where there is none.
+        found: usize,
+        /// Least length.
+        expected: usize,
+    },
     /// An instruction set this processor does not have.
     #[error("this processor has no {isa}; let the kernel choose (it would take {detected})")]
     IsaMissing {

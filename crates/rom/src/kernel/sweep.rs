@@ -88,7 +88,7 @@ mod x86 {
         )*};
     }
     compiled! {
-        "avx512f", Avx512: avx512, avx512_read;
+        "avx512f,avx512vnni", Avx512: avx512, avx512_read;
         "avx2,fma", Avx2: avx2, avx2_read;
     }
 }
@@ -176,7 +176,7 @@ impl<V: Lanes> Sweep<'_, V> {
         unsafe {
             let number = V::splat(f32::from_bits(index as u32));
             let mut squares = V::splat(0.0);
-            rows.begin_tile();
+            rows.begin_tile::<V>();
             for op in &plan.ops {
                 let mut value = rows.combine::<V>(op);
                 if op.in_magnitude {

@@ -51,6 +51,13 @@ impl Body {
         Self { nodes, modes, rest, means, bases, coefficients, moves }
     }
 
+    /// Coefficient vectors in use: the body's own among others of its size that have nothing to do with each other.
+    pub fn typical(&self) -> Vec<Vec<f64>> {
+        let mut random = Lcg(self.nodes as u64);
+        let mut other = || self.coefficients.iter().map(|a| a * 2.0 * random.next()).collect();
+        (0..4 * self.modes + 20).map(|_| other()).chain(std::iter::once(self.coefficients.clone())).collect()
+    }
+
     fn range(&self, field: usize) -> Range<usize> {
         field * self.modes..(field + 1) * self.modes
     }

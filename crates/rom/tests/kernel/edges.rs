@@ -169,8 +169,8 @@ fn i16_halves_the_bytes_and_states_its_error() {
 
 /// A budget over the coefficients of a body, the same for all fields.
 fn within(body: &Body, spec: &Spec<'_>, accepted: f64) -> Result<Basis, BasisError> {
-    let largest: Vec<f64> = body.coefficients.iter().map(|a| a.abs()).collect();
-    Basis::build_within(spec, &Budget { largest: &largest, accepted: &[accepted; 5], or_f32: false })
+    let typical = body.typical();
+    Basis::build_within(spec, &Budget { typical: &typical, accepted: &[accepted; 5], or_f32: false })
 }
 
 #[test]
@@ -215,8 +215,8 @@ fn a_budget_that_f32_does_not_keep_is_refused_by_field() {
 fn a_field_that_no_budget_keeps_stays_in_f32_where_that_is_asked_for() {
     let body = Body::new(640, 2, 1);
     let spec = body.spec([false, false, false, false, true], None);
-    let largest: Vec<f64> = body.coefficients.iter().map(|a| a.abs()).collect();
-    let budget = Budget { largest: &largest, accepted: &[0.0; 5], or_f32: true };
+    let typical = body.typical();
+    let budget = Budget { typical: &typical, accepted: &[0.0; 5], or_f32: true };
     let basis = Basis::build_within(&spec, &budget).unwrap();
     assert_eq!(basis.widths(), [1.0, 0.0, 0.0, 0.0]);
     let (mut found, mut full) = (vec![0.0; 640], vec![0.0; 640]);

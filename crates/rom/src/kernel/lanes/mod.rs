@@ -11,6 +11,43 @@ pub(super) mod avx512;
 pub(super) mod neon;
 pub(super) mod portable;
 
+/// Whole numbers that two rows of i16 are multiplied by: `high + low / 256` of a unit.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Pair {
+    pub high: [i16; 2],
+    pub low: [i16; 2],
+}
+
+/// Low parts of a unit.
+pub(super) const LOW_PARTS: f32 = 256.0;
+
+/// Two i16 as a word, the first in its low half.
+#[inline(always)]
+pub(super) fn word(low: i16, high: i16) -> i32 {
+    i32::from(low as u16) | i32::from(high) << 16
+}
+
+/// Whole numbers of a unit that four rows of i8 are multiplied by.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Four {
+    pub values: [i16; 4],
+    /// The same in parts, an i8 each: 256 times a high part and the low one are a value.
+    pub high: i32,
+    pub low: i32,
+}
+
+/// What the i8 of a list are multiplied by.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FourFactors<'a> {
+    pub fours: &'a [Four],
+    /// Sums of high and low parts.
+    pub sums: [i32; 2],
+    pub unit: f32,
+}
+
+/// An i8 is stored as so much more.
+pub(super) const BYTE_ZERO: i32 = 128;
+
 /// [`TILE_NODES`](super::TILE_NODES) values of f32.
 ///
 /// # Safety
@@ -23,8 +60,13 @@ pub(super) trait Lanes: Copy {
     unsafe fn load(from: *const f32) -> Self;
     /// A row of i16 pairs (see [`tiles`](super::tiles)), as 65536 times their value.
     unsafe fn load_pairs(from: *const i32) -> Self;
-    /// A row of i8, four to a word (see [`mixed`](super::mixed)), as 2^24 times their value.
-    unsafe fn load_quads(from: *const i32) -> Self;
+    /// Adds rows of i16, two at a time (see [`local`](super::local)), times their factors, in whole numbers of the unit.
+    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self;
+    /// Adds rows of i8, four at a time, likewise.
+    unsafe fn add_fours(self, from: *const u8, factors: &FourFactors<'_>) -> Self;
+    /// Sixteen sums of `rows` rows of sixteen values, each row times its factor, written to `to`, unaligned: rows in turn to four sums, what is left
+    /// of them to the first, and those added up.
+    unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32);
     /// Writes a row of f32, unaligned.
     unsafe fn store(self, to: *mut f32);
     /// `self * factor + addend`.

@@ -3,13 +3,12 @@
 use std::arch::aarch64::*;
 
 use super::super::TILE_NODES;
-use super::Lanes;
+use super::{BYTE_ZERO, FourFactors, LOW_PARTS, Lanes, Pair};
 
 /// f32 a register.
 const WIDTH: usize = 4;
 const REGISTERS: usize = TILE_NODES / WIDTH;
 const HALF: usize = REGISTERS / 2;
-const QUARTER: usize = REGISTERS / 4;
 
 /// A row in registers.
 #[derive(Clone, Copy)]
@@ -54,18 +53,81 @@ impl Lanes for Neon {
     }
 
     #[inline(always)]
-    unsafe fn load_quads(from: *const i32) -> Self {
-        // SAFETY: see the impl.
+    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
+        // SAFETY: see the impl; two rows of i16 are 64 words.
         unsafe {
-            each(|r| {
-                let words = vld1q_s32(from.add(r % QUARTER * WIDTH));
-                vcvtq_f32_s32(match r / QUARTER {
-                    0 => vshlq_n_s32::<24>(words),
-                    1 => vshlq_n_s32::<16>(words),
-                    2 => vshlq_n_s32::<8>(words),
-                    _ => words,
-                })
-            })
+            let (mut highs, mut lows) = ([vdupq_n_s32(0); REGISTERS], [vdupq_n_s32(0); REGISTERS]);
+            let mut from: *const i32 = from.cast();
+            for pair in pairs {
+                let (high, low) = (pair.high.map(i32::from), pair.low.map(i32::from));
+                for r in 0..REGISTERS {
+                    let words = vld1q_s32(from.add(r * WIDTH));
+                    let (first, second) =
+                        (vshrq_n_s32::<16>(vshlq_n_s32::<16>(words)), vshrq_n_s32::<16>(words));
+                    highs[r] = vmlaq_n_s32(vmlaq_n_s32(highs[r], first, high[0]), second, high[1]);
+                    lows[r] = vmlaq_n_s32(vmlaq_n_s32(lows[r], first, low[0]), second, low[1]);
+                }
+                from = from.add(TILE_NODES);
+            }
+            let (unit, part) = (vdupq_n_f32(unit), vdupq_n_f32(unit / LOW_PARTS));
+            let mut sums = self.0;
+            for r in 0..REGISTERS {
+                let with_low = vfmaq_f32(sums[r], vcvtq_f32_s32(lows[r]), part);
+                sums[r] = vfmaq_f32(with_low, vcvtq_f32_s32(highs[r]), unit);
+            }
+            Self(sums)
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn add_fours(self, from: *const u8, factors: &FourFactors<'_>) -> Self {
+        // SAFETY: see the impl; four rows of bytes are 64 words.
+        unsafe {
+            let [high, low] = factors.sums;
+            let mut wholes = [vdupq_n_s32((256 * high + low).wrapping_mul(-BYTE_ZERO)); REGISTERS];
+            let byte = vdupq_n_u32(0xff);
+            let mut from: *const u32 = from.cast();
+            for four in factors.fours {
+                let [a, b, c, d] = four.values.map(i32::from);
+                for (r, whole) in wholes.iter_mut().enumerate() {
+                    let words = vld1q_u32(from.add(r * WIDTH));
+                    let bytes = |shifted| vreinterpretq_s32_u32(vandq_u32(shifted, byte));
+                    *whole = vmlaq_n_s32(*whole, bytes(words), a);
+                    *whole = vmlaq_n_s32(*whole, bytes(vshrq_n_u32::<8>(words)), b);
+                    *whole = vmlaq_n_s32(*whole, bytes(vshrq_n_u32::<16>(words)), c);
+                    *whole = vmlaq_n_s32(*whole, bytes(vshrq_n_u32::<24>(words)), d);
+                }
+                from = from.add(TILE_NODES);
+            }
+            let unit = vdupq_n_f32(factors.unit);
+            let mut sums = self.0;
+            for r in 0..REGISTERS {
+                sums[r] = vfmaq_f32(sums[r], vcvtq_f32_s32(wholes[r]), unit);
+            }
+            Self(sums)
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32) {
+        // SAFETY: see the impl; there are so many rows and factors.
+        unsafe {
+            let fours = rows / 4 * 4;
+            for part in (0..16).step_by(WIDTH) {
+                let mut sums = [vdupq_n_f32(0.0); 4];
+                for row in (0..fours).step_by(4) {
+                    for (k, sum) in sums.iter_mut().enumerate() {
+                        let value = vld1q_f32(values.add((row + k) * 16 + part));
+                        *sum = vfmaq_f32(*sum, value, vdupq_n_f32(*factors.add(row + k)));
+                    }
+                }
+                for row in fours..rows {
+                    let value = vld1q_f32(values.add(row * 16 + part));
+                    sums[0] = vfmaq_f32(sums[0], value, vdupq_n_f32(*factors.add(row)));
+                }
+                let [a, b, c, d] = sums;
+                vst1q_f32(to.add(part), vaddq_f32(vaddq_f32(a, b), vaddq_f32(c, d)));
+            }
         }
     }
 

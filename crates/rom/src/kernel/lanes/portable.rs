@@ -1,10 +1,9 @@
 //! A plain array, for the compiler to vectorise with what every processor of the target has.
 
 use super::super::TILE_NODES;
-use super::Lanes;
+use super::{BYTE_ZERO, FourFactors, LOW_PARTS, Lanes, Pair};
 
 const PAIRS: usize = TILE_NODES / 2;
-const QUADS: usize = TILE_NODES / 4;
 
 /// A row in an array.
 #[derive(Clone, Copy)]
@@ -45,10 +44,52 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    unsafe fn load_quads(from: *const i32) -> Self {
-        // SAFETY: see the impl.
-        let quads = unsafe { from.cast::<[i32; QUADS]>().read() };
-        each(|i| (quads[i % QUADS] << (24 - 8 * (i / QUADS))) as f32)
+    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
+        let (mut highs, mut lows) = ([0; TILE_NODES], [0; TILE_NODES]);
+        for (at, pair) in pairs.iter().enumerate() {
+            // SAFETY: there are so many times two rows.
+            let rows = unsafe { from.cast::<[[i16; 2]; TILE_NODES]>().add(at).read() };
+            for (node, [a, b]) in rows.into_iter().enumerate() {
+                let sum = |of: [i16; 2]| i32::from(a) * i32::from(of[0]) + i32::from(b) * i32::from(of[1]);
+                highs[node] += sum(pair.high);
+                lows[node] += sum(pair.low);
+            }
+        }
+        each(|i| highs[i] as f32 * unit + (lows[i] as f32 * (unit / LOW_PARTS) + self.0[i]))
+    }
+
+    #[inline(always)]
+    unsafe fn add_fours(self, from: *const u8, factors: &FourFactors<'_>) -> Self {
+        let [high, low] = factors.sums;
+        // Sums of stored bytes may leave an i32 on the way; what is left after BYTE_ZERO was taken off does not.
+        let mut wholes = [(256 * high + low).wrapping_mul(-BYTE_ZERO); TILE_NODES];
+        for (at, four) in factors.fours.iter().enumerate() {
+            // SAFETY: there are so many times four rows.
+            let rows = unsafe { from.cast::<[[u8; 4]; TILE_NODES]>().add(at).read() };
+            for (whole, bytes) in wholes.iter_mut().zip(rows) {
+                for (byte, factor) in bytes.into_iter().zip(four.values) {
+                    *whole = whole.wrapping_add(i32::from(byte) * i32::from(factor));
+                }
+            }
+        }
+        each(|i| wholes[i] as f32 * factors.unit + self.0[i])
+    }
+
+    #[inline(always)]
+    unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32) {
+        let (mut sums, fours) = ([[0.0_f32; 16]; 4], rows / 4 * 4);
+        for row in 0..rows {
+            // SAFETY: there are so many rows and factors.
+            let (values, factor) =
+                unsafe { (values.add(row * 16).cast::<[f32; 16]>().read(), *factors.add(row)) };
+            let sum = &mut sums[if row < fours { row % 4 } else { 0 }];
+            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value * factor);
+        }
+        let [a, b, c, d] = sums;
+        // SAFETY: there are sixteen to write.
+        unsafe {
+            to.cast::<[f32; 16]>().write_unaligned(std::array::from_fn(|k| (a[k] + b[k]) + (c[k] + d[k])))
+        }
     }
 
     #[inline(always)]

@@ -1,0 +1,198 @@
+//! Local modes: in a group of neighbouring nodes a field needs fewer rows than the whole body does.
+//!
+//! With `Phi` the rows of a field over the nodes of a group (`nodes x m`: mean and modes) and `K = L L^T` the mean products of their
+//! coefficients in use, `F = Phi L` is what the group sees. Of orthonormal columns `Q` that span `F`,
+//!
+//! ```text
+//! Phi a ~ Q (Q^T Phi) a         k rows instead of m, their coefficients b = (Q^T Phi) a
+//! ```
+//! the mean squares of `b` are the row sums of squares of `Q^T F`. `Q` is a Gram-Schmidt basis, the largest column first, after one
+//! iteration `F (F^T Q)`: as few columns as the singular vectors of `F` to a per cent, without a decomposition. Cost
+//! `O(nodes m k)` a group.
+
+use super::budget::Component;
+
+/// Columns of one length, one after the other.
+#[derive(Debug, Clone)]
+pub(super) struct Columns {
+    pub length: usize,
+    pub values: Vec<f64>,
+}
+
+impl Columns {
+    pub fn count(&self) -> usize {
+        self.values.len() / self.length.max(1)
+    }
+
+    pub fn of(&self, at: usize) -> &[f64] {
+        &self.values[at * self.length..][..self.length]
+    }
+
+    fn each(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks_exact(self.length)
+    }
+
+    /// Sums of these columns, one for each column of factors.
+    fn times<'a>(&self, factors: impl Iterator<Item = &'a [f64]>) -> Self {
+        let mut values = Vec::new();
+        for factors in factors {
+            let mut sum = vec![0.0; self.length];
+            self.each().zip(factors).for_each(|(column, factor)| add_times(&mut sum, column, *factor));
+            values.extend(sum);
+        }
+        Self { length: self.length, values }
+    }
+
+    /// By column of `other`: the products of the columns with it.
+    fn products(&self, other: &Self) -> Self {
+        let values = other.each().flat_map(|other| self.each().map(|column| dot(column, other))).collect();
+        Self { length: self.count(), values }
+    }
+}
+
+/// In eight sums side by side: additions do not wait for each other.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    const SUMS: usize = 8;
+    let mut sums = [0.0; SUMS];
+    let (mut of_a, mut of_b) = (a.chunks_exact(SUMS), b.chunks_exact(SUMS));
+    for (a, b) in (&mut of_a).zip(&mut of_b) {
+        for k in 0..SUMS {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = of_a.remainder().iter().zip(of_b.remainder()).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
+}
+
+fn add_times(to: &mut [f64], from: &[f64], factor: f64) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
+}
+
+/// Lower triangle `L`, column by column, with `L L^T` the mean products of these vectors' entries; a column that follows from the
+/// others is 0.
+pub(super) fn square_root(vectors: &[Vec<f64>], size: usize) -> Columns {
+    let entries: Vec<Vec<f64>> =
+        (0..size).map(|i| vectors.iter().map(|vector| vector[i]).collect()).collect();
+    let mean = |i: usize, j: usize| dot(&entries[i], &entries[j]) / vectors.len() as f64;
+    let mut root = Columns { length: size, values: vec![0.0; size * size] };
+    for j in 0..size {
+        let diagonal = mean(j, j);
+        let of = |root: &Columns, i: usize| {
+            mean(i, j) - (0..j).map(|k| root.of(k)[i] * root.of(k)[j]).sum::<f64>()
+        };
+        let left = of(&root, j);
+        // What rounding leaves of a column that follows from the others is no column.
+        if left > 1e-13 * diagonal {
+            let below: Vec<f64> = (j..size).map(|i| of(&root, i) / left.sqrt()).collect();
+            root.values[j * size + j..(j + 1) * size].copy_from_slice(&below);
+        }
+    }
+    root
+}
+
+/// Orthonormal columns that span `columns` but for a sum of squares of `tolerance`, the largest first, `most` at most.
+fn span(columns: &Columns, tolerance: f64, most: usize) -> Columns {
+    let (length, mut rest) = (columns.length, columns.values.clone());
+    let mut found = Columns { length, values: Vec::new() };
+    let all = dot(&rest, &rest);
+    while found.count() < most.min(length) {
+        let squares: Vec<f64> = rest.chunks_exact(length).map(|column| dot(column, column)).collect();
+        let Some((at, largest)) = squares.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+        // What is left of columns in the span is rounding.
+        if squares.iter().sum::<f64>() <= tolerance || *largest <= 1e-28 * all {
+            break;
+        }
+        let mut next = rest[at * length..][..length].to_vec();
+        // Once more against all before: what was taken off a column in many steps is orthogonal to rounding only.
+        for before in found.values.chunks_exact(length) {
+            let along = dot(before, &next);
+            add_times(&mut next, before, -along);
+        }
+        let norm = dot(&next, &next).sqrt();
+        next.iter_mut().for_each(|value| *value /= norm);
+        for column in rest.chunks_exact_mut(length) {
+            let along = dot(&next, column);
+            add_times(column, &next, -along);
+        }
+        found.values.extend(next);
+    }
+    found
+}
+
+/// The local modes of rows over a group, whose coefficients have the mean products `root root^T`, and the sum over the nodes of the
+/// mean squares of what they leave out, about `tolerance` at most.
+pub(super) fn local_modes(rows: &Columns, root: &Columns, tolerance: f64) -> (Vec<Component>, f64) {
+    let seen = rows.times(root.each());
+    let first = span(&seen, tolerance, rows.count());
+    let turned = seen.times(seen.products(&first).each());
+    let modes = span(&turned, 0.0, first.count());
+    let mut rest = seen;
+    let mut components = Vec::with_capacity(modes.count());
+    for mode in modes.each() {
+        let mut square = 0.0;
+        for column in rest.values.chunks_exact_mut(rows.length) {
+            let along = dot(mode, column);
+            add_times(column, mode, -along);
+            square += along * along;
+        }
+        let of_rows = rows.each().map(|row| dot(mode, row)).collect();
+        components.push(Component { values: mode.to_vec(), rms: square.sqrt(), of_rows });
+    }
+    (components, dot(&rest.values, &rest.values))
+}
+
+/// The rows as they are, for lists that are not worth a change.
+pub(super) fn as_they_are(rows: &Columns, root: &Columns) -> Vec<Component> {
+    let one = |(at, row): (usize, &[f64])| {
+        let of_rows = (0..rows.count()).map(|j| if j == at { 1.0 } else { 0.0 }).collect();
+        let square: f64 = root.each().map(|column| column[at] * column[at]).sum();
+        Component { values: row.to_vec(), rms: square.sqrt(), of_rows }
+    };
+    rows.each().enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn local_modes_give_back_what_the_rows_give_but_for_what_they_say_they_leave_out(
+            nodes in 1_usize..40,
+            rows in proptest::collection::vec(proptest::collection::vec(-9.0..9.0_f64, 40), 1..9),
+            vectors in proptest::collection::vec(proptest::collection::vec(-5.0..5.0_f64, 9), 1..20),
+            share in 0.0..0.2_f64,
+        ) {
+            let count = rows.len();
+            let columns = Columns { length: nodes, values: rows.iter().flat_map(|row| row[..nodes].to_vec()).collect() };
+            let root = square_root(&vectors, count);
+            let field = |vector: &[f64]| columns.times(std::iter::once(&vector[..count])).values;
+            let mean_square = |of: &dyn Fn(&[f64]) -> Vec<f64>| {
+                vectors.iter().map(|vector| dot(&of(vector), &of(vector))).sum::<f64>() / vectors.len() as f64
+            };
+            let all = mean_square(&field);
+            let (modes, left_out) = local_modes(&columns, &root, share * all);
+            prop_assert!(modes.len() <= count.min(nodes));
+            let error = |vector: &[f64]| {
+                let mut rest = field(vector);
+                for mode in &modes {
+                    add_times(&mut rest, &mode.values, -dot(&mode.of_rows, &vector[..count]));
+                }
+                rest
+            };
+            let found = mean_square(&error);
+            prop_assert!((found - left_out).abs() <= 1e-9 * all, "{found} {left_out} of {all}");
+            prop_assert!(left_out <= share * all + 1e-9 * all, "{left_out} {share} of {all}");
+            let of_modes: f64 = modes.iter().map(|mode| mode.rms * mode.rms).sum();
+            prop_assert!((of_modes + left_out - all).abs() <= 1e-9 * all);
+            for (at, mode) in modes.iter().enumerate() {
+                for (other, before) in modes[..=at].iter().enumerate() {
+                    let product = dot(&mode.values, &before.values);
+                    let expected = f64::from(u8::from(other == at));
+                    prop_assert!((product - expected).abs() < 1e-9, "{product} for {expected}");
+                }
+            }
+        }
+    }
+}
