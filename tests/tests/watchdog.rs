@@ -34,8 +34,8 @@ fn a_loop_of_a_twin_that_stalls_is_not_fed_although_its_other_threads_live() {
     let stage = Stage::new("stalltwin");
     let scene = stage.finger(STEADY).display().to_string();
     let manager = Manager::new(&stage);
-    // Only the loop waits with `ppoll`: some 3 s at 200 Hz.
-    let program = stalling(&stage, &manager, "ppoll", 600, &["softtwind", "twin", "--scene", &scene]);
+    // Only the loop waits with `ppoll`: a second at 200 Hz, longer where one wait covers several readings.
+    let program = stalling(&stage, &manager, "ppoll", 200, &["softtwind", "twin", "--scene", &scene]);
     let _bridge = Program::bridge(&stage, std::path::Path::new(&scene));
     feeding_ends(&manager);
     // The loader and the reporter live: a reload begins.

@@ -8,6 +8,7 @@
 //! `q s(x)`. Leave-one-out removes a neighbour from every case and so over-states the error a little.
 
 use crate::inputs::{Point, square_distance};
+use crate::kernel::around::Around;
 use serde::{Deserialize, Serialize};
 
 /// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
@@ -40,8 +41,6 @@ impl HalfWidths {
 
 /// Scaled distance within which neighbours count alike: the sharpest of those tried by leave-one-out.
 const SMOOTHING: f64 = 0.05;
-/// Cases whose weights are computed together.
-const AT_ONCE: usize = 8;
 /// No local mean is below this share of the median error.
 const MIN_SHARE: f64 = 0.3;
 
@@ -76,8 +75,9 @@ impl LocalHalfWidths {
     /// Calibrates on the errors of the cases at these scaled inputs. Cost `O(cases^2)`.
     pub fn calibrate(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let mut local = Self::without_factors(dimensions, points, errors, coverage);
-        let means: Vec<Errors> = (0..points.len()).map(|i| local.means(&points[i], Some(i))).collect();
-        let ratios = |k: usize| errors.iter().zip(&means).map(|(e, m)| e[k] / m[k]).collect();
+        let means: Vec<Errors> = (0..points.len()).map(|i| mean_of_others(points, errors, i)).collect();
+        let ratios =
+            |k: usize| errors.iter().zip(&means).map(|(e, m)| e[k] / m[k].max(local.least[k])).collect();
         local.factors = [0, 1, 2].map(|k| quantile(ratios(k), coverage));
         local
     }
@@ -115,37 +115,24 @@ impl LocalHalfWidths {
 
     /// Half-widths at scaled inputs. `O(cases)`, no allocation.
     pub(crate) fn at(&self, x: &Point) -> HalfWidths {
-        let means = self.means(x, None);
+        let around = Around { inputs: &self.inputs, values: &self.errors, square: SMOOTHING * SMOOTHING };
+        let [weights, sums @ ..] = around.sums(x);
+        let mean = |k: usize| if weights > 0.0 { sums[k] / weights } else { 0.0 };
+        let means = [0, 1, 2].map(|k| mean(k).max(self.least[k]));
         HalfWidths::new(self.coverage, [0, 1, 2].map(|k| self.factors[k] * means[k]))
     }
+}
 
-    /// Weighted means of the errors, one case left out when asked.
-    fn means(&self, x: &Point, without: Option<usize>) -> Errors {
-        let cases = self.errors[0].len();
-        let (mut weights, mut sums) = (0.0, [0.0; 3]);
-        // Eight cases at a time, the inputs of each axis side by side; sums in the order of the cases.
-        for first in (0..cases).step_by(AT_ONCE) {
-            let count = AT_ONCE.min(cases - first);
-            let mut squares = [0.0; AT_ONCE];
-            for (axis, x) in self.inputs.chunks_exact(cases).zip(x) {
-                for (square, c) in squares.iter_mut().zip(&axis[first..first + count]) {
-                    *square += (c - x) * (c - x);
-                }
-            }
-            let near = squares.map(|square| square + SMOOTHING * SMOOTHING);
-            let weight = near.map(|near| 1.0 / (near * near));
-            for (case, weight) in
-                (first..first + count).zip(weight).filter(|(case, _)| Some(*case) != without)
-            {
-                weights += weight;
-                for (sum, errors) in sums.iter_mut().zip(&self.errors) {
-                    *sum += weight * errors[case];
-                }
-            }
-        }
-        let mean = |k: usize| if weights > 0.0 { sums[k] / weights } else { 0.0 };
-        [0, 1, 2].map(|k| mean(k).max(self.least[k]))
+/// Weighted means of the errors of all cases but one, at its inputs.
+fn mean_of_others(points: &[Point], errors: &[Errors], without: usize) -> Errors {
+    let (mut weights, mut sums) = (0.0, [0.0; 3]);
+    for (_, (point, errors)) in points.iter().zip(errors).enumerate().filter(|(case, _)| *case != without) {
+        let near = square_distance(point, &points[without]) + SMOOTHING * SMOOTHING;
+        let weight = 1.0 / (near * near);
+        weights += weight;
+        sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += weight * error);
     }
+    sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })
 }
 
 /// Scaled distances tried for [`LocalHalfWidths::of_unseen`].

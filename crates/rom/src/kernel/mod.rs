@@ -18,12 +18,13 @@
 //! modes of its own, fewer and each as wide as the error that is accepted for its field lets it be.
 //!
 //! What an evaluation of the model needs before is here as well, for its instruction sets: the kernel sums of interpolants (`approach.rs`,
-//! `weigh.rs`, `tail.rs`).
+//! `weigh.rs`, `tail.rs`) and means over the cases around a state (`around.rs`).
 //!
 //! The reconstruction knows nothing of the model: [`Spec`] describes what to build from plain slices. The tests
 //! hold every instruction set to the same equations computed in the plainest way and in f64.
 
 pub(crate) mod approach;
+pub(crate) mod around;
 mod basis;
 mod budget;
 mod eight;

@@ -25,7 +25,7 @@ pub enum Payload {
     Tip,
     /// Fields of the surface.
     Surface,
-    /// Fields of all nodes.
+    /// Fields of all nodes, from the basis of the shipped scene.
     All,
 }
 
@@ -100,7 +100,7 @@ impl<'a> Scenes<'a> {
             Payload::StateOnly => None,
             Payload::Tip => Some(format!("name = \"{TIP}\"\nnodes = {{ list = {:?} }}", self.tip_nodes)),
             Payload::Surface => Some(format!("name = \"{SURFACE}\"\nnodes = \"{}\"", self.surface_nodes)),
-            Payload::All => Some("nodes = \"all\"".into()),
+            Payload::All => Some("nodes = \"all\"\nprecision = \"budget\"".into()),
         };
         let outputs: Vec<String> = output.into_iter().collect();
         // Every reading is answered, also after an interruption: what is lost is then lost by the transport.
