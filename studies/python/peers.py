@@ -1,10 +1,10 @@
 """softtwin's peers on the contact states of a database: numpy, EZyRB and the paper's own way. See `softtwin-studies peers`.
 
-peers.py DATABASE MODES.csv prints what it trained as one JSON line; then, for each line it reads, the time of each peer (us).
+peers.py DATABASE MODES.csv N prints what it trained as one JSON line; then, for each line it reads, the time of each peer (us).
 
-The reduced model of every peer: 6 modes, cubic kernels over inputs scaled to [0, 1]. softtwin keeps 6 modes of each of four
-fields and derives the displacement; the others keep 6 modes of all five fields stacked, as the paper and EZyRB do: one mode
-matrix of 125,110 x 6.
+The reduced model of every peer: N modes, cubic kernels over inputs scaled to [0, 1]. softtwin keeps N modes of each of four
+fields and derives the displacement; the others keep N modes of all five fields stacked, as the paper and EZyRB do: one mode
+matrix of 125,110 x N.
 """
 import csv
 import json
@@ -16,7 +16,7 @@ from unittest.mock import MagicMock
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 
-MODES = 6
+MODES = int(sys.argv[3])
 AT = np.array([0.6, 0.3])
 
 

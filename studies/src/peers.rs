@@ -17,10 +17,11 @@ const EXAMPLES: &str = "\
 Examples:
     cargo build --release -p softtwin -p softtwind -p studies
     target/release/softtwin-studies peers
+    target/release/softtwin-studies peers --modes 31 --model models/pneunet/pneunet.twin
     target/release/softtwin-studies peers --database fresh --rounds 10";
 
 const NOTES: &str = "\
-All on the same contact states with 6 modes and one thread, measured in turn in one run. Run it in the repository's folder.
+All on the same contact states and with one thread, measured in turn in one run. Run it in the repository's folder.
 Python packages go into build/peers-venv; EZyRB is installed without PyTorch, which its POD and RBF do not use.";
 
 /// Time a prediction and a training beside numpy, EZyRB and the paper's own way; prints the README's table.
@@ -33,18 +34,28 @@ pub struct Args {
     /// Rounds over all of them; the median is printed.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
     rounds: u16,
+    /// Modes of every peer, and of softtwin where no --model is given.
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=100))]
+    modes: u16,
+    /// A trained model instead of one with --modes a field.
+    #[arg(long, value_name = "FILE.twin")]
+    model: Option<PathBuf>,
 }
 
 const PACKAGES: [&str; 5] = ["numpy==2.2.6", "scipy==1.15.3", "scikit-learn", "matplotlib", "future"];
 /// The peers know one number of modes for all fields, so softtwin gets the same here.
-const TRAINING: &str = "[free]\nmodes = { fixed = 6 }\n[contact]\nmodes = { fixed = 6 }\n";
+fn training(modes: u16) -> String {
+    format!("[free]\nmodes = {{ fixed = {modes} }}\n[contact]\nmodes = {{ fixed = {modes} }}\n")
+}
 /// One thread: a twin has one core, and numpy's pool would take them all.
 const THREADS: [&str; 3] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"];
 /// What is taken from `softtwin bench --json`; the last one is compared.
-const OURS: [(&str, &str); 3] = [
+const OURS: [(&str, &str); 5] = [
     ("softtwin, kernel, f32", "/kernel/f32/warm_us_p50"),
     ("softtwin, kernel, i16", "/kernel/i16/warm_us_p50"),
-    ("softtwin, input to field", "/predict_us_p50"),
+    ("softtwin, kernel, budget", "/kernel/budget/warm_us_p50"),
+    ("softtwin, input to field, f32", "/predict_us_p50"),
+    ("softtwin, input to field, budget", "/predict_budget_us_p50"),
 ];
 
 impl Args {
@@ -58,13 +69,8 @@ impl Args {
         python::install(&python, &["--no-deps", "ezyrb==1.3.3"])?;
         let testbed = Testbed::new("peers")?;
         let database = unpacked(&self.database, &testbed)?;
-        let mut peers = Peers::start(&python, &database, &testbed)?;
-        let model = testbed.path("peers.twin").display().to_string();
-        let (database, config) = (database.display().to_string(), testbed.write("train.toml", TRAINING)?);
-        let started = Instant::now();
-        let config = config.display().to_string();
-        testbed.run("softtwin", &["train", "--database", &database, "--config", &config, "--out", &model])?;
-        let training_s = started.elapsed().as_secs_f64();
+        let mut peers = Peers::start(&python, &database, self.modes, &testbed)?;
+        let (model, training) = self.trained(&database, &testbed)?;
         let mut ours = [const { Vec::new() }; OURS.len()];
         let mut theirs = vec![Vec::new(); peers.hello.peers.len()];
         for _ in 0..self.rounds {
@@ -92,9 +98,21 @@ impl Args {
         }
         for ((name, _), times) in OURS.iter().zip(ours) {
             let us = median(times.into_iter());
-            output!("| {name} | {us:.1} | {:.2} | {training_s:.2} (both regimes) |", us / input_to_field)?;
+            output!("| {name} | {us:.1} | {:.2} | {training} |", us / input_to_field)?;
         }
         Ok(())
+    }
+
+    /// The model that is measured, and how long its training took.
+    fn trained(&self, database: &Path, testbed: &Testbed) -> anyhow::Result<(String, String)> {
+        if let Some(model) = &self.model {
+            return Ok((model.display().to_string(), "-".into()));
+        }
+        let model = testbed.path("peers.twin").display().to_string();
+        let config = testbed.write("train.toml", training(self.modes))?.display().to_string();
+        let (database, started) = (database.display().to_string(), Instant::now());
+        testbed.run("softtwin", &["train", "--database", &database, "--config", &config, "--out", &model])?;
+        Ok((model, format!("{:.2} (both regimes)", started.elapsed().as_secs_f64())))
     }
 }
 
@@ -133,9 +151,10 @@ struct Peers {
 }
 
 impl Peers {
-    fn start(python: &Path, database: &Path, testbed: &Testbed) -> anyhow::Result<Self> {
+    fn start(python: &Path, database: &Path, modes: u16, testbed: &Testbed) -> anyhow::Result<Self> {
         let mut command = Command::new(python);
         command.arg("studies/python/peers.py").arg(database).arg(testbed.path("modes.csv"));
+        command.arg(modes.to_string());
         command.envs(THREADS.map(|name| (name, "1"))).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().context("cannot start the peers")?;
         let input = child.stdin.take().context("no standard input")?;
