@@ -18,7 +18,7 @@ pub mod resources;
 pub mod sweep;
 pub mod testbed;
 pub mod unknowns;
-mod unseen_errors;
+pub mod unseen_errors;
 mod view;
 mod viewers;
 

@@ -7,7 +7,7 @@ use formats::FormatError;
 use formats::table::{Table, to_text};
 use rom::hull::DomainStatus;
 use rom::inputs::Inputs;
-use rom::model::{Model, ModelHeader};
+use rom::model::Model;
 use std::path::Path;
 use train::calibration::UnseenState;
 use train::datasheet::DataSheet;
@@ -51,13 +51,18 @@ pub fn check(path: &Path) -> anyhow::Result<()> {
 /// # Errors
 /// A table that cannot be read, that is of another model, or that has too few states.
 pub fn calibrate(path: &Path, model: &mut Model, sheet: &mut DataSheet) -> anyhow::Result<()> {
-    let states = read(path, &model.header, &wire::layout::hex(&model.prediction_hash()?[..8]))?;
+    let states = read(path, model)?;
     train::calibration::calibrate(model, sheet, &states)
         .with_context(|| path.display().to_string())
         .map_err(configuration)
 }
 
-fn read(path: &Path, header: &ModelHeader, hash: &str) -> anyhow::Result<Vec<UnseenState>> {
+/// The states of such a table and a model's errors there.
+///
+/// # Errors
+/// A table that cannot be read or that is of another model.
+pub fn read(path: &Path, model: &Model) -> anyhow::Result<Vec<UnseenState>> {
+    let (header, hash) = (&model.header, wire::layout::hex(&model.prediction_hash()?[..8]));
     let table = Table::read(path, true).map_err(files::refusal)?;
     let refused = |diagnostic| files::refusal(FormatError::one(path, diagnostic));
     let column = |name: &str| table.column(name).map_err(refused);
@@ -71,7 +76,7 @@ fn read(path: &Path, header: &ModelHeader, hash: &str) -> anyhow::Result<Vec<Uns
             return Err(row.diagnostic(
                 predictions,
                 &format!(
-                    "{hash}, the predictions of the model just trained; these errors are of another one: measure them anew with \
+                    "{hash}, the predictions of this model; these errors are of another one: measure them anew with \
                      `softtwin evaluate --errors`"
                 ),
             ));

@@ -9,6 +9,7 @@ mod method;
 mod pareto;
 mod published;
 mod reproduction;
+mod sealed;
 mod study;
 mod summary;
 mod switch;
@@ -16,9 +17,10 @@ mod switch;
 use anyhow::Context;
 use folder::Folder;
 use formats::database::ObstacleKind;
+use sealed::Sealed;
 use softtwin::progress::Progress;
 use softtwin::{files, output};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use study::Study;
 
 const EXAMPLES: &str = "\
@@ -64,13 +66,13 @@ impl Args {
         progress.step("training by the paper's method and by ours");
         let study = Study::new(database)?;
         if self.check {
-            return check(&study);
+            return check(&study, &self.database);
         }
         std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
         let folder = Folder { dir: self.out, ending: if self.png { "png" } else { "svg" } };
         let mut page = study.heading(&self.database, self.repeats);
         progress.step("what was promised");
-        page += &summary::section(&study)?.0;
+        page += &summary::section(&study, Sealed::read(&self.database)?.as_ref())?.0;
         progress.step("test cases A to D and states outside the domain");
         page += &cases::section(&study, &folder)?;
         progress.step("errors against modes and training cases (Fig. 5)");
@@ -93,8 +95,8 @@ impl Args {
 }
 
 /// Prints the promises; an error names those that do not hold.
-fn check(study: &Study) -> anyhow::Result<()> {
-    let (table, missed) = summary::section(study)?;
+fn check(study: &Study, database: &Path) -> anyhow::Result<()> {
+    let (table, missed) = summary::section(study, Sealed::read(database)?.as_ref())?;
     output!("{table}")?;
     anyhow::ensure!(missed.is_empty(), "promises that do not hold:\n  {}", missed.join("\n  "));
     Ok(())

@@ -185,40 +185,48 @@ fn lists_of<'a>(
     let of_field = rows(spec, op);
     check_finite(spec, op.field, &of_field)?;
     let coefficients: Vec<Option<usize>> = op.coefficients_of_rows().collect();
-    let (mut local, mut plain, mut left_out) = (Vec::new(), Vec::new(), 0.0);
-    for (at, list) in op.lists().enumerate() {
-        let typical = |vector: &Vec<f64>| {
-            coefficients[list.clone()].iter().map(|of| of.map_or(1.0, |of| vector[of])).collect()
-        };
-        let root = square_root(&budget.typical.iter().map(typical).collect::<Vec<_>>(), list.len());
-        let groups = (0..spec.output_nodes().div_ceil(GROUP_NODES))
-            .map(|group| columns(spec, &of_field[list.clone()], group));
-        let of = |groups| List { op, rows: list.clone(), first, groups, step: 0.0 };
-        if at == 0 {
-            let mut modes = |columns: Columns| {
-                let (modes, rest) =
-                    local_modes(&columns, &root, LEFT_OUT * accepted * accepted * columns.length as f64);
-                left_out += rest;
-                modes
-            };
-            local.push(of(groups.clone().map(&mut modes).collect()));
-        } else {
-            local.push(of(groups.clone().map(|columns| as_they_are(&columns, &root)).collect()));
+    let root = |list: &Range<usize>| {
+        let of_list = &coefficients[list.clone()];
+        let typical = |vector: &Vec<f64>| of_list.iter().map(|of| of.map_or(1.0, |of| vector[of])).collect();
+        square_root(&budget.typical.iter().map(typical).collect::<Vec<_>>(), list.len())
+    };
+    let of_lists: Vec<(Range<usize>, Columns)> = op.lists().map(|list| (list.clone(), root(&list))).collect();
+    // All lists, each group's components made by number of the list, rows and root.
+    let each = |make: &mut dyn FnMut(usize, &Columns, &Columns) -> Vec<Component>| -> Vec<List<'a>> {
+        let mut lists = Vec::new();
+        for (at, (list, root)) in of_lists.iter().enumerate() {
+            let groups = 0..spec.output_nodes().div_ceil(GROUP_NODES);
+            let groups =
+                groups.map(|group| make(at, &columns(spec, &of_field[list.clone()], group), root)).collect();
+            lists.push(List { op, rows: list.clone(), first, groups, step: 0.0 });
         }
-        plain.push(of(groups.map(|columns| as_they_are(&columns, &root)).collect()));
+        lists
+    };
+
+    let (mut energy, nodes) = (0.0, spec.output_nodes() as f64);
+    each(&mut |_, rows, root| {
+        energy += as_they_are(rows, root).iter().map(Component::energy).sum::<f64>();
+        Vec::new()
+    });
+    let least = (energy * F32_ROUNDING / nodes).sqrt();
+    if accepted >= least {
+        let mut left_out = 0.0;
+        let mut local = each(&mut |at, rows, root| {
+            if at > 0 {
+                return as_they_are(rows, root);
+            }
+            let (modes, rest) = local_modes(rows, root, LEFT_OUT * accepted * accepted * rows.length as f64);
+            left_out += rest;
+            modes
+        });
+        if let Some(step) = budget::step(components(&local), [accepted, nodes, left_out]) {
+            local.iter_mut().for_each(|list| list.step = step);
+            return Ok(Ok(local));
+        }
+    } else if !budget.or_f32 {
+        return Ok(Err(Shortfall { field: op.field, accepted, least }));
     }
-    let nodes = spec.output_nodes() as f64;
-    let least = (components(&plain).map(Component::energy).sum::<f64>() * F32_ROUNDING / nodes).sqrt();
-    if accepted >= least
-        && let Some(step) = budget::step(components(&local), [accepted, nodes, left_out])
-    {
-        local.iter_mut().for_each(|list| list.step = step);
-        return Ok(Ok(local));
-    }
-    if accepted >= least || budget.or_f32 {
-        return Ok(Ok(plain)); // a step of 0: all in f32
-    }
-    Ok(Err(Shortfall { field: op.field, accepted, least }))
+    Ok(Ok(each(&mut |_, rows, root| as_they_are(rows, root)))) // a step of 0: all in f32
 }
 
 fn components<'a>(lists: &'a [List<'_>]) -> impl Iterator<Item = &'a Component> {

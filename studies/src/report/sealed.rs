@@ -1,0 +1,108 @@
+//! What is promised of sealed states: drawn by a seed that nobody had used, simulated, looked at once and not kept. The table beside the
+//! model, `softtwin evaluate --sealed N --seed S --errors sealed.csv`, has their inputs and the model's errors.
+
+use anyhow::Context;
+use rom::model::{Model, Selection};
+use rom::model_state::ModelState;
+use rom::snapshots::RegimeKind;
+use softtwin::{files, unseen_errors};
+use std::path::Path;
+use train::evaluate::spread;
+
+/// Most the errors may be: mean, 95th percentile, worst of normalised displacement and stress; of the force over the largest.
+pub const ERRORS: [[f64; 3]; 3] = [[2e-4, 6e-4, 3e-3], [4e-3, 1e-2, 2e-2], [1.5e-4, 5e-4, 2e-3]];
+/// Largest share of the states that may lie outside the half-widths, which promise a tenth.
+pub const OUTSIDE: f64 = 0.14;
+
+/// Of the contact states inside the domain.
+pub struct Sealed {
+    pub states: usize,
+    /// Displacement, stress, force: mean, 95th percentile, worst.
+    pub errors: [[f64; 3]; 3],
+    /// Shares outside the half-widths.
+    pub outside: [f64; 3],
+}
+
+impl Sealed {
+    /// From the folder that holds the database and the model of its name; none without a table of sealed states.
+    pub fn read(database: &Path) -> anyhow::Result<Option<Self>> {
+        let database = std::path::absolute(database).with_context(|| database.display().to_string())?;
+        let Some(folder) = database.parent() else { return Ok(None) };
+        let (table, model) = (folder.join("sealed.csv"), folder.join(folder.file_name().unwrap_or_default()));
+        if !table.exists() {
+            return Ok(None);
+        }
+        let model = files::model(&model.with_extension("twin"))?;
+        Self::of(&table, &model).map(Some)
+    }
+
+    /// Errors are normalised by what the model says is largest: its own error does not matter there.
+    fn of(table: &Path, model: &Model) -> anyhow::Result<Self> {
+        let mut states = unseen_errors::read(table, model)?;
+        states.retain(|state| state.regime == RegimeKind::Contact);
+        anyhow::ensure!(!states.is_empty(), "{}: expected contact states, found none", table.display());
+        let mut predicted = ModelState::new(model, &Selection::default())?;
+        let (mut errors, mut largest_n) = ([const { Vec::new() }; 3], 0.0_f64);
+        let mut outside = [0.0; 3];
+        for state in &states {
+            let peaks = predicted.update(state.inputs)?;
+            let (evaluation, widths) = (predicted.evaluation(), predicted.evaluation().halfwidths);
+            let promised = [widths.displacement_mm, widths.stress_mpa, widths.force_n];
+            let peak = |peak: Option<rom::kernel::Peak>| peak.map_or(f64::NAN, |peak| f64::from(peak.value));
+            let scales = [peak(peaks.displacement_mm), peak(peaks.stress_mpa), 1.0];
+            largest_n = largest_n.max(evaluation.contact_force_n);
+            for k in 0..3 {
+                errors[k].push(state.errors[k] / scales[k]);
+                outside[k] += f64::from(u8::from(state.errors[k] > promised[k])) / states.len() as f64;
+            }
+        }
+        errors[2].iter_mut().for_each(|error| *error /= largest_n);
+        Ok(Self { states: states.len(), errors: errors.each_mut().map(|of| spread(of)), outside })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rom::snapshots::Split;
+    use rom::synthetic::{database, training_states};
+    use train::evaluate::{DEFAULT_FLOOR, evaluate};
+
+    #[test]
+    fn a_table_gives_back_the_errors_that_were_measured_and_one_of_another_model_is_refused() {
+        let mut states = training_states(24, 12, 11);
+        states.extend(
+            (0..6).map(|i| (Split::Check, 0.03 + 0.008 * f64::from(i), Some(12.0 + 3.0 * f64::from(i)))),
+        );
+        let database = database(&states);
+        let trained = |states: &_| train::train(states, &train::config::TrainConfig::default(), &mut |_| ());
+        let (model, _) = trained(&database).expect("a model");
+        let cases: Vec<usize> = database.of_split(Split::Check).collect();
+        let report = evaluate(&model, &database, &cases, DEFAULT_FLOOR).expect("fits");
+        let folder = tempfile::tempdir().expect("a folder");
+        let table = folder.path().join("sealed.csv");
+        unseen_errors::write(&table, &model, &report.cases).expect("writable");
+        let sealed = Sealed::of(&table, &model).expect("a table of its own");
+        let inside = report.cases.iter().filter(|case| case.domain == rom::hull::DomainStatus::Inside);
+        let stress =
+            database.fields.iter().position(|f| f.kind == rom::snapshots::FieldKind::Stress).expect("stress");
+        let mut of_stress: Vec<f64> = inside.map(|case| case.fields[stress].normalised).collect();
+        assert_eq!(sealed.states, of_stress.len());
+        for (found, expected) in sealed.errors[1].into_iter().zip(spread(&mut of_stress)) {
+            assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
+        }
+
+        // Errors of a thousandfold lie outside every half-width.
+        let mut larger = report.cases.clone();
+        larger.iter_mut().for_each(|case| case.errors = case.errors.map(|error| 1e3 * error));
+        unseen_errors::write(&table, &model, &larger).expect("writable");
+        let sealed = Sealed::of(&table, &model).expect("a table of its own");
+        assert!(sealed.outside.iter().all(|share| *share > OUTSIDE), "{:?}", sealed.outside);
+
+        states.truncate(states.len() - 6);
+        states.pop();
+        let (other, _) = trained(&rom::synthetic::database(&states)).expect("a model");
+        let refused = Sealed::of(&table, &other).err().expect("errors of another model").to_string();
+        assert!(refused.contains("the predictions of this model"), "{refused}");
+    }
+}
