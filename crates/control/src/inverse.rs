@@ -63,6 +63,8 @@ pub struct Inverse {
 const MAX_EVALUATIONS: usize = 24;
 /// The first correction below this is the last, MPa: what Newton's method leaves after it is of its square.
 const TOLERANCE_MPA: f64 = 1e-5;
+/// Of a value at an end of the range, as a share of it.
+const ROUNDING: f64 = 1e-12;
 
 /// The pressure at which `quantity` has `value` at this gap, searched from `start_mpa`. Never allocates; at most
 /// `MAX_EVALUATIONS` evaluations.
@@ -73,11 +75,13 @@ pub fn inverse(
     value: f64,
     start_mpa: f64,
 ) -> Inverse {
-    let [mut low, mut high] = model.range_mpa();
+    let range_mpa = model.range_mpa();
+    let [mut low, mut high] = range_mpa;
     let mut at = start_mpa.clamp(low, high);
     let mut found =
         Inverse { pressure_mpa: at, slope: 0.0, residual: f64::NAN, force_n: f64::NAN, is_reached: false };
     let grows = quantity == Quantity::Force || model.tip_grows();
+    let mut is_known = [false; 2]; // whether the model was asked at the bracket's ends
     for _ in 0..MAX_EVALUATIONS {
         let point = model.at(at, gap_mm);
         if quantity == Quantity::Force && value <= 0.0 {
@@ -92,21 +96,29 @@ pub fn inverse(
         found = Inverse { pressure_mpa: at, slope, residual: error, force_n, is_reached: false };
         let is_above = (error > 0.0) == grows;
         if is_above {
-            low = at
+            (low, is_known[0]) = (at, true);
         } else {
-            high = at
+            (high, is_known[1]) = (at, true);
         }
-        // Without contact there is no slope; the onset is as near as a force can be.
-        let newton = match quantity == Quantity::Force && point.force_n == 0.0 && point.onset_mpa > at {
-            true => point.onset_mpa + 1e-9,
-            false => at + error / slope,
+        // Without contact there is no slope; the onset is as near as a force can be, and no step to it is the last.
+        let is_flat = quantity == Quantity::Force && point.force_n == 0.0 && point.onset_mpa > at;
+        let newton = if is_flat { point.onset_mpa + 1e-9 } else { at + error / slope };
+        // A value at an end of the range is found there, not at the end of a bisection.
+        let next = match newton {
+            inside if inside > low && inside < high => inside,
+            beyond if beyond <= low && !is_known[0] => low,
+            beyond if beyond >= high && !is_known[1] => high,
+            _ => 0.5 * (low + high),
         };
-        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         let step = next - at;
-        if error == 0.0 || step.abs() < TOLERANCE_MPA {
+        if error == 0.0 || (step.abs() < TOLERANCE_MPA && !is_flat) {
             found.pressure_mpa = if error == 0.0 { at } else { next };
-            // The last correction is what a search within the range ends with; at its ends the residual stays.
-            found.is_reached = error.abs() <= 2.0 * (slope * TOLERANCE_MPA).abs() || error == 0.0;
+            // The last correction is what a search within the range ends with. At its ends there is none: the residual stays, and a value
+            // that lies beyond by more than rounding is not reached.
+            let is_beyond =
+                at == range_mpa[usize::from(is_above)] && error.abs() > ROUNDING * value.abs().max(1.0);
+            found.is_reached =
+                !is_beyond && error.abs() <= 2.0 * (slope * TOLERANCE_MPA).abs() || error == 0.0;
             return found;
         }
         at = next;

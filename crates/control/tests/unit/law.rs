@@ -117,6 +117,18 @@ fn a_reading_that_is_not_finite_changes_nothing() {
     assert_eq!(controller.update(f64::NAN, reading(0.03, 0.16), DT_S).pressure_mpa, before.pressure_mpa);
 }
 
+#[test]
+fn a_value_at_the_end_of_the_range_is_found_there() {
+    let mut model = Line { slope: 1.0, onset_mpa: 0.02 };
+    for pressure_mpa in [0.0, 0.09] {
+        let value = Quantity::Tip.of(&model.at(pressure_mpa, 25.0)).0;
+        for start_mpa in [0.16, 0.05, 0.0] {
+            let found = inverse(&mut model, Quantity::Tip, 25.0, value, start_mpa);
+            assert!(found.is_reached && (found.pressure_mpa - pressure_mpa).abs() < 1e-12, "{found:?}");
+        }
+    }
+}
+
 proptest::proptest! {
     #[test]
     fn the_inverse_gives_the_value_back_or_says_that_it_does_not(
