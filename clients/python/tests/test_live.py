@@ -192,7 +192,7 @@ def test_a_valve_has_one_owner(stage, converter, with_control):
         os.mkdir(f"{stage.root}/control")
     valve = softtwin.SetpointPublisher("finger", owner="story", bus=stage.bus)
     writes = softtwin.subscribe("softtwin/finger/valve", timeout_s=WAIT_S, bus=stage.bus)
-    sent = valve.send(0.02, valid_for_s=WAIT_S, t_sensor_ns=7)
+    sent = valve.send(0.02, valid_for_s=10 * WAIT_S, t_sensor_ns=7)
     write = next(write for write in writes if write.name_of("valve_reason") == "following")
     assert (write.setpoint_seq, write.t_sensor_ns, write.to_dict()["owner"]) == (sent, 7, "story")
     written(converter, "1000")
@@ -205,7 +205,7 @@ def test_a_valve_has_one_owner(stage, converter, with_control):
     valve.send(0.03, valid_for_s=0.05)  # not renewed
     write = next(write for write in writes if write.name_of("valve_reason") == "timeout")
     assert write.pressure_mpa == 0.0
-    valve.send(0.03, valid_for_s=WAIT_S)
+    valve.send(0.03, valid_for_s=10 * WAIT_S)
     written(converter, "1500")
     valve.send(math.nan)
     written(converter, "0")
