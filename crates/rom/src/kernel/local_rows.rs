@@ -18,8 +18,7 @@ struct Units {
 const PAIR_BYTES: usize = 2 * 2 * TILE_NODES;
 const FOUR_BYTES: usize = 4 * TILE_NODES;
 
-/// Rows of local modes, whose coefficients are made anew for every group.
-#[derive(Clone, Copy)]
+/// Rows of local modes, whose coefficients are made anew for every group. No copy of it is made: it holds them all.
 pub(super) struct LocalRows<'a> {
     cursor: *const u8,
     transform: *const f32,

@@ -12,7 +12,7 @@ use super::{MAX_ROWS, TILE_NODES};
 /// # Safety
 /// Implementations read the rows that the plan promises and advance by exactly those. Callers ask in the order of the plan,
 /// for every tile.
-pub(super) trait Rows: Copy {
+pub(super) trait Rows {
     /// Before the first row of a tile.
     unsafe fn begin_tile<V: Lanes>(&mut self);
     /// `mean + sum_j mode_j a_j` of one field; of a component of the displacement, less the rest shape.

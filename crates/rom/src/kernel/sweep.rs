@@ -16,7 +16,6 @@ pub(super) struct RawPeaks {
 }
 
 /// What a sweep works on.
-#[derive(Clone, Copy)]
 pub(super) struct Job<'a, R> {
     pub plan: &'a Plan,
     /// The first row of the first tile.

@@ -135,7 +135,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let basis = |fields: &Reconstructor| fields.basis(regime).cloned().context("the model has no regime");
     let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
     let mut within = match ModelState::with_precision(model, &all, Storage::AS_GOOD) {
-        Ok(state) => Some((basis(state.reconstructor())?, state)),
+        Ok(state) => Some(state),
         Err(ModelError::AcceptedError { .. }) => None,
         Err(error) => return Err(error.into()),
     };
@@ -143,12 +143,12 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     progress.step("kernel and prediction");
     let uniform = [Subject::new("f32", &wide), Subject::new("i16", &narrow)];
     let mut subjects: Vec<Subject<'_>> = uniform.into_iter().collect();
-    let budget_basis = within.as_ref().map(|(basis, _)| basis.clone());
+    let budget_basis = within.as_ref().map(|state| basis(state.reconstructor())).transpose()?;
     subjects.extend(budget_basis.as_ref().map(|basis| Subject::new("budget", basis)));
     kernels(&mut subjects, &coefficients, samples, progress)?;
     progress.step("prediction");
     let evaluator = Evaluator::new(&model.header)?;
-    let states = [Some(&mut full), within.as_mut().map(|(_, state)| state)];
+    let states = [Some(&mut full), within.as_mut()];
     let predictions = predictions(&inputs, &evaluator, states, &mut tip, samples)?;
     let position = position(model, &inputs, samples)?;
     let [f32, i16] = [subjects[0].result(), subjects[1].result()];
