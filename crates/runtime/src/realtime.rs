@@ -81,6 +81,9 @@ fn stay_awake(device: impl AsRef<Path>) -> std::io::Result<File> {
     Ok(request)
 }
 
+/// Cores that a set of them has room for.
+const CORES: usize = libc::CPU_SETSIZE as usize;
+
 /// Niceness of the side services: on a busy machine the loop comes first.
 const SIDE_SERVICE_NICE: i32 = 5;
 
@@ -90,16 +93,32 @@ pub fn lower_priority() {
     let _ordinary_otherwise = unsafe { libc::setpriority(libc::PRIO_PROCESS, 0, SIDE_SERVICE_NICE) };
 }
 
-fn pin(cores: &[usize]) -> std::io::Result<()> {
-    // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET stays within it because core numbers are below 1024
-    // (checked with the settings); the set lives across the call.
+/// The calling thread runs on these cores only, and so do the threads and processes that it starts from now on. Needs no rights.
+///
+/// # Errors
+/// The system's refusal: none of them exists, or the process may use none.
+pub fn pin(cores: &[usize]) -> std::io::Result<()> {
+    // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET takes numbers below 1024 only; the set lives across the call.
     done(unsafe {
         let mut set: libc::cpu_set_t = std::mem::zeroed();
-        for core in cores {
+        for core in cores.iter().filter(|core| **core < CORES) {
             libc::CPU_SET(*core, &mut set);
         }
         libc::sched_setaffinity(0, size_of::<libc::cpu_set_t>(), &set)
     })
+}
+
+/// The cores that the calling thread may run on.
+///
+/// # Errors
+/// The system's refusal.
+pub fn cores() -> std::io::Result<Vec<usize>> {
+    // SAFETY: the set lives across the call, which fills it; CPU_ISSET takes numbers below 1024 only.
+    unsafe {
+        let mut set: libc::cpu_set_t = std::mem::zeroed();
+        done(libc::sched_getaffinity(0, size_of::<libc::cpu_set_t>(), &mut set))?;
+        Ok((0..CORES).filter(|core| libc::CPU_ISSET(*core, &set)).collect())
+    }
 }
 
 fn fifo(priority: u8) -> std::io::Result<()> {

@@ -55,6 +55,6 @@ pub use port::{
     ValveWriter, Writer, WriterRight, take_rights, wait_for_rights,
 };
 pub use selector::{Selector, SelectorError};
-pub use spin::{SpinCounts, SpinWait};
+pub use spin::{SpinCounts, SpinSources, SpinWait};
 pub use topic::{Topic, TopicKind};
 pub use wake::{Wake, WakeSet, Wakeable, Waker, Waking};

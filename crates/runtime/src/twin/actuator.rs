@@ -224,6 +224,12 @@ impl ActuatorTwin {
         self.record.send_health(now, self.last_good_ns);
     }
 
+    /// A reading is about to come: brings into the caches what its evaluation reads, which the last field has displaced.
+    pub(super) fn prepare(&mut self) {
+        let complete = self.wanted.coefficients || !self.outputs.is_empty();
+        self.evaluator.repeat(complete, &mut self.evaluation);
+    }
+
     /// Step 1: the oldest reading that waits on the sensor topic.
     fn poll(&mut self) -> Option<SensorSample> {
         let received = self.reader.next();

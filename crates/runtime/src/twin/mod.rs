@@ -13,7 +13,8 @@
 //!
 //! After start the loop allocates nothing of its own (a test counts: what remains is the transport's small handle for each
 //! loaned sample), takes no lock, writes no log: its events go through a channel; its only system calls are the wait (which spins
-//! before an expected reading, `wire/src/spin`) and the wake-up of readers.
+//! before an expected reading, `wire/src/spin`, and then repeats the last evaluation, so that what it reads is in the caches) and the
+//! wake-up of readers.
 
 mod actuator;
 mod entry;
@@ -34,7 +35,7 @@ use actuator::ActuatorTwin;
 use entry::Entry;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::{Bus, Health, SpinCounts, SpinWait, Wakeable, WireError, boot_id, now_ns};
+use wire::{Bus, Health, SpinCounts, SpinSources, SpinWait, Wakeable, WireError, boot_id, now_ns};
 
 /// Longest sleep: the stop flag is checked that often, and the watchdog sees progress.
 const MAX_WAIT: Duration = Duration::from_millis(100);
@@ -45,6 +46,21 @@ pub struct Twin {
     actuators: Vec<ActuatorTwin>,
     wait: SpinWait,
     busy_poll: bool,
+}
+
+/// The actuators whose readings the loop waits for.
+struct Expected<'a>(&'a mut [ActuatorTwin]);
+
+impl SpinSources for Expected<'_> {
+    fn has_next(&self, at: usize) -> bool {
+        self.0.get(at).is_some_and(|actuator| actuator.reader.has_next())
+    }
+
+    fn prepare(&mut self, at: usize) {
+        if let Some(actuator) = self.0.get_mut(at) {
+            actuator.prepare();
+        }
+    }
 }
 
 impl Twin {
@@ -119,8 +135,7 @@ impl Twin {
             let due_ns = self.actuators.iter().map(ActuatorTwin::next_due_ns).min().unwrap_or(u64::MAX);
             let timeout = Duration::from_nanos(due_ns.saturating_sub(now_ns())).min(max_wait);
             let Self { actuators, wait, .. } = self;
-            let is_ready = |at: usize| actuators.get(at).is_some_and(|actuator| actuator.reader.has_next());
-            if wait.wait(timeout, is_ready).is_err() {
+            if wait.wait(timeout, Expected(actuators)).is_err() {
                 self.actuators.iter_mut().for_each(ActuatorTwin::wait_failed);
                 std::thread::sleep(max_wait); // a failing wait must not become a busy loop
             }

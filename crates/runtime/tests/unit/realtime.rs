@@ -15,3 +15,17 @@ fn staying_awake_asks_for_no_latency_and_a_missing_device_is_named() {
     assert!(text.starts_with("realtime.stay_awake: refused: ") && text.contains("udev"), "{text}");
     assert!(granted.request(false, "cores", "", || pin(&[])).is_none() && granted.missing.len() == 1);
 }
+
+#[test]
+fn a_thread_runs_on_the_cores_it_is_given_and_on_no_others() {
+    let before = cores().unwrap();
+    let of_another_thread = std::thread::spawn(move || {
+        let one = &before[before.len() - 1..];
+        pin(one).unwrap();
+        assert_eq!(cores().unwrap(), one);
+        assert!(pin(&[]).is_err() && pin(&[CORES]).is_err(), "no core is none");
+        pin(&before).unwrap();
+        assert_eq!(cores().unwrap(), before);
+    });
+    of_another_thread.join().unwrap();
+}

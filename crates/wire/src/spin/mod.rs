@@ -11,4 +11,4 @@ mod plan;
 mod wait;
 
 pub use plan::SpinCounts;
-pub use wait::SpinWait;
+pub use wait::{SpinSources, SpinWait};

@@ -33,7 +33,7 @@ pub struct SpinCounts {
 /// A spin that is to come. Times are ns of the monotonic clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Plan {
-    source: usize,
+    pub(super) source: usize,
     /// When the sample is expected.
     expected_ns: u64,
     /// When to be awake.

@@ -18,7 +18,8 @@ use std::time::Duration;
 #[derive(Debug)]
 pub struct SpinWait {
     wake: WakeSet,
-    sources: usize,
+    /// Of the readers.
+    count: usize,
     /// None: it never spins.
     planner: Option<Planner>,
     exact: Option<ExactSleep>,
@@ -26,10 +27,28 @@ pub struct SpinWait {
     has_left_event: bool,
 }
 
+/// What a [`SpinWait`] waits for; a closure says which sources have a sample and prepares nothing.
+pub trait SpinSources {
+    /// Whether a source (by its place among the readers) has a sample.
+    fn has_next(&self, source: usize) -> bool;
+
+    /// Awake, shortly before a sample of this source is expected: time to bring into the caches what its answer reads. A sample that comes
+    /// meanwhile waits until this is over.
+    fn prepare(&mut self, _source: usize) {}
+}
+
+impl<F: Fn(usize) -> bool> SpinSources for F {
+    fn has_next(&self, source: usize) -> bool {
+        self(source)
+    }
+}
+
 /// The clock, and sleep until an event comes or the time is over; simulated in tests.
 trait Time {
     fn now_ns(&self) -> u64;
     fn sleep(&mut self, longest: Duration) -> Result<Wake, WireError>;
+    /// Between two looks.
+    fn pause(&mut self);
 }
 
 impl Time for WakeSet {
@@ -40,14 +59,19 @@ impl Time for WakeSet {
     fn sleep(&mut self, longest: Duration) -> Result<Wake, WireError> {
         self.wait(longest)
     }
+
+    /// Whoever else is to run on this core runs: it may be the sender, which a spin would keep from sending. Some 0.5 us where nobody is.
+    fn pause(&mut self) {
+        std::thread::yield_now();
+    }
 }
 
 /// A wait that has begun.
-struct Waiting<'a, T, F> {
+struct Waiting<'a, T, S> {
     time: &'a mut T,
     planner: &'a mut Planner,
-    sources: usize,
-    is_ready: F,
+    count: usize,
+    sources: S,
     end_ns: u64,
     has_left_event: &'a mut bool,
 }
@@ -58,25 +82,24 @@ impl SpinWait {
 
     /// Over `readers`, which are spun for with at most `share` of a core together (0: never; at most [`Self::MAX_SHARE`]).
     pub fn new<'a>(readers: impl IntoIterator<Item = &'a dyn Wakeable>, share: f64) -> Self {
-        let mut sources = 0;
-        let wake = WakeSet::new(readers.into_iter().inspect(|_| sources += 1));
+        let mut count = 0;
+        let wake = WakeSet::new(readers.into_iter().inspect(|_| count += 1));
         let spins = share > 0.0 && Self::is_possible();
-        let planner = spins.then(|| Planner::new(sources, share.min(Self::MAX_SHARE)));
-        Self { wake, sources, planner, exact: None, has_left_event: false }
+        let planner = spins.then(|| Planner::new(count, share.min(Self::MAX_SHARE)));
+        Self { wake, count, planner, exact: None, has_left_event: false }
     }
 
-    /// Waits until `is_ready` says of a reader (by its place in the list) that it has a sample, `timeout` is over, or a signal
-    /// comes. It may also end by an event without a sample: look, then wait again. All samples are to be taken before the next
+    /// Waits until one of `sources`, the readers in their order, has a sample, `timeout` is over, or a signal comes. It may also end by an event without a sample: look, then wait again. All samples are to be taken before the next
     /// wait.
     ///
     /// # Errors
     /// As [`WakeSet::wait`].
-    pub fn wait(&mut self, timeout: Duration, is_ready: impl Fn(usize) -> bool) -> Result<Wake, WireError> {
-        let Self { wake, sources, planner, exact, has_left_event } = self;
+    pub fn wait(&mut self, timeout: Duration, sources: impl SpinSources) -> Result<Wake, WireError> {
+        let Self { wake, count, planner, exact, has_left_event } = self;
         let Some(planner) = planner else { return wake.wait(timeout) };
         exact.get_or_insert_with(ExactSleep::new);
         let end_ns = now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX));
-        Waiting { time: wake, planner, sources: *sources, is_ready, end_ns, has_left_event }.run()
+        Waiting { time: wake, planner, count: *count, sources, end_ns, has_left_event }.run()
     }
 
     /// Whether this machine has the processors for it: on a single one, who spins keeps the sender from sending.
@@ -95,7 +118,7 @@ impl SpinWait {
     }
 }
 
-impl<T: Time, F: Fn(usize) -> bool> Waiting<'_, T, F> {
+impl<T: Time, S: SpinSources> Waiting<'_, T, S> {
     fn run(&mut self) -> Result<Wake, WireError> {
         if self.look(self.time.now_ns(), None, false) {
             *self.has_left_event = true;
@@ -129,6 +152,7 @@ impl<T: Time, F: Fn(usize) -> bool> Waiting<'_, T, F> {
     /// Looks until a sample comes, or the time to spin or to wait is over. Whether one came.
     fn spin(&mut self, plan: &Plan) -> bool {
         let begin_ns = self.time.now_ns();
+        self.sources.prepare(plan.source);
         loop {
             let now = self.time.now_ns();
             let is_found = self.look(now, Some(plan), true);
@@ -140,14 +164,14 @@ impl<T: Time, F: Fn(usize) -> bool> Waiting<'_, T, F> {
                 }
                 return is_found;
             }
-            std::hint::spin_loop();
+            self.time.pause();
         }
     }
 
     /// Whether a sample is there; all that are there have arrived.
     fn look(&mut self, now_ns: u64, plan: Option<&Plan>, is_caught: bool) -> bool {
         let mut is_any = false;
-        for source in (0..self.sources).filter(|source| (self.is_ready)(*source)) {
+        for source in (0..self.count).filter(|source| self.sources.has_next(*source)) {
             self.planner.arrived(source, now_ns, plan, is_caught);
             is_any = true;
         }

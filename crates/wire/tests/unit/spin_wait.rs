@@ -34,6 +34,9 @@ impl Time for Simulated<'_> {
         self.now_ns.get()
     }
 
+    /// Looks take their time by the clock.
+    fn pause(&mut self) {}
+
     fn sleep(&mut self, longest: Duration) -> Result<Wake, WireError> {
         let mut world = self.world.borrow_mut();
         if std::mem::take(&mut world.is_pending) {
@@ -49,10 +52,28 @@ impl Time for Simulated<'_> {
     }
 }
 
+/// Samples by a closure, and how often one was prepared for.
+struct Sources<'a, F> {
+    is_ready: F,
+    prepared: &'a Cell<u64>,
+}
+
+impl<F: Fn(usize) -> bool> SpinSources for Sources<'_, F> {
+    fn has_next(&self, source: usize) -> bool {
+        (self.is_ready)(source)
+    }
+
+    fn prepare(&mut self, _source: usize) {
+        self.prepared.set(self.prepared.get() + 1);
+    }
+}
+
 /// What became of the samples.
 struct Run {
     /// From each sample's time until it was taken.
     delays_ns: Vec<u64>,
+    /// Preparations for an expected sample.
+    prepared: u64,
     counts: SpinCounts,
     elapsed_ns: u64,
 }
@@ -60,9 +81,9 @@ struct Run {
 /// Takes all samples as they come, each in `busy_ns`.
 fn run(mut samples: Vec<(u64, usize)>, late_ns: Vec<u64>, share: f64, busy_ns: u64) -> Run {
     samples.sort_unstable();
-    let sources = 1 + samples.iter().map(|sample| sample.1).max().unwrap();
+    let count = 1 + samples.iter().map(|sample| sample.1).max().unwrap();
     samples.reverse();
-    let mut planner = Planner::new(sources, share);
+    let mut planner = Planner::new(count, share);
     let now_ns = Cell::new(START);
     let world =
         RefCell::new(World { to_come: samples, late_ns, sleeps: 0, is_woken: false, is_pending: false });
@@ -71,13 +92,15 @@ fn run(mut samples: Vec<(u64, usize)>, late_ns: Vec<u64>, share: f64, busy_ns: u
         let there = world.to_come.iter().rev().take_while(|sample| sample.0 <= now_ns.get());
         there.map(|sample| sample.1).any(|found| found == source)
     };
+    let prepared = Cell::new(0);
     let (mut delays_ns, mut has_left_event) = (Vec::new(), false);
     while !world.borrow().to_come.is_empty() {
         let end_ns = now_ns.get() + 100 * MS;
         world.borrow_mut().is_woken = false;
         let mut time = Simulated { now_ns: &now_ns, world: &world };
         let (time, planner, has_left_event) = (&mut time, &mut planner, &mut has_left_event);
-        let mut waiting = Waiting { time, planner, sources, is_ready, end_ns, has_left_event };
+        let sources = Sources { is_ready, prepared: &prepared };
+        let mut waiting = Waiting { time, planner, count, sources, end_ns, has_left_event };
         let wake = waiting.run().unwrap();
         assert!(now_ns.get() <= end_ns + MS, "the time to wait is kept");
         let mut world = world.borrow_mut();
@@ -89,7 +112,8 @@ fn run(mut samples: Vec<(u64, usize)>, late_ns: Vec<u64>, share: f64, busy_ns: u
             now_ns.set(now_ns.get() + busy_ns);
         }
     }
-    Run { delays_ns, counts: planner.counts, elapsed_ns: now_ns.get() - START }
+    let prepared = prepared.get();
+    Run { delays_ns, prepared, counts: planner.counts, elapsed_ns: now_ns.get() - START }
 }
 
 fn share(run: &Run) -> f64 {
@@ -112,6 +136,8 @@ fn readings_of_a_steady_source_are_found_at_once_at_a_tenth_of_a_core() {
     let found_at_once = spun.delays_ns.iter().filter(|delay| **delay < AT_ONCE).count();
     assert!(found_at_once > 4900, "{found_at_once} of 5000, {:?}", spun.counts);
     assert!(share(&spun) < 0.1, "{} {:?}", share(&spun), spun.counts);
+    assert_eq!(asleep.prepared, 0);
+    assert_eq!(spun.prepared, spun.counts.caught + spun.counts.in_vain, "once a spin");
     assert_eq!(spun.delays_ns.len(), 5000);
 }
 

@@ -1,5 +1,6 @@
 //! End to end: `softtwind bridge` and `softtwind twin` as processes, this process as the reader.
 
+mod apart;
 mod scene;
 
 use super::measure::{Quantiles, Series};
@@ -7,6 +8,7 @@ use crate::daemon::{self, Daemon};
 use crate::progress::Progress;
 use crate::resources::cpu_s;
 use crate::testbed::Testbed;
+use apart::Apart;
 use rom::model::Model;
 pub use scene::Payload;
 use scene::{Scenes, WakeUp};
@@ -58,7 +60,8 @@ pub type Measured = Result<(EndToEnd, Series), String>;
 
 const RATES_HZ: [f64; 3] = [100.0, 1000.0, 4000.0];
 const PAYLOADS: [Payload; 4] = [Payload::StateOnly, Payload::Tip, Payload::Surface, Payload::All];
-const WAKES: [WakeUp; 4] = [WakeUp::Event, WakeUp::Expecting, WakeUp::EventAwake, WakeUp::BusyPoll];
+const WAKES: [WakeUp; 5] =
+    [WakeUp::Event, WakeUp::Expecting, WakeUp::ExpectingApart, WakeUp::EventAwake, WakeUp::BusyPoll];
 /// Samples left out at the start of a row: the daemons' first turns touch cold memory.
 const WARM_UP: Duration = Duration::from_millis(300);
 /// How long the first sample may take.
@@ -91,7 +94,8 @@ fn row(
     settings: scene::Row,
     seconds: f64,
 ) -> anyhow::Result<(EndToEnd, Series)> {
-    let (scene, twin_settings) = scenes.write(settings)?;
+    let apart = (settings.wake == WakeUp::ExpectingApart).then(Apart::new).transpose()?;
+    let (scene, twin_settings) = scenes.write(settings, apart.as_ref().map_or(&[], Apart::twin))?;
     let bus = testbed.bus()?;
     let port = Port::attach(&bus, settings.payload)?;
     let twin = testbed.daemon("twin", &scene, &["--config".as_ref(), twin_settings.as_ref()])?;

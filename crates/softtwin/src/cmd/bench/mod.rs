@@ -22,7 +22,7 @@ Examples:
   What the parameters of a model cost, beside a model without:
     softtwin bench --model models/pneunet-stiffness/pneunet-stiffness.twin \\
       --plain models/pneunet/pneunet.twin
-  The whole field at 1 kHz, asleep, expecting the next reading, kept awake, spinning:
+  The whole field at 1 kHz, by each way to wait:
     softtwin bench --rates-hz 1000 --payloads all --seconds 20
   Computation only, no processes:
     softtwin bench --no-live
@@ -30,9 +30,9 @@ Examples:
 All columns of a table are measured in turn inside one loop, so that a disturbance hits all of them: trust ratios of one \
 run, not figures of two runs. `evicted` walks through more memory than the caches hold before each call. The end-to-end \
 rows start `softtwind bridge` and `softtwind twin` (expected beside this program) and read in this third process; the \
-latency runs from the reading's stamp in the bridge to the field in the reader's hands. Four ways to wait, of twin and reader:
-Event (asleep until woken), Expecting (asleep, then spinning before each expected reading: realtime.spin_share), EventAwake \
-(realtime.stay_awake), BusyPoll (spinning all the time); `core` is the processor time of each, in % of one core. \
+latency runs from the reading's stamp in the bridge to the field in the reader's hands. The ways to wait, of twin and reader:
+Event (asleep until woken), Expecting (asleep, then spinning before each expected reading: realtime.spin_share), ExpectingApart \
+(the same with the twin on a core of its own: realtime.cores), EventAwake (realtime.stay_awake), BusyPoll (spinning all the time); `core` is the processor time of each, in % of one core. \
 Use a release build: cargo build --release -p softtwin -p softtwind";
 
 /// Measure kernel, prediction and the way from sensor to reader on this machine.

@@ -38,6 +38,8 @@ pub enum WakeUp {
     Event,
     /// Asleep until shortly before the next reading is expected, then spinning (`realtime.spin_share`), the reader as well.
     Expecting,
+    /// The same, the twin on a core of its own (`realtime.cores`), bridge and reader on the others.
+    ExpectingApart,
     /// Asleep until notified, with the cores kept from sleeping (`realtime.stay_awake`).
     EventAwake,
     /// Spinning, one core each.
@@ -47,7 +49,7 @@ pub enum WakeUp {
 impl WakeUp {
     /// Share of a core that twin and reader each may spin away.
     pub fn spin_share(self) -> f64 {
-        if self == Self::Expecting { SPIN_SHARE } else { 0.0 }
+        if matches!(self, Self::Expecting | Self::ExpectingApart) { SPIN_SHARE } else { 0.0 }
     }
 }
 
@@ -95,8 +97,8 @@ impl<'a> Scenes<'a> {
         })
     }
 
-    /// Writes scene and settings of a row; returns their paths.
-    pub fn write(&self, row: Row) -> anyhow::Result<(PathBuf, PathBuf)> {
+    /// Writes scene and settings of a row, the twin on these cores (none: any); returns their paths.
+    pub fn write(&self, row: Row, cores: &[usize]) -> anyhow::Result<(PathBuf, PathBuf)> {
         let output = match row.payload {
             Payload::StateOnly => None,
             Payload::Tip => Some(format!("name = \"{TIP}\"\nnodes = {{ list = {:?} }}", self.tip_nodes)),
@@ -109,7 +111,7 @@ impl<'a> Scenes<'a> {
         let readings = Sine { rate_hz: row.rate_hz, ..self.readings };
         let scene = readings.scene(ACTUATOR, "bench.twin".as_ref(), keys, &outputs);
         let settings = format!(
-            "[realtime]\nspin_share = {:?}\nbusy_poll = {}\nstay_awake = {}\nprefault = true\n",
+            "[realtime]\ncores = {cores:?}\nspin_share = {:?}\nbusy_poll = {}\nstay_awake = {}\nprefault = true\n",
             row.wake.spin_share(),
             row.wake == WakeUp::BusyPoll,
             row.wake == WakeUp::EventAwake
