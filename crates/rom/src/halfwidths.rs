@@ -9,6 +9,7 @@
 
 use crate::inputs::{Point, square_distance};
 use crate::kernel::around::Around;
+use crate::unseen::{self, Unseen};
 use serde::{Deserialize, Serialize};
 
 /// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
@@ -40,7 +41,7 @@ impl HalfWidths {
 }
 
 /// Scaled distance within which neighbours count alike: the sharpest of those tried by leave-one-out.
-const SMOOTHING: f64 = 0.05;
+pub(crate) const SMOOTHING: f64 = 0.05;
 /// No local mean is below this share of the median error.
 const MIN_SHARE: f64 = 0.3;
 
@@ -49,9 +50,9 @@ const MIN_SHARE: f64 = 0.3;
 pub struct LocalHalfWidths {
     /// Share promised.
     pub coverage: f64,
-    /// `dimensions x cases`: scaled inputs of the training cases, or of the unseen states.
+    /// `dimensions x cases`: scaled inputs of the training cases, or of places among the unseen states.
     pub inputs: Vec<f64>,
-    /// By displacement (mm), stress (MPa) and force (N): the cases' leave-one-out errors, or those of the unseen states.
+    /// By displacement (mm), stress (MPa) and force (N): the cases' leave-one-out errors, or the unseen states' around these places.
     pub errors: [Vec<f64>; 3],
     /// Smallest local mean of each.
     pub least: [f64; 3],
@@ -82,27 +83,16 @@ impl LocalHalfWidths {
         local
     }
 
-    /// Calibrates on the errors of states at these scaled inputs that no training saw. They scatter more than leave-one-out
-    /// errors, which share their neighbours, so each quantity is smoothed as widely as gives the least quantile loss: the proper score of
-    /// a bound that a share `coverage` shall keep to. Cost `O(states^2)`.
+    /// Calibrates on the errors of states at these scaled inputs that no training saw ([`unseen`](crate::unseen)). Cost `O(states)`.
     pub fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
+        let places = unseen::places(points);
+        let of_places: Vec<Point> = places.iter().map(|place| points[*place]).collect();
         let mut local = Self::without_factors(dimensions, points, errors, coverage);
+        local.inputs = (0..dimensions).flat_map(|i| of_places.iter().map(move |x| x[i])).collect();
         for k in 0..3 {
-            let own: Vec<f64> = errors.iter().map(|e| e[k]).collect();
-            let candidate = |smoothing: &f64| {
-                let (all, left_out) = smoothed(points, &own, *smoothing);
-                let left_out: Vec<f64> = left_out.into_iter().map(|m| m.max(local.least[k])).collect();
-                let factor = quantile(own.iter().zip(&left_out).map(|(e, m)| e / m).collect(), coverage);
-                let loss = |(e, m): (&f64, &f64)| {
-                    let beyond = e - factor * m;
-                    if beyond > 0.0 { coverage * beyond } else { (coverage - 1.0) * beyond }
-                };
-                (own.iter().zip(&left_out).map(loss).sum::<f64>(), factor, all)
-            };
-            let best = SMOOTHINGS.iter().map(candidate).min_by(|a, b| a.0.total_cmp(&b.0));
-            if let Some((_, factor, all)) = best {
-                (local.factors[k], local.errors[k]) = (factor, all);
-            }
+            let (errors, least) = (&local.errors[k], local.least[k]);
+            let scale = Unseen { points, places: &places, errors, least, coverage }.scale();
+            (local.factors[k], local.errors[k]) = (scale.factor, scale.at_places);
         }
         local
     }
@@ -135,36 +125,8 @@ fn mean_of_others(points: &[Point], errors: &[Errors], without: usize) -> Errors
     sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })
 }
 
-/// Scaled distances tried for [`LocalHalfWidths::of_unseen`].
-const SMOOTHINGS: [f64; 4] = [SMOOTHING, 0.1, 0.2, 0.4];
-
-/// The mean of the errors around each state, which the model keeps in place of its error; and what [`LocalHalfWidths::means`] then
-/// gives at each state when its error is in none of the means.
-fn smoothed(points: &[Point], errors: &[f64], smoothing: f64) -> (Vec<f64>, Vec<f64>) {
-    let weight =
-        |a: &Point, b: &Point, smoothing: f64| (square_distance(a, b) + smoothing * smoothing).powi(-2);
-    let sums = |x: &Point| {
-        points.iter().zip(errors).fold((0.0, 0.0), |(weights, sum), (point, error)| {
-            let w = weight(point, x, smoothing);
-            (weights + w, sum + w * error)
-        })
-    };
-    let sums: Vec<(f64, f64)> = points.iter().map(sums).collect();
-    let left_out = |i: usize| {
-        let (mut weights, mut sum) = (0.0, 0.0);
-        for j in (0..points.len()).filter(|j| *j != i) {
-            let (w, own) =
-                (weight(&points[i], &points[j], SMOOTHING), weight(&points[i], &points[j], smoothing));
-            weights += w;
-            sum += w * (sums[j].1 - own * errors[i]) / (sums[j].0 - own);
-        }
-        sum / weights
-    };
-    (sums.iter().map(|(weights, sum)| sum / weights).collect(), (0..points.len()).map(left_out).collect())
-}
-
 /// The conformal quantile: the largest value when there are too few for the share asked.
-fn quantile(mut values: Vec<f64>, coverage: f64) -> f64 {
+pub(crate) fn quantile(mut values: Vec<f64>, coverage: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let rank = ((values.len() as f64 + 1.0) * coverage).ceil() as usize;
     values.get(rank.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)

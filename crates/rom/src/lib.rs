@@ -61,4 +61,5 @@ pub mod stress_peak;
 mod sums;
 pub mod synthetic;
 pub mod system;
+mod unseen;
 mod validate;

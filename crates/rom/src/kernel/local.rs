@@ -19,6 +19,7 @@ use super::TILE_NODES;
 use super::budget::{self, Budget, Component, F32_ROUNDING, I8_MAX, Width};
 use super::lanes::{BYTE_ZERO, word};
 use super::local_modes::{Columns, as_they_are, local_modes, square_root};
+use super::pages::Lines;
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Shortfall, Spec};
 use super::tiles::{I16_MAX, LINE, Line, Row, RowOf, gather, rows};
@@ -38,7 +39,7 @@ const LEFT_OUT: f64 = 0.1;
 /// The tiles of such a basis and what is needed to read them.
 #[derive(Debug, Clone)]
 pub(super) struct Local {
-    tiles: Vec<Line>,
+    tiles: Lines,
     transforms: Vec<Line>,
     counts: Vec<Counts>,
     /// By list: its rows in the plan.
@@ -78,12 +79,13 @@ impl Local {
 
     fn store(spec: &Spec<'_>, plan: &Plan, lists: &[List<'_>]) -> Self {
         let mut local = Self {
-            tiles: Vec::new(),
+            tiles: Lines::zeroed(0),
             transforms: Vec::new(),
             counts: Vec::new(),
             lists: lists.iter().map(|list| list.rows.len()).collect(),
             largest_errors: vec![0.0; plan.rows],
         };
+        let mut tiles = Vec::new();
         for group in 0..plan.tiles().div_ceil(GROUP_TILES) {
             let mut stored: Vec<Vec<Stored<'_>>> = Vec::new();
             for list in lists {
@@ -97,12 +99,13 @@ impl Local {
             }
             let of_group = group * GROUP_TILES..plan.tiles().min((group + 1) * GROUP_TILES);
             for tile in 0..of_group.len() {
-                stored.iter().for_each(|of_list| push_tile(&mut local.tiles, of_list, tile));
+                stored.iter().for_each(|of_list| push_tile(&mut tiles, of_list, tile));
             }
             for (list, stored) in lists.iter().zip(&stored) {
                 local.note_errors(spec, list, group, stored);
             }
         }
+        local.tiles = Lines::from(&tiles[..]);
         local
     }
 

@@ -33,6 +33,7 @@ mod lanes;
 mod local;
 mod local_modes;
 mod local_rows;
+mod pages;
 mod peak;
 mod plan;
 mod rows;

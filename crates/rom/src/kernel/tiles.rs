@@ -18,6 +18,7 @@
 //! half a step.
 
 use super::TILE_NODES;
+use super::pages::Lines;
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Source, Spec, Values};
 
@@ -46,7 +47,7 @@ pub(super) struct Line(pub [u8; LINE]);
 #[derive(Debug, Clone)]
 pub(super) struct Tiles {
     /// The bytes, aligned to cache lines.
-    lines: Vec<Line>,
+    lines: Lines,
     /// Step of each row; 1 for F32, which has none.
     steps: Vec<f64>,
     precision: Precision,
@@ -66,7 +67,7 @@ impl Tiles {
             .flat_map(|op| rows(spec, op).into_iter().map(move |row| (op.field, row)))
             .collect();
         let mut tiles = Self {
-            lines: vec![Line([0; LINE]); total / LINE],
+            lines: Lines::zeroed(total / LINE),
             precision,
             steps: rows.iter().map(|(_, row)| step(spec, row, precision)).collect(),
         };

@@ -1,0 +1,128 @@
+//! Memory that a sweep reads from its start to its end, in large pages where the system has them (transparent huge pages of Linux, where they
+//! are allowed at all or on request). A processor follows a stream of addresses within a page and looks up where each page lies: from memory that no
+//! cache holds, a basis in large pages is read in little more than half the time.
+
+use super::tiles::Line;
+use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
+use std::ops::{Deref, DerefMut};
+use std::ptr::NonNull;
+
+/// A large page: 2 MiB on x86-64, and on aarch64 with pages of 4 KiB.
+const LARGE: usize = 2 << 20;
+
+/// Cache lines in a row.
+pub(super) struct Lines {
+    start: NonNull<Line>,
+    len: usize,
+}
+
+// SAFETY: it owns its memory, as a vector does.
+unsafe impl Send for Lines {}
+// SAFETY: it has no interior mutability.
+unsafe impl Sync for Lines {}
+
+impl Lines {
+    /// So many lines of zeros.
+    pub fn zeroed(len: usize) -> Self {
+        // SAFETY: zero bytes are lines, and the memory is for `len` of them.
+        unsafe { Self::filled(len, |start| start.write_bytes(0, len)) }
+    }
+
+    /// # Safety
+    /// `fill` writes `len` lines.
+    unsafe fn filled(len: usize, fill: impl FnOnce(*mut Line)) -> Self {
+        let Some(layout) = layout(len) else { return Self { start: NonNull::dangling(), len: 0 } };
+        // SAFETY: the layout is not empty.
+        let Some(start) = NonNull::new(unsafe { alloc(layout) }.cast::<Line>()) else {
+            handle_alloc_error(layout)
+        };
+        if layout.align() == LARGE {
+            ask_for_large_pages(start, layout.size()); // before the first write, which maps the pages
+        }
+        fill(start.as_ptr());
+        Self { start, len }
+    }
+}
+
+impl From<&[Line]> for Lines {
+    fn from(lines: &[Line]) -> Self {
+        // SAFETY: the copy writes all lines, to memory that is new.
+        unsafe {
+            Self::filled(lines.len(), |start| start.copy_from_nonoverlapping(lines.as_ptr(), lines.len()))
+        }
+    }
+}
+
+/// Of so many lines, which begin at a large page where they fill one; none for none.
+fn layout(len: usize) -> Option<Layout> {
+    let layout = Layout::array::<Line>(len).ok().filter(|layout| layout.size() > 0)?;
+    if layout.size() < LARGE { Some(layout) } else { layout.align_to(LARGE).ok() }
+}
+
+/// A refusal leaves pages as they are.
+#[cfg(target_os = "linux")]
+fn ask_for_large_pages(start: NonNull<Line>, bytes: usize) {
+    // SAFETY: the range is one that was just allocated, and the advice changes no content.
+    let _small_otherwise = unsafe { libc::madvise(start.as_ptr().cast(), bytes, libc::MADV_HUGEPAGE) };
+}
+
+#[cfg(not(target_os = "linux"))]
+fn ask_for_large_pages(_: NonNull<Line>, _: usize) {}
+
+impl Drop for Lines {
+    fn drop(&mut self) {
+        if let Some(layout) = layout(self.len) {
+            // SAFETY: allocated with this layout, and lines need no drop.
+            unsafe { dealloc(self.start.as_ptr().cast(), layout) };
+        }
+    }
+}
+
+impl Deref for Lines {
+    type Target = [Line];
+
+    fn deref(&self) -> &[Line] {
+        // SAFETY: `len` lines were written from `start` on, which is aligned and not null even where there are none.
+        unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.len) }
+    }
+}
+
+impl DerefMut for Lines {
+    fn deref_mut(&mut self) -> &mut [Line] {
+        // SAFETY: as above, and it is borrowed alone.
+        unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr(), self.len) }
+    }
+}
+
+impl Clone for Lines {
+    fn clone(&self) -> Self {
+        Self::from(&self[..])
+    }
+}
+
+impl std::fmt::Debug for Lines {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} cache lines", self.len)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::tiles::LINE;
+
+    #[test]
+    fn lines_are_kept_and_long_ones_begin_at_a_large_page() {
+        for len in [0, 1, 1000, LARGE / LINE - 1, LARGE / LINE, LARGE / LINE + 77] {
+            let mut lines = Lines::zeroed(len);
+            assert!(lines.len() == len && lines.iter().all(|line| line.0 == [0; LINE]));
+            lines.iter_mut().enumerate().for_each(|(k, line)| line.0 = [k as u8; LINE]);
+            let copy = lines.clone();
+            lines.iter_mut().for_each(|line| line.0 = [1; LINE]);
+            drop(lines);
+            assert!(copy.len() == len && copy.iter().enumerate().all(|(k, line)| line.0 == [k as u8; LINE]));
+            let at = if len * LINE < LARGE { LINE } else { LARGE };
+            assert!((copy.as_ptr() as usize).is_multiple_of(at), "{len}");
+        }
+    }
+}
