@@ -36,10 +36,14 @@ impl Lines {
         let Some(start) = NonNull::new(unsafe { alloc(layout) }.cast::<Line>()) else {
             handle_alloc_error(layout)
         };
-        if layout.align() == LARGE {
-            ask_for_large_pages(start, layout.size()); // before the first write, which maps the pages
+        let is_long = layout.align() == LARGE;
+        if is_long {
+            advise(start, layout.size(), FOR_NEW);
         }
         fill(start.as_ptr());
+        if is_long {
+            advise(start, layout.size(), FOR_WRITTEN);
+        }
         Self { start, len }
     }
 }
@@ -59,15 +63,27 @@ fn layout(len: usize) -> Option<Layout> {
     if layout.size() < LARGE { Some(layout) } else { layout.align_to(LARGE).ok() }
 }
 
+/// Large pages for what is not mapped yet ...
+#[cfg(target_os = "linux")]
+const FOR_NEW: libc::c_int = libc::MADV_HUGEPAGE;
+/// ... and, since Linux 6.1, for what is: an allocator gives memory that it had before.
+#[cfg(target_os = "linux")]
+const FOR_WRITTEN: libc::c_int = libc::MADV_COLLAPSE;
+
 /// A refusal leaves pages as they are.
 #[cfg(target_os = "linux")]
-fn ask_for_large_pages(start: NonNull<Line>, bytes: usize) {
-    // SAFETY: the range is one that was just allocated, and the advice changes no content.
-    let _small_otherwise = unsafe { libc::madvise(start.as_ptr().cast(), bytes, libc::MADV_HUGEPAGE) };
+fn advise(start: NonNull<Line>, bytes: usize, advice: libc::c_int) {
+    // SAFETY: the range is one that was just allocated, and neither advice changes content.
+    let _small_otherwise = unsafe { libc::madvise(start.as_ptr().cast(), bytes, advice) };
 }
 
 #[cfg(not(target_os = "linux"))]
-fn ask_for_large_pages(_: NonNull<Line>, _: usize) {}
+const FOR_NEW: i32 = 0;
+#[cfg(not(target_os = "linux"))]
+const FOR_WRITTEN: i32 = 0;
+
+#[cfg(not(target_os = "linux"))]
+fn advise(_: NonNull<Line>, _: usize, _: i32) {}
 
 impl Drop for Lines {
     fn drop(&mut self) {
