@@ -11,7 +11,7 @@ use std::time::Duration;
 /// The wait learns when the next sample of each source comes, sleeps until shortly before, and then looks for it again and
 /// again, so that it need not be woken: an idle core takes tens of microseconds for that. It spins for at most a stated share
 /// of a core (at 1 kHz and 0.2 at most 200 us for each sample), and not at all where that does not help: for irregular sources,
-/// below 50 Hz, on a machine with one processor. Nothing is lost where a prediction fails: the sample then wakes the wait.
+/// below 50 Hz, on a machine with one processor. Between two looks others that are to run on the core do, the sender among them. Nothing is lost where a prediction fails: the sample then wakes the wait.
 ///
 /// It belongs to one thread, whose timed sleeps it makes exact as long as it lives (`PR_SET_TIMERSLACK`). It allocates nothing after
 /// it was made.
