@@ -22,7 +22,7 @@ const CAUGHT_STEP_NS: f64 = LATE_STEP_NS / 256.0;
 pub struct SpinCounts {
     /// Samples that came while the wait spun for them.
     pub caught: u64,
-    /// Samples that were there before the spin that was meant for them.
+    /// Samples that were there before the spin that was meant for them, or while it was prepared.
     pub before: u64,
     /// Spins that ended without a sample.
     pub in_vain: u64,

@@ -11,7 +11,8 @@ use std::time::Duration;
 /// The wait learns when the next sample of each source comes, sleeps until shortly before, and then looks for it again and
 /// again, so that it need not be woken: an idle core takes tens of microseconds for that. It spins for at most a stated share
 /// of a core (at 1 kHz and 0.2 at most 200 us for each sample), and not at all where that does not help: for irregular sources,
-/// below 50 Hz, on a machine with one processor. Between two looks others that are to run on the core do, the sender among them. Nothing is lost where a prediction fails: the sample then wakes the wait.
+/// below 50 Hz, on a machine with one processor. Between two looks others that are to run on the core do, the sender among them.
+/// Nothing is lost where a prediction fails: the sample then wakes the wait.
 ///
 /// It belongs to one thread, whose timed sleeps it makes exact as long as it lives (`PR_SET_TIMERSLACK`). It allocates nothing after
 /// it was made.
@@ -153,9 +154,11 @@ impl<T: Time, S: SpinSources> Waiting<'_, T, S> {
     fn spin(&mut self, plan: &Plan) -> bool {
         let begin_ns = self.time.now_ns();
         self.sources.prepare(plan.source);
+        // What came meanwhile waited: the next spin is to begin earlier, as after a late wake-up.
+        let mut is_caught = false;
         loop {
             let now = self.time.now_ns();
-            let is_found = self.look(now, Some(plan), true);
+            let is_found = self.look(now, Some(plan), std::mem::replace(&mut is_caught, true));
             let is_over = now >= plan.until_ns;
             if is_found || is_over || now >= self.end_ns {
                 self.planner.spun(begin_ns, now);
