@@ -9,7 +9,7 @@
 
 use crate::inputs::{Point, square_distance};
 use crate::kernel::around::Around;
-use crate::unseen::{self, Unseen};
+use crate::unseen::{self, SMOOTHING, Unseen, quantile};
 use serde::{Deserialize, Serialize};
 
 /// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
@@ -40,8 +40,6 @@ impl HalfWidths {
     }
 }
 
-/// Scaled distance within which neighbours count alike: the sharpest of those tried by leave-one-out.
-pub(crate) const SMOOTHING: f64 = 0.05;
 /// No local mean is below this share of the median error.
 const MIN_SHARE: f64 = 0.3;
 
@@ -125,9 +123,47 @@ fn mean_of_others(points: &[Point], errors: &[Errors], without: usize) -> Errors
     sums.map(|sum| if weights > 0.0 { sum / weights } else { 0.0 })
 }
 
-/// The conformal quantile: the largest value when there are too few for the share asked.
-pub(crate) fn quantile(mut values: Vec<f64>, coverage: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let rank = ((values.len() as f64 + 1.0) * coverage).ceil() as usize;
-    values.get(rank.clamp(1, values.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Rng;
+
+    /// Errors that grow along the first input and scatter more along the second.
+    fn drawn(rng: &mut Rng, states: usize) -> (Vec<Point>, Vec<Errors>) {
+        let mut one = || {
+            let mut x = Point::default();
+            (x[0], x[1]) = (rng.uniform(), rng.uniform());
+            let scatter = rng.uniform().powf(1.0 + 4.0 * x[1]);
+            (x, [(1.0 + x[0]) * scatter, scatter, 0.0])
+        };
+        (0..states).map(|_| one()).unzip()
+    }
+
+    #[test]
+    fn nine_in_ten_new_states_are_within_in_every_part_of_the_inputs() {
+        let mut rng = Rng::new(7);
+        let (points, errors) = drawn(&mut rng, 900);
+        let local = LocalHalfWidths::of_unseen(2, &points, &errors, 0.9);
+        assert_eq!(local.errors[0].len(), unseen::MAX_PLACES);
+        let (points, errors) = drawn(&mut rng, 4000);
+        let mut within = [[0.0; 2]; 2];
+        for (point, errors) in points.iter().zip(&errors) {
+            let widths = local.at(point);
+            let is_within = errors[0] <= widths.displacement_mm && errors[1] <= widths.stress_mpa;
+            assert!(errors[2] <= widths.force_n, "an error of 0 is within");
+            within[usize::from(point[0] > 0.5)][usize::from(point[1] > 0.5)] +=
+                f64::from(u8::from(is_within));
+        }
+        let shares = within.map(|row| row.map(|count| count / 1000.0));
+        assert!(shares.iter().flatten().all(|share| (0.8..0.97).contains(share)), "{shares:?}");
+        let all = shares.iter().flatten().sum::<f64>() / 4.0;
+        assert!((0.85..0.95).contains(&all), "{shares:?}");
+    }
+
+    #[test]
+    fn states_at_one_place_that_err_alike_have_their_error_as_half_width() {
+        let at = Point::default();
+        let alike = LocalHalfWidths::of_unseen(1, &[at; 20], &[[1.0, 2.0, 0.0]; 20], 0.9).at(&at);
+        assert!((alike.displacement_mm, alike.stress_mpa) == (1.0, 2.0), "{alike:?}");
+    }
 }

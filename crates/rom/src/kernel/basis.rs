@@ -8,11 +8,12 @@ use super::budget::Budget;
 use super::isa::Isa;
 use super::local::Local;
 use super::local_rows::LocalRows;
+use super::pages::LINE;
 use super::plan::Plan;
 use super::rows::{F32, I16, Uniform};
 use super::spec::{BasisError, Spec};
 use super::sweep::{self, Job, RawPeaks};
-use super::tiles::{LINE, Precision, Tiles};
+use super::tiles::{Precision, Tiles};
 use super::{MAX_ROWS, Role};
 
 /// Modes, means and rest shape of the published fields over a node set, stored in the order of use.

@@ -19,10 +19,10 @@ use super::TILE_NODES;
 use super::budget::{self, Budget, Component, F32_ROUNDING, I8_MAX, Width};
 use super::lanes::{BYTE_ZERO, word};
 use super::local_modes::{Columns, as_they_are, local_modes, square_root};
-use super::pages::Lines;
+use super::pages::{LINE, Line, Lines};
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Shortfall, Spec};
-use super::tiles::{I16_MAX, LINE, Line, Row, RowOf, gather, rows};
+use super::tiles::{I16_MAX, Row, RowOf, gather, rows};
 
 /// Rows of a list in f32, i16 and i8.
 pub(super) type Counts = [u16; 3];

@@ -2,10 +2,17 @@
 //! are allowed at all or on request). A processor follows a stream of addresses within a page and looks up where each page lies: from memory that no
 //! cache holds, a basis in large pages is read in little more than half the time.
 
-use super::tiles::Line;
 use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
+
+/// Bytes a cache line.
+pub(super) const LINE: usize = 64;
+
+/// One cache line, so that the storage is aligned to one.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct Line(pub [u8; LINE]);
 
 /// A large page: 2 MiB on x86-64, and on aarch64 with pages of 4 KiB.
 const LARGE: usize = 2 << 20;
@@ -125,7 +132,6 @@ impl std::fmt::Debug for Lines {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::tiles::LINE;
 
     #[test]
     fn lines_are_kept_and_long_ones_begin_at_a_large_page() {

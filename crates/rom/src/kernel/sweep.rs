@@ -3,10 +3,10 @@
 use super::TILE_NODES;
 use super::isa::Isa;
 use super::lanes::{Lanes, portable::Portable};
+use super::pages::{LINE, Line};
 use super::plan::Plan;
 use super::rows::Rows;
 use super::spec::Role;
-use super::tiles::{LINE, Line};
 
 /// Largest value and the output node that has it, per peak.
 #[derive(Debug, Clone, Copy)]

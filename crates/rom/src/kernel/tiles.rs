@@ -18,7 +18,7 @@
 //! half a step.
 
 use super::TILE_NODES;
-use super::pages::Lines;
+use super::pages::{LINE, Line, Lines};
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Source, Spec, Values};
 
@@ -31,17 +31,10 @@ pub enum Precision {
     I16,
 }
 
-/// Bytes a cache line.
-pub(super) const LINE: usize = 64;
 /// Largest magnitude of an i16 before the fraction below it is taken off.
 pub(super) const I16_MAX: f64 = 32767.0;
 /// What the sweep's conversion multiplies an i16 by.
 pub(super) const HALF_WORD: f64 = 65536.0;
-
-/// One cache line, so that the storage is aligned to one.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
-pub(super) struct Line(pub [u8; LINE]);
 
 /// The tiles of a basis and what is needed to read them.
 #[derive(Debug, Clone)]
