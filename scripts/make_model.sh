@@ -90,8 +90,10 @@ for name in "$@"; do
     case $name in gripper) scene=gripper derivatives= ;; *) scene=plate derivatives=--sensitivities ;; esac
     softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" $derivatives --out "$database"
     softtwin pack --database "$database" --out "$model/database"
+    config=
+    [ ! -f "$model/train.toml" ] || config="--config $model/train.toml"
     # Half-widths from states that no training saw, where they were measured (see docs/accuracy.md).
     errors=
     [ ! -f "$model/errors.csv" ] || errors="--errors $model/errors.csv"
-    softtwin train --database "$model/database" --scene "$scene" $errors --out "$model/$name.twin"
+    softtwin train --database "$model/database" --scene "$scene" $config $errors --out "$model/$name.twin"
 done

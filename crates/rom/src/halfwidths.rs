@@ -7,7 +7,7 @@
 //! ratios `e_i / s_i(x_i)`, with `s_i` the mean without case `i`, have a conformal quantile `q`, and the half-width at `x` is
 //! `q s(x)`. Leave-one-out removes a neighbour from every case and so over-states the error a little.
 
-use crate::inputs::{Point, square_distance};
+use crate::inputs::Point;
 use crate::kernel::around::Around;
 use crate::unseen::{self, SMOOTHING, Unseen, quantile};
 use serde::{Deserialize, Serialize};
@@ -59,7 +59,7 @@ pub struct LocalHalfWidths {
 }
 
 impl LocalHalfWidths {
-    /// Before its factors are set.
+    /// Before its factors are set; `points` are the cases, or the places.
     fn without_factors(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e[k]).collect() };
         Self {
@@ -85,8 +85,7 @@ impl LocalHalfWidths {
     pub fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let places = unseen::places(points);
         let of_places: Vec<Point> = places.iter().map(|place| points[*place]).collect();
-        let mut local = Self::without_factors(dimensions, points, errors, coverage);
-        local.inputs = (0..dimensions).flat_map(|i| of_places.iter().map(move |x| x[i])).collect();
+        let mut local = Self::without_factors(dimensions, &of_places, errors, coverage);
         for k in 0..3 {
             let (errors, least) = (&local.errors[k], local.least[k]);
             let scale = Unseen { points, places: &places, errors, least, coverage }.scale();
@@ -115,8 +114,7 @@ impl LocalHalfWidths {
 fn mean_of_others(points: &[Point], errors: &[Errors], without: usize) -> Errors {
     let (mut weights, mut sums) = (0.0, [0.0; 3]);
     for (_, (point, errors)) in points.iter().zip(errors).enumerate().filter(|(case, _)| *case != without) {
-        let near = square_distance(point, &points[without]) + SMOOTHING * SMOOTHING;
-        let weight = 1.0 / (near * near);
+        let weight = unseen::weight(point, &points[without], SMOOTHING);
         weights += weight;
         sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += weight * error);
     }

@@ -145,7 +145,7 @@ impl Unseen<'_> {
     }
 }
 
-fn weight(a: &Point, b: &Point, smoothing: f64) -> f64 {
+pub(crate) fn weight(a: &Point, b: &Point, smoothing: f64) -> f64 {
     (square_distance(a, b) + smoothing * smoothing).powi(-2)
 }
 

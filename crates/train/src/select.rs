@@ -133,7 +133,7 @@ pub fn choose(states: States, tasks: &[Task], config: &RegimeConfig) -> Result<V
         }
     }
     if differentiated {
-        search.with_slopes(&config.kernels, &slope_values);
+        search.with_slopes(config, &slope_values);
     }
     search.choices()
 }
@@ -199,6 +199,8 @@ const SLOPE_BUDGET: f64 = 4e10;
 const MIN_LENGTH_SCALE: f64 = 0.02;
 /// Smoothing that is tried with derivatives beside the kernel's own.
 const SLOPE_SMOOTHING: f64 = 1e-9;
+/// Shears nearer than this to that of a metric are tried with derivatives.
+const NEAR_SHEAR: f64 = 0.11;
 /// Factors on an input around the metric that was chosen without derivatives.
 const SLOPE_STRETCHES: [f64; 2] = [0.6, 1.6];
 /// A derivative whose prediction by the others is off by so many times the median contradicts them.
@@ -218,6 +220,7 @@ struct Trial {
     spec: KernelSpec,
     row: Candidate,
     modes: Vec<usize>,
+    with_slopes: bool,
 }
 
 struct Search<'a> {
@@ -256,7 +259,8 @@ impl<'a> Search<'a> {
                 self.refusal = e;
             }
         }
-        self.trials.push(Trial { spec, row, modes });
+        let with_slopes = !samples.slopes.is_empty();
+        self.trials.push(Trial { spec, row, modes, with_slopes });
     }
 
     /// By merit; where both are down at the rounding of the data, by the tail: the higher one extrapolates.
@@ -271,9 +275,13 @@ impl<'a> Search<'a> {
     /// The best few kernels again, fitted to the derivatives as well, then other metrics around the best of these. Where
     /// derivatives contradict their neighbours (a contact set that changes, a state that did not converge) a fit without
     /// those is tried too. Leave-one-out decides, as between any two candidates.
-    fn with_slopes(&mut self, all: &[KernelSpec], values: &'a [f64]) {
-        let kernels: Vec<_> =
-            self.best_kernels().into_iter().filter(|(spec, ..)| spec.kernel.takes_derivatives()).collect();
+    fn with_slopes(&mut self, config: &RegimeConfig, values: &'a [f64]) {
+        let (all, shears) = (&config.kernels, &config.shear);
+        let kernels: Vec<_> = self
+            .best_kernels(false)
+            .into_iter()
+            .filter(|(spec, ..)| spec.kernel.takes_derivatives())
+            .collect();
         (self.samples.slopes, self.samples.slope_values) = (self.states.slopes, values);
         let size = self.samples.inputs.len() + values.len() / self.samples.outputs.max(1);
         let smoothings = [0.0, SLOPE_SMOOTHING];
@@ -286,6 +294,9 @@ impl<'a> Search<'a> {
             specs.for_each(|spec| self.attempt(*spec, metric, 0.0));
         }
         let mut tries = (SLOPE_BUDGET / (size as f64).powi(3)) as usize;
+        if self.states.operating > 1 {
+            tries = self.refine_with_slopes(shears, tries);
+        }
         let (sweeps, axes) = (if over_parameters { SWEEPS } else { 1 }, 1..self.samples.dimensions);
         for axis in (0..sweeps).flat_map(|_| axes.clone()) {
             let Some((spec, metric, smoothing)) = self.best_with_slopes() else { return };
@@ -295,6 +306,25 @@ impl<'a> Search<'a> {
             tries = tries.saturating_sub(SLOPE_STRETCHES.len());
         }
         self.without_outliers();
+    }
+
+    /// Sheared and stretched metrics near those of the best few kernels with derivatives: what derivatives say in between moves
+    /// the best metric. At most `tries` of them; returns how many are left.
+    fn refine_with_slopes(&mut self, shears: &[f64], mut tries: usize) -> usize {
+        for (spec, metric, smoothing) in self.best_kernels(true) {
+            let near = shears.iter().copied().filter(|shear| (shear - metric.shear).abs() < NEAR_SHEAR);
+            for shear in near {
+                for factor in STRETCHES.iter().filter(|factor| shear != metric.shear || **factor != 1.0) {
+                    if tries == 0 {
+                        return 0;
+                    }
+                    tries -= 1;
+                    let stretched = metric.stretched(1, metric.scale[1] * factor);
+                    self.attempt(spec, Metric { shear, ..stretched }, smoothing);
+                }
+            }
+        }
+        tries
     }
 
     /// Lengths by how much the derivatives along an input differ from state to state, against those along the first input: what
@@ -323,7 +353,7 @@ impl<'a> Search<'a> {
 
     /// The best candidate so far that was fitted to derivatives.
     fn best_with_slopes(&self) -> Option<(KernelSpec, Metric, f64)> {
-        let fitted = self.trials.iter().filter(|t| t.row.kernel.ends_with("derivatives"));
+        let fitted = self.trials.iter().filter(|t| t.with_slopes);
         let merit = |t: &&Trial| t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing));
         let best = fitted.filter(|t| t.row.error.is_some()).min_by(|a, b| merit(a).total_cmp(&merit(b)))?;
         Some((best.spec, best.row.metric, best.row.smoothing))
@@ -365,7 +395,7 @@ impl<'a> Search<'a> {
 
     /// Sheared and stretched metrics around the best few kernels.
     fn refine(&mut self, shears: &[f64]) {
-        for (spec, metric, smoothing) in self.best_kernels() {
+        for (spec, metric, smoothing) in self.best_kernels(false) {
             for shear in shears.iter().copied().filter(|s| *s != metric.shear) {
                 for stretch in STRETCHES {
                     let stretched = metric.stretched(1, metric.scale[1] * stretch);
@@ -377,18 +407,19 @@ impl<'a> Search<'a> {
 
     /// Metrics stretched along one input around the best few kernels.
     fn stretch(&mut self, input: usize, factors: &[f64]) {
-        for (spec, metric, smoothing) in self.best_kernels() {
+        for (spec, metric, smoothing) in self.best_kernels(false) {
             for factor in factors.iter().map(|f| f * metric.scale[input]) {
                 self.attempt(spec, metric.stretched(input, factor), smoothing);
             }
         }
     }
 
-    /// The best few kernels, each with its best metric and smoothing so far.
-    fn best_kernels(&mut self) -> Vec<(KernelSpec, Metric, f64)> {
+    /// The best few kernels, each with its best metric and smoothing so far; with derivatives or of all.
+    fn best_kernels(&mut self, with_slopes: bool) -> Vec<(KernelSpec, Metric, f64)> {
         self.sort();
         let mut best: Vec<(KernelSpec, Metric, f64)> = Vec::new();
-        for trial in self.trials.iter().filter(|t| t.row.error.is_some()) {
+        let fitted = |t: &&Trial| t.row.error.is_some() && (t.with_slopes || !with_slopes);
+        for trial in self.trials.iter().filter(fitted) {
             if best.len() < REFINED && best.iter().all(|s| s.0 != trial.spec) {
                 best.push((trial.spec, trial.row.metric, trial.row.smoothing));
             }

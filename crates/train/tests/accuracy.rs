@@ -31,12 +31,19 @@ fn database(model: &str, obstacle: ObstacleKind) -> Database {
     read(&folder, obstacle).expect("the committed database")
 }
 
-/// The database and the model the defaults make of it; trained once for all tests.
+/// A committed file of the reference actuator's model.
+fn committed(file: &str) -> Vec<u8> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/pneunet").join(file);
+    std::fs::read(path).expect("a committed file")
+}
+
+/// The database and the model that the committed one's configuration makes of it; trained once for all tests.
 fn plate() -> &'static Plate {
     static PLATE: OnceLock<Plate> = OnceLock::new();
     PLATE.get_or_init(|| {
         let database = database("pneunet", ObstacleKind::Plate);
-        let (model, sheet) = train(&database, &TrainConfig::default(), &mut |_| {}).expect("trains");
+        let sheet: DataSheet = serde_json::from_slice(&committed("pneunet.json")).expect("a data sheet");
+        let (model, sheet) = train(&database, &sheet.config, &mut |_| {}).expect("trains");
         let report = test_report(&model, &database);
         Plate { database, model, sheet, report }
     })
@@ -60,13 +67,12 @@ fn at_most(what: &str, found: f64, bound: f64) {
     assert!(found <= bound, "{what}: {found} > {bound}");
 }
 
-/// The committed model is what the committed database gives: to the byte on the kind of machine that made it, elsewhere (other
+/// The committed model is what the committed database gives by the configuration in its data sheet: to the byte on the kind of machine that made it, elsewhere (other
 /// vector instructions, other rounding) in what it predicts.
 #[test]
 fn training_again_gives_the_committed_model() {
     let plate = plate();
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/pneunet/pneunet.twin");
-    let committed = Model::from_bytes(&std::fs::read(path).expect("the committed model")).expect("a model");
+    let committed = Model::from_bytes(&committed("pneunet.twin")).expect("a model");
     let hash = |model: &Model| model.prediction_hash().expect("encodes");
     let same = hash(&plate.model) == hash(&committed);
     println!("the same bytes but for half-widths: {same}");

@@ -64,7 +64,7 @@ impl Args {
         progress.step("reading the database");
         let database = files::database(&self.database, ObstacleKind::Plate)?;
         progress.step("training by the paper's method and by ours");
-        let study = Study::new(database)?;
+        let study = Study::new(database, &self.database)?;
         if self.check {
             return check(&study, &self.database);
         }
@@ -92,6 +92,13 @@ impl Args {
         output!("{}", path.display())?;
         Ok(())
     }
+}
+
+/// The file of the model's name beside a database's folder, `models/NAME/NAME.json` for `models/NAME/database`.
+fn beside(database: &Path, ending: &str) -> Option<PathBuf> {
+    let database = std::path::absolute(database).ok()?;
+    let folder = database.parent()?;
+    Some(folder.join(folder.file_name()?).with_extension(ending))
 }
 
 /// Prints the promises; an error names those that do not hold.

@@ -1,6 +1,6 @@
 //! How exactly the training cases come back, and what exactness costs on untouched states.
 
-use super::study::{Study, ours, percent, train};
+use super::study::{Study, percent, train};
 use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
 use std::fmt::Write as _;
@@ -16,7 +16,7 @@ pub fn section(study: &Study) -> anyhow::Result<String> {
          displacement % | untouched: stress % |\n| --- | --- | --- | --- | --- | --- |\n",
     );
     let untouched = study.untouched()?;
-    for (name, config) in settings() {
+    for (name, config) in settings(&study.config) {
         let model = match &config {
             Some(config) => &train(&study.database, config)?,
             None => &study.ours,
@@ -26,15 +26,15 @@ pub fn section(study: &Study) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Settings of `config/train.toml` around the default: smoothing, and all modes.
-fn settings() -> [(&'static str, Option<TrainConfig>); 3] {
+/// Settings of `config/train.toml` around those of our model: smoothing, and all modes.
+fn settings(ours: &TrainConfig) -> [(&'static str, Option<TrainConfig>); 3] {
     let contact = |change: fn(&mut TrainConfig)| {
-        let mut config = ours();
+        let mut config = ours.clone();
         change(&mut config);
         Some(config)
     };
     [
-        ("default", None),
+        ("ours", None),
         ("`contact.smoothing = [3e-8]`", contact(|c| c.contact.smoothing = vec![3e-8])),
         (
             "`contact.max_modes = 120`, `contact.modes = { fixed = 120 }`: nearly all",

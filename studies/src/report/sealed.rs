@@ -1,7 +1,6 @@
 //! What is promised of sealed states: drawn by a seed that nobody had used, simulated, looked at once and not kept. The table beside the
 //! model, `softtwin evaluate --sealed N --seed S --errors sealed.csv`, has their inputs and the model's errors.
 
-use anyhow::Context;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::RegimeKind;
@@ -26,13 +25,12 @@ pub struct Sealed {
 impl Sealed {
     /// From the folder that holds the database and the model of its name; none without a table of sealed states.
     pub fn read(database: &Path) -> anyhow::Result<Option<Self>> {
-        let database = std::path::absolute(database).with_context(|| database.display().to_string())?;
-        let Some(folder) = database.parent() else { return Ok(None) };
-        let (table, model) = (folder.join("sealed.csv"), folder.join(folder.file_name().unwrap_or_default()));
+        let Some(model) = super::beside(database, "twin") else { return Ok(None) };
+        let table = model.with_file_name("sealed.csv");
         if !table.exists() {
             return Ok(None);
         }
-        let model = files::model(&model.with_extension("twin"))?;
+        let model = files::model(&model)?;
         Self::of(&table, &model).map(Some)
     }
 

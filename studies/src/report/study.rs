@@ -1,10 +1,12 @@
 //! One database, both methods, and what every section asks of them.
 
+use anyhow::Context;
 use rom::hull::DomainStatus;
 use rom::model::Model;
 use rom::snapshots::{Database, RegimeKind, Split};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail, TrainConfig};
+use train::datasheet::DataSheet;
 use train::evaluate::{DEFAULT_FLOOR, Report, evaluate};
 
 /// Both regimes, in the order of the paper.
@@ -15,13 +17,27 @@ pub struct Study {
     pub database: Database,
     pub paper: Model,
     pub ours: Model,
+    /// What ours was trained with.
+    pub config: TrainConfig,
+    /// Whether that is from a data sheet beside the database.
+    has_sheet: bool,
 }
 
 impl Study {
-    pub fn new(database: Database) -> anyhow::Result<Self> {
+    /// Ours is trained as the model beside the folder was, by its data sheet; without one by the default.
+    pub fn new(database: Database, folder: &Path) -> anyhow::Result<Self> {
+        let sheet = super::beside(folder, "json").filter(|sheet| sheet.exists());
+        let read = |path: &PathBuf| -> anyhow::Result<TrainConfig> {
+            let sheet: DataSheet = serde_json::from_slice(&std::fs::read(path)?)?;
+            Ok(TrainConfig { full_leave_one_out: false, ..sheet.config })
+        };
+        let config = match &sheet {
+            Some(path) => read(path).with_context(|| path.display().to_string())?,
+            None => TrainConfig { full_leave_one_out: false, ..TrainConfig::default() },
+        };
         let paper = train(&database, &paper(super::published::MODES))?;
-        let ours = train(&database, &ours())?;
-        Ok(Self { database, paper, ours })
+        let ours = train(&database, &config)?;
+        Ok(Self { database, paper, ours, config, has_sheet: sheet.is_some() })
     }
 
     /// Cases that satisfy a condition.
@@ -49,8 +65,7 @@ impl Study {
             "# Accuracy and speed\n\nMade by `softtwin-studies report --database {} --repeats {repeats}`; do not edit.\n\n\
              Database `{}`: {} training, {} test and {} check cases, {} nodes, blake3 `{hash}...`.\n\n\
              *Paper* is what the paper published; *paper's method* is its algorithm (joint uncentred POD, linear splines \
-             without tail, {} and {} modes) on this database; *ours* is the default of `softtwin train` on the same \
-             cases. *Normalised* is the largest error over nodes by the field's largest value in that case; the paper \
+             without tail, {} and {} modes) on this database; *ours* is `softtwin train` on the same cases, {}. *Normalised* is the largest error over nodes by the field's largest value in that case; the paper \
              states relative errors (Eq. 16), which come near it where the field is large.\n",
             database.display(),
             self.database.actuator,
@@ -60,6 +75,7 @@ impl Study {
             self.database.node_count,
             super::published::MODES[0],
             super::published::MODES[1],
+            if self.has_sheet { "configured as the model beside the database" } else { "by its default" },
         )
     }
 }
@@ -85,11 +101,6 @@ pub fn paper(modes: [usize; 2]) -> TrainConfig {
     config
 }
 
-/// The default; repeating every POD for the data sheet is left out.
-pub fn ours() -> TrainConfig {
-    TrainConfig { full_leave_one_out: false, ..TrainConfig::default() }
-}
-
 /// Our method with one kernel and a given choice of modes: for curves over modes and cases.
 pub fn ours_with(modes: ModeChoice, kernel: KernelKind, tail: Tail) -> TrainConfig {
     let regime = RegimeConfig {
@@ -100,7 +111,8 @@ pub fn ours_with(modes: ModeChoice, kernel: KernelKind, tail: Tail) -> TrainConf
         smoothing: vec![0.0],
         ..RegimeConfig::default()
     };
-    TrainConfig { free: regime.clone(), contact: regime, ..ours() }
+    let config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
+    TrainConfig { free: regime.clone(), contact: regime, ..config }
 }
 
 /// A number for a table.

@@ -1,7 +1,7 @@
 //! Derivatives of snapshots by inputs: an array `rows x nodes x fields` (packed or .npy) and `sensitivities.csv`, whose
 //! row `i` says which case and input the array's row `i` is about.
 
-use super::manifest::{FILE, Manifest};
+use super::manifest::{FILE, Kind, Manifest};
 use super::snapshots::read_snapshots;
 use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError, collect};
@@ -119,7 +119,7 @@ pub(super) fn write(
     npy::write_f32(&dir.join(ARRAY), &shape, &derivatives.values)
 }
 
-/// Packs the derivatives of a folder's training states into another folder, each row and field within `share` of its largest
+/// Packs the derivatives of a folder's training states into another folder, each row and field within a share of its largest
 /// value, with the table that says whose they are. Training reads no others. Returns the bytes of the array; none where the
 /// manifest names no array.
 ///
@@ -129,7 +129,7 @@ pub fn pack_sensitivities(
     from: &Path,
     to: &Path,
     manifest: &Manifest,
-    share: f64,
+    share: impl Fn(Kind) -> f64,
 ) -> Result<Option<usize>, FormatError> {
     let (cases, _) = super::cases::read(&from.join(&manifest.cases), manifest)?;
     let Some(all) = read(from, manifest, &cases)? else { return Ok(None) };
@@ -148,8 +148,10 @@ pub fn pack_sensitivities(
     }
     let snapshots = Snapshots { shape: [rows.len(), manifest.nodes, all.fields.len()], values };
     let path = to.join(PACKED_ARRAY);
-    let bytes = packed::pack(&snapshots, &vec![Stored::Share(share); all.fields.len()])
-        .map_err(|diagnostic| FormatError::one(&path, diagnostic))?;
+    let stored: Vec<Stored> =
+        all.fields.iter().map(|&field| Stored::Share(share(manifest.field[field].kind))).collect();
+    let bytes =
+        packed::pack(&snapshots, &stored).map_err(|diagnostic| FormatError::one(&path, diagnostic))?;
     file::replace(&to.join(TABLE), table::to_text(&COLUMNS, rows).as_bytes())?;
     file::replace(&path, &bytes)?;
     Ok(Some(bytes.len()))

@@ -36,10 +36,13 @@ pub struct Args {
     /// Largest error of a stress, and of any other field in its unit, in MPa.
     #[arg(long, value_name = "MPA", default_value_t = 1e-7, value_parser = crate::range::number(1e-12, 1e6))]
     stress_error_mpa: f64,
-    /// Largest error of a derivative, as a share of the largest value of its row and field. Only those of training states are
-    /// kept.
-    #[arg(long, value_name = "SHARE", default_value_t = 5e-4, value_parser = crate::range::number(1e-7, 0.1))]
+    /// Largest error of a coordinate's derivative, as a share of the largest value of its row and field. Only those of training
+    /// states are kept.
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-4, value_parser = crate::range::number(1e-7, 0.1))]
     derivative_error: f64,
+    /// The same of a stress's derivative, and of any other field's; these lose less by it.
+    #[arg(long, value_name = "SHARE", default_value_t = 2e-3, value_parser = crate::range::number(1e-7, 0.1))]
+    stress_derivative_error: f64,
     /// The other way: packed snapshots to snapshots.npy.
     #[arg(long)]
     unpack: bool,
@@ -73,7 +76,11 @@ impl Args {
         let packed = Path::new("snapshots").with_extension(PACKED).display().to_string();
         file::replace(&self.out.join(&packed), &bytes)?;
         self.copy_rest(&manifest, &[])?;
-        let derivatives = pack_sensitivities(&self.database, &self.out, &manifest, self.derivative_error)?;
+        let share = |kind| match kind {
+            Kind::Coordinate | Kind::Magnitude => self.derivative_error,
+            Kind::Stress | Kind::Other => self.stress_derivative_error,
+        };
+        let derivatives = pack_sensitivities(&self.database, &self.out, &manifest, share)?;
         let array = manifest.sensitivities.as_deref().map(|name| (name, "sensitivities.pack"));
         self.describe(&manifest, [Some((&*manifest.snapshots, &*packed)), array])?;
         let (before, after) = (snapshots.values.len() * 4, bytes.len());
