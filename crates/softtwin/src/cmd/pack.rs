@@ -41,7 +41,7 @@ pub struct Args {
     #[arg(long, value_name = "SHARE", default_value_t = 1e-4, value_parser = crate::range::number(1e-7, 0.1))]
     derivative_error: f64,
     /// The same of a stress's derivative, and of any other field's; these lose less by it.
-    #[arg(long, value_name = "SHARE", default_value_t = 2e-3, value_parser = crate::range::number(1e-7, 0.1))]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = crate::range::number(1e-7, 0.1))]
     stress_derivative_error: f64,
     /// The other way: packed snapshots to snapshots.npy.
     #[arg(long)]
