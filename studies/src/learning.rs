@@ -105,7 +105,8 @@ pub fn curve(
     Ok(points)
 }
 
-/// As `softtwin train`, with every mode that lowers the leave-one-out error: what is compared is what the states know, not how much of it is kept.
+/// As `softtwin train`, with every mode that lowers the leave-one-out error: what is compared is what the states know, not how
+/// much of it is kept.
 fn as_many_modes_as_pay() -> TrainConfig {
     let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
     for regime in [&mut config.free, &mut config.contact] {

@@ -11,7 +11,7 @@ use rom::snapshots::{Database, NodeSet, RegimeKind, Sensitivities, Split};
 use std::path::Path;
 use std::sync::OnceLock;
 use train::config::TrainConfig;
-use train::datasheet::DataSheet;
+use train::datasheet::{Candidate, DataSheet};
 use train::evaluate::{CaseReport, DEFAULT_FLOOR, Report, evaluate, spread};
 use train::train;
 
@@ -67,8 +67,8 @@ fn at_most(what: &str, found: f64, bound: f64) {
     assert!(found <= bound, "{what}: {found} > {bound}");
 }
 
-/// The committed model is what the committed database gives by the configuration in its data sheet: to the byte on the kind of machine that made it, elsewhere (other
-/// vector instructions, other rounding) in what it predicts.
+/// The committed model is what the committed database gives by the configuration in its data sheet: to the byte on the kind of
+/// machine that made it, elsewhere (other vector instructions, other rounding) in what it predicts.
 #[test]
 fn training_again_gives_the_committed_model() {
     let plate = plate();
@@ -114,6 +114,28 @@ fn made_here() -> bool {
     return std::arch::is_x86_feature_detected!("fma");
     #[cfg(not(target_arch = "x86_64"))]
     false
+}
+
+/// What derivatives say between the states moves the best metric, and kernels may change places by it.
+#[test]
+fn metrics_are_chosen_with_the_derivatives_in_the_system() {
+    let contact = plate().sheet.regimes.iter().find(|r| r.kind == RegimeKind::Contact).expect("contact");
+    let force = contact.force.as_ref().expect("a contact force");
+    let best = |with: bool| {
+        let fitted = |c: &&Candidate| c.kernel.ends_with("derivatives") == with && c.error.is_some();
+        let of: Vec<&Candidate> = force.candidates.iter().filter(fitted).collect();
+        of.into_iter().min_by(|a, b| a.error.partial_cmp(&b.error).expect("numbers")).expect("a candidate")
+    };
+    let (with, without) = (best(true), best(false));
+    println!("with derivatives {with:?}, without {without:?}");
+    assert!(with.error < without.error, "{with:?} {without:?}");
+    assert_eq!(force.candidates[0].kernel, with.kernel, "the best candidate is the one that is taken");
+    // The same kernel at the metric that was best without derivatives.
+    let of_kernel = |c: &&Candidate| format!("{}, derivatives", c.kernel) == with.kernel && c.error.is_some();
+    let kept = force.candidates.iter().find(of_kernel).expect("tried without derivatives as well").metric;
+    let unmoved = force.candidates.iter().find(|c| c.kernel == with.kernel && c.metric == kept);
+    let unmoved = unmoved.and_then(|c| c.error).expect("tried with them");
+    assert!(with.metric != kept && with.error < Some(0.9 * unmoved), "{with:?} {unmoved}");
 }
 
 #[test]

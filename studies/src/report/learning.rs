@@ -23,7 +23,8 @@ pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::
     text += &out.picture("learning", "Errors on unseen contact states against training states", &figure)?;
     let _ = write!(
         text,
-        "\nModels trained on more and more of the training states, taken evenly from the list, free and contact together, each with every mode that lowers the leave-one-out error, up to 200; errors \
+        "\nModels trained on more and more of the training states, taken evenly from the list, free and contact together, \
+         each with every mode that lowers the leave-one-out error, up to 200; errors \
          on the {} contact states inside the domain that no training saw, mean / 95th percentile in %, the force by the largest \
          force.\n\n{}",
         unseen.len(),

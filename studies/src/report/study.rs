@@ -65,7 +65,8 @@ impl Study {
             "# Accuracy and speed\n\nMade by `softtwin-studies report --database {} --repeats {repeats}`; do not edit.\n\n\
              Database `{}`: {} training, {} test and {} check cases, {} nodes, blake3 `{hash}...`.\n\n\
              *Paper* is what the paper published; *paper's method* is its algorithm (joint uncentred POD, linear splines \
-             without tail, {} and {} modes) on this database; *ours* is `softtwin train` on the same cases, {}. *Normalised* is the largest error over nodes by the field's largest value in that case; the paper \
+             without tail, {} and {} modes) on this database; *ours* is `softtwin train` on the same cases, {}. *Normalised* \
+             is the largest error over nodes by the field's largest value in that case; the paper \
              states relative errors (Eq. 16), which come near it where the field is large.\n",
             database.display(),
             self.database.actuator,
