@@ -29,7 +29,7 @@ pub enum Storage {
 
 impl Storage {
     /// As good as in full: the own error grows by at most 1 %, or a field stays in f32.
-    pub const AS_GOOD: Self = Self::Within { share: 0.01, or_f32: true };
+    pub const AS_GOOD: Self = Self::Within { share: 0.003, or_f32: true };
 
     /// Exactly this share, or an error.
     pub fn within(share: f64) -> Self {

@@ -392,7 +392,10 @@ fn derivatives_are_packed_within_the_error_asked_for_and_no_better_than_needed()
     both_regimes(&place);
     let mut bytes = Vec::new();
     for share in ["5e-4", "5e-3", "0.05"] {
-        let packed = format!("pack --database db --out small{share} --derivative-error {share} --json");
+        let packed = format!(
+            "pack --database db --out small{share} --derivative-error {share} \
+             --stress-derivative-error {share} --json"
+        );
         bytes.push(place.run(&packed).json()["bytes_of_derivatives"].as_u64().unwrap());
         let errors = derivative_errors(&place, ["db", &format!("small{share}")]);
         // 18 training states by the pressure, 12 of them by the gap as well; four fields each.

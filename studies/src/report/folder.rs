@@ -1,7 +1,7 @@
 //! The folder of the report.
 
 use softtwin::picture::Figure;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The folder the report is written into.
 pub struct Folder {
@@ -18,4 +18,11 @@ impl Folder {
         figure.save(&self.dir.join(&file))?;
         Ok(format!("\n![{caption}]({file})\n"))
     }
+}
+
+/// The file of the model's name beside a database's folder, `models/NAME/NAME.json` for `models/NAME/database`.
+pub fn beside(database: &Path, ending: &str) -> Option<PathBuf> {
+    let database = std::path::absolute(database).ok()?;
+    let folder = database.parent()?;
+    Some(folder.join(folder.file_name()?).with_extension(ending))
 }

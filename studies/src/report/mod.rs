@@ -94,13 +94,6 @@ impl Args {
     }
 }
 
-/// The file of the model's name beside a database's folder, `models/NAME/NAME.json` for `models/NAME/database`.
-fn beside(database: &Path, ending: &str) -> Option<PathBuf> {
-    let database = std::path::absolute(database).ok()?;
-    let folder = database.parent()?;
-    Some(folder.join(folder.file_name()?).with_extension(ending))
-}
-
 /// Prints the promises; an error names those that do not hold.
 fn check(study: &Study, database: &Path) -> anyhow::Result<()> {
     let (table, missed) = summary::section(study, Sealed::read(database)?.as_ref())?;

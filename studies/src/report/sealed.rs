@@ -25,7 +25,7 @@ pub struct Sealed {
 impl Sealed {
     /// From the folder that holds the database and the model of its name; none without a table of sealed states.
     pub fn read(database: &Path) -> anyhow::Result<Option<Self>> {
-        let Some(model) = super::beside(database, "twin") else { return Ok(None) };
+        let Some(model) = super::folder::beside(database, "twin") else { return Ok(None) };
         let table = model.with_file_name("sealed.csv");
         if !table.exists() {
             return Ok(None);

@@ -26,7 +26,7 @@ pub struct Study {
 impl Study {
     /// Ours is trained as the model beside the folder was, by its data sheet; without one by the default.
     pub fn new(database: Database, folder: &Path) -> anyhow::Result<Self> {
-        let sheet = super::beside(folder, "json").filter(|sheet| sheet.exists());
+        let sheet = super::folder::beside(folder, "json").filter(|sheet| sheet.exists());
         let read = |path: &PathBuf| -> anyhow::Result<TrainConfig> {
             let sheet: DataSheet = serde_json::from_slice(&std::fs::read(path)?)?;
             Ok(TrainConfig { full_leave_one_out: false, ..sheet.config })

@@ -46,7 +46,7 @@ impl Report {
         }
         match c.kernel.budget_widths.map(|shares| shares.map(|share| 100.0 * share)) {
             Some([wide, half, quarter, none]) => output!(
-                "budget (own error grows by 1 % at most): {wide:.0} % of rows in f32, {half:.0} % i16, {quarter:.0} % i8, {none:.0} % left out"
+                "budget (own error grows by 0.3 % at most): {wide:.0} % of rows in f32, {half:.0} % i16, {quarter:.0} % i8, {none:.0} % left out"
             )?,
             None => output!("budget: even f32 lets this model's own error grow by more than 1 %")?,
         }
