@@ -28,7 +28,7 @@ pub enum Storage {
 }
 
 impl Storage {
-    /// As good as in full: the own error grows by at most 1 %, or a field stays in f32.
+    /// As good as in full: the own error grows by at most 0.3 %, or a field stays in f32.
     pub const AS_GOOD: Self = Self::Within { share: 0.003, or_f32: true };
 
     /// Exactly this share, or an error.
