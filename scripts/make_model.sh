@@ -8,6 +8,8 @@ cd "$(dirname "$0")/.."
 # SOFTTWIN=path/to/softtwin takes programs that are already built.
 softtwin() { ${SOFTTWIN:-cargo run --quiet --release -p softtwin --} "$@"; }
 studies() { if [ -n "${SOFTTWIN:-}" ]; then "$SOFTTWIN-studies" "$@"; else cargo run --quiet --release -p studies -- "$@"; fi; }
+# config_of FOLDER: what the model there is trained with, where that is not the default.
+config_of() { [ ! -f "$1/train.toml" ] || echo "--config $1/train.toml"; }
 # solve_and_check NAME LIST MODEL SEALED SEED --parameter ...: a model of the reference actuator with parameters as inputs, and its errors
 # on states that no training sees.
 solve_and_check() {
@@ -15,8 +17,7 @@ solve_and_check() {
     list=$2 model=$3 sealed=$4 seed=$5
     shift 5
     softtwin simulate --actuator "$actuator" --cases "$list" --sensitivities --out "$folder"
-    config="$(dirname "$model")/train.toml"
-    softtwin train --database "$folder" $([ ! -f "$config" ] || echo "--config $config") --out "$model"
+    softtwin train --database "$folder" $(config_of "$(dirname "$model")") --out "$model"
     # Behind the training list, so that they start from solved states near them.
     softtwin sample --actuator "$actuator" --kind sequence --regime contact --n "$sealed" --seed "$seed" --split check --prefix sealed "$@" --out "$folder-sealed.csv"
     { cat "$list" && tail -n +2 "$folder-sealed.csv"; } >"$folder-both.csv"
@@ -90,10 +91,8 @@ for name in "$@"; do
     case $name in gripper) scene=gripper derivatives= ;; *) scene=plate derivatives=--sensitivities ;; esac
     softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" $derivatives --out "$database"
     softtwin pack --database "$database" --out "$model/database"
-    config=
-    [ ! -f "$model/train.toml" ] || config="--config $model/train.toml"
     # Half-widths from states that no training saw, where they were measured (see docs/accuracy.md).
     errors=
     [ ! -f "$model/errors.csv" ] || errors="--errors $model/errors.csv"
-    softtwin train --database "$model/database" --scene "$scene" $config $errors --out "$model/$name.twin"
+    softtwin train --database "$model/database" --scene "$scene" $(config_of "$model") $errors --out "$model/$name.twin"
 done

@@ -312,17 +312,11 @@ impl<'a> Search<'a> {
     /// the best metric. At most `tries` of them; returns how many are left.
     fn refine_with_slopes(&mut self, shears: &[f64], mut tries: usize) -> usize {
         for (spec, metric, smoothing) in self.best_kernels(true) {
-            let near = shears.iter().copied().filter(|shear| (shear - metric.shear).abs() < NEAR_SHEAR);
-            for shear in near {
-                for factor in STRETCHES.iter().filter(|factor| shear != metric.shear || **factor != 1.0) {
-                    if tries == 0 {
-                        return 0;
-                    }
-                    tries -= 1;
-                    let stretched = metric.stretched(1, metric.scale[1] * factor);
-                    self.attempt(spec, Metric { shear, ..stretched }, smoothing);
-                }
-            }
+            let near = shears.iter().filter(|shear| (*shear - metric.shear).abs() < NEAR_SHEAR);
+            let others = near.flat_map(|shear| sheared(metric, *shear)).filter(|other| *other != metric);
+            let others: Vec<Metric> = others.take(tries).collect();
+            tries -= others.len();
+            others.into_iter().for_each(|other| self.attempt(spec, other, smoothing));
         }
         tries
     }
@@ -352,11 +346,8 @@ impl<'a> Search<'a> {
     }
 
     /// The best candidate so far that was fitted to derivatives.
-    fn best_with_slopes(&self) -> Option<(KernelSpec, Metric, f64)> {
-        let fitted = self.trials.iter().filter(|t| t.with_slopes);
-        let merit = |t: &&Trial| t.row.error.map_or(f64::INFINITY, |error| merit(error, t.row.smoothing));
-        let best = fitted.filter(|t| t.row.error.is_some()).min_by(|a, b| merit(a).total_cmp(&merit(b)))?;
-        Some((best.spec, best.row.metric, best.row.smoothing))
+    fn best_with_slopes(&mut self) -> Option<(KernelSpec, Metric, f64)> {
+        self.best_kernels(true).into_iter().next()
     }
 
     /// The best fit to derivatives again, without those of states where they are far from what the others predict.
@@ -397,10 +388,7 @@ impl<'a> Search<'a> {
     fn refine(&mut self, shears: &[f64]) {
         for (spec, metric, smoothing) in self.best_kernels(false) {
             for shear in shears.iter().copied().filter(|s| *s != metric.shear) {
-                for stretch in STRETCHES {
-                    let stretched = metric.stretched(1, metric.scale[1] * stretch);
-                    self.attempt(spec, Metric { shear, ..stretched }, smoothing);
-                }
+                sheared(metric, shear).into_iter().for_each(|other| self.attempt(spec, other, smoothing));
             }
         }
     }
@@ -448,6 +436,11 @@ impl<'a> Search<'a> {
         };
         Ok(self.tasks.iter().enumerate().map(choice).collect())
     }
+}
+
+/// With another shear, at each of the stretches along the second input.
+fn sheared(metric: Metric, shear: f64) -> [Metric; STRETCHES.len()] {
+    STRETCHES.map(|stretch| Metric { shear, ..metric.stretched(1, metric.scale[1] * stretch) })
 }
 
 /// All groups' coefficients of a state in one row: one factorisation serves all.

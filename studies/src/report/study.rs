@@ -29,12 +29,14 @@ impl Study {
         let sheet = super::folder::beside(folder, "json").filter(|sheet| sheet.exists());
         let read = |path: &PathBuf| -> anyhow::Result<TrainConfig> {
             let sheet: DataSheet = serde_json::from_slice(&std::fs::read(path)?)?;
-            Ok(TrainConfig { full_leave_one_out: false, ..sheet.config })
+            Ok(sheet.config)
         };
         let config = match &sheet {
             Some(path) => read(path).with_context(|| path.display().to_string())?,
-            None => TrainConfig { full_leave_one_out: false, ..TrainConfig::default() },
+            None => TrainConfig::default(),
         };
+        // Repeating every POD for a data sheet is left out.
+        let config = TrainConfig { full_leave_one_out: false, ..config };
         let paper = train(&database, &paper(super::published::MODES))?;
         let ours = train(&database, &config)?;
         Ok(Self { database, paper, ours, config, has_sheet: sheet.is_some() })
@@ -112,8 +114,7 @@ pub fn ours_with(modes: ModeChoice, kernel: KernelKind, tail: Tail) -> TrainConf
         smoothing: vec![0.0],
         ..RegimeConfig::default()
     };
-    let config = TrainConfig { full_leave_one_out: false, ..TrainConfig::default() };
-    TrainConfig { free: regime.clone(), contact: regime, ..config }
+    TrainConfig { free: regime.clone(), contact: regime, full_leave_one_out: false, ..TrainConfig::default() }
 }
 
 /// A number for a table.
