@@ -75,6 +75,19 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 #[test]
+fn files_of_the_versions_before_are_read_the_same() {
+    let shares = [Stored::Share(1e-4); 5];
+    for (fields, version, before) in [(&FIELDS, 3, 1), (&shares, 4, 2)] {
+        let bytes = pack(&bending(10), fields).unwrap();
+        let now = unpack(&bytes, Some(&mesh())).unwrap();
+        assert_eq!(bytes[8], version);
+        let mut older = bytes;
+        older[8] = before;
+        assert_eq!(unpack(&sealed(older), Some(&mesh())).unwrap(), now);
+    }
+}
+
+#[test]
 fn a_small_file_that_announces_a_huge_one_is_refused() {
     for at in [12, 20, 28] {
         let mut bytes = pack(&bending(2), &FIELDS).unwrap();

@@ -1,10 +1,11 @@
 //! Counts, numbers and lists of whole numbers; the lists as byte planes, deflated.
 
 use crate::error::Diagnostic;
-use flate2::Compression;
 use flate2::bufread::ZlibDecoder;
-use flate2::write::ZlibEncoder;
-use std::io::{Read, Write};
+use miniz_oxide::deflate::core::{
+    CompressionStrategy, CompressorOxide, TDEFLFlush, compress_to_output, create_comp_flags_from_zip_params,
+};
+use std::io::Read;
 
 pub(super) struct Writer(Vec<u8>);
 
@@ -26,10 +27,8 @@ impl Writer {
     /// Zigzag (small magnitudes become small), then the four bytes of all numbers apart: the upper planes are zeros.
     pub(crate) fn integers(&mut self, values: &[i32]) {
         let zigzag: Vec<u32> = values.iter().map(|v| ((v << 1) ^ (v >> 31)) as u32).collect();
-        let planes: Vec<u8> = (0..4).flat_map(|p| zigzag.iter().map(move |z| (z >> (8 * p)) as u8)).collect();
-        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
-        // Writing into memory cannot fail.
-        let packed = encoder.write_all(&planes).and_then(|()| encoder.finish()).unwrap_or_default();
+        let planes = (0..4).map(|p| zigzag.iter().map(|z| (z >> (8 * p)) as u8).collect());
+        let packed = deflate(&planes.collect::<Vec<Vec<u8>>>());
         self.count(packed.len());
         self.0.extend(packed);
     }
@@ -117,6 +116,23 @@ impl<'a> Reader<'a> {
         self.0 = rest;
         Ok(*head)
     }
+}
+
+/// One zlib stream of all planes. What is left of a prediction repeats nothing but zeros: only runs are looked for, and every
+/// plane has a code of its own, which is a tenth smaller than what looks for everything.
+fn deflate(planes: &[Vec<u8>]) -> Vec<u8> {
+    let mut out = Vec::new();
+    let flags = create_comp_flags_from_zip_params(9, 15, CompressionStrategy::RLE as i32);
+    let mut compressor = CompressorOxide::new(flags);
+    for (p, plane) in planes.iter().enumerate() {
+        let flush = if p + 1 == planes.len() { TDEFLFlush::Finish } else { TDEFLFlush::Sync };
+        // Takes all of its input where the output has no limit.
+        compress_to_output(&mut compressor, plane, flush, |bytes| {
+            out.extend_from_slice(bytes);
+            true
+        });
+    }
+    out
 }
 
 /// FNV-1a (Fowler, Noll, Vo), 64 bits: detects accidental damage. Deliberate changes are caught by the checks behind it.

@@ -24,7 +24,7 @@ from the coordinates and the mesh.";
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// Database folder with snapshots.npy (with --unpack: with packed snapshots).
+    /// Database folder with snapshots.npy or packed snapshots (with --unpack: the latter).
     #[arg(long, value_name = "DIR")]
     database: PathBuf,
     /// Folder to write.
@@ -107,7 +107,8 @@ impl Args {
 
     fn snapshots(&self, manifest: &Manifest) -> anyhow::Result<Snapshots> {
         let path = self.database.join(&manifest.snapshots);
-        read_snapshots(&path, None).map_err(refusal)
+        let mesh = manifest.mesh.as_ref().map(|file| self.database.join(file));
+        read_snapshots(&path, mesh.as_deref()).map_err(refusal)
     }
 
     /// The distance can be left out only behind the three coordinates it follows from.

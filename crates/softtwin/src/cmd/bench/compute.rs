@@ -47,7 +47,7 @@ pub struct Kernels {
     pub f32: Kernel,
     /// 2 bytes a mode's entry.
     pub i16: Kernel,
-    /// As few as let the model's own error grow by 0.3 % at most; none where no basis keeps that.
+    /// As few as let the model's own error grow by [`Storage::AS_GOOD_SHARE`] at most; none where no basis keeps that.
     pub budget: Option<Kernel>,
     /// Of the last one the shares of rows in f32, i16, i8, and of those left out.
     pub budget_widths: Option<[f64; 4]>,

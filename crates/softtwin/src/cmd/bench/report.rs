@@ -3,6 +3,7 @@
 use super::compute::{Compute, Kernel};
 use super::live::EndToEnd;
 use crate::output;
+use rom::reconstructor::Storage;
 use serde::Serialize;
 
 /// The whole result.
@@ -44,11 +45,12 @@ impl Report {
             let (warm, evicted) = (f32.warm_us_p50 / k.warm_us_p50, f32.evicted_us_p50 / k.evicted_us_p50);
             output!("{name} is {warm:.2}x as fast warm, {evicted:.2}x evicted")?;
         }
+        let as_good = 100.0 * Storage::AS_GOOD_SHARE;
         match c.kernel.budget_widths.map(|shares| shares.map(|share| 100.0 * share)) {
             Some([wide, half, quarter, none]) => output!(
-                "budget (own error grows by 0.3 % at most): {wide:.0} % of rows in f32, {half:.0} % i16, {quarter:.0} % i8, {none:.0} % left out"
+                "budget (own error grows by {as_good} % at most): {wide:.0} % of rows in f32, {half:.0} % i16, {quarter:.0} % i8, {none:.0} % left out"
             )?,
-            None => output!("budget: even f32 lets this model's own error grow by more than 1 %")?,
+            None => output!("budget: even f32 lets this model's own error grow by more than {as_good} %")?,
         }
         output!("")?;
         let beyond = c.predict_us_p50 - f32.warm_us_p50;
