@@ -43,6 +43,11 @@ pub(super) enum Width {
     I8,
 }
 
+impl Width {
+    /// All of them, in their order.
+    pub const ALL: [Self; 3] = [Self::F32, Self::I16, Self::I8];
+}
+
 /// A row of values over the nodes of a group, and the coefficient that it is multiplied by.
 #[derive(Debug, Clone)]
 pub(super) struct Component {
@@ -55,8 +60,7 @@ pub(super) struct Component {
 }
 
 impl Component {
-    /// Largest magnitude of its values.
-    pub fn largest(&self) -> f64 {
+    fn largest(&self) -> f64 {
         self.values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
     }
 

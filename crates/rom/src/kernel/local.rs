@@ -6,14 +6,12 @@
 //!
 //! ```text
 //! transforms   by group and list: for 16 of its own rows at a time, 16 f32 a row of the plan
-//! counts       by group and list: own rows in f32, i16, i8; of both the first with finer coefficients, the rest with coarser ones
+//! counts       by group and list: own rows in f32, i16, i8
 //! tiles        by group, tile and list: own rows in f32 (256 bytes), then i16 two at a time, then i8 four at a time (256 each)
 //! ```
 //! Two rows of i16, or four of i8 (128 more than their number), lie node by node, a 32-bit word each: products with as many small whole factors
 //! and their sum are one instruction. For that the sweep makes whole numbers of a list's coefficients ([`whole`](super::whole)): of i8 in
-//! 16 bits of the largest, a hundredth of what the rows are rounded by, of i16 in 23 bits of their sum. The rows that add least do with one of
-//! two parts, 7 and 16 bits, and half of the instructions: as many of them as add no more by it than a small share of what is accepted. Steps
-//! are in the matrix.
+//! 16 bits of the largest, a hundredth of what the rows are rounded by, of i16 in 23 bits of their sum. Steps are in the matrix.
 
 use std::ops::Range;
 
@@ -25,11 +23,9 @@ use super::pages::{LINE, Line, Lines};
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Shortfall, Spec};
 use super::tiles::{I16_MAX, Row, RowOf, gather, rows};
-use super::whole;
 
-/// Rows of a list in f32, in i16 with coefficients of two parts and of one, and in i8 with both likewise. Those of two parts fill whole pairs
-/// and fours, where there are others.
-pub(super) type Counts = [u16; 5];
+/// Rows of a list in f32, i16 and i8.
+pub(super) type Counts = [u16; 3];
 
 /// Tiles that share local modes: more need more rows, fewer make the matrices weigh more.
 pub(super) const GROUP_TILES: usize = 32;
@@ -39,8 +35,6 @@ const GROUP_NODES: usize = GROUP_TILES * TILE_NODES;
 pub(super) const AT_ONCE: usize = LINE / size_of::<f32>();
 /// Share of the accepted square error that is left out before steps are chosen.
 const LEFT_OUT: f64 = 0.1;
-/// Share of it that coefficients of one part may add, of a list's rows in i16 and again of those in i8.
-const OF_ONE_PART: f64 = 0.03;
 
 /// The tiles of such a basis and what is needed to read them.
 #[derive(Debug, Clone)]
@@ -63,15 +57,6 @@ struct List<'a> {
     first: usize,
     groups: Vec<Vec<Component>>,
     step: f64,
-    /// Root mean square that storage may add to a value.
-    accepted: f64,
-}
-
-impl List<'_> {
-    /// What coefficients of one part may add to the sum of square errors over so many nodes.
-    fn of_one_part(&self, nodes: usize) -> f64 {
-        OF_ONE_PART * self.accepted * self.accepted * nodes as f64
-    }
 }
 
 impl Local {
@@ -108,11 +93,7 @@ impl Local {
                     .iter()
                     .filter_map(|component| Stored::new(component, list.step))
                     .collect();
-                // In f32 in the order of the plan, as in a basis that is all f32.
-                let adds = |own: &Stored<'_>| if own.width == Width::F32 { 0.0 } else { own.adds() };
-                of_list.sort_by(|a, b| a.width.cmp(&b.width).then(adds(b).total_cmp(&adds(a))));
-                let nodes = list.groups[group].first().map_or(0, |component| component.values.len());
-                local.counts.push(counts(&of_list, list.of_one_part(nodes)));
+                of_list.sort_by_key(|own| own.width); // stable: the largest first in each
                 local.push_transform(&of_list, list.rows.len());
                 stored.push(of_list);
             }
@@ -129,6 +110,8 @@ impl Local {
     }
 
     fn push_transform(&mut self, stored: &[Stored<'_>], plan_rows: usize) {
+        self.counts
+            .push(Width::ALL.map(|width| stored.iter().filter(|own| own.width == width).count() as u16));
         for own in stored.chunks(AT_ONCE) {
             for row in 0..plan_rows {
                 let entry =
@@ -146,15 +129,13 @@ impl Local {
         let of_field = rows(spec, list.op);
         let columns = columns(spec, &of_field[list.rows.clone()], group);
         let read: Vec<Vec<f64>> = stored.iter().map(|own| own.read(columns.length)).collect();
-        let rounding = Rounding::of(stored, &read, list.of_one_part(columns.length));
         for (at, row) in list.rows.clone().enumerate() {
-            let mut largest = 0.0_f64;
+            let most = &mut self.largest_errors[list.first + row];
             for node in 0..columns.length {
                 let own = stored.iter().zip(&read).map(|(own, read)| own.component.of_rows[at] * read[node]);
-                largest = largest.max((own.sum::<f64>() - columns.of(at)[node]).abs());
+                let error = (own.sum::<f64>() - columns.of(at)[node]).abs();
+                *most = most.max(error);
             }
-            let most = &mut self.largest_errors[list.first + row];
-            *most = most.max(largest + rounding.largest(stored, at));
         }
     }
 
@@ -188,9 +169,8 @@ impl Local {
         let mut sums = [0; 3];
         for (group, counts) in self.counts.chunks_exact(self.lists.len().max(1)).enumerate() {
             let tiles = GROUP_TILES.min(plan.tiles() - group * GROUP_TILES);
-            for [wide, pairs, high_pairs, fours, low_fours] in counts {
-                let by_width = [*wide, pairs + high_pairs, fours + low_fours];
-                sums.iter_mut().zip(by_width).for_each(|(sum, count)| *sum += tiles * usize::from(count));
+            for counts in counts {
+                sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += tiles * usize::from(*count));
             }
         }
         sums
@@ -221,7 +201,7 @@ fn lists_of<'a>(
             let groups = 0..spec.output_nodes().div_ceil(GROUP_NODES);
             let groups =
                 groups.map(|group| make(at, &columns(spec, &of_field[list.clone()], group), root)).collect();
-            lists.push(List { op, rows: list.clone(), first, groups, step: 0.0, accepted });
+            lists.push(List { op, rows: list.clone(), first, groups, step: 0.0 });
         }
         lists
     };
@@ -242,8 +222,7 @@ fn lists_of<'a>(
             left_out += rest;
             modes
         });
-        let gone = left_out + 2.0 * OF_ONE_PART * accepted * accepted * nodes;
-        if let Some(step) = budget::step(components(&local), [accepted, nodes, gone]) {
+        if let Some(step) = budget::step(components(&local), [accepted, nodes, left_out]) {
             local.iter_mut().for_each(|list| list.step = step);
             return Ok(Ok(local));
         }
@@ -271,75 +250,6 @@ fn check_finite(spec: &Spec<'_>, field: usize, rows: &[RowOf<'_>]) -> Result<(),
     })
 }
 
-/// How many of the rows are stored in which way; coefficients of one part may add so much to the sum of square errors over the nodes.
-fn counts(stored: &[Stored<'_>], allowed: f64) -> Counts {
-    let of = |width| {
-        let first = stored.partition_point(|own| own.width < width);
-        &stored[first..][..stored[first..].partition_point(|own| own.width == width)]
-    };
-    let split = |rows: &[Stored<'_>], at_once: usize, unit: fn(f64, f64) -> f64| {
-        let one_part = rows_of_one_part(rows, allowed, unit);
-        let two_parts = (rows.len() - one_part).next_multiple_of(at_once).min(rows.len());
-        [two_parts as u16, (rows.len() - two_parts) as u16]
-    };
-    let [pairs, high_pairs] = split(of(Width::I16), 2, whole::high_pairs_unit);
-    let [fours, low_fours] = split(of(Width::I8), 4, whole::low_fours_unit);
-    [of(Width::F32).len() as u16, pairs, high_pairs, fours, low_fours]
-}
-
-/// How many of the rows, from the last on, add no more than what is allowed when their coefficients are whole numbers of the unit that
-/// follows from the sum of their root mean squares and the largest of these.
-fn rows_of_one_part(rows: &[Stored<'_>], allowed: f64, unit: fn(f64, f64) -> f64) -> usize {
-    let (mut sum, mut largest, mut squares) = (0.0, 0.0_f64, 0.0);
-    let adds = rows.iter().rev().map(|own| {
-        let coefficient = own.component.rms * own.factor();
-        (sum, largest) = (sum + coefficient, largest.max(coefficient));
-        squares += own.component.energy() / (coefficient * coefficient);
-        unit(sum, largest).powi(2) / 12.0 * squares
-    });
-    adds.take_while(|adds| *adds <= allowed).count()
-}
-
-/// What making whole numbers of coefficients changes at most: by rows with one rounding of coefficients, the sum over them of whole
-/// steps at the node where it is largest, times the share of the coefficients that they are off by.
-struct Rounding {
-    high_pairs: (Range<usize>, f64),
-    fours: (Range<usize>, f64),
-    low_fours: (Range<usize>, f64),
-}
-
-impl Rounding {
-    fn of(stored: &[Stored<'_>], read: &[Vec<f64>], of_one_part: f64) -> Self {
-        let [wide, pairs, high_pairs, fours, low_fours] = counts(stored, of_one_part).map(usize::from);
-        let rows = |first: usize, count: usize, share: f64| {
-            let rows = first..first + count;
-            let steps = |node: usize| {
-                rows.clone().map(|row| (read[row][node] / stored[row].factor()).abs()).sum::<f64>()
-            };
-            let most = (0..read.first().map_or(0, Vec::len)).map(steps).fold(0.0, f64::max);
-            (rows, most * share)
-        };
-        Self {
-            high_pairs: rows(wide + pairs, high_pairs, whole::HIGH_PAIRS_ROUNDING),
-            fours: rows(wide + pairs + high_pairs, fours, whole::FOURS_ROUNDING),
-            low_fours: rows(wide + pairs + high_pairs + fours, low_fours, whole::LOW_FOURS_ROUNDING),
-        }
-    }
-
-    /// The most that it changes a value, for each unit of the coefficient of row `at` of the list.
-    fn largest(&self, stored: &[Stored<'_>], at: usize) -> f64 {
-        let parts = |rows: &Range<usize>| {
-            let of_row = |own: &Stored<'_>| (own.component.of_rows[at] * own.factor()).abs();
-            stored[rows.clone()].iter().map(of_row).collect::<Vec<_>>()
-        };
-        let sum: f64 = parts(&self.high_pairs.0).iter().sum();
-        let largest = |rows| parts(rows).into_iter().fold(0.0, f64::max);
-        sum * self.high_pairs.1
-            + largest(&self.fours.0) * self.fours.1
-            + largest(&self.low_fours.0) * self.low_fours.1
-    }
-}
-
 /// A component as it is stored.
 struct Stored<'a> {
     component: &'a Component,
@@ -350,11 +260,6 @@ struct Stored<'a> {
 impl<'a> Stored<'a> {
     fn new(component: &'a Component, step: f64) -> Option<Self> {
         component.stored(step).map(|(width, step)| Self { component, width, step })
-    }
-
-    /// Largest magnitude of what it adds.
-    fn adds(&self) -> f64 {
-        self.component.largest() * self.component.rms
     }
 
     /// What the sweep multiplies by, besides the coefficient.

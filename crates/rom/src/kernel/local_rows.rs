@@ -10,11 +10,8 @@ use super::{MAX_ROWS, TILE_NODES, whole};
 #[derive(Clone, Copy, Default)]
 struct Units {
     pair: f32,
-    high_pair: f32,
     four: f32,
     sums: [i32; 2],
-    low_four: f32,
-    low_sums: [i32; 2],
 }
 
 /// Bytes of two rows of i16 and of four of i8.
@@ -77,9 +74,9 @@ impl<'a> LocalRows<'a> {
             // SAFETY: matrices and counts were made for these lists, with no more rows than the plan has; what lies beyond a list's
             // own rows is written over by the next list.
             unsafe {
-                let counts = (*self.group.add(list)).map(usize::from);
+                let [wide, half, bytes] = (*self.group.add(list)).map(usize::from);
                 let coefficients = self.coefficients.as_ptr().add(first);
-                for at in (0..counts.iter().sum()).step_by(AT_ONCE) {
+                for at in (0..wide + half + bytes).step_by(AT_ONCE) {
                     V::sixteen_sums(
                         self.transform,
                         coefficients,
@@ -88,26 +85,16 @@ impl<'a> LocalRows<'a> {
                     );
                     self.transform = self.transform.add(rows * AT_ONCE);
                 }
-                let next = |count: usize, all: &mut usize| {
-                    *all += count;
-                    *all - count..*all
-                };
-                let [wide, pairs, high_pairs, fours, low_fours] = counts;
-                next(wide, &mut to);
-                let of = self.factors.get_unchecked(next(pairs, &mut to));
-                let whole = self.pairs.get_unchecked_mut(next(pairs.div_ceil(2), &mut to_pair));
-                let pair = whole::pairs(of, whole);
-                let of = self.factors.get_unchecked(next(high_pairs, &mut to));
-                let whole = self.pairs.get_unchecked_mut(next(high_pairs.div_ceil(2), &mut to_pair));
-                let high_pair = whole::high_pairs(of, whole);
-                let of = self.factors.get_unchecked(next(fours, &mut to));
-                let whole = self.fours.get_unchecked_mut(next(fours.div_ceil(4), &mut to_four));
-                let (sums, four) = whole::fours(of, whole);
-                let of = self.factors.get_unchecked(next(low_fours, &mut to));
-                let whole = self.fours.get_unchecked_mut(next(low_fours.div_ceil(4), &mut to_four));
-                let (low_sums, low_four) = whole::low_fours(of, whole);
-                *self.units.get_unchecked_mut(list) =
-                    Units { pair, high_pair, four, sums, low_four, low_sums };
+                let [of_pairs, of_fours] =
+                    [to + wide..to + wide + half, to + wide + half..to + wide + half + bytes];
+                to = of_fours.end;
+                let [next_pair, next_four] = [to_pair + half.div_ceil(2), to_four + bytes.div_ceil(4)];
+                let pairs = self.pairs.get_unchecked_mut(to_pair..next_pair);
+                let pair_unit = whole::pairs(self.factors.get_unchecked(of_pairs), pairs);
+                let fours = self.fours.get_unchecked_mut(to_four..next_four);
+                let (sums, four_unit) = whole::fours(self.factors.get_unchecked(of_fours), fours);
+                *self.units.get_unchecked_mut(list) = Units { pair: pair_unit, four: four_unit, sums };
+                [to_pair, to_four] = [next_pair, next_four];
             }
             first += rows;
         }
@@ -118,7 +105,7 @@ impl<'a> LocalRows<'a> {
     unsafe fn add_list<V: Lanes>(&mut self, mut sum: V) -> V {
         // SAFETY: the tiles were made with the counts, for the plan that drives the sweep.
         unsafe {
-            let [wide, pairs, high_pairs, fours, low_fours] = *self.counts;
+            let [wide, half, bytes] = *self.counts;
             self.counts = self.counts.add(1);
             for _ in 0..wide {
                 let factor = *self.factors.get_unchecked(self.next);
@@ -127,50 +114,23 @@ impl<'a> LocalRows<'a> {
                 self.next += 1;
             }
             let units = *self.units.get_unchecked(self.list);
-            self.next += usize::from(pairs + high_pairs + fours + low_fours);
-            if pairs > 0 {
-                let (from, pairs) = self.take_pairs(pairs);
-                sum = sum.add_pairs(from, pairs, units.pair);
+            if half > 0 {
+                let count = usize::from(half).div_ceil(2);
+                let pairs = self.pairs.get_unchecked(self.next_pair..self.next_pair + count);
+                sum = sum.add_pairs(self.cursor, pairs, units.pair);
+                self.cursor = self.cursor.add(count * PAIR_BYTES);
+                self.next_pair += count;
             }
-            if high_pairs > 0 {
-                let (from, pairs) = self.take_pairs(high_pairs);
-                sum = sum.add_high_pairs(from, pairs, units.high_pair);
+            if bytes > 0 {
+                let count = usize::from(bytes).div_ceil(4);
+                let fours = self.fours.get_unchecked(self.next_four..self.next_four + count);
+                sum = sum.add_fours(self.cursor, &FourFactors { fours, sums: units.sums, unit: units.four });
+                self.cursor = self.cursor.add(count * FOUR_BYTES);
+                self.next_four += count;
             }
-            if fours > 0 {
-                let (from, fours) = self.take_fours(fours);
-                sum = sum.add_fours(from, &FourFactors { fours, sums: units.sums, unit: units.four });
-            }
-            if low_fours > 0 {
-                let (from, fours) = self.take_fours(low_fours);
-                let factors = FourFactors { fours, sums: units.low_sums, unit: units.low_four };
-                sum = sum.add_low_fours(from, &factors);
-            }
+            self.next += usize::from(half + bytes);
             self.list += 1;
             sum
-        }
-    }
-
-    /// So many of the next rows of i16, and what they are multiplied by.
-    #[inline(always)]
-    unsafe fn take_pairs(&mut self, rows: u16) -> (*const u8, &[Pair]) {
-        let (from, first, count) = (self.cursor, self.next_pair, usize::from(rows).div_ceil(2));
-        self.next_pair += count;
-        // SAFETY: the tiles were made with the counts, for the plan that drives the sweep.
-        unsafe {
-            self.cursor = from.add(count * PAIR_BYTES);
-            (from, self.pairs.get_unchecked(first..first + count))
-        }
-    }
-
-    /// So many of the next rows of i8, likewise.
-    #[inline(always)]
-    unsafe fn take_fours(&mut self, rows: u16) -> (*const u8, &[Four]) {
-        let (from, first, count) = (self.cursor, self.next_four, usize::from(rows).div_ceil(4));
-        self.next_four += count;
-        // SAFETY: as above.
-        unsafe {
-            self.cursor = from.add(count * FOUR_BYTES);
-            (from, self.fours.get_unchecked(first..first + count))
         }
     }
 }

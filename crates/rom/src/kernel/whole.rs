@@ -6,34 +6,13 @@ use super::lanes::{Four, LOW_PARTS, Pair};
 /// Sum of the high parts of factors of i16 at most, but for their rounding: times 32767 it stays below 2^30, and 511 low parts of 128 times
 /// 32767 below 2^31.
 const PAIRS_MAX: f32 = 32000.0;
-/// The same where there are no low parts: times 32767, with what rounding adds, it stays below 2^31.
-const HIGH_PAIRS_MAX: f32 = 65000.0;
 /// Largest factor of i8: its high part is an i8, and 511 times 127 of it stay below 2^31.
 const FOURS_MAX: f32 = 32512.0;
-/// Largest factor of i8 without a high part.
-const LOW_FOURS_MAX: f32 = 127.0;
-
-/// Largest factor in use by its root mean square.
-const IN_USE: f64 = 3.0;
-
-/// Half a unit and a little for the rounding of f32, of the sum of the factors or of the largest.
-pub(super) const HIGH_PAIRS_ROUNDING: f64 = 0.51 / 32767.0;
-pub(super) const FOURS_ROUNDING: f64 = 0.51 / FOURS_MAX as f64;
-pub(super) const LOW_FOURS_ROUNDING: f64 = 0.51 / LOW_FOURS_MAX as f64;
 
 /// The nearest whole number of a number that an i32 holds.
 #[inline(always)]
 fn nearest(value: f32) -> i32 {
     (value + 0.5_f32.copysign(value)) as i32
-}
-
-#[inline(always)]
-fn largest(factors: &[f32]) -> f32 {
-    let mut largest = 0.0_f32;
-    for factor in factors {
-        largest = if largest >= factor.abs() { largest } else { factor.abs() };
-    }
-    largest
 }
 
 #[inline(always)]
@@ -64,30 +43,6 @@ pub(super) fn pairs(factors: &[f32], pairs: &mut [Pair]) -> f32 {
     if by > 0.0 { 1.0 / by } else { 0.0 }
 }
 
-/// Factors of rows in i16 and their unit, without low parts: off by no more than [`HIGH_PAIRS_ROUNDING`] of the sum of their magnitudes.
-#[inline(always)]
-pub(super) fn high_pairs(factors: &[f32], pairs: &mut [Pair]) -> f32 {
-    let sum = sum_of_magnitudes(factors);
-    if !sum.is_finite() {
-        pairs.fill(Pair::default());
-        return f32::NAN;
-    }
-    let largest = largest(factors);
-    let by = if sum > 0.0 { (HIGH_PAIRS_MAX / sum).min(f32::from(i16::MAX) / largest) } else { 0.0 };
-    for (at, pair) in pairs.iter_mut().enumerate() {
-        *pair = Pair::default();
-        for k in 0..2 {
-            pair.high[k] = nearest(factors.get(2 * at + k).map_or(0.0, |factor| factor * by)) as i16;
-        }
-    }
-    if by > 0.0 { 1.0 / by } else { 0.0 }
-}
-
-/// The unit of factors in use, by the sum of their root mean squares and the largest of these.
-pub(super) fn high_pairs_unit(sum: f64, largest: f64) -> f64 {
-    (sum / f64::from(HIGH_PAIRS_MAX)).max(IN_USE * largest / f64::from(i16::MAX))
-}
-
 /// Factors of rows in i8, the sums of their high and low parts, and their unit. A factor that is no number makes the unit none.
 #[inline(always)]
 pub(super) fn fours(factors: &[f32], fours: &mut [Four]) -> ([i32; 2], f32) {
@@ -95,7 +50,10 @@ pub(super) fn fours(factors: &[f32], fours: &mut [Four]) -> ([i32; 2], f32) {
         fours.fill(Four::default());
         return ([0; 2], f32::NAN);
     }
-    let largest = largest(factors);
+    let mut largest = 0.0_f32;
+    for factor in factors {
+        largest = if largest >= factor.abs() { largest } else { factor.abs() };
+    }
     let by = if largest > 0.0 { FOURS_MAX / largest } else { 0.0 };
     let mut sums = [0; 2];
     for (at, four) in fours.iter_mut().enumerate() {
@@ -112,33 +70,6 @@ pub(super) fn fours(factors: &[f32], fours: &mut [Four]) -> ([i32; 2], f32) {
         }
     }
     (sums, if by > 0.0 { 1.0 / by } else { 0.0 })
-}
-
-/// As [`high_pairs_unit`].
-pub(super) fn low_fours_unit(_: f64, largest: f64) -> f64 {
-    IN_USE * largest / f64::from(LOW_FOURS_MAX)
-}
-
-/// The same without high parts: off by no more than [`LOW_FOURS_ROUNDING`] of the largest.
-#[inline(always)]
-pub(super) fn low_fours(factors: &[f32], fours: &mut [Four]) -> ([i32; 2], f32) {
-    if !sum_of_magnitudes(factors).is_finite() {
-        fours.fill(Four::default());
-        return ([0; 2], f32::NAN);
-    }
-    let largest = largest(factors);
-    let by = if largest > 0.0 { LOW_FOURS_MAX / largest } else { 0.0 };
-    let mut sum = 0;
-    for (at, four) in fours.iter_mut().enumerate() {
-        *four = Four::default();
-        for k in 0..4 {
-            let whole = nearest(factors.get(4 * at + k).map_or(0.0, |factor| factor * by));
-            four.values[k] = whole as i16;
-            four.low |= (whole & 0xff) << (8 * k);
-            sum += whole;
-        }
-    }
-    ([0, sum], if by > 0.0 { 1.0 / by } else { 0.0 })
 }
 
 #[cfg(test)]
@@ -181,28 +112,6 @@ mod tests {
             }
             prop_assert_eq!(found_sums, sums);
             prop_assert!(whole <= i64::from(i32::MAX), "{whole}");
-
-            let unit = high_pairs(&factors, &mut two);
-            let mut highs = 0_i64;
-            for (at, factor) in factors.iter().enumerate() {
-                let pair = two[at / 2];
-                prop_assert_eq!(pair.low, [0; 2]);
-                let off = f64::from(f32::from(pair.high[at % 2]) * unit - factor).abs();
-                prop_assert!(off <= HIGH_PAIRS_ROUNDING * f64::from(size), "{off} of {size}");
-                highs += 32767 * i64::from(pair.high[at % 2]).abs();
-            }
-            prop_assert!(highs <= i64::from(i32::MAX), "{highs}");
-
-            let (sums, unit) = low_fours(&factors, &mut four);
-            let mut sum = 0;
-            for (at, factor) in factors.iter().enumerate() {
-                let (of, k) = (four[at / 4], at % 4);
-                prop_assert_eq!([0, i32::from(of.values[k])], [of.high, part(of.low, k)]);
-                let off = f64::from(f32::from(of.values[k]) * unit - factor).abs();
-                prop_assert!(off <= LOW_FOURS_ROUNDING * f64::from(largest), "{off} of {largest}");
-                sum += part(of.low, k);
-            }
-            prop_assert_eq!([0, sum], sums);
         }
     }
 
@@ -212,12 +121,8 @@ mod tests {
             let factors = [1.0, odd, 2.0];
             assert!(pairs(&factors, &mut [Pair::default(); 2]).is_nan());
             assert!(fours(&factors, &mut [Four::default()]).1.is_nan());
-            assert!(high_pairs(&factors, &mut [Pair::default(); 2]).is_nan());
-            assert!(low_fours(&factors, &mut [Four::default()]).1.is_nan());
         }
         assert_eq!(pairs(&[0.0; 2], &mut [Pair::default()]), 0.0);
         assert_eq!(fours(&[0.0; 4], &mut [Four::default()]), ([0; 2], 0.0));
-        assert_eq!(high_pairs(&[0.0; 2], &mut [Pair::default()]), 0.0);
-        assert_eq!(low_fours(&[0.0; 4], &mut [Four::default()]), ([0; 2], 0.0));
     }
 }

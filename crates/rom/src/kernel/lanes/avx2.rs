@@ -109,29 +109,6 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn add_high_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
-        // SAFETY: see the impl; two rows of i16 are 64 words.
-        unsafe {
-            let mut highs = [_mm256_setzero_si256(); REGISTERS];
-            let mut from: *const i32 = from.cast();
-            for pair in pairs {
-                let high = _mm256_set1_epi32(word(pair.high[0], pair.high[1]));
-                for (r, highs) in highs.iter_mut().enumerate() {
-                    let words = _mm256_load_si256(from.add(r * WIDTH).cast());
-                    *highs = _mm256_add_epi32(*highs, _mm256_madd_epi16(words, high));
-                }
-                from = from.add(TILE_NODES);
-            }
-            let unit = _mm256_set1_ps(unit);
-            let mut sums = self.0;
-            for r in 0..REGISTERS {
-                sums[r] = _mm256_fmadd_ps(_mm256_cvtepi32_ps(highs[r]), unit, sums[r]);
-            }
-            Self(sums)
-        }
-    }
-
-    #[inline(always)]
     unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32) {
         // SAFETY: see the impl; there are so many rows and factors.
         unsafe {

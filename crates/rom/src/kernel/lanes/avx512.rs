@@ -14,21 +14,6 @@ const HALF: usize = REGISTERS / 2;
 #[derive(Clone, Copy)]
 pub(in super::super) struct Avx512([__m512; REGISTERS]);
 
-impl Avx512 {
-    /// Adds whole numbers of a unit.
-    #[inline(always)]
-    unsafe fn add_whole(mut self, whole: [__m512i; REGISTERS], unit: f32) -> Self {
-        // SAFETY: the caller has AVX-512 F.
-        unsafe {
-            let unit = _mm512_set1_ps(unit);
-            for (sum, whole) in self.0.iter_mut().zip(whole) {
-                *sum = _mm512_fmadd_ps(_mm512_cvtepi32_ps(whole), unit, *sum);
-            }
-            self
-        }
-    }
-}
-
 /// One value a register; the loop is unrolled.
 #[inline(always)]
 unsafe fn each(register: impl Fn(usize) -> __m512) -> Avx512 {
@@ -111,47 +96,13 @@ impl Lanes for Avx512 {
                 }
                 from = from.add(TILE_NODES);
             }
-            let mut whole = lows;
+            let unit = _mm512_set1_ps(factors.unit);
+            let mut sums = self.0;
             for r in 0..REGISTERS {
-                whole[r] = _mm512_add_epi32(_mm512_slli_epi32::<8>(highs[r]), lows[r]);
+                let whole = _mm512_add_epi32(_mm512_slli_epi32::<8>(highs[r]), lows[r]);
+                sums[r] = _mm512_fmadd_ps(_mm512_cvtepi32_ps(whole), unit, sums[r]);
             }
-            self.add_whole(whole, factors.unit)
-        }
-    }
-
-    #[inline(always)]
-    unsafe fn add_high_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
-        // SAFETY: see the impl; two rows of i16 are 64 words.
-        unsafe {
-            let mut highs = [_mm512_setzero_si512(); REGISTERS];
-            let mut from: *const i32 = from.cast();
-            for pair in pairs {
-                let high = _mm512_set1_epi32(word(pair.high[0], pair.high[1]));
-                for (r, highs) in highs.iter_mut().enumerate() {
-                    let words = _mm512_load_si512(from.add(r * WIDTH).cast());
-                    *highs = _mm512_dpwssd_epi32(*highs, words, high);
-                }
-                from = from.add(TILE_NODES);
-            }
-            self.add_whole(highs, unit)
-        }
-    }
-
-    #[inline(always)]
-    unsafe fn add_low_fours(self, from: *const u8, factors: &FourFactors<'_>) -> Self {
-        // SAFETY: see the impl; four rows of bytes are 64 words.
-        unsafe {
-            let mut lows = [_mm512_set1_epi32(-BYTE_ZERO * factors.sums[1]); REGISTERS];
-            let mut from: *const i32 = from.cast();
-            for four in factors.fours {
-                let low = _mm512_set1_epi32(four.low);
-                for (r, lows) in lows.iter_mut().enumerate() {
-                    let words = _mm512_load_si512(from.add(r * WIDTH).cast());
-                    *lows = _mm512_dpbusd_epi32(*lows, words, low);
-                }
-                from = from.add(TILE_NODES);
-            }
-            self.add_whole(lows, factors.unit)
+            Self(sums)
         }
     }
 

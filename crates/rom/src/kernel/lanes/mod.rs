@@ -64,14 +64,6 @@ pub(super) trait Lanes: Copy {
     unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self;
     /// Adds rows of i8, four at a time, likewise.
     unsafe fn add_fours(self, from: *const u8, factors: &FourFactors<'_>) -> Self;
-    /// The same where all low parts are 0.
-    unsafe fn add_high_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self;
-    /// The same where all high parts are 0.
-    #[inline(always)]
-    unsafe fn add_low_fours(self, from: *const u8, factors: &FourFactors<'_>) -> Self {
-        // SAFETY: see the trait.
-        unsafe { self.add_fours(from, factors) }
-    }
     /// Sixteen sums of `rows` rows of sixteen values, each row times its factor, written to `to`, unaligned: rows in turn to four sums, what is left
     /// of them to the first, and those added up.
     unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32);

@@ -109,31 +109,6 @@ impl Lanes for Neon {
     }
 
     #[inline(always)]
-    unsafe fn add_high_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
-        // SAFETY: see the impl; two rows of i16 are 64 words.
-        unsafe {
-            let mut highs = [vdupq_n_s32(0); REGISTERS];
-            let mut from: *const i32 = from.cast();
-            for pair in pairs {
-                let high = pair.high.map(i32::from);
-                for (r, highs) in highs.iter_mut().enumerate() {
-                    let words = vld1q_s32(from.add(r * WIDTH));
-                    let (first, second) =
-                        (vshrq_n_s32::<16>(vshlq_n_s32::<16>(words)), vshrq_n_s32::<16>(words));
-                    *highs = vmlaq_n_s32(vmlaq_n_s32(*highs, first, high[0]), second, high[1]);
-                }
-                from = from.add(TILE_NODES);
-            }
-            let unit = vdupq_n_f32(unit);
-            let mut sums = self.0;
-            for r in 0..REGISTERS {
-                sums[r] = vfmaq_f32(sums[r], vcvtq_f32_s32(highs[r]), unit);
-            }
-            Self(sums)
-        }
-    }
-
-    #[inline(always)]
     unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32) {
         // SAFETY: see the impl; there are so many rows and factors.
         unsafe {

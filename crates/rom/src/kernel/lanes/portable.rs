@@ -76,12 +76,6 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    unsafe fn add_high_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
-        // SAFETY: see the trait.
-        unsafe { self.add_pairs(from, pairs, unit) }
-    }
-
-    #[inline(always)]
     unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32) {
         let (mut sums, fours) = ([[0.0_f32; 16]; 4], rows / 4 * 4);
         for row in 0..rows {

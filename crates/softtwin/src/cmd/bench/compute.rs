@@ -84,6 +84,10 @@ pub struct Compute {
     pub tip_nodes: usize,
 }
 
+/// Sweeps measured in a row before another basis has its turn, and those before that are not measured.
+const AT_ONCE: usize = 20;
+const UNTIL_WARM: usize = 5;
+
 /// One basis under test and its series.
 struct Subject<'a> {
     basis: &'a Basis,
@@ -181,13 +185,19 @@ fn kernels(
     progress: &mut Progress,
 ) -> anyhow::Result<()> {
     let mut out = vec![0.0; subjects[0].basis.output_len()];
-    for _ in 0..samples {
+    // Some of each at once: after another basis it takes more than one sweep until the caches hold this one.
+    for _ in 0..samples.div_ceil(AT_ONCE) {
         for subject in subjects.iter_mut() {
             let basis = subject.basis;
-            basis.read_once(); // brings the basis into the cache
-            subject.read.time(|| basis.read_once());
-            basis.reconstruct(coefficients, &mut out)?;
-            subject.warm.time(|| basis.reconstruct(coefficients, &mut out));
+            for _ in 0..UNTIL_WARM {
+                basis.reconstruct(coefficients, &mut out)?;
+            }
+            for _ in 0..AT_ONCE {
+                subject.warm.time(|| basis.reconstruct(coefficients, &mut out));
+            }
+            for _ in 0..AT_ONCE {
+                subject.read.time(|| basis.read_once());
+            }
         }
     }
     progress.step("kernel with the caches evicted");
