@@ -194,6 +194,8 @@ fn pack_and_refine(place: &Place) {
         errors["x"].as_f64().unwrap() <= 1.01e-3 && errors["von_mises"].as_f64().unwrap() <= 1.01e-5,
         "{packed}"
     );
+    place.run("pack --database small --out again --json").json();
+    assert_eq!(bytes(&place.at("again/snapshots.pack")), bytes(&place.at("small/snapshots.pack")));
     let gain = place
         .run("sample --refine 2 --regime free --database small --actuator a.toml --out more --json")
         .json();
