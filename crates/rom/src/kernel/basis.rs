@@ -8,7 +8,7 @@ use super::budget::Budget;
 use super::isa::Isa;
 use super::local::Local;
 use super::local_rows::LocalRows;
-use super::pages::LINE;
+use super::pages::{LINE, Line};
 use super::plan::Plan;
 use super::rows::{F32, I16, Uniform};
 use super::spec::{BasisError, Spec};
@@ -274,10 +274,7 @@ impl Basis {
 
     /// Bytes read by a reconstruction.
     pub fn bytes(&self) -> usize {
-        match &self.store {
-            Store::Uniform(tiles) => tiles.lines().len() * LINE,
-            Store::Local(local) => local.bytes(),
-        }
+        self.lines().iter().map(|lines| lines.len() * LINE).sum()
     }
 
     /// How all rows are stored; none where a [`Budget`] decided for each.
@@ -308,11 +305,17 @@ impl Basis {
     /// Reads every byte of the basis once, in order, with the instruction set in use, and returns a checksum: what a
     /// reconstruction would cost if it did nothing but read. The measure that `softtwin bench` holds the kernel to.
     pub fn read_once(&self) -> u32 {
-        let lines = match &self.store {
-            Store::Uniform(tiles) => tiles.lines(),
-            Store::Local(local) => local.tiles(),
-        };
-        // SAFETY: `isa` was found available when the basis was built.
-        unsafe { sweep::read(self.isa, lines) }
+        self.lines().into_iter().fold(0, |sum, lines| {
+            // SAFETY: `isa` was found available when the basis was built.
+            sum.wrapping_add(unsafe { sweep::read(self.isa, lines) })
+        })
+    }
+
+    /// What a reconstruction reads, but for a few counts: rows, and what makes their coefficients.
+    fn lines(&self) -> [&[Line]; 2] {
+        match &self.store {
+            Store::Uniform(tiles) => [tiles.lines(), &[]],
+            Store::Local(local) => [local.tiles(), local.groups().0],
+        }
     }
 }

@@ -159,11 +159,6 @@ impl Local {
         (&self.transforms, &self.counts)
     }
 
-    /// Bytes that a reconstruction reads.
-    pub fn bytes(&self) -> usize {
-        (self.tiles.len() + self.transforms.len()) * LINE + size_of_val(&self.counts[..])
-    }
-
     /// Rows of tiles by width: f32, i16, i8.
     pub fn stored(&self, plan: &Plan) -> [usize; 3] {
         let mut sums = [0; 3];
@@ -306,7 +301,7 @@ fn push_tile(to: &mut Vec<Line>, rows: &[Stored<'_>], tile: usize) {
         push_words(to, &own.row(tile).map(|value| (value as f32).to_bits()));
     }
     for pair in rows[first_i16..first_i8].chunks(2) {
-        push_words(to, &interleaved(pair, tile, |[a, b]: [i16; 2]| word(a, b) as u32));
+        push_words(to, &interleaved(pair, tile, |pair: [i16; 2]| word(pair) as u32));
     }
     for four in rows[first_i8..].chunks(4) {
         push_words(

@@ -1,10 +1,10 @@
 //! How the sweep reads rows of local modes: their coefficients first, group by group.
 
-use super::lanes::{Four, FourFactors, Lanes, Pair};
+use super::lanes::{FourFactors, Lanes, PairFactors};
 use super::local::{AT_ONCE, Counts, GROUP_TILES, Local};
 use super::plan::Op;
 use super::rows::Rows;
-use super::{MAX_ROWS, TILE_NODES, whole};
+use super::{MAX_ROWS, TILE_NODES};
 
 /// What the whole numbers of a list are multiplied by, and the sums of its fours' parts.
 #[derive(Clone, Copy, Default)]
@@ -17,6 +17,23 @@ struct Units {
 /// Bytes of two rows of i16 and of four of i8.
 const PAIR_BYTES: usize = 2 * 2 * TILE_NODES;
 const FOUR_BYTES: usize = 4 * TILE_NODES;
+
+/// Pairs and fours of all lists at most, and what is written behind the last.
+const PAIRS: usize = MAX_ROWS + AT_ONCE / 2;
+const FOURS: usize = MAX_ROWS + AT_ONCE / 4;
+
+/// Factors of rows in i16, two at a time. A list begins with a pair of its own, and is written sixteen rows at a time.
+struct Pairs {
+    high: [[i16; 2]; PAIRS],
+    low: [[i16; 2]; PAIRS],
+}
+
+/// Factors of rows in i8, four at a time, whole and in parts, likewise.
+struct Fours {
+    values: [[i16; 4]; FOURS],
+    high: [[i8; 4]; FOURS],
+    low: [[i8; 4]; FOURS],
+}
 
 /// Rows of local modes, whose coefficients are made anew for every group. No copy of it is made: it holds them all.
 pub(super) struct LocalRows<'a> {
@@ -32,8 +49,8 @@ pub(super) struct LocalRows<'a> {
     coefficients: &'a [f32; MAX_ROWS],
     /// By row of the group.
     factors: [f32; MAX_ROWS + AT_ONCE],
-    pairs: [Pair; MAX_ROWS],
-    fours: [Four; MAX_ROWS],
+    pairs: Pairs,
+    fours: Fours,
     /// By list.
     units: [Units; MAX_ROWS],
     next: usize,
@@ -55,8 +72,8 @@ impl<'a> LocalRows<'a> {
             lists: local.lists(),
             coefficients,
             factors: [0.0; MAX_ROWS + AT_ONCE],
-            pairs: [Pair::default(); MAX_ROWS],
-            fours: [Four::default(); MAX_ROWS],
+            pairs: Pairs { high: [[0; 2]; PAIRS], low: [[0; 2]; PAIRS] },
+            fours: Fours { values: [[0; 4]; FOURS], high: [[0; 4]; FOURS], low: [[0; 4]; FOURS] },
             units: [Units::default(); MAX_ROWS],
             next: 0,
             next_pair: 0,
@@ -85,16 +102,23 @@ impl<'a> LocalRows<'a> {
                     );
                     self.transform = self.transform.add(rows * AT_ONCE);
                 }
-                let [of_pairs, of_fours] =
-                    [to + wide..to + wide + half, to + wide + half..to + wide + half + bytes];
-                to = of_fours.end;
-                let [next_pair, next_four] = [to_pair + half.div_ceil(2), to_four + bytes.div_ceil(4)];
-                let pairs = self.pairs.get_unchecked_mut(to_pair..next_pair);
-                let pair_unit = whole::pairs(self.factors.get_unchecked(of_pairs), pairs);
-                let fours = self.fours.get_unchecked_mut(to_four..next_four);
-                let (sums, four_unit) = whole::fours(self.factors.get_unchecked(of_fours), fours);
-                *self.units.get_unchecked_mut(list) = Units { pair: pair_unit, four: four_unit, sums };
-                [to_pair, to_four] = [next_pair, next_four];
+                let pair = V::whole_pairs(
+                    self.factors.as_ptr().add(to + wide),
+                    half,
+                    self.pairs.high.as_mut_ptr().add(to_pair).cast(),
+                    self.pairs.low.as_mut_ptr().add(to_pair).cast(),
+                );
+                let (sums, four) = V::whole_fours(
+                    self.factors.as_ptr().add(to + wide + half),
+                    bytes,
+                    self.fours.values.as_mut_ptr().add(to_four).cast(),
+                    self.fours.high.as_mut_ptr().add(to_four).cast(),
+                    self.fours.low.as_mut_ptr().add(to_four).cast(),
+                );
+                *self.units.get_unchecked_mut(list) = Units { pair, four, sums };
+                to += wide + half + bytes;
+                to_pair += half.div_ceil(2);
+                to_four += bytes.div_ceil(4);
             }
             first += rows;
         }
@@ -116,15 +140,21 @@ impl<'a> LocalRows<'a> {
             let units = *self.units.get_unchecked(self.list);
             if half > 0 {
                 let count = usize::from(half).div_ceil(2);
-                let pairs = self.pairs.get_unchecked(self.next_pair..self.next_pair + count);
-                sum = sum.add_pairs(self.cursor, pairs, units.pair);
+                let of_list = self.next_pair..self.next_pair + count;
+                let high = self.pairs.high.get_unchecked(of_list.clone());
+                let low = self.pairs.low.get_unchecked(of_list);
+                sum = sum.add_pairs(self.cursor, &PairFactors { high, low, unit: units.pair });
                 self.cursor = self.cursor.add(count * PAIR_BYTES);
                 self.next_pair += count;
             }
             if bytes > 0 {
                 let count = usize::from(bytes).div_ceil(4);
-                let fours = self.fours.get_unchecked(self.next_four..self.next_four + count);
-                sum = sum.add_fours(self.cursor, &FourFactors { fours, sums: units.sums, unit: units.four });
+                let of_list = self.next_four..self.next_four + count;
+                let values = self.fours.values.get_unchecked(of_list.clone());
+                let high = self.fours.high.get_unchecked(of_list.clone());
+                let low = self.fours.low.get_unchecked(of_list);
+                let factors = FourFactors { values, high, low, sums: units.sums, unit: units.four };
+                sum = sum.add_fours(self.cursor, &factors);
                 self.cursor = self.cursor.add(count * FOUR_BYTES);
                 self.next_four += count;
             }

@@ -117,6 +117,7 @@ fn plain(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f64; BLO
 ///
 /// # Safety
 /// The processor has the instruction set of `E`.
+#[cfg(target_arch = "x86_64")]
 #[inline(always)]
 unsafe fn over<E: Eight>(weights: &Weights, near: &[Near], gradient: bool, sums: &mut [[f64; BLOCK]]) {
     macro_rules! of {

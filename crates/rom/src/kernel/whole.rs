@@ -1,82 +1,161 @@
 //! Coefficients of rows in i16 and i8 as whole numbers of a unit, so that sums over two or four rows are one instruction. The unit is as
 //! fine as the sums allow, which stay below 2^31.
 
-use super::lanes::{Four, LOW_PARTS, Pair};
-
+/// Low parts of a unit of i16.
+pub(super) const LOW_PARTS: f32 = 256.0;
 /// Sum of the high parts of factors of i16 at most, but for their rounding: times 32767 it stays below 2^30, and 511 low parts of 128 times
 /// 32767 below 2^31.
-const PAIRS_MAX: f32 = 32000.0;
+pub(super) const PAIRS_MAX: f32 = 32000.0;
 /// Largest factor of i8: its high part is an i8, and 511 times 127 of it stay below 2^31.
-const FOURS_MAX: f32 = 32512.0;
+pub(super) const FOURS_MAX: f32 = 32512.0;
 
-/// The nearest whole number of a number that an i32 holds.
+/// 1.5 times 2^23: between whole numbers near it there is no f32.
+const WHOLE: f32 = 12_582_912.0;
+
+/// The nearest whole number, the even one of two, of a number below 2^22.
 #[inline(always)]
 fn nearest(value: f32) -> i32 {
-    (value + 0.5_f32.copysign(value)) as i32
+    (value + WHOLE - WHOLE) as i32
 }
 
+/// Sum of their magnitudes, in the order of sixteen lanes, and the largest.
 #[inline(always)]
-fn sum_of_magnitudes(factors: &[f32]) -> f32 {
-    let mut sum = 0.0;
-    for factor in factors {
-        sum += factor.abs();
-    }
-    sum
-}
-
-/// Factors of rows in i16 and their unit. A factor that is no number makes the unit none.
-#[inline(always)]
-pub(super) fn pairs(factors: &[f32], pairs: &mut [Pair]) -> f32 {
-    let sum = sum_of_magnitudes(factors);
-    if !sum.is_finite() {
-        pairs.fill(Pair::default());
-        return f32::NAN;
-    }
-    let by = if sum > 0.0 { PAIRS_MAX / sum } else { 0.0 };
-    for (at, pair) in pairs.iter_mut().enumerate() {
-        for k in 0..2 {
-            let steps = factors.get(2 * at + k).map_or(0.0, |factor| factor * by);
-            let high = nearest(steps);
-            (pair.high[k], pair.low[k]) = (high as i16, nearest((steps - high as f32) * LOW_PARTS) as i16);
+fn sizes(factors: &[f32]) -> (f32, f32) {
+    let (mut sums, mut largest) = ([0.0_f32; 16], 0.0_f32);
+    for sixteen in factors.chunks(16) {
+        for (sum, factor) in sums.iter_mut().zip(sixteen) {
+            *sum += factor.abs();
+            largest = if largest >= factor.abs() { largest } else { factor.abs() };
         }
     }
-    if by > 0.0 { 1.0 / by } else { 0.0 }
+    for half in [8, 4, 2, 1] {
+        for k in 0..half {
+            sums[k] += sums[half + k];
+        }
+    }
+    (sums[0], largest)
 }
 
-/// Factors of rows in i8, the sums of their high and low parts, and their unit. A factor that is no number makes the unit none.
+/// Steps of one, of which `size` is `most`; none of what is hardly more than nothing.
 #[inline(always)]
-pub(super) fn fours(factors: &[f32], fours: &mut [Four]) -> ([i32; 2], f32) {
-    if !sum_of_magnitudes(factors).is_finite() {
-        fours.fill(Four::default());
-        return ([0; 2], f32::NAN);
+pub(super) fn steps_of_one(most: f32, size: f32) -> f32 {
+    let by = most / size;
+    if size > 0.0 && by.is_finite() { by } else { 0.0 }
+}
+
+/// What a step is worth; no number where sizes are none.
+#[inline(always)]
+pub(super) fn unit(size: f32, by: f32) -> f32 {
+    match () {
+        () if !size.is_finite() => f32::NAN,
+        () if by > 0.0 => 1.0 / by,
+        () => 0.0,
     }
-    let mut largest = 0.0_f32;
-    for factor in factors {
-        largest = if largest >= factor.abs() { largest } else { factor.abs() };
+}
+
+/// Factors of rows in i16 as `high + low / 256` of a unit, which is given back. One that is no number makes the unit none.
+#[inline(always)]
+pub(super) fn pairs(factors: &[f32], high: &mut [i16], low: &mut [i16]) -> f32 {
+    let (sum, _) = sizes(factors);
+    let by = steps_of_one(PAIRS_MAX, sum);
+    high.fill(0);
+    low.fill(0);
+    for ((factor, high), low) in factors.iter().zip(high).zip(low) {
+        let steps = factor * by;
+        let whole = nearest(steps);
+        (*high, *low) = (whole as i16, nearest((steps - whole as f32) * LOW_PARTS) as i16);
     }
-    let by = if largest > 0.0 { FOURS_MAX / largest } else { 0.0 };
+    unit(sum, by)
+}
+
+/// Factors of rows in i8 in whole numbers of a unit, and the same in parts, 256 times a high part and the low one: the sums of both parts,
+/// and the unit. One that is no number makes the unit none.
+#[inline(always)]
+pub(super) fn fours(factors: &[f32], values: &mut [i16], high: &mut [i8], low: &mut [i8]) -> ([i32; 2], f32) {
+    let (sum, largest) = sizes(factors);
+    let by = if sum.is_finite() { steps_of_one(FOURS_MAX, largest) } else { 0.0 };
+    values.fill(0);
+    high.fill(0);
+    low.fill(0);
     let mut sums = [0; 2];
-    for (at, four) in fours.iter_mut().enumerate() {
-        *four = Four::default();
-        for k in 0..4 {
-            let whole = nearest(factors.get(4 * at + k).map_or(0.0, |factor| factor * by));
-            let high = (whole + 128) >> 8;
-            let low = whole - 256 * high;
-            four.values[k] = whole as i16;
-            four.high |= (high & 0xff) << (8 * k);
-            four.low |= (low & 0xff) << (8 * k);
-            sums[0] += high;
-            sums[1] += low;
-        }
+    for (((factor, value), high), low) in factors.iter().zip(values).zip(high).zip(low) {
+        let whole = nearest(factor * by);
+        let of_256 = (whole + 128) >> 8;
+        let rest = whole - 256 * of_256;
+        (*value, *high, *low) = (whole as i16, of_256 as i8, rest as i8);
+        sums[0] += of_256;
+        sums[1] += rest;
     }
-    (sums, if by > 0.0 { 1.0 / by } else { 0.0 })
+    (sums, unit(sum, by))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::MAX_ROWS;
+    use super::super::lanes::{Lanes, portable::Portable};
     use super::*;
-    use crate::kernel::MAX_ROWS;
     use proptest::prelude::*;
+
+    /// High and low parts, and the unit.
+    fn made_pairs<V: Lanes>(factors: &[f32]) -> (Vec<i16>, Vec<i16>, f32) {
+        let room = || vec![-1; factors.len().next_multiple_of(16)];
+        let (mut high, mut low) = (room(), room());
+        // SAFETY: the instruction set is there, and so is room.
+        let unit =
+            unsafe { V::whole_pairs(factors.as_ptr(), factors.len(), high.as_mut_ptr(), low.as_mut_ptr()) };
+        (high, low, unit)
+    }
+
+    /// High and low parts, their sums, and the unit.
+    fn made_fours<V: Lanes>(factors: &[f32]) -> ([Vec<i8>; 2], [i32; 2], f32) {
+        let room = factors.len().next_multiple_of(16);
+        let (mut values, mut high, mut low) = (vec![0; room], vec![-1; room], vec![-1; room]);
+        let (to, to_high, to_low) = (values.as_mut_ptr(), high.as_mut_ptr(), low.as_mut_ptr());
+        // SAFETY: the instruction set is there, and so is room.
+        let (sums, unit) = unsafe { V::whole_fours(factors.as_ptr(), factors.len(), to, to_high, to_low) };
+        ([high, low], sums, unit)
+    }
+
+    fn check<V: Lanes>(factors: &[f32]) -> Result<(), TestCaseError> {
+        let size: f32 = factors.iter().map(|factor| factor.abs()).sum();
+        let (high, low, unit) = made_pairs::<V>(factors);
+        let (mut highs, mut lows) = (0_i64, 0_i64);
+        for (at, factor) in factors.iter().enumerate() {
+            let found = (f32::from(high[at]) + f32::from(low[at]) / LOW_PARTS) * unit;
+            prop_assert!((found - factor).abs() <= 2e-7 * size, "{found} for {factor} of {size}");
+            highs += 32767 * i64::from(high[at]).abs();
+            lows += 32767 * i64::from(low[at]).abs();
+        }
+        prop_assert!(highs <= i64::from(i32::MAX) && lows <= i64::from(i32::MAX), "{highs} {lows}");
+        prop_assert!(high[factors.len()..].iter().chain(&low[factors.len()..]).all(|&beyond| beyond == 0));
+
+        let (parts, sums, unit) = made_fours::<V>(factors);
+        let largest = factors.iter().fold(0.0, |most: f32, factor| most.max(factor.abs()));
+        let mut whole = 0_i64;
+        for (at, factor) in factors.iter().enumerate() {
+            let value = 256 * i32::from(parts[0][at]) + i32::from(parts[1][at]);
+            prop_assert!((value as f32 * unit - factor).abs() <= 0.51 * largest / FOURS_MAX);
+            whole += 127 * i64::from(value).abs();
+        }
+        prop_assert!(whole <= i64::from(i32::MAX), "{whole}");
+        for (part, sum) in parts.iter().zip(sums) {
+            prop_assert_eq!(part.iter().map(|&of| i32::from(of)).sum::<i32>(), sum);
+            prop_assert!(part[factors.len()..].iter().all(|&beyond| beyond == 0));
+        }
+        Ok(())
+    }
+
+    fn check_odd<V: Lanes>() {
+        for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(made_pairs::<V>(&[1.0, odd, 2.0]).2.is_nan());
+            assert!(made_fours::<V>(&[1.0, odd, 2.0]).2.is_nan());
+        }
+        for nothing in [0.0, f32::from_bits(1)] {
+            assert_eq!(made_pairs::<V>(&[nothing; 2]), (vec![0; 16], vec![0; 16], 0.0));
+            assert_eq!(made_fours::<V>(&[nothing; 2]), ([vec![0; 16], vec![0; 16]], [0; 2], 0.0));
+        }
+        assert_eq!((made_pairs::<V>(&[]).2, made_fours::<V>(&[]).2), (0.0, 0.0));
+    }
 
     proptest! {
         #[test]
@@ -84,45 +163,25 @@ mod tests {
             factors in proptest::collection::vec((-1.0..1.0_f32, -30..30_i32), 0..MAX_ROWS),
         ) {
             let factors: Vec<f32> = factors.into_iter().map(|(value, octave)| value * (octave as f32).exp2()).collect();
-            let size = sum_of_magnitudes(&factors);
-            let mut two = vec![Pair::default(); factors.len().div_ceil(2)];
-            let unit = pairs(&factors, &mut two);
-            let (mut highs, mut lows) = (0_i64, 0_i64);
-            for (at, factor) in factors.iter().enumerate() {
-                let (high, low) = (two[at / 2].high[at % 2], two[at / 2].low[at % 2]);
-                let found = (f32::from(high) + f32::from(low) / LOW_PARTS) * unit;
-                prop_assert!((found - factor).abs() <= 2e-7 * size, "{found} for {factor} of {size}");
-                highs += 32767 * i64::from(high).abs();
-                lows += 32767 * i64::from(low).abs();
+            check::<Portable>(&factors)?;
+            let (mut values, mut high, mut low) = (vec![0; factors.len()], vec![0; factors.len()], vec![0; factors.len()]);
+            fours(&factors, &mut values, &mut high, &mut low);
+            for (at, value) in values.into_iter().enumerate() {
+                prop_assert_eq!(256 * i32::from(high[at]) + i32::from(low[at]), i32::from(value));
             }
-            prop_assert!(highs <= i64::from(i32::MAX) && lows <= i64::from(i32::MAX), "{highs} {lows}");
-
-            let mut four = vec![Four::default(); factors.len().div_ceil(4)];
-            let (sums, unit) = fours(&factors, &mut four);
-            let largest = factors.iter().fold(0.0, |most: f32, factor| most.max(factor.abs()));
-            let part = |word: i32, k: usize| i32::from(word.to_le_bytes()[k].cast_signed());
-            let (mut found_sums, mut whole) = ([0; 2], 0_i64);
-            for (at, factor) in factors.iter().enumerate() {
-                let (of, k) = (four[at / 4], at % 4);
-                let value = i32::from(of.values[k]);
-                prop_assert_eq!(256 * part(of.high, k) + part(of.low, k), value);
-                prop_assert!((value as f32 * unit - factor).abs() <= 0.51 * largest / FOURS_MAX);
-                found_sums = [found_sums[0] + part(of.high, k), found_sums[1] + part(of.low, k)];
-                whole += 127 * i64::from(value).abs();
+            #[cfg(target_arch = "x86_64")]
+            if std::is_x86_feature_detected!("avx512f") {
+                check::<super::super::lanes::avx512::Avx512>(&factors)?;
             }
-            prop_assert_eq!(found_sums, sums);
-            prop_assert!(whole <= i64::from(i32::MAX), "{whole}");
         }
     }
 
     #[test]
-    fn a_factor_that_is_no_number_makes_the_unit_none() {
-        for odd in [f32::NAN, f32::INFINITY] {
-            let factors = [1.0, odd, 2.0];
-            assert!(pairs(&factors, &mut [Pair::default(); 2]).is_nan());
-            assert!(fours(&factors, &mut [Four::default()]).1.is_nan());
+    fn factors_that_are_no_numbers_or_hardly_any_are_told() {
+        check_odd::<Portable>();
+        #[cfg(target_arch = "x86_64")]
+        if std::is_x86_feature_detected!("avx512f") {
+            check_odd::<super::super::lanes::avx512::Avx512>();
         }
-        assert_eq!(pairs(&[0.0; 2], &mut [Pair::default()]), 0.0);
-        assert_eq!(fours(&[0.0; 4], &mut [Four::default()]), ([0; 2], 0.0));
     }
 }

@@ -228,9 +228,13 @@ fn a_field_that_no_budget_keeps_stays_in_f32_where_that_is_asked_for() {
 #[test]
 fn every_instruction_set_reads_the_same_bytes() {
     let body = Body::new(333, 5, 9);
-    let sums: Vec<u32> = available()
-        .into_iter()
-        .map(|isa| Basis::build_for(&body.spec(ALL, None), Precision::I16, isa).unwrap().read_once())
-        .collect();
-    assert!(sums[0] != 0 && sums.iter().all(|&sum| sum == sums[0]), "{sums:?}");
+    let (spec, typical) = (body.spec(ALL, None), body.typical());
+    let budget = Budget { typical: &typical, accepted: &[0.1; 5], or_f32: false };
+    let read = |isa| {
+        let uniform = Basis::build_for(&spec, Precision::I16, isa).unwrap();
+        let local = Basis::build_within_for(&spec, &budget, isa).unwrap();
+        [uniform.read_once(), local.read_once()]
+    };
+    let sums: Vec<[u32; 2]> = available().into_iter().map(read).collect();
+    assert!(!sums[0].contains(&0) && sums.iter().all(|&sum| sum == sums[0]), "{sums:?}");
 }

@@ -3,7 +3,8 @@
 use std::arch::x86_64::*;
 
 use super::super::TILE_NODES;
-use super::{BYTE_ZERO, FourFactors, LOW_PARTS, Lanes, Pair, word};
+use super::super::whole::LOW_PARTS;
+use super::{BYTE_ZERO, FourFactors, Lanes, PairFactors, word};
 
 /// f32 a register.
 const WIDTH: usize = 8;
@@ -53,15 +54,14 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
+    unsafe fn add_pairs(self, from: *const u8, factors: &PairFactors<'_>) -> Self {
         // SAFETY: see the impl; two rows of i16 are 64 words.
         unsafe {
             let mut highs = [_mm256_setzero_si256(); REGISTERS];
             let mut lows = [_mm256_setzero_si256(); REGISTERS];
             let mut from: *const i32 = from.cast();
-            for pair in pairs {
-                let high = _mm256_set1_epi32(word(pair.high[0], pair.high[1]));
-                let low = _mm256_set1_epi32(word(pair.low[0], pair.low[1]));
+            for (high, low) in factors.high.iter().zip(factors.low) {
+                let (high, low) = (_mm256_set1_epi32(word(*high)), _mm256_set1_epi32(word(*low)));
                 for r in 0..REGISTERS {
                     let words = _mm256_load_si256(from.add(r * WIDTH).cast());
                     highs[r] = _mm256_add_epi32(highs[r], _mm256_madd_epi16(words, high));
@@ -69,7 +69,7 @@ impl Lanes for Avx2 {
                 }
                 from = from.add(TILE_NODES);
             }
-            let (unit, part) = (_mm256_set1_ps(unit), _mm256_set1_ps(unit / LOW_PARTS));
+            let (unit, part) = (_mm256_set1_ps(factors.unit), _mm256_set1_ps(factors.unit / LOW_PARTS));
             let mut sums = self.0;
             for r in 0..REGISTERS {
                 let with_low = _mm256_fmadd_ps(_mm256_cvtepi32_ps(lows[r]), part, sums[r]);
@@ -87,10 +87,9 @@ impl Lanes for Avx2 {
             let mut wholes = [_mm256_set1_epi32((256 * high + low).wrapping_mul(-BYTE_ZERO)); REGISTERS];
             let every_second = _mm256_set1_epi16(0xff);
             let mut from: *const i32 = from.cast();
-            for four in factors.fours {
-                let [a, b, c, d] = four.values;
-                let even = _mm256_set1_epi32(word(a, c));
-                let odd = _mm256_set1_epi32(word(b, d));
+            for [a, b, c, d] in factors.values {
+                let even = _mm256_set1_epi32(word([*a, *c]));
+                let odd = _mm256_set1_epi32(word([*b, *d]));
                 for (r, whole) in wholes.iter_mut().enumerate() {
                     let words = _mm256_load_si256(from.add(r * WIDTH).cast());
                     let evens = _mm256_madd_epi16(_mm256_and_si256(words, every_second), even);

@@ -3,7 +3,8 @@
 use std::arch::x86_64::*;
 
 use super::super::TILE_NODES;
-use super::{BYTE_ZERO, FourFactors, LOW_PARTS, Lanes, Pair, word};
+use super::super::whole::{self, LOW_PARTS};
+use super::{BYTE_ZERO, FourFactors, Lanes, PairFactors, bytes, word};
 
 /// f32 a register.
 const WIDTH: usize = 16;
@@ -23,6 +24,15 @@ unsafe fn each(register: impl Fn(usize) -> __m512) -> Avx512 {
         *one = register(r);
     }
     Avx512(all)
+}
+
+/// Sixteen values from place `at` on; those from `count` on are 0.
+#[inline(always)]
+unsafe fn up_to(values: *const f32, at: usize, count: usize) -> __m512 {
+    let left = count - at;
+    let those = if left < WIDTH { (1 << left) - 1 } else { u16::MAX };
+    // SAFETY: the caller has AVX-512 F and so many values.
+    unsafe { _mm512_maskz_loadu_ps(those, values.add(at)) }
 }
 
 // SAFETY (all methods): the trait's contract gives AVX-512 F and valid, aligned pointers to a row, of which register r
@@ -53,15 +63,14 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
+    unsafe fn add_pairs(self, from: *const u8, factors: &PairFactors<'_>) -> Self {
         // SAFETY: see the impl; two rows of i16 are 64 words.
         unsafe {
             let mut highs = [_mm512_setzero_si512(); REGISTERS];
             let mut lows = [_mm512_setzero_si512(); REGISTERS];
             let mut from: *const i32 = from.cast();
-            for pair in pairs {
-                let high = _mm512_set1_epi32(word(pair.high[0], pair.high[1]));
-                let low = _mm512_set1_epi32(word(pair.low[0], pair.low[1]));
+            for (high, low) in factors.high.iter().zip(factors.low) {
+                let (high, low) = (_mm512_set1_epi32(word(*high)), _mm512_set1_epi32(word(*low)));
                 for r in 0..REGISTERS {
                     let words = _mm512_load_si512(from.add(r * WIDTH).cast());
                     highs[r] = _mm512_dpwssd_epi32(highs[r], words, high);
@@ -69,7 +78,7 @@ impl Lanes for Avx512 {
                 }
                 from = from.add(TILE_NODES);
             }
-            let (unit, part) = (_mm512_set1_ps(unit), _mm512_set1_ps(unit / LOW_PARTS));
+            let (unit, part) = (_mm512_set1_ps(factors.unit), _mm512_set1_ps(factors.unit / LOW_PARTS));
             let mut sums = self.0;
             for r in 0..REGISTERS {
                 let with_low = _mm512_fmadd_ps(_mm512_cvtepi32_ps(lows[r]), part, sums[r]);
@@ -87,8 +96,8 @@ impl Lanes for Avx512 {
             let mut highs = [_mm512_set1_epi32(-BYTE_ZERO * high); REGISTERS];
             let mut lows = [_mm512_set1_epi32(-BYTE_ZERO * low); REGISTERS];
             let mut from: *const i32 = from.cast();
-            for four in factors.fours {
-                let (high, low) = (_mm512_set1_epi32(four.high), _mm512_set1_epi32(four.low));
+            for (high, low) in factors.high.iter().zip(factors.low) {
+                let (high, low) = (_mm512_set1_epi32(bytes(*high)), _mm512_set1_epi32(bytes(*low)));
                 for r in 0..REGISTERS {
                     let words = _mm512_load_si512(from.add(r * WIDTH).cast());
                     highs[r] = _mm512_dpbusd_epi32(highs[r], words, high);
@@ -124,6 +133,60 @@ impl Lanes for Avx512 {
             }
             let [a, b, c, d] = sums;
             _mm512_storeu_ps(to, _mm512_add_ps(_mm512_add_ps(a, b), _mm512_add_ps(c, d)));
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn whole_pairs(factors: *const f32, count: usize, high: *mut i16, low: *mut i16) -> f32 {
+        // SAFETY: see the impl; factors beyond the last are not read.
+        unsafe {
+            let mut sums = _mm512_setzero_ps();
+            for at in (0..count).step_by(WIDTH) {
+                sums = _mm512_add_ps(sums, _mm512_abs_ps(up_to(factors, at, count)));
+            }
+            let sum = _mm512_reduce_add_ps(sums);
+            let by = whole::steps_of_one(whole::PAIRS_MAX, sum);
+            let parts = _mm512_set1_ps(LOW_PARTS);
+            for at in (0..count).step_by(WIDTH) {
+                let steps = _mm512_mul_ps(up_to(factors, at, count), _mm512_set1_ps(by));
+                let wholes = _mm512_cvtps_epi32(steps);
+                let rest = _mm512_mul_ps(_mm512_sub_ps(steps, _mm512_cvtepi32_ps(wholes)), parts);
+                _mm256_storeu_si256(high.add(at).cast(), _mm512_cvtepi32_epi16(wholes));
+                _mm256_storeu_si256(low.add(at).cast(), _mm512_cvtepi32_epi16(_mm512_cvtps_epi32(rest)));
+            }
+            whole::unit(sum, by)
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn whole_fours(
+        factors: *const f32,
+        count: usize,
+        _: *mut i16,
+        high: *mut i8,
+        low: *mut i8,
+    ) -> ([i32; 2], f32) {
+        // SAFETY: see the impl; factors beyond the last are not read.
+        unsafe {
+            let (mut sizes, mut largest) = (_mm512_setzero_ps(), _mm512_setzero_ps());
+            for at in (0..count).step_by(WIDTH) {
+                let size = _mm512_abs_ps(up_to(factors, at, count));
+                sizes = _mm512_add_ps(sizes, size);
+                largest = _mm512_max_ps(largest, size);
+            }
+            let (sum, largest) = (_mm512_reduce_add_ps(sizes), _mm512_reduce_max_ps(largest));
+            let by = if sum.is_finite() { whole::steps_of_one(whole::FOURS_MAX, largest) } else { 0.0 };
+            let mut sums = [_mm512_setzero_si512(); 2];
+            for at in (0..count).step_by(WIDTH) {
+                let steps = _mm512_mul_ps(up_to(factors, at, count), _mm512_set1_ps(by));
+                let wholes = _mm512_cvtps_epi32(steps);
+                let of_256 = _mm512_srai_epi32::<8>(_mm512_add_epi32(wholes, _mm512_set1_epi32(128)));
+                let rest = _mm512_sub_epi32(wholes, _mm512_slli_epi32::<8>(of_256));
+                sums = [_mm512_add_epi32(sums[0], of_256), _mm512_add_epi32(sums[1], rest)];
+                _mm_storeu_si128(high.add(at).cast(), _mm512_cvtepi32_epi8(of_256));
+                _mm_storeu_si128(low.add(at).cast(), _mm512_cvtepi32_epi8(rest));
+            }
+            ([_mm512_reduce_add_epi32(sums[0]), _mm512_reduce_add_epi32(sums[1])], whole::unit(sum, by))
         }
     }
 

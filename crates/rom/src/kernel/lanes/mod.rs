@@ -3,6 +3,8 @@
 //! The sweep is written once over [`Lanes`]; each implementation is a handful of one-line intrinsics. All of them are
 //! `inline(always)` so that they melt into the caller, which carries the `target_feature`.
 
+use super::whole;
+
 #[cfg(target_arch = "x86_64")]
 pub(super) mod avx2;
 #[cfg(target_arch = "x86_64")]
@@ -11,35 +13,35 @@ pub(super) mod avx512;
 pub(super) mod neon;
 pub(super) mod portable;
 
-/// Whole numbers that two rows of i16 are multiplied by: `high + low / 256` of a unit.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Pair {
-    pub high: [i16; 2],
-    pub low: [i16; 2],
+/// What the i16 of a list are multiplied by, two rows at a time: `high + low / 256` of a unit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PairFactors<'a> {
+    pub high: &'a [[i16; 2]],
+    pub low: &'a [[i16; 2]],
+    pub unit: f32,
 }
-
-/// Low parts of a unit.
-pub(super) const LOW_PARTS: f32 = 256.0;
 
 /// Two i16 as a word, the first in its low half.
 #[inline(always)]
-pub(super) fn word(low: i16, high: i16) -> i32 {
+pub(super) fn word([low, high]: [i16; 2]) -> i32 {
     i32::from(low as u16) | i32::from(high) << 16
 }
 
-/// Whole numbers of a unit that four rows of i8 are multiplied by.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Four {
-    pub values: [i16; 4],
-    /// The same in parts, an i8 each: 256 times a high part and the low one are a value.
-    pub high: i32,
-    pub low: i32,
+/// Four i8 as a word, the first in its lowest byte.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn bytes(of: [i8; 4]) -> i32 {
+    i32::from_le_bytes(of.map(|value| value as u8))
 }
 
-/// What the i8 of a list are multiplied by.
+/// What the i8 of a list are multiplied by, four rows at a time: whole numbers of a unit.
+#[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "only AVX-512 multiplies the parts"))]
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FourFactors<'a> {
-    pub fours: &'a [Four],
+    pub values: &'a [[i16; 4]],
+    /// The same in parts: 256 times a high part and the low one are a value.
+    pub high: &'a [[i8; 4]],
+    pub low: &'a [[i8; 4]],
     /// Sums of high and low parts.
     pub sums: [i32; 2],
     pub unit: f32,
@@ -61,12 +63,46 @@ pub(super) trait Lanes: Copy {
     /// A row of i16 pairs (see [`tiles`](super::tiles)), as 65536 times their value.
     unsafe fn load_pairs(from: *const i32) -> Self;
     /// Adds rows of i16, two at a time (see [`local`](super::local)), times their factors, in whole numbers of the unit.
-    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self;
+    unsafe fn add_pairs(self, from: *const u8, factors: &PairFactors<'_>) -> Self;
     /// Adds rows of i8, four at a time, likewise.
     unsafe fn add_fours(self, from: *const u8, factors: &FourFactors<'_>) -> Self;
     /// Sixteen sums of `rows` rows of sixteen values, each row times its factor, written to `to`, unaligned: rows in turn to four sums, what is left
     /// of them to the first, and those added up.
     unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32);
+    /// Makes whole numbers of `count` factors of rows in i16 ([`whole::pairs`]). At `high` and `low` there is room for as many, rounded up to
+    /// sixteen.
+    #[inline(always)]
+    unsafe fn whole_pairs(factors: *const f32, count: usize, high: *mut i16, low: *mut i16) -> f32 {
+        let room = count.next_multiple_of(16);
+        // SAFETY: the caller has as many.
+        unsafe {
+            whole::pairs(
+                std::slice::from_raw_parts(factors, count),
+                std::slice::from_raw_parts_mut(high, room),
+                std::slice::from_raw_parts_mut(low, room),
+            )
+        }
+    }
+    /// Makes whole numbers of factors of rows in i8 ([`whole::fours`]), likewise. Values are written where [`Lanes::add_fours`] reads them.
+    #[inline(always)]
+    unsafe fn whole_fours(
+        factors: *const f32,
+        count: usize,
+        values: *mut i16,
+        high: *mut i8,
+        low: *mut i8,
+    ) -> ([i32; 2], f32) {
+        let room = count.next_multiple_of(16);
+        // SAFETY: the caller has as many.
+        unsafe {
+            whole::fours(
+                std::slice::from_raw_parts(factors, count),
+                std::slice::from_raw_parts_mut(values, room),
+                std::slice::from_raw_parts_mut(high, room),
+                std::slice::from_raw_parts_mut(low, room),
+            )
+        }
+    }
     /// Writes a row of f32, unaligned.
     unsafe fn store(self, to: *mut f32);
     /// `self * factor + addend`.

@@ -3,7 +3,8 @@
 use std::arch::aarch64::*;
 
 use super::super::TILE_NODES;
-use super::{BYTE_ZERO, FourFactors, LOW_PARTS, Lanes, Pair};
+use super::super::whole::LOW_PARTS;
+use super::{BYTE_ZERO, FourFactors, Lanes, PairFactors};
 
 /// f32 a register.
 const WIDTH: usize = 4;
@@ -53,13 +54,13 @@ impl Lanes for Neon {
     }
 
     #[inline(always)]
-    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
+    unsafe fn add_pairs(self, from: *const u8, factors: &PairFactors<'_>) -> Self {
         // SAFETY: see the impl; two rows of i16 are 64 words.
         unsafe {
             let (mut highs, mut lows) = ([vdupq_n_s32(0); REGISTERS], [vdupq_n_s32(0); REGISTERS]);
             let mut from: *const i32 = from.cast();
-            for pair in pairs {
-                let (high, low) = (pair.high.map(i32::from), pair.low.map(i32::from));
+            for (high, low) in factors.high.iter().zip(factors.low) {
+                let (high, low) = (high.map(i32::from), low.map(i32::from));
                 for r in 0..REGISTERS {
                     let words = vld1q_s32(from.add(r * WIDTH));
                     let (first, second) =
@@ -69,7 +70,7 @@ impl Lanes for Neon {
                 }
                 from = from.add(TILE_NODES);
             }
-            let (unit, part) = (vdupq_n_f32(unit), vdupq_n_f32(unit / LOW_PARTS));
+            let (unit, part) = (vdupq_n_f32(factors.unit), vdupq_n_f32(factors.unit / LOW_PARTS));
             let mut sums = self.0;
             for r in 0..REGISTERS {
                 let with_low = vfmaq_f32(sums[r], vcvtq_f32_s32(lows[r]), part);
@@ -87,8 +88,8 @@ impl Lanes for Neon {
             let mut wholes = [vdupq_n_s32((256 * high + low).wrapping_mul(-BYTE_ZERO)); REGISTERS];
             let byte = vdupq_n_u32(0xff);
             let mut from: *const u32 = from.cast();
-            for four in factors.fours {
-                let [a, b, c, d] = four.values.map(i32::from);
+            for values in factors.values {
+                let [a, b, c, d] = values.map(i32::from);
                 for (r, whole) in wholes.iter_mut().enumerate() {
                     let words = vld1q_u32(from.add(r * WIDTH));
                     let bytes = |shifted| vreinterpretq_s32_u32(vandq_u32(shifted, byte));

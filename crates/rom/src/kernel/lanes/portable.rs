@@ -1,7 +1,8 @@
 //! A plain array, for the compiler to vectorise with what every processor of the target has.
 
 use super::super::TILE_NODES;
-use super::{BYTE_ZERO, FourFactors, LOW_PARTS, Lanes, Pair};
+use super::super::whole::LOW_PARTS;
+use super::{BYTE_ZERO, FourFactors, Lanes, PairFactors};
 
 const PAIRS: usize = TILE_NODES / 2;
 
@@ -44,18 +45,19 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    unsafe fn add_pairs(self, from: *const u8, pairs: &[Pair], unit: f32) -> Self {
+    unsafe fn add_pairs(self, from: *const u8, factors: &PairFactors<'_>) -> Self {
         let (mut highs, mut lows) = ([0; TILE_NODES], [0; TILE_NODES]);
-        for (at, pair) in pairs.iter().enumerate() {
+        for (at, (high, low)) in factors.high.iter().zip(factors.low).enumerate() {
             // SAFETY: there are so many times two rows.
             let rows = unsafe { from.cast::<[[i16; 2]; TILE_NODES]>().add(at).read() };
             for (node, [a, b]) in rows.into_iter().enumerate() {
-                let sum = |of: [i16; 2]| i32::from(a) * i32::from(of[0]) + i32::from(b) * i32::from(of[1]);
-                highs[node] += sum(pair.high);
-                lows[node] += sum(pair.low);
+                let sum = |of: &[i16; 2]| i32::from(a) * i32::from(of[0]) + i32::from(b) * i32::from(of[1]);
+                highs[node] += sum(high);
+                lows[node] += sum(low);
             }
         }
-        each(|i| highs[i] as f32 * unit + (lows[i] as f32 * (unit / LOW_PARTS) + self.0[i]))
+        let (unit, part) = (factors.unit, factors.unit / LOW_PARTS);
+        each(|i| highs[i] as f32 * unit + (lows[i] as f32 * part + self.0[i]))
     }
 
     #[inline(always)]
@@ -63,12 +65,12 @@ impl Lanes for Portable {
         let [high, low] = factors.sums;
         // Sums of stored bytes may leave an i32 on the way; what is left after BYTE_ZERO was taken off does not.
         let mut wholes = [(256 * high + low).wrapping_mul(-BYTE_ZERO); TILE_NODES];
-        for (at, four) in factors.fours.iter().enumerate() {
+        for (at, values) in factors.values.iter().enumerate() {
             // SAFETY: there are so many times four rows.
             let rows = unsafe { from.cast::<[[u8; 4]; TILE_NODES]>().add(at).read() };
             for (whole, bytes) in wholes.iter_mut().zip(rows) {
-                for (byte, factor) in bytes.into_iter().zip(four.values) {
-                    *whole = whole.wrapping_add(i32::from(byte) * i32::from(factor));
+                for (byte, factor) in bytes.into_iter().zip(values) {
+                    *whole = whole.wrapping_add(i32::from(byte) * i32::from(*factor));
                 }
             }
         }
