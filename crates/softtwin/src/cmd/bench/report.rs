@@ -53,10 +53,9 @@ impl Report {
             None => output!("budget: even f32 lets this model's own error grow by more than {as_good} %")?,
         }
         output!("")?;
-        let beyond = c.predict_us_p50 - f32.warm_us_p50;
-        output!("input to full field     {:8.2}   (kernel + {beyond:.2})", c.predict_us_p50)?;
-        if let (Some(us), Some(budget)) = (c.predict_budget_us_p50, &c.kernel.budget) {
-            output!("with the budget's basis {us:8.2}   (kernel + {:.2})", us - budget.warm_us_p50)?;
+        output!("input to full field     {:8.2}   (f32)", c.predict_us_p50)?;
+        if let Some(us) = c.predict_budget_us_p50 {
+            output!("with the budget's basis {us:8.2}")?;
         }
         output!("input to {:4} nodes      {:8.2}", c.tip_nodes, c.tip_us_p50)?;
         output!("state, one position     {:8.2}   (with derivatives)", c.position_us_p50)?;
