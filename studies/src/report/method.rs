@@ -1,11 +1,11 @@
-//! Ways to turn an input into fields: the twin's own kernel in f32 and i16, and plain f64 sums beside it.
+//! Ways to turn an input into fields: the twin's own kernel, with its basis in f32, i16 and within an error, and plain f64 sums beside it.
 
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
-use rom::kernel::Precision;
 use rom::model::{BlockKind, Model, RegimeModel, Selection};
 use rom::model_state::ModelState;
+use rom::reconstructor::Storage;
 use rom::snapshots::{FieldKind, RegimeKind};
 
 /// A way to evaluate and reconstruct states, which is timed and compared.
@@ -24,8 +24,8 @@ pub trait ReconstructionMethod {
 pub struct Kernel(ModelState);
 
 impl Kernel {
-    pub fn new(model: &Model, selection: &Selection, precision: Precision) -> anyhow::Result<Self> {
-        Ok(Self(ModelState::with_precision(model, selection, precision)?))
+    pub fn new(model: &Model, selection: &Selection, storage: Storage) -> anyhow::Result<Self> {
+        Ok(Self(ModelState::with_precision(model, selection, storage)?))
     }
 }
 
@@ -57,7 +57,7 @@ enum Field {
     Distance { axes: [usize; 3], rest: [Vec<f64>; 3] },
 }
 
-/// All in f64: mean plus mode after mode, in pieces that stay in the first cache. What f32 and i16 are measured against.
+/// All in f64: mean plus mode after mode, in pieces that stay in the first cache. What the kernel is measured against.
 pub struct Double {
     evaluator: Evaluator,
     evaluation: Evaluation,
