@@ -135,7 +135,7 @@ fn metrics_are_chosen_with_the_derivatives_in_the_system() {
     let kept = force.candidates.iter().find(of_kernel).expect("tried without derivatives as well").metric;
     let unmoved = force.candidates.iter().find(|c| c.kernel == with.kernel && c.metric == kept);
     let unmoved = unmoved.and_then(|c| c.error).expect("tried with them");
-    assert!(with.metric != kept && with.error < Some(unmoved), "{with:?} {unmoved}");
+    assert!(with.metric != kept && with.error < Some(0.98 * unmoved), "{with:?} {unmoved}");
 }
 
 #[test]

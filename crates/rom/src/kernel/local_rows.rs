@@ -102,18 +102,18 @@ impl<'a> LocalRows<'a> {
                     );
                     self.transform = self.transform.add(rows * AT_ONCE);
                 }
+                let [of_pairs, of_fours] =
+                    [to + wide..to + wide + half, to + wide + half..to + wide + half + bytes];
                 let pair = V::whole_pairs(
-                    self.factors.as_ptr().add(to + wide),
-                    half,
-                    self.pairs.high.as_mut_ptr().add(to_pair).cast(),
-                    self.pairs.low.as_mut_ptr().add(to_pair).cast(),
+                    self.factors.get_unchecked(of_pairs),
+                    room(&mut self.pairs.high, to_pair, half),
+                    room(&mut self.pairs.low, to_pair, half),
                 );
                 let (sums, four) = V::whole_fours(
-                    self.factors.as_ptr().add(to + wide + half),
-                    bytes,
-                    self.fours.values.as_mut_ptr().add(to_four).cast(),
-                    self.fours.high.as_mut_ptr().add(to_four).cast(),
-                    self.fours.low.as_mut_ptr().add(to_four).cast(),
+                    self.factors.get_unchecked(of_fours),
+                    room(&mut self.fours.values, to_four, bytes),
+                    room(&mut self.fours.high, to_four, bytes),
+                    room(&mut self.fours.low, to_four, bytes),
                 );
                 *self.units.get_unchecked_mut(list) = Units { pair, four, sums };
                 to += wide + half + bytes;
@@ -163,6 +163,17 @@ impl<'a> LocalRows<'a> {
             sum
         }
     }
+}
+
+/// Where the factors of `count` rows are written, from word `at` on.
+///
+/// # Safety
+/// There is room for so many, rounded up to sixteen.
+#[inline(always)]
+unsafe fn room<T, const N: usize>(words: &mut [[T; N]], at: usize, count: usize) -> &mut [T] {
+    let first = at * N;
+    // SAFETY: the caller's promise.
+    unsafe { words.as_flattened_mut().get_unchecked_mut(first..first + count.next_multiple_of(AT_ONCE)) }
 }
 
 // SAFETY (all methods): the trait's contract.

@@ -36,20 +36,15 @@ fn sizes(factors: &[f32]) -> (f32, f32) {
     (sums[0], largest)
 }
 
-/// Steps of one, of which `size` is `most`; none of what is hardly more than nothing.
+/// How many steps of a unit one is, so that `size` is `most`, and the unit: neither of what is hardly more than nothing, and no number where
+/// `sum`, of all magnitudes, is none.
 #[inline(always)]
-pub(super) fn steps_of_one(most: f32, size: f32) -> f32 {
+pub(super) fn scale(most: f32, size: f32, sum: f32) -> (f32, f32) {
     let by = most / size;
-    if size > 0.0 && by.is_finite() { by } else { 0.0 }
-}
-
-/// What a step is worth; no number where sizes are none.
-#[inline(always)]
-pub(super) fn unit(size: f32, by: f32) -> f32 {
     match () {
-        () if !size.is_finite() => f32::NAN,
-        () if by > 0.0 => 1.0 / by,
-        () => 0.0,
+        () if !sum.is_finite() => (0.0, f32::NAN),
+        () if size > 0.0 && by.is_finite() => (by, 1.0 / by),
+        () => (0.0, 0.0),
     }
 }
 
@@ -57,7 +52,7 @@ pub(super) fn unit(size: f32, by: f32) -> f32 {
 #[inline(always)]
 pub(super) fn pairs(factors: &[f32], high: &mut [i16], low: &mut [i16]) -> f32 {
     let (sum, _) = sizes(factors);
-    let by = steps_of_one(PAIRS_MAX, sum);
+    let (by, unit) = scale(PAIRS_MAX, sum, sum);
     high.fill(0);
     low.fill(0);
     for ((factor, high), low) in factors.iter().zip(high).zip(low) {
@@ -65,7 +60,7 @@ pub(super) fn pairs(factors: &[f32], high: &mut [i16], low: &mut [i16]) -> f32 {
         let whole = nearest(steps);
         (*high, *low) = (whole as i16, nearest((steps - whole as f32) * LOW_PARTS) as i16);
     }
-    unit(sum, by)
+    unit
 }
 
 /// Factors of rows in i8 in whole numbers of a unit, and the same in parts, 256 times a high part and the low one: the sums of both parts,
@@ -73,7 +68,7 @@ pub(super) fn pairs(factors: &[f32], high: &mut [i16], low: &mut [i16]) -> f32 {
 #[inline(always)]
 pub(super) fn fours(factors: &[f32], values: &mut [i16], high: &mut [i8], low: &mut [i8]) -> ([i32; 2], f32) {
     let (sum, largest) = sizes(factors);
-    let by = if sum.is_finite() { steps_of_one(FOURS_MAX, largest) } else { 0.0 };
+    let (by, unit) = scale(FOURS_MAX, largest, sum);
     values.fill(0);
     high.fill(0);
     low.fill(0);
@@ -86,7 +81,7 @@ pub(super) fn fours(factors: &[f32], values: &mut [i16], high: &mut [i8], low: &
         sums[0] += of_256;
         sums[1] += rest;
     }
-    (sums, unit(sum, by))
+    (sums, unit)
 }
 
 #[cfg(test)]
@@ -101,8 +96,7 @@ mod tests {
         let room = || vec![-1; factors.len().next_multiple_of(16)];
         let (mut high, mut low) = (room(), room());
         // SAFETY: the instruction set is there, and so is room.
-        let unit =
-            unsafe { V::whole_pairs(factors.as_ptr(), factors.len(), high.as_mut_ptr(), low.as_mut_ptr()) };
+        let unit = unsafe { V::whole_pairs(factors, &mut high, &mut low) };
         (high, low, unit)
     }
 
@@ -110,9 +104,8 @@ mod tests {
     fn made_fours<V: Lanes>(factors: &[f32]) -> ([Vec<i8>; 2], [i32; 2], f32) {
         let room = factors.len().next_multiple_of(16);
         let (mut values, mut high, mut low) = (vec![0; room], vec![-1; room], vec![-1; room]);
-        let (to, to_high, to_low) = (values.as_mut_ptr(), high.as_mut_ptr(), low.as_mut_ptr());
         // SAFETY: the instruction set is there, and so is room.
-        let (sums, unit) = unsafe { V::whole_fours(factors.as_ptr(), factors.len(), to, to_high, to_low) };
+        let (sums, unit) = unsafe { V::whole_fours(factors, &mut values, &mut high, &mut low) };
         ([high, low], sums, unit)
     }
 

@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use super::super::TILE_NODES;
 use super::super::whole::{self, LOW_PARTS};
-use super::{BYTE_ZERO, FourFactors, Lanes, PairFactors, bytes, word};
+use super::{BYTE_ZERO, FourFactors, Lanes, PairFactors, word};
 
 /// f32 a register.
 const WIDTH: usize = 16;
@@ -26,13 +26,19 @@ unsafe fn each(register: impl Fn(usize) -> __m512) -> Avx512 {
     Avx512(all)
 }
 
-/// Sixteen values from place `at` on; those from `count` on are 0.
+/// Four i8 as a word, the first in its lowest byte.
 #[inline(always)]
-unsafe fn up_to(values: *const f32, at: usize, count: usize) -> __m512 {
-    let left = count - at;
+fn bytes(of: [i8; 4]) -> i32 {
+    i32::from_le_bytes(of.map(|value| value as u8))
+}
+
+/// Sixteen values from place `at` on; what is beyond the last is 0, and not read.
+#[inline(always)]
+unsafe fn sixteen(values: &[f32], at: usize) -> __m512 {
+    let left = values.len() - at;
     let those = if left < WIDTH { (1 << left) - 1 } else { u16::MAX };
-    // SAFETY: the caller has AVX-512 F and so many values.
-    unsafe { _mm512_maskz_loadu_ps(those, values.add(at)) }
+    // SAFETY: the caller has AVX-512 F, and `at` is the place of a value.
+    unsafe { _mm512_maskz_loadu_ps(those, values.as_ptr().add(at)) }
 }
 
 // SAFETY (all methods): the trait's contract gives AVX-512 F and valid, aligned pointers to a row, of which register r
@@ -137,56 +143,57 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    unsafe fn whole_pairs(factors: *const f32, count: usize, high: *mut i16, low: *mut i16) -> f32 {
-        // SAFETY: see the impl; factors beyond the last are not read.
+    unsafe fn whole_pairs(factors: &[f32], high: &mut [i16], low: &mut [i16]) -> f32 {
+        // SAFETY: see the impl; there is room for sixteen at each place.
         unsafe {
             let mut sums = _mm512_setzero_ps();
-            for at in (0..count).step_by(WIDTH) {
-                sums = _mm512_add_ps(sums, _mm512_abs_ps(up_to(factors, at, count)));
+            for at in (0..factors.len()).step_by(WIDTH) {
+                sums = _mm512_add_ps(sums, _mm512_abs_ps(sixteen(factors, at)));
             }
             let sum = _mm512_reduce_add_ps(sums);
-            let by = whole::steps_of_one(whole::PAIRS_MAX, sum);
+            let (by, unit) = whole::scale(whole::PAIRS_MAX, sum, sum);
             let parts = _mm512_set1_ps(LOW_PARTS);
-            for at in (0..count).step_by(WIDTH) {
-                let steps = _mm512_mul_ps(up_to(factors, at, count), _mm512_set1_ps(by));
+            for at in (0..factors.len()).step_by(WIDTH) {
+                let steps = _mm512_mul_ps(sixteen(factors, at), _mm512_set1_ps(by));
                 let wholes = _mm512_cvtps_epi32(steps);
                 let rest = _mm512_mul_ps(_mm512_sub_ps(steps, _mm512_cvtepi32_ps(wholes)), parts);
-                _mm256_storeu_si256(high.add(at).cast(), _mm512_cvtepi32_epi16(wholes));
-                _mm256_storeu_si256(low.add(at).cast(), _mm512_cvtepi32_epi16(_mm512_cvtps_epi32(rest)));
+                let (high, low) = (high.as_mut_ptr().add(at), low.as_mut_ptr().add(at));
+                _mm256_storeu_si256(high.cast(), _mm512_cvtepi32_epi16(wholes));
+                _mm256_storeu_si256(low.cast(), _mm512_cvtepi32_epi16(_mm512_cvtps_epi32(rest)));
             }
-            whole::unit(sum, by)
+            unit
         }
     }
 
     #[inline(always)]
     unsafe fn whole_fours(
-        factors: *const f32,
-        count: usize,
-        _: *mut i16,
-        high: *mut i8,
-        low: *mut i8,
+        factors: &[f32],
+        _: &mut [i16],
+        high: &mut [i8],
+        low: &mut [i8],
     ) -> ([i32; 2], f32) {
-        // SAFETY: see the impl; factors beyond the last are not read.
+        // SAFETY: see the impl; there is room for sixteen at each place.
         unsafe {
             let (mut sizes, mut largest) = (_mm512_setzero_ps(), _mm512_setzero_ps());
-            for at in (0..count).step_by(WIDTH) {
-                let size = _mm512_abs_ps(up_to(factors, at, count));
+            for at in (0..factors.len()).step_by(WIDTH) {
+                let size = _mm512_abs_ps(sixteen(factors, at));
                 sizes = _mm512_add_ps(sizes, size);
                 largest = _mm512_max_ps(largest, size);
             }
             let (sum, largest) = (_mm512_reduce_add_ps(sizes), _mm512_reduce_max_ps(largest));
-            let by = if sum.is_finite() { whole::steps_of_one(whole::FOURS_MAX, largest) } else { 0.0 };
+            let (by, unit) = whole::scale(whole::FOURS_MAX, largest, sum);
             let mut sums = [_mm512_setzero_si512(); 2];
-            for at in (0..count).step_by(WIDTH) {
-                let steps = _mm512_mul_ps(up_to(factors, at, count), _mm512_set1_ps(by));
+            for at in (0..factors.len()).step_by(WIDTH) {
+                let steps = _mm512_mul_ps(sixteen(factors, at), _mm512_set1_ps(by));
                 let wholes = _mm512_cvtps_epi32(steps);
                 let of_256 = _mm512_srai_epi32::<8>(_mm512_add_epi32(wholes, _mm512_set1_epi32(128)));
                 let rest = _mm512_sub_epi32(wholes, _mm512_slli_epi32::<8>(of_256));
                 sums = [_mm512_add_epi32(sums[0], of_256), _mm512_add_epi32(sums[1], rest)];
-                _mm_storeu_si128(high.add(at).cast(), _mm512_cvtepi32_epi8(of_256));
-                _mm_storeu_si128(low.add(at).cast(), _mm512_cvtepi32_epi8(rest));
+                let (high, low) = (high.as_mut_ptr().add(at), low.as_mut_ptr().add(at));
+                _mm_storeu_si128(high.cast(), _mm512_cvtepi32_epi8(of_256));
+                _mm_storeu_si128(low.cast(), _mm512_cvtepi32_epi8(rest));
             }
-            ([_mm512_reduce_add_epi32(sums[0]), _mm512_reduce_add_epi32(sums[1])], whole::unit(sum, by))
+            ([_mm512_reduce_add_epi32(sums[0]), _mm512_reduce_add_epi32(sums[1])], unit)
         }
     }
 

@@ -27,13 +27,6 @@ pub(super) fn word([low, high]: [i16; 2]) -> i32 {
     i32::from(low as u16) | i32::from(high) << 16
 }
 
-/// Four i8 as a word, the first in its lowest byte.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-pub(super) fn bytes(of: [i8; 4]) -> i32 {
-    i32::from_le_bytes(of.map(|value| value as u8))
-}
-
 /// What the i8 of a list are multiplied by, four rows at a time: whole numbers of a unit.
 #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "only AVX-512 multiplies the parts"))]
 #[derive(Debug, Clone, Copy)]
@@ -69,39 +62,20 @@ pub(super) trait Lanes: Copy {
     /// Sixteen sums of `rows` rows of sixteen values, each row times its factor, written to `to`, unaligned: rows in turn to four sums, what is left
     /// of them to the first, and those added up.
     unsafe fn sixteen_sums(values: *const f32, factors: *const f32, rows: usize, to: *mut f32);
-    /// Makes whole numbers of `count` factors of rows in i16 ([`whole::pairs`]). At `high` and `low` there is room for as many, rounded up to
-    /// sixteen.
+    /// [`whole::pairs`], with room for as many as there are factors, rounded up to sixteen.
     #[inline(always)]
-    unsafe fn whole_pairs(factors: *const f32, count: usize, high: *mut i16, low: *mut i16) -> f32 {
-        let room = count.next_multiple_of(16);
-        // SAFETY: the caller has as many.
-        unsafe {
-            whole::pairs(
-                std::slice::from_raw_parts(factors, count),
-                std::slice::from_raw_parts_mut(high, room),
-                std::slice::from_raw_parts_mut(low, room),
-            )
-        }
+    unsafe fn whole_pairs(factors: &[f32], high: &mut [i16], low: &mut [i16]) -> f32 {
+        whole::pairs(factors, high, low)
     }
-    /// Makes whole numbers of factors of rows in i8 ([`whole::fours`]), likewise. Values are written where [`Lanes::add_fours`] reads them.
+    /// [`whole::fours`], likewise. Values are written where [`Lanes::add_fours`] reads them.
     #[inline(always)]
     unsafe fn whole_fours(
-        factors: *const f32,
-        count: usize,
-        values: *mut i16,
-        high: *mut i8,
-        low: *mut i8,
+        factors: &[f32],
+        values: &mut [i16],
+        high: &mut [i8],
+        low: &mut [i8],
     ) -> ([i32; 2], f32) {
-        let room = count.next_multiple_of(16);
-        // SAFETY: the caller has as many.
-        unsafe {
-            whole::fours(
-                std::slice::from_raw_parts(factors, count),
-                std::slice::from_raw_parts_mut(values, room),
-                std::slice::from_raw_parts_mut(high, room),
-                std::slice::from_raw_parts_mut(low, room),
-            )
-        }
+        whole::fours(factors, values, high, low)
     }
     /// Writes a row of f32, unaligned.
     unsafe fn store(self, to: *mut f32);
