@@ -339,13 +339,13 @@ impl<'a> Training<'a> {
     fn columns(&self, group: &Group) -> Columns {
         let known = self.database.sensitivities.as_ref().map_or(&[][..], |s| &s.fields);
         let all = group.fields.iter().all(|field| known.contains(field));
-        // Half the spacing of the states: so far a state speaks for its neighbourhood.
+        // Root mean square of the distances, along an input, at which a state speaks for its neighbourhood: up to half the spacing.
         let spacing = (self.cases.len() as f64).powf(-1.0 / self.inputs.dimensions() as f64);
         Columns {
             states: self.points.len(),
             onset: self.onset.len(),
             derivatives: if all { self.slopes.len() } else { 0 },
-            weight: 0.5 * spacing,
+            weight: spacing / 12.0_f64.sqrt(),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::folder::Folder;
 use super::study::Study;
-use crate::learning::{Point, curve, table};
+use crate::learning::{Point, Unseen, curve, table};
 use rom::snapshots::RegimeKind;
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;
@@ -17,17 +17,18 @@ pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::
         return Ok(text + "\nThe database has no derivatives.\n");
     }
     let contact = |i: &usize| study.database.cases[*i].regime == RegimeKind::Contact;
-    let unseen: Vec<usize> = study.untouched()?.into_iter().filter(contact).collect();
+    let cases = study.untouched()?.into_iter().filter(contact).collect();
+    let unseen = Unseen { database: &study.database, cases };
     let points = curve(&study.database, &unseen, &SHARES, &mut |step| progress.step(step))?;
     let figure = picture(&points);
     text += &out.picture("learning", "Errors on unseen contact states against training states", &figure)?;
     let _ = write!(
         text,
         "\nModels trained on more and more of the training states, taken evenly from the list, free and contact together, \
-         each with every mode that lowers the leave-one-out error, up to 200; errors \
+         each with every mode that lowers the leave-one-out error; errors \
          on the {} contact states inside the domain that no training saw, mean / 95th percentile in %, the force by the largest \
          force.\n\n{}",
-        unseen.len(),
+        unseen.cases.len(),
         table(&points)
     );
     Ok(text)
