@@ -1,7 +1,7 @@
 //! Radial kernels and polynomial tails, with the derivatives the gradients need.
 //!
-//! Kernels carry the sign that makes them conditionally positive definite (`-r`, `r^2 ln r`, `r^3`, `-r^5`), so that
-//! smoothing is always added with the same sign. The sign does not change an interpolant.
+//! Kernels carry the sign that makes them conditionally positive definite (`-r`, `r^2 ln r`, `r^3`, `-r^5`, and the sum of
+//! the last two), so that smoothing is always added with the same sign. The sign does not change an interpolant.
 
 use crate::inputs::{MAX_INPUTS, Point};
 use serde::{Deserialize, Serialize};
@@ -45,6 +45,12 @@ pub enum KernelKind {
         /// Length over scaled inputs, > 0.
         length: f64,
     },
+    /// `r^3 - r^5 / crossover^2`: cubic between near centres, quintic between far ones. What fields do over the whole domain is
+    /// smooth, and the quintic takes it up; a kink between two centres disturbs their neighbours less than under a quintic alone.
+    CubicQuintic {
+        /// Distance over scaled inputs at which both count the same, > 0.
+        crossover: f64,
+    },
 }
 
 /// As people write it: `quintic`, `Matern 7/2 of length 0.5`.
@@ -58,6 +64,7 @@ impl Display for KernelKind {
             Self::Gaussian { shape } => write!(f, "Gaussian of shape {shape:.3}"),
             Self::Matern52 => f.write_str("Matern 5/2"),
             Self::Matern72 { length } => write!(f, "Matern 7/2 of length {length:.3}"),
+            Self::CubicQuintic { crossover } => write!(f, "cubic, quintic beyond {crossover:.3}"),
         }
     }
 }
@@ -98,6 +105,10 @@ impl KernelKind {
                 let r = r2.sqrt();
                 [-r2 * r2 * r, -5.0 * r2 * r, -15.0 * r]
             }
+            Self::CubicQuintic { crossover } => {
+                let (r, far) = (r2.sqrt(), r2 / (crossover * crossover));
+                [r2 * r * (1.0 - far), r * (3.0 - 5.0 * far), over(3.0 - 15.0 * far, r)]
+            }
             Self::Gaussian { shape } => {
                 let g = (-shape * shape * r2).exp();
                 [g, -2.0 * shape * shape * g, 4.0 * shape.powi(4) * g]
@@ -137,6 +148,7 @@ impl KernelKind {
             Self::Gaussian { .. } => "gaussian",
             Self::Matern52 => "matern-5/2 process",
             Self::Matern72 { .. } => "matern-7/2",
+            Self::CubicQuintic { .. } => "cubic-quintic",
         }
     }
 }

@@ -66,6 +66,7 @@ fn gradients_agree_with_finite_differences_for_every_kernel() {
         (KernelKind::Gaussian { shape: 8.0 }, Tail::Constant),
         (KernelKind::Matern52, Tail::Quadratic),
         (KernelKind::Matern72 { length: 1.5 }, Tail::Linear),
+        (KernelKind::CubicQuintic { crossover: 0.2 }, Tail::Quadratic),
     ];
     for (kernel, tail) in kernels {
         let (model, _) = train(&synthetic::plate(), &config(kernel, tail), &mut |_| {}).expect("trains");

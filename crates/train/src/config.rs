@@ -62,17 +62,24 @@ pub struct RegimeConfig {
 }
 
 impl Default for RegimeConfig {
+    /// Contact's.
     fn default() -> Self {
-        Self::over(2.0)
+        let kernel = KernelKind::CubicQuintic { crossover: CROSSOVER };
+        let mut contact = Self::over(2.0);
+        contact.kernels.push(KernelSpec { kernel, tail: Tail::Quadratic });
+        contact
     }
 }
+
+/// Where contact's cubic-quintic candidate goes over: the spacing of a hundred states in two inputs.
+const CROSSOVER: f64 = 0.1;
 
 /// Length of the Matern 7/2 candidate over the free regime's one input: longer ones are quintic splines at a condition
 /// number a thousand times as high.
 const FREE_LENGTH: f64 = 0.5;
 
 impl RegimeConfig {
-    /// The defaults, with a Matern 7/2 candidate of this length.
+    /// Both regimes' defaults, with a Matern 7/2 candidate of this length.
     fn over(length: f64) -> Self {
         Self {
             modes: ModeChoice::LeaveOneOut(1.2),
@@ -87,7 +94,7 @@ impl RegimeConfig {
 }
 
 impl KernelSpec {
-    /// The default candidates, Matern 7/2 with this length.
+    /// Both regimes' candidates, Matern 7/2 with this length.
     pub fn candidates(length: f64) -> Vec<Self> {
         let spec = |kernel, tail| Self { kernel, tail };
         vec![
@@ -218,14 +225,17 @@ impl RegimeConfig {
             );
         }
         for kernel in &self.kernels {
-            let (KernelKind::Gaussian { shape: width } | KernelKind::Matern72 { length: width }) =
-                kernel.kernel
+            let (KernelKind::Gaussian { shape: width }
+            | KernelKind::Matern72 { length: width }
+            | KernelKind::CubicQuintic { crossover: width }) = kernel.kernel
             else {
                 continue;
             };
             if !(width.is_finite() && width > 0.0) {
-                problems
-                    .push(format!("{}: expected a shape or length > 0, found {width}", kernel.kernel.name()));
+                problems.push(format!(
+                    "{}: expected a shape, length or crossover > 0, found {width}",
+                    kernel.kernel.name()
+                ));
             }
         }
         if self.shear.iter().any(|s| !s.is_finite()) {

@@ -2,7 +2,7 @@
 //!
 //! With orthonormal modes the error of leaving case `i` out, at `l` modes, is
 //! `e_i(l)^2 = sum_{k<l} E_ik^2 + sum_{k>=l} A_ik^2`: interpolation residuals (Rippa) of the kept modes plus the energy
-//! of the dropped ones. The score is its mean over the cases inside the domain: leaving out a corner of the
+//! of the dropped ones. The score is its mean over the cases inside the domain (`over_cases`): leaving out a corner of the
 //! domain measures extrapolation, which no kernel choice should be judged by. Test cases are never seen here. Smoothing
 //! carries a handicap.
 //!
@@ -202,9 +202,9 @@ const SLOPE_SMOOTHING: f64 = 1e-9;
 /// Shears nearer than this to that of a metric are tried with derivatives.
 const NEAR_SHEAR: f64 = 0.11;
 /// Factors on an input around the metric that was chosen without derivatives.
-const SLOPE_STRETCHES: [f64; 2] = [0.6, 1.6];
+const SLOPE_STRETCHES: [f64; 4] = [0.85, 1.2, 0.6, 1.6];
 /// A derivative whose prediction by the others is off by so many times the median contradicts them.
-const OUTLIER: f64 = 8.0;
+const OUTLIER: f64 = 12.0;
 
 /// How many times better than interpolation smoothing must be: it misses the training states, which truth that is computed
 /// and not measured does not deserve. Where a kernel is so ill-conditioned that its interpolant is noise, it is.
@@ -494,7 +494,17 @@ fn score(states: States, tasks: &[Task], residuals: &[f64]) -> CandidateScore {
         groups.push((modes, mean(&errors, |e| e[modes])));
         first += task.outputs;
     }
-    CandidateScore { score: squares.iter().map(|s| s.sqrt()).sum::<f64>() / squares.len() as f64, groups }
+    let geometric = !states.slopes.is_empty() && states.dimensions > 1 && stride > 1;
+    CandidateScore { score: over_cases(&squares, geometric), groups }
+}
+
+/// Mean over the cases of the roots of `squares`, arithmetic or geometric. Where derivatives are fitted over several inputs it is
+/// geometric, as for the number of modes: without a state and its derivatives the next known ones are twice as far as from any
+/// state asked for, and at the edge and along kinks that costs so much that a sum would be of these few cases. Of a single output
+/// it is arithmetic: its error has a sign, and is close to 0 by chance in some cases.
+fn over_cases(squares: &[f64], geometric: bool) -> f64 {
+    let mean = |of: &dyn Fn(f64) -> f64| squares.iter().map(|s| of(*s)).sum::<f64>() / squares.len() as f64;
+    if geometric { mean(&|s| 0.5 * s.max(f64::MIN_POSITIVE).ln()).exp() } else { mean(&|s| s.sqrt()) }
 }
 
 fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
@@ -555,4 +565,17 @@ fn keep_outputs(fit: &Fit, kept: Range<usize>) -> Fit {
         ..fit.interpolant.clone()
     };
     Fit { interpolant, residuals: cut(&fit.residuals), slope_residuals: Vec::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::over_cases;
+
+    #[test]
+    fn a_case_that_is_hard_counts_less_in_a_geometric_mean() {
+        assert!((over_cases(&[1.0, 16.0], false) - 2.5).abs() < 1e-15);
+        assert!((over_cases(&[1.0, 16.0], true) - 2.0).abs() < 1e-15);
+        assert_eq!(over_cases(&[0.0, 0.0], false), 0.0);
+        assert!(over_cases(&[0.0, 0.0], true) < 1e-150, "no error at all has no logarithm");
+    }
 }

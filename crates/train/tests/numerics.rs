@@ -13,7 +13,7 @@ use train::gp::maximum_likelihood;
 use train::pod::{Compact, PodError, decompose};
 use train::select::{States, Task, choose};
 
-const KERNELS: [(KernelKind, Tail); 8] = [
+const KERNELS: [(KernelKind, Tail); 9] = [
     (KernelKind::Linear, Tail::None),
     (KernelKind::Linear, Tail::Constant),
     (KernelKind::ThinPlate, Tail::Linear),
@@ -22,6 +22,7 @@ const KERNELS: [(KernelKind, Tail); 8] = [
     (KernelKind::Gaussian { shape: 5.0 }, Tail::Constant),
     (KernelKind::Matern52, Tail::Linear),
     (KernelKind::Matern72 { length: 2.0 }, Tail::Linear),
+    (KernelKind::CubicQuintic { crossover: 0.4 }, Tail::Quadratic),
 ];
 
 /// A metric that stretches and shears two inputs.
@@ -231,6 +232,7 @@ fn three_to_five_inputs_are_interpolated_with_their_gradients() {
             (KernelKind::Cubic, Tail::Linear),
             (KernelKind::Quintic, Tail::Quadratic),
             (KernelKind::Matern72 { length: 2.0 }, Tail::Linear),
+            (KernelKind::CubicQuintic { crossover: 0.4 }, Tail::Quadratic),
         ] {
             let fitted = fit(&samples, KernelSpec { kernel, tail }, metric, 0.0).expect("fits").interpolant;
             for (x, y) in inputs.iter().zip(&values) {

@@ -5,12 +5,13 @@ use rom::interpolant::{Metric, Slope};
 use train::config::{KernelKind, KernelSpec, Tail};
 use train::fit::{FitError, Samples, fit};
 
-const KERNELS: [(KernelKind, Tail); 5] = [
+const KERNELS: [(KernelKind, Tail); 6] = [
     (KernelKind::Cubic, Tail::Linear),
     (KernelKind::Quintic, Tail::Quadratic),
     (KernelKind::Gaussian { shape: 3.0 }, Tail::Constant),
     (KernelKind::Matern52, Tail::Linear),
     (KernelKind::Matern72 { length: 2.0 }, Tail::Linear),
+    (KernelKind::CubicQuintic { crossover: 0.4 }, Tail::Quadratic),
 ];
 const ASLANT: Metric = Metric { scale: [1.3, 0.6, 0.9, 1.0, 1.0, 1.0, 1.0, 1.0], shear: 0.4 };
 

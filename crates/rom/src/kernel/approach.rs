@@ -44,7 +44,8 @@ fn approach_groups(
         KernelKind::Quintic => KernelKind::Quintic,
         KernelKind::Gaussian { shape } => KernelKind::Gaussian { shape },
         KernelKind::Matern52 => KernelKind::Matern52,
-        KernelKind::Matern72 { length } => KernelKind::Matern72 { length }
+        KernelKind::Matern72 { length } => KernelKind::Matern72 { length },
+        KernelKind::CubicQuintic { crossover } => KernelKind::CubicQuintic { crossover }
     );
 }
 
@@ -75,7 +76,7 @@ mod tests {
             u in proptest::array::uniform8(-2.0..2.0_f64),
             places in proptest::collection::vec(proptest::array::uniform8(-2.0..2.0_f64), 1..12),
             dimensions in 1..=MAX_INPUTS,
-            kernel in 0..7_usize,
+            kernel in 0..8_usize,
         ) {
             let kernel = [
                 KernelKind::Linear,
@@ -85,6 +86,7 @@ mod tests {
                 KernelKind::Gaussian { shape: 1.5 },
                 KernelKind::Matern52,
                 KernelKind::Matern72 { length: 0.7 },
+                KernelKind::CubicQuintic { crossover: 0.4 },
             ][kernel];
             let group = |of: &[[f64; 8]]| -> Vec<[f64; BLOCK]> {
                 // The state itself in the rows that are left.
