@@ -566,16 +566,3 @@ fn keep_outputs(fit: &Fit, kept: Range<usize>) -> Fit {
     };
     Fit { interpolant, residuals: cut(&fit.residuals), slope_residuals: Vec::new() }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::over_cases;
-
-    #[test]
-    fn a_case_that_is_hard_counts_less_in_a_geometric_mean() {
-        assert!((over_cases(&[1.0, 16.0], false) - 2.5).abs() < 1e-15);
-        assert!((over_cases(&[1.0, 16.0], true) - 2.0).abs() < 1e-15);
-        assert_eq!(over_cases(&[0.0, 0.0], false), 0.0);
-        assert!(over_cases(&[0.0, 0.0], true) < 1e-150, "no error at all has no logarithm");
-    }
-}

@@ -2,8 +2,9 @@
 
 use rom::inputs::{MAX_INPUTS, Point};
 use rom::interpolant::{Metric, Slope};
-use train::config::{KernelKind, KernelSpec, Tail};
+use train::config::{KernelKind, KernelSpec, ModeChoice, RegimeConfig, Tail};
 use train::fit::{FitError, Samples, fit};
+use train::select::{States, Task, choose};
 
 const KERNELS: [(KernelKind, Tail); 6] = [
     (KernelKind::Cubic, Tail::Linear),
@@ -147,4 +148,46 @@ fn derivatives_pay_and_kernels_without_second_ones_refuse_them() {
     let linear = KernelSpec { kernel: KernelKind::Linear, tail: Tail::Constant };
     let refused = fit(&known.samples(), linear, Metric::IDENTITY, 0.0).expect_err("refused");
     assert_eq!(refused, FitError::NoDerivatives { kernel: "linear" });
+}
+
+/// The score of the chosen candidate over that many outputs, and its leave-one-out errors by case.
+fn scored(known: &Known, outputs: usize, slopes: &[Slope]) -> (f64, Vec<f64>) {
+    let repeat = |values: &[f64]| -> Vec<f64> {
+        values.iter().flat_map(|v| (1..=outputs).map(move |k| v * k as f64)).collect()
+    };
+    let count = known.inputs.len();
+    let score = vec![1.0; count];
+    let states = States { operating: 2, dimensions: 3, inputs: &known.inputs, score: &score, slopes };
+    let task = Task {
+        values: repeat(&known.values),
+        outputs,
+        slope_values: repeat(&known.slope_values[..slopes.len()]),
+        dropped: vec![0.0; count],
+        modes: ModeChoice::Fixed(outputs),
+        modes_for_energy: outputs,
+    };
+    let spec = KernelSpec { kernel: KernelKind::Cubic, tail: Tail::Linear };
+    let config = RegimeConfig { kernels: vec![spec], smoothing: vec![0.0], ..RegimeConfig::default() };
+    let choice = choose(states, &[task], &config).expect("chooses").remove(0);
+    let errors = choice.fit.residuals.chunks_exact(outputs);
+    let errors = errors.map(|row| row.iter().map(|e| e * e).sum::<f64>().sqrt()).collect();
+    (choice.candidates[0].error.expect("fitted"), errors)
+}
+
+#[test]
+fn hard_cases_count_less_where_several_outputs_are_fitted_to_derivatives() {
+    let known = Known::at(points(40));
+    let arithmetic = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
+    let geometric = |errors: &[f64]| (errors.iter().map(|e| e.ln()).sum::<f64>() / errors.len() as f64).exp();
+    for (outputs, slopes) in [(2, &known.slopes[..]), (2, &[]), (1, &known.slopes[..]), (1, &[])] {
+        let (score, errors) = scored(&known, outputs, slopes);
+        let means = [arithmetic(&errors), geometric(&errors)];
+        assert!(means[0] > 1.05 * means[1], "{means:?} are the same");
+        let expected = means[usize::from(outputs > 1 && !slopes.is_empty())];
+        assert!(
+            (score / expected - 1.0).abs() < 1e-9,
+            "{outputs}, {}: {score} is not {expected}",
+            slopes.len()
+        );
+    }
 }
