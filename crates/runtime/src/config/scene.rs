@@ -171,7 +171,7 @@ pub struct OutputSpec {
     /// Number format of the basis in memory.
     #[serde(default)]
     pub precision: Precision,
-    /// With precision "budget": share by which the model's own error may grow; none for 0.0015, or f32 for fields of which f32
+    /// With precision "budget": share by which the model's own error may grow; none for 0.004, or f32 for fields of which f32
     /// itself adds more.
     pub accepted_error_share: Option<f64>,
 }
