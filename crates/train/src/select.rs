@@ -503,8 +503,7 @@ fn score(states: States, tasks: &[Task], residuals: &[f64]) -> CandidateScore {
 /// state asked for, and at the edge and along kinks that costs so much that a sum would be of these few cases. Of a single output
 /// it is arithmetic: its error has a sign, and is close to 0 by chance in some cases.
 fn over_cases(squares: &[f64], geometric: bool) -> f64 {
-    let mean = |of: &dyn Fn(f64) -> f64| squares.iter().map(|s| of(*s)).sum::<f64>() / squares.len() as f64;
-    if geometric { mean(&|s| 0.5 * s.max(f64::MIN_POSITIVE).ln()).exp() } else { mean(&|s| s.sqrt()) }
+    if geometric { geometric_mean(squares, |s| s.sqrt()) } else { mean(squares, |s| s.sqrt()) }
 }
 
 fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
@@ -515,16 +514,19 @@ fn modes_to_keep(task: &Task, errors: &[Vec<f64>]) -> usize {
         ModeChoice::LeaveOneOut(factor) => {
             // Geometric mean over cases: every case asks for the modes it needs at its own level of error. An
             // arithmetic one would stop at the error of the few cases that are hard to interpolate.
-            let level = |l: usize| mean(errors, |e| e[l].max(f64::MIN_POSITIVE).ln()).exp();
-            let levels: Vec<f64> = (0..=task.outputs).map(level).collect();
+            let levels: Vec<f64> = (0..=task.outputs).map(|l| geometric_mean(errors, |e| e[l])).collect();
             let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
             levels.iter().position(|e| *e <= factor * least).unwrap_or(task.outputs)
         }
     }
 }
 
-fn mean(errors: &[Vec<f64>], of: impl Fn(&[f64]) -> f64) -> f64 {
-    errors.iter().map(|e| of(e)).sum::<f64>() / errors.len() as f64
+fn mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
+    cases.iter().map(of).sum::<f64>() / cases.len() as f64
+}
+
+fn geometric_mean<T>(cases: &[T], of: impl Fn(&T) -> f64) -> f64 {
+    mean(cases, |case| of(case).max(f64::MIN_POSITIVE).ln()).exp()
 }
 
 /// By scored case: weighted leave-one-out error with 0, 1, ... all modes. `residual(state, mode)`.
