@@ -16,6 +16,9 @@ use super::sweep::{self, Job, RawPeaks};
 use super::tiles::{Precision, Tiles};
 use super::{MAX_ROWS, Role};
 
+/// Cache lines that [`Basis::read_ahead`] reads at once: 512 KiB, from a cache some five microseconds, from memory some fifteen.
+const AHEAD_LINES: usize = 8192;
+
 /// Modes, means and rest shape of the published fields over a node set, stored in the order of use.
 ///
 /// Building costs one pass over the modes; [`Basis::reconstruct`] neither allocates nor locks and can be called from
@@ -309,6 +312,21 @@ impl Basis {
             // SAFETY: `isa` was found available when the basis was built.
             sum.wrapping_add(unsafe { sweep::read(self.isa, lines) })
         })
+    }
+
+    /// Reads some of the basis, so that the next reconstruction finds it in the caches: step 0, 1 and so on, of 512 KiB
+    /// each. Returns the bytes read; 0 after the last step.
+    pub fn read_ahead(&self, step: usize) -> usize {
+        let mut wanted = step.saturating_mul(AHEAD_LINES)..step.saturating_add(1).saturating_mul(AHEAD_LINES);
+        let mut bytes = 0;
+        for lines in self.lines() {
+            let part = &lines[wanted.start.min(lines.len())..wanted.end.min(lines.len())];
+            // SAFETY: `isa` was found available when the basis was built.
+            std::hint::black_box(unsafe { sweep::read(self.isa, part) });
+            bytes += part.len() * LINE;
+            wanted = wanted.start.saturating_sub(lines.len())..wanted.end.saturating_sub(lines.len());
+        }
+        bytes
     }
 
     /// What a reconstruction reads, but for a few counts: rows, and what makes their coefficients.

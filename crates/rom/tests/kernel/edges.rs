@@ -238,3 +238,20 @@ fn every_instruction_set_reads_the_same_bytes() {
     let sums: Vec<[u32; 2]> = available().into_iter().map(read).collect();
     assert!(!sums[0].contains(&0) && sums.iter().all(|&sum| sum == sums[0]), "{sums:?}");
 }
+
+#[test]
+fn a_basis_is_read_ahead_as_a_whole_in_steps_of_half_a_mebibyte() {
+    let body = Body::new(8000, 40, 9);
+    let (spec, typical) = (body.spec(ALL, None), body.typical());
+    let budget = Budget { typical: &typical, accepted: &[0.1; 5], or_f32: false };
+    let uniform = Basis::build(&spec, Precision::I16).unwrap();
+    let local = Basis::build_within(&spec, &budget).unwrap();
+    for basis in [uniform, local] {
+        let steps: Vec<usize> =
+            (0..).map(|step| basis.read_ahead(step)).take_while(|&bytes| bytes > 0).collect();
+        let (last, whole) = steps.split_last().unwrap();
+        assert!(whole.len() > 1 && whole.iter().all(|&bytes| bytes == 512 * 1024), "{steps:?}");
+        assert_eq!(whole.len() * 512 * 1024 + last, basis.bytes());
+        assert_eq!(basis.read_ahead(usize::MAX), 0);
+    }
+}

@@ -28,6 +28,9 @@ use wire::{
 /// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.
 const MAX_BATCH: usize = 1024;
 
+/// What is due by then is prepared for an expected reading: no spin is longer.
+const SOON_NS: u64 = 1_000_000;
+
 /// A load cell is within so many standard deviations of the force.
 const WATCH_SIGMAS: f64 = 2.0;
 
@@ -37,6 +40,8 @@ pub(super) struct ActuatorTwin {
     pub(super) reader: SensorReader,
     state_writer: StateWriter,
     pub(super) outputs: Vec<FieldOutput>,
+    /// The output that is prepared for an expected reading, and the steps of it that were taken.
+    ahead: (usize, usize),
     evaluator: HysteresisEvaluator,
     evaluation: Evaluation,
     label: RegimeLabel,
@@ -104,6 +109,7 @@ impl ActuatorTwin {
             reader,
             state_writer,
             outputs,
+            ahead: (0, 0),
             evaluation: loaded.evaluator.evaluation(),
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
             estimation,
@@ -224,10 +230,24 @@ impl ActuatorTwin {
         self.record.send_health(now, self.last_good_ns);
     }
 
-    /// A reading is about to come: brings into the caches what its evaluation reads, which the last field has displaced.
-    pub(super) fn prepare(&mut self) {
-        let complete = self.wanted.coefficients || !self.outputs.is_empty();
-        self.evaluator.repeat(complete, &mut self.evaluation);
+    /// A reading is about to come: brings into the caches some of what its answer reads. Whether nothing is left of it.
+    pub(super) fn prepare(&mut self, step: usize) -> bool {
+        if step == 0 {
+            let complete = self.wanted.coefficients || !self.outputs.is_empty();
+            self.evaluator.repeat(complete, &mut self.evaluation);
+            self.ahead = (0, 0);
+            return self.outputs.is_empty();
+        }
+        let soon_ns = now_ns() + SOON_NS;
+        let (at, done) = &mut self.ahead;
+        while let Some(output) = self.outputs.get(*at) {
+            if output.is_due(soon_ns) && output.read_ahead(self.evaluation.regime, *done) {
+                *done += 1;
+                return false;
+            }
+            (*at, *done) = (*at + 1, 0);
+        }
+        true
     }
 
     /// Step 1: the oldest reading that waits on the sensor topic.

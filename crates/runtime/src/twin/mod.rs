@@ -56,10 +56,8 @@ impl SpinSources for Expected<'_> {
         self.0.get(at).is_some_and(|actuator| actuator.reader.has_next())
     }
 
-    fn prepare(&mut self, at: usize) {
-        if let Some(actuator) = self.0.get_mut(at) {
-            actuator.prepare();
-        }
+    fn prepare(&mut self, at: usize, step: usize) -> bool {
+        self.0.get_mut(at).is_none_or(|actuator| actuator.prepare(step))
     }
 }
 

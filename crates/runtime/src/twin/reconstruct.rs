@@ -6,6 +6,7 @@ use crate::payload;
 use rom::evaluation::Evaluation;
 use rom::kernel::Peaks;
 use rom::reconstructor::Reconstructor;
+use rom::snapshots::RegimeKind;
 use wire::{Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError, WriterRight};
 
 /// A field topic of a running twin.
@@ -75,6 +76,12 @@ impl FieldOutput {
     /// Whether a reading of this time is to be published here.
     pub(super) fn is_due(&self, t_sensor_ns: u64) -> bool {
         t_sensor_ns >= self.next_due_ns
+    }
+
+    /// Reads some of what the next field is computed from, so that it is in the caches by then: step 0, 1 and so on. False after the last one.
+    /// The memory that it is written to was in use one field ago, and still is in the caches.
+    pub(super) fn read_ahead(&self, regime: RegimeKind, step: usize) -> bool {
+        self.reconstructor.basis(regime).is_some_and(|basis| basis.read_ahead(step) > 0)
     }
 
     /// Step 4: writes the field into a sample on loan.

@@ -12,22 +12,33 @@ const MIN_SPIN_NS: f64 = 20_000.0;
 const MAX_JITTER: f64 = 0.5;
 /// Most of the spin that may lie before the expected time; the rest is for samples that come later.
 const MAX_BEFORE: f64 = 0.75;
-/// A sample that was there before the spin makes the next ones begin earlier by so much ...
+/// A sample that was there before all was ready for it makes the next spins begin earlier by so much ...
 const LATE_STEP_NS: f64 = 32_000.0;
-/// ... and one that came during a spin makes them begin later by so much: one of 256 comes before the spin.
-const CAUGHT_STEP_NS: f64 = LATE_STEP_NS / 256.0;
+/// ... and any other makes them begin later by so much: one of 256 comes too early.
+const READY_STEP_NS: f64 = LATE_STEP_NS / 256.0;
 
 /// What spinning came to so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SpinCounts {
     /// Samples that came while the wait spun for them.
     pub caught: u64,
-    /// Samples that were there before the spin that was meant for them, or while it was prepared.
+    /// Samples that were there before the spin that was meant for them.
     pub before: u64,
     /// Spins that ended without a sample.
     pub in_vain: u64,
     /// Time spun, ns.
     pub spun_ns: u64,
+}
+
+/// When a sample was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FoundAt {
+    /// At the end of a sleep, before the spin that was meant for it.
+    Waking,
+    /// In a spin, before all was prepared for it.
+    Preparing,
+    /// In a spin, with nothing left to prepare.
+    Spinning,
 }
 
 /// A spin that is to come. Times are ns of the monotonic clock.
@@ -45,7 +56,7 @@ pub(super) struct Plan {
 #[derive(Debug, Clone, Copy, Default)]
 struct Source {
     arrivals: Arrivals,
-    /// How long before the expected time the spin begins: what wake-ups were late by, and samples early. None: not learned yet,
+    /// How long before the expected time the spin begins: what wake-ups were late by, samples early, and preparations long. None: not learned yet,
     /// and as long as it may be.
     before_ns: Option<f64>,
     /// A spin for the expected sample ended without it.
@@ -99,13 +110,14 @@ impl Planner {
         }
     }
 
-    /// A sample came, while the wait spun for `plan` (`is_caught`) or before that.
-    pub(super) fn arrived(&mut self, source: usize, now_ns: u64, plan: Option<&Plan>, is_caught: bool) {
+    /// A sample came, before or while the wait spun for `plan`.
+    pub(super) fn arrived(&mut self, source: usize, now_ns: u64, plan: Option<&Plan>, found_at: FoundAt) {
         let share = self.share;
         let Some(found) = self.sources.get_mut(source) else { return };
         if let Some(plan) = plan.filter(|plan| plan.source == source) {
-            let step_ns = if is_caught { -CAUGHT_STEP_NS } else { LATE_STEP_NS };
-            let count = if is_caught { &mut self.counts.caught } else { &mut self.counts.before };
+            let step_ns = if found_at == FoundAt::Spinning { -READY_STEP_NS } else { LATE_STEP_NS };
+            let is_before = found_at == FoundAt::Waking;
+            let count = if is_before { &mut self.counts.before } else { &mut self.counts.caught };
             *count += 1;
             // A sample long before its time says nothing of wake-ups.
             let longest_ns = found.longest_spin_ns(share);

@@ -1,6 +1,6 @@
 //! The wait: asleep, then spinning, then asleep again.
 
-use super::plan::{Plan, Planner, SpinCounts};
+use super::plan::{FoundAt, Plan, Planner, SpinCounts};
 use crate::clock::now_ns;
 use crate::error::WireError;
 use crate::wake::{Wake, WakeSet, Wakeable};
@@ -33,9 +33,12 @@ pub trait SpinSources {
     /// Whether a source (by its place among the readers) has a sample.
     fn has_next(&self, source: usize) -> bool;
 
-    /// Awake, shortly before a sample of this source is expected: time to bring into the caches what its answer reads. A sample that comes
-    /// meanwhile waits until this is over.
-    fn prepare(&mut self, _source: usize) {}
+    /// Awake, shortly before a sample of this source is expected: time to bring into the caches what its answer reads. Called between two
+    /// looks with step 0, 1 and so on until it says that nothing is left; a sample that comes meanwhile waits for one step, which is therefore
+    /// to take some microseconds only.
+    fn prepare(&mut self, _source: usize, _step: usize) -> bool {
+        true
+    }
 }
 
 impl<F: Fn(usize) -> bool> SpinSources for F {
@@ -121,7 +124,7 @@ impl SpinWait {
 
 impl<T: Time, S: SpinSources> Waiting<'_, T, S> {
     fn run(&mut self) -> Result<Wake, WireError> {
-        if self.look(self.time.now_ns(), None, false) {
+        if self.look(self.time.now_ns(), None, FoundAt::Waking) {
             *self.has_left_event = true;
             return Ok(Wake::Event);
         }
@@ -132,7 +135,7 @@ impl<T: Time, S: SpinSources> Waiting<'_, T, S> {
             if until_ns > now || plan.is_none() {
                 let woken = self.time.sleep(Duration::from_nanos(until_ns.saturating_sub(now)))?;
                 let now = self.time.now_ns();
-                if self.look(now, plan.as_ref(), false) {
+                if self.look(now, plan.as_ref(), FoundAt::Waking) {
                     *self.has_left_event = woken != Wake::Event;
                     return Ok(Wake::Event);
                 }
@@ -153,12 +156,15 @@ impl<T: Time, S: SpinSources> Waiting<'_, T, S> {
     /// Looks until a sample comes, or the time to spin or to wait is over. Whether one came.
     fn spin(&mut self, plan: &Plan) -> bool {
         let begin_ns = self.time.now_ns();
-        self.sources.prepare(plan.source);
-        // What came meanwhile waited: the next spin is to begin earlier, as after a late wake-up.
-        let mut is_caught = false;
+        let (mut step, mut found_at) = (0, FoundAt::Preparing);
         loop {
+            let is_prepared = found_at == FoundAt::Spinning || self.sources.prepare(plan.source, step);
+            step += 1;
             let now = self.time.now_ns();
-            let is_found = self.look(now, Some(plan), std::mem::replace(&mut is_caught, true));
+            let is_found = self.look(now, Some(plan), found_at);
+            if is_prepared {
+                found_at = FoundAt::Spinning;
+            }
             let is_over = now >= plan.until_ns;
             if is_found || is_over || now >= self.end_ns {
                 self.planner.spun(begin_ns, now);
@@ -172,10 +178,10 @@ impl<T: Time, S: SpinSources> Waiting<'_, T, S> {
     }
 
     /// Whether a sample is there; all that are there have arrived.
-    fn look(&mut self, now_ns: u64, plan: Option<&Plan>, is_caught: bool) -> bool {
+    fn look(&mut self, now_ns: u64, plan: Option<&Plan>, found_at: FoundAt) -> bool {
         let mut is_any = false;
         for source in (0..self.count).filter(|source| self.sources.has_next(*source)) {
-            self.planner.arrived(source, now_ns, plan, is_caught);
+            self.planner.arrived(source, now_ns, plan, found_at);
             is_any = true;
         }
         is_any

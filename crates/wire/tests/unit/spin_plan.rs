@@ -9,7 +9,7 @@ const START: u64 = 5_000_000 * MS;
 fn steady(period_ns: u64, share: f64) -> (Planner, u64) {
     let mut planner = Planner::new(1, share);
     let times = (0..50).map(|k| START + k * period_ns);
-    times.for_each(|time| planner.arrived(0, time, None, false));
+    times.for_each(|time| planner.arrived(0, time, None, FoundAt::Waking));
     (planner, START + 49 * period_ns + 1000)
 }
 
@@ -44,12 +44,12 @@ fn the_spin_begins_later_when_it_catches_and_earlier_when_it_does_not() {
         let plan = planner.next(now).unwrap();
         before.push(plan.expected_ns - plan.from_ns);
         let arrives = START + k * MS;
-        planner.arrived(0, arrives, Some(&plan), true);
+        planner.arrived(0, arrives, Some(&plan), FoundAt::Spinning);
         now = arrives + 1000;
     }
     assert!(before[599] + 70_000 < before[0] && before[599] > 60_000, "{} {}", before[0], before[599]);
     let plan = planner.next(now).unwrap();
-    planner.arrived(0, START + 650 * MS, Some(&plan), false);
+    planner.arrived(0, START + 650 * MS, Some(&plan), FoundAt::Waking);
     let next = planner.next(START + 650 * MS + 1000).unwrap();
     assert!((next.expected_ns - next.from_ns).abs_diff(before[599] + 32_000) < 500);
     assert_eq!((planner.counts.caught, planner.counts.before), (600, 1));
@@ -62,7 +62,7 @@ fn after_a_spin_in_vain_none_begins_until_a_sample_comes() {
     planner.spun(plan.from_ns, plan.until_ns);
     planner.in_vain(&plan);
     assert!((0..100).all(|k| planner.next(plan.until_ns + k * MS).is_none()));
-    planner.arrived(0, START + 50 * MS + 60_000, None, false);
+    planner.arrived(0, START + 50 * MS + 60_000, None, FoundAt::Waking);
     assert!(planner.next(START + 50 * MS + 61_000).is_some());
     assert_eq!((planner.counts.in_vain, planner.counts.spun_ns), (1, plan.until_ns - plan.from_ns));
 }
@@ -71,11 +71,11 @@ fn after_a_spin_in_vain_none_begins_until_a_sample_comes() {
 fn the_earliest_of_several_sources_comes_first() {
     let mut planner = Planner::new(3, 0.2);
     for k in 0..50 {
-        planner.arrived(0, START + k * MS, None, false);
-        planner.arrived(2, START + k * MS + 300_000, None, false);
+        planner.arrived(0, START + k * MS, None, FoundAt::Waking);
+        planner.arrived(2, START + k * MS + 300_000, None, FoundAt::Waking);
     }
     assert_eq!(planner.next(START + 49 * MS + 310_000).unwrap().source, 0);
-    planner.arrived(0, START + 50 * MS, None, false);
+    planner.arrived(0, START + 50 * MS, None, FoundAt::Waking);
     assert_eq!(planner.next(START + 50 * MS + 10_000).unwrap().source, 2);
 }
 
@@ -90,7 +90,7 @@ fn what_is_spent_is_not_allowed_again() {
             planner.spun(plan.from_ns, plan.from_ns + 2 * (plan.until_ns - plan.from_ns)); // held up in between
             spun += 2 * (plan.until_ns - plan.from_ns);
         }
-        planner.arrived(0, START + k * MS, None, false);
+        planner.arrived(0, START + k * MS, None, FoundAt::Waking);
         now = START + k * MS + 1000;
     }
     let share = spun as f64 / (now - begin) as f64;
@@ -108,7 +108,7 @@ fn an_irregular_source_is_hardly_ever_spun_for() {
         let chance = (state >> 11) as f64 / (1_u64 << 53) as f64;
         plans += usize::from(planner.next(time).is_some());
         time += (-1e6 * (1.0 - chance).ln()) as u64;
-        planner.arrived(0, time, None, false);
+        planner.arrived(0, time, None, FoundAt::Waking);
     }
     assert!(plans < 400, "{plans} of 20000");
 }

@@ -52,13 +52,15 @@ impl Time for Simulated<'_> {
     }
 }
 
-/// What a preparation takes.
-const PREPARATION: u64 = 10 * US;
+/// What a step of a preparation takes.
+const STEP: u64 = 10 * US;
 
-/// Samples by a closure, and how often one was prepared for.
+/// Samples by a closure, each prepared for in so many steps, and how often that was begun and done.
 struct Sources<'a, F> {
     is_ready: F,
     now_ns: &'a Cell<u64>,
+    steps: usize,
+    begun: &'a Cell<u64>,
     prepared: &'a Cell<u64>,
 }
 
@@ -67,9 +69,12 @@ impl<F: Fn(usize) -> bool> SpinSources for Sources<'_, F> {
         (self.is_ready)(source)
     }
 
-    fn prepare(&mut self, _source: usize) {
-        self.prepared.set(self.prepared.get() + 1);
-        self.now_ns.set(self.now_ns.get() + PREPARATION);
+    fn prepare(&mut self, _source: usize, step: usize) -> bool {
+        let is_last = step + 1 == self.steps;
+        self.begun.set(self.begun.get() + u64::from(step == 0));
+        self.prepared.set(self.prepared.get() + u64::from(is_last));
+        self.now_ns.set(self.now_ns.get() + STEP);
+        is_last
     }
 }
 
@@ -77,14 +82,26 @@ impl<F: Fn(usize) -> bool> SpinSources for Sources<'_, F> {
 struct Run {
     /// From each sample's time until it was taken.
     delays_ns: Vec<u64>,
-    /// Preparations for an expected sample.
+    /// Preparations for an expected sample that were begun, and done.
+    begun: u64,
     prepared: u64,
     counts: SpinCounts,
     elapsed_ns: u64,
 }
 
-/// Takes all samples as they come, each in `busy_ns`.
-fn run(mut samples: Vec<(u64, usize)>, late_ns: Vec<u64>, share: f64, busy_ns: u64) -> Run {
+/// Takes all samples as they come, each in `busy_ns` and prepared for in one step.
+fn run(samples: Vec<(u64, usize)>, late_ns: Vec<u64>, share: f64, busy_ns: u64) -> Run {
+    run_prepared(samples, late_ns, share, busy_ns, 1)
+}
+
+/// The same with so many steps.
+fn run_prepared(
+    mut samples: Vec<(u64, usize)>,
+    late_ns: Vec<u64>,
+    share: f64,
+    busy_ns: u64,
+    steps: usize,
+) -> Run {
     samples.sort_unstable();
     let count = 1 + samples.iter().map(|sample| sample.1).max().unwrap();
     samples.reverse();
@@ -97,14 +114,14 @@ fn run(mut samples: Vec<(u64, usize)>, late_ns: Vec<u64>, share: f64, busy_ns: u
         let there = world.to_come.iter().rev().take_while(|sample| sample.0 <= now_ns.get());
         there.map(|sample| sample.1).any(|found| found == source)
     };
-    let prepared = Cell::new(0);
+    let (begun, prepared) = (Cell::new(0), Cell::new(0));
     let (mut delays_ns, mut has_left_event) = (Vec::new(), false);
     while !world.borrow().to_come.is_empty() {
         let end_ns = now_ns.get() + 100 * MS;
         world.borrow_mut().is_woken = false;
         let mut time = Simulated { now_ns: &now_ns, world: &world };
         let (time, planner, has_left_event) = (&mut time, &mut planner, &mut has_left_event);
-        let sources = Sources { is_ready, now_ns: &now_ns, prepared: &prepared };
+        let sources = Sources { is_ready, now_ns: &now_ns, steps, begun: &begun, prepared: &prepared };
         let mut waiting = Waiting { time, planner, count, sources, end_ns, has_left_event };
         let wake = waiting.run().unwrap();
         assert!(now_ns.get() <= end_ns + MS, "the time to wait is kept");
@@ -117,8 +134,8 @@ fn run(mut samples: Vec<(u64, usize)>, late_ns: Vec<u64>, share: f64, busy_ns: u
             now_ns.set(now_ns.get() + busy_ns);
         }
     }
-    let prepared = prepared.get();
-    Run { delays_ns, prepared, counts: planner.counts, elapsed_ns: now_ns.get() - START }
+    let (begun, prepared) = (begun.get(), prepared.get());
+    Run { delays_ns, begun, prepared, counts: planner.counts, elapsed_ns: now_ns.get() - START }
 }
 
 fn share(run: &Run) -> f64 {
@@ -141,15 +158,38 @@ fn readings_of_a_steady_source_are_found_at_once_at_a_tenth_of_a_core() {
     let found_at_once = spun.delays_ns.iter().filter(|delay| **delay < AT_ONCE).count();
     assert!(found_at_once > 4900, "{found_at_once} of 5000, {:?}", spun.counts);
     assert!(share(&spun) < 0.1, "{} {:?}", share(&spun), spun.counts);
-    assert_eq!(asleep.prepared, 0);
+    assert_eq!(asleep.begun, 0);
     let spins = spun.counts.caught + spun.counts.in_vain;
-    assert!(
-        (spins..=spins + spun.counts.before).contains(&spun.prepared),
-        "once a spin: {} {:?}",
-        spun.prepared,
-        spun.counts
-    );
+    assert_eq!((spun.begun, spun.prepared), (spins, spins), "once a spin: {:?}", spun.counts);
     assert_eq!(spun.delays_ns.len(), 5000);
+}
+
+/// Eight steps of 10 us.
+#[test]
+fn a_long_preparation_makes_spins_begin_earlier_and_a_sample_waits_for_one_step_of_it() {
+    let late_ns: Vec<u64> = (0..31).map(|k| 15 * US + k * US).collect();
+    let samples: Vec<(u64, usize)> = (0..5000).map(|k| (START + k * MS + (k * 7919 % 20) * US, 0)).collect();
+    let short = run_prepared(samples.clone(), late_ns.clone(), 0.2, 10 * US, 1);
+    let long = run_prepared(samples, late_ns, 0.2, 10 * US, 8);
+    assert!(share(&long) > share(&short) + 0.05, "{} {}", share(&long), share(&short));
+    assert!(share(&long) <= 0.2, "{}", share(&long));
+    // Until it is learned how long before, spins are as long as may be.
+    let later = &long.delays_ns[64..];
+    let longest_ns = later.iter().max();
+    assert!(later.iter().all(|delay| *delay < STEP + AT_ONCE), "{longest_ns:?} {:?}", long.counts);
+    assert!(long.prepared > 4900, "{} of {}, {:?}", long.prepared, long.begun, long.counts);
+}
+
+/// Six hundred steps of 10 us, where a spin has 200 us.
+#[test]
+fn a_preparation_that_no_spin_has_the_time_for_leaves_the_share_and_the_samples_as_they_are() {
+    let samples: Vec<(u64, usize)> = (0..2000).map(|k| (START + k * MS, 0)).collect();
+    let run = run_prepared(samples, vec![20 * US], 0.2, 10 * US, 600);
+    assert_eq!(run.prepared, 0);
+    assert!(run.begun > 1900, "{} {:?}", run.begun, run.counts);
+    assert!(share(&run) <= 0.2, "{}", share(&run));
+    let found_at_once = run.delays_ns.iter().filter(|delay| **delay < STEP + AT_ONCE).count();
+    assert!(found_at_once > 1900, "{found_at_once} of 2000, {:?}", run.counts);
 }
 
 #[test]
