@@ -1,6 +1,7 @@
 //! Kernel and prediction in this process.
 
 use super::measure::{Evictor, Series, gbps};
+use super::paced::{self, Paced};
 use crate::progress::Progress;
 use anyhow::Context;
 use rom::evaluator::Evaluator;
@@ -70,6 +71,8 @@ pub struct Compute {
     pub read_gbps: f64,
     /// The kernel alone.
     pub kernel: Kernels,
+    /// The kernel at 1 kHz, with the basis within its budget (f32 where no basis keeps that).
+    pub paced: Paced,
     /// Input to full field in memory, f32, median.
     pub predict_us_p50: f64,
     /// The same with the basis within its budget; none where no basis keeps that.
@@ -150,6 +153,8 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let budget_basis = within.as_ref().map(|state| basis(state.reconstructor())).transpose()?;
     subjects.extend(budget_basis.as_ref().map(|basis| Subject::new("budget", basis)));
     kernels(&mut subjects, &coefficients, samples, progress)?;
+    progress.step("kernel at 1 kHz");
+    let (paced, at_pace) = paced::run(budget_basis.as_ref().unwrap_or(&wide), &coefficients, samples)?;
     progress.step("prediction");
     let evaluator = Evaluator::new(&model.header)?;
     let states = [Some(&mut full), within.as_mut()];
@@ -166,6 +171,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
         coefficients: full.evaluation().coefficients.len(),
         read_gbps: f32.read_gbps,
         kernel: Kernels { f32, i16, budget, budget_widths },
+        paced,
         predict_us_p50: predictions[0].p50(),
         predict_budget_us_p50: budget_basis.is_some().then(|| predictions[1].p50()),
         state_only_us_p50: predictions[2].p50(),
@@ -174,7 +180,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
         tip_nodes: tip.reconstructor().rows(),
     };
     let kernels = subjects.into_iter().flat_map(|s| [s.warm, s.evicted]);
-    Ok((compute, kernels.chain(predictions).chain([position]).collect()))
+    Ok((compute, kernels.chain(at_pace).chain(predictions).chain([position]).collect()))
 }
 
 /// Warm and evicted, all of them in turn.

@@ -5,6 +5,7 @@ pub mod compute;
 pub mod full_size;
 mod live;
 pub mod measure;
+mod paced;
 mod picture;
 mod report;
 
