@@ -233,8 +233,7 @@ impl ActuatorTwin {
     /// A reading is about to come: brings into the caches some of what its answer reads. Whether nothing is left of it.
     pub(super) fn prepare(&mut self, step: usize) -> bool {
         if step == 0 {
-            let complete = self.wanted.coefficients || !self.outputs.is_empty();
-            self.evaluator.repeat(complete, &mut self.evaluation);
+            self.repeat();
             self.ahead = (0, 0);
             return self.outputs.is_empty();
         }
@@ -247,7 +246,15 @@ impl ActuatorTwin {
             }
             (*at, *done) = (*at + 1, 0);
         }
+        // What the bases displaced from the caches of this core alone.
+        self.repeat();
         true
+    }
+
+    /// The last evaluation, once more: the next one reads the same.
+    fn repeat(&mut self) {
+        let complete = self.wanted.coefficients || !self.outputs.is_empty();
+        self.evaluator.repeat(complete, &mut self.evaluation);
     }
 
     /// Step 1: the oldest reading that waits on the sensor topic.

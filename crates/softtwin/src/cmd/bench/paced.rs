@@ -7,8 +7,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 const PERIOD: Duration = Duration::from_millis(1);
-/// How long before its time a kernel is prepared for: what a spin with a share of 0.2 has.
-const AHEAD: Duration = Duration::from_micros(200);
+/// How long before its time a kernel is prepared for: three quarters of a spin with a share of 0.4.
+const AHEAD: Duration = Duration::from_micros(300);
 /// Kernels in a row before the other way has its turn, and those before that are not measured.
 const AT_ONCE: usize = 40;
 const UNTIL_STEADY: usize = 5;
