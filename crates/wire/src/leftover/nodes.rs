@@ -9,19 +9,20 @@ use iceoryx2::prelude::CallbackProgression;
 use std::collections::BTreeSet;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Bytes of the process identity in a node's context file; zeros are nobody's identity.
 const NOBODY: [u8; 16] = [0; 16];
 
-/// How often, and how far apart, the files of a node without a process are looked at before somebody is taken to use them.
-const LOOKS: usize = 50;
+/// How long the files of nodes without a process are looked at, and how often, before somebody is taken to use them: a program that reads
+/// them may have to wait for its core meanwhile. Programs of another container, whose processes are not seen here, delay each start by it.
+const LOOKING: Duration = Duration::from_millis(300);
 const BETWEEN_LOOKS: Duration = Duration::from_millis(1);
 
 impl Places {
     /// Removes the dead nodes; returns how many were removed and how many could not be. Only under the exclusive start lock.
     pub(super) fn remove_dead_nodes(&self) -> (usize, usize) {
-        let dead: Vec<u128> = self.node_ids().into_iter().filter(|&id| !self.seems_alive(id)).collect();
+        let dead = self.dead_nodes();
         if dead.is_empty() {
             return (0, 0);
         }
@@ -71,19 +72,21 @@ impl Places {
         self.nodes().join(id.to_string())
     }
 
-    /// Whether a node lives. Another program that just reads the files of a dead node looks like its owner; where no process
+    /// The nodes that nobody uses. Another program that just reads the files of a dead node looks like its owner; where no process
     /// carries the node's number, that is over in a moment, and the kernel is asked again.
-    fn seems_alive(&self, id: u128) -> bool {
-        for _ in 0..LOOKS {
-            if !self.lives(id) {
-                return false;
-            }
-            if is_process(process_of(id)) {
-                return true;
+    fn dead_nodes(&self) -> Vec<u128> {
+        let end = Instant::now() + LOOKING;
+        let (mut open, mut dead) = (self.node_ids(), Vec::new());
+        loop {
+            let (in_use, unused): (BTreeSet<u128>, BTreeSet<u128>) =
+                open.into_iter().partition(|&id| self.lives(id));
+            dead.extend(unused);
+            open = in_use.into_iter().filter(|&id| !is_process(process_of(id))).collect();
+            if open.is_empty() || Instant::now() >= end {
+                return dead;
             }
             std::thread::sleep(BETWEEN_LOOKS);
         }
-        true
     }
 
     /// A living node has its details and its context file open, one of them from its first moment on. The other two files
