@@ -76,13 +76,13 @@ impl Places {
     /// carries the node's number, that is over in a moment, and the kernel is asked again.
     fn dead_nodes(&self) -> Vec<u128> {
         let end = Instant::now() + LOOKING;
-        let (mut open, mut dead) = (self.node_ids(), Vec::new());
+        let (mut undecided, mut dead) = (self.node_ids(), Vec::new());
         loop {
             let (in_use, unused): (BTreeSet<u128>, BTreeSet<u128>) =
-                open.into_iter().partition(|&id| self.lives(id));
+                undecided.into_iter().partition(|&id| self.lives(id));
             dead.extend(unused);
-            open = in_use.into_iter().filter(|&id| !is_process(process_of(id))).collect();
-            if open.is_empty() || Instant::now() >= end {
+            undecided = in_use.into_iter().filter(|&id| !is_process(process_of(id))).collect();
+            if undecided.is_empty() || Instant::now() >= end {
                 return dead;
             }
             std::thread::sleep(BETWEEN_LOOKS);

@@ -28,14 +28,12 @@ pub fn run(basis: &Basis, coefficients: &[f64], samples: usize) -> anyhow::Resul
         ["asleep until 1 kHz", "read ahead, 1 kHz"].map(|way| Series::new(format!("kernel, {way}")));
     let mut out = vec![0.0; basis.output_len()];
     for _ in 0..samples.div_ceil(AT_ONCE) {
-        for (series, ahead) in series.iter_mut().zip([None, Some(AHEAD)]) {
+        for (series, ahead) in series.iter_mut().zip([Duration::ZERO, AHEAD]) {
             let mut due = Instant::now();
             for turn in 0..UNTIL_STEADY + AT_ONCE {
                 due = Instant::now().max(due + PERIOD);
-                sleep((due - ahead.unwrap_or_default()).saturating_duration_since(Instant::now()));
-                if ahead.is_some() {
-                    read_ahead(basis, due);
-                }
+                sleep((due - ahead).saturating_duration_since(Instant::now()));
+                read_ahead_until(basis, due);
                 if turn < UNTIL_STEADY {
                     basis.reconstruct(coefficients, &mut out)?;
                 } else {
@@ -48,8 +46,8 @@ pub fn run(basis: &Basis, coefficients: &[f64], samples: usize) -> anyhow::Resul
     Ok((Paced { asleep_us_p50, read_ahead_us_p50 }, series))
 }
 
-/// As [`wire::SpinWait`] does between two looks.
-fn read_ahead(basis: &Basis, due: Instant) {
+/// In steps, as a twin does between two looks; nothing where it is time already.
+fn read_ahead_until(basis: &Basis, due: Instant) {
     let mut step = 0;
     while Instant::now() < due {
         basis.read_ahead(step);
