@@ -13,35 +13,44 @@ use crate::sums::{Room, Sums};
 use crate::system::left_out_of;
 
 /// A state's neighbours between which coefficients are looked at as well: an interpolant's peaks lie between its samples.
-const NEIGHBOURS: usize = 8;
+const NEIGHBOURS: usize = 16;
 
-/// Coefficient vectors of a regime as they come in use: at its training states, half way to their neighbours, and beyond the onset.
-/// `O(states^2 (log states + coefficients))`.
-pub(crate) fn typical_coefficients(regime: &RegimeModel) -> Vec<Vec<f64>> {
-    let states = regime.groups.first().map(|group| states(&group.surrogate)).unwrap_or_default();
-    let mut typical = vec![vec![0.0; regime.coefficient_count()]; states.len()];
+/// Coefficients of a regime as they come in use.
+pub(crate) struct Typical {
+    /// Scaled inputs.
+    pub states: Vec<Point>,
+    /// By state.
+    pub coefficients: Vec<Vec<f64>>,
+}
+
+/// At the training states, half way to their neighbours, and beyond the onset. `O(states^2 (log states + coefficients))`.
+pub(crate) fn typical_coefficients(regime: &RegimeModel) -> Typical {
+    let mut states = regime.groups.first().map(|group| states(&group.surrogate)).unwrap_or_default();
+    let mut coefficients = vec![vec![0.0; regime.coefficient_count()]; states.len()];
     for group in &regime.groups {
         let sums = Sums::new(&[&group.surrogate]);
         let mut room = Room::of([&sums].into_iter());
-        for (x, coefficients) in states.iter().zip(&mut typical) {
+        for (x, coefficients) in states.iter().zip(&mut coefficients) {
             sums.evaluate(x, &mut room, &mut coefficients[group.coefficients.clone()], None);
         }
     }
     if let Some(far) = &regime.far_onset {
         // Corrections begin at the last onset state: about the one of the largest gap.
         let gap = regime.inputs.axes.iter().position(|axis| axis.input == GAP).unwrap_or(0);
-        let last = (0..states.len()).max_by(|a, b| states[*a][gap].total_cmp(&states[*b][gap]));
-        let last = last.map(|at| typical[at].clone()).unwrap_or_default();
-        let corrected = |by: &[f64]| last.iter().zip(by).map(|(a, by)| a + by).collect();
-        typical.extend(far.corrections.chunks_exact(regime.coefficient_count().max(1)).map(corrected));
+        if let Some(last) = (0..states.len()).max_by(|a, b| states[*a][gap].total_cmp(&states[*b][gap])) {
+            for by in far.corrections.chunks_exact(regime.coefficient_count().max(1)) {
+                states.push(states[last]);
+                coefficients.push(coefficients[last].iter().zip(by).map(|(a, by)| a + by).collect());
+            }
+        }
     }
-    typical
+    Typical { states, coefficients }
 }
 
 /// Of these the largest magnitude of every coefficient.
 pub(crate) fn largest_coefficients(regime: &RegimeModel) -> Vec<f64> {
     let mut largest = vec![0.0_f64; regime.coefficient_count()];
-    for vector in typical_coefficients(regime) {
+    for vector in typical_coefficients(regime).coefficients {
         largest.iter_mut().zip(vector).for_each(|(most, value)| *most = most.max(value.abs()));
     }
     largest

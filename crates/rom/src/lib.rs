@@ -51,6 +51,7 @@ pub mod kernel;
 pub mod model;
 pub mod model_state;
 pub mod names;
+mod parts;
 pub mod probe;
 pub mod radial;
 pub mod reconstructor;

@@ -7,6 +7,7 @@ use crate::kernel::{
     Shortfall, Source, Spec, Values,
 };
 use crate::model::{BlockKind, Model, ModelError, RegimeModel, Selection};
+use crate::parts::Parts;
 use crate::snapshots::{FieldKind, RegimeKind};
 use std::mem::MaybeUninit;
 
@@ -24,6 +25,9 @@ pub enum Storage {
         share: f64,
         /// A field of which f32 already adds more stays in f32; otherwise that is an error.
         or_f32: bool,
+        /// Into how many parts the domain of a regime is divided at most, each with a basis of its own, of which a reconstruction reads
+        /// one: 1, 2, 4, 8 and so on; of another number the power of two below.
+        parts: usize,
     },
 }
 
@@ -32,11 +36,22 @@ impl Storage {
     /// several times smaller than by leave-one-out, it then grows by less than 2 % (a test).
     pub const AS_GOOD_SHARE: f64 = 0.004;
     /// As good as in full: the own error grows by at most [`Self::AS_GOOD_SHARE`], or a field stays in f32.
-    pub const AS_GOOD: Self = Self::Within { share: Self::AS_GOOD_SHARE, or_f32: true };
+    pub const AS_GOOD: Self = Self::Within { share: Self::AS_GOOD_SHARE, or_f32: true, parts: Self::PARTS };
+    /// Into how many parts domains are divided where nothing else is said.
+    pub const PARTS: usize = 8;
 
     /// Exactly this share, or an error.
     pub fn within(share: f64) -> Self {
-        Self::Within { share, or_f32: false }
+        Self::Within { share, or_f32: false, parts: Self::PARTS }
+    }
+
+    /// The same with domains in at most so many parts; other storage knows none.
+    #[must_use]
+    pub fn in_parts(self, parts: usize) -> Self {
+        match self {
+            Self::Within { share, or_f32, .. } => Self::Within { share, or_f32, parts },
+            Self::Uniform(precision) => Self::Uniform(precision),
+        }
     }
 }
 
@@ -49,13 +64,22 @@ impl From<Precision> for Storage {
 /// The bases of a model, laid out for one selection of fields and nodes.
 #[derive(Clone, Debug)]
 pub struct Reconstructor {
-    bases: Vec<(RegimeKind, Basis)>,
+    regimes: Vec<RegimeBases>,
     rows: usize,
     field_count: usize,
     max_coefficients: usize,
     /// Inputs that move the undeformed mesh, with the value at which it is the model's: their differences follow the
     /// coefficients.
     moving: Vec<(usize, f64)>,
+}
+
+/// The bases of a regime, one for each part of its domain.
+#[derive(Clone, Debug)]
+struct RegimeBases {
+    kind: RegimeKind,
+    /// None where one basis is for the whole domain.
+    parts: Option<Parts>,
+    bases: Vec<Basis>,
 }
 
 impl Reconstructor {
@@ -87,11 +111,9 @@ impl Reconstructor {
             return Err(BasisError::Rows { found: max_coefficients + moving.len() }.into());
         }
         let shifts = shifts(model, &moving, max_coefficients);
-        let basis = |regime: &RegimeModel| {
-            Ok((regime.kind, build(model, regime, &fields, nodes.as_deref(), storage, &shifts)?))
-        };
+        let of = |regime: &RegimeModel| build(model, regime, &fields, nodes.as_deref(), storage, &shifts);
         Ok(Self {
-            bases: header.regimes.iter().map(basis).collect::<Result<_, ModelError>>()?,
+            regimes: header.regimes.iter().map(of).collect::<Result<_, ModelError>>()?,
             max_coefficients,
             moving,
             rows: nodes.map_or(header.node_count, |n| n.len()),
@@ -114,9 +136,21 @@ impl Reconstructor {
         self.rows * self.field_count
     }
 
-    /// The laid-out basis of a regime; none when the model was not trained in it.
-    pub fn basis(&self, kind: RegimeKind) -> Option<&Basis> {
-        self.bases.iter().find(|(of, _)| *of == kind).map(|(_, basis)| basis)
+    /// The laid-out bases of a regime, one for each part of its domain; none when the model was not trained in it.
+    pub fn bases(&self, kind: RegimeKind) -> &[Basis] {
+        self.regimes.iter().find(|of| of.kind == kind).map_or(&[], |of| &of.bases)
+    }
+
+    /// The basis from which the fields of an evaluation are reconstructed: of its regime, and of the part of the domain in which its
+    /// inputs lie. None when the model was not trained in this regime.
+    pub fn basis_of(&self, evaluation: &Evaluation) -> Option<&Basis> {
+        let of = self.regimes.iter().find(|of| of.kind == evaluation.regime)?;
+        of.bases.get(of.parts.as_ref().map_or(0, |parts| parts.of(evaluation.inputs.values())))
+    }
+
+    /// Bytes of all bases.
+    pub fn bytes(&self) -> usize {
+        self.regimes.iter().flat_map(|of| &of.bases).map(Basis::bytes).sum()
     }
 
     /// Writes the fields of an evaluation into `out`, field-major (all of the first field, then the next), and returns
@@ -159,8 +193,10 @@ impl Reconstructor {
         evaluation: &Evaluation,
         run: impl FnOnce(&Basis, &[f64]) -> Result<R, ReconstructError>,
     ) -> Result<R, ReconstructError> {
-        let basis = self.basis_of(evaluation)?;
         let (own, expected) = (&evaluation.coefficients, self.max_coefficients);
+        // An evaluation of another model has no basis here: as if it had no coefficients.
+        let none = ReconstructError::Coefficients { found: 0, expected };
+        let basis = self.basis_of(evaluation).ok_or(none)?;
         if self.moving.is_empty() {
             return run(basis, own);
         }
@@ -174,12 +210,6 @@ impl Reconstructor {
             *to = values[*input] - from;
         }
         run(basis, &all[..expected + self.moving.len()])
-    }
-
-    /// An evaluation of another model has no basis here: as if it had no coefficients.
-    fn basis_of(&self, evaluation: &Evaluation) -> Result<&Basis, ReconstructError> {
-        let expected = self.max_coefficients;
-        self.basis(evaluation.regime).ok_or(ReconstructError::Coefficients { found: 0, expected })
     }
 }
 
@@ -217,7 +247,7 @@ fn build<'a>(
     nodes: Option<&[u32]>,
     storage: Storage,
     shifts: &[Shift<'a>],
-) -> Result<Basis, ModelError> {
+) -> Result<RegimeBases, ModelError> {
     let derived = fields.iter().filter_map(|f| model.header.fields[*f].magnitude_of).flatten();
     let hidden: Vec<usize> = derived.filter(|axis| !fields.contains(axis)).collect();
     let order: Vec<usize> = fields.iter().chain(&hidden).copied().collect();
@@ -240,22 +270,73 @@ fn build<'a>(
     }
     let spec = Spec { node_count: model.header.node_count, nodes, fields: described };
     match storage {
-        Storage::Uniform(precision) => Ok(Basis::build(&spec, precision)?),
-        Storage::Within { share, or_f32 } => build_within(model, regime, &order, &spec, share, or_f32),
+        Storage::Uniform(precision) => {
+            Ok(RegimeBases { kind: regime.kind, parts: None, bases: vec![Basis::build(&spec, precision)?] })
+        }
+        Storage::Within { share, or_f32, parts } => {
+            build_within(model, regime, &order, &spec, (share, or_f32, parts))
+        }
     }
 }
 
-/// The same in as few bytes as an accepted error allows; `order` says which field of the model each of the spec is.
+/// The same in as few bytes as an accepted error allows, for each part of the domain; `order` says which field of the model each of the spec is.
 fn build_within(
     model: &Model,
     regime: &RegimeModel,
     order: &[usize],
     spec: &Spec<'_>,
-    share: f64,
-    or_f32: bool,
-) -> Result<Basis, ModelError> {
-    let mut typical = typical_coefficients(regime);
-    // Behind the coefficients of all regimes come the inputs that move the mesh.
+    (share, or_f32, parts): (f64, bool, usize),
+) -> Result<RegimeBases, ModelError> {
+    let nodes: Vec<usize> = (0..spec.output_nodes()).map(|i| spec.source_node(i)).collect();
+    let errors = OwnErrors::new(regime);
+    let own = |field: &usize| {
+        let modes = model.f32_block(BlockKind::Modes { regime: regime.kind, field: *field as u32 });
+        modes.map_or(0.0, |modes| errors.of(*field, modes, model.header.node_count, &nodes))
+    };
+    let own: Vec<f64> = order.iter().map(own).collect();
+    let accepted: Vec<f64> = own.iter().map(|own| added(*own, share)).collect();
+    let typical = typical_coefficients(regime);
+    let least = least_coefficients(regime, spec, &accepted);
+    let parts = Parts::new(&regime.inputs, &typical, &least, parts);
+    let (mut bases, mut short) = (Vec::new(), Vec::<Shortfall>::new());
+    for part in 0..parts.count() {
+        let typical = with_moving(model, regime, parts.near(part, &typical).cloned().collect());
+        let budget = Budget { typical: &typical, accepted: &accepted, or_f32 };
+        match Basis::build_within(spec, &budget) {
+            Ok(basis) => bases.push(basis),
+            Err(BasisError::Budget(of_part)) => {
+                of_part.into_iter().for_each(|found| worst(&mut short, found))
+            }
+            Err(other) => return Err(other.into()),
+        }
+    }
+    if short.is_empty() {
+        return Ok(RegimeBases { kind: regime.kind, parts: Some(parts), bases });
+    }
+    Err(ModelError::AcceptedError {
+        regime: regime.kind.name(),
+        accepted: share,
+        least: short.iter().map(|s| least_share(s, own[s.field])).fold(0.0, f64::max),
+        fields: short.iter().map(|s| shortfall(model, order[s.field], s)).collect(),
+    })
+}
+
+/// By coefficient: the least that counts, because it makes as large a root mean square as a field may be off by.
+fn least_coefficients(regime: &RegimeModel, spec: &Spec<'_>, accepted: &[f64]) -> Vec<f64> {
+    let mut least = vec![f64::INFINITY; regime.coefficient_count()];
+    for (field, accepted) in spec.fields.iter().zip(accepted) {
+        let Source::Affine(Affine { modes, stride, coefficients, .. }) = &field.source else { continue };
+        for (mode, at) in coefficients.clone().enumerate() {
+            let values = (0..spec.output_nodes()).map(|i| modes.get(mode * stride + spec.source_node(i)));
+            let square = values.map(|value| value * value).sum::<f64>() / spec.output_nodes() as f64;
+            least[at] = least[at].min(accepted / square.sqrt());
+        }
+    }
+    least
+}
+
+/// Behind the coefficients of all regimes come the inputs that move the mesh, as far as they go.
+fn with_moving(model: &Model, regime: &RegimeModel, mut typical: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let regimes = &model.header.regimes;
     let coefficients = regimes.iter().map(RegimeModel::coefficient_count).max().unwrap_or(0);
     let farthest = moving(model).into_iter().map(|(input, from)| {
@@ -267,24 +348,16 @@ fn build_within(
         vector.resize(coefficients, 0.0);
         vector.extend(&farthest);
     }
-    let nodes: Vec<usize> = (0..spec.output_nodes()).map(|i| spec.source_node(i)).collect();
-    let errors = OwnErrors::new(regime);
-    let own = |field: &usize| {
-        let modes = model.f32_block(BlockKind::Modes { regime: regime.kind, field: *field as u32 });
-        modes.map_or(0.0, |modes| errors.of(*field, modes, model.header.node_count, &nodes))
-    };
-    let own: Vec<f64> = order.iter().map(own).collect();
-    let accepted: Vec<f64> = own.iter().map(|own| added(*own, share)).collect();
-    let budget = Budget { typical: &typical, accepted: &accepted, or_f32 };
-    Basis::build_within(spec, &budget).map_err(|error| match error {
-        BasisError::Budget(short) => ModelError::AcceptedError {
-            regime: regime.kind.name(),
-            accepted: share,
-            least: short.iter().map(|s| least_share(s, own[s.field])).fold(0.0, f64::max),
-            fields: short.iter().map(|s| shortfall(model, order[s.field], s)).collect(),
-        },
-        other => other.into(),
-    })
+    typical
+}
+
+/// Keeps what is short in the worst part of each field.
+fn worst(all: &mut Vec<Shortfall>, found: Shortfall) {
+    match all.iter_mut().find(|known| known.field == found.field) {
+        Some(known) if known.least >= found.least => {}
+        Some(known) => *known = found,
+        None => all.push(found),
+    }
 }
 
 fn shortfall(model: &Model, field: usize, short: &Shortfall) -> String {

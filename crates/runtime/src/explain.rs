@@ -66,8 +66,10 @@ pub struct ExplainedOutput {
     pub nodes: usize,
     /// Fields of a sample.
     pub fields: Vec<String>,
-    /// Bytes of the basis in memory.
+    /// Bytes of the basis in memory, of all regimes and parts of their domains.
     pub basis_bytes: u64,
+    /// Bytes of it that a sample is made from, at most.
+    pub most_read_bytes: u64,
     /// Bytes of one sample on the wire.
     pub sample_bytes: u64,
     /// Shared memory reserved for the topic.
@@ -107,6 +109,7 @@ pub fn explain(loaded: &Loaded) -> Explained {
                 nodes: output.reconstructor.rows(),
                 fields: output.fields.clone(),
                 basis_bytes: output.basis_bytes,
+                most_read_bytes: output.most_read_bytes,
                 sample_bytes,
                 reserved_bytes: sample_bytes * qos::of(TopicKind::Field).samples_in_use() as u64,
                 us,

@@ -53,8 +53,10 @@ pub struct LoadedOutput {
     pub fields: Vec<String>,
     /// Their numbers of [`field_id`]; the rest are 0.
     pub field_ids: [u8; FIELD_SLOTS],
-    /// Bytes of the basis in memory, all regimes.
+    /// Bytes of the basis in memory, of all regimes and parts of their domains.
     pub basis_bytes: u64,
+    /// Bytes of it that a sample is made from, at most.
+    pub most_read_bytes: u64,
 }
 
 /// One block that was read.
@@ -291,7 +293,10 @@ fn outputs(
         let storage = match output.precision {
             Precision::F32 => Storage::Uniform(KernelPrecision::F32),
             Precision::I16 => Storage::Uniform(KernelPrecision::I16),
-            Precision::Budget => output.accepted_error_share.map_or(Storage::AS_GOOD, Storage::within),
+            Precision::Budget => output
+                .accepted_error_share
+                .map_or(Storage::AS_GOOD, Storage::within)
+                .in_parts(output.domain_parts.unwrap_or(Storage::PARTS)),
         };
         match Reconstructor::with_precision(model, &selection, storage) {
             Ok(reconstructor) => outputs.push(describe(output, model, &selection, reconstructor)),
@@ -313,17 +318,14 @@ fn describe(
     let header = &model.header;
     let numbers = header.resolve_fields(selection.fields.as_deref()).unwrap_or_default();
     let specs = || numbers.iter().filter_map(|number| Some((*number, &header.fields.get(*number)?.spec)));
-    let basis_bytes = header
-        .regimes
-        .iter()
-        .filter_map(|regime| reconstructor.basis(regime.kind))
-        .map(|basis| basis.bytes() as u64)
-        .sum();
+    let bases = || header.regimes.iter().flat_map(|regime| reconstructor.bases(regime.kind));
+    let most_read_bytes = bases().map(|basis| basis.bytes() as u64).max().unwrap_or(0);
     LoadedOutput {
         spec: spec.clone(),
         fields: specs().map(|(_, spec)| spec.name.clone()).collect(),
         field_ids: first(&specs().map(|(number, spec)| id_of(number, spec.kind)).collect::<Vec<u8>>()),
-        basis_bytes,
+        basis_bytes: reconstructor.bytes() as u64,
+        most_read_bytes,
         reconstructor,
     }
 }

@@ -16,7 +16,7 @@ pub(crate) fn i16_bounds(model: &Model, database: &Database) -> Result<Vec<f64>,
     for case in database.cases.iter().filter(|case| case.split == Split::Train) {
         evaluator.evaluate(case.inputs(), &mut evaluation);
         if let (Some(basis), Ok(coefficients)) =
-            (fields.basis(evaluation.regime), fields.coefficients(&evaluation))
+            (fields.basis_of(&evaluation), fields.coefficients(&evaluation))
         {
             for (field, bound) in bounds.iter_mut().enumerate() {
                 *bound = bound.max(basis.error_bound(field, &coefficients));

@@ -3,6 +3,7 @@
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
 use rom::inputs::Inputs;
+use rom::kernel::Basis;
 use rom::model::{BlockKind, Model, RegimeModel, Selection};
 use rom::model_state::ModelState;
 use rom::reconstructor::Storage;
@@ -16,7 +17,7 @@ pub trait ReconstructionMethod {
     fn value(&self, index: usize) -> f64;
     /// Nodes a field.
     fn rows(&self) -> usize;
-    /// Bytes of mean and modes, both regimes.
+    /// Bytes of mean and modes that a state is made from, both regimes together; of parts of a domain the largest.
     fn bytes(&self) -> usize;
 }
 
@@ -44,8 +45,8 @@ impl ReconstructionMethod for Kernel {
     }
 
     fn bytes(&self) -> usize {
-        let regimes = [RegimeKind::Free, RegimeKind::Contact].into_iter();
-        regimes.filter_map(|r| self.0.reconstructor().basis(r)).map(|b| b.bytes()).sum()
+        let most = |regime| self.0.reconstructor().bases(regime).iter().map(Basis::bytes).max();
+        [RegimeKind::Free, RegimeKind::Contact].into_iter().filter_map(most).sum()
     }
 }
 

@@ -18,7 +18,7 @@ use std::ops::Range;
 use super::TILE_NODES;
 use super::budget::{self, Budget, Component, F32_ROUNDING, I8_MAX, Width};
 use super::lanes::{BYTE_ZERO, word};
-use super::local_modes::{Columns, as_they_are, local_modes, square_root};
+use super::local_modes::{Columns, add_times, as_they_are, local_modes, square_root};
 use super::pages::{LINE, Line, Lines};
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Shortfall, Spec};
@@ -130,12 +130,12 @@ impl Local {
         let columns = columns(spec, &of_field[list.rows.clone()], group);
         let read: Vec<Vec<f64>> = stored.iter().map(|own| own.read(columns.length)).collect();
         for (at, row) in list.rows.clone().enumerate() {
-            let most = &mut self.largest_errors[list.first + row];
-            for node in 0..columns.length {
-                let own = stored.iter().zip(&read).map(|(own, read)| own.component.of_rows[at] * read[node]);
-                let error = (own.sum::<f64>() - columns.of(at)[node]).abs();
-                *most = most.max(error);
+            let mut errors: Vec<f64> = columns.of(at).iter().map(|value| -value).collect();
+            for (own, read) in stored.iter().zip(&read) {
+                add_times(&mut errors, read, own.component.of_rows[at]);
             }
+            let most = &mut self.largest_errors[list.first + row];
+            *most = errors.iter().fold(*most, |most, error| most.max(error.abs()));
         }
     }
 

@@ -12,6 +12,9 @@
 
 use super::budget::Component;
 
+/// Share of what may be left out that is before local modes are looked for: over a part of the domain many columns add next to nothing.
+const LEAST: f64 = 0.1;
+
 /// Columns of one length, one after the other.
 #[derive(Debug, Clone)]
 pub(super) struct Columns {
@@ -37,7 +40,9 @@ impl Columns {
         let mut values = Vec::new();
         for factors in factors {
             let mut sum = vec![0.0; self.length];
-            self.each().zip(factors).for_each(|(column, factor)| add_times(&mut sum, column, *factor));
+            // Of a triangle half is nothing.
+            let all = self.each().zip(factors).filter(|(_, factor)| **factor != 0.0);
+            all.for_each(|(column, factor)| add_times(&mut sum, column, *factor));
             values.extend(sum);
         }
         Self { length: self.length, values }
@@ -64,7 +69,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-fn add_times(to: &mut [f64], from: &[f64], factor: f64) {
+pub(super) fn add_times(to: &mut [f64], from: &[f64], factor: f64) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
 }
 
@@ -90,16 +95,23 @@ pub(super) fn square_root(vectors: &[Vec<f64>], size: usize) -> Columns {
     root
 }
 
+/// A square that was lowered to less than this share of it has lost digits, and is summed up anew.
+const LOST: f64 = 1e-6;
+
 /// Orthonormal columns that span `columns` but for a sum of squares of `tolerance`, the largest first, `most` at most.
 fn span(columns: &Columns, tolerance: f64, most: usize) -> Columns {
     let (length, mut rest) = (columns.length, columns.values.clone());
     let mut found = Columns { length, values: Vec::new() };
-    let all = dot(&rest, &rest);
+    // Squares of what is left of the columns, and as they were when they were last summed up.
+    let mut squares: Vec<[f64; 2]> = columns.each().map(|column| [dot(column, column); 2]).collect();
+    let all: f64 = squares.iter().map(|[now, _]| now).sum();
     while found.count() < most.min(length) {
-        let squares: Vec<f64> = rest.chunks_exact(length).map(|column| dot(column, column)).collect();
-        let Some((at, largest)) = squares.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+        let Some((at, [largest, _])) = squares.iter().enumerate().max_by(|a, b| a.1[0].total_cmp(&b.1[0]))
+        else {
+            break;
+        };
         // What is left of columns in the span is rounding.
-        if squares.iter().sum::<f64>() <= tolerance || *largest <= 1e-28 * all {
+        if squares.iter().map(|[now, _]| now).sum::<f64>() <= tolerance || *largest <= 1e-28 * all {
             break;
         }
         let mut next = rest[at * length..][..length].to_vec();
@@ -110,9 +122,14 @@ fn span(columns: &Columns, tolerance: f64, most: usize) -> Columns {
         }
         let norm = dot(&next, &next).sqrt();
         next.iter_mut().for_each(|value| *value /= norm);
-        for column in rest.chunks_exact_mut(length) {
+        for (column, [now, summed]) in rest.chunks_exact_mut(length).zip(&mut squares) {
             let along = dot(&next, column);
             add_times(column, &next, -along);
+            *now -= along * along;
+            if *now <= LOST * *summed {
+                *now = dot(column, column);
+                *summed = *now;
+            }
         }
         found.values.extend(next);
     }
@@ -123,8 +140,12 @@ fn span(columns: &Columns, tolerance: f64, most: usize) -> Columns {
 /// mean squares of what they leave out, about `tolerance` at most.
 pub(super) fn local_modes(rows: &Columns, root: &Columns, tolerance: f64) -> (Vec<Component>, f64) {
     let seen = rows.times(root.each());
-    let first = span(&seen, tolerance, rows.count());
-    let turned = seen.times(seen.products(&first).each());
+    let (counts, nothing) = without_least(&seen, LEAST * tolerance);
+    let first = span(&counts, tolerance - nothing, rows.count());
+    if first.count() == 0 {
+        return (Vec::new(), dot(&seen.values, &seen.values));
+    }
+    let turned = counts.times(counts.products(&first).each());
     let modes = span(&turned, 0.0, first.count());
     let mut rest = seen;
     let mut components = Vec::with_capacity(modes.count());
@@ -139,6 +160,24 @@ pub(super) fn local_modes(rows: &Columns, root: &Columns, tolerance: f64) -> (Ve
         components.push(Component { values: mode.to_vec(), rms: square.sqrt(), of_rows });
     }
     (components, dot(&rest.values, &rest.values))
+}
+
+/// Without the columns that add least, whose sum of squares is `tolerance` at most, and that sum.
+fn without_least(columns: &Columns, tolerance: f64) -> (Columns, f64) {
+    let mut least: Vec<(f64, usize)> =
+        columns.each().enumerate().map(|(at, column)| (dot(column, column), at)).collect();
+    least.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut sum, mut left_out) = (0.0, vec![false; least.len()]);
+    for (square, at) in least {
+        if sum + square > tolerance {
+            break;
+        }
+        sum += square;
+        left_out[at] = true;
+    }
+    let kept =
+        columns.each().zip(left_out).filter(|(_, out)| !out).flat_map(|(column, _)| column.iter().copied());
+    (Columns { length: columns.length, values: kept.collect() }, sum)
 }
 
 /// The rows as they are, for lists that are not worth a change.

@@ -240,7 +240,7 @@ impl ActuatorTwin {
         let soon_ns = now_ns() + SOON_NS;
         let (at, done) = &mut self.ahead;
         while let Some(output) = self.outputs.get(*at) {
-            if output.is_due(soon_ns) && output.read_ahead(self.evaluation.regime, *done) {
+            if output.is_due(soon_ns) && output.read_ahead(&self.evaluation, *done) {
                 *done += 1;
                 return false;
             }

@@ -6,7 +6,6 @@ use crate::payload;
 use rom::evaluation::Evaluation;
 use rom::kernel::Peaks;
 use rom::reconstructor::Reconstructor;
-use rom::snapshots::RegimeKind;
 use wire::{Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError, WriterRight};
 
 /// A field topic of a running twin.
@@ -78,10 +77,11 @@ impl FieldOutput {
         t_sensor_ns >= self.next_due_ns
     }
 
-    /// Reads some of what the next field is computed from, so that it is in the caches by then: step 0, 1 and so on. False after the last one.
+    /// Reads some of what the next field is computed from when it is like the last one, so that it is in the caches by then: step 0, 1 and so on.
+    /// False after the last one.
     /// The memory that it is written to was in use one field ago, and still is in the caches.
-    pub(super) fn read_ahead(&self, regime: RegimeKind, step: usize) -> bool {
-        self.reconstructor.basis(regime).is_some_and(|basis| basis.read_ahead(step) > 0)
+    pub(super) fn read_ahead(&self, last: &Evaluation, step: usize) -> bool {
+        self.reconstructor.basis_of(last).is_some_and(|basis| basis.read_ahead(step) > 0)
     }
 
     /// Step 4: writes the field into a sample on loan.

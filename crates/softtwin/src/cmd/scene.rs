@@ -68,13 +68,14 @@ fn print(explained: &Explained) -> anyhow::Result<()> {
     output!("  state: {:.2} us a reading (coefficients, force, gradients, bars)", explained.state_us)?;
     for output in &explained.outputs {
         output!(
-            "  {}: {} nodes x {} ({}), {:.2} us a sample, basis {:.2} MB, sample {:.3} MB, {:.1} MB reserved in /dev/shm",
+            "  {}: {} nodes x {} ({}), {:.2} us a sample, basis {:.2} MB (at most {:.2} read for a sample), sample {:.3} MB, {:.1} MB reserved in /dev/shm",
             output.topic,
             output.nodes,
             output.fields.len(),
             output.fields.join(", "),
             output.us,
             mb(output.basis_bytes),
+            mb(output.most_read_bytes),
             mb(output.sample_bytes),
             mb(output.reserved_bytes)
         )?;

@@ -11,7 +11,9 @@ use rom::model::{BlockKind, Model, ModelError, Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::probe::{MeshPoint, ProbePosition, Probes};
 use rom::reconstructor::{Reconstructor, Storage};
+use rom::rng::Rng;
 use serde::Serialize;
+use std::time::Instant;
 
 /// Nodes of the small set.
 const TIP_NODES: usize = 500;
@@ -19,6 +21,8 @@ const TIP_NODES: usize = 500;
 const INPUTS: u32 = 64;
 /// Eviction takes milliseconds, so there are fewer evicted samples than warm ones.
 const EVICTED_SHARE: usize = 10;
+/// Of the readings that jump.
+const JUMPING_SEED: u64 = 1;
 
 /// The kernel with one precision.
 #[derive(Debug, Clone, Serialize)]
@@ -52,6 +56,10 @@ pub struct Kernels {
     pub budget: Option<Kernel>,
     /// Of the last one the shares of rows in f32, i16, i8, and of those left out.
     pub budget_widths: Option<[f64; 4]>,
+    /// Parts of the regime's domain, each with such a basis; measured is the largest.
+    pub budget_parts: usize,
+    /// Bytes of all of them.
+    pub budget_parts_bytes: usize,
 }
 
 /// Everything measured in this process.
@@ -77,6 +85,8 @@ pub struct Compute {
     pub predict_us_p50: f64,
     /// The same with the basis within its budget; none where no basis keeps that.
     pub predict_budget_us_p50: Option<f64>,
+    /// The same with readings that jump all over the domain, so that each part's basis is read in turn.
+    pub predict_budget_jumping_us_p50: Option<f64>,
     /// Regime, force, gradients, bars; no coefficients, no field: median.
     pub state_only_us_p50: f64,
     /// The same with the position of one node and its derivatives by every input (`rom::probe`): median.
@@ -139,7 +149,10 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     full.update(inputs[0])?;
     let regime = full.evaluation().regime;
     let coefficients = full.reconstructor().coefficients(full.evaluation())?;
-    let basis = |fields: &Reconstructor| fields.basis(regime).cloned().context("the model has no regime");
+    let basis = |fields: &Reconstructor| {
+        let largest = fields.bases(regime).iter().max_by_key(|basis| basis.bytes());
+        largest.cloned().context("the model has no regime")
+    };
     let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
     let mut within = match ModelState::with_precision(model, &all, Storage::AS_GOOD) {
         Ok(state) => Some(state),
@@ -159,10 +172,13 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     let evaluator = Evaluator::new(&model.header)?;
     let states = [Some(&mut full), within.as_mut()];
     let predictions = predictions(&inputs, &evaluator, states, &mut tip, samples)?;
+    let jumping = within.as_mut().map(|state| jumping(model, state, samples)).transpose()?;
     let position = position(model, &inputs, samples)?;
     let [f32, i16] = [subjects[0].result(), subjects[1].result()];
     let budget = subjects.get(2).map(Subject::result);
     let budget_widths = budget_basis.as_ref().map(Basis::widths);
+    let of_parts = || within.iter().flat_map(|state| state.reconstructor().bases(regime));
+    let (budget_parts, budget_parts_bytes) = (of_parts().count(), of_parts().map(Basis::bytes).sum());
     let compute = Compute {
         isa: wide.isa().to_string(),
         nodes: wide.nodes(),
@@ -170,17 +186,19 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
         entries: wide.output_len(),
         coefficients: full.evaluation().coefficients.len(),
         read_gbps: f32.read_gbps,
-        kernel: Kernels { f32, i16, budget, budget_widths },
+        kernel: Kernels { f32, i16, budget, budget_widths, budget_parts, budget_parts_bytes },
         paced,
         predict_us_p50: predictions[0].p50(),
         predict_budget_us_p50: budget_basis.is_some().then(|| predictions[1].p50()),
+        predict_budget_jumping_us_p50: jumping.as_ref().map(Series::p50),
         state_only_us_p50: predictions[2].p50(),
         tip_us_p50: predictions[3].p50(),
         position_us_p50: position.p50(),
         tip_nodes: tip.reconstructor().rows(),
     };
     let kernels = subjects.into_iter().flat_map(|s| [s.warm, s.evicted]);
-    Ok((compute, kernels.chain(at_pace).chain(predictions).chain([position]).collect()))
+    let predictions = predictions.into_iter().chain(jumping).chain([position]);
+    Ok((compute, kernels.chain(at_pace).chain(predictions).collect()))
 }
 
 /// Warm and evicted, all of them in turn.
@@ -248,6 +266,26 @@ fn predictions(
         let input = inputs[sample % inputs.len()];
         tip_series.time(|| tip.update(input));
         tip.update(input)?;
+    }
+    Ok(series)
+}
+
+/// Full field over inputs all over the ranges of the last regime, of those that are in it.
+fn jumping(model: &Model, state: &mut ModelState, samples: usize) -> anyhow::Result<Series> {
+    let regime = model.header.regimes.last().context("the model has no regime")?;
+    let mut rng = Rng::new(JUMPING_SEED);
+    let mut series = Series::new("predict within the budget, jumping");
+    // Where there is no other regime every state is in the last one; otherwise it takes a part of the box of their ranges.
+    for _ in 0..4 * samples {
+        let mut inputs = Inputs::new(f64::NAN, f64::INFINITY);
+        for axis in &regime.inputs.axes {
+            inputs = inputs.with(axis.input, axis.min + rng.uniform() * (axis.max - axis.min));
+        }
+        let begun = Instant::now();
+        state.update(inputs)?;
+        if state.evaluation().regime == regime.kind {
+            series.push(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX));
+        }
     }
     Ok(series)
 }

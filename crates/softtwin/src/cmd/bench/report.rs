@@ -52,6 +52,13 @@ impl Report {
             )?,
             None => output!("budget: even f32 lets this model's own error grow by more than {as_good} %")?,
         }
+        if c.kernel.budget_parts > 1 {
+            output!(
+                "budget: {} parts of the domain, {} bytes together; measured is the largest",
+                c.kernel.budget_parts,
+                c.kernel.budget_parts_bytes
+            )?;
+        }
         let paced = &c.paced;
         let way = if c.kernel.budget.is_some() { "budget" } else { "f32" };
         output!(
@@ -63,6 +70,9 @@ impl Report {
         output!("input to full field     {:8.2}   (f32)", c.predict_us_p50)?;
         if let Some(us) = c.predict_budget_us_p50 {
             output!("with the budget's basis {us:8.2}")?;
+        }
+        if let Some(us) = c.predict_budget_jumping_us_p50 {
+            output!("readings that jump      {us:8.2}   (all over the domain, from part to part)")?;
         }
         output!("input to {:4} nodes      {:8.2}", c.tip_nodes, c.tip_us_p50)?;
         output!("state, one position     {:8.2}   (with derivatives)", c.position_us_p50)?;
