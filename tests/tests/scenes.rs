@@ -334,6 +334,14 @@ fn a_basis_within_an_accepted_error_is_no_larger_and_one_that_cannot_be_is_refus
         assert!(refused.contains(part), "{part}: {refused}");
     }
     assert!(problem("accepted_error_share = 0.01\n").contains("expected precision = \"budget\" with it"));
+    assert!(problem("domain_parts = 4\n").contains("expected precision = \"budget\" with it"));
+    for parts in [0, 65] {
+        let refused = problem(&format!("precision = \"budget\"\ndomain_parts = {parts}\n"));
+        assert!(
+            refused.contains(&format!("output[0].domain_parts: expected 1 to 64, found {parts}")),
+            "{refused}"
+        );
+    }
     assert!(
         problem("precision = \"budget\"\naccepted_error_share = 0.0\n").contains("expected a share above 0")
     );

@@ -12,6 +12,7 @@
 //! P_c(gap, parameters)                      clearance.rs       the same, solved from the free model
 //! F = (P - P_c(gap)) h(P, gap)              evaluator.rs       contact force, 0 on the onset exactly
 //! y = mean + Phi a                          reconstructor.rs   fields, straight into the caller's memory
+//!                                           parts.rs           and from a basis for the part of the domain that the inputs are in
 //! ```
 //!
 //! ```

@@ -26,7 +26,7 @@ pub enum Storage {
         /// A field of which f32 already adds more stays in f32; otherwise that is an error.
         or_f32: bool,
         /// Into how many parts the domain of a regime is divided at most, each with a basis of its own, of which a reconstruction reads
-        /// one: 1, 2, 4, 8 and so on; of another number the power of two below.
+        /// one; fewer where there are few states.
         parts: usize,
     },
 }

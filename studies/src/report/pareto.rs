@@ -158,7 +158,9 @@ fn page(points: &[Point], cases: usize, shown: &str) -> String {
          Errors are those of the worst node, normalised: the 95th percentile over {cases} untouched states inside the domain. The table goes \
          from fast to slow: each row gains at least a tenth in displacement or stress over every faster one; the default \
          (`chosen`) is always shown. f64 is plain sums over mode after mode; f32, i16 and budget (the shipped scene's: as few bytes as let \
-         the model's own error grow by {} % at most) are the twin's kernel.\n\
+         the model's own error grow by {} % at most) are the twin's kernel. The states follow each other all over the domain, so that budget reads the basis of \
+         another part of it each time and from farther away; of a part that is asked again it takes two thirds of the time (docs/benchmarks.md). MB is the largest part \
+         of each regime.\n\
          {shown}\n| nodes | us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         processor(),

@@ -11,6 +11,7 @@
 //! `O(nodes m k)` a group.
 
 use super::budget::Component;
+use super::isa::with_widest_vectors;
 
 /// Share of what may be left out that is before local modes are looked for: over a part of the domain many columns add next to nothing.
 const LEAST: f64 = 0.1;
@@ -55,22 +56,39 @@ impl Columns {
     }
 }
 
-/// In eight sums side by side: additions do not wait for each other.
+/// Sums side by side: additions do not wait for each other.
+const SUMS: usize = 32;
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const SUMS: usize = 8;
     let mut sums = [0.0; SUMS];
-    let (mut of_a, mut of_b) = (a.chunks_exact(SUMS), b.chunks_exact(SUMS));
-    for (a, b) in (&mut of_a).zip(&mut of_b) {
+    add_products(a, b, &mut sums);
+    let whole = a.len() / SUMS * SUMS;
+    let rest: f64 = a[whole..].iter().zip(&b[whole..]).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
+}
+
+with_widest_vectors! {
+    fn add_products(a: &[f64], b: &[f64], sums: &mut [f64; SUMS]) = add_products_plain;
+}
+
+with_widest_vectors! {
+    pub(super) fn add_times(to: &mut [f64], from: &[f64], factor: f64) = add_times_plain;
+}
+
+#[inline(always)]
+fn add_products_plain(a: &[f64], b: &[f64], sums: &mut [f64; SUMS]) {
+    for (a, b) in a.chunks_exact(SUMS).zip(b.chunks_exact(SUMS)) {
         for k in 0..SUMS {
             sums[k] += a[k] * b[k];
         }
     }
-    let rest: f64 = of_a.remainder().iter().zip(of_b.remainder()).map(|(a, b)| a * b).sum();
-    sums.iter().sum::<f64>() + rest
 }
 
-pub(super) fn add_times(to: &mut [f64], from: &[f64], factor: f64) {
-    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
+#[inline(always)]
+fn add_times_plain(to: &mut [f64], from: &[f64], factor: f64) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += factor * from;
+    }
 }
 
 /// Lower triangle `L`, column by column, with `L L^T` the mean products of these vectors' entries; a column that follows from the

@@ -174,12 +174,11 @@ pub struct OutputSpec {
     /// With precision "budget": share by which the model's own error may grow; none for 0.004, or f32 for fields of which f32
     /// itself adds more.
     pub accepted_error_share: Option<f64>,
-    /// With precision "budget": into so many parts at most, a power of two, the domain of each regime is divided, each with a basis of its own;
-    /// none for 8.
+    /// With precision "budget": into so many parts at most the domain of each regime is divided, each with a basis of its own; none for 8.
     pub domain_parts: Option<usize>,
 }
 
-/// Parts of a domain at most: every doubling takes more memory and a longer start.
+/// Parts of a domain at most: more take more memory and a longer start.
 const MAX_DOMAIN_PARTS: usize = 64;
 
 /// Which nodes: a name from the model, a box, or a list.
@@ -474,9 +473,8 @@ impl OutputSpec {
             _ => {}
         }
         match self.domain_parts {
-            Some(parts) if !(parts.is_power_of_two() && parts <= MAX_DOMAIN_PARTS) => problems.push(format!(
-                "{place}.domain_parts: expected 1, 2, 4 and so on up to {MAX_DOMAIN_PARTS}, found {parts}"
-            )),
+            Some(parts) if !(1..=MAX_DOMAIN_PARTS).contains(&parts) => problems
+                .push(format!("{place}.domain_parts: expected 1 to {MAX_DOMAIN_PARTS}, found {parts}")),
             Some(_) if self.precision != Precision::Budget => problems.push(format!(
                 "{place}.domain_parts: expected precision = \"budget\" with it, found another precision"
             )),
