@@ -26,7 +26,7 @@ pub enum Storage {
         /// A field of which f32 already adds more stays in f32; otherwise that is an error.
         or_f32: bool,
         /// Into how many parts the domain of a regime is divided at most, each with a basis of its own, of which a reconstruction reads
-        /// one; fewer where there are few states.
+        /// one; fewer where there are few states, and one where the basis is small.
         parts: usize,
     },
 }
@@ -297,6 +297,7 @@ fn build_within(
     let accepted: Vec<f64> = own.iter().map(|own| added(*own, share)).collect();
     let typical = typical_coefficients(regime);
     let least = least_coefficients(regime, spec, &accepted);
+    let parts = if bytes_in_full(spec) > ONE_PART_BYTES { parts } else { 1 };
     let parts = Parts::new(&regime.inputs, &typical, &least, parts);
     let (mut bases, mut short) = (Vec::new(), Vec::<Shortfall>::new());
     for part in 0..parts.count() {
@@ -319,6 +320,18 @@ fn build_within(
         least: short.iter().map(|s| least_share(s, own[s.field])).fold(0.0, f64::max),
         fields: short.iter().map(|s| shortfall(model, order[s.field], s)).collect(),
     })
+}
+
+/// A basis that takes no more in f32 stays in a core's own caches as it is.
+const ONE_PART_BYTES: usize = 2 << 20;
+
+/// Bytes of the modes in f32.
+fn bytes_in_full(spec: &Spec<'_>) -> usize {
+    let modes = |field: &Field<'_>| match &field.source {
+        Source::Affine(affine) => affine.coefficients.len(),
+        Source::Magnitude { .. } => 0,
+    };
+    spec.fields.iter().map(modes).sum::<usize>() * spec.output_nodes() * size_of::<f32>()
 }
 
 /// By coefficient: the least that counts, because it makes as large a root mean square as a field may be off by.
