@@ -1,11 +1,11 @@
 //! The domain of a regime in parts, so that each has a basis of its own: over a part fewer local modes say as much as all of them say
 //! over the whole domain, and a reconstruction reads one part's basis only.
 //!
-//! Every part is halved again, as often for all, at the median of its states. Of the inputs that one is halved for which the coefficients
-//! `a_j` then vary least, in bits:
+//! Again and again that part is halved, at the median of its states, which takes most bits to tell its states apart; of the inputs along the
+//! one for which both halves together then take least:
 //!
 //! ```text
-//! sum over both halves and all j of ln(variance of a_j)
+//! log2 det(I + C) / 2      C the covariance of the coefficients over the states, in units of the least that counts
 //! ```
 
 use crate::accepted::Typical;
@@ -16,7 +16,7 @@ use crate::inputs::{InputMap, MAX_INPUTS, Point};
 /// states at the bound lie between states that the basis was made for.
 const MARGIN: f64 = 0.06;
 /// A part is not halved below twice so many states.
-const LEAST_STATES: usize = 80;
+const MIN_STATES: usize = 80;
 
 /// States that a part's bits are worked out from, at most.
 const LOOKED_AT: usize = 200;
@@ -49,46 +49,58 @@ pub(crate) struct Parts {
 
 /// A part while parts are being made.
 struct Growing {
+    states: Vec<usize>,
     bounds: Vec<[f64; 2]>,
     bits: f64,
-    /// What it becomes when it is halved; none when it cannot be.
-    halves: Option<Halves>,
     /// The halving, and the side of it, that leads here; none for the whole domain.
     from: Option<(usize, usize)>,
 }
 
 impl Parts {
+    /// The whole domain.
+    pub fn one(map: &InputMap) -> Self {
+        let everywhere = vec![[f64::NEG_INFINITY, f64::INFINITY]; map.dimensions()];
+        Self { first: Place::Part(0), halvings: Vec::new(), bounds: vec![everywhere] }
+    }
+
     /// So many parts at most, fewer where there are few states. Cost `O(parts x axes x states x (log states + coefficients))`.
     pub fn new(map: &InputMap, typical: &Typical, least: &[f64], most: usize) -> Self {
-        let mut parts = Self { first: Place::Part(0), halvings: Vec::new(), bounds: Vec::new() };
-        let grow = |states: Vec<usize>, bounds: Vec<[f64; 2]>, from| {
-            let halves = (0..bounds.len()).filter_map(|axis| halves(typical, least, &states, axis));
-            let halves = halves.min_by(|a, b| a.bits.total_cmp(&b.bits));
-            Growing { bits: bits(typical, least, &states), bounds, halves, from }
-        };
-        let everywhere = vec![[f64::NEG_INFINITY, f64::INFINITY]; map.dimensions()];
-        let mut growing = vec![grow((0..typical.states.len()).collect(), everywhere, None)];
-        while growing.len() < most {
-            let halved = growing.iter().enumerate().filter(|(_, part)| part.halves.is_some());
-            let Some((at, _)) = halved.max_by(|a, b| a.1.bits.total_cmp(&b.1.bits)) else { break };
+        let mut parts = Self::one(map);
+        let (states, bounds) = ((0..typical.states.len()).collect(), parts.bounds.remove(0));
+        let mut growing = vec![Growing { states, bounds, bits: f64::INFINITY, from: None }];
+        let mut grown = Vec::new();
+        while growing.len() + grown.len() < most {
+            let largest = growing.iter().enumerate().max_by(|a, b| a.1.bits.total_cmp(&b.1.bits));
+            let Some((at, _)) = largest else { break };
             let part = growing.swap_remove(at);
-            let Some(Halves { axis, at, states, .. }) = part.halves else { break };
-            let of_model = map.axes[axis];
-            let in_unit = of_model.min + at * (of_model.max - of_model.min);
-            let number = parts.halvings.len();
-            parts.halvings.push(Halving { input: of_model.input, at: in_unit, to: [Place::Part(0); 2] });
-            parts.lead(part.from, Place::Halving(number));
-            for (side, states) in states.into_iter().enumerate() {
-                let mut bounds = part.bounds.clone();
-                bounds[axis][1 - side] = at;
-                growing.push(grow(states, bounds, Some((number, side))));
+            let halves = (0..map.dimensions()).filter_map(|axis| halves(typical, least, &part.states, axis));
+            match halves.min_by(|a, b| a.bits().total_cmp(&b.bits())) {
+                Some(best) => growing.extend(parts.halve(map, part, best)),
+                None => grown.push(part),
             }
         }
-        for (number, part) in growing.into_iter().enumerate() {
+        grown.extend(growing);
+        for (number, part) in grown.into_iter().enumerate() {
             parts.lead(part.from, Place::Part(number));
             parts.bounds.push(part.bounds);
         }
         parts
+    }
+
+    fn halve(&mut self, map: &InputMap, part: Growing, halves: Halves) -> [Growing; 2] {
+        let Halves { axis, at, halves } = halves;
+        let of_model = map.axes[axis];
+        let in_unit = of_model.min + at * (of_model.max - of_model.min);
+        let number = self.halvings.len();
+        self.halvings.push(Halving { input: of_model.input, at: in_unit, to: [Place::Part(0); 2] });
+        self.lead(part.from, Place::Halving(number));
+        let mut side = 0;
+        halves.map(|(states, bits)| {
+            let (mut bounds, from) = (part.bounds.clone(), Some((number, side)));
+            bounds[axis][1 - side] = at;
+            side += 1;
+            Growing { states, bounds, bits, from }
+        })
     }
 
     fn lead(&mut self, from: Option<(usize, usize)>, to: Place) {
@@ -137,13 +149,19 @@ impl Parts {
 struct Halves {
     axis: usize,
     at: f64,
-    states: [Vec<usize>; 2],
-    bits: f64,
+    /// Below and above: the states, and the bits that they take.
+    halves: [(Vec<usize>, f64); 2],
+}
+
+impl Halves {
+    fn bits(&self) -> f64 {
+        self.halves.iter().map(|(_, bits)| bits).sum()
+    }
 }
 
 /// None where there are few states, or too many have the median's value to lie apart there.
 fn halves(typical: &Typical, least: &[f64], states: &[usize], axis: usize) -> Option<Halves> {
-    if states.len() < 2 * LEAST_STATES {
+    if states.len() < 2 * MIN_STATES {
         return None;
     }
     let of = |state: &usize| typical.states[*state][axis];
@@ -153,9 +171,14 @@ fn halves(typical: &Typical, least: &[f64], states: &[usize], axis: usize) -> Op
     let at = 0.5 * (sorted[middle - 1] + sorted[middle]);
     let (above, below): (Vec<usize>, Vec<usize>) = states.iter().partition(|state| of(state) > at);
     let states = [below, above];
-    let enough = states.iter().all(|half| half.len() >= LEAST_STATES);
-    let bits = states.iter().map(|half| bits(typical, least, half)).sum();
-    enough.then_some(Halves { axis, at, states, bits })
+    if states.iter().any(|half| half.len() < MIN_STATES) {
+        return None;
+    }
+    let halves = states.map(|half| {
+        let bits = bits(typical, least, &half);
+        (half, bits)
+    });
+    Some(Halves { axis, at, halves })
 }
 
 /// Bits that tell the coefficients of these states apart: `log2 det(I + C) / 2` with their covariance `C`, in units of the least that
@@ -215,7 +238,7 @@ mod tests {
                 found[part] += 1;
                 prop_assert!(parts.near(part, &typical).any(|near| near == coefficients), "{state:?} in {part}");
             }
-            prop_assert!(parts.count() == 1 || found.iter().all(|states| *states >= LEAST_STATES - 1), "{found:?}");
+            prop_assert!(parts.count() == 1 || found.iter().all(|states| *states >= MIN_STATES - 1), "{found:?}");
             for beyond in [-9.0, 9.0, f64::NAN] {
                 let beyond = std::array::from_fn(|_| beyond);
                 prop_assert!(parts.of(&beyond) < parts.count());

@@ -141,6 +141,11 @@ impl Reconstructor {
         self.regimes.iter().find(|of| of.kind == kind).map_or(&[], |of| &of.bases)
     }
 
+    /// The one of them that is the most to read; none when the model was not trained in it.
+    pub fn largest_basis(&self, kind: RegimeKind) -> Option<&Basis> {
+        self.bases(kind).iter().max_by_key(|basis| basis.bytes())
+    }
+
     /// The basis from which the fields of an evaluation are reconstructed: of its regime, and of the part of the domain in which its
     /// inputs lie. None when the model was not trained in this regime.
     pub fn basis_of(&self, evaluation: &Evaluation) -> Option<&Basis> {
@@ -296,9 +301,11 @@ fn build_within(
     let own: Vec<f64> = order.iter().map(own).collect();
     let accepted: Vec<f64> = own.iter().map(|own| added(*own, share)).collect();
     let typical = typical_coefficients(regime);
-    let least = least_coefficients(regime, spec, &accepted);
-    let parts = if bytes_in_full(spec) > ONE_PART_BYTES { parts } else { 1 };
-    let parts = Parts::new(&regime.inputs, &typical, &least, parts);
+    let parts = if parts > 1 && bytes_in_full(spec) > ONE_PART_BYTES {
+        Parts::new(&regime.inputs, &typical, &least_coefficients(regime, spec, &accepted), parts)
+    } else {
+        Parts::one(&regime.inputs)
+    };
     let (mut bases, mut short) = (Vec::new(), Vec::<Shortfall>::new());
     for part in 0..parts.count() {
         let typical = with_moving(model, regime, parts.near(part, &typical).cloned().collect());

@@ -23,7 +23,7 @@ fn model() -> Model {
 
 /// Bytes that a reconstruction reads at most, of both regimes together.
 fn bytes(fields: &Reconstructor) -> usize {
-    let of = |kind| fields.bases(kind).iter().map(Basis::bytes).max().unwrap_or(0);
+    let of = |kind| fields.largest_basis(kind).map_or(0, Basis::bytes);
     of(RegimeKind::Free) + of(RegimeKind::Contact)
 }
 

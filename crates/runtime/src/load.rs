@@ -318,8 +318,8 @@ fn describe(
     let header = &model.header;
     let numbers = header.resolve_fields(selection.fields.as_deref()).unwrap_or_default();
     let specs = || numbers.iter().filter_map(|number| Some((*number, &header.fields.get(*number)?.spec)));
-    let bases = || header.regimes.iter().flat_map(|regime| reconstructor.bases(regime.kind));
-    let most_read_bytes = bases().map(|basis| basis.bytes() as u64).max().unwrap_or(0);
+    let largest = header.regimes.iter().filter_map(|regime| reconstructor.largest_basis(regime.kind));
+    let most_read_bytes = largest.map(|basis| basis.bytes() as u64).max().unwrap_or(0);
     LoadedOutput {
         spec: spec.clone(),
         fields: specs().map(|(_, spec)| spec.name.clone()).collect(),

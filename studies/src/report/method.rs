@@ -45,8 +45,8 @@ impl ReconstructionMethod for Kernel {
     }
 
     fn bytes(&self) -> usize {
-        let most = |regime| self.0.reconstructor().bases(regime).iter().map(Basis::bytes).max();
-        [RegimeKind::Free, RegimeKind::Contact].into_iter().filter_map(most).sum()
+        let largest = |regime| self.0.reconstructor().largest_basis(regime);
+        [RegimeKind::Free, RegimeKind::Contact].into_iter().filter_map(largest).map(Basis::bytes).sum()
     }
 }
 

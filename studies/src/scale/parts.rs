@@ -107,7 +107,7 @@ pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
     };
     let (mut full, mut tips) = (make(&Selection::default())?, make(&tip)?);
     let regime = model.header.regimes.last().context("the model has no regime")?.kind;
-    let bytes: usize = full[0].reconstructor().bases(regime).iter().map(Basis::bytes).sum();
+    let bytes = full[0].reconstructor().largest_basis(regime).map_or(0, Basis::bytes);
     let mut rows = Vec::new();
     for &actuators in counts {
         let full_us = round(&mut full[..actuators], input)?;

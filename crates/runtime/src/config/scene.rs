@@ -463,21 +463,22 @@ impl OutputSpec {
         if !(self.rate_hz.is_finite() && self.rate_hz >= 0.0) {
             problems.push(format!("{place}.rate_hz: expected 0 or more, found {}", self.rate_hz));
         }
+        let without_budget = |key: &str| {
+            format!("{place}.{key}: expected precision = \"budget\" with it, found another precision")
+        };
         match self.accepted_error_share {
             Some(share) if !(share > 0.0 && share <= 1.0) => problems.push(format!(
                 "{place}.accepted_error_share: expected a share above 0, at most 1, found {share}"
             )),
-            Some(_) if self.precision != Precision::Budget => problems.push(format!(
-                "{place}.accepted_error_share: expected precision = \"budget\" with it, found another precision"
-            )),
+            Some(_) if self.precision != Precision::Budget => {
+                problems.push(without_budget("accepted_error_share"))
+            }
             _ => {}
         }
         match self.domain_parts {
             Some(parts) if !(1..=MAX_DOMAIN_PARTS).contains(&parts) => problems
                 .push(format!("{place}.domain_parts: expected 1 to {MAX_DOMAIN_PARTS}, found {parts}")),
-            Some(_) if self.precision != Precision::Budget => problems.push(format!(
-                "{place}.domain_parts: expected precision = \"budget\" with it, found another precision"
-            )),
+            Some(_) if self.precision != Precision::Budget => problems.push(without_budget("domain_parts")),
             _ => {}
         }
         if self.fields.len() > wire::layout::FIELD_SLOTS {

@@ -149,10 +149,8 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     full.update(inputs[0])?;
     let regime = full.evaluation().regime;
     let coefficients = full.reconstructor().coefficients(full.evaluation())?;
-    let basis = |fields: &Reconstructor| {
-        let largest = fields.bases(regime).iter().max_by_key(|basis| basis.bytes());
-        largest.cloned().context("the model has no regime")
-    };
+    let basis =
+        |fields: &Reconstructor| fields.largest_basis(regime).cloned().context("the model has no regime");
     let (wide, narrow) = (basis(full.reconstructor())?, basis(&small)?);
     let mut within = match ModelState::with_precision(model, &all, Storage::AS_GOOD) {
         Ok(state) => Some(state),
