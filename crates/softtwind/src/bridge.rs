@@ -12,7 +12,7 @@ use runtime::service::{self, Watchdog};
 use runtime::source::{Devices, SourceSpec};
 use runtime::thread_group::{StopFlag, ThreadGroup};
 use runtime::valve::{self, OpenValve, ValveSpec};
-use runtime::wire::{Bus, Topic};
+use runtime::wire::{Bus, Topic, background_thread};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -88,6 +88,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
 
 /// The thread beside the loop: feeds the watchdog while the loop turns, and keeps the status line true.
 fn report(counters: &BridgeCounters, devices: &SharedDevices, end: &StopFlag) {
+    background_thread();
     let mut watchdog = Watchdog::from_env();
     let mut next_status = Instant::now() + STATUS_EVERY;
     while !end.is_set() {

@@ -2,7 +2,7 @@
 //! runs: then new readers find nothing.
 
 use runtime::thread_group::{StopFlag, ThreadResult};
-use runtime::wire::OwnFiles;
+use runtime::wire::{OwnFiles, background_thread};
 use std::time::Duration;
 
 /// Name of the thread.
@@ -12,6 +12,7 @@ const INTERVAL: Duration = Duration::from_secs(1);
 
 /// Checks until `end`; an error when files are gone.
 pub fn watch(own: &OwnFiles, end: &StopFlag) -> ThreadResult {
+    background_thread();
     loop {
         end.pause(INTERVAL);
         if end.is_set() {

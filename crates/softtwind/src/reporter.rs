@@ -4,7 +4,7 @@ use crate::regime_names::LogRegimes;
 use runtime::service::Watchdog;
 use runtime::thread_group::StopFlag;
 use runtime::twin::{Event, EventKind};
-use runtime::wire::Outcome;
+use runtime::wire::{Outcome, background_thread};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
@@ -22,6 +22,7 @@ pub fn run(
     progress: &AtomicU64,
     end: &StopFlag,
 ) {
+    background_thread();
     let mut watchdog = Watchdog::from_env();
     loop {
         let last = end.is_set();

@@ -2,7 +2,7 @@
 
 use runtime::thread_group::StopFlag;
 use runtime::twin::Twin;
-use runtime::wire::HeldWatch;
+use runtime::wire::{HeldWatch, background_thread};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -16,8 +16,8 @@ pub enum Ended {
     Replaced,
 }
 
-/// How often it is looked whether somebody asks.
-const INTERVAL: Duration = Duration::from_millis(5);
+/// How often it is looked whether somebody asks, some 30 us each time. Until then the twin serves.
+const INTERVAL: Duration = Duration::from_millis(50);
 /// Pause while the other one takes the topics.
 const PAUSE: Duration = Duration::from_micros(200);
 
@@ -49,6 +49,7 @@ impl TakeOver {
 
     /// Looks again and again, in a thread of its own: the loop itself makes no system call for that.
     pub fn look(&self, end: &StopFlag) {
+        background_thread();
         while !end.is_set() {
             let is_asked = self.serves.load(Ordering::Relaxed) && self.watch.all_held();
             self.is_asked.store(is_asked, Ordering::Relaxed);

@@ -20,6 +20,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod background;
 mod bus;
 mod clock;
 mod domain;
@@ -36,6 +37,7 @@ mod topic;
 mod transport;
 mod wake;
 
+pub use background::background_thread;
 pub use bus::{Bus, TopicInfo};
 pub use clock::{boot_id, now_ns};
 pub use domain::Domain;

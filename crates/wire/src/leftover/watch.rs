@@ -4,6 +4,7 @@
 //! our thread for that connection to be completed: a second each time, or for ever while the file has no size.
 
 use super::places::Places;
+use crate::background_thread;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -28,6 +29,7 @@ impl Watch {
         let (stop, stopped) = channel::<()>();
         let watch = move || {
             leave_signals_to_others();
+            background_thread();
             let mut looked = Instant::now();
             // Connections are made while samples are sent: those of a shared domain are given to the group soon.
             let period = if places.group().is_some() { SHARING_PERIOD } else { PERIOD };
