@@ -307,10 +307,12 @@ fn build_within(
         Parts::one(&regime.inputs)
     };
     let (mut bases, mut short) = (Vec::new(), Vec::<Shortfall>::new());
-    for part in 0..parts.count() {
-        let typical = with_moving(model, regime, parts.near(part, &typical).cloned().collect());
-        let budget = Budget { typical: &typical, accepted: &accepted, or_f32 };
-        match Basis::build_within(spec, &budget) {
+    let of_part = |part| with_moving(model, regime, parts.near(part, &typical).cloned().collect());
+    let typical: Vec<_> = (0..parts.count()).map(of_part).collect();
+    let budgets: Vec<_> =
+        typical.iter().map(|typical| Budget { typical, accepted: &accepted, or_f32 }).collect();
+    for basis in Basis::build_within_each(spec, &budgets)? {
+        match basis {
             Ok(basis) => bases.push(basis),
             Err(BasisError::Budget(of_part)) => {
                 of_part.into_iter().for_each(|found| worst(&mut short, found))

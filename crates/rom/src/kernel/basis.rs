@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::budget::Budget;
 use super::isa::Isa;
-use super::local::Local;
+use super::local::{Gathered, Local};
 use super::local_rows::LocalRows;
 use super::pages::{LINE, Line};
 use super::plan::Plan;
@@ -95,7 +95,7 @@ impl Basis {
         Self::stored(spec, isa, |plan| Tiles::build(spec, plan, precision).map(Store::Uniform))
     }
 
-    /// Lays the basis out in as few bytes as keep the error that is accepted. Cost: some ten passes over the modes.
+    /// Lays the basis out in as few bytes as keep the error that is accepted. Cost `O(nodes modes^2)` a field.
     ///
     /// # Errors
     /// As [`Basis::build`], and [`BasisError::Budget`] when f32 adds more than is accepted.
@@ -108,7 +108,29 @@ impl Basis {
     /// # Errors
     /// As [`Basis::build_within`], and [`BasisError::IsaMissing`].
     pub fn build_within_for(spec: &Spec<'_>, budget: &Budget<'_>, isa: Isa) -> Result<Self, BasisError> {
-        Self::stored(spec, isa, |plan| Local::build(spec, plan, budget).map(Store::Local))
+        let gathered = Gathered::new(spec, &Plan::new(spec)?)?;
+        Self::within(spec, &gathered, budget, isa)
+    }
+
+    /// One for each of several budgets, such as those of the parts of a domain: what depends on the modes alone is worked out once.
+    ///
+    /// # Errors
+    /// As [`Basis::build_within`]; of each whether its budget can be kept.
+    pub fn build_within_each(
+        spec: &Spec<'_>,
+        budgets: &[Budget<'_>],
+    ) -> Result<Vec<Result<Self, BasisError>>, BasisError> {
+        let gathered = Gathered::new(spec, &Plan::new(spec)?)?;
+        Ok(budgets.iter().map(|budget| Self::within(spec, &gathered, budget, Isa::detect())).collect())
+    }
+
+    fn within(
+        spec: &Spec<'_>,
+        gathered: &Gathered,
+        budget: &Budget<'_>,
+        isa: Isa,
+    ) -> Result<Self, BasisError> {
+        Self::stored(spec, isa, |plan| Local::build(spec, plan, gathered, budget).map(Store::Local))
     }
 
     fn stored(

@@ -18,7 +18,7 @@ use std::ops::Range;
 use super::TILE_NODES;
 use super::budget::{self, Budget, Component, F32_ROUNDING, I8_MAX, Width};
 use super::lanes::{BYTE_ZERO, word};
-use super::local_modes::{Columns, add_times, as_they_are, local_modes, square_root};
+use super::local_modes::{Columns, GroupRows, add_times, as_they_are, energy, local_modes, square_root};
 use super::pages::{LINE, Line, Lines};
 use super::plan::{Op, Plan};
 use super::spec::{BasisError, Shortfall, Spec};
@@ -48,41 +48,77 @@ pub(super) struct Local {
     largest_errors: Vec<f64>,
 }
 
-/// A list of rows and its components by group.
-struct List<'a> {
-    op: &'a Op,
+/// The rows of a plan by list and group: what bases of one plan within different budgets have in common.
+#[derive(Debug)]
+pub(super) struct Gathered {
+    /// By affine field.
+    lists: Vec<Vec<ListRows>>,
+}
+
+/// A list of rows.
+#[derive(Debug)]
+struct ListRows {
     /// Of the rows of its field.
     rows: Range<usize>,
     /// The field's first row in the plan.
     first: usize,
+    groups: Vec<GroupRows>,
+}
+
+impl Gathered {
+    /// 8 bytes an entry, and as much again where local modes are looked for.
+    pub fn new(spec: &Spec<'_>, plan: &Plan) -> Result<Self, BasisError> {
+        let (mut lists, mut first) = (Vec::new(), 0);
+        for op in &plan.ops {
+            let of_field = rows(spec, op);
+            check_finite(spec, op.field, &of_field)?;
+            let groups = 0..spec.output_nodes().div_ceil(GROUP_NODES);
+            let of_list = |list: Range<usize>| {
+                let of_group = |group| GroupRows::new(columns(spec, &of_field[list.clone()], group));
+                ListRows { groups: groups.clone().map(of_group).collect(), rows: list.clone(), first }
+            };
+            lists.push(op.lists().map(of_list).collect());
+            first += of_field.len();
+        }
+        Ok(Self { lists })
+    }
+}
+
+/// A list and its components by group.
+struct List<'a> {
+    rows: &'a ListRows,
     groups: Vec<Vec<Component>>,
     step: f64,
 }
 
 impl Local {
     /// Finds the components of every list and stores them within the budget.
-    pub fn build(spec: &Spec<'_>, plan: &Plan, budget: &Budget<'_>) -> Result<Self, BasisError> {
+    pub fn build(
+        spec: &Spec<'_>,
+        plan: &Plan,
+        gathered: &Gathered,
+        budget: &Budget<'_>,
+    ) -> Result<Self, BasisError> {
         let found = budget.typical.iter().map(Vec::len).min().unwrap_or(0);
         if budget.typical.is_empty() || found < plan.coefficients {
             return Err(BasisError::Typical { found, expected: plan.coefficients });
         }
-        let (mut lists, mut short, mut first) = (Vec::new(), Vec::new(), 0);
-        for op in &plan.ops {
-            match lists_of(spec, op, first, budget)? {
+        let (mut lists, mut short) = (Vec::new(), Vec::new());
+        for (op, rows) in plan.ops.iter().zip(&gathered.lists) {
+            match lists_of(op, rows, spec.output_nodes(), budget) {
                 Ok(of_op) => lists.extend(of_op),
                 Err(shortfall) => short.push(shortfall),
             }
-            first += rows(spec, op).len();
         }
-        if short.is_empty() { Ok(Self::store(spec, plan, &lists)) } else { Err(BasisError::Budget(short)) }
+        if short.is_empty() { Ok(Self::store(plan, &lists)) } else { Err(BasisError::Budget(short)) }
     }
 
-    fn store(spec: &Spec<'_>, plan: &Plan, lists: &[List<'_>]) -> Self {
+    fn store(plan: &Plan, lists: &[List<'_>]) -> Self {
         let mut local = Self {
             tiles: Lines::zeroed(0),
             transforms: Vec::new(),
             counts: Vec::new(),
-            lists: lists.iter().map(|list| list.rows.len()).collect(),
+            lists: lists.iter().map(|list| list.rows.rows.len()).collect(),
             largest_errors: vec![0.0; plan.rows],
         };
         let mut tiles = Vec::new();
@@ -94,7 +130,7 @@ impl Local {
                     .filter_map(|component| Stored::new(component, list.step))
                     .collect();
                 of_list.sort_by_key(|own| own.width); // stable: the largest first in each
-                local.push_transform(&of_list, list.rows.len());
+                local.push_transform(&of_list, list.rows.rows.len());
                 stored.push(of_list);
             }
             let of_group = group * GROUP_TILES..plan.tiles().min((group + 1) * GROUP_TILES);
@@ -102,7 +138,7 @@ impl Local {
                 stored.iter().for_each(|of_list| push_tile(&mut tiles, of_list, tile));
             }
             for (list, stored) in lists.iter().zip(&stored) {
-                local.note_errors(spec, list, group, stored);
+                local.note_errors(list.rows, group, stored);
             }
         }
         local.tiles = Lines::from(&tiles[..]);
@@ -125,9 +161,8 @@ impl Local {
     }
 
     /// What becomes of each row of the list in this group, and how far that is from what it was.
-    fn note_errors(&mut self, spec: &Spec<'_>, list: &List<'_>, group: usize, stored: &[Stored<'_>]) {
-        let of_field = rows(spec, list.op);
-        let columns = columns(spec, &of_field[list.rows.clone()], group);
+    fn note_errors(&mut self, list: &ListRows, group: usize, stored: &[Stored<'_>]) {
+        let columns = &list.groups[group].rows;
         let read: Vec<Vec<f64>> = stored.iter().map(|own| own.read(columns.length)).collect();
         for (at, row) in list.rows.clone().enumerate() {
             let mut errors: Vec<f64> = columns.of(at).iter().map(|value| -value).collect();
@@ -174,57 +209,53 @@ impl Local {
 
 /// The lists of a field, all with one step; in f32 as they are, or what is short, where no step keeps what is accepted.
 fn lists_of<'a>(
-    spec: &Spec<'_>,
-    op: &'a Op,
-    first: usize,
+    op: &Op,
+    rows: &'a [ListRows],
+    nodes: usize,
     budget: &Budget<'_>,
-) -> Result<Result<Vec<List<'a>>, Shortfall>, BasisError> {
+) -> Result<Vec<List<'a>>, Shortfall> {
     let accepted = budget.accepted.get(op.field).copied().unwrap_or(0.0).max(0.0);
-    let of_field = rows(spec, op);
-    check_finite(spec, op.field, &of_field)?;
     let coefficients: Vec<Option<usize>> = op.coefficients_of_rows().collect();
     let root = |list: &Range<usize>| {
         let of_list = &coefficients[list.clone()];
         let typical = |vector: &Vec<f64>| of_list.iter().map(|of| of.map_or(1.0, |of| vector[of])).collect();
         square_root(&budget.typical.iter().map(typical).collect::<Vec<_>>(), list.len())
     };
-    let of_lists: Vec<(Range<usize>, Columns)> = op.lists().map(|list| (list.clone(), root(&list))).collect();
+    let roots: Vec<Columns> = rows.iter().map(|list| root(&list.rows)).collect();
     // All lists, each group's components made by number of the list, rows and root.
-    let each = |make: &mut dyn FnMut(usize, &Columns, &Columns) -> Vec<Component>| -> Vec<List<'a>> {
-        let mut lists = Vec::new();
-        for (at, (list, root)) in of_lists.iter().enumerate() {
-            let groups = 0..spec.output_nodes().div_ceil(GROUP_NODES);
-            let groups =
-                groups.map(|group| make(at, &columns(spec, &of_field[list.clone()], group), root)).collect();
-            lists.push(List { op, rows: list.clone(), first, groups, step: 0.0 });
-        }
-        lists
+    let each = |make: &mut dyn FnMut(usize, &GroupRows, &Columns) -> Vec<Component>| -> Vec<List<'a>> {
+        let mut of_list = |(at, rows): (usize, &'a ListRows)| {
+            let groups = rows.groups.iter().map(|group| make(at, group, &roots[at])).collect();
+            List { rows, groups, step: 0.0 }
+        };
+        rows.iter().enumerate().map(&mut of_list).collect()
     };
 
-    let (mut energy, nodes) = (0.0, spec.output_nodes() as f64);
-    each(&mut |_, rows, root| {
-        energy += as_they_are(rows, root).iter().map(Component::energy).sum::<f64>();
-        Vec::new()
-    });
+    let nodes = nodes as f64;
+    let of_list = |(list, root): (&ListRows, &Columns)| -> f64 {
+        list.groups.iter().map(|group| energy(&group.rows, root)).sum()
+    };
+    let energy: f64 = rows.iter().zip(&roots).map(of_list).sum();
     let least = (energy * F32_ROUNDING / nodes).sqrt();
     if accepted >= least {
         let mut left_out = 0.0;
-        let mut local = each(&mut |at, rows, root| {
+        let mut local = each(&mut |at, group, root| {
             if at > 0 {
-                return as_they_are(rows, root);
+                return as_they_are(&group.rows, root);
             }
-            let (modes, rest) = local_modes(rows, root, LEFT_OUT * accepted * accepted * rows.length as f64);
+            let tolerance = LEFT_OUT * accepted * accepted * group.rows.length as f64;
+            let (modes, rest) = local_modes(group, root, tolerance);
             left_out += rest;
             modes
         });
         if let Some(step) = budget::step(components(&local), [accepted, nodes, left_out]) {
             local.iter_mut().for_each(|list| list.step = step);
-            return Ok(Ok(local));
+            return Ok(local);
         }
     } else if !budget.or_f32 {
-        return Ok(Err(Shortfall { field: op.field, accepted, least }));
+        return Err(Shortfall { field: op.field, accepted, least });
     }
-    Ok(Ok(each(&mut |_, rows, root| as_they_are(rows, root)))) // a step of 0: all in f32
+    Ok(each(&mut |_, group, root| as_they_are(&group.rows, root))) // a step of 0: all in f32
 }
 
 fn components<'a>(lists: &'a [List<'_>]) -> impl Iterator<Item = &'a Component> {

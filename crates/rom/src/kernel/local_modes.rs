@@ -7,11 +7,14 @@
 //! Phi a ~ Q (Q^T Phi) a         k rows instead of m, their coefficients b = (Q^T Phi) a
 //! ```
 //! the mean squares of `b` are the row sums of squares of `Q^T F`. `Q` is a Gram-Schmidt basis, the largest column first, after one
-//! iteration `F (F^T Q)`: as few columns as the singular vectors of `F` to a per cent, without a decomposition. Cost
-//! `O(nodes m k)` a group.
+//! iteration `F (F^T Q)`: as few columns as the singular vectors of `F` to a per cent, without a decomposition.
+//!
+//! All of it happens among orthonormal columns `W` that span `Phi`, in `m` numbers a column instead of one a node: `Phi = W (W^T Phi)`, so `W^T F`
+//! has the products of `F`. Cost `O(nodes m^2)` once a group, and `O(nodes m k)` for each `L`.
 
 use super::budget::Component;
 use super::isa::with_widest_vectors;
+use std::cell::OnceCell;
 
 /// Share of what may be left out that is before local modes are looked for: over a part of the domain many columns add next to nothing.
 const LEAST: f64 = 0.1;
@@ -53,6 +56,28 @@ impl Columns {
     fn products(&self, other: &Self) -> Self {
         let values = other.each().flat_map(|other| self.each().map(|column| dot(column, other))).collect();
         Self { length: self.count(), values }
+    }
+}
+
+/// The rows of a list over the nodes of a group.
+#[derive(Debug)]
+pub(super) struct GroupRows {
+    pub rows: Columns,
+    /// Orthonormal columns that span them, and each row's products with these; worked out when they are asked for.
+    spanned: OnceCell<(Columns, Columns)>,
+}
+
+impl GroupRows {
+    pub fn new(rows: Columns) -> Self {
+        Self { rows, spanned: OnceCell::new() }
+    }
+
+    fn spanned(&self) -> &(Columns, Columns) {
+        self.spanned.get_or_init(|| {
+            let columns = span(&self.rows, 0.0, self.rows.count());
+            let products = columns.products(&self.rows);
+            (columns, products)
+        })
     }
 }
 
@@ -156,7 +181,11 @@ fn span(columns: &Columns, tolerance: f64, most: usize) -> Columns {
 
 /// The local modes of rows over a group, whose coefficients have the mean products `root root^T`, and the sum over the nodes of the
 /// mean squares of what they leave out, about `tolerance` at most.
-pub(super) fn local_modes(rows: &Columns, root: &Columns, tolerance: f64) -> (Vec<Component>, f64) {
+pub(super) fn local_modes(rows: &GroupRows, root: &Columns, tolerance: f64) -> (Vec<Component>, f64) {
+    let (columns, rows) = rows.spanned();
+    if columns.count() == 0 {
+        return (Vec::new(), 0.0); // rows of nothing but 0
+    }
     let seen = rows.times(root.each());
     let (counts, nothing) = without_least(&seen, LEAST * tolerance);
     let first = span(&counts, tolerance - nothing, rows.count());
@@ -175,7 +204,8 @@ pub(super) fn local_modes(rows: &Columns, root: &Columns, tolerance: f64) -> (Ve
             square += along * along;
         }
         let of_rows = rows.each().map(|row| dot(mode, row)).collect();
-        components.push(Component { values: mode.to_vec(), rms: square.sqrt(), of_rows });
+        let values = columns.times(std::iter::once(mode)).values;
+        components.push(Component { values, rms: square.sqrt(), of_rows });
     }
     (components, dot(&rest.values, &rest.values))
 }
@@ -198,12 +228,21 @@ fn without_least(columns: &Columns, tolerance: f64) -> (Columns, f64) {
     (Columns { length: columns.length, values: kept.collect() }, sum)
 }
 
+/// Sum over the nodes of the mean squares of what the rows add, each by itself.
+pub(super) fn energy(rows: &Columns, root: &Columns) -> f64 {
+    rows.each().enumerate().map(|(at, row)| mean_square(root, at) * dot(row, row)).sum()
+}
+
+/// Of the coefficient of a row.
+fn mean_square(root: &Columns, row: usize) -> f64 {
+    root.each().map(|column| column[row] * column[row]).sum()
+}
+
 /// The rows as they are, for lists that are not worth a change.
 pub(super) fn as_they_are(rows: &Columns, root: &Columns) -> Vec<Component> {
     let one = |(at, row): (usize, &[f64])| {
         let of_rows = (0..rows.count()).map(|j| if j == at { 1.0 } else { 0.0 }).collect();
-        let square: f64 = root.each().map(|column| column[at] * column[at]).sum();
-        Component { values: row.to_vec(), rms: square.sqrt(), of_rows }
+        Component { values: row.to_vec(), rms: mean_square(root, at).sqrt(), of_rows }
     };
     rows.each().enumerate().map(one).collect()
 }
@@ -229,7 +268,7 @@ mod tests {
                 vectors.iter().map(|vector| dot(&of(vector), &of(vector))).sum::<f64>() / vectors.len() as f64
             };
             let all = mean_square(&field);
-            let (modes, left_out) = local_modes(&columns, &root, share * all);
+            let (modes, left_out) = local_modes(&GroupRows::new(columns.clone()), &root, share * all);
             prop_assert!(modes.len() <= count.min(nodes));
             let error = |vector: &[f64]| {
                 let mut rest = field(vector);
