@@ -24,9 +24,12 @@ pub struct Args {
     /// Ends with 1 when Python takes more than this many times Rust's time; with at most 15 rounds, as many as it takes.
     #[arg(long, value_name = "RATIO")]
     at_most: Option<f64>,
+    /// The same when it takes less: one that is too small says that Rust was disturbed.
+    #[arg(long, value_name = "RATIO")]
+    at_least: Option<f64>,
 }
 
-/// Rounds after which a ratio that is still too large is believed: other programs disturb single rounds.
+/// Rounds after which a ratio that is still too large or too small is believed: other programs disturb single rounds.
 const MAX_ROUNDS: u32 = 15;
 
 /// Smallest medians so far (us).
@@ -51,8 +54,8 @@ impl Args {
             .args(["--states", &STATES.to_string()]);
         let never = f64::INFINITY;
         let mut times = Times { rust: never, python: never, python_new_memory: never };
-        let most = self.at_most.unwrap_or(f64::INFINITY);
-        let within = |times: &Times| times.python <= most * times.rust;
+        let (least, most) = (self.at_least.unwrap_or(0.0), self.at_most.unwrap_or(f64::INFINITY));
+        let within = |times: &Times| (least..=most).contains(&(times.python / times.rust));
         let mut rounds = 0;
         while rounds < self.rounds || (rounds < MAX_ROUNDS && !within(&times)) {
             times.rust = times.rust.min(rust_us(&mut state)?);
@@ -73,7 +76,7 @@ impl Args {
         )?;
         anyhow::ensure!(
             within(&times),
-            "Python takes {ratio:.2} times the time of Rust, at most {most} expected"
+            "Python takes {ratio:.2} times the time of Rust, {least} to {most} expected"
         );
         Ok(())
     }
