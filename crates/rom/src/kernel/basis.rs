@@ -92,7 +92,9 @@ impl Basis {
     /// # Errors
     /// As [`Basis::build`], and [`BasisError::IsaMissing`].
     pub fn build_for(spec: &Spec<'_>, precision: Precision, isa: Isa) -> Result<Self, BasisError> {
-        Self::stored(spec, isa, |plan| Tiles::build(spec, plan, precision).map(Store::Uniform))
+        let plan = Self::plan(spec, isa)?;
+        let tiles = Tiles::build(spec, &plan, precision)?;
+        Ok(Self::of(spec, plan, Store::Uniform(tiles), isa))
     }
 
     /// Lays the basis out in as few bytes as keep the error that is accepted. Cost `O(nodes modes^2)` a field.
@@ -108,8 +110,9 @@ impl Basis {
     /// # Errors
     /// As [`Basis::build_within`], and [`BasisError::IsaMissing`].
     pub fn build_within_for(spec: &Spec<'_>, budget: &Budget<'_>, isa: Isa) -> Result<Self, BasisError> {
-        let gathered = Gathered::new(spec, &Plan::new(spec)?)?;
-        Self::within(spec, &gathered, budget, isa)
+        let plan = Self::plan(spec, isa)?;
+        let gathered = Gathered::new(spec, &plan)?;
+        Self::within(spec, &plan, &gathered, budget, isa)
     }
 
     /// One for each of several budgets, such as those of the parts of a domain: what depends on the modes alone is worked out once.
@@ -120,30 +123,32 @@ impl Basis {
         spec: &Spec<'_>,
         budgets: &[Budget<'_>],
     ) -> Result<Vec<Result<Self, BasisError>>, BasisError> {
-        let gathered = Gathered::new(spec, &Plan::new(spec)?)?;
-        Ok(budgets.iter().map(|budget| Self::within(spec, &gathered, budget, Isa::detect())).collect())
+        let isa = Isa::detect();
+        let plan = Self::plan(spec, isa)?;
+        let gathered = Gathered::new(spec, &plan)?;
+        Ok(budgets.iter().map(|budget| Self::within(spec, &plan, &gathered, budget, isa)).collect())
     }
 
     fn within(
         spec: &Spec<'_>,
+        plan: &Plan,
         gathered: &Gathered,
         budget: &Budget<'_>,
         isa: Isa,
     ) -> Result<Self, BasisError> {
-        Self::stored(spec, isa, |plan| Local::build(spec, plan, gathered, budget).map(Store::Local))
+        let local = Local::build(plan, gathered, budget)?;
+        Ok(Self::of(spec, plan.clone(), Store::Local(local), isa))
     }
 
-    fn stored(
-        spec: &Spec<'_>,
-        isa: Isa,
-        store: impl FnOnce(&Plan) -> Result<Store, BasisError>,
-    ) -> Result<Self, BasisError> {
+    fn plan(spec: &Spec<'_>, isa: Isa) -> Result<Plan, BasisError> {
         if !isa.is_available() {
             return Err(BasisError::IsaMissing { isa, detected: Isa::detect() });
         }
-        let plan = Plan::new(spec)?;
-        let store = store(&plan)?;
-        Ok(Self { plan, store, isa, nodes: spec.nodes.map(Into::into) })
+        Plan::new(spec)
+    }
+
+    fn of(spec: &Spec<'_>, plan: Plan, store: Store, isa: Isa) -> Self {
+        Self { plan, store, isa, nodes: spec.nodes.map(Into::into) }
     }
 
     /// Writes all published fields, field-major (all nodes of the first field, then of the second ...), and returns

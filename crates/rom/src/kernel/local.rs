@@ -59,7 +59,7 @@ pub(super) struct Gathered {
 #[derive(Debug)]
 struct ListRows {
     /// Of the rows of its field.
-    rows: Range<usize>,
+    of_field: Range<usize>,
     /// The field's first row in the plan.
     first: usize,
     groups: Vec<GroupRows>,
@@ -75,7 +75,7 @@ impl Gathered {
             let groups = 0..spec.output_nodes().div_ceil(GROUP_NODES);
             let of_list = |list: Range<usize>| {
                 let of_group = |group| GroupRows::new(columns(spec, &of_field[list.clone()], group));
-                ListRows { groups: groups.clone().map(of_group).collect(), rows: list.clone(), first }
+                ListRows { groups: groups.clone().map(of_group).collect(), of_field: list, first }
             };
             lists.push(op.lists().map(of_list).collect());
             first += of_field.len();
@@ -93,19 +93,14 @@ struct List<'a> {
 
 impl Local {
     /// Finds the components of every list and stores them within the budget.
-    pub fn build(
-        spec: &Spec<'_>,
-        plan: &Plan,
-        gathered: &Gathered,
-        budget: &Budget<'_>,
-    ) -> Result<Self, BasisError> {
+    pub fn build(plan: &Plan, gathered: &Gathered, budget: &Budget<'_>) -> Result<Self, BasisError> {
         let found = budget.typical.iter().map(Vec::len).min().unwrap_or(0);
         if budget.typical.is_empty() || found < plan.coefficients {
             return Err(BasisError::Typical { found, expected: plan.coefficients });
         }
         let (mut lists, mut short) = (Vec::new(), Vec::new());
         for (op, rows) in plan.ops.iter().zip(&gathered.lists) {
-            match lists_of(op, rows, spec.output_nodes(), budget) {
+            match lists_of(op, rows, plan.nodes, budget) {
                 Ok(of_op) => lists.extend(of_op),
                 Err(shortfall) => short.push(shortfall),
             }
@@ -118,7 +113,7 @@ impl Local {
             tiles: Lines::zeroed(0),
             transforms: Vec::new(),
             counts: Vec::new(),
-            lists: lists.iter().map(|list| list.rows.rows.len()).collect(),
+            lists: lists.iter().map(|list| list.rows.of_field.len()).collect(),
             largest_errors: vec![0.0; plan.rows],
         };
         let mut tiles = Vec::new();
@@ -130,7 +125,7 @@ impl Local {
                     .filter_map(|component| Stored::new(component, list.step))
                     .collect();
                 of_list.sort_by_key(|own| own.width); // stable: the largest first in each
-                local.push_transform(&of_list, list.rows.rows.len());
+                local.push_transform(&of_list, list.rows.of_field.len());
                 stored.push(of_list);
             }
             let of_group = group * GROUP_TILES..plan.tiles().min((group + 1) * GROUP_TILES);
@@ -164,7 +159,7 @@ impl Local {
     fn note_errors(&mut self, list: &ListRows, group: usize, stored: &[Stored<'_>]) {
         let columns = &list.groups[group].rows;
         let read: Vec<Vec<f64>> = stored.iter().map(|own| own.read(columns.length)).collect();
-        for (at, row) in list.rows.clone().enumerate() {
+        for (at, row) in list.of_field.clone().enumerate() {
             let mut errors: Vec<f64> = columns.of(at).iter().map(|value| -value).collect();
             for (own, read) in stored.iter().zip(&read) {
                 add_times(&mut errors, read, own.component.of_rows[at]);
@@ -221,14 +216,14 @@ fn lists_of<'a>(
         let typical = |vector: &Vec<f64>| of_list.iter().map(|of| of.map_or(1.0, |of| vector[of])).collect();
         square_root(&budget.typical.iter().map(typical).collect::<Vec<_>>(), list.len())
     };
-    let roots: Vec<Columns> = rows.iter().map(|list| root(&list.rows)).collect();
+    let roots: Vec<Columns> = rows.iter().map(|list| root(&list.of_field)).collect();
     // All lists, each group's components made by number of the list, rows and root.
     let each = |make: &mut dyn FnMut(usize, &GroupRows, &Columns) -> Vec<Component>| -> Vec<List<'a>> {
-        let mut of_list = |(at, rows): (usize, &'a ListRows)| {
-            let groups = rows.groups.iter().map(|group| make(at, group, &roots[at])).collect();
+        let of_lists = rows.iter().zip(&roots).enumerate().map(|(at, (rows, root))| {
+            let groups = rows.groups.iter().map(|group| make(at, group, root)).collect();
             List { rows, groups, step: 0.0 }
-        };
-        rows.iter().enumerate().map(&mut of_list).collect()
+        });
+        of_lists.collect()
     };
 
     let nodes = nodes as f64;
