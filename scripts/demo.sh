@@ -8,7 +8,7 @@
 # Builds what is missing, and nothing else. Needs Rust and a C compiler.
 set -euo pipefail
 # A trace is named from where the user stands, everything else from the repository.
-arguments=() packages=(-p softtwind -p cli)
+arguments=() packages=(-p softtwind)
 while [ $# -gt 0 ]; do
   case "$1" in
     --trace) [ $# -ge 2 ] || { echo "demo.sh: --trace needs a file" >&2; exit 2; }

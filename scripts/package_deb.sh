@@ -61,7 +61,7 @@ package() {
 }
 
 root=$work/softtwin
-cargo build --locked --quiet --profile "$profile" -p softtwind -p cli -p softtwin --bins
+cargo build --locked --quiet --profile "$profile" -p softtwind -p softtwin --bins
 mkdir -p "$root/usr/bin"
 for program in softtwin softtwind softtwin-demo; do strip -o "$root/usr/bin/$program" "$folder/$program"; done
 install -d "$root/usr/lib/softtwin"

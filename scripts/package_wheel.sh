@@ -10,7 +10,7 @@ if [ "${2:-}" = --profile ]; then profile=${3:?--profile needs a name}; fi
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-cargo build --locked --quiet --profile "$profile" -p capi -p softtwind -p cli -p control --bins --lib
+cargo build --locked --quiet --profile "$profile" -p capi -p softtwind -p control --bins --lib
 folder=${CARGO_TARGET_DIR:-target}/$([ "$profile" = dev ] && echo debug || echo "$profile")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

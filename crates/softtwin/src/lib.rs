@@ -22,7 +22,7 @@ pub mod unseen_errors;
 mod view;
 mod viewers;
 
-pub use cli::{daemon, failure, output, range};
+pub use softtwind::{daemon, failure, output, range};
 pub use cmd::Command;
 pub use cmd::bench::{compute, full_size, measure};
 pub use cmd::stability;

@@ -1,7 +1,21 @@
-//! `softtwind`: the daemon. `bridge` feeds readings into shared memory, `twin` answers them with states and fields.
+//! `softtwind`: the daemon. `bridge` feeds readings into shared memory, `twin` answers them with states and fields. In addition
+//! the parts that all programs share at the command line (exit codes, output, ranges of arguments, child processes, samples
+//! as one line, latencies, installed files) and the demonstration.
 //!
 //! The start-up order is the order of `bridge::run` and `twin::run`: banner, whole configuration, domain and topics,
 //! ready, loop, summary. Nothing is bound before the whole configuration has been checked.
+#![forbid(unsafe_code)]
+// Results go through `output!`, which survives a closed pipe; `println!` would panic there.
+#![warn(clippy::print_stdout)]
+
+pub mod daemon;
+pub mod demo;
+pub mod failure;
+pub mod latency;
+pub mod output;
+pub mod range;
+pub mod shared_files;
+pub mod text;
 
 mod bridge;
 mod bridge_reload;

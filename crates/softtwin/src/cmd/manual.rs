@@ -33,7 +33,7 @@ impl Args {
             .version(env!("CARGO_PKG_VERSION"))
             .about("Digital twin of a soft pneumatic actuator: from pressure and gap to the whole deformed, stressed body");
         let programs =
-            [super::Command::augment_subcommands(tool), softtwind::command(), cli::demo::command()];
+            [super::Command::augment_subcommands(tool), softtwind::command(), softtwind::demo::command()];
         let [man, completions] = ["man1", "completions"].map(|name| self.out.join(name));
         create_dir_all(&man).with_context(|| man.display().to_string())?;
         create_dir_all(&completions).with_context(|| completions.display().to_string())?;

@@ -3,7 +3,7 @@
 //! A command's file has a `pub struct Args` (clap derive: names, units, examples) and `impl Args { pub fn run(self) ->
 //! anyhow::Result<()> }`. What the user got wrong is marked with [`crate::failure`]; results are printed with `output!`.
 
-use cli::demo;
+use softtwind::demo;
 
 pub mod bench;
 mod build;

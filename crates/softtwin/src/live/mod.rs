@@ -3,8 +3,8 @@
 pub mod json;
 mod readers;
 
-pub use cli::latency::{Latencies, PercentilesUs};
-pub use cli::text;
+pub use softtwind::latency::{Latencies, PercentilesUs};
+pub use softtwind::text;
 pub use readers::Readers;
 
 use crate::failure::usage;

@@ -11,7 +11,7 @@ mod report;
 
 use crate::progress::Progress;
 use crate::{files, output};
-use cli::shared_files;
+use softtwind::shared_files;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
