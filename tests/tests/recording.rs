@@ -173,7 +173,7 @@ fn a_topic_of_another_layout_stops_nobody() {
     for arguments in [
         &["record", "--out", &out, "--seconds", "1"][..],
         &["echo", "softtwin/**", "--count", "3"],
-        &["hz", "softtwin/**", "--seconds", "1"],
+        &["list", "--rate", "--seconds", "1"],
         &["top", "--once"],
     ] {
         let (status, said) = Program::tool(&stage, arguments).end();

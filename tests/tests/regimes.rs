@@ -88,7 +88,7 @@ fn a_strip_is_served_in_the_regime_of_each_reading() {
         (&["echo", "softtwin/strip/state", "--once", "--json"], "\"regime\":\"up\""),
         (&["top", "--once"], " up "),
         (&["top", "--once", "--json"], "\"regime\":\"up\""),
-        (&["info", "softtwin/strip/state"], "  up "),
+        (&["list", "softtwin/strip/state", "--long"], "  up "),
         (&["get", "softtwin/strip/whatif?load_n=5"], "  straight "),
         (&["get", "softtwin/strip/whatif?load_n=13", "--json"], "\"regime\":\"up\""),
     ] {

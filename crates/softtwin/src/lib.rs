@@ -22,8 +22,8 @@ pub mod unseen_errors;
 mod view;
 mod viewers;
 
-pub use softtwind::{daemon, failure, output, range};
 pub use cmd::Command;
 pub use cmd::bench::{compute, full_size, measure};
 pub use cmd::stability;
+pub use softtwind::{daemon, failure, output, range};
 pub use view::is_request as is_page_request;

@@ -75,7 +75,7 @@ fn write(name: &str, regimes: &LogRegimes, event: &Event) {
         }
         EventKind::SendFailed => {
             tracing::error!(
-                "{name}: shared memory refused {} times; `softtwin info` shows the programs that hold it",
+                "{name}: shared memory refused {} times; `softtwin list --long` shows the programs that hold it",
                 event.value
             );
         }

@@ -103,7 +103,7 @@ class Subscription:
             left = _SLICE_S if end is None else min(_SLICE_S, end - time.monotonic())
             if left <= 0:
                 raise TwinSilent(
-                    f"{self.topic}: nothing came within {limit} s; is the bridge running? `softtwin hz '{self.topic}'`"
+                    f"{self.topic}: nothing came within {limit} s; is the bridge running? `softtwin list --rate '{self.topic}'`"
                 )
             yield iox2.Duration.from_secs_f64(max(left, 0.001))
 

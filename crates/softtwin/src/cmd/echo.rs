@@ -72,7 +72,7 @@ impl Args {
         }
         anyhow::ensure!(
             shown > 0 || self.seconds.is_none(),
-            "nothing was published on `{}`; is the bridge running? `softtwin hz '{}'` shows the rate",
+            "nothing was published on `{}`; is the bridge running? `softtwin list --rate '{}'` shows the rate",
             self.key,
             self.key
         );

@@ -16,9 +16,7 @@ mod export;
 mod foxglove;
 mod get;
 mod grasp;
-mod hz;
 mod import;
-mod info;
 mod inspect;
 mod list;
 mod manual;
@@ -62,7 +60,7 @@ macro_rules! commands {
 commands! {
     "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor, Bench => bench,
         Setpoint => setpoint, Manual => manual;
-    "Look": View => view, Top => top, List => list, Info => info, Echo => echo, Hz => hz, Foxglove => foxglove, Get => get, Export => export,
+    "Look": View => view, Top => top, List => list, Echo => echo, Foxglove => foxglove, Get => get, Export => export,
         Plot => plot, Render => render;
     "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train,
         Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;

@@ -3,9 +3,9 @@
 pub mod json;
 mod readers;
 
+pub use readers::Readers;
 pub use softtwind::latency::{Latencies, PercentilesUs};
 pub use softtwind::text;
-pub use readers::Readers;
 
 use crate::failure::usage;
 use std::path::PathBuf;
