@@ -10,7 +10,7 @@ if [ "${2:-}" = --profile ]; then profile=${3:?--profile needs a name}; fi
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-cargo build --locked --quiet --profile "$profile" -p capi -p softtwind -p control --bins --lib
+cargo build --locked --quiet --profile "$profile" -p capi -p softtwind --bins --lib
 folder=${CARGO_TARGET_DIR:-target}/$([ "$profile" = dev ] && echo debug || echo "$profile")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -18,7 +18,7 @@ cp -r clients/python/{pyproject.toml,README.md,src} "$work/"
 carried=$work/src/softtwin/carried
 scripts/share.sh "$carried/share" pneunet
 mkdir -p "$carried/bin" "$carried/lib" "$carried/include"
-for program in softtwind softtwin-demo softtwin-plant; do strip -o "$carried/bin/$program" "$folder/$program"; done
+for program in softtwind softtwin-demo; do strip -o "$carried/bin/$program" "$folder/$program"; done
 strip --strip-unneeded -o "$carried/lib/libsofttwin.so.0" "$folder/libcapi.so"
 cp crates/capi/include/softtwin* "$carried/include/"
 # Programs for this processor, for every Python 3.

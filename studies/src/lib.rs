@@ -2,12 +2,14 @@
 #![forbid(unsafe_code)]
 #![warn(clippy::print_stdout)]
 
+mod bench;
 mod control;
 mod estimation;
 mod hard_cases;
 mod learning;
 mod measure;
 mod peers;
+mod plant;
 mod python;
 mod report;
 mod restart;
@@ -16,6 +18,7 @@ mod slope;
 mod soak;
 mod stats;
 mod sweep;
+mod testbed;
 mod trace;
 mod validate;
 pub mod verify;
@@ -34,6 +37,9 @@ pub enum Command {
     Estimation(estimation::Args),
     Measure(measure::Args),
     Control(control::Args),
+    Bench(bench::Args),
+    Plant(plant::on_wire::Args),
+    Rig(plant::modbus::Args),
     Peers(peers::Args),
     Soak(soak::Args),
     Cycles(soak::cycles::Args),
@@ -57,6 +63,9 @@ impl Command {
             Self::Estimation(args) => args.run(),
             Self::Measure(args) => args.run(),
             Self::Control(args) => args.run(),
+            Self::Bench(args) => args.run(),
+            Self::Plant(args) => args.run(),
+            Self::Rig(args) => args.run(),
             Self::Peers(args) => args.run(),
             Self::Soak(args) => args.run(),
             Self::Cycles(args) => args.run(),

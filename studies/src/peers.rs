@@ -2,12 +2,12 @@
 
 use crate::python;
 use crate::stats::median;
+use crate::testbed::Testbed;
 use anyhow::Context;
 use serde::Deserialize;
 use serde_json::Value;
 use softtwin::failure::usage;
 use softtwin::output;
-use softtwin::testbed::Testbed;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -49,7 +49,7 @@ fn training(modes: u16) -> String {
 }
 /// One thread: a twin has one core, and numpy's pool would take them all.
 const THREADS: [&str; 3] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"];
-/// What is taken from `softtwin bench --json`; the last one is compared.
+/// What is taken from `softtwin-studies bench --json`; the last one is compared.
 const OURS: [(&str, &str); 5] = [
     ("softtwin, kernel, f32", "/kernel/f32/warm_us_p50"),
     ("softtwin, kernel, i16", "/kernel/i16/warm_us_p50"),
@@ -77,8 +77,10 @@ impl Args {
             for (times, us) in theirs.iter_mut().zip(peers.round()?) {
                 times.push(us);
             }
-            let bench = testbed
-                .run("softtwin", &["bench", "--model", &model, "--no-live", "--samples", "500", "--json"])?;
+            let bench = testbed.run(
+                "softtwin-studies",
+                &["bench", "--model", &model, "--no-live", "--samples", "500", "--json"],
+            )?;
             let bench: Value = serde_json::from_str(&bench)?;
             for (times, (_, key)) in ours.iter_mut().zip(OURS) {
                 times.push(bench.pointer(key).and_then(Value::as_f64).context("bench reports no time")?);

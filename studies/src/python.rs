@@ -1,6 +1,6 @@
 //! Python environments of their own for programs that are compared with ours.
 
-use softtwin::testbed::output_of;
+use crate::testbed::output_of;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

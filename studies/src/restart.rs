@@ -1,12 +1,12 @@
 //! How long a restart takes, measured with real processes.
 
 use crate::stats::median;
+use crate::testbed::{Sine, Testbed};
 use crate::verify::Verifier;
 use anyhow::Context;
 use serde_json::json;
 use softtwin::failure::configuration;
 use softtwin::output;
-use softtwin::testbed::{Sine, Testbed};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use wire::layout::flags;

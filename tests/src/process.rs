@@ -84,7 +84,7 @@ impl Program {
     /// Runs a shell line in which our programs are found by name.
     pub fn shell(stage: &Stage, line: &str) -> Self {
         let programs = binary("softtwin").parent().expect("a folder").display().to_string();
-        let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
+        let path = format!("{programs}:{programs}/examples:{}", std::env::var("PATH").unwrap_or_default());
         Self::start(stage, Command::new("sh").args(["-c", line]).env("PATH", path))
     }
 

@@ -15,7 +15,7 @@ fn read(path: &str) -> String {
 #[test]
 fn the_pages_show_the_programs_that_are_tested() {
     for (page, program) in [
-        ("docs/clients/rust.md", "crates/control/src/bin/softtwin-read.rs"),
+        ("docs/clients/rust.md", "crates/wire/examples/read_twin.rs"),
         ("docs/clients/c.md", "clients/c/examples/twin.c"),
         ("docs/clients/c.md", "clients/c/examples/twin.cpp"),
     ] {
@@ -31,11 +31,11 @@ fn the_rust_program_of_the_page_runs() {
         "name = \"s\"\n[[actuator]]\nname = \"finger\"\nmodel = \"beam.twin\"\n[actuator.source]\nkind = \"simulate\"\n\
          gap_mm = 25.0\n[[actuator.output]]\nnodes = \"all\"",
     );
-    let (status, said) = Program::shell(&stage, "softtwin-read").end();
+    let (status, said) = Program::shell(&stage, "read_twin").end();
     assert!(!status.success() && said.join("\n").contains("is the bridge or twin running"), "{said:?}");
     let twin = Program::twin(&stage, &scene);
     let bridge = Program::bridge(&stage, &scene);
-    let (status, said) = Program::shell(&stage, "softtwin-read").end();
+    let (status, said) = Program::shell(&stage, "read_twin").end();
     assert!(status.success(), "{said:?}");
     let all = said.join("\n");
     for expected in ["120 nodes", "what if: 0.", "refused: more force than the sampled states give here"] {
@@ -49,11 +49,10 @@ fn hold(plant_arguments: &str) -> (Value, Value) {
     let stage = Stage::new("control");
     let scene = repository().join("config/scenes/force.toml").display().to_string();
     let twin = Program::twin(&stage, Path::new(&scene));
-    let line = format!("softtwin-plant --scene {scene} --seconds 3 --target-n 0.3 {plant_arguments}");
+    let line = format!("softtwin-studies plant --scene {scene} --seconds 3 --target-n 0.3 {plant_arguments}");
     let mut plant = Program::shell(&stage, &line);
     plant.wait_for("ready:");
-    let (status, said) =
-        Program::shell(&stage, &format!("softtwin-hold-force --scene {scene} --target-n 0.3")).end();
+    let (status, said) = Program::shell(&stage, &format!("hold_force --scene {scene} --target-n 0.3")).end();
     assert!(status.success(), "{said:?}");
     let controller: Value = serde_json::from_str(said.last().unwrap()).unwrap();
     let (status, said) = plant.end();
@@ -72,7 +71,7 @@ fn the_force_is_held_although_the_gap_is_not_the_assumed_one() {
         assert!(response["settling_s"].is_f64(), "{gap}: not settled: {truth}");
         assert!(response["overshoot"].as_f64().is_some_and(|share| share < 0.05), "{gap}: {truth}");
         assert!(response["final_error"].as_f64().is_some_and(|share| share.abs() < 0.03), "{gap}: {truth}");
-        assert!(controller["reading_to_command_sent"]["count"].as_u64().is_some_and(|count| count > 50));
+        assert!(controller["setpoints"].as_u64().is_some_and(|count| count > 50));
     }
 }
 
@@ -81,7 +80,7 @@ fn a_force_out_of_reach_is_refused_before_anything_moves() {
     let stage = Stage::new("reach");
     let scene = repository().join("config/scenes/force.toml");
     let twin = Program::twin(&stage, &scene);
-    let line = format!("softtwin-hold-force --scene {} --target-n 9", scene.display());
+    let line = format!("hold_force --scene {} --target-n 9", scene.display());
     let (status, said) = Program::shell(&stage, &line).end();
     assert_eq!(status.code(), Some(1));
     assert!(said.join("\n").contains("9 N cannot be held at 30 mm"), "{said:?}");

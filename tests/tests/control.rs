@@ -32,7 +32,7 @@ impl Rig {
         let name = std::ffi::CString::new(keys.display().to_string()).unwrap();
         // SAFETY: the path is a C string that lives across the call.
         assert_eq!(unsafe { libc::mkfifo(name.as_ptr(), 0o600) }, 0);
-        let mut program = Program::shell(stage, "exec softtwin-rig --listen 127.0.0.1:0 < keys");
+        let mut program = Program::shell(stage, "exec softtwin-studies rig --listen 127.0.0.1:0 < keys");
         let keys = File::options().write(true).open(keys).unwrap();
         let ready = program.wait_for("ready: rig at ");
         let port = ready.rsplit_once(':').unwrap().1;
@@ -70,7 +70,7 @@ impl Rig {
 fn controller(stage: &Stage, rig: &Rig) -> Program {
     Program::named(
         stage,
-        &["softtwin-hold-force", "--scene", &rig.scene.display().to_string(), "--target-n", "0.3"],
+        &["examples/hold_force", "--scene", &rig.scene.display().to_string(), "--target-n", "0.3"],
     )
 }
 
@@ -159,10 +159,10 @@ fn one_owner_drives_and_the_operator_wins() {
     rig.event("driven", 0);
     let reader = valves(&bus);
     let owner = wait_valve(&reader, "an owner", |valve| valve.valve_reason == valve_reason::FOLLOWING).owner;
-    assert_eq!(unpack_name(&owner), "softtwin-hold-force");
+    assert_eq!(unpack_name(&owner), "hold_force");
 
     let (status, said) = Program::tool(&stage, &["setpoint", "finger", "--pressure-mpa", "0.01"]).ended();
-    let refusal = format!("(`softtwin-hold-force`, process {})", holds.id());
+    let refusal = format!("(`hold_force`, process {})", holds.id());
     assert!(!status.success() && said.join("\n").contains(&refusal), "{said:?}");
 
     let (status, said) =

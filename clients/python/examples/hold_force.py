@@ -1,7 +1,7 @@
-"""Holds a contact force by commanding pressure; the Python twin of softtwin-hold-force.
+"""Holds a contact force by commanding pressure; crates/control/examples/hold_force.rs in Python.
 
     softtwind twin --scene config/scenes/force.toml
-    softtwin-plant --scene config/scenes/force.toml --true-gap-mm 33 --target-n 0.3
+    softtwin-studies plant --scene config/scenes/force.toml --true-gap-mm 33 --target-n 0.3
     python hold_force.py --target-n 0.3 --plot force.png     # the plot needs matplotlib
 
 The law is u = P(F*) + kp e/g + ki * integral(e/g): P(F*) is the twin's inverse at the gap that is assumed, g its gradient
@@ -89,7 +89,7 @@ def main():
     finally:
         valve.send(0.0)
     if not points:
-        raise SystemExit("no reading came; is softtwin-plant running?")
+        raise SystemExit("no reading came; is softtwin-studies plant running?")
     turns_ns.sort()
     p50_us, p99_us = (turns_ns[int(share * (len(turns_ns) - 1))] / 1e3 for share in (0.5, 0.99))
     report = {"feed_forward_mpa": feed_forward_mpa, "commands": len(turns_ns)}

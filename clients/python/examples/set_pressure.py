@@ -1,6 +1,6 @@
 """Owns the valve of an actuator for some seconds: holds a pressure, prints what the valve does, and lets go.
 
-    softtwin-rig --listen 127.0.0.1:5020
+    softtwin-studies rig --listen 127.0.0.1:5020
     softtwind twin   --scene config/scenes/rig.toml
     softtwind bridge --scene config/scenes/rig.toml
     python set_pressure.py --pressure-mpa 0.02

@@ -38,7 +38,7 @@ def test_a_python_controller_holds_the_force(stage):
     model = REPOSITORY / "models/pneunet/pneunet.twin"
     scene = stage.scene(f'name = "force"\n[[actuator]]\nname = "finger"\nmodel = "{model}"\n')
     stage.twin(scene)
-    plant = stage.start("softtwin-plant", "--scene", str(scene), "--seconds", "4", "--target-n", "0.3")
+    plant = stage.start("softtwin-studies", "plant", "--scene", str(scene), "--seconds", "4", "--target-n", "0.3")
     said = json.loads(run(stage, EXAMPLES / "hold_force.py", "--target-n", "0.3", "--seconds", "30", "--json"))
     assert plant.wait(PATIENCE_S) == 0
     truth = json.loads((stage.folder / "1.log").read_text().splitlines()[-1])

@@ -1,5 +1,5 @@
 //! The commands of `softtwin`, one file each under `cmd`, and what the program `softtwin-studies` shares with them:
-//! errors and exit codes, files, output, progress, pictures, timing.
+//! errors and exit codes, files, output, progress, pictures.
 #![forbid(unsafe_code)]
 // Results go through `output!`, which survives a closed pipe; `println!` would panic there.
 #![warn(clippy::print_stdout)]
@@ -8,6 +8,7 @@ mod card;
 mod cmd;
 pub mod draws;
 pub mod files;
+pub mod jumps;
 mod live;
 mod load;
 pub mod options;
@@ -15,15 +16,11 @@ pub mod picture;
 pub mod progress;
 mod recording_data;
 pub mod resources;
-pub mod sweep;
-pub mod testbed;
 pub mod unknowns;
 pub mod unseen_errors;
 mod view;
 mod viewers;
 
 pub use cmd::Command;
-pub use cmd::bench::{compute, full_size, measure};
-pub use cmd::stability;
-pub use softtwind::{daemon, failure, output, range};
+pub use softtwind::{daemon, failure, output, range, shared_files};
 pub use view::is_request as is_page_request;

@@ -1,10 +1,10 @@
 //! What the trials have in common.
 
+use super::trial::{Loop, Trial};
+use crate::plant::table::PlantTable;
+use crate::plant::{Plant, PlantSpec, Truth};
 use control::inverse::Quantity;
 use control::law::Settings;
-use control::plant::{Plant, PlantSpec, Truth};
-use control::table::PlantTable;
-use control::trial::{Loop, Trial};
 use control::twin_model::{Tip, TwinModel};
 use softtwin::failure::usage;
 

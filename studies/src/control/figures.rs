@@ -1,9 +1,9 @@
 //! The named runs: steps of the force with and without a load cell, a plate that moves, a step of the tip, noise at rest.
 
 use super::bench::{Bench, trial};
+use super::trial::{Moment, StepFigures, step_figures};
+use crate::plant::PlantSpec;
 use control::inverse::Quantity;
-use control::plant::PlantSpec;
-use control::trial::{Moment, StepFigures, step_figures};
 use serde_json::{Value, json};
 
 /// What every named run has wrong: the plate is 3 mm nearer than shown, the body a tenth stiffer, the valve off by 0.5 kPa.

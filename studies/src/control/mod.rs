@@ -6,10 +6,11 @@ mod picture;
 mod random;
 mod table;
 mod timing;
+mod trial;
 
+use crate::plant::table::PlantTable;
 use bench::Bench;
 use control::law::Settings;
-use control::table::PlantTable;
 use serde_json::json;
 use softtwin::failure::configuration;
 use softtwin::output;
@@ -24,11 +25,11 @@ Examples:
   The plant's table anew: a mesh of its own, its states, the table
     softtwin mesh --actuator second.toml --size-mm 9            (second.toml: models/pneunet/actuator.toml with mesh.file =
                                                                  \"second.vtu\" and mesh.nodes = 0)
-    softtwin simulate --actuator second.toml --cases crates/control/data/plant_cases.csv --out target/plant
-    softtwin-studies control --database target/plant --out crates/control/data/plant.csv";
+    softtwin simulate --actuator second.toml --cases studies/data/plant_cases.csv --out target/plant
+    softtwin-studies control --database target/plant --out studies/data/plant.csv";
 
 const NOTES: &str = "\
-The plant is crates/control/data/plant.csv behind a valve (20 ms), a line (60 ms) and a delay (10 ms); the controller's model
+The plant is studies/data/plant.csv behind a valve (20 ms), a line (60 ms) and a delay (10 ms); the controller's model
 is --model. Its own time is that of this build: measure a release build on a quiet machine.";
 
 /// Try the controller: step response, disturbance, noise, random steps with a wrong model, time of a turn.

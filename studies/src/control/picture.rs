@@ -1,7 +1,7 @@
 //! The named runs as a picture.
 
 use super::figures::{Figures, Run};
-use control::trial::Moment;
+use super::trial::Moment;
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 
 /// Every so many turns are drawn.

@@ -2,9 +2,9 @@
 //! looked at; without one what is followed, the model's force at the gauge's pressure, and how far the truth is from it.
 
 use super::bench::{Bench, trial};
+use super::trial::{Moment, StepFigures, step_figures};
+use crate::plant::PlantSpec;
 use control::inverse::{Model, Quantity};
-use control::plant::PlantSpec;
-use control::trial::{Moment, StepFigures, step_figures};
 use rom::rng::Rng;
 use serde_json::{Value, json};
 

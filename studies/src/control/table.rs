@@ -1,7 +1,7 @@
 //! The plant's table from a database of a second mesh.
 
+use crate::plant::table::COLUMNS;
 use anyhow::Context;
-use control::table::COLUMNS;
 use formats::database::{self, ObstacleKind};
 use softtwin::files::{refusal, save};
 use std::fmt::Write;
@@ -22,7 +22,7 @@ pub fn write(dir: &Path, out: &Path) -> anyhow::Result<()> {
         (0..undeformed.len()).min_by(|a, b| distance(&undeformed[*a]).total_cmp(&distance(&undeformed[*b])));
     let tip = tip.filter(|tip| distance(&undeformed[*tip]) < NEAR_MM).context("no node is at the tip")?;
     let mut text = format!(
-        "# Written by `softtwin-studies control --database DIR`; what it means: crates/control/src/table.rs\n{COLUMNS}\n"
+        "# Written by `softtwin-studies control --database DIR`; what it means: studies/src/plant/table.rs\n{COLUMNS}\n"
     );
     for (at, case) in database.cases.iter().enumerate() {
         let heights: Vec<f32> = database.field(at, y).collect();

@@ -1,9 +1,9 @@
 //! Time of one turn of the controller: its own computation, nothing else.
 
 use super::bench::Bench;
+use crate::plant::report::{Percentiles, percentiles};
 use control::inverse::Quantity;
 use control::law::{Controller, Reading};
-use control::report::{Percentiles, percentiles};
 use rom::rng::Rng;
 use serde_json::{Value, json};
 use std::time::Instant;

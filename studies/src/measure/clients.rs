@@ -1,10 +1,10 @@
 //! Latency from publish to readers in Rust, C and Python at 1 kHz, and of questions beside the running twin.
 
 use super::twin::{Duration, Twin, model, print};
+use crate::testbed::{Sine, Testbed, output_of};
 use anyhow::Context;
 use serde_json::Value;
 use softtwin::daemon::program;
-use softtwin::testbed::{Sine, Testbed, output_of};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -32,7 +32,8 @@ impl Args {
         let twin = Twin::start(testbed, &scene, &[], &[])?;
         let c = compile_c(&twin.testbed)?;
         for what in ["state", "field"] {
-            let ours = twin.testbed.run("softtwin-latency", &[what, "--seconds", &seconds])?;
+            let ours =
+                twin.testbed.run("softtwin-studies", &["measure", "latency", what, "--seconds", &seconds])?;
             print(&format!("rust {what}"), json(&ours)?)?;
             let mut command = twin.testbed.command(&c);
             print(&format!("c {what}"), json(&output_of(command.args([seconds.as_str(), what]))?)?)?;
@@ -44,8 +45,11 @@ impl Args {
             }
         }
         print("twin alone", twin.health(5)?.pop())?;
-        let mut asking = twin.testbed.command(&program("softtwin-latency")?);
-        let asking = asking.args(["whatif", "--seconds", &seconds]).stdout(Stdio::piped()).spawn()?;
+        let mut asking = twin.testbed.command(&program("softtwin-studies")?);
+        let asking = asking
+            .args(["measure", "latency", "whatif", "--seconds", &seconds])
+            .stdout(Stdio::piped())
+            .spawn()?;
         std::thread::sleep(SETTLED);
         print("twin while asked", twin.health(5)?.pop())?;
         let asked = asking.wait_with_output()?;

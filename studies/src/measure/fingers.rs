@@ -1,13 +1,13 @@
 //! One twin with many fingers.
 
 use super::twin::{Twin, model};
+use crate::testbed::Testbed;
 use anyhow::Context;
 use runtime::config::Scene;
 use runtime::source::SourceSpec;
 use serde_json::{Value, json};
 use softtwin::output;
 use softtwin::resources;
-use softtwin::testbed::Testbed;
 use std::time::{Duration, Instant};
 
 /// Processor time and latency of one twin with many fingers, each with its own readings at 1 kHz, its state and its tip.

@@ -3,11 +3,11 @@
 use super::twin::{Duration, Twin, model, print};
 use crate::python;
 use crate::stats::median;
+use crate::testbed::{Sine, Testbed};
 use anyhow::Context;
 use serde_json::{Value, json};
 use softtwin::daemon::{Daemon, program};
 use softtwin::resources;
-use softtwin::testbed::{Sine, Testbed};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;

@@ -6,6 +6,7 @@
 mod clients;
 mod fingers;
 mod gateway;
+mod latency;
 mod model;
 mod stress;
 mod twin;
@@ -41,6 +42,7 @@ enum What {
     Clients(clients::Args),
     Fingers(fingers::Args),
     Gateway(gateway::Args),
+    Latency(latency::Args),
     Model(model::Args),
     Stress(stress::Args),
     View(view::Args),
@@ -53,6 +55,7 @@ impl Args {
             What::Clients(args) => args.run(),
             What::Fingers(args) => args.run(),
             What::Gateway(args) => args.run(),
+            What::Latency(args) => args.run(),
             What::Model(args) => args.run(),
             What::Stress(args) => args.run(),
             What::View(args) => args.run(),

@@ -2,13 +2,13 @@
 
 use super::clients::PYTHON;
 use super::twin::{model, print};
+use crate::testbed::output_of;
 use anyhow::Context;
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
 use serde_json::{Value, json};
 use softtwin::daemon::program;
-use softtwin::testbed::output_of;
 use std::process::Command;
 use std::time::Instant;
 

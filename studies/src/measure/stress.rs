@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use train::evaluate::spread;
 
-/// Nodes of the small set: as `softtwin bench` has it.
+/// Nodes of the small set: as `softtwin-studies bench` has it.
 const SET: u32 = 500;
 /// Calls that are timed; the median counts.
 const CALLS: usize = 51;

@@ -1,10 +1,10 @@
 //! A running twin that is measured, and what the measurements share.
 
+use crate::testbed::Testbed;
 use anyhow::Context;
 use serde::Serialize;
 use serde_json::Value;
 use softtwin::daemon::Daemon;
-use softtwin::testbed::Testbed;
 use softtwin::{output, range};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

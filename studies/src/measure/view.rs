@@ -1,10 +1,10 @@
 //! Frames a second of `softtwin view`, and the twin's latency with and without viewers.
 
 use super::twin::{Twin, model, print};
+use crate::testbed::Testbed;
 use anyhow::Context;
 use serde_json::{Value, json};
 use softtwin::daemon::{Daemon, program};
-use softtwin::testbed::Testbed;
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::Path;

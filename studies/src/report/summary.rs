@@ -3,10 +3,10 @@
 use super::sealed::{ERRORS, OUTSIDE, Sealed};
 use super::study::{REGIMES, Study, percent, test_mse};
 use super::switch::GAPS;
+use crate::sweep::extent::MAX_STRESS_JUMP;
 use rom::model::Model;
 use rom::snapshots::{FieldKind, RegimeKind, Split};
-use softtwin::stability::MAX_STRESS_JUMP;
-use softtwin::sweep;
+use softtwin::jumps;
 use std::fmt::Write as _;
 use train::evaluate::{Report, spread};
 
@@ -95,7 +95,7 @@ fn field(study: &Study, quantity: usize) -> Option<usize> {
 fn jumps(study: &Study, table: &mut Table) -> anyhow::Result<()> {
     let Some(onset) = &study.ours.header.onset else { return Ok(()) };
     let range = [onset.sag_mm(), onset.reach_mm()];
-    let both = [sweep::jumps(&study.paper, range, GAPS)?, sweep::jumps(&study.ours, range, GAPS)?];
+    let both = [jumps::jumps(&study.paper, range, GAPS)?, jumps::jumps(&study.ours, range, GAPS)?];
     let name = format!("jump at the switch, gaps {:.1} to {:.1} mm", range[0], range[1]);
     let lengths = both.map(|j| (j.length_mm, format!("{:.3} mm", j.length_mm)));
     table.row(&format!("{name}: mm"), lengths, JUMP[0], " mm");

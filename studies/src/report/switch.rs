@@ -1,7 +1,7 @@
 //! Continuity across the switch between the regimes.
 
 use super::study::{Study, percent};
-use softtwin::sweep::jumps;
+use softtwin::jumps::jumps;
 
 /// Gaps at which both sides of the onset are compared.
 pub const GAPS: usize = 100;

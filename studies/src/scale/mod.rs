@@ -3,8 +3,9 @@
 mod parts;
 mod tables;
 
+use crate::bench::full_size;
+use softtwin::output;
 use softtwin::progress::Progress;
-use softtwin::{full_size, output};
 use tables::{ModesRow, NodesRow, Study};
 
 /// Nodes of the study; the reference actuator among them.

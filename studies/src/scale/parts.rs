@@ -1,13 +1,13 @@
 //! The measurements of the scale study.
 
+use crate::bench::measure::{Series, gbps};
+use crate::bench::{compute, full_size};
 use anyhow::Context;
 use rom::inputs::Inputs;
 use rom::kernel::{Affine, Basis, Field, Precision, Role, Source, Spec, Values};
 use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use serde::Serialize;
-use softtwin::measure::{Series, gbps};
-use softtwin::{compute, full_size};
 use wire::{Bus, Domain, FieldHeader, FieldReader, FieldWriter, Topic};
 
 /// Medians of one basis.

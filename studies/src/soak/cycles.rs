@@ -2,11 +2,11 @@
 
 use super::observe::count_files;
 use crate::slope::Slope;
+use crate::testbed::{Sine, Testbed};
 use anyhow::Context;
 use serde_json::{Value, json};
 use softtwin::daemon::{Daemon, program};
 use softtwin::failure::configuration;
-use softtwin::testbed::{Sine, Testbed};
 use softtwin::{output, resources};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

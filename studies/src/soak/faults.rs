@@ -1,8 +1,8 @@
 //! The twin that is disturbed, and the faults, one after the other.
 
 use super::observe::echo;
+use crate::testbed::Testbed;
 use softtwin::daemon::Daemon;
-use softtwin::testbed::Testbed;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;

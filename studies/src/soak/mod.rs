@@ -7,6 +7,7 @@ mod observe;
 mod reader;
 mod summary;
 
+use crate::testbed::{Sine, Testbed};
 use crate::verify::Counts;
 use anyhow::Context;
 use faults::Disturbed;
@@ -14,7 +15,6 @@ use observe::{DISTURBED, Row, STEADY, echo};
 use serde_json::Value;
 use softtwin::daemon::{Daemon, program};
 use softtwin::failure::configuration;
-use softtwin::testbed::{Sine, Testbed};
 use softtwin::{files, output};
 use std::collections::BTreeMap;
 use std::fs::File;

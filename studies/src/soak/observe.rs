@@ -1,9 +1,9 @@
 //! What the programs of a soak test use at a moment.
 
+use crate::testbed::Testbed;
 use serde_json::Value;
 use softtwin::daemon::{Daemon, program};
 use softtwin::resources;
-use softtwin::testbed::Testbed;
 use std::path::Path;
 use std::process::Stdio;
 

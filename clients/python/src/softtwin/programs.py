@@ -1,4 +1,4 @@
-"""Programs and files that the built wheel carries: the daemon, the demonstration, its plant, the C library, a model.
+"""Programs and files that the built wheel carries: the daemon, the demonstration, the C library, a model.
 
 `pip install` of the sources has none of them, only the client.
 """
@@ -42,8 +42,3 @@ def softtwind() -> NoReturn:
 def demo() -> NoReturn:
     """The command `softtwin-demo`: a recorded pressure trace becomes live fields."""
     _become("softtwin-demo")
-
-
-def plant() -> NoReturn:
-    """The command `softtwin-plant`: a simulated actuator with sensors and a load cell, for controllers to be tried on."""
-    _become("softtwin-plant")

@@ -5,7 +5,6 @@
 
 use softtwind::demo;
 
-pub mod bench;
 mod build;
 mod calibrate;
 mod design;
@@ -33,7 +32,6 @@ mod sample;
 mod scene;
 mod setpoint;
 mod simulate;
-pub mod stability;
 mod top;
 mod train;
 mod view;
@@ -58,12 +56,12 @@ macro_rules! commands {
 }
 
 commands! {
-    "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor, Bench => bench,
+    "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor,
         Setpoint => setpoint, Manual => manual;
     "Look": View => view, Top => top, List => list, Echo => echo, Foxglove => foxglove, Get => get, Export => export,
         Plot => plot, Render => render;
     "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train,
-        Evaluate => evaluate, Stability => stability, Inspect => inspect, Pack => pack;
+        Evaluate => evaluate, Inspect => inspect, Pack => pack;
     "Simulate": New => new, Build => build, Mesh => mesh, Sample => sample, Simulate => simulate, Import => import;
 }
 
@@ -104,34 +102,5 @@ fn folded(text: &str, width: usize) -> Vec<String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::Subcommand;
-
-    /// Columns of a help that goes to no terminal; longer lines are folded.
-    const PIPED_WIDTH: usize = 100;
-
-    fn check(command: &clap::Command) {
-        let name = command.get_name();
-        let text = command.get_before_help().map(ToString::to_string).unwrap_or_default();
-        assert!(text.starts_with("Example"), "{name} --help begins with no example: {text}");
-        let is_command =
-            |line: &&str| ["softtwin", "sudo", "--"].iter().any(|s| line.trim_start().starts_with(s));
-        let long = text.lines().filter(is_command).find(|line| line.len() >= PIPED_WIDTH);
-        assert_eq!(long, None, "{name}: a command folded without a backslash cannot be pasted");
-        command.get_subcommands().for_each(check);
-    }
-
-    #[test]
-    fn every_help_begins_with_examples_that_can_be_pasted() {
-        let tool = Command::augment_subcommands(clap::Command::new("softtwin").before_help("Example"));
-        [tool, softtwind::command(), demo::command()].iter().for_each(check);
-    }
-
-    #[test]
-    fn the_list_of_commands_fits_eighty_columns() {
-        let listed = Command::groups(&Command::augment_subcommands(clap::Command::new("softtwin")));
-        assert_eq!(listed.lines().find(|line| line.len() > HELP_WIDTH), None, "{listed}");
-        assert!(listed.contains("\n  plan-experiment Say which pressures"), "{listed}");
-    }
-}
+#[path = "../../tests/unit/cmd.rs"]
+mod tests;

@@ -134,14 +134,5 @@ async fn is_set(flag: &AtomicBool) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tokens_are_plain_and_not_short() {
-        assert!(parse_token("abcdef12").is_ok());
-        for wrong in ["", "short", "with space 1", "semi;colon1", &"a".repeat(65)] {
-            assert!(parse_token(wrong).is_err(), "{wrong}");
-        }
-    }
-}
+#[path = "../../tests/unit/cmd_view.rs"]
+mod tests;

@@ -111,28 +111,5 @@ impl Drop for Viewer<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_slow_page_gets_the_newest_frame_of_each_actuator_and_no_older_one() {
-        let hub = Hub::default();
-        for k in 0..100_u8 {
-            hub.put(if k % 2 == 0 { "left" } else { "right" }, vec![k]);
-        }
-        let frames = hub.newer_than(0);
-        assert_eq!(frames.iter().map(|f| f.message[0]).collect::<Vec<_>>(), [98, 99]);
-        assert!(hub.newer_than(frames[1].number).is_empty());
-        hub.put("left", vec![100]);
-        assert_eq!(hub.newer_than(frames[1].number).len(), 1);
-    }
-
-    #[test]
-    fn pages_are_counted_and_limited() {
-        let hub = Hub::default();
-        let pages: Vec<_> = (0..MAX_VIEWERS).map(|_| hub.enter().expect("below the limit")).collect();
-        assert!(hub.enter().is_none());
-        drop(pages);
-        assert_eq!(hub.viewers(), 0);
-    }
-}
+#[path = "../../tests/unit/view_hub.rs"]
+mod tests;

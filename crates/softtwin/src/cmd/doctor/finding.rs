@@ -68,13 +68,5 @@ impl Display for Finding {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_finding_that_is_not_good_shows_its_remedy() {
-        assert_eq!(Finding::good("model", "read").to_string(), "ok    model: read");
-        let bad = Finding::bad("/dev/shm", "1 MB free", "free space").to_string();
-        assert_eq!(bad, "BAD   /dev/shm: 1 MB free\n      -> free space");
-    }
-}
+#[path = "../../../tests/unit/cmd_doctor_finding.rs"]
+mod tests;

@@ -3,7 +3,8 @@
 use super::Args;
 use super::fresh::random_states;
 use crate::failure::usage;
-use crate::{files, output, sweep};
+use crate::jumps::jumps;
+use crate::{files, output};
 use formats::database::ObstacleKind;
 use rom::inputs::{GAP, PARAMETERS, PRESSURE};
 use rom::model::Model;
@@ -86,7 +87,7 @@ impl Args {
 impl Sealed {
     fn of(model: &Model, report: &Report, seed: u64) -> anyhow::Result<Self> {
         let range = model.header.onset.as_ref().map_or([0.0; 2], |onset| [onset.sag_mm(), onset.reach_mm()]);
-        let jumps = sweep::jumps(model, range, ONSET_GAPS)?;
+        let jumps = jumps(model, range, ONSET_GAPS)?;
         let contact: Vec<&CaseReport> = report.cases.iter().filter(|c| c.gap_mm.is_some()).collect();
         let middle = |input| {
             let range = model.regime(RegimeKind::Contact).and_then(|regime| regime.inputs.range(input));

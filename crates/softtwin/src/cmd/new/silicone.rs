@@ -66,19 +66,5 @@ pub fn named(text: &str) -> Result<&'static Silicone, String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_stiffness_said_is_that_of_the_constants() {
-        for silicone in &SILICONES {
-            let value = |key: &str| {
-                let found = silicone.law.iter().find(|(name, _)| *name == key);
-                found.map(|(_, text)| text.parse::<f64>().unwrap())
-            };
-            let shear = value("mu_mpa").or_else(|| value("c10_mpa").map(|c10| 2.0 * c10)).unwrap();
-            assert!((shear / silicone.shear_mpa - 1.0).abs() < 0.02, "{}: {shear}", silicone.name);
-        }
-        assert!(named("ecoflex").is_err_and(|text| text.contains("ecoflex-00-30 (shear modulus 0.034 MPa)")));
-    }
-}
+#[path = "../../../tests/unit/cmd_new_silicone.rs"]
+mod tests;

@@ -1,0 +1,52 @@
+//! Tests of `src/view/server.rs`.
+
+use super::super::catalogue::{Catalogue, Stand};
+use super::*;
+use runtime::http::{HEADER_TIMEOUT, MAX_CONNECTIONS};
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, TcpStream};
+use std::time::Instant;
+
+/// What a fresh server without models answers to a request, sent while `idle` other connections stay silent.
+fn answer(request: &str, idle: usize) -> String {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    runtime.block_on(async {
+        let listener = open_port(Ipv4Addr::LOCALHOST.into(), 0).await.expect("a free port");
+        let address = listener.local_addr().expect("bound");
+        let catalogue = Catalogue::new(Vec::new(), Stand::default()).expect("no models");
+        let shared = Shared { catalogue: Arc::new(catalogue), hub: Arc::default(), player: None };
+        let request = request.to_owned();
+        let visit = tokio::task::spawn_blocking(move || {
+            let connect = |_| TcpStream::connect(address).expect("the port is open");
+            let _silent: Vec<TcpStream> = (0..idle).map(connect).collect();
+            let mut visitor = connect(0);
+            visitor.set_read_timeout(Some(10 * HEADER_TIMEOUT)).expect("a time-out");
+            visitor.write_all(request.as_bytes()).expect("sent");
+            let mut answer = Vec::new();
+            // A server that refuses may close the connection before all of the request is read.
+            let _ = visitor.read_to_end(&mut answer);
+            String::from_utf8_lossy(&answer).into_owned()
+        });
+        let mut answer = String::new();
+        let visited = async { answer = visit.await.expect("no panic") };
+        Server { listener, guard: Guard::Loopback, shared }.run(visited).await;
+        answer
+    })
+}
+
+#[test]
+fn idle_connections_do_not_keep_a_visitor_out() {
+    let page = "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+    let begin = Instant::now();
+    let answer = answer(page, 7 * MAX_CONNECTIONS);
+    // In turns it would be 14 s; making the connections takes time on a busy machine.
+    assert!(begin.elapsed() < 3 * HEADER_TIMEOUT, "{:?}", begin.elapsed());
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("<title>softtwin view"), "{answer:.200}");
+}
+
+#[test]
+fn a_request_that_is_too_large_is_refused() {
+    let page = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX-Long: {}\r\n\r\n", "x".repeat(40_000));
+    let answer = answer(&page, 0);
+    assert!(answer.starts_with("HTTP/1.1 431"), "{answer:.200}");
+}
