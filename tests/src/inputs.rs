@@ -28,7 +28,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 31] = [
+pub const ENTRANCES: [Entrance; 30] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -62,7 +62,6 @@ pub const ENTRANCES: [Entrance; 31] = [
     Entrance { name: "vtu_arrays", body: packed::vtu_arrays, seed: packed::vtu_seed },
     Entrance { name: "xplt_plain", body: xplt, seed: || PLAIN_XPLT.to_vec() },
     Entrance { name: "model_header", body: wrapped::model_header, seed: wrapped::header_seed },
-    Entrance { name: "named_header", body: wrapped::named_header, seed: wrapped::named_seed },
     Entrance { name: "chunk", body: wrapped::chunk, seed: wrapped::chunk_seed },
     Entrance { name: "exchange", body: wrapped::exchange, seed: wrapped::exchange_seed },
     Entrance {

@@ -12,7 +12,6 @@ pub mod modules;
 pub mod process;
 pub mod skip;
 pub mod stage;
-pub mod strip;
 pub mod wait;
 
 pub use manager::Manager;

@@ -140,7 +140,6 @@ fn database() -> Database {
         node_sets: vec![],
         obstacle: Footprint::PLATE,
         parameters: vec![],
-        regime_names: Vec::new(),
         sensitivities: None,
         hash: [0; 32],
     };

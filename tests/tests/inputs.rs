@@ -51,7 +51,7 @@ static ALLOCATOR: Watching = Watching;
 /// Share of an entrance in thousandths: a model file takes longer than a key expression.
 fn share(entrance: &Entrance) -> usize {
     match entrance.name {
-        "model" | "model_header" | "named_header" | "exchange" => 5,
+        "model" | "model_header" | "exchange" => 5,
         "npy" | "npz" => 20,
         "config" => 45,
         "recording" => 90,

@@ -17,7 +17,6 @@ mod parameters;
 mod queries;
 mod realtime;
 mod recording;
-mod regimes;
 mod replace;
 mod scenes;
 mod sensors;

@@ -21,11 +21,8 @@ int main(int argc, char **argv) {
     softtwin_state state;
     check(softtwin_state_reader_open(bus, actuator, &states), "state");
     check(softtwin_state_reader_newest(states, 5000, &state), "state");
-    char regime[SOFTTWIN_REGIME_NAME_SIZE];
-    softtwin_status named = softtwin_regime_name(bus, state.model_hash, state.regime, regime, sizeof regime);
-    if (named != SOFTTWIN_ABSENT) check(named, "regime"); /* absent: its number stands there, such as regime 3 */
-    printf("state %llu: %s, %.4f N at %.5f MPa\n", (unsigned long long)state.seq, regime, state.contact_force_n,
-           state.pressure_mpa);
+    printf("state %llu: %s, %.4f N at %.5f MPa\n", (unsigned long long)state.seq, softtwin_regime_name(state.regime),
+           state.contact_force_n, state.pressure_mpa);
     softtwin_state_reader_close(states);
 
     softtwin_field_reader *fields = NULL;

@@ -11,7 +11,7 @@ int main(int argc, char **argv) try {
     std::optional<softtwin::Field> field = fields.next(std::chrono::seconds(5));
     if (!field) throw std::runtime_error("no field within 5 s");
     const softtwin::Values stress = field->values(SOFTTWIN_FIELD_VON_MISES);
-    std::cout << "field " << field->header().seq << ", " << bus.regime_name(field->header()) << ": " << stress.size()
+    std::cout << "field " << field->header().seq << ", " << softtwin_regime_name(field->header().regime) << ": " << stress.size()
               << " nodes, largest stress "
               << *std::max_element(stress.begin(), stress.end()) << " MPa\n";
 

@@ -25,9 +25,6 @@ typedef enum {
   SOFTTWIN_REFUSED = 7       /**< The twin has no answer; the text of the last error is its reason. */
 } softtwin_status;
 
-/** Bytes that the name of any regime fits into, with its zero. */
-#define SOFTTWIN_REGIME_NAME_SIZE 33
-
 /** A program's membership in a shared-memory domain. */
 typedef struct softtwin_bus softtwin_bus;
 /** A reader of one topic. */
@@ -95,7 +92,7 @@ typedef struct {
   double max_von_mises_mpa;         /**< Largest von Mises stress of them, MPa; NaN: none of them has it. */
   uint32_t max_displacement_node;   /**< Its node in the model; UINT32_MAX: none. */
   uint32_t max_von_mises_node;      /**< Its node in the model; UINT32_MAX: none. */
-  uint32_t regime;                  /**< SOFTTWIN_REGIME_FREE, _CONTACT, or _NAMED1 and so on. */
+  uint32_t regime;                  /**< SOFTTWIN_REGIME_FREE or SOFTTWIN_REGIME_CONTACT. */
   uint32_t domain_status;           /**< SOFTTWIN_DOMAIN_INSIDE, ...: outside, the half-widths do not hold. */
   uint32_t force_clamped;           /**< 1: the interpolated force was negative and was set to 0. */
   uint32_t reserved;
@@ -112,12 +109,8 @@ uint64_t softtwin_now_ns(void);
 softtwin_status softtwin_bus_open(const char *domain, const char *root, softtwin_bus **out);
 /** Leaves the domain; readers and writers that were made from it go on. */
 void softtwin_bus_close(softtwin_bus *bus);
-/** Writes to `name` (`size` bytes; SOFTTWIN_REGIME_NAME_SIZE are enough) what `regime` of a state, a field or an answer stands for:
- *  free, contact, or the name that the model has for it; `model_hash`: the 16 bytes in the same sample. SOFTTWIN_ABSENT: the name is
- *  the model's own and no running twin has told it; `name` is then "regime 3". Names stay known when the twin ends: each model is looked
- *  up once, and once a second as long as nobody tells its names. */
-softtwin_status softtwin_regime_name(softtwin_bus *bus, const uint8_t *model_hash, uint32_t regime, char *name,
-                                     size_t size);
+/** Name of `regime` of a state, a field, an answer or a prediction: "free", "contact" or "unknown". */
+const char *softtwin_regime_name(uint32_t regime);
 
 /** Opens a reader of softtwin/<name>/<kind>, a topic that must exist; `node_set` null: all nodes. The functions below it
  *  read one kind of topic each and check the payload's type at compile time; they are to be preferred. */
@@ -206,8 +199,6 @@ softtwin_status softtwin_model_describe(const softtwin_model *model, softtwin_mo
  *  failure the last error names the state; those before it are written. */
 softtwin_status softtwin_model_predict(const softtwin_model *model, const double *inputs, size_t states,
                                        softtwin_prediction *predictions, float *values);
-/** As softtwin_regime_name, for `regime` of a prediction, from the model itself. SOFTTWIN_ABSENT: it has no regime of this number. */
-softtwin_status softtwin_model_regime_name(const softtwin_model *model, uint32_t regime, char *name, size_t size);
 /** Ends a model. */
 void softtwin_model_close(softtwin_model *model);
 

@@ -54,14 +54,6 @@ public:
         handle_.reset(bus);
     }
     softtwin_bus *get() const noexcept { return handle_.get(); }
-    /// What the regime of a state, a field's header or an answer stands for: free, contact, the model's own name; "regime 3" as long as
-    /// no running twin has told it.
-    template <typename Sample> std::string regime_name(const Sample &sample) const {
-        char name[SOFTTWIN_REGIME_NAME_SIZE] = "";
-        softtwin_status status = softtwin_regime_name(get(), sample.model_hash, sample.regime, name, sizeof name);
-        if (status != SOFTTWIN_ABSENT) check(status);
-        return name;
-    }
 
 private:
     detail::Handle<softtwin_bus, softtwin_bus_close> handle_;

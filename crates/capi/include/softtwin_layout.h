@@ -60,22 +60,6 @@
 #define SOFTTWIN_REGIME_UNKNOWN 0u /* No reading yet. */
 #define SOFTTWIN_REGIME_FREE 1u /* The actuator does not touch the plate: the model's input is the pressure. */
 #define SOFTTWIN_REGIME_CONTACT 2u /* The actuator touches the plate: the model's inputs are pressure and gap. */
-#define SOFTTWIN_REGIME_NAMED1 3u /* First regime with a name of the model's own: `softtwin inspect` lists the names. */
-#define SOFTTWIN_REGIME_NAMED2 4u /* Second regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED3 5u /* Third regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED4 6u /* Fourth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED5 7u /* Fifth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED6 8u /* Sixth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED7 9u /* Seventh regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED8 10u /* Eighth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED9 11u /* Ninth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED10 12u /* Tenth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED11 13u /* Eleventh regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED12 14u /* Twelfth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED13 15u /* Thirteenth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED14 16u /* Fourteenth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED15 17u /* Fifteenth regime with a name of the model's own. */
-#define SOFTTWIN_REGIME_NAMED16 18u /* Sixteenth regime with a name of the model's own. */
 #define SOFTTWIN_DOMAIN_INSIDE 0u /* Among them. */
 #define SOFTTWIN_DOMAIN_NEAR_EDGE 1u /* Outside, by less than the distance that the model's validation covers. */
 #define SOFTTWIN_DOMAIN_OUTSIDE 2u /* Outside: an extrapolation. */

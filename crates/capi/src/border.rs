@@ -93,25 +93,6 @@ pub(crate) unsafe fn put<T: Copy>(out: *mut T, value: T) -> Result<(), Failure> 
     Ok(())
 }
 
-/// Writes a text with its zero to C.
-///
-/// # Safety
-/// `out` is null or points to `size` writable bytes.
-pub(crate) unsafe fn put_text(out: *mut c_char, size: usize, text: &str) -> Result<(), Failure> {
-    if out.is_null() || size <= text.len() {
-        return Err(argument(&format!(
-            "the text needs {} bytes with its zero, room was given for {size}",
-            text.len() + 1
-        )));
-    }
-    // SAFETY: not null, and room for the text and its zero, as just compared; a text of ours does not overlap the caller's room.
-    unsafe {
-        std::ptr::copy_nonoverlapping(text.as_ptr(), out.cast(), text.len());
-        out.add(text.len()).write(0);
-    }
-    Ok(())
-}
-
 /// Ends a handle; null is nothing to do.
 ///
 /// # Safety

@@ -24,7 +24,7 @@ pub use bus::{softtwin_bus, softtwin_bus_close, softtwin_bus_open, softtwin_regi
 pub use model::{
     softtwin_model, softtwin_model_close, softtwin_model_describe, softtwin_model_field, softtwin_model_info,
     softtwin_model_input, softtwin_model_node_set, softtwin_model_open, softtwin_model_predict,
-    softtwin_model_regime_name, softtwin_model_select, softtwin_prediction,
+    softtwin_model_select, softtwin_prediction,
 };
 pub use query::{
     softtwin_client, softtwin_client_ask, softtwin_client_close, softtwin_client_open, softtwin_query_new,

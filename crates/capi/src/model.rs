@@ -1,6 +1,6 @@
 //! A model in this process: its answers without a daemon, equal to `softtwin predict` to the bit.
 
-use crate::border::{Failure, argument, call, give, name, put, put_text, take, text};
+use crate::border::{Failure, argument, call, give, name, put, take, text};
 use crate::status::softtwin_status;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
@@ -15,7 +15,7 @@ use std::fs::File;
 use std::mem::MaybeUninit;
 use std::path::Path;
 use std::sync::Arc;
-use wire::layout::{domain_status, regime};
+use wire::layout::domain_status;
 
 /// One input of a model.
 #[repr(C)]
@@ -339,7 +339,7 @@ pub unsafe extern "C" fn softtwin_model_predict(
                     std::slice::from_raw_parts_mut(first, entries)
                 };
                 let refused = |error| {
-                    let name = model.evaluator.regime_name(evaluation.regime);
+                    let name = evaluation.regime.name();
                     let text = format!("state {at} belongs to regime {name}: {error}");
                     Failure::Own(softtwin_status::SOFTTWIN_REFUSED, text)
                 };
@@ -349,34 +349,6 @@ pub unsafe extern "C" fn softtwin_model_predict(
             unsafe { put(predictions.add(at), prediction(&evaluation, &peaks)) }?;
         }
         Ok(())
-    })
-}
-
-/// What `regime` of a prediction stands for, as a text: `free`, `contact`, or the model's own name for it. `SOFTTWIN_ABSENT`: it has
-/// none for this number, which then stands there (`regime 3`).
-///
-/// # Safety
-/// `model` is live, `name` points to `size` bytes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn softtwin_model_regime_name(
-    model: *const softtwin_model,
-    regime: u32,
-    name: *mut c_char,
-    size: usize,
-) -> softtwin_status {
-    call(|| {
-        // SAFETY: null or live by the caller's promise.
-        let model = unsafe { model.as_ref() }.ok_or_else(|| argument("the model is null"))?;
-        let own = model.evaluator.named_regimes().find(|(number, _)| *number == regime).map(|(_, name)| name);
-        // SAFETY: by the caller's promise.
-        unsafe { put_text(name, size, own.unwrap_or(regime::as_str(regime))) }?;
-        match own {
-            None if regime >= regime::NAMED1 => Err(Failure::Own(
-                softtwin_status::SOFTTWIN_ABSENT,
-                format!("this model has no regime of the number {regime}"),
-            )),
-            _ => Ok(()),
-        }
     })
 }
 

@@ -2,4 +2,3 @@
 
 mod header;
 mod live;
-mod regimes;

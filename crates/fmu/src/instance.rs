@@ -105,7 +105,7 @@ impl Instance {
         self.evaluator.give(&self.inputs, &mut self.evaluation).map_err(|error| error.to_string())?;
         self.evaluator.state(self.inputs, &mut self.evaluation);
         if !self.evaluator.has_regime(self.evaluation.regime) {
-            let name = self.evaluator.regime_name(self.evaluation.regime);
+            let name = self.evaluation.regime.name();
             return Err(format!("this state belongs to regime {name}, in which the model was not trained"));
         }
         self.others.iter_mut().for_each(Part::forget);

@@ -1,7 +1,6 @@
 //! The variables of an FMU: inputs and outputs with their numbers (value references), the same when it is written and when it runs.
 
 use rom::model::{Model, ModelHeader};
-use std::borrow::Cow;
 
 /// The model in an FMU's resources.
 pub const MODEL_FILE: &str = "model.twin";
@@ -82,7 +81,7 @@ impl Quantity {
 pub(crate) struct Output {
     pub name: String,
     pub unit: String,
-    pub about: Cow<'static, str>,
+    pub about: &'static str,
     pub quantity: Quantity,
 }
 
@@ -90,7 +89,6 @@ pub(crate) struct Output {
 pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output> {
     let mut all = Vec::new();
     let mut add = |name: String, unit: String, about: &'static str, quantity| {
-        let about = if quantity == Quantity::Regime { regimes(header) } else { about.into() };
         all.push(Output { name, unit, about, quantity });
     };
     add("contact_force_n".into(), "N".into(), "Contact force", Quantity::Force);
@@ -116,7 +114,7 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
         ("domain_distance", "1", "Distance to the training states, inputs scaled", Quantity::DomainDistance),
         ("max_von_mises_mpa", "MPa", "Largest von Mises stress of all nodes", Quantity::MaxStress),
         ("domain_status", "", "0 inside the training states, 1 near, 2 outside", Quantity::DomainStatus),
-        ("regime", "", "", Quantity::Regime),
+        ("regime", "", "1 free, 2 contact", Quantity::Regime),
     ] {
         add(name.into(), unit.into(), about, quantity);
     }
@@ -127,18 +125,6 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
         }
     }
     all
-}
-
-/// What the numbers of the regime stand for.
-fn regimes(header: &ModelHeader) -> Cow<'static, str> {
-    if header.named.is_none() {
-        return "1 free, 2 contact".into();
-    }
-    let named = header.regimes.iter().map(|regime| {
-        let (number, name) = (regime.kind.number(), header.regime_name(regime.kind));
-        format!("{number} {name}")
-    });
-    named.collect::<Vec<String>>().join(", ").into()
 }
 
 /// The inputs' values before any is set: no pressure, the largest training gap, parameters as the model has them.

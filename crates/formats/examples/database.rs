@@ -32,7 +32,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         node_sets: vec![],
         obstacle: Footprint::PLATE,
         parameters: vec![],
-        regime_names: Vec::new(),
         sensitivities: None,
         hash: [0; 32],
     };

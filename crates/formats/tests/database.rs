@@ -74,7 +74,7 @@ fn every_wrong_cell_is_named_at_once() {
     let text = refusal(dir.path());
     for part in [
         "line 2, column pressure_mpa: expected a finite number, found `nan`",
-        "line 3, column regime: expected one of free, contact, gripper beside `free` (line 2, column regime), or names",
+        "line 3, column regime: expected free, contact or gripper; a structure with several shapes",
         "found `flying`",
         "line 4, column gap_mm: expected a gap in mm",
         "line 5, column split: expected one of train, test, check, found `never`",

@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
-use wire::{Bus, FieldHeader, FieldReader, FieldSample, KnownRegimes, Payload, Stamp, Waking, WireError};
+use wire::{Bus, FieldHeader, FieldReader, FieldSample, Payload, Stamp, Waking, WireError};
 use zenoh::bytes::ZBytes;
 
 /// Longest sleep: how late it is noticed that somebody wants a field.
@@ -21,12 +21,12 @@ const TICK: Duration = Duration::from_millis(50);
 /// When the domain cannot be joined.
 pub fn run(link: &Link, bridges: &Receiver<TopicBridge>, period: Duration) -> anyhow::Result<()> {
     let bus = Bus::open(&link.domain)?;
-    let (mut topics, mut regimes) = (Vec::<FieldTopic>::new(), KnownRegimes::new(&bus));
+    let mut topics = Vec::<FieldTopic>::new();
     while link.goes_on() {
         topics.extend(bridges.try_iter().map(FieldTopic::new));
         let now = Instant::now();
         for topic in &mut topics {
-            topic.update(link, &bus, &mut regimes, now, period);
+            topic.update(link, &bus, now, period);
         }
         let next = topics.iter().filter_map(FieldTopic::due).min().unwrap_or(now + TICK).min(now + TICK);
         thread::sleep(next.saturating_duration_since(Instant::now()));
@@ -53,22 +53,16 @@ impl FieldTopic {
         self.read.reader.as_ref().map(|_| self.due)
     }
 
-    fn update(&mut self, link: &Link, bus: &Bus, regimes: &mut KnownRegimes, now: Instant, period: Duration) {
+    fn update(&mut self, link: &Link, bus: &Bus, now: Instant, period: Duration) {
         if self.read.adjust(link, now, |topic| FieldReader::attach_as(bus, topic, Waking::Never)) {
             self.due = now;
         }
-        if let Err(error) = self.pump(link, regimes, now, period) {
+        if let Err(error) = self.pump(link, now, period) {
             self.read.close(&error);
         }
     }
 
-    fn pump(
-        &mut self,
-        link: &Link,
-        regimes: &mut KnownRegimes,
-        now: Instant,
-        period: Duration,
-    ) -> Result<(), WireError> {
+    fn pump(&mut self, link: &Link, now: Instant, period: Duration) -> Result<(), WireError> {
         let Some(reader) = &self.read.reader else { return Ok(()) };
         let is_due = now >= self.due;
         let is_sent = is_due && self.read.bridge.has_subscribers();
@@ -76,9 +70,7 @@ impl FieldTopic {
             && let Some(sample) = reader.newest()?
         {
             let stamp = stamp(&sample);
-            let header = sample.header();
-            let regime = regimes.name(&header.model_hash, header.regime);
-            let encoded = encode(&sample, regime, is_sent.then_some(self.sent + 1));
+            let encoded = encode(&sample, is_sent.then_some(self.sent + 1));
             drop(sample); // before the network takes its time
             if is_sent {
                 self.send(link, &encoded, stamp);
@@ -126,9 +118,9 @@ struct About<'a> {
     gateway_seq: Option<u64>,
 }
 
-/// The values as they lie in memory, the header as JSON beside them, with the name of the regime where that is known.
-fn encode(sample: &FieldSample, regime: Option<&str>, gateway_seq: Option<u64>) -> EncodedSample {
-    let about = About { header: Json { view: sample.header().view(), regime }, gateway_seq };
+/// The values as they lie in memory, the header as JSON beside them.
+fn encode(sample: &FieldSample, gateway_seq: Option<u64>) -> EncodedSample {
+    let about = About { header: Json::new(sample.header().view()), gateway_seq };
     // Texts and numbers only, none of which JSON could refuse.
     let about = serde_json::to_vec(&about).unwrap_or_default();
     EncodedSample { payload: values(sample.values()), attachment: Some(ZBytes::from(about)) }

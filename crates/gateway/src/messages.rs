@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
-use wire::{AnyReader, AnySample, Bus, KnownRegimes, Waking, WireError};
+use wire::{AnyReader, AnySample, Bus, Waking, WireError};
 use zenoh::Wait;
 use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
@@ -36,7 +36,7 @@ pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
         .encoding(Encoding::APPLICATION_JSON)
         .congestion_control(CongestionControl::Block);
     let gap_publisher = network(gap_publisher.wait())?;
-    let (mut topics, mut regimes) = (Vec::<MessageTopic>::new(), KnownRegimes::new(&bus));
+    let mut topics = Vec::<MessageTopic>::new();
     let mut check_at = Instant::now();
     while link.goes_on() {
         let now = Instant::now();
@@ -48,7 +48,7 @@ pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
             }
         }
         for topic in &mut topics {
-            if let Err(error) = topic.pump(link, &gap_publisher, &mut regimes) {
+            if let Err(error) = topic.pump(link, &gap_publisher) {
                 topic.read.close(&error);
             }
         }
@@ -77,12 +77,7 @@ impl MessageTopic {
     }
 
     /// Sends what waits and answers requests.
-    fn pump(
-        &mut self,
-        link: &Link,
-        gap_publisher: &Publisher,
-        regimes: &mut KnownRegimes,
-    ) -> Result<(), WireError> {
+    fn pump(&mut self, link: &Link, gap_publisher: &Publisher) -> Result<(), WireError> {
         let Some(reader) = &self.read.reader else { return Ok(()) };
         let (bridge, counters) = (&self.read.bridge, &link.counters);
         while let Some(sample) = reader.next()? {
@@ -90,7 +85,7 @@ impl MessageTopic {
                 counters.lost.fetch_add(gap.missing(), Ordering::Relaxed);
                 report_loss(bridge.topic.name(), gap, gap_publisher);
             }
-            let encoded = encode(&sample, regimes.of(&sample));
+            let encoded = encode(&sample);
             bridge.send(&encoded, &counters.messages, &counters.longest_send_us);
             self.read.newest = Some(encoded);
         }
@@ -99,10 +94,10 @@ impl MessageTopic {
     }
 }
 
-/// JSON, with the name of the regime where that is known.
-fn encode(sample: &AnySample, regime: Option<&str>) -> EncodedSample {
+/// Sample as JSON.
+fn encode(sample: &AnySample) -> EncodedSample {
     let mut json = Vec::with_capacity(BYTES);
-    Json { view: sample.view(), regime }.encode(&mut json);
+    Json::new(sample.view()).encode(&mut json);
     EncodedSample { payload: ZBytes::from(json), attachment: None }
 }
 

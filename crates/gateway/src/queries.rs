@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 use wire::layout::{field_id, query_kind, unpack_name};
-use wire::{Answer, AnswerSample, Bus, KnownRegimes, QueryClient, Selector, WireError};
+use wire::{AnswerSample, Bus, QueryClient, Selector, WireError};
 use zenoh::bytes::ZBytes;
 use zenoh::query::{Query, Queryable};
 
@@ -53,7 +53,7 @@ pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {
         let Ok((name, query)) = requests.recv_timeout(TICK) else { continue };
         match ask(&mut clients, &name, &query) {
             Ok(sample) => {
-                let encoded = encode(&sample, clients.regime(sample.answer()));
+                let encoded = encode(&sample);
                 reply(link, &query, &name, &encoded, sample.answer().entries() > 0);
             }
             Err(error) => refuse(&query, &format!("{error:#}"), &link.counters.refusals),
@@ -66,7 +66,6 @@ pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {
 pub struct Clients {
     bus: Bus,
     by_actuator: HashMap<String, QueryClient>,
-    regimes: KnownRegimes,
 }
 
 impl Clients {
@@ -75,13 +74,7 @@ impl Clients {
     /// # Errors
     /// When the domain cannot be joined.
     pub fn open(link: &Link) -> Result<Self, WireError> {
-        let bus = Bus::open(&link.domain)?;
-        Ok(Self { regimes: KnownRegimes::new(&bus), bus, by_actuator: HashMap::new() })
-    }
-
-    /// The name of an answer's regime, where that is the model's own and known.
-    pub fn regime(&mut self, answer: &Answer) -> Option<&str> {
-        self.regimes.name(&answer.model_hash, answer.regime)
+        Ok(Self { bus: Bus::open(&link.domain)?, by_actuator: HashMap::new() })
     }
 
     /// The answer of an actuator's twin.
@@ -109,9 +102,9 @@ fn ask(clients: &mut Clients, name: &str, query: &Query) -> anyhow::Result<Answe
 }
 
 /// JSON; for a field its values, and the JSON beside them.
-fn encode(sample: &AnswerSample, regime: Option<&str>) -> EncodedSample {
+fn encode(sample: &AnswerSample) -> EncodedSample {
     let answer = sample.answer();
-    let mut message = message::answer(answer, regime);
+    let mut message = message::answer(answer);
     if answer.entries() == 0 {
         return EncodedSample { payload: ZBytes::from(message.to_string()), attachment: None };
     }

@@ -11,7 +11,7 @@ use serde_json::Value;
 use thiserror::Error;
 use wire::KeyExpr;
 
-use crate::{Item, Message, ReadError, ReadItems, RecordedRegimes};
+use crate::{Item, Message, ReadError, ReadItems};
 
 /// Why an export ended early.
 #[derive(Debug, Error)]
@@ -41,8 +41,8 @@ pub struct Exported {
 /// Writes every topic that `key` matches into `folder`, named after the topic: `softtwin.finger.state.csv`.
 ///
 /// The columns are the properties of the topic's first message, in its order, after `log_time_ns` and `publish_time_ns`.
-/// A list becomes one cell with spaces between, an object one column for each of its properties, a regime of the model's own
-/// its name where the recording has it. Memory: one chunk of the recording.
+/// A list becomes one cell with spaces between, an object one column for each of its properties.
+/// Memory: one chunk of the recording.
 ///
 /// # Errors
 /// [`ExportError`]; tables written so far stay.
@@ -53,19 +53,17 @@ pub fn export_csv(
     form: TableForm,
 ) -> Result<Exported, ExportError> {
     let mut tables: BTreeMap<String, Table> = BTreeMap::new();
-    let (mut left_out, mut regimes) = (0, RecordedRegimes::default());
+    let mut left_out = 0;
     while let Some(item) = reader.next_item()? {
-        regimes.observe(&item);
         let Item::Message(message) = item else { continue };
         let topic = &message.channel.topic;
         if !key.matches(topic) {
             continue;
         }
-        let Ok(Properties(mut properties)) = serde_json::from_slice(&message.data) else {
+        let Ok(Properties(properties)) = serde_json::from_slice(&message.data) else {
             left_out += 1;
             continue;
         };
-        name_regime(&mut properties, &regimes);
         let cells = cells(&properties);
         let table = match tables.get_mut(topic) {
             Some(table) => table,
@@ -81,16 +79,6 @@ pub fn export_csv(
         rows.insert(table.path, table.rows);
     }
     Ok(Exported { rows, left_out })
-}
-
-/// Puts the name of the regime in place of its number.
-fn name_regime(properties: &mut [(String, Value)], regimes: &RecordedRegimes) {
-    let text = |wanted: &str| properties.iter().find(|(key, _)| key == wanted)?.1.as_str();
-    let name = text("model_hash").zip(text("regime")).and_then(|(model, regime)| regimes.name(model, regime));
-    let name = name.map(str::to_owned);
-    if let (Some(name), Some((_, value))) = (name, properties.iter_mut().find(|(key, _)| key == "regime")) {
-        *value = name.into();
-    }
 }
 
 /// What a table holds.

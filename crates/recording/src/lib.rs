@@ -18,7 +18,6 @@ pub mod message;
 mod parse;
 mod reader;
 mod recorder;
-mod regimes;
 mod retention;
 mod rotate;
 pub mod sample;
@@ -35,7 +34,6 @@ pub use reader::{Ending, MAX_RECORD_BYTES, ReadError, Reader};
 pub use recorder::{
     Companion, Companions, FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns,
 };
-pub use regimes::RecordedRegimes;
 pub use retention::{FreeSpace, Retention};
 pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
 pub use series::{ReadItems, Series, SeriesReader};

@@ -5,11 +5,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use recording::message::decode_reading;
-use recording::{Ending, Item, Reader, RecordedRegimes, Recorder, RecorderOptions, RotateOptions};
-use wire::layout::regime;
-use wire::{
-    Bus, Domain, KeyExpr, RegimeNames, SensorSample, SensorWriter, State, StateWriter, ToldRegimes, Topic,
-};
+use recording::{Ending, Item, Reader, Recorder, RecorderOptions, RotateOptions};
+use wire::{Bus, Domain, KeyExpr, SensorSample, SensorWriter, State, StateWriter, Topic};
 
 const READINGS: u64 = 2_000;
 
@@ -44,7 +41,7 @@ fn wait_for(seen: &AtomicU64, count: u64) {
     }
 }
 
-/// Everything that is sent, with a jump in the numbers, and a state that names its model, which names its regimes.
+/// Everything that is sent, with a jump in the numbers, and a state that names its model.
 #[test]
 fn what_is_published_is_in_the_file() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -55,9 +52,6 @@ fn what_is_published_is_in_the_file() {
         SensorWriter::create(&bus, &Topic::sensor("finger").expect("a topic")).expect("a writer");
     let mut state = StateWriter::create(&bus, &Topic::state("finger").expect("a topic")).expect("a writer");
     let mut recorder = Recorder::start(&domain, options(path.clone())).expect("a recorder");
-    let names =
-        RegimeNames::from([(regime::NAMED1, "straight".to_owned()), (regime::NAMED2, "up".to_owned())]);
-    let told = ToldRegimes::tell(&bus, &[0xab; 16], &names).expect("told");
 
     let (seen, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     thread::scope(|scope| {
@@ -83,9 +77,7 @@ fn what_is_published_is_in_the_file() {
     let bytes = std::fs::read(path).expect("there");
     let mut reader = Reader::new(bytes.as_slice()).expect("a recording");
     let (mut readings, mut gaps, mut metadata) = (Vec::new(), 0, Vec::new());
-    let mut regimes = RecordedRegimes::default();
     while let Some(item) = reader.next_item().expect("readable") {
-        regimes.observe(&item);
         match item {
             Item::Message(message) => match message.channel.topic.as_str() {
                 "softtwin/finger/sensor" => {
@@ -112,13 +104,8 @@ fn what_is_published_is_in_the_file() {
     let model =
         metadata.iter().find(|(name, _)| name == "softtwin.model.finger").expect("the model is named");
     assert_eq!(model.1["model_hash"], "ab".repeat(16));
-    let state = |model, regime| State { model_hash: [model; 16], regime, ..State::default() };
-    let found = |model, number| regimes.of(&state(model, number));
-    assert_eq!((found(0xab, regime::NAMED1), found(0xab, regime::NAMED2)), (Some("straight"), Some("up")));
-    assert_eq!((found(0xab, regime::NAMED3), found(0xab, regime::CONTACT)), (None, None));
-    assert_eq!(found(0xcd, regime::NAMED1), None, "another model");
     assert!(metadata.iter().any(|(name, _)| name == "softtwin.recording"));
-    drop((sensor, state, told, bus));
+    drop((sensor, state, bus));
     domain.remove_leftovers().expect("removed");
 }
 

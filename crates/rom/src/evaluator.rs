@@ -1,6 +1,5 @@
 //! Inputs -> regime, coefficients, force, gradients, half-widths, domain. Nothing is allocated after construction.
 
-use crate::border::Decision;
 use crate::clearance::OnsetSolver;
 use crate::evaluation::{Evaluation, Flags};
 use crate::hull::{Domain, DomainStatus};
@@ -52,8 +51,6 @@ fn sums<'a>(groups: impl Iterator<Item = &'a GroupModel>) -> Vec<(Sums, Range<us
 pub struct Evaluator {
     inputs: Vec<InputSpec>,
     parts: Vec<RegimePart>,
-    /// What decides between named regimes; without them the onset decides.
-    decision: Option<Decision>,
     onset: Option<OnsetTable>,
     /// What the onset is solved from where it depends on parameters; the table then is that of their values in use.
     solver: Option<OnsetSolver>,
@@ -78,16 +75,13 @@ impl Evaluator {
         let free = header.regimes.iter().find(|regime| regime.kind == RegimeKind::Free);
         let solver =
             header.clearance.clone().zip(free).map(|(clearance, free)| OnsetSolver::new(clearance, free));
-        let decision = header.named.as_ref().map(Decision::new);
-        let scores = decision.iter().flat_map(Decision::sums);
-        let mut room = Room::of(parts.iter().flat_map(RegimePart::all).chain(scores));
+        let mut room = Room::of(parts.iter().flat_map(RegimePart::all));
         solver.iter().for_each(|solver| room.reserve(&solver.memory()));
         let mut evaluator = Self {
             inputs: header.inputs.clone(),
             coefficients: parts.iter().map(|part| part.coefficient_count).max().unwrap_or(0),
             room,
             parts,
-            decision,
             onset: header.onset.clone(),
             solver,
             values,
@@ -144,17 +138,6 @@ impl Evaluator {
         self.parts.iter().any(|part| part.model.kind == kind)
     }
 
-    /// The name of a regime.
-    pub fn regime_name(&self, kind: RegimeKind) -> &str {
-        kind.name_in(self.decision.as_ref().map_or(&[], |decision| &decision.names))
-    }
-
-    /// Number and name of each regime of the model's own; none where they are free and contact.
-    pub fn named_regimes(&self) -> impl Iterator<Item = (u32, &str)> {
-        let names = self.decision.iter().flat_map(|decision| &decision.names);
-        (0..).zip(names).map(|(at, name)| (RegimeKind::Named(at).number(), name.as_str()))
-    }
-
     /// Pressure by which the onset must be undercut before the contact label is dropped, in MPa.
     pub(crate) fn hysteresis_mpa(&self) -> f64 {
         self.hysteresis_mpa
@@ -196,8 +179,6 @@ impl Evaluator {
     ///
     /// Across the onset the value is continuous at every gap up to the reach (fields to truncation and smoothing, force
     /// exactly); slopes are not: the tip stops and the force starts, so gradients are those of the side the state is on.
-    /// Across the boundary of named regimes nothing is promised: fields jump where the structure does. A state so near it that
-    /// another regime may be right is [`crate::hull::DomainStatus::Near`].
     pub fn evaluate(&self, inputs: Inputs, out: &mut Evaluation) {
         self.state(inputs, out);
         self.coefficients(out, false);
@@ -284,7 +265,7 @@ impl Evaluator {
     /// [`Self::differentiate`] with a known onset, without half-widths and domain.
     fn differentiate_at(&self, inputs: Inputs, at: OnsetAt, out: &mut Evaluation) {
         (out.domain, out.domain_distance) = (DomainStatus::Outside, f64::NAN);
-        let (Some(part), _) = self.regime_at(inputs, &at, out) else { return };
+        let Some(part) = self.regime_at(inputs, &at, out) else { return };
         force(part, &at, &part.model.inputs.scale(&inputs), out);
         self.coefficients(out, true);
     }
@@ -302,33 +283,27 @@ impl Evaluator {
         (at, self.place_at(inputs, &at, out))
     }
 
-    /// The regime at a known onset, and how close another one is over scaled inputs; no force yet.
-    fn regime_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> (Option<&RegimePart>, f64) {
+    /// Regime at a known onset, without its force.
+    fn regime_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
         out.room.reserve(&self.room);
         let onset = at.onset;
         out.inputs = inputs;
-        let (regime, closeness) = match &self.decision {
-            Some(decision) => decision.at(&inputs, &mut out.room),
-            None => (onset.regime(inputs.pressure_mpa()), 0.0),
-        };
-        out.regime = regime;
+        out.regime = onset.regime(inputs.pressure_mpa());
         out.onset_pressure_mpa = onset.pressure_mpa();
         out.flags = Flags::default();
         (out.contact_force_n, out.force_gradient) = (0.0, [0.0; MAX_INPUTS]);
-        (self.parts.iter().find(|part| part.model.kind == out.regime), closeness)
+        self.parts.iter().find(|part| part.model.kind == out.regime)
     }
 
     /// [`Self::place`] with a known onset.
     fn place_at(&self, inputs: Inputs, at: &OnsetAt, out: &mut Evaluation) -> Option<&RegimePart> {
-        let (part, closeness) = self.regime_at(inputs, at, out);
+        let part = self.regime_at(inputs, at, out);
         let missing = inputs.values()[..self.inputs.len()].iter().any(|value| value.is_nan())
             || self.onset.is_some() && at.pressure_mpa.is_nan();
         out.domain_distance = match part {
             Some(part) if !missing => {
                 let map = &part.model.inputs;
-                let distance =
-                    part.model.domain.distance(&map.scale(&inputs)).max(map.off_constants(&inputs));
-                distance.max(closeness)
+                part.model.domain.distance(&map.scale(&inputs)).max(map.off_constants(&inputs))
             }
             _ => f64::INFINITY,
         };

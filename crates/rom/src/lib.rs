@@ -33,7 +33,6 @@
 #![deny(unsafe_code)] // the reconstruction kernel alone may allow it
 
 mod accepted;
-pub mod border;
 pub mod clearance;
 mod contract;
 pub mod dense;
@@ -51,7 +50,6 @@ pub mod interpolant;
 pub mod kernel;
 pub mod model;
 pub mod model_state;
-pub mod names;
 mod parts;
 pub mod probe;
 pub mod radial;

@@ -4,7 +4,6 @@
 //! reads it and nothing else. [`Database::problems`] (in `validate.rs`) says everything that is wrong with it at once.
 
 use crate::inputs::{Inputs, MAX_INPUTS, PARAMETERS, Parameter};
-use crate::names::unnamed;
 use serde::{Deserialize, Serialize};
 
 /// What the numbers of a field mean: it decides what may be derived from it and what physics forbids.
@@ -63,37 +62,22 @@ pub enum RegimeKind {
     Free,
     /// The actuator presses on the obstacle: pressure and gap decide (the paper's Regime II).
     Contact,
-    /// One that the user named: its place among the names of the database or the model. A boundary learned from the training
-    /// states decides which of them a state is in.
-    Named(u8),
 }
 
 impl RegimeKind {
-    /// Name used in files and on the screen; of a named regime its number, where the names are not at hand.
+    /// Name used in files and on the screen.
     pub fn name(self) -> &'static str {
-        self.name_in(&[])
-    }
-
-    /// The name, with the names of the database or the model.
-    pub fn name_in(self, names: &[String]) -> &str {
         match self {
             Self::Free => "free",
             Self::Contact => "contact",
-            Self::Named(at) => names.get(usize::from(at)).map_or_else(|| unnamed(at), String::as_str),
         }
     }
 
-    /// Place among the names; none for free and contact.
-    pub fn place(self) -> Option<usize> {
-        if let Self::Named(at) = self { Some(at.into()) } else { None }
-    }
-
-    /// Number in states, fields, answers and FMUs: 1 free, 2 contact, named ones from 3 in their order.
+    /// Number in states, fields, answers and FMUs.
     pub fn number(self) -> u32 {
         match self {
             Self::Free => 1,
             Self::Contact => 2,
-            Self::Named(at) => 3 + u32::from(at),
         }
     }
 }
@@ -220,8 +204,6 @@ pub struct Database {
     pub obstacle: Footprint,
     /// Inputs beside pressure and gap, at most six; every case has a value for each.
     pub parameters: Vec<Parameter>,
-    /// Names of the regimes, where the cases have other ones than free and contact ([`RegimeKind::Named`]); else empty.
-    pub regime_names: Vec<String>,
     /// Derivatives, where they were computed.
     pub sensitivities: Option<Sensitivities>,
     /// blake3 of the database's content.
@@ -256,17 +238,11 @@ impl Database {
             node_sets: Vec::new(),
             obstacle: Footprint::PLATE,
             parameters: Vec::new(),
-            regime_names: Vec::new(),
             sensitivities: None,
             hash: [0; 32],
         };
         database.hash = database.content_hash();
         database
-    }
-
-    /// The name of a regime of its cases.
-    pub fn regime_name(&self, kind: RegimeKind) -> &str {
-        kind.name_in(&self.regime_names)
     }
 
     /// Entries of one snapshot: nodes x fields.
@@ -345,9 +321,6 @@ impl Database {
                 hasher.update(&row.contact_force_n_per_unit.to_le_bytes());
             }
             hash_values(&mut hasher, &sensitivities.values);
-        }
-        for name in &self.regime_names {
-            hasher.update(name.as_bytes()).update(&[0]);
         }
         *hasher.finalize().as_bytes()
     }

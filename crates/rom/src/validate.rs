@@ -1,8 +1,7 @@
 //! What can be wrong with a database: everything is reported at once.
 
 use crate::inputs::{MAX_INPUTS, PARAMETERS};
-use crate::names;
-use crate::snapshots::{Case, Database, RegimeKind, Split};
+use crate::snapshots::{Database, RegimeKind, Split};
 use std::collections::BTreeSet;
 
 /// Absurd readings: an actuator of millimetres bursts long before.
@@ -15,7 +14,6 @@ impl Database {
         let mut problems = self.shape_problems();
         if problems.is_empty() {
             problems.extend(self.case_problems());
-            problems.extend(self.regime_problems());
             problems.extend(self.parameter_problems());
             problems.extend(self.value_problems());
         }
@@ -97,37 +95,6 @@ impl Database {
                     case.contact_force_n
                 ));
             }
-        }
-        problems
-    }
-
-    /// Names of regimes that cannot be, and cases that do not fit them.
-    fn regime_problems(&self) -> Vec<String> {
-        let mut problems = names::problems(&self.regime_names);
-        let is_named = |case: &&Case| matches!(case.regime, RegimeKind::Named(_));
-        let Some(named) = self.cases.iter().find(is_named) else { return problems };
-        let stranger = |case: &&Case| matches!(case.regime, RegimeKind::Named(at) if usize::from(at) >= self.regime_names.len());
-        if let Some(case) = self.cases.iter().find(stranger) {
-            problems.push(format!("case {}: its regime has no name", case.name));
-        }
-        if let Some(other) = self.cases.iter().find(|case| !is_named(case)) {
-            problems.push(format!(
-                "case {} is of the regime {}, case {} of {}: free and contact go by the onset pressure, names of your own by a \
-                 boundary learned from the states; give every case a name of your own, or none",
-                named.name,
-                self.regime_name(named.regime),
-                other.name,
-                other.regime.name()
-            ));
-        }
-        let with_gap = self.cases.iter().find(|case| case.gap_mm.is_some());
-        let without = self.cases.iter().find(|case| case.gap_mm.is_none());
-        if let (Some(with_gap), Some(without)) = (with_gap, without) {
-            problems.push(format!(
-                "case {} has a gap_mm, case {} has none: with regimes of your own names the gap is an input as any other; give it \
-                 to all cases, or to none",
-                with_gap.name, without.name
-            ));
         }
         problems
     }

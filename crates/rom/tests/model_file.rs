@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use rom::inputs::{InputSpec, Inputs};
 use rom::model::{
-    BlockData, BlockKind, FIXED_VERSION, MAGIC, MOVING_VERSION, Model, ModelError, ModelFileError,
-    ModelReader, Nodes, PLAIN_VERSION, Selection, VERSION,
+    BlockData, BlockKind, FIXED_VERSION, MAGIC, Model, ModelError, ModelFileError, ModelReader, Nodes,
+    PLAIN_VERSION, Selection, VERSION,
 };
 use rom::model_state::ModelState;
 use rom::reconstructor::Reconstructor;
@@ -91,7 +91,7 @@ fn models_of_every_later_version_are_read_and_answer_as_they_did() {
         let kept: f64 = kept.parse().expect("a number");
         assert!((found - kept).abs() <= 1e-9 * kept.abs(), "{found} is not {kept}");
     }
-    // Models with parameters have a version of their own, and with parameters that move the mesh; named regimes: `regimes.rs`.
+    // Models with parameters have a version of their own, and with parameters that move the mesh.
     let stiffness = folder.join("../../../../models/pneunet-stiffness/pneunet-stiffness.twin");
     let bytes = std::fs::read(stiffness).expect("in the repository");
     assert_eq!(bytes[8..12], FIXED_VERSION.to_le_bytes(), "keep a file of the version before");
@@ -99,7 +99,7 @@ fn models_of_every_later_version_are_read_and_answer_as_they_did() {
     let kind = BlockKind::UndeformedBy { input: 2, axis: 0, from_bits: 0.8_f64.to_bits() };
     model.blocks.push((kind, BlockData::F32(vec![0.0; model.header.node_count])));
     let bytes = model.to_bytes().expect("writes");
-    assert_eq!(bytes[8..12], MOVING_VERSION.to_le_bytes());
+    assert_eq!(bytes[8..12], VERSION.to_le_bytes());
     assert_eq!(Model::from_bytes(&bytes).expect("loads"), model);
 }
 

@@ -21,7 +21,7 @@ pub struct Explained {
     /// The model's parameters and the values they have here.
     pub inputs: Vec<ExplainedInput>,
     /// Regimes that can occur with these gaps.
-    pub regimes: Vec<String>,
+    pub regimes: Vec<&'static str>,
     /// Bytes read from the model file.
     pub read_bytes: u64,
     /// Bytes of all blocks in the model file: the difference was never touched.

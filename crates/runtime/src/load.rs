@@ -69,14 +69,10 @@ pub struct ReadBlock {
 }
 
 impl Loaded {
-    /// The regimes that can occur, with their numbers in states where the names are the model's own.
+    /// Names of the regimes that can occur.
     #[must_use]
-    pub fn regime_names(&self) -> Vec<String> {
-        let shown = |kind: &RegimeKind| match self.evaluator.regime_name(*kind) {
-            name if name == kind.name() => name.to_owned(),
-            name => format!("{name} ({})", kind.name()),
-        };
-        self.regimes.iter().map(shown).collect()
+    pub fn regime_names(&self) -> Vec<&'static str> {
+        self.regimes.iter().map(|kind| kind.name()).collect()
     }
 }
 
@@ -193,7 +189,7 @@ fn regimes_in_reach(header: &ModelHeader, spec: &ActuatorSpec) -> Vec<RegimeKind
     let (min_mm, max_mm) = spec.gap_mm.range_mm();
     let solved = header.clearance.is_some(); // the onset is solved from the free regime: it is always needed
     let possible = |kind: RegimeKind| match (&header.onset, kind) {
-        (None, _) | (_, RegimeKind::Named(_)) => true,
+        (None, _) => true,
         _ if solved => true,
         (Some(onset), RegimeKind::Contact) => min_mm <= onset.reach_mm(),
         (Some(onset), RegimeKind::Free) => max_mm > onset.sag_mm(),

@@ -48,7 +48,7 @@ pub fn of(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -
         "outputs": outputs(model),
         "nodes": header.node_count,
         "node_sets": header.node_sets.iter().map(|set| (set.name.clone(), json!(set.nodes.len()))).collect::<Map<_, _>>(),
-        "regimes": header.regimes.iter().map(|regime| (header.regime_name(regime.kind).to_owned(), regime_of(model, regime)))
+        "regimes": header.regimes.iter().map(|regime| (regime.kind.name().to_owned(), regime_of(model, regime)))
             .collect::<Map<_, _>>(),
     })
 }
@@ -73,7 +73,7 @@ fn outputs(model: &Model) -> Vec<Value> {
 fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
     let inputs = &model.header.inputs;
     let halfwidths = regime.halfwidths;
-    let mut card = json!({
+    json!({
         "trained": regime.inputs.axes.iter()
             .map(|axis| (inputs[axis.input].key(), json!([axis.min, axis.max]))).collect::<Map<_, _>>(),
         "modes": regime.coefficient_count(),
@@ -84,11 +84,7 @@ fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
             "von_mises_mpa": halfwidths.stress_mpa,
             "contact_force_n": halfwidths.force_n,
         },
-    });
-    if model.header.named.is_some() {
-        card["number"] = json!(regime.kind.number());
-    }
-    card
+    })
 }
 
 /// The licence of the card that lies beside a model.

@@ -3,7 +3,7 @@
 use crate::failure::configuration;
 use anyhow::{Context, Result};
 use recording::message::{decode, decode_field};
-use recording::{Item, Message, ReadItems, RecordedRegimes, Series, SeriesReader};
+use recording::{Item, Message, ReadItems, Series, SeriesReader};
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use std::collections::BTreeMap;
 use std::ops::Deref;
@@ -24,8 +24,6 @@ pub struct RecordingData {
     pub duration_s: f64,
     /// What each actuator did.
     pub tracks: BTreeMap<String, Track>,
-    /// Names of regimes that are the models' own.
-    pub regimes: RecordedRegimes,
 }
 
 /// One actuator's part.
@@ -129,7 +127,6 @@ impl RecordedField {
 /// The messages of a recording, of one file or of many, with their time.
 pub struct Messages {
     reader: SeriesReader,
-    regimes: RecordedRegimes,
     place: String,
     first_ns: Option<u64>,
     last_ns: u64,
@@ -139,13 +136,7 @@ impl Messages {
     /// At the first message.
     pub fn open(series: &Series) -> Self {
         let place = series.files.first().map(|path| path.display().to_string()).unwrap_or_default();
-        Self {
-            reader: series.reader(),
-            regimes: RecordedRegimes::default(),
-            place,
-            first_ns: None,
-            last_ns: 0,
-        }
+        Self { reader: series.reader(), place, first_ns: None, last_ns: 0 }
     }
 
     /// The next message on a topic of ours, with its time after the recording's first one, s.
@@ -154,7 +145,6 @@ impl Messages {
     /// A file that is no recording.
     pub fn next_message(&mut self) -> Result<Option<(Topic, f64, Message)>> {
         while let Some(item) = self.reader.next_item().map_err(configuration)? {
-            self.regimes.observe(&item);
             let Item::Message(message) = item else { continue };
             let Some(topic) = Topic::parse(&message.channel.topic) else { continue };
             let start = *self.first_ns.get_or_insert(message.log_time_ns);
@@ -222,7 +212,7 @@ impl RecordingData {
         tracks.values_mut().for_each(|track| track.states.sort_by(|a, b| a.t_s.total_cmp(&b.t_s)));
         messages.say_what_is_missing();
         let duration_s = messages.duration_s();
-        Ok(Self { name: series.name.clone(), duration_s, tracks, regimes: messages.regimes })
+        Ok(Self { name: series.name.clone(), duration_s, tracks })
     }
 }
 

@@ -29,7 +29,7 @@ pub fn write(path: &Path, model: &Model, cases: &[CaseReport]) -> anyhow::Result
         // No obstacle, or an input that the state does not have: an empty cell.
         let inputs = inputs.map(|value| if value.is_finite() { value.to_string() } else { String::new() });
         let errors = case.errors.iter().map(|error| format!("{error:.4e}"));
-        let names = [case.case.clone(), header.regime_name(case.regime).to_owned()];
+        let names = [case.case.clone(), case.regime.name().to_owned()];
         names.into_iter().chain(inputs).chain(errors).chain([hash.clone()]).collect::<Vec<_>>()
     };
     let inside = cases.iter().filter(|case| case.domain == DomainStatus::Inside);
@@ -70,7 +70,7 @@ pub fn read(path: &Path, model: &Model) -> anyhow::Result<Vec<UnseenState>> {
         header.inputs.iter().map(|input| column(&input.key())).collect::<anyhow::Result<Vec<_>>>()?;
     let (regime, [displacement, stress, force, predictions]) = (column("regime")?, ERRORS.map(column));
     let (errors, predictions) = ([displacement?, stress?, force?], predictions?);
-    let names: Vec<_> = header.regimes.iter().map(|r| (header.regime_name(r.kind), r.kind)).collect();
+    let names: Vec<_> = header.regimes.iter().map(|r| (r.kind.name(), r.kind)).collect();
     let state = |row: formats::table::Row<'_>| {
         if row.text(predictions) != hash {
             return Err(row.diagnostic(

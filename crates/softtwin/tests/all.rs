@@ -13,5 +13,4 @@ mod program;
 mod ranges;
 mod recording;
 mod recording_memory;
-mod regimes;
 mod simulate;

@@ -23,7 +23,6 @@ mod exclusive;
 mod files;
 mod metrics;
 mod options;
-mod regime_names;
 mod reload;
 mod reporter;
 mod side_services;

@@ -1,6 +1,5 @@
 //! SIGHUP: reads scene and models again while the loop runs, and hands them over between two readings.
 
-use crate::regime_names::RegimeTeller;
 use crate::side_services::{ReloadHandle, SideServices};
 use runtime::config::ConfigError;
 use runtime::load::Loaded;
@@ -56,13 +55,12 @@ impl Loader {
         requested: &AtomicBool,
         end: &StopFlag,
         services: &ReloadHandle,
-        mut teller: RegimeTeller,
         load: impl Fn() -> Result<Reloaded, ConfigError>,
     ) {
         while !end.is_set() {
             if requested.swap(false, Ordering::Relaxed) {
                 service::notify_reloading();
-                self.reload(end, services, &mut teller, &load);
+                self.reload(end, services, &load);
                 service::notify_reloaded();
             }
             end.pause(INTERVAL);
@@ -73,7 +71,6 @@ impl Loader {
         &self,
         end: &StopFlag,
         services: &ReloadHandle,
-        teller: &mut RegimeTeller,
         load: &impl Fn() -> Result<Reloaded, ConfigError>,
     ) {
         let (loaded, new_services) = match load() {
@@ -81,7 +78,6 @@ impl Loader {
             Err(error) => return tracing::error!("reload refused, the old scene and models stay: {error}"),
         };
         let models: Vec<String> = loaded.iter().map(|loaded| layout::hex(&loaded.model_hash)).collect();
-        let before = teller.tell(&loaded); // before the first state with them
         if self.new.send(loaded).is_err() {
             return;
         }
@@ -98,7 +94,6 @@ impl Loader {
                     );
                 }
                 Ok(Err(error)) => {
-                    teller.keep(before);
                     return tracing::error!("reload refused, the old scene and models stay: {error}");
                 }
                 Err(_not_yet) => {}

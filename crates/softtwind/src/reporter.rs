@@ -1,10 +1,9 @@
 //! The thread beside the twin's loop that writes its events to the log and feeds the watchdog.
 
-use crate::regime_names::LogRegimes;
 use runtime::service::Watchdog;
 use runtime::thread_group::StopFlag;
 use runtime::twin::{Event, EventKind};
-use runtime::wire::{Outcome, background_thread};
+use runtime::wire::{Outcome, background_thread, layout};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
@@ -15,13 +14,7 @@ const INTERVAL: Duration = Duration::from_millis(50);
 const LINES_MAX: usize = 20;
 
 /// Reports until `end`; what still waits then is reported too.
-pub fn run(
-    events: &Receiver<Event>,
-    names: &[String],
-    regimes: &LogRegimes,
-    progress: &AtomicU64,
-    end: &StopFlag,
-) {
+pub fn run(events: &Receiver<Event>, names: &[String], progress: &AtomicU64, end: &StopFlag) {
     background_thread();
     let mut watchdog = Watchdog::from_env();
     loop {
@@ -31,7 +24,7 @@ pub fn run(
         for event in events.try_iter() {
             let name = names.get(event.actuator as usize).map_or("?", String::as_str);
             if written < LINES_MAX {
-                write(name, regimes, &event);
+                write(name, &event);
                 written += 1;
             } else {
                 unwritten += 1;
@@ -48,7 +41,7 @@ pub fn run(
     }
 }
 
-fn write(name: &str, regimes: &LogRegimes, event: &Event) {
+fn write(name: &str, event: &Event) {
     let ms = event.value as f64 / 1e6;
     match event.kind {
         EventKind::Outcome => match Outcome::from_code(event.value as u32) {
@@ -56,7 +49,7 @@ fn write(name: &str, regimes: &LogRegimes, event: &Event) {
             Some(outcome) => tracing::warn!("{name}: reading {outcome}"),
             None => tracing::warn!("{name}: reading ended with the unknown outcome {}", event.value),
         },
-        EventKind::Regime => tracing::info!("{name}: regime {}", regimes.name(event.value)),
+        EventKind::Regime => tracing::info!("{name}: regime {}", layout::regime::as_str(event.value as u32)),
         EventKind::Stale => tracing::warn!("{name}: stale, no good reading for {ms:.0} ms"),
         EventKind::Fresh => tracing::info!("{name}: fresh again after {ms:.0} ms"),
         EventKind::SensorStarted => tracing::info!("{name}: bridge started (run {:016x})", event.value),

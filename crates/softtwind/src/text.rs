@@ -9,14 +9,13 @@ use wire::{
     State, Valve, now_ns,
 };
 
-/// A summary of a sample; of a field never all values. `regime` is the name of its regime where that is known; else the number
-/// stands for it.
-pub fn sample(sample: &AnySample, regime: Option<&str>) -> String {
+/// A summary of a sample; of a field never all values.
+pub fn sample(sample: &AnySample) -> String {
     match sample {
         AnySample::Sensor(sample) => sensor(sample),
-        AnySample::State(sample) => state(sample, regime),
+        AnySample::State(sample) => state(sample),
         AnySample::Health(sample) => health(sample),
-        AnySample::Field(sample) => field(sample, regime),
+        AnySample::Field(sample) => field(sample),
         AnySample::Grasp(sample) => numbered_grasp(sample),
         AnySample::Estimate(sample) => estimate(sample),
         AnySample::Command(sample) => format!("#{:<7} P wanted {:8.5} MPa", sample.seq, sample.pressure_mpa),
@@ -72,7 +71,7 @@ fn sensor(sample: &SensorSample) -> String {
     )
 }
 
-fn state(state: &State, regime: Option<&str>) -> String {
+fn state(state: &State) -> String {
     let outcome = Outcome::from_code(state.outcome).filter(|outcome| *outcome != Outcome::Published);
     format!(
         "#{:<7} {}{}{}  {:7}  {}{}  age {}{}{}",
@@ -80,7 +79,7 @@ fn state(state: &State, regime: Option<&str>) -> String {
         inputs(state.pressure_mpa, state.gap_mm),
         not_measured(state.inputs()),
         parameters(state.inputs()),
-        regime.unwrap_or(regime::as_str(state.regime)),
+        regime::as_str(state.regime),
         force(
             state.contact_force_n,
             state.force_halfwidth_n,
@@ -153,7 +152,7 @@ fn health(health: &Health) -> String {
     )
 }
 
-fn field(sample: &FieldSample, regime: Option<&str>) -> String {
+fn field(sample: &FieldSample) -> String {
     let header = sample.header();
     let ranges: Vec<String> = header
         .fields()
@@ -164,21 +163,21 @@ fn field(sample: &FieldSample, regime: Option<&str>) -> String {
         .collect();
     format!(
         "{}  {} nodes  {}{}",
-        field_header(header, regime),
+        field_header(header),
         header.node_count,
         ranges.join("  "),
         flag_list(header.flags),
     )
 }
 
-/// Number, inputs, regime (by its name where that is known) and force of a field.
-pub fn field_header(header: &FieldHeader, regime: Option<&str>) -> String {
+/// Number, inputs, regime and force of a field.
+pub fn field_header(header: &FieldHeader) -> String {
     format!(
         "#{:<7} {}{}  {:7}  {}",
         header.seq,
         inputs(header.pressure_mpa, header.gap_mm),
         parameters(header.inputs()),
-        regime.unwrap_or(regime::as_str(header.regime)),
+        regime::as_str(header.regime),
         force(header.contact_force_n, f32::NAN, [f64::NAN; 2]),
     )
 }
@@ -212,8 +211,8 @@ pub fn grasp_forces(grasp: &Grasp) -> String {
     format!("{:.3} of {:.3} N a finger, {stop}", grasp.least_force_n, grasp.needed_force_n)
 }
 
-/// An answer with the question it belongs to, or why there is none. `regime` is the name of its regime where that is known.
-pub fn answer(answer: &Answer, regime: Option<&str>) -> String {
+/// An answer with the question it belongs to, or why there is none.
+pub fn answer(answer: &Answer) -> String {
     let head = format!("softtwin/{}/{}", unpack_name(&answer.actuator), query_kind::as_str(answer.kind));
     if let Some(reason) = answer.refusal() {
         return format!("{head}  no answer: {reason}");
@@ -235,7 +234,7 @@ pub fn answer(answer: &Answer, regime: Option<&str>) -> String {
         },
         inputs(answer.pressure_mpa, answer.gap_mm),
         parameters(answer.inputs()),
-        regime.unwrap_or(regime::as_str(answer.regime)),
+        regime::as_str(answer.regime),
         force(
             answer.contact_force_n,
             answer.force_halfwidth_n,

@@ -2,7 +2,6 @@
 
 use crate::exclusive::ExclusiveServices;
 use crate::options::TwinOptions;
-use crate::regime_names::{LogRegimes, RegimeTeller};
 use crate::side_services::SideServices;
 use crate::take_over::{Ended, TakeOver};
 use crate::{files, reload, reporter};
@@ -39,9 +38,6 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     let domain = options.domain.domain();
     let bus = Bus::open(&domain)?;
     let (sender, events) = event_channel();
-    let log = LogRegimes::default();
-    let mut teller = RegimeTeller::new(domain.clone(), Some(bus.clone()), log.clone());
-    drop(teller.tell(&loaded));
     let enter = if options.take_over { Twin::stand_by } else { Twin::start };
     let mut twin = enter(&bus, loaded, &settings, &sender)?;
     let topics = twin.state_topics();
@@ -52,9 +48,9 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     let own_files = bus.own_files();
     let mut group = ThreadGroup::new(stop.clone());
     // All threads start before this one takes real-time rights, so that they do not inherit them.
-    let (reported, progressed, regimes) = (names.clone(), progress.clone(), log.clone());
+    let (reported, progressed) = (names.clone(), progress.clone());
     group.start("reporter", move |end| {
-        reporter::run(&events, &reported, &regimes, &progressed, end);
+        reporter::run(&events, &reported, &progressed, end);
         Ok(())
     })?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
@@ -64,7 +60,6 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
         Ok(())
     })?;
     let metrics = options.metrics.clone();
-    let retold = domain.clone();
     let mut exclusive = Some(ExclusiveServices { metrics, shown, services: side_services, domain, topics });
     let started =
         exclusive.take_if(|_| !options.take_over).map(|services| services.start(&mut group)).transpose()?;
@@ -81,7 +76,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
             }
             _ => return Ok(()), // it could not take over
         };
-        loader.run(&reload, end, &services, RegimeTeller::new(retold, None, log), || reread(&reread_options));
+        loader.run(&reload, end, &services, || reread(&reread_options));
         Ok(late.end()?)
     })?;
     let granted = prepare(&settings, &twin)?;

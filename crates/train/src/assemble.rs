@@ -2,12 +2,12 @@
 
 use crate::boundary::OnsetBoundary;
 use crate::config::TrainConfig;
-use crate::datasheet::{BorderSheet, Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
+use crate::datasheet::{Candidate, DataSheet, FieldSheet, FitSheet, InputSheet, RegimeSheet};
 use crate::group::{GroupFit, Plan};
 use crate::regime::Part;
 use rom::inputs::{InputSpec, PARAMETERS};
 use rom::interpolant::Interpolant;
-use rom::model::{BlockData, BlockKind, Model, ModelHeader, NamedRegimes, OutputField};
+use rom::model::{BlockData, BlockKind, Model, ModelHeader, OutputField};
 use rom::snapshots::Database;
 
 pub(crate) fn assemble(
@@ -16,13 +16,11 @@ pub(crate) fn assemble(
     plan: &Plan,
     parts: Vec<Part>,
     onset: Option<OnsetBoundary>,
-    named: Option<(NamedRegimes, Option<BorderSheet>)>,
     remarks: Vec<String>,
 ) -> (Model, DataSheet) {
     let fields = database.fields.iter().zip(&plan.magnitude_of);
     let maps = parts.iter().map(|part| &part.inputs);
     let inputs = InputSpec::ranged(InputSpec::without_range(&database.parameters), maps);
-    let (named, border) = named.map_or((None, None), |(named, sheet)| (Some(named), sheet));
     let sheet = DataSheet {
         actuator: database.actuator.clone(),
         database_hash: database.hash.iter().map(|b| format!("{b:02x}")).collect(),
@@ -38,8 +36,6 @@ pub(crate) fn assemble(
             })
             .collect(),
         regimes: parts.iter().map(|part| regime_sheet(plan, part, &inputs)).collect(),
-        regime_names: database.regime_names.clone(),
-        border,
         sag_mm: onset.as_ref().map(|onset| onset.table.sag_mm()),
         reach_mm: onset.as_ref().map(|onset| onset.table.reach_mm()),
         remarks,
@@ -56,7 +52,6 @@ pub(crate) fn assemble(
         node_sets: database.node_sets.clone(),
         database_hash: database.hash,
         clearance: onset.and_then(OnsetBoundary::into_clearance),
-        named,
     };
     let mut blocks: Vec<(BlockKind, BlockData)> =
         parts.iter().flat_map(|part| field_blocks(database, plan, part)).collect();

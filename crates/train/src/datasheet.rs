@@ -19,12 +19,6 @@ pub struct DataSheet {
     pub fields: Vec<FieldSheet>,
     /// Regimes.
     pub regimes: Vec<RegimeSheet>,
-    /// Names of regimes that are the user's own; left out where there are none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub regime_names: Vec<String>,
-    /// How regimes with such names are told apart; left out where there is nothing to tell.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub border: Option<BorderSheet>,
     /// Gap at which gravity alone touches, in mm.
     pub sag_mm: Option<f64>,
     /// Largest gap the trained pressures close, in mm.
@@ -33,39 +27,6 @@ pub struct DataSheet {
     pub remarks: Vec<String>,
     /// The configuration in force.
     pub config: TrainConfig,
-}
-
-impl DataSheet {
-    /// The name of a regime.
-    pub fn regime_name(&self, kind: RegimeKind) -> &str {
-        kind.name_in(&self.regime_names)
-    }
-}
-
-/// How named regimes are told apart, and how often that fails for a training state that is left out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BorderSheet {
-    /// Kernel and tail of the scores.
-    pub kernel: String,
-    /// Training states of all regimes.
-    pub states: usize,
-    /// Share of them that, left out, is assigned to another regime.
-    pub wrong_share: f64,
-    /// Those states.
-    pub wrong: Vec<WrongState>,
-    /// States whose best two scores are closer than this are near the boundary: their domain is `near`.
-    pub doubt: f64,
-}
-
-/// A training state that, left out, is assigned to another regime.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct WrongState {
-    /// Case name.
-    pub case: String,
-    /// Its regime.
-    pub regime: String,
-    /// The regime it is assigned to.
-    pub assigned: String,
 }
 
 /// One field.

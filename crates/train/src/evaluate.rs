@@ -70,9 +70,6 @@ pub struct CaseReport {
     /// Regime the case was sampled for.
     #[serde(skip)]
     pub sampled: RegimeKind,
-    /// Names of both, where they are the user's own: of the one that answered, and of the one the case was sampled for.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub regime_names: Option<[String; 2]>,
     /// All inputs by position.
     #[serde(skip)]
     pub inputs: Inputs,
@@ -101,14 +98,9 @@ pub struct CaseReport {
 }
 
 impl CaseReport {
-    /// Whether the case counts for a regime: one with a name of the user's own by its name, else by whether there is a gap.
+    /// True if the case counts for a regime: contact for cases with a gap, free for the others.
     pub fn is_of(&self, regime: RegimeKind) -> bool {
-        match regime {
-            RegimeKind::Named(_) => self.sampled == regime,
-            RegimeKind::Free | RegimeKind::Contact => {
-                self.gap_mm.is_some() == (regime == RegimeKind::Contact)
-            }
-        }
+        self.gap_mm.is_some() == (regime == RegimeKind::Contact)
     }
 }
 
@@ -139,12 +131,6 @@ pub struct Report {
 pub struct Summary {
     /// Regime the cases were sampled for.
     pub regime: RegimeKind,
-    /// Its name, where that is the user's own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub regime_name: Option<String>,
-    /// Share of the cases that the model finds in this regime; of regimes with names of the user's own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub in_regime: Option<f64>,
     /// Cases.
     pub cases: usize,
     /// Eq. (15): mean over cases and entries.
@@ -155,13 +141,6 @@ pub struct Summary {
     pub force_normalised: [f64; 3],
     /// Share of cases within the displacement, stress and force half-widths.
     pub coverage: [f64; 3],
-}
-
-impl Summary {
-    /// The regime's name.
-    pub fn name(&self) -> &str {
-        self.regime_name.as_deref().unwrap_or_else(|| self.regime.name())
-    }
 }
 
 /// A field over the cases of a regime.
@@ -201,51 +180,14 @@ pub fn evaluate(
         let names = |names: Vec<&str>| format!("parameters {}", names.join(", "));
         return Err(EvaluateError::Mismatch { expected: names(further), found: names(own) });
     }
-    let own = regimes_of_model(model, database)?;
     let mut state = ModelState::new(model, &Selection::default())?;
     let cases: Vec<CaseReport> =
-        cases.iter().map(|&i| one_case(model, database, &mut state, i, floor, &own)).collect();
+        cases.iter().map(|&i| one_case(model, database, &mut state, i, floor)).collect();
     let regimes = [RegimeKind::Free, RegimeKind::Contact]
         .into_iter()
-        .chain(model.header.regimes.iter().map(|regime| regime.kind).filter(|kind| kind.place().is_some()))
-        .filter_map(|kind| {
-            let sampled: Vec<&CaseReport> = cases.iter().filter(|c| c.sampled == kind).collect();
-            Some(named(model, summary(database, kind, sampled.clone())?, &sampled))
-        })
+        .filter_map(|kind| summary(database, kind, cases.iter().filter(|c| c.sampled == kind).collect()))
         .collect();
     Ok(Report { floor, cases, regimes })
-}
-
-/// The model's regimes by the names of the database's; as many as the database has names.
-fn regimes_of_model(model: &Model, database: &Database) -> Result<Vec<RegimeKind>, EvaluateError> {
-    let known = model.header.named.as_ref().map_or(&[][..], |named| &named.names);
-    let place = |name: &String| known.iter().position(|known| known == name);
-    let found: Option<Vec<usize>> = database.regime_names.iter().map(place).collect();
-    match found {
-        Some(places) if places.is_empty() == known.is_empty() => {
-            Ok(places.into_iter().map(|at| RegimeKind::Named(at as u8)).collect())
-        }
-        _ => {
-            let names = |names: &[String]| match names {
-                [] => "the regimes free and contact".to_owned(),
-                names => format!("the regimes {}", names.join(", ")),
-            };
-            Err(EvaluateError::Mismatch { expected: names(known), found: names(&database.regime_names) })
-        }
-    }
-}
-
-/// A summary with what belongs to names of the user's own.
-fn named(model: &Model, summary: Summary, cases: &[&CaseReport]) -> Summary {
-    if summary.regime.place().is_none() {
-        return summary;
-    }
-    let right = cases.iter().filter(|case| case.regime == summary.regime).count();
-    Summary {
-        regime_name: Some(model.header.regime_name(summary.regime).to_owned()),
-        in_regime: Some(right as f64 / cases.len() as f64),
-        ..summary
-    }
 }
 
 fn one_case(
@@ -254,10 +196,8 @@ fn one_case(
     state: &mut ModelState,
     index: usize,
     floor: f64,
-    own: &[RegimeKind],
 ) -> CaseReport {
     let case = &database.cases[index];
-    let sampled = case.regime.place().and_then(|at| own.get(at)).copied().unwrap_or(case.regime);
     let nodes = database.node_count;
     let reconstructed = state.update(case.inputs());
     debug_assert!(reconstructed.is_ok(), "the output was sized by the reconstructor");
@@ -291,10 +231,7 @@ fn one_case(
     CaseReport {
         case: case.name.clone(),
         regime: evaluation.regime,
-        sampled,
-        regime_names: sampled
-            .place()
-            .map(|_| [evaluation.regime, sampled].map(|kind| model.header.regime_name(kind).to_owned())),
+        sampled: case.regime,
         inputs: case.inputs(),
         errors: [error_mm, stress, error_n],
         pressure_mpa: case.pressure_mpa,
@@ -381,8 +318,6 @@ fn summary(database: &Database, regime: RegimeKind, cases: Vec<&CaseReport>) -> 
     });
     Some(Summary {
         regime,
-        regime_name: None,
-        in_regime: None,
         cases: cases.len(),
         mse: mean(&|c| c.mse),
         fields: fields.collect(),

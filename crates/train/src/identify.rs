@@ -20,8 +20,7 @@ const SAME: f64 = 0.99;
 /// [`TrainError::Database`] with the inputs by name.
 pub(crate) fn check_spread(database: &Database, sorted: &Sorted) -> Result<(), TrainError> {
     let mut problems = Vec::new();
-    let named = (0..sorted.named.len()).map(|at| RegimeKind::Named(at as u8));
-    for kind in [RegimeKind::Free, RegimeKind::Contact].into_iter().chain(named) {
+    for kind in [RegimeKind::Free, RegimeKind::Contact] {
         let (cases, inputs) = (sorted.of(kind), varying(database, kind));
         let states: Vec<Inputs> = cases.iter().map(|&i| database.cases[i].inputs()).collect();
         let map = InputMap::of_states(&states, &inputs);
@@ -36,7 +35,7 @@ pub(crate) fn check_spread(database: &Database, sorted: &Sorted) -> Result<(), T
                 "in the {} {} training states {} vary together: no model can tell their effects apart; vary each for \
                  itself, or leave all but one out",
                 states.len(),
-                database.regime_name(kind),
+                kind.name(),
                 names.join(", ")
             ));
         }

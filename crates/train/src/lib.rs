@@ -2,8 +2,7 @@
 //!
 //! Order: sort the training cases into regimes; free model (POD by group, interpolants by leave-one-out); onset pressure
 //! over gap from the free model; contact model on touching states plus states on the onset boundary taken from the free
-//! model, so that fields are continuous across the switch; half-widths from leave-one-out residuals. Regimes with names of the
-//! user's own are trained one by one, each on all of its states, then what decides between them.
+//! model, so that fields are continuous across the switch; half-widths from leave-one-out residuals.
 //!
 //! ```text
 //! Y (n x m snapshots) = mean + Phi A        pod.rs             modes Phi, coefficients A, by thin QR and SVD (Eqs. 3, 5, 6)
@@ -27,7 +26,6 @@
 #![forbid(unsafe_code)]
 
 mod assemble;
-mod border;
 mod boundary;
 pub mod calibration;
 pub mod config;
@@ -55,7 +53,7 @@ pub use error::TrainError;
 use crate::config::TrainConfig;
 use crate::datasheet::DataSheet;
 use rom::model::Model;
-use rom::snapshots::{Database, RegimeKind};
+use rom::snapshots::Database;
 
 /// Trains a model. `progress` is told what is being done. Reads the training split only.
 ///
@@ -78,7 +76,6 @@ pub fn train(
         return Err(TrainError::Database(problems));
     }
     let mut sorted = sort::sort(database, config)?;
-    border::check_counts(database, &sorted)?;
     identify::check_spread(database, &sorted)?;
     let plan = group::Plan::new(database, config);
     let mut parts = Vec::new();
@@ -100,18 +97,9 @@ pub fn train(
         let contact = regime::contact(database, config, &plan, &sorted, boundary)?;
         parts.push(contact);
     }
-    for (at, name) in database.regime_names.iter().enumerate() {
-        progress(&format!("regime {name}: decomposing and choosing kernels"));
-        parts.push(regime::named(database, config, &plan, &sorted, RegimeKind::Named(at as u8))?);
-    }
-    let mut named = None;
-    if !database.regime_names.is_empty() {
-        progress("the boundary between the regimes");
-        named = Some(border::learn(database, config, &sorted)?);
-    }
     progress("assembling the model");
     sorted.remarks.extend(identify::remarks(database, &parts));
-    let (model, mut sheet) = assemble::assemble(database, config, &plan, parts, onset, named, sorted.remarks);
+    let (model, mut sheet) = assemble::assemble(database, config, &plan, parts, onset, sorted.remarks);
     let bounds = storage::i16_bounds(&model, database)?;
     sheet.fields.iter_mut().zip(bounds).for_each(|(field, bound)| field.i16_error_bound = bound);
     Ok((model, sheet))

@@ -110,32 +110,6 @@ pub(crate) fn free(
     Ok(training.part(groups, None, errors, config.coverage))
 }
 
-/// A regime with a name of the user's own, on all of its states and with the choices of the free one. A contact force is
-/// trained where its states have one.
-pub(crate) fn named(
-    database: &Database,
-    config: &TrainConfig,
-    plan: &Plan,
-    sorted: &Sorted,
-    kind: RegimeKind,
-) -> Result<Part, TrainError> {
-    let cases = sorted.of(kind);
-    let points = cases.iter().map(|&i| named_inputs(database, i)).collect();
-    let training = Training::new(database, sorted, kind, points, f64::INFINITY);
-    let groups = training.groups(config, &config.free, plan, None)?;
-    let has_force = cases.iter().any(|&i| database.cases[i].contact_force_n > 0.0);
-    let force = has_force.then(|| training.force(&config.free, None)).transpose()?;
-    let (force, residuals) = force.unzip();
-    let errors = training.errors(plan, &groups, residuals.as_deref());
-    Ok(training.part(groups, force, errors, config.coverage))
-}
-
-/// The inputs of a state in a named regime; the gap is one as any other, 0 where there is none.
-pub(crate) fn named_inputs(database: &Database, case: usize) -> Inputs {
-    let case = &database.cases[case];
-    case.inputs_at_gap(case.gap_mm.unwrap_or(0.0))
-}
-
 pub(crate) fn contact(
     database: &Database,
     config: &TrainConfig,
@@ -331,8 +305,8 @@ impl<'a> Training<'a> {
     }
 
     /// The regime's name.
-    fn name(&self) -> &str {
-        self.database.regime_name(self.kind)
+    fn name(&self) -> &'static str {
+        self.kind.name()
     }
 
     /// What a group is decomposed from. Of derivatives: all that are known, or none where one of its fields has none.

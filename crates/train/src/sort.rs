@@ -9,8 +9,6 @@ use rom::snapshots::{Database, RegimeKind, Split};
 pub(crate) struct Sorted {
     pub free: Vec<usize>,
     pub contact: Vec<usize>,
-    /// Regimes with names of the user's own, in the order of the names.
-    pub named: Vec<Vec<usize>>,
     /// Largest training pressure of all.
     pub max_pressure_mpa: f64,
     pub remarks: Vec<String>,
@@ -24,20 +22,14 @@ impl Sorted {
         match kind {
             RegimeKind::Free => &self.free,
             RegimeKind::Contact => &self.contact,
-            RegimeKind::Named(at) => self.named.get(usize::from(at)).map_or(&[], Vec::as_slice),
         }
     }
 }
 
 /// Inputs that a regime may be interpolated over: pressure, gap where it counts, parameters.
 pub(crate) fn varying(database: &Database, kind: RegimeKind) -> Vec<usize> {
-    let has_gap = match kind {
-        RegimeKind::Free => false,
-        RegimeKind::Contact => true,
-        RegimeKind::Named(_) => database.cases.iter().all(|case| case.gap_mm.is_some()),
-    };
-    let gap = if has_gap { &[PRESSURE, GAP][..] } else { &[PRESSURE] };
-    gap.iter().copied().chain((0..database.parameters.len()).map(|i| PARAMETERS + i)).collect()
+    let operating = if kind == RegimeKind::Contact { &[PRESSURE, GAP][..] } else { &[PRESSURE] };
+    operating.iter().copied().chain((0..database.parameters.len()).map(|i| PARAMETERS + i)).collect()
 }
 
 pub(crate) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, TrainError> {
@@ -47,14 +39,10 @@ pub(crate) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, 
         // A contact sample without force touches nothing: physically it is one more free state.
         case.regime == RegimeKind::Contact && (!config.split_at_onset || case.contact_force_n > 0.0)
     };
-    let of_name =
-        |at: usize| train.iter().copied().filter(move |&i| database.cases[i].regime.place() == Some(at));
-    let named: Vec<Vec<usize>> = (0..database.regime_names.len()).map(|at| of_name(at).collect()).collect();
-    let unnamed = train.iter().filter(|&&i| database.cases[i].regime.place().is_none());
-    let (contact, free): (Vec<usize>, Vec<usize>) = unnamed.partition(|&&i| touches(i));
+    let (contact, free): (Vec<usize>, Vec<usize>) = train.iter().partition(|&&i| touches(i));
     let max_pressure_mpa = train.iter().map(|&i| database.cases[i].pressure_mpa).fold(0.0, f64::max);
     let (remarks, doubtful) = (Vec::new(), Vec::new());
-    let mut sorted = Sorted { free, contact, named: Vec::new(), max_pressure_mpa, remarks, doubtful };
+    let mut sorted = Sorted { free, contact, max_pressure_mpa, remarks, doubtful };
     let untouched = sorted.free.iter().filter(|&&i| database.cases[i].regime == RegimeKind::Contact).count();
     if untouched > 0 {
         sorted
@@ -66,10 +54,6 @@ pub(crate) fn sort(database: &Database, config: &TrainConfig) -> Result<Sorted, 
     let contact = std::mem::take(&mut sorted.contact);
     let input = |i: usize| database.cases[i].inputs_at_gap(database.cases[i].gap_mm.unwrap_or(0.0));
     sorted.contact = merge(database, config, contact, input, &mut sorted)?;
-    for cases in named {
-        let merged = merge(database, config, cases, input, &mut sorted)?;
-        sorted.named.push(merged);
-    }
     Ok(sorted)
 }
 

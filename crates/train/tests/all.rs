@@ -5,6 +5,5 @@ mod calibration;
 mod database;
 mod numerics;
 mod parameters;
-mod regimes;
 mod shipped_design;
 mod slopes;

@@ -52,9 +52,9 @@ pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
     FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter,
-    Held, HeldWatch, KnownRegimes, QueryClient, QueryServer, Question, Reader, RegimeNames, SensorReader,
-    SensorWriter, SetpointReader, SetpointWriter, Stamp, StateReader, StateWriter, ToldRegimes, ValveReader,
-    ValveWriter, Writer, WriterRight, take_rights, wait_for_rights,
+    Held, HeldWatch, QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader,
+    SetpointWriter, Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer, WriterRight,
+    take_rights, wait_for_rights,
 };
 pub use selector::{Selector, SelectorError};
 pub use spin::{SpinCounts, SpinSources, SpinWait};

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 use wire::layout::{field_id, flags, pack_name, unpack_name};
 use wire::{
-    AnySample, Bus, Domain, Estimate, EstimateReader, EstimateWriter, FieldHeader, FieldReader, FieldWriter,
-    KeyExpr, KnownRegimes, RegimeNames, SensorReader, SensorSample, SensorWriter, SpinWait, State,
-    StateReader, StateWriter, ToldRegimes, Topic, Wake, WakeSet, Wakeable, Waking, WireError,
+    Bus, Domain, Estimate, EstimateReader, EstimateWriter, FieldHeader, FieldReader, FieldWriter, KeyExpr,
+    SensorReader, SensorSample, SensorWriter, SpinWait, State, StateReader, StateWriter, Topic, Wake,
+    WakeSet, Wakeable, Waking, WireError,
 };
 
 /// A bus in a domain of its own that leaves nothing behind.
@@ -257,56 +257,6 @@ fn topics_are_found_by_key_expression() {
 }
 
 /// Whoever writes to the domain's folder waits for its disk: a loop that looks for topics must not.
-/// Sixteen names of the greatest length, which is what a model may have.
-#[test]
-fn names_of_regimes_are_told_as_long_as_a_twin_is_there() {
-    let bus = bus();
-    let names: RegimeNames = (3..19).map(|number| (number, format!("{number:0>32}"))).collect();
-    let (model, other) = ([7; 16], [8; 16]);
-    assert!(bus.regime_names(&model).unwrap().is_empty(), "nobody tells them");
-    let told = ToldRegimes::tell(&bus, &model, &names).unwrap();
-    let again = ToldRegimes::tell(&bus, &model, &names).unwrap();
-    let late = Bus::open(&bus.1).unwrap();
-    assert_eq!(late.regime_names(&model).unwrap(), names);
-    assert!(late.regime_names(&other).unwrap().is_empty());
-    assert!(bus.names(&KeyExpr::new("softtwin/**").unwrap()).unwrap().is_empty(), "they are no topic");
-    let contradiction = ToldRegimes::tell(&late, &model, &RegimeNames::from([(3, "up".to_owned())]));
-    assert!(contradiction.is_err());
-    drop((told, late));
-    assert_eq!(bus.regime_names(&model).unwrap(), names, "another twin still tells them");
-    drop(again);
-    assert!(bus.regime_names(&model).unwrap().is_empty());
-}
-
-/// A model that nobody tells the names of is looked up again; found names are looked up no more, and stay when their twin ends.
-#[test]
-fn readers_find_names_later_and_keep_them() {
-    let bus = bus();
-    let mut known = KnownRegimes::new(&bus);
-    let state = State { regime: 4, model_hash: [7; 16], ..State::default() };
-    assert_eq!(known.of(&AnySample::State(state)), None);
-    let names = RegimeNames::from([(3, "straight".to_owned()), (4, "up".to_owned())]);
-    let told = ToldRegimes::tell(&bus, &[7; 16], &names).unwrap();
-    let end = Instant::now() + Duration::from_secs(60);
-    while known.of(&AnySample::State(state)).is_none() {
-        assert!(Instant::now() < end, "the names are not looked up again");
-        std::thread::yield_now();
-    }
-    drop(told);
-    assert!(bus.regime_names(&[7; 16]).unwrap().is_empty());
-    assert_eq!(
-        [3, 4].map(|number| known.name(&[7; 16], number).map(str::to_owned)),
-        [Some("straight".into()), Some("up".into())]
-    );
-    for (model, number) in [([7; 16], 5), ([7; 16], 1), ([8; 16], 3)] {
-        assert_eq!(known.name(&model, number), None, "{number}");
-    }
-    for other in 0..=u8::MAX {
-        known.name(&[other; 16], 3);
-    }
-    assert_eq!(known.name(&[7; 16], 4), None, "so many models are not kept");
-}
-
 #[test]
 fn a_look_for_names_leaves_the_folder_alone() {
     let root = tempfile::tempdir().unwrap();

@@ -108,7 +108,6 @@ fn database() -> Database {
         node_sets,
         obstacle: Footprint::PLATE,
         parameters: Vec::new(),
-        regime_names: Vec::new(),
         sensitivities: None,
         hash: [0; 32],
     };

@@ -18,19 +18,6 @@ pub fn header_seed() -> Vec<u8> {
     header_of(crate::stage::model_bytes())
 }
 
-/// A model with regimes of its own names.
-const NAMED: &[u8] = include_bytes!("../../../crates/rom/tests/data/version6.twin");
-
-/// [`model_header`] for a model with regimes of its own names.
-pub fn named_header(header: &[u8]) {
-    behind_checksums(NAMED, header);
-}
-
-/// The header of that model.
-pub fn named_seed() -> Vec<u8> {
-    header_of(NAMED)
-}
-
 fn behind_checksums(good: &[u8], header: &[u8]) {
     let mut file = good[..PREAMBLE].to_vec();
     file[16..24].copy_from_slice(&(header.len() as u64).to_le_bytes());

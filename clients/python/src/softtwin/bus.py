@@ -9,7 +9,6 @@ import iceoryx2 as iox2
 from . import layout
 from .errors import SofttwinError, TwinAbsent, VersionMismatch
 from .qos import QOS
-from .regimes import Regimes
 from .start import DEFAULT_ROOT, Places
 
 _KINDS = {
@@ -49,7 +48,6 @@ class Bus:
         config.global_cfg.prefix = iox2.FileName.new(prefix)
         if root:
             config.global_cfg.root_path = iox2.Path.new(root)
-        self.regimes = Regimes(config)
         try:
             with self.places.starting():
                 self._node = (

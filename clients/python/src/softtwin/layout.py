@@ -25,22 +25,6 @@ REGIMES: Dict[int, str] = {
     0: "unknown",
     1: "free",
     2: "contact",
-    3: "regime 3",
-    4: "regime 4",
-    5: "regime 5",
-    6: "regime 6",
-    7: "regime 7",
-    8: "regime 8",
-    9: "regime 9",
-    10: "regime 10",
-    11: "regime 11",
-    12: "regime 12",
-    13: "regime 13",
-    14: "regime 14",
-    15: "regime 15",
-    16: "regime 16",
-    17: "regime 17",
-    18: "regime 18",
 }
 """Regimes by number."""
 

@@ -4,18 +4,14 @@ import ctypes
 import os
 from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int, c_size_t, c_uint32, c_void_p
 from functools import lru_cache
-from typing import Dict
 
 from .errors import SofttwinError
-from .layout import REGIMES
 from .programs import carried
 
 MAX_INPUTS = 8
 """Largest number of inputs of a model."""
 
-_ABSENT, _ARGUMENT, _REFUSED = 2, 5, 7
-_NAME_SIZE = 33  # SOFTTWIN_REGIME_NAME_SIZE
-_FIRST_NAMED = 3  # numbers below are free and contact
+_ARGUMENT, _REFUSED = 5, 7
 
 
 class ModelInput(ctypes.Structure):
@@ -105,8 +101,7 @@ def _declare(found: ctypes.CDLL) -> None:
     found.softtwin_model_predict.argtypes = [c_void_p, c_void_p, c_size_t, c_void_p, c_void_p]
     found.softtwin_model_close.argtypes = [c_void_p]
     found.softtwin_model_close.restype = None
-    found.softtwin_model_regime_name.argtypes = [c_void_p, c_uint32, c_char_p, c_size_t]
-    for name in ("open", "select", "describe", "predict", "regime_name"):
+    for name in ("open", "select", "describe", "predict"):
         getattr(found, f"softtwin_model_{name}").restype = c_int
 
 
@@ -123,16 +118,3 @@ def open_model(path: "os.PathLike[str] | str") -> int:
     out = c_void_p()
     check(library().softtwin_model_open(os.fsencode(path), byref(out)))
     return out.value or 0
-
-
-def regime_names(handle: int) -> Dict[int, str]:
-    """Names of the regimes that are a model's own, by number; empty where they are free and contact."""
-    room = ctypes.create_string_buffer(_NAME_SIZE)
-    names: Dict[int, str] = {}
-    for number in range(_FIRST_NAMED, 1 + max(REGIMES)):
-        status = library().softtwin_model_regime_name(handle, number, room, len(room))
-        if status == _ABSENT:
-            break
-        check(status)
-        names[number] = room.value.decode()
-    return names

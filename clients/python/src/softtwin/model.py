@@ -13,7 +13,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 import numpy as np
 import numpy.typing as npt
 
-from .library import ModelInfo, PredictionRow, check, library, open_model, regime_names
+from .library import ModelInfo, PredictionRow, check, library, open_model
 from .prediction import Prediction
 
 _ROW = np.dtype(PredictionRow)
@@ -64,8 +64,6 @@ class Model:
         self.nodes = nodes
         #: Nodes of each field.
         self.node_count: int = info.node_count
-        #: Names of the regimes that are the model's own, by number; empty where they are free and contact.
-        self.regimes: Dict[int, str] = regime_names(handle)
         self._position = {name: at for at, name in enumerate(self.inputs)}
         self._by_keyword = {name.replace(".", "_"): name for name in self.inputs}
 
@@ -143,7 +141,7 @@ class Model:
                 self._handle, states.ctypes.data, rows.size, rows.ctypes.data, None if values is None else values.ctypes.data
             )
         )
-        return Prediction(self.inputs, self.fields, self.regimes, names, states, rows, values, self.nodes)
+        return Prediction(self.inputs, self.fields, names, states, rows, values, self.nodes)
 
     def _states(self, pressure_mpa: Number, gap_mm: Number, further: Mapping[str, Number]) -> Tuple[List[str], "np.ndarray[Any, Any]"]:
         """Names given, and the states with one more axis: all inputs in order, NaN where none was given."""

@@ -1,7 +1,7 @@
 """What all payloads share; the payloads themselves are in `layout`, which is generated."""
 
 import ctypes
-from typing import Dict, List, Optional, Set, Tuple
+from typing import Dict, List, Set, Tuple
 
 from ctypes import c_uint8 as u8
 
@@ -27,8 +27,6 @@ class Payload(ctypes.Structure):
     _text_lists: Dict[str, str] = {}
     _hashes: Set[str] = set()
     _names: Dict[str, Dict[int, str]] = {}
-    #: The name of the regime, where that is the model's own and was known when the sample was received.
-    own_regime: Optional[str] = None
 
     @classmethod
     def type_name(cls) -> str:
@@ -69,8 +67,8 @@ class Payload(ctypes.Structure):
 
     @property
     def regime_name(self) -> str:
-        """`free`, `contact` or the model's own name; `regime 3` and so on where no running twin has told it, or `unknown`."""
-        return self.own_regime or self.name_of("regime")
+        """`free`, `contact` or `unknown`."""
+        return self.name_of("regime")
 
     @property
     def grasp_status_name(self) -> str:

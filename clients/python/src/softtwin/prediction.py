@@ -51,7 +51,6 @@ class Prediction:
         self,
         inputs: Mapping[str, Any],
         fields: Mapping[str, str],
-        regimes: Mapping[int, str],
         names: List[str],
         states: "np.ndarray[Any, Any]",
         rows: "np.ndarray[Any, Any]",
@@ -60,7 +59,6 @@ class Prediction:
     ) -> None:
         self._inputs, self._fields, self._rows, self._nodes = inputs, fields, rows, nodes
         self._given, self._states = names, states
-        self._regimes = {**REGIMES, **regimes}
         #: All fields, shape of the states and (fields, nodes); None when they were not asked for.
         self.values = values
 
@@ -81,8 +79,8 @@ class Prediction:
 
     @property
     def regime(self) -> Any:
-        """`free`, `contact` or the model's own name."""
-        return _words(self._regimes, self._rows["regime"])
+        """`free` or `contact`."""
+        return _words(REGIMES, self._rows["regime"])
 
     @property
     def domain(self) -> Any:

@@ -23,7 +23,6 @@ class Client:
         bus = bus or default_bus()
         #: Longest wait for an answer, s.
         self.timeout_s = timeout_s
-        self._regimes = bus.regimes
         self._name = f"softtwin/{actuator}/query"
         answers = f"softtwin/{actuator}/answer"
         service = bus.open_questions(self._name)
@@ -94,7 +93,6 @@ class Client:
             query.parameter_names[32 * at : 32 * at + len(packed)] = packed
         response = self._exchange(query)
         answer = copy_of(layout.Answer, response.user_header_ptr)
-        self._regimes.put(answer)
         if answer.status != 0:
             reason = layout.QUERY_STATUSES.get(answer.status, f"a reason of another version ({answer.status})")
             raise Refused(f"{self._name}: no answer: {reason.format(limit=answer.limit, inputs=', '.join(answer.text_list('input_names')))}", answer)

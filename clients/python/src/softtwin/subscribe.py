@@ -34,7 +34,6 @@ class Subscription:
             raise ValueError(f"on_restart={on_restart!r}: expected 'raise' or 'continue'")
         bus = bus or default_bus()
         qos = QOS[kind_of(topic)]
-        self._regimes = bus.regimes
         #: The topic's name.
         self.topic = topic
         #: Samples that never came (jumps in the sequence numbers).
@@ -70,14 +69,12 @@ class Subscription:
             return None
         if self._kind is not None:
             value: Any = copy_of(self._kind, sample.payload_ptr)
-            self._regimes.put(value)
             boot_seq = (value.boot_id, value.seq)
         else:
             header = copy_of(FieldHeader, sample.user_header_ptr)
             found = sample.header.number_of_elements
             if header.layout_version != VERSION or header.node_count * header.field_count != found:
                 raise SofttwinError(f"{self.topic}: {found} values do not fit their header {header!r}")
-            self._regimes.put(header)
             value = Field(sample, header, sample.payload_ptr)
             boot_seq = (header.boot_id, header.seq)
         self._count(boot_seq, value)

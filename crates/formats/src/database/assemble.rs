@@ -15,8 +15,6 @@ pub(crate) struct Parts {
     pub(crate) cases: Vec<Case>,
     /// Inputs beside pressure and gap.
     pub(crate) parameters: Vec<Parameter>,
-    /// Names of regimes that are the user's own.
-    pub(crate) regime_names: Vec<String>,
     /// `cases x nodes x fields`.
     pub(crate) snapshots: Vec<f32>,
     /// Empty where no parameter moves the mesh.
@@ -49,7 +47,6 @@ impl Parts {
             node_sets: body.node_sets,
             obstacle: obstacle.footprint(),
             parameters: self.parameters,
-            regime_names: self.regime_names,
             sensitivities: self.sensitivities,
             hash: [0; 32],
         };

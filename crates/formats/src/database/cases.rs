@@ -1,8 +1,7 @@
 //! `cases.csv`: one row a case.
 
 use super::manifest::Manifest;
-use super::regimes::Regimes;
-use super::words::{ObstacleKind, SPLITS, split_name};
+use super::words::{ANY_REGIME, ObstacleKind, REGIMES, SPLITS, split_name};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
 use crate::table::{self, Row, Table};
@@ -13,18 +12,14 @@ use std::path::Path;
 /// Columns every table has, in the order [`write()`] gives them.
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
-/// The cases with the kind of their obstacle, and the names of regimes that are the user's own.
-pub(crate) type Found = (Vec<(ObstacleKind, Case)>, Vec<String>);
-
-/// Reads and checks the table; everything that is wrong at once.
-pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Found, FormatError> {
+/// Reads and checks the table: all cases with the kind of their obstacle, or all errors.
+pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind, Case)>, FormatError> {
     let table = Table::read(path, false)?;
     let columns = columns(&table, manifest)
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
     let (mut cases, mut diagnostics, mut seen) = (Vec::new(), Vec::new(), HashMap::new());
-    let mut regimes = Regimes::default();
     for row in table.rows() {
-        let Some(case) = case(&row, &columns, &mut regimes, &mut diagnostics) else { continue };
+        let Some(case) = case(&row, &columns, &mut diagnostics) else { continue };
         if let Some(first) = seen.insert(row.text(columns.standard[0]), row.place()) {
             let place = format!("{}, column case", row.place());
             let found = format!("`{}` of {first}", case.1.name);
@@ -35,7 +30,7 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Found, FormatErro
     if cases.is_empty() && diagnostics.is_empty() {
         diagnostics.push(Diagnostic::new("rows", "at least one case", "none"));
     }
-    FormatError::check((cases, regimes.names), path, diagnostics)
+    FormatError::check(cases, path, diagnostics)
 }
 
 /// Where the columns are.
@@ -77,18 +72,14 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     }
 }
 
-fn case(
-    row: &Row<'_>,
-    at: &Columns,
-    regimes: &mut Regimes,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Option<(ObstacleKind, Case)> {
+fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<(ObstacleKind, Case)> {
     collect(row.check_width(false), diagnostics)?;
     let parameters: Vec<f64> =
         at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();
     let all_given = parameters.len() == at.parameters.len();
     let (at, Columns { pressure, gap, force, .. }) = (&at.standard, at);
-    let regime = collect(regimes.of(row, at[1]), diagnostics);
+    let regime = row.choice(at[1], &REGIMES).map_err(|_| row.diagnostic(at[1], ANY_REGIME));
+    let regime = collect(regime, diagnostics);
     let split = collect(row.choice(at[2], &SPLITS), diagnostics);
     let pressure_mpa = pressure.map_or(Some(0.0), |pressure| collect(row.number(pressure), diagnostics));
     let gap_mm = gap.map_or(Some(None), |gap| collect(row.optional_number(gap), diagnostics));
@@ -124,7 +115,7 @@ pub(crate) fn write(path: &Path, database: &Database) -> Result<(), FormatError>
     let row = |case: &Case| {
         let mut cells = vec![
             case.name.clone(),
-            database.regime_name(case.regime).to_owned(),
+            case.regime.name().to_owned(),
             split_name(case.split).to_owned(),
             case.pressure_mpa.to_string(),
             case.gap_mm.map_or(String::new(), |gap| gap.to_string()),

@@ -17,7 +17,7 @@ const UNDEFORMED_BY: &str = "undeformed_by.npy";
 pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
     let manifest = Manifest::read(&dir.join(FILE))?;
     let cases_path = dir.join(&manifest.cases);
-    let (cases, regime_names) = cases::read(&cases_path, &manifest)?;
+    let cases = cases::read(&cases_path, &manifest)?;
     let fields = manifest.field_specs();
     let snapshots_path = dir.join(&manifest.snapshots);
     let mesh = manifest.mesh.as_ref().map(|file| dir.join(file));
@@ -45,7 +45,6 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         node_count,
         cases,
         parameters,
-        regime_names,
         snapshots,
         undeformed_by: moved.unwrap_or_default(),
         sensitivities: derivatives.map(|found| sensitivities::of_cases(found, &kept, node_count)),
@@ -91,7 +90,7 @@ fn select(
 /// As [`super::read`], for the manifest and the table of cases.
 pub fn obstacle_kinds(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
     let manifest = Manifest::read(&dir.join(FILE))?;
-    let (cases, _) = cases::read(&dir.join(&manifest.cases), &manifest)?;
+    let cases = cases::read(&dir.join(&manifest.cases), &manifest)?;
     let present = |kind: &ObstacleKind| cases.iter().any(|(found, _)| found == kind);
     Ok(ObstacleKind::ALL.into_iter().filter(present).collect())
 }

@@ -131,7 +131,7 @@ pub fn pack_sensitivities(
     manifest: &Manifest,
     share: impl Fn(Kind) -> f64,
 ) -> Result<Option<usize>, FormatError> {
-    let (cases, _) = super::cases::read(&from.join(&manifest.cases), manifest)?;
+    let cases = super::cases::read(&from.join(&manifest.cases), manifest)?;
     let Some(all) = read(from, manifest, &cases)? else { return Ok(None) };
     let entries = manifest.nodes * all.fields.len();
     let (mut rows, mut values) = (Vec::new(), Vec::new());

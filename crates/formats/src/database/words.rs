@@ -36,12 +36,16 @@ impl ObstacleKind {
     }
 }
 
-/// Regimes as tables name them, with what they mean.
+/// Regimes as tables name them, with their meaning.
 pub const REGIMES: [(&str, (ObstacleKind, RegimeKind)); 3] = [
     ("free", (ObstacleKind::Plate, RegimeKind::Free)),
     ("contact", (ObstacleKind::Plate, RegimeKind::Contact)),
     ("gripper", (ObstacleKind::Block, RegimeKind::Contact)),
 ];
+
+/// Words for a regime in a table, as a message names them.
+pub const ANY_REGIME: &str = "free, contact or gripper; a structure with several shapes (buckled, snapped) needs one database and \
+                              one model per shape";
 
 /// Splits as tables name them, the most urgent first.
 pub const SPLITS: [(&str, Split); 3] =

@@ -223,7 +223,6 @@ impl Assembly {
             node_sets: Vec::new(),
             obstacle: Footprint::PLATE,
             parameters,
-            regime_names: Vec::new(),
             sensitivities: None,
             hash: [0; 32],
         };

@@ -56,7 +56,6 @@ pub fn database(cases: Vec<Case>) -> (Database, Vec<[u32; 10]>) {
         node_sets: vec![],
         obstacle: Footprint::PLATE,
         parameters: vec![],
-        regime_names: Vec::new(),
         sensitivities: None,
         hash: [0; 32],
     };

@@ -8,17 +8,11 @@ use serde_json::{Value, json};
 use wire::{Payload, State};
 
 /// The answer to a request: model, its inputs with their ranges, and the newest state as on the key `softtwin/<actuator>/state`;
-/// without a state the reason. `regime` is the name of its regime, where that is the model's own and known. None when the request is none.
-pub fn answer(
-    request: &[u8],
-    ros: &Ros2,
-    actuator: &str,
-    state: Option<&State>,
-    regime: Option<&str>,
-) -> Option<Vec<u8>> {
+/// without a state the reason. `None` if the request is malformed.
+pub fn answer(request: &[u8], ros: &Ros2, actuator: &str, state: Option<&State>) -> Option<Vec<u8>> {
     Reader::new(request)?;
     Some(match state {
-        Some(state) => response(true, &described(ros, actuator, state, regime).to_string()),
+        Some(state) => response(true, &described(ros, actuator, state).to_string()),
         None => response(
             false,
             &format!("no state of {actuator} is there; is its twin running, and does it get readings?"),
@@ -31,10 +25,10 @@ fn response(is_success: bool, message: &str) -> Vec<u8> {
     Cdr::new().byte(u8::from(is_success)).text(message).finish()
 }
 
-fn described(ros: &Ros2, actuator: &str, state: &State, regime: Option<&str>) -> Value {
+fn described(ros: &Ros2, actuator: &str, state: &State) -> Value {
     let model = ros.models.iter().find(|model| model.hash == state.model_hash).map(of_model);
     // Numbers and texts only, none of which JSON could refuse.
-    let state = serde_json::to_value(Json { view: state.view(), regime }).unwrap_or_default();
+    let state = serde_json::to_value(Json::new(state.view())).unwrap_or_default();
     json!({ "actuator": actuator, "model": model, "state": state })
 }
 

@@ -94,23 +94,21 @@ fn completed(mut query: Query, names: &[&str], values: &[f64], node_set: &str) -
     Ok(query)
 }
 
-/// The response with an answer of the twin and the field behind it; `regime` is the name of its regime, where that is the model's
-/// own and known.
-pub fn response(answer: &Answer, regime: Option<&str>, field: &[f32]) -> Vec<u8> {
+/// The response with an answer of the twin and the field behind it.
+pub fn response(answer: &Answer, field: &[f32]) -> Vec<u8> {
     match answer.refusal() {
-        None => written(true, "", answer, regime, field),
-        Some(reason) => written(false, &reason, answer, regime, &[]),
+        None => written(true, "", answer, field),
+        Some(reason) => written(false, &reason, answer, &[]),
     }
 }
 
 /// The response that says why there is no answer.
 pub fn refusal(reason: &str) -> Vec<u8> {
-    written(false, reason, &Answer::default(), None, &[])
+    written(false, reason, &Answer::default(), &[])
 }
 
 /// A response: success and message, then `softtwin_interfaces/Answer`.
-fn written(is_success: bool, message: &str, answer: &Answer, regime: Option<&str>, field: &[f32]) -> Vec<u8> {
-    let regime = regime.unwrap_or(regime::as_str(answer.regime));
+fn written(is_success: bool, message: &str, answer: &Answer, field: &[f32]) -> Vec<u8> {
     let inputs: Vec<InputValue> = answer.inputs().collect();
     let names: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
     let list = |message: Cdr, of: fn(&InputValue) -> f64| {
@@ -119,7 +117,7 @@ fn written(is_success: bool, message: &str, answer: &Answer, regime: Option<&str
     };
     let message = Cdr::new().byte(u8::from(is_success)).text(message);
     let message = message.doubles(&[answer.pressure_mpa, answer.gap_mm]).texts(&names);
-    let message = list(message, |input| input.value).text(regime);
+    let message = list(message, |input| input.value).text(regime::as_str(answer.regime));
     let message = message.byte(answer.domain_status as u8).doubles(&[
         answer.domain_distance.into(),
         answer.contact_force_n,

@@ -49,7 +49,7 @@ fn answer(clients: &mut Clients, asking: &Asking, request: &[u8]) -> Result<Vec<
         Err(reason) => return Ok(refusal(&reason)),
     };
     Ok(match clients.ask(&asking.actuator, &query) {
-        Ok(sample) => response(sample.answer(), clients.regime(sample.answer()), sample.values()),
+        Ok(sample) => response(sample.answer(), sample.values()),
         Err(error) => refusal(&error.to_string()),
     })
 }

@@ -93,14 +93,11 @@ impl Asked {
         }
     }
 
-    fn answer(&self, request: &[u8], ros: &Ros2, twins: &mut Twins) -> Result<Vec<u8>, String> {
+    fn answer(&self, request: &[u8], ros: &Ros2, twins: &Twins) -> Result<Vec<u8>, String> {
         match self {
             Self::Parameters(access) => access.answer(request, &parameters::all(ros, twins)),
-            Self::Actuator(name) => {
-                let regime = twins.regime(name);
-                describe::answer(request, ros, name, twins.state(name), regime.as_deref())
-                    .ok_or_else(|| "expected an empty request in little-endian CDR".into())
-            }
+            Self::Actuator(name) => describe::answer(request, ros, name, twins.state(name))
+                .ok_or_else(|| "expected an empty request in little-endian CDR".into()),
         }
     }
 }

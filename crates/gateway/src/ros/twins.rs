@@ -4,7 +4,7 @@ use super::plain::plain;
 use crate::link::Link;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
-use wire::{AnyReader, AnySample, Bus, KeyExpr, KnownRegimes, State, Topic, TopicKind, Waking, WireError};
+use wire::{AnyReader, AnySample, Bus, KeyExpr, State, Topic, TopicKind, Waking, WireError};
 
 /// How often the domain is scanned.
 const SCAN: Duration = Duration::from_millis(250);
@@ -19,7 +19,6 @@ pub struct Twins {
     by_name: BTreeMap<String, Twin>,
     scan_at: Instant,
     wanted_until: Option<Instant>,
-    regimes: KnownRegimes,
 }
 
 /// One twin.
@@ -38,7 +37,6 @@ impl Twins {
     pub fn open(link: &Link, keys: &[KeyExpr]) -> Result<Self, WireError> {
         let bus = Bus::open(&link.domain)?;
         Ok(Self {
-            regimes: KnownRegimes::new(&bus),
             bus,
             keys: keys.to_vec(),
             by_name: BTreeMap::new(),
@@ -108,12 +106,6 @@ impl Twins {
             AnySample::State(state) => Some(state),
             _ => None,
         }
-    }
-
-    /// The name of the regime of a twin's newest state, where that is the model's own and known.
-    pub fn regime(&mut self, name: &str) -> Option<String> {
-        let State { model_hash, regime, .. } = *self.state(name)?;
-        self.regimes.name(&model_hash, regime).map(str::to_owned)
     }
 }
 

@@ -4,7 +4,6 @@ mod closed;
 mod common;
 mod inward;
 mod killed;
-mod named;
 mod outward;
 mod reloaded;
 mod watched;

@@ -3,22 +3,19 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
-use wire::layout::{Codes, Field, Number, Show, View, field_id, hex, regime, unpack_name};
+use wire::layout::{Codes, Field, Number, Show, View, field_id, hex, unpack_name};
 use wire::{Answer, Payload};
 
 /// A payload as a JSON object.
 #[derive(Debug, Clone, Copy)]
 pub struct Json<'a> {
-    /// The payload.
-    pub view: View<'a>,
-    /// The name of its regime, where that is the model's own and known; without it the number stands there (`regime 3`).
-    pub regime: Option<&'a str>,
+    pub(super) view: View<'a>,
 }
 
 impl<'a> Json<'a> {
-    /// A payload without a name of the model's own.
+    /// JSON form of a payload.
     pub fn new(view: View<'a>) -> Self {
-        Self { view, regime: None }
+        Self { view }
     }
 }
 
@@ -30,10 +27,10 @@ impl Serialize for Json<'_> {
     }
 }
 
-/// An answer as JSON; `refusal` is the reason why there is none, or null. `regime` as in [`Json`].
-pub fn answer(answer: &Answer, regime: Option<&str>) -> Value {
+/// An answer as JSON; `refusal` is the reason why there is none, or null.
+pub fn answer(answer: &Answer) -> Value {
     // Numbers and texts only, none of which JSON could refuse.
-    let mut value = serde_json::to_value(Json { view: answer.view(), regime }).unwrap_or_default();
+    let mut value = serde_json::to_value(Json::new(answer.view())).unwrap_or_default();
     value["refusal"] = answer.refusal().into();
     value
 }
@@ -53,7 +50,7 @@ struct Property<'a> {
 
 impl Serialize for Property<'_> {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let Self { of: Json { view, regime }, field } = self;
+        let Self { of: Json { view }, field } = self;
         let numbers = view.numbers(field).map(Digits);
         let whole = || view.wholes(field).next().unwrap_or(0) as u32;
         let used = |count: &str| view.whole(count).unwrap_or(0) as usize;
@@ -73,10 +70,7 @@ impl Serialize for Property<'_> {
                 let bits = whole();
                 to.collect_seq(codes.iter().filter(|code| bits & code.number != 0).map(|code| code.name))
             }
-            Show::Code(codes) => {
-                let own = regime.filter(|_| codes == regime::ALL);
-                to.serialize_str(own.unwrap_or_else(|| name(codes, whole())))
-            }
+            Show::Code(codes) => to.serialize_str(name(codes, whole())),
             Show::Codes(codes, count) => {
                 to.collect_seq(view.wholes(field).take(used(count)).map(|number| name(codes, number as u32)))
             }

@@ -8,13 +8,12 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use wire::layout::hex;
-use wire::{AnySample, RegimeNames, Stamp, Topic, WireError, now_ns};
+use wire::{AnySample, Stamp, Topic, WireError, now_ns};
 
 use super::companion::Companion;
 use super::summary::{RecordError, RecordSummary};
 use crate::gaps::GapCounter;
 use crate::message::{GapMessage, Recorded};
-use crate::regimes;
 use crate::rotate::{RotateSummary, RotatingWriter};
 use crate::sample;
 use crate::thread_group::{ThreadEnded, panic_cause};
@@ -127,9 +126,8 @@ impl QueueSink {
         self.queue.summary().set_trouble(self.topic.name(), cause);
     }
 
-    /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one. `names` looks up what a
-    /// model calls its regimes.
-    pub fn put(&mut self, sample: &AnySample, names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
+    /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one.
+    pub fn put(&mut self, sample: &AnySample) {
         let stamp = sample.stamp();
         if let Some(gap) = self.gaps.observe(stamp) {
             self.queue.summary().add_missing(gap.missing());
@@ -143,7 +141,7 @@ impl QueueSink {
             _ => None,
         };
         if let Some(model) = model {
-            self.note_model(model, names);
+            self.note_model(model);
         }
         if self.is_recorded {
             self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
@@ -159,20 +157,15 @@ impl QueueSink {
         }
     }
 
-    /// Records which model an actuator's states or fields come from and what it calls its regimes, whenever that changes.
-    fn note_model(&mut self, model: [u8; 16], names: impl Fn(&[u8; 16]) -> Result<RegimeNames, WireError>) {
+    /// Records which model an actuator's states or fields come from, whenever that changes.
+    fn note_model(&mut self, model: [u8; 16]) {
         if self.model.replace(model) == Some(model) {
             return;
         }
-        let names = names(&model).unwrap_or_else(|error| {
-            self.set_trouble(Some(&error)); // the numbers stand for the names
-            RegimeNames::new()
-        });
         let actuator = self.topic.actuator().to_owned();
-        let name = format!("{}{actuator}", regimes::MODEL);
-        let mut entries =
-            BTreeMap::from([("actuator".to_owned(), actuator), (regimes::HASH.to_owned(), hex(&model))]);
-        entries.extend(regimes::entries(&names));
+        let name = format!("softtwin.model.{actuator}");
+        let entries =
+            BTreeMap::from([("actuator".to_owned(), actuator), ("model_hash".to_owned(), hex(&model))]);
         // If the writer has ended, the recorder's loop sees it.
         let _ = self.queue.sender.send(Entry::Metadata { name, entries });
     }

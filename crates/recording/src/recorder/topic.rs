@@ -41,24 +41,19 @@ fn open_and_move(
     while !stop.is_set() {
         wakes.wait(WAIT)?;
         while let Some(sample) = reader.next()? {
-            sink.put(&sample, |model| bus.regime_names(model));
+            sink.put(&sample);
             // A topic that is faster than this thread never runs empty.
             if stop.is_set() {
                 break;
             }
         }
     }
-    drain_published_before(now_ns(), &bus, &reader, sink)
+    drain_published_before(now_ns(), &reader, sink)
 }
 
-fn drain_published_before(
-    end_ns: u64,
-    bus: &Bus,
-    reader: &AnyReader,
-    sink: &mut QueueSink,
-) -> Result<(), WireError> {
+fn drain_published_before(end_ns: u64, reader: &AnyReader, sink: &mut QueueSink) -> Result<(), WireError> {
     while let Some(sample) = reader.next()? {
-        sink.put(&sample, |model| bus.regime_names(model));
+        sink.put(&sample);
         if sample.stamp().t_publish_ns > end_ns {
             break;
         }

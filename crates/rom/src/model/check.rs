@@ -1,11 +1,9 @@
 //! What a header must satisfy before anything indexes by it, and how selections are resolved against it.
 
 use super::header::{Clearance, ModelHeader, RegimeModel};
-use super::named::NamedRegimes;
 use super::selection::{ModelError, Nodes};
 use crate::inputs::{InputMap, MAX_INPUTS, PARAMETERS};
 use crate::interpolant::{Interpolant, Slope};
-use crate::names;
 use crate::snapshots::RegimeKind;
 
 /// Whether a clearance's lengths fit the free regime.
@@ -58,33 +56,6 @@ impl RegimeModel {
     }
 }
 
-impl NamedRegimes {
-    /// Says what contradicts itself or the header it belongs to.
-    ///
-    /// # Errors
-    /// A sentence on the first contradiction.
-    fn check(&self, header: &ModelHeader) -> Result<(), String> {
-        let require = |sound: bool, what: &str| if sound { Ok(()) } else { Err(what.to_owned()) };
-        if let Some(problem) = names::problems(&self.names).into_iter().next() {
-            return Err(problem);
-        }
-        let mut regimes = header.regimes.iter().enumerate();
-        let in_order = regimes.all(|(at, regime)| regime.kind.place() == Some(at));
-        require(
-            in_order && header.regimes.len() == self.names.len(),
-            "names and regimes do not belong together",
-        )?;
-        require(header.onset.is_none(), "named regimes have no onset")?;
-        let Some(border) = &self.border else {
-            return require(self.names.len() == 1, "nothing decides between the regimes");
-        };
-        border.inputs.check(header.inputs.len(), &require)?;
-        require(border.scores.outputs == self.names.len(), "the scores are of other regimes")?;
-        require(border.doubt.is_finite() && border.doubt >= 0.0, "the doubt is no number")?;
-        border.scores.check(border.inputs.dimensions(), &require)
-    }
-}
-
 impl ModelHeader {
     /// Says what contradicts itself, so that a damaged or hand-made header is refused instead of trusted.
     ///
@@ -125,21 +96,12 @@ impl ModelHeader {
             let inside = set.nodes.iter().all(|n| (*n as usize) < self.node_count);
             require(inside, "a node set names a node beyond the mesh")?;
         }
-        match &self.named {
-            Some(named) => named.check(self)?,
-            None => require(self.regimes.iter().all(|r| r.kind.place().is_none()), "a regime has no name")?,
-        }
         self.regimes.iter().try_for_each(|regime| self.check_regime(regime, &require))
     }
 
-    /// The name of a regime.
-    pub fn regime_name(&self, kind: RegimeKind) -> &str {
-        kind.name_in(self.named.as_ref().map_or(&[], |named| &named.names))
-    }
-
     /// The names of its regimes, in order.
-    pub fn regime_names(&self) -> Vec<&str> {
-        self.regimes.iter().map(|regime| self.regime_name(regime.kind)).collect()
+    pub fn regime_names(&self) -> Vec<&'static str> {
+        self.regimes.iter().map(|regime| regime.kind.name()).collect()
     }
 
     fn check_regime(&self, regime: &RegimeModel, require: Require) -> Result<(), String> {

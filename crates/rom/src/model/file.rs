@@ -7,8 +7,7 @@
 //! 16     header length h, u64 little-endian       8
 //! 24     blake3 of the header                    32
 //! 56     zero                                     8
-//! 64     header: block table and model header     h   (codec.rs), from version 4 on what further.rs adds,
-//!                                                 in version 6 named.rs too
+//! 64     header: block table and model header     h   (codec.rs), from version 4 on what further.rs adds
 //!        zeros up to a multiple of 64
 //! d      blocks, each from a multiple of 64, little-endian, zeros between
 //! end-32 blake3 of everything before             32
@@ -18,7 +17,6 @@
 
 use super::further::Further;
 use super::header::{BlockData, BlockKind, Model, ModelHeader};
-use super::named::NamedRegimes;
 use super::selection::{ModelError, Selection};
 use super::{codec, version2};
 use crate::halfwidths::HalfWidths;
@@ -28,10 +26,8 @@ use thiserror::Error;
 
 /// First bytes of a model file.
 pub const MAGIC: [u8; 8] = *b"SOFTTWIN";
-/// The newest version: regimes with names of the user's own. Models without are written as [`MOVING_VERSION`] or older.
-pub const VERSION: u32 = 6;
-/// Parameters that move the undeformed mesh. Models without are written as [`FIXED_VERSION`].
-pub const MOVING_VERSION: u32 = 5;
+/// The newest version: parameters that move the undeformed mesh. Models without are written as [`FIXED_VERSION`].
+pub const VERSION: u32 = 5;
 /// Parameters, interpolants with derivatives. Models without are written as [`PLAIN_VERSION`].
 pub const FIXED_VERSION: u32 = 4;
 /// Pressure and gap, local half-widths.
@@ -154,12 +150,11 @@ impl Model {
         }
         let header = FileHeader { blocks: table, model: &self.header };
         let moving = header.blocks.iter().any(|block| matches!(block.kind, BlockKind::UndeformedBy { .. }));
-        let (further, named) = (Further::of(&self.header), &self.header.named);
-        let (version, header) = match named {
-            Some(named) => (VERSION, codec::encode(&(header, further, named))),
-            None if further.is_empty() => (PLAIN_VERSION, codec::encode(&header)),
-            None if moving => (MOVING_VERSION, codec::encode(&(header, further))),
-            None => (FIXED_VERSION, codec::encode(&(header, further))),
+        let further = Further::of(&self.header);
+        let (version, header) = match further.is_empty() {
+            true => (PLAIN_VERSION, codec::encode(&header)),
+            false if moving => (VERSION, codec::encode(&(header, further))),
+            false => (FIXED_VERSION, codec::encode(&(header, further))),
         };
         let header = header.map_err(ModelFileError::Header)?;
         let mut out = Vec::with_capacity(2 * ALIGN + header.len() + data.len() + TRAILER as usize);
@@ -322,13 +317,6 @@ impl<R: Read + Seek> ModelReader<R> {
 }
 
 fn decode(version: u32, bytes: &[u8]) -> Result<FileHeader<ModelHeader>, String> {
-    if version > MOVING_VERSION {
-        type Parts = (FileHeader<ModelHeader>, Further, NamedRegimes);
-        let (mut header, further, named): Parts = codec::decode(bytes)?;
-        further.add_to(&mut header.model)?;
-        header.model.named = Some(named);
-        return Ok(header);
-    }
     if version >= FIXED_VERSION {
         let (mut header, further): (FileHeader<ModelHeader>, Further) = codec::decode(bytes)?;
         further.add_to(&mut header.model)?;

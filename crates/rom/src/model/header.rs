@@ -1,6 +1,5 @@
 //! What a trained model consists of.
 
-use super::named::NamedRegimes;
 use crate::halfwidths::{HalfWidths, LocalHalfWidths};
 use crate::hull::Domain;
 use crate::inputs::{InputMap, InputSpec, Inputs};
@@ -34,9 +33,6 @@ pub struct ModelHeader {
     /// What the onset is solved from where it depends on parameters. The file keeps it apart (`further.rs`).
     #[serde(skip)]
     pub clearance: Option<Clearance>,
-    /// Names of regimes that are the user's own, and what decides between them. The file keeps them apart (`named.rs`).
-    #[serde(skip)]
-    pub named: Option<NamedRegimes>,
 }
 
 /// One output field and how its values come about.

@@ -5,16 +5,12 @@ mod codec;
 mod file;
 mod further;
 mod header;
-mod named;
 mod selection;
 mod version2;
 
-pub use file::{
-    BlockEntry, FIXED_VERSION, MAGIC, MOVING_VERSION, ModelFileError, ModelReader, PLAIN_VERSION, VERSION,
-};
+pub use file::{BlockEntry, FIXED_VERSION, MAGIC, ModelFileError, ModelReader, PLAIN_VERSION, VERSION};
 pub use header::{
     BlockData, BlockKind, Clearance, FarOnset, ForceModel, GroupModel, Model, ModelHeader, OutputField,
     RegimeModel, truncation_error,
 };
-pub use named::{Border, NamedRegimes};
 pub use selection::{ModelError, Nodes, Selection};

@@ -100,7 +100,6 @@ impl From<Header> for ModelHeader {
             node_sets: header.node_sets,
             database_hash: header.database_hash,
             clearance: None,
-            named: None,
         }
     }
 }

@@ -107,7 +107,6 @@ pub fn database(states: &[(Split, State)], with_derivatives: bool) -> Database {
         node_sets: vec![NodeSet { name: "tip".into(), nodes: (110..120).collect() }],
         obstacle: Footprint::PLATE,
         parameters: parameters().into_iter().map(|p| p.0).collect(),
-        regime_names: Vec::new(),
         sensitivities: with_derivatives.then(|| derivatives(states)),
         hash: [0; 32],
     };

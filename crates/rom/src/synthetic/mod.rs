@@ -2,7 +2,6 @@
 //! so that a wrong answer cannot hide. Tests use it where no finite-element database is at hand.
 
 pub mod design;
-pub mod strip;
 
 use crate::snapshots::{Case, Database, FieldSpec, Footprint, NodeSet, RegimeKind, Split};
 
@@ -99,7 +98,6 @@ pub fn database(states: &[State]) -> Database {
         node_sets: vec![NodeSet { name: "tip".into(), nodes: (110..120).collect() }],
         obstacle: Footprint::PLATE,
         parameters: Vec::new(),
-        regime_names: Vec::new(),
         sensitivities: None,
         hash: [0; 32],
     };

@@ -2,7 +2,7 @@
 //! the outcome.
 
 use super::entry::Entry;
-use super::events::{EventKind, EventSender, regime_value};
+use super::events::{EventKind, EventSender};
 use super::force_watch::ForceWatch;
 use super::ingest::{Needed, Validator};
 use super::reconstruct::{FieldError, FieldOutput};
@@ -19,7 +19,7 @@ use rom::hysteresis::{HysteresisEvaluator, RegimeLabel};
 use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
-use wire::layout::{INPUTS_MAX, VERSION, flags, input_source, pack_name, regime};
+use wire::layout::{INPUTS_MAX, VERSION, flags, input_source, pack_name};
 use wire::{
     Bus, Estimate, EstimateWriter, Health, Outcome, SensorReader, SensorSample, State, StateWriter, Topic,
     WireError, WriterRight, now_ns,
@@ -202,10 +202,6 @@ impl ActuatorTwin {
         self.waiting.reserve(self.backlog.saturating_sub(self.waiting.len()));
         self.group_sizes = loaded.group_sizes;
         self.wanted = loaded.spec.state;
-        if self.state.model_hash != loaded.model_hash && self.state.regime >= regime::NAMED1 {
-            // With this hash the number of a regime of the former model's own would be taken for one of the new model's.
-            self.state.regime = regime::UNKNOWN;
-        }
         self.state.model_hash = loaded.model_hash;
         self.record.health.model_hash = loaded.model_hash;
     }
@@ -403,7 +399,7 @@ impl ActuatorTwin {
             self.record.event(EventKind::ForceMismatch, u64::from(mismatch));
         }
         if regime_before != state.regime {
-            self.record.event(EventKind::Regime, regime_value(&state.model_hash, state.regime));
+            self.record.event(EventKind::Regime, state.regime.into());
         }
     }
 

@@ -22,7 +22,7 @@ pub struct Event {
 pub enum EventKind {
     /// Readings now end otherwise than before; value: [`wire::Outcome::code`].
     Outcome,
-    /// The regime changed; value: see [`regime_value`].
+    /// The regime changed; value: its number.
     Regime,
     /// No good reading within the deadline; value: age of the last one, ns.
     Stale,
@@ -42,13 +42,6 @@ pub enum EventKind {
     ReconstructionFailed,
     /// The wait for readings failed.
     WaitFailed,
-}
-
-/// The value of a change of regime: its number, and above it the first four bytes of the hash of the model that has it. A model
-/// that was just swapped in must not be taken for the one before, whose names may be others.
-pub fn regime_value(model_hash: &[u8; 16], number: u32) -> u64 {
-    let [a, b, c, d, ..] = *model_hash;
-    u64::from(u32::from_le_bytes([a, b, c, d])) << 32 | u64::from(number)
 }
 
 impl EventKind {

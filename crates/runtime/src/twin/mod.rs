@@ -26,7 +26,7 @@ mod record;
 mod swap;
 mod take_over;
 
-pub use events::{Event, EventKind, EventSender, event_channel, regime_value};
+pub use events::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
 use crate::config::{Realtime, Settings};

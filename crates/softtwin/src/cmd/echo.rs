@@ -7,7 +7,7 @@ use serde_json::json;
 use std::io::IsTerminal;
 use std::time::Duration;
 use wire::layout::field_id;
-use wire::{AnySample, FieldSample, KnownRegimes};
+use wire::{AnySample, FieldSample};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -58,13 +58,12 @@ impl Args {
         let limit = self.seconds.map(Duration::from_secs_f64);
         let bus = self.domain.join()?;
         let mut readers = Readers::open(&bus, &live::key(&self.key)?, limit)?;
-        let mut regimes = KnownRegimes::new(&bus);
         let topics: Vec<String> = readers.topics().map(|topic| topic.name().to_owned()).collect();
         let wanted = if self.once { 1 } else { self.count.unwrap_or(u64::MAX) };
         let mut shown = 0;
         while shown < wanted {
             if let Some((index, sample)) = readers.next()? {
-                self.show(&topics[index], &sample, field, regimes.of(&sample))?;
+                self.show(&topics[index], &sample, field)?;
                 shown += 1;
             } else if !readers.wait(Duration::from_secs(1))? {
                 break;
@@ -79,22 +78,16 @@ impl Args {
         Ok(())
     }
 
-    fn show(
-        &self,
-        topic: &str,
-        sample: &AnySample,
-        field: Option<u8>,
-        regime: Option<&str>,
-    ) -> anyhow::Result<()> {
+    fn show(&self, topic: &str, sample: &AnySample, field: Option<u8>) -> anyhow::Result<()> {
         if let AnySample::Field(values) = sample
             && (field.is_some() || self.node.is_some())
         {
             return self.show_values(topic, values, field);
         }
         if self.json {
-            return output::json(&json!({ "topic": topic, "sample": live::json::sample(sample, regime)? }));
+            return output::json(&json!({ "topic": topic, "sample": live::json::sample(sample)? }));
         }
-        let line = format!("{topic}  {}", live::text::sample(sample, regime));
+        let line = format!("{topic}  {}", live::text::sample(sample));
         let is_terminal = std::io::stdout().is_terminal();
         Ok(output!("{}", if is_terminal { fold(&line, COLUMNS) } else { line })?)
     }

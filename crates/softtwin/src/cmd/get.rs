@@ -11,9 +11,7 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
 use wire::layout::{field_id, unpack_name};
-use wire::{
-    Answer, AnswerSample, Bus, KeyExpr, KnownRegimes, Query, QueryClient, QueryStatus, Selector, TopicKind,
-};
+use wire::{Answer, AnswerSample, Bus, KeyExpr, Query, QueryClient, QueryStatus, Selector, TopicKind};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -75,29 +73,28 @@ impl Args {
         {
             return Err(usage("--out: expected one question with field=<node set>"));
         }
-        let (mut refused, mut regimes) = (0, KnownRegimes::new(&bus));
+        let mut refused = 0;
         for (actuator, query) in &questions {
             let mut client = QueryClient::open(&bus, actuator)?;
             let sample = client.ask(query, Duration::from_millis(self.timeout_ms))?;
             refused += usize::from(sample.answer().refusal().is_some());
-            let answer = sample.answer();
-            self.show(query, &sample, regimes.name(&answer.model_hash, answer.regime))?;
+            self.show(query, &sample)?;
         }
         anyhow::ensure!(refused == 0, "{refused} of {} questions have no answer, see above", questions.len());
         Ok(())
     }
 
-    fn show(&self, query: &Query, sample: &AnswerSample, regime: Option<&str>) -> anyhow::Result<()> {
+    fn show(&self, query: &Query, sample: &AnswerSample) -> anyhow::Result<()> {
         let answer = sample.answer();
         if let (Some(out), None) = (&self.out, answer.refusal()) {
             let shape = [answer.field_count as usize, answer.node_count as usize];
             npy::write_f32(out, &shape, sample.values()).context("the field was not written")?;
         }
         if !self.json {
-            return Ok(output!("{}{}", live::text::answer(answer, regime), did_you_mean(query, answer))?);
+            return Ok(output!("{}{}", live::text::answer(answer), did_you_mean(query, answer))?);
         }
         let fields: Vec<&str> = answer.fields().map(field_id::as_str).collect();
-        let mut value = message::answer(answer, regime);
+        let mut value = message::answer(answer);
         if let Some(reason) = answer.refusal() {
             value["refusal"] = (reason + &did_you_mean(query, answer)).into();
         }

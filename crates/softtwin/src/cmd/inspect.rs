@@ -5,7 +5,7 @@ use rom::hull::Domain;
 use rom::model::{Model, ModelHeader, RegimeModel};
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use train::datasheet::{BorderSheet, DataSheet, FitSheet};
+use train::datasheet::{DataSheet, FitSheet};
 use wire::layout::hex;
 
 const EXAMPLES: &str = "\
@@ -81,7 +81,7 @@ fn as_json(model: &Model) -> Value {
         "hysteresis_mpa": header.hysteresis_mpa,
         "sag_mm": header.onset.as_ref().map(|t| t.sag_mm()),
         "reach_mm": header.onset.as_ref().map(|t| t.reach_mm()),
-        "regimes": header.regimes.iter().map(|r| (header.regime_name(r.kind).to_owned(), regime_json(header, r)))
+        "regimes": header.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(header, r)))
             .collect::<serde_json::Map<_, _>>(),
         "bytes": bytes(model),
     })
@@ -130,9 +130,7 @@ fn text(model: &Model) -> anyhow::Result<()> {
         output!("onset       by its own weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
     }
     for regime in &header.regimes {
-        let number = regime.kind.number();
-        let number = if header.named.is_some() { format!(" ({number} in states)") } else { String::new() };
-        output!("\nregime {}{number}", header.regime_name(regime.kind))?;
+        output!("\nregime {}", regime.kind.name())?;
         for axis in &regime.inputs.axes {
             let [min, max] = [axis.min, axis.max].map(|v| (v * 1e4).round() / 1e4);
             output!("  {:<12} {min} .. {max}", header.inputs[axis.input].key())?;
@@ -176,7 +174,7 @@ pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
     for regime in &sheet.regimes {
         output!(
             "\nregime {}: {} cases + {} on the onset",
-            sheet.regime_name(regime.kind),
+            regime.kind.name(),
             regime.cases,
             regime.boundary_states
         )?;
@@ -201,28 +199,10 @@ pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
             halfwidths.force_n
         )?;
     }
-    if let Some(border) = &sheet.border {
-        output!("\nregimes told apart by {}: {}", border.kernel, left_out(border))?;
-    }
     for remark in &sheet.remarks {
         output!("note: {remark}")?;
     }
     Ok(())
-}
-
-/// Which training states are assigned to another regime when they are left out.
-fn left_out(border: &BorderSheet) -> String {
-    let wrong = border
-        .wrong
-        .iter()
-        .map(|state| format!("\n  case {} ({}) in {}", state.case, state.regime, state.assigned));
-    format!(
-        "of {} training states {} ({:.1} %), left out, are found in another regime{}",
-        border.states,
-        border.wrong.len(),
-        100.0 * border.wrong_share,
-        wrong.collect::<String>()
-    )
 }
 
 fn fit_line(fit: &FitSheet) -> String {

@@ -6,7 +6,7 @@ use recording::{Gap, GapCounter};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use wire::layout::flags;
-use wire::{AnyReader, AnySample, Bus, KnownRegimes, TopicInfo, WakeSet, Wakeable, now_ns, qos};
+use wire::{AnyReader, AnySample, Bus, TopicInfo, WakeSet, Wakeable, now_ns, qos};
 
 /// Longest wait for the newest sample of a topic.
 const NEWEST_TIMEOUT: Duration = Duration::from_millis(300);
@@ -63,16 +63,14 @@ impl Args {
     }
 
     fn describe(&self, bus: &Bus, topics: &[TopicInfo]) -> anyhow::Result<()> {
-        let mut regimes = KnownRegimes::new(bus);
         let mut rows = Vec::new();
         for info in topics {
             let newest = newest(bus, info)?;
-            let regime = newest.as_ref().and_then(|sample| regimes.of(sample));
             if self.json {
-                let last = newest.as_ref().map(|sample| live::json::sample(sample, regime)).transpose()?;
+                let last = newest.as_ref().map(live::json::sample).transpose()?;
                 rows.push(long_row(info, last));
             } else {
-                print(info, newest.as_ref().map(|sample| live::text::sample(sample, regime)))?;
+                print(info, newest.as_ref().map(live::text::sample))?;
             }
         }
         if self.json { output::json(&rows) } else { Ok(()) }

@@ -157,7 +157,7 @@ fn onset_curve(table: &OnsetTable, x: [f64; 2], y: [f64; 2]) -> Series {
 
 fn singular_values(model: &Model) -> Figure {
     let panel = |regime: &rom::model::RegimeModel| Panel {
-        title: format!("Regime {}", model.header.regime_name(regime.kind)),
+        title: format!("Regime {}", regime.kind.name()),
         x: Axis::linear("mode"),
         y: Axis::log("singular value / largest"),
         series: regime

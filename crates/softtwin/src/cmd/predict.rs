@@ -79,7 +79,7 @@ impl Args {
         let peaks = state.update(input);
         let regime = state.evaluation().regime;
         if model.regime(regime).is_none() {
-            let (found, wanted) = (model.header.regime_names().join(", "), model.header.regime_name(regime));
+            let (found, wanted) = (model.header.regime_names().join(", "), regime.name());
             return Err(usage(format!("this state belongs to regime {wanted}; the model has only {found}")));
         }
         let peaks = peaks?;
@@ -110,7 +110,7 @@ fn answer(header: &ModelHeader, evaluation: &Evaluation, peaks: &Peaks) -> Value
     json!({
         "inputs": by_input(specs, evaluation.inputs.values()),
         "dforce": by_input(specs, &evaluation.force_gradient),
-        "regime": header.regime_name(evaluation.regime),
+        "regime": evaluation.regime.name(),
         "pressure_mpa": evaluation.inputs.pressure_mpa(),
         "gap_mm": Some(evaluation.inputs.gap_mm()).filter(|gap| gap.is_finite()),
         "contact_force_n": evaluation.contact_force_n,

@@ -145,9 +145,8 @@ impl Done<'_> {
             "sag_mm": sheet.sag_mm,
             "reach_mm": sheet.reach_mm,
             "remarks": sheet.remarks,
-            "regimes": sheet.regimes.iter().map(|r| (sheet.regime_name(r.kind).to_owned(), regime_json(r)))
+            "regimes": sheet.regimes.iter().map(|r| (r.kind.name().to_owned(), regime_json(r)))
                 .collect::<serde_json::Map<_, _>>(),
-            "border": sheet.border,
         }))
     }
 

@@ -7,9 +7,8 @@ use wire::layout::field_id;
 use wire::{AnySample, FieldSample};
 
 /// The sample as JSON; a field as its header, with the range of each of its fields instead of all values.
-/// `regime` is the name of its regime where that is known.
-pub fn sample(sample: &AnySample, regime: Option<&str>) -> anyhow::Result<Value> {
-    let mut value = serde_json::to_value(Json { view: sample.view(), regime })?;
+pub fn sample(sample: &AnySample) -> anyhow::Result<Value> {
+    let mut value = serde_json::to_value(Json::new(sample.view()))?;
     if let AnySample::Field(field) = sample {
         value["nodes"] = json!(field.header().node_count);
         value["entries"] = json!(field.header().entries());

@@ -6,7 +6,7 @@ use crate::load::LoadedModel;
 use crate::picture::visible::visible_facets;
 use anyhow::{Context, Result};
 use rom::inputs::{GAP, InputSpec, Inputs};
-use rom::model::{ModelHeader, Nodes, Selection};
+use rom::model::{Nodes, Selection};
 use rom::model_state::ModelState;
 use rom::snapshots::Footprint;
 use runtime::config::{ActuatorSpec, BlockSpec, PlaceSpec, Scene};
@@ -83,9 +83,6 @@ pub struct Card {
     inputs: Vec<InputCard>,
     /// Extent of a plate that suits its nodes.
     obstacle: Footprint,
-    /// Names of regimes that are its own, by what states say.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    regimes: BTreeMap<&'static str, String>,
 }
 
 /// One input of a model, as a slider.
@@ -266,7 +263,6 @@ impl Known {
                 name: loaded.name(),
                 inputs: header.inputs.iter().filter_map(InputCard::new).collect(),
                 obstacle: loaded.plate(),
-                regimes: own_regimes(header),
             },
             hash: loaded.hash16(),
             inputs: header.inputs.clone(),
@@ -291,12 +287,6 @@ impl InputCard {
             Self { key, name, unit, range: spec.range, limits: [least, high + beyond], nominal: spec.value };
         beyond.is_finite().then_some(card)
     }
-}
-
-/// Names of regimes that are the model's own, by what states say.
-fn own_regimes(header: &ModelHeader) -> BTreeMap<&'static str, String> {
-    let named = header.regimes.iter().filter(|_| header.named.is_some());
-    named.map(|regime| (regime.kind.name(), header.regime_name(regime.kind).to_owned())).collect()
 }
 
 /// The corners of facets as places among the visible nodes.

@@ -35,8 +35,6 @@ pub struct FrameHead {
     pub t_s: f64,
     /// Whether a recording is running.
     pub playing: bool,
-    /// The name of the regime, where it is the model's own and known without the model.
-    pub regime_name: Option<String>,
     #[serde(flatten, serialize_with = "state_json")]
     state: State,
 }
@@ -56,7 +54,6 @@ impl FrameHead {
             rate_hz: f64::NAN,
             t_s: f64::NAN,
             playing: false,
-            regime_name: None,
             state: State { flags: 0, actuator: pack_name(actuator), ..State::default() },
         }
     }

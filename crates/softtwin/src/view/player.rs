@@ -192,7 +192,6 @@ impl Player {
             let model = state.and_then(|state| self.catalogue.find(state.values.model_hash));
             if let Some(state) = state {
                 head.set_state(&state.values);
-                head.regime_name = self.data.regimes.of(&state.values).map(str::to_owned);
             }
             let message = match (model, state.and_then(RecordedState::inputs)) {
                 (Some(model), Some(inputs)) => self.catalogue.replay(model, inputs, head),

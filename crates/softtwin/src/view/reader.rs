@@ -11,8 +11,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use wire::{
-    Bus, Domain, EstimateReader, FieldHeader, FieldReader, KeyExpr, KnownRegimes, State, StateReader, Topic,
-    TopicKind, Waking,
+    Bus, Domain, EstimateReader, FieldHeader, FieldReader, KeyExpr, State, StateReader, Topic, TopicKind,
+    Waking,
 };
 
 /// Frames at most this often: a screen's rate.
@@ -65,7 +65,6 @@ impl Reader {
         let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
         let (mut sources, mut grasps, mut warned) = (BTreeMap::new(), Grasps::default(), BTreeSet::new());
         let mut scanned: Option<Instant> = None;
-        let mut regimes = KnownRegimes::new(&bus);
         while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(TICK);
             if self.hub.viewers() == 0 {
@@ -83,7 +82,7 @@ impl Reader {
             }
             grasps.update(&self.hub);
             for (actuator, source) in &mut sources {
-                if let Err(error) = source.update(actuator, &self.catalogue, &self.hub, &mut regimes) {
+                if let Err(error) = source.update(actuator, &self.catalogue, &self.hub) {
                     tracing::warn!("{actuator}: reading failed; the topic is opened again: {error}");
                     (source.field, source.state, source.estimate) = (None, None, None);
                 }
@@ -163,13 +162,7 @@ impl Source {
     }
 
     /// Reads all topics: every state, estimate and field's header for the charts; of the newest a frame goes to the hub.
-    fn update(
-        &mut self,
-        actuator: &str,
-        catalogue: &Catalogue,
-        hub: &Hub,
-        regimes: &mut KnownRegimes,
-    ) -> Result<(), wire::WireError> {
+    fn update(&mut self, actuator: &str, catalogue: &Catalogue, hub: &Hub) -> Result<(), wire::WireError> {
         let (mut state, mut sample) = (None, None);
         while let Some(next) = self.state.as_ref().map(StateReader::next).transpose()?.flatten() {
             hub.record(actuator, Reading::of_state(&next));
@@ -187,12 +180,6 @@ impl Source {
             sample = Some(next);
         }
         let header = sample.as_ref().map(|sample| *sample.header());
-        let of_field = header.map(|header| (header.model_hash, header.regime));
-        if let Some((model, number)) =
-            self.last_state.map(|state| (state.model_hash, state.regime)).or(of_field)
-        {
-            self.head.regime_name = regimes.name(&model, number).map(str::to_owned);
-        }
         if let Some((sample, header)) = sample.as_ref().zip(header) {
             if self.state.is_none() {
                 self.pace.count(header.seq, &mut self.head);
@@ -250,7 +237,3 @@ impl Pace {
         }
     }
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/view_reader.rs"]
-mod tests;

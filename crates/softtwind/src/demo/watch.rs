@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 use wire::layout::regime;
-use wire::{Bus, FieldHeader, FieldReader, KnownRegimes, SensorReader, Topic, WakeSet, Wakeable, now_ns};
+use wire::{Bus, FieldHeader, FieldReader, SensorReader, Topic, WakeSet, Wakeable, now_ns};
 
 /// Pause between two live lines.
 const LINE_INTERVAL: Duration = Duration::from_millis(200);
@@ -23,7 +23,6 @@ pub(super) struct Watch {
     live: bool,
     last_line: Instant,
     latencies: Latencies,
-    regimes: KnownRegimes,
     summary: Summary,
 }
 
@@ -35,7 +34,7 @@ pub(super) struct Summary {
     lost: u64,
     entries: u64,
     /// Fields in each regime, by its name.
-    regimes: BTreeMap<String, u64>,
+    regimes: BTreeMap<&'static str, u64>,
     max_force_n: f64,
     /// From the reading's stamp until the reader has received the field.
     latency_us: PercentilesUs,
@@ -59,8 +58,7 @@ impl Watch {
             exit: "",
         };
         let wake = WakeSet::new([&fields as &dyn Wakeable]);
-        let regimes = KnownRegimes::new(bus);
-        Ok(Self { fields, sensor, wake, live, last_line: Instant::now(), latencies, regimes, summary })
+        Ok(Self { fields, sensor, wake, live, last_line: Instant::now(), latencies, summary })
     }
 
     /// Waits at most `at_most` for a field and receives all that are there. Returns how many.
@@ -91,17 +89,12 @@ impl Watch {
         let summary = &mut self.summary;
         summary.fields_received += 1;
         summary.entries = header.entries();
-        let own = self.regimes.name(&header.model_hash, header.regime);
-        let name = own.unwrap_or(regime::as_str(header.regime));
-        match summary.regimes.get_mut(name) {
-            Some(count) => *count += 1,
-            None => drop(summary.regimes.insert(name.to_owned(), 1)),
-        }
+        *summary.regimes.entry(regime::as_str(header.regime)).or_default() += 1;
         summary.max_force_n = summary.max_force_n.max(header.contact_force_n);
         self.latencies.record_ns(latency_ns);
         if self.live && self.last_line.elapsed() >= LINE_INTERVAL {
             self.last_line = Instant::now();
-            show_line(header, own, latency_ns);
+            show_line(header, latency_ns);
         }
     }
 
@@ -113,13 +106,13 @@ impl Watch {
 }
 
 /// One line to standard error, on a terminal always the same line.
-fn show_line(header: &FieldHeader, regime: Option<&str>, latency_ns: u64) {
+fn show_line(header: &FieldHeader, latency_ns: u64) {
     let (begin, end) = if std::io::stderr().is_terminal() { ("\r", "  ") } else { ("", "\n") };
     // A closed standard error must not end the demonstration.
     let _ = write!(
         std::io::stderr(),
         "{begin}{}  max stress {:.3} MPa  {} entries  {:6.0} us{end}",
-        text::field_header(header, regime),
+        text::field_header(header),
         header.max_von_mises_mpa,
         header.entries(),
         latency_ns as f64 / 1000.0,

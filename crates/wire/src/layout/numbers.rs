@@ -87,38 +87,6 @@ codes! {
         FREE = 1, "free";
         /// The actuator touches the plate: the model's inputs are pressure and gap.
         CONTACT = 2, "contact";
-        /// First regime with a name of the model's own: `softtwin inspect` lists the names.
-        NAMED1 = 3, "regime 3";
-        /// Second regime with a name of the model's own.
-        NAMED2 = 4, "regime 4";
-        /// Third regime with a name of the model's own.
-        NAMED3 = 5, "regime 5";
-        /// Fourth regime with a name of the model's own.
-        NAMED4 = 6, "regime 6";
-        /// Fifth regime with a name of the model's own.
-        NAMED5 = 7, "regime 7";
-        /// Sixth regime with a name of the model's own.
-        NAMED6 = 8, "regime 8";
-        /// Seventh regime with a name of the model's own.
-        NAMED7 = 9, "regime 9";
-        /// Eighth regime with a name of the model's own.
-        NAMED8 = 10, "regime 10";
-        /// Ninth regime with a name of the model's own.
-        NAMED9 = 11, "regime 11";
-        /// Tenth regime with a name of the model's own.
-        NAMED10 = 12, "regime 12";
-        /// Eleventh regime with a name of the model's own.
-        NAMED11 = 13, "regime 13";
-        /// Twelfth regime with a name of the model's own.
-        NAMED12 = 14, "regime 14";
-        /// Thirteenth regime with a name of the model's own.
-        NAMED13 = 15, "regime 15";
-        /// Fourteenth regime with a name of the model's own.
-        NAMED14 = 16, "regime 16";
-        /// Fifteenth regime with a name of the model's own.
-        NAMED15 = 17, "regime 17";
-        /// Sixteenth regime with a name of the model's own.
-        NAMED16 = 18, "regime 18";
     }
 }
 

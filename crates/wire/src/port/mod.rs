@@ -3,9 +3,7 @@
 mod any;
 mod exhausted;
 mod field;
-mod known_regimes;
 mod query;
-mod regime_names;
 pub(crate) mod retry;
 pub(crate) mod segment;
 pub(crate) mod service;
@@ -15,9 +13,7 @@ mod writer_lock;
 
 pub use any::{AnyReader, AnySample, Stamp};
 pub use field::{FieldLoan, FieldReader, FieldSample, FieldWriter};
-pub use known_regimes::KnownRegimes;
 pub use query::{AnswerSample, QueryClient, QueryServer, Question};
-pub use regime_names::{RegimeNames, ToldRegimes};
 pub use sized::{
     CommandReader, CommandWriter, EstimateReader, EstimateWriter, GraspReader, GraspWriter, HealthReader,
     HealthWriter, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter, StateReader,

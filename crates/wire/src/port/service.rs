@@ -79,16 +79,6 @@ pub(crate) struct EventShape {
 
 /// An event service by name.
 pub(crate) fn named_events(bus: &Bus, name: &str, shape: EventShape) -> Result<Events, WireError> {
-    events_with(bus, name, shape, &AttributeVerifier::new())
-}
-
-/// An event service by name that has these attributes; one that was made with others is refused.
-pub(crate) fn events_with(
-    bus: &Bus,
-    name: &str,
-    shape: EventShape,
-    attributes: &AttributeVerifier,
-) -> Result<Events, WireError> {
     let service = service_name(name)?;
     retry(bus, name, || {
         bus.node()
@@ -98,7 +88,7 @@ pub(crate) fn events_with(
             .max_notifiers(shape.notifiers)
             .max_nodes(shape.nodes)
             .event_id_max_value(1)
-            .open_or_create_with_attributes(attributes)
+            .open_or_create()
             .map_err(|error| match error {
                 EventOpenOrCreateError::EventOpenError(EventOpenError::ExceedsMaxNumberOfNodes) => {
                     Refusal::Full(WireError::TooManyPrograms { name: name.to_owned(), limit: shape.nodes })

@@ -109,7 +109,6 @@ pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         node_count: nodes,
         cases,
         parameters: Vec::new(),
-        regime_names: Vec::new(),
         snapshots,
         undeformed_by: Vec::new(),
         sensitivities: None,

@@ -97,7 +97,6 @@ pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         node_count: all.nodes,
         cases: all.cases,
         parameters: Vec::new(),
-        regime_names: Vec::new(),
         snapshots: all.snapshots,
         undeformed_by: Vec::new(),
         sensitivities: None,

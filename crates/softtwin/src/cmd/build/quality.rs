@@ -64,7 +64,7 @@ impl Quality {
             )?;
         }
         for left in self.leave_one_out.iter().filter(|left| left.cases > 0) {
-            let states = format!("{} {} states, left out in turn", left.cases, left.name());
+            let states = format!("{} {} states, left out in turn", left.cases, left.regime.name());
             let pair = |[mean, _, largest]: [f64; 3], unit: &str| format!("{mean:.1e}, {largest:.1e} {unit}");
             let (displacement, stress) = (pair(left.displacement_mm, "mm"), pair(left.stress_mpa, "MPa"));
             let force = if left.regime == RegimeKind::Contact { pair(left.force_n, "N") } else { "-".into() };
@@ -104,7 +104,7 @@ fn errors(summary: &Summary) -> Errors {
     };
     let contact = summary.regime == RegimeKind::Contact;
     Errors {
-        regime: summary.name().to_owned(),
+        regime: summary.regime.name().to_owned(),
         states: summary.cases,
         displacement_percent: of("displacement"),
         stress_percent: of("von_mises"),

@@ -192,9 +192,6 @@ struct Printed<'a> {
 pub struct LeftOut {
     /// Which.
     pub regime: RegimeKind,
-    /// Its name, where that is the user's own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub regime_name: Option<String>,
     /// Cases inside the hull of the others; leaving a corner out measures extrapolation.
     pub cases: usize,
     /// In mm.
@@ -203,13 +200,6 @@ pub struct LeftOut {
     pub stress_mpa: [f64; 3],
     /// In N.
     pub force_n: [f64; 3],
-}
-
-impl LeftOut {
-    /// The regime's name.
-    pub fn name(&self) -> &str {
-        self.regime_name.as_deref().unwrap_or_else(|| self.regime.name())
-    }
 }
 
 /// From the data sheet beside the model; none without one.
@@ -225,7 +215,6 @@ pub fn leave_one_out(sheet: &Path) -> Vec<LeftOut> {
             |get: fn(&CaseError) -> f64| spread(&mut inner.iter().map(|c| get(c)).collect::<Vec<_>>());
         LeftOut {
             regime: regime.kind,
-            regime_name: (!sheet.regime_names.is_empty()).then(|| sheet.regime_name(regime.kind).to_owned()),
             cases: inner.len(),
             displacement_mm: column(|c| c.displacement_mm),
             stress_mpa: column(|c| c.stress_mpa),
@@ -243,7 +232,7 @@ fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
         output!(
             "\nleave-one-out on {} training cases, regime {} (mean / 95 % / max of the worst node)",
             left.cases,
-            left.name()
+            left.regime.name()
         )?;
         for (name, values) in [
             ("displacement mm", left.displacement_mm),
@@ -258,10 +247,7 @@ fn text(report: &Report, left_out: &[LeftOut]) -> anyhow::Result<()> {
 
 fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
     let cases: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(summary.regime)).collect();
-    output!("\nregime {}: {} cases, MSE (Eq. 15) {:.2e}", summary.name(), summary.cases, summary.mse)?;
-    if let Some(share) = summary.in_regime {
-        output!("  found in this regime: {:.1} %{}", 100.0 * share, strayed(&cases))?;
-    }
+    output!("\nregime {}: {} cases, MSE (Eq. 15) {:.2e}", summary.regime.name(), summary.cases, summary.mse)?;
     output!(
         "  {:<14}{:^27}{:^27}{:>11}{:>14}  worst",
         "field",
@@ -293,8 +279,7 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
             field.worst_node
         )?;
     }
-    let has_force = cases.iter().any(|case| case.force_true_n > 0.0);
-    if summary.regime == RegimeKind::Contact || (summary.in_regime.is_some() && has_force) {
+    if summary.regime == RegimeKind::Contact {
         let [mean, p95, max] = summary.force_normalised.map(percent);
         output!("  {:<14}{mean:>9}{p95:>9}{max:>9}  of the largest force", "force")?;
     }
@@ -319,20 +304,13 @@ fn regime_text(report: &Report, summary: &Summary) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The cases that are found in another regime, with its name.
-fn strayed(cases: &[&CaseReport]) -> String {
-    let strayed = cases.iter().filter(|case| case.regime != case.sampled);
-    let found = strayed.filter_map(|case| Some((case, case.regime_names.as_ref()?)));
-    found.map(|(case, [regime, _])| format!("; case {} in {regime}", case.case)).collect()
-}
-
 fn percent(share: f64) -> String {
     format!("{:.3}", share * 100.0)
 }
 
 /// Normalised errors by case, one panel a regime.
 pub fn picture(report: &Report) -> Figure {
-    let panel = |(regime, name): (RegimeKind, &str)| {
+    let panel = |regime: RegimeKind| {
         let cases: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(regime)).collect();
         let fields = cases.first()?.fields.iter().enumerate();
         let series = fields.map(|(f, field)| Series {
@@ -348,18 +326,13 @@ pub fn picture(report: &Report) -> Figure {
         // Names are unreadable beyond a few dozen; then the position is enough.
         let names = if cases.len() > 24 { vec![] } else { cases.iter().map(|c| c.case.clone()).collect() };
         Some(Panel {
-            title: format!("Regime {name}"),
+            title: format!("Regime {}", regime.name()),
             x: Axis::names("case", names),
             y: Axis::log("largest error over nodes / largest value [%]"),
             series: series.collect(),
             map: None,
         })
     };
-    let own = report.regimes.iter().filter(|summary| summary.in_regime.is_some());
-    let mut regimes: Vec<(RegimeKind, &str)> = own.map(|summary| (summary.regime, summary.name())).collect();
-    if regimes.is_empty() {
-        regimes = [RegimeKind::Free, RegimeKind::Contact].map(|kind| (kind, kind.name())).to_vec();
-    }
-    let panels: Vec<Panel> = regimes.into_iter().filter_map(panel).collect();
+    let panels: Vec<Panel> = [RegimeKind::Free, RegimeKind::Contact].into_iter().filter_map(panel).collect();
     Figure { title: "Errors by case".into(), columns: panels.len().max(1), panels }
 }

@@ -17,7 +17,7 @@ const WORDS: [&str; 6] = ["file", "step", "case", "regime", "split", "contact_fo
 #[derive(Clone, Debug, Default)]
 pub(super) struct Labels {
     pub(super) name: Option<String>,
-    /// As it is named.
+    /// Cell of the column `regime`.
     pub(super) regime: Option<String>,
     pub(super) split: Option<Split>,
     pub(super) contact_force_n: Option<f64>,
@@ -38,8 +38,7 @@ impl Source<'_> {
     pub(super) fn states(&self, path: &Path, run: &Run, all: bool) -> Result<Vec<(usize, Labels)>> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let from_name = self.pattern.map(|pattern| matched(pattern, &name)).transpose()?;
-        let (values, regime) = from_name.unwrap_or_default();
-        let labels = Labels { values, regime, ..Labels::default() };
+        let labels = Labels { values: from_name.unwrap_or_default(), ..Labels::default() };
         let count = run.steps.len();
         let chosen: Vec<usize> = if all { (0..count).collect() } else { (0..count).rev().take(1).collect() };
         let Some((place, table)) = &self.table else {
@@ -135,12 +134,12 @@ pub(super) fn table(path: &Path) -> Result<(&Path, Table)> {
     Ok((path, Table::read(path, true).map_err(refusal)?))
 }
 
-/// The numbers of a file name by a pattern such as `run_p{pressure_mpa}_g{gap_mm}.frd`, and its regime where that has a `{regime}`.
-pub(super) fn matched(pattern: &str, name: &str) -> Result<(BTreeMap<String, f64>, Option<String>)> {
+/// Reads the numbers of a file name by a pattern such as `run_p{pressure_mpa}_g{gap_mm}.frd`.
+pub(super) fn matched(pattern: &str, name: &str) -> Result<BTreeMap<String, f64>> {
     let refused = || usage(format!("--pattern {pattern}: expected a file name of this form, found {name}"));
     let mut parts = pattern.split('{');
     let mut rest = name.strip_prefix(parts.next().unwrap_or_default()).ok_or_else(refused)?;
-    let (mut values, mut regime) = (BTreeMap::new(), None);
+    let mut values = BTreeMap::new();
     for part in parts {
         let (key, literal) = part
             .split_once('}')
@@ -148,10 +147,6 @@ pub(super) fn matched(pattern: &str, name: &str) -> Result<(BTreeMap<String, f64
         let end = if literal.is_empty() { Some(rest.len()) } else { rest.find(literal) };
         let (text, after) = rest.split_at(end.ok_or_else(refused)?);
         rest = &after[literal.len()..];
-        if key == "regime" && regime.is_none() {
-            regime = Some(text.to_owned());
-            continue;
-        }
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
         let value = value.ok_or_else(|| {
             usage(format!("--pattern {pattern}: expected a number for {key} in {name}, found {text:?}"))
@@ -160,7 +155,7 @@ pub(super) fn matched(pattern: &str, name: &str) -> Result<(BTreeMap<String, f64
             bail!(usage(format!("--pattern {pattern}: expected {{{key}}} once, found it twice")));
         }
     }
-    if values.is_empty() || !rest.is_empty() { Err(refused()) } else { Ok((values, regime)) }
+    if values.is_empty() || !rest.is_empty() { Err(refused()) } else { Ok(values) }
 }
 
 /// The unit that the end of an input's name says.

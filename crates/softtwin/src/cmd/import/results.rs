@@ -6,7 +6,7 @@ use crate::files::refusal;
 use crate::output;
 use anyhow::{Result, anyhow};
 use formats::Diagnostic;
-use formats::database::{self, Regimes};
+use formats::database::{self, ANY_REGIME};
 use formats::results::{self, Assembly, Wanted};
 use formats::vtu::Cells;
 use rom::inputs::{MAX_INPUTS, PARAMETERS, Parameter};
@@ -55,7 +55,7 @@ pub struct Args {
     /// Table of inputs: columns file, the inputs, and where needed step, case, regime, split, contact_force_n.
     #[arg(long, value_name = "FILE.csv")]
     inputs: Option<PathBuf>,
-    /// Inputs in the file names, as run_p{pressure_mpa}_g{gap_mm}.frd; {regime} is the state's regime.
+    /// Inputs in the file names, as run_p{pressure_mpa}_g{gap_mm}.frd.
     #[arg(long)]
     pattern: Option<String>,
     /// An input that grows with the time of the step; its value at time 1, unless table or pattern give it.
@@ -154,7 +154,6 @@ impl Args {
             known: Vec::new(),
             left_out: Vec::new(),
             names: Vec::new(),
-            regimes: Regimes::default(),
         };
         let source = self.source()?;
         for path in &self.paths {
@@ -164,11 +163,10 @@ impl Args {
         let (shape_varies, left_out) = (states.assembly.shape_varies(), states.left_out);
         let parameters = parameters(&states.names, &states.known)?;
         let name = self.name.clone().unwrap_or_else(|| plain(subject(&self.out)));
-        let (mut database, blocks) = states
+        let (database, blocks) = states
             .assembly
             .finish(name, parameters)
             .map_err(|error| configuration(anyhow!("{error}{}", listed(&left_out))))?;
-        database.regime_names = states.regimes.names;
         database::write(&self.out, &database, Cells::Mixed(&blocks)).map_err(refusal)?;
         self.report(&database, nodes, shape_varies, &left_out)
     }
@@ -203,7 +201,6 @@ impl Args {
         if self.json {
             return output::json(&json!({
                 "out": self.out, "nodes": nodes, "states": database.cases.len(), "training": train, "testing": test,
-                "regimes": database.regime_names,
                 "fields": fields, "inputs": database.parameters.iter().map(|p| &p.name).collect::<Vec<_>>(),
                 "shape_varies": shape_varies, "left_out": left_out,
             }));
@@ -213,10 +210,6 @@ impl Args {
             self.out.display(),
             fields.join(", ")
         )?;
-        for (at, name) in database.regime_names.iter().enumerate() {
-            let is_of = |case: &&Case| case.regime == RegimeKind::Named(at as u8);
-            output!("regime {name}: {} states", database.cases.iter().filter(is_of).count())?;
-        }
         for parameter in &database.parameters {
             output!(
                 "input {} in {}; {:.6} (the mean) where nothing is said",
@@ -243,7 +236,6 @@ struct States {
     left_out: Vec<String>,
     /// Names of the inputs, those of the first state.
     names: Vec<String>,
-    regimes: Regimes,
 }
 
 impl States {
@@ -297,30 +289,9 @@ impl States {
         Ok(labels.values.clone())
     }
 
-    /// The regime of a state: as it is named, else by whether there is a gap.
-    fn regime(&mut self, place: &str, labels: &Labels, has_gap: bool) -> Result<RegimeKind> {
-        let refused = |error| configuration(anyhow!("{error}"));
-        let found = match &labels.regime {
-            Some(word) if word == "gripper" => {
-                let expected = "free, contact or a name of your own";
-                return Err(refused(Diagnostic::new(format!("{place}, regime"), expected, "`gripper`")));
-            }
-            Some(name) => name.as_str(),
-            None if !self.regimes.names.is_empty() => {
-                let expected =
-                    format!("a regime by name, as for the states before ({})", self.regimes.names.join(", "));
-                return Err(refused(Diagnostic::new(place, expected, "none")));
-            }
-            None if has_gap => RegimeKind::Contact.name(),
-            None => RegimeKind::Free.name(),
-        };
-        let found = self.regimes.find(found, &format!("{place}, regime")).map_err(refused)?;
-        Ok(found.1)
-    }
-
     fn case(&mut self, place: &str, name: String, labels: &Labels, args: &Args) -> Result<Case> {
         let gap_mm = labels.values.get("gap_mm").copied();
-        let regime = self.regime(place, labels, gap_mm.is_some())?;
+        let regime = regime(place, labels, gap_mm.is_some())?;
         if regime == RegimeKind::Contact && (gap_mm.is_none() || labels.contact_force_n.is_none()) {
             let error = anyhow!(
                 "{place}: expected gap_mm and contact_force_n in the table for a state in contact (force 0 where nothing \
@@ -341,6 +312,19 @@ impl States {
             contact_force_n: labels.contact_force_n.unwrap_or(0.0),
             parameters: further.map(|(_, value)| *value).collect(),
         })
+    }
+}
+
+/// Regime of a state: as it is named, else by whether there is a gap.
+fn regime(place: &str, labels: &Labels, has_gap: bool) -> Result<RegimeKind> {
+    match labels.regime.as_deref() {
+        Some("free") => Ok(RegimeKind::Free),
+        Some("contact") => Ok(RegimeKind::Contact),
+        None => Ok(if has_gap { RegimeKind::Contact } else { RegimeKind::Free }),
+        Some(found) => {
+            let error = Diagnostic::new(format!("{place}, regime"), ANY_REGIME, format!("`{found}`"));
+            Err(configuration(anyhow!("{error}")))
+        }
     }
 }
 

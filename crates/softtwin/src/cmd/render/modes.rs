@@ -21,7 +21,7 @@ const COLUMNS: usize = 4;
 /// Draws the leading modes of a field of a regime.
 pub fn draw(args: &Args, loaded: &LoadedModel, named: &str) -> Result<Canvas> {
     let header = &loaded.model.header;
-    let regime = header.regimes.iter().find(|regime| header.regime_name(regime.kind) == named);
+    let regime = header.regimes.iter().find(|regime| regime.kind.name() == named);
     let regime = regime.ok_or_else(|| {
         usage(format!("the model has no regime {named}; it has {}", header.regime_names().join(", ")))
     })?;

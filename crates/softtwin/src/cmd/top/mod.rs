@@ -12,8 +12,8 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use table::Known;
 use wire::{
-    Bus, Estimate, EstimateReader, Grasp, GraspReader, Health, HealthReader, KeyExpr, KnownRegimes, State,
-    StateReader, Topic, TopicKind, WireError, now_ns,
+    Bus, Estimate, EstimateReader, Grasp, GraspReader, Health, HealthReader, KeyExpr, State, StateReader,
+    Topic, TopicKind, WireError, now_ns,
 };
 
 const EXAMPLES: &str = "\
@@ -57,7 +57,6 @@ struct Twin {
     healths: HealthReader,
     state: Option<State>,
     /// Of the state.
-    regime: Option<String>,
     health: Option<Health>,
 }
 
@@ -82,11 +81,11 @@ impl Args {
         let key = live::key(&self.key)?;
         let stop = runtime::service::stop_flag()?;
         let bus = self.domain.join()?;
-        let (mut scan, mut regimes) = (TopicScan::default(), KnownRegimes::new(&bus));
+        let mut scan = TopicScan::default();
         let is_live = !self.once && std::io::stdout().is_terminal();
         let first = Instant::now();
         loop {
-            scan.update(&bus, &key, &mut regimes)?;
+            scan.update(&bus, &key)?;
             // A twin publishes its health once a second, so a single table waits for it.
             let is_incomplete = scan.twins.values().any(|twin| twin.health.is_none());
             let waits = !is_live && is_incomplete && first.elapsed() < FIRST_HEALTH;
@@ -105,7 +104,6 @@ impl Args {
         let now = now_ns();
         let known = |name: &String, twin: &'a Twin| Known {
             state: twin.state.as_ref(),
-            regime: twin.regime.as_deref(),
             health: twin.health.as_ref(),
             estimate: estimates.get(name).and_then(|(_, last)| last.as_ref()),
         };
@@ -142,7 +140,7 @@ impl Args {
 
 impl TopicScan {
     /// Finds new twins and reads what is new of the known ones.
-    fn update(&mut self, bus: &Bus, key: &KeyExpr, regimes: &mut KnownRegimes) -> Result<()> {
+    fn update(&mut self, bus: &Bus, key: &KeyExpr) -> Result<()> {
         for topic in bus.names(key)? {
             match self.add(bus, &topic) {
                 Err(error @ WireError::Incompatible { .. }) => {
@@ -151,12 +149,7 @@ impl TopicScan {
                 added => added?,
             }
         }
-        self.read()?;
-        for twin in self.twins.values_mut() {
-            let name = twin.state.and_then(|state| regimes.name(&state.model_hash, state.regime));
-            twin.regime = name.map(str::to_owned);
-        }
-        Ok(())
+        Ok(self.read()?)
     }
 
     /// Opens what is new of an actuator or a scene.
@@ -194,6 +187,6 @@ impl Twin {
     fn attach(bus: &Bus, name: &str) -> Result<Self, WireError> {
         let states = StateReader::attach(bus, &Topic::state(name)?)?;
         let healths = HealthReader::attach(bus, &Topic::health(name)?)?;
-        Ok(Self { states, healths, state: None, regime: None, health: None })
+        Ok(Self { states, healths, state: None, health: None })
     }
 }

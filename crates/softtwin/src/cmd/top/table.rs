@@ -11,8 +11,6 @@ use wire::{AnySample, Estimate, Grasp, Health, Outcome, State};
 pub struct Known<'a> {
     /// Its newest state.
     pub state: Option<&'a State>,
-    /// The name of that state's regime, where it is the model's own and known.
-    pub regime: Option<&'a str>,
     /// Its newest health.
     pub health: Option<&'a Health>,
     /// Its newest estimate.
@@ -20,8 +18,8 @@ pub struct Known<'a> {
 }
 
 impl Known<'_> {
-    fn regime(&self) -> &str {
-        self.regime.unwrap_or(regime::as_str(self.state.map_or(regime::UNKNOWN, |state| state.regime)))
+    fn regime(&self) -> &'static str {
+        regime::as_str(self.state.map_or(regime::UNKNOWN, |state| state.regime))
     }
 }
 
@@ -154,7 +152,7 @@ pub fn json(name: &str, known: Known<'_>, now: u64) -> Value {
         "flags": flags::names(state.map_or(0, |state| state.flags)).collect::<Vec<_>>(),
         "received": health.map(|health| health.received),
         "missed": health.map(|health| health.missed),
-        "estimate": estimate.and_then(|estimate| live::json::sample(&AnySample::Estimate(*estimate), None).ok()),
+        "estimate": estimate.and_then(|estimate| live::json::sample(&AnySample::Estimate(*estimate)).ok()),
         "outcomes": counts.collect::<BTreeMap<_, _>>(),
     })
 }

@@ -199,7 +199,7 @@ function panels() {
   const recent = state.drawn.filter((time) => performance.now() - time < 1000).length;
   if (actuator?.shown) {
     const frame = showsPast() ? actuator.shown : actuator.latest;
-    showNumbers(at("numbers"), frame, recent, state.models.get(frame.model)?.regimes);
+    showNumbers(at("numbers"), frame, recent);
   }
   const kept = recording.on && !whatIf.active ? "all" : at("window").value;
   const series = visible().map(({ history, colour }) => ({ bins: history[kept].bins, shift_ms: history.shift_ms, isSteady: whatIf.active, colour }));

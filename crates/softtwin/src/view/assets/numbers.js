@@ -32,8 +32,7 @@ function onsetText(onset_mpa) {
 // Flags that tell of no trouble: a load cell is there; a model has more coefficients than a state has room for.
 const HARMLESS = ["coefficients-cut", "force-measured"];
 
-// `regimes`: names of the model's own, by what states say.
-export function showNumbers(parent, frame, fps, regimes = {}) {
+export function showNumbers(parent, frame, fps) {
   const cells = ROWS.filter((row) => row.wanted?.(frame) ?? true).map((row) => {
     const value = row.value(frame);
     const main = known(value) ? [value.toFixed(row.digits), row.unit] : [row.none ?? "–", ""];
@@ -45,8 +44,7 @@ export function showNumbers(parent, frame, fps, regimes = {}) {
     const more = [sourceText(frame, k + 2), known(by) ? `dF ${by.toPrecision(3)} N a unit` : ""];
     if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more));
   });
-  const regime = frame.regime_name ?? regimes[frame.regime] ?? frame.regime;
-  cells.push(words("regime", regime, frame.regime === "unknown" ? "warn" : "good", [onsetText(frame.onset_pressure_mpa)]));
+  cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", [onsetText(frame.onset_pressure_mpa)]));
   const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
   const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;
