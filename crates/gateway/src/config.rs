@@ -141,7 +141,7 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
         keys: keys(&file.keys, problems),
         field_period: Duration::try_from_secs_f64(1.0 / file.field_rate_hz).unwrap_or_default(),
         inlets: inlets(&file.readings_from_network, problems),
-        ros2: file.ros2.map(|ros2| ros::check(ros2, folder, file.field_rate_hz, problems)),
+        ros2: file.ros2.map(|ros2| ros::check(ros2, folder, problems)),
         security: known,
     }
 }

@@ -2,28 +2,12 @@
 
 import pathlib
 
-import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 # Definitions of the .srv files: request, response.
 SERVICES = {
     "example_interfaces/srv/AddTwoInts": ("int64 a\nint64 b", "int64 sum"),
-    "rcl_interfaces/srv/DescribeParameters": ("string[] names", "rcl_interfaces/ParameterDescriptor[] descriptors"),
-    "rcl_interfaces/srv/GetParameterTypes": ("string[] names", "uint8[] types"),
-    "rcl_interfaces/srv/GetParameters": ("string[] names", "rcl_interfaces/ParameterValue[] values"),
-    "rcl_interfaces/srv/ListParameters": (
-        "string[] prefixes\nuint64 depth",
-        "rcl_interfaces/ListParametersResult result",
-    ),
-    "rcl_interfaces/srv/SetParameters": (
-        "rcl_interfaces/Parameter[] parameters",
-        "rcl_interfaces/SetParametersResult[] results",
-    ),
-    "rcl_interfaces/srv/SetParametersAtomically": (
-        "rcl_interfaces/Parameter[] parameters",
-        "rcl_interfaces/SetParametersResult result",
-    ),
     "std_srvs/srv/Trigger": ("", "bool success\nstring message"),
 }
 PACKAGE = pathlib.Path(__file__).resolve().parents[3] / "clients/ros2/softtwin_interfaces"
@@ -58,22 +42,6 @@ for name, (request, response) in {**SERVICES, **OWN}.items():
 
 def make(kind, **values):
     return STORE.types[kind](**values)
-
-
-def parameter_value(kind=0, **given):
-    fields = dict(
-        type=kind,
-        bool_value=False,
-        integer_value=0,
-        double_value=0.0,
-        string_value="",
-        byte_array_value=np.zeros(0, "uint8"),
-        bool_array_value=np.zeros(0, bool),
-        integer_array_value=np.zeros(0, "int64"),
-        double_array_value=np.zeros(0),
-        string_array_value=[],
-    )
-    return make("rcl_interfaces/msg/ParameterValue", **{**fields, **given})
 
 
 def key(name, kind, domain=7):

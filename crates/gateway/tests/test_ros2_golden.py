@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from ros2_types import PACKAGE, STORE, make, parameter_value
+from ros2_types import PACKAGE, STORE, make
 
 GOLDEN = pathlib.Path(__file__).parent / "golden"
 
@@ -48,67 +48,6 @@ def marker():
         mesh_use_embedded_materials=False,
     )
 
-
-RCL = "rcl_interfaces/msg/"
-NAMES = ["version", "finger.inputs", "finger.input.pressure_mpa", "finger.range.pressure_mpa", "nothing"]
-
-
-def descriptor(name, kind=0, description="", ends=()):
-    ranges = [make(RCL + "FloatingPointRange", from_value=low, to_value=high, step=0.0) for low, high in ends]
-    return make(
-        RCL + "ParameterDescriptor",
-        name=name,
-        type=kind,
-        description=description,
-        additional_constraints="",
-        read_only=kind != 0,
-        dynamic_typing=False,
-        floating_point_range=ranges,
-        integer_range=[],
-    )
-
-
-def request(service, **fields):
-    return lambda: make(f"rcl_interfaces/srv/{service}_Request", **fields)
-
-
-def response(service, **fields):
-    return lambda: make(f"rcl_interfaces/srv/{service}_Response", **fields)
-
-
-def parameter(name, kind, **given):
-    return make(RCL + "Parameter", name=name, value=parameter_value(kind, **given))
-
-
-REFUSED = make(RCL + "SetParametersResult", successful=False, reason="read only")
-LISTED = make(
-    RCL + "ListParametersResult",
-    names=["finger.inputs", "finger.input.pressure_mpa", "finger.range.pressure_mpa"],
-    prefixes=["finger", "finger.input", "finger.range"],
-)
-VALUES = [
-    parameter_value(4, string_value="1.2"),
-    parameter_value(9, string_array_value=["pressure_mpa", "gap_mm"]),
-    parameter_value(3, double_value=0.045),
-    parameter_value(8, double_array_value=np.array([0.0, 0.09])),
-    parameter_value(),
-]
-DESCRIPTORS = [
-    descriptor(NAMES[0], 4, "of what runs"),
-    descriptor(NAMES[1], 9),
-    descriptor(NAMES[2], 3, "measured", [(0.0, 0.09)]),
-    descriptor(NAMES[3], 8),
-    descriptor(NAMES[4]),
-]
-# One of each list, and a text of every length up to four, so that every alignment occurs.
-GIVEN = [
-    parameter("a", 1, bool_value=True),
-    parameter("ab", 5, byte_array_value=np.arange(3, dtype="uint8")),
-    parameter("abc", 6, bool_array_value=np.array([True, False])),
-    parameter("abcd", 7, integer_array_value=np.array([-1, 2])),
-    parameter("abcde", 8, double_array_value=np.array([0.5])),
-    parameter("abcdef", 9, string_array_value=["", "x", "xy"]),
-]
 
 OWN = "softtwin_interfaces/srv/"
 NO_PARAMETERS = dict(parameter_names=[], parameters=np.zeros(0), node_set="")
@@ -156,18 +95,8 @@ def answered():
     return make(OWN + "WhatIf_Response", success=True, message="", answer=found)
 
 
-SRV = "rcl_interfaces/srv/"
 MESSAGES = {
     "marker": ("visualization_msgs/msg/Marker", marker),
-    "names_request": (SRV + "GetParameters_Request", request("GetParameters", names=NAMES)),
-    "values": (SRV + "GetParameters_Response", response("GetParameters", values=VALUES)),
-    "types": (SRV + "GetParameterTypes_Response", response("GetParameterTypes", types=np.array([4, 9, 3, 8, 0], "uint8"))),
-    "descriptors": (SRV + "DescribeParameters_Response", response("DescribeParameters", descriptors=DESCRIPTORS)),
-    "list_request": (SRV + "ListParameters_Request", request("ListParameters", prefixes=["finger"], depth=0)),
-    "listed": (SRV + "ListParameters_Response", response("ListParameters", result=LISTED)),
-    "set_request": (SRV + "SetParameters_Request", request("SetParameters", parameters=GIVEN)),
-    "set": (SRV + "SetParameters_Response", response("SetParameters", results=[REFUSED] * len(GIVEN))),
-    "set_atomically": (SRV + "SetParametersAtomically_Response", response("SetParametersAtomically", result=REFUSED)),
     "described": ("std_srvs/srv/Trigger_Response", lambda: make("std_srvs/srv/Trigger_Response", success=True, message="{}")),
     "what_if_request": (
         OWN + "WhatIf_Request",

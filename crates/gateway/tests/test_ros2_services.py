@@ -9,22 +9,15 @@ import time
 import numpy as np
 import pytest
 import zenoh
-from ros2_types import STORE, key, make, parameter_value
+from ros2_types import STORE, key, make
 from test_plain_client import PATIENCE_S, Stage
 from test_ros2 import MODEL, SETTINGS
 
-RCL = "rcl_interfaces/srv/"
 SERVICES = {
-    "twins/list_parameters": (RCL + "ListParameters", "1000"),
-    "twins/get_parameters": (RCL + "GetParameters", "1000"),
-    "twins/get_parameter_types": (RCL + "GetParameterTypes", "1000"),
-    "twins/describe_parameters": (RCL + "DescribeParameters", "1000"),
-    "twins/set_parameters": (RCL + "SetParameters", "1000"),
-    "twins/set_parameters_atomically": (RCL + "SetParametersAtomically", "1000"),
-    "softtwin/finger/describe": ("std_srvs/srv/Trigger", "10"),
-    "softtwin/finger/what_if": ("softtwin_interfaces/srv/WhatIf", "10"),
-    "softtwin/finger/find_pressure": ("softtwin_interfaces/srv/FindPressure", "10"),
-    "softtwin/finger/find_gap": ("softtwin_interfaces/srv/FindGap", "10"),
+    "softtwin/finger/describe": "std_srvs/srv/Trigger",
+    "softtwin/finger/what_if": "softtwin_interfaces/srv/WhatIf",
+    "softtwin/finger/find_pressure": "softtwin_interfaces/srv/FindPressure",
+    "softtwin/finger/find_gap": "softtwin_interfaces/srv/FindGap",
 }
 NOTHING_MORE = dict(parameter_names=[], parameters=np.zeros(0), node_set="")
 CLIENT = bytes(range(100, 116))
@@ -49,7 +42,7 @@ def replies(session, name, payload, attachment):
 
 def ask(session, service, number=1, **fields):
     """Asks until the service is there; checks what every answer has."""
-    kind, _ = SERVICES[service]
+    kind = SERVICES[service]
     request = bytes(STORE.serialize_cdr(make(f"{kind}_Request", **fields), f"{kind}_Request"))
     end = time.monotonic() + PATIENCE_S
     while not (got := replies(session, key(service, kind), request, beside(number))):
@@ -81,63 +74,10 @@ def test_services_stand_in_the_graph(stage):
         assert len({token[4] for token in tokens}) == len(tokens), "each entity has its own number"
         found = {token[9].replace("%", "/")[1:]: token for token in servers}
         assert set(found) == set(SERVICES)
-        for service, (kind, depth) in SERVICES.items():
+        for service, kind in SERVICES.items():
             token = found[service]
             assert token[:2] == ["@ros2_lv", "7"] and token[6:9] == ["%", "%", "twins"]
-            assert token[10:12] == key(service, kind).rsplit("/", 2)[1:] and token[12] == f"::,{depth}:,:,:,,"
-
-
-def test_parameters_say_what_runs(stage):
-    stage.live(200.0, SETTINGS)
-    with stage.session("client") as session:
-        end = time.monotonic() + PATIENCE_S
-        while True:
-            listed = ask(session, "twins/list_parameters", prefixes=[], depth=0).result
-            if "finger.inputs" in listed.names:
-                break
-            assert time.monotonic() < end, listed.names
-        inputs = ["pressure_mpa", "gap_mm"]
-        assert set(listed.names) == {"version", "actuators", "field_rate_hz", "finger.model", "finger.model_hash", "finger.inputs"} | {
-            f"finger.{what}.{name}" for what in ("input", "range") for name in inputs
-        }
-        assert sorted(listed.prefixes) == ["finger", "finger.input", "finger.range"]
-        below = ask(session, "twins/list_parameters", prefixes=["finger.range"], depth=1).result
-        assert sorted(below.names) == ["finger.range.gap_mm", "finger.range.pressure_mpa"]
-        names = list(listed.names) + ["nothing"]
-        values = dict(zip(names, ask(session, "twins/get_parameters", 17, names=names).values))
-        types = dict(zip(names, ask(session, "twins/get_parameter_types", names=names).types))
-        descriptors = ask(session, "twins/describe_parameters", names=names).descriptors
-        assert [descriptor.name for descriptor in descriptors] == names
-        assert {name: value.type for name, value in values.items()} == types
-        assert types["nothing"] == 0 and all(types[name] for name in listed.names)
-        assert all(descriptor.read_only for descriptor in descriptors[:-1])
-        card = json.loads((MODEL.parent / "pneunet.card.json").read_text())
-        assert values["version"].string_value and values["actuators"].string_array_value == ["finger"]
-        assert values["field_rate_hz"].double_value == 30.0
-        assert values["finger.model"].string_value == "pneunet"
-        assert values["finger.model_hash"].string_value == card["file_hash"][:32]
-        assert values["finger.inputs"].string_array_value == inputs
-        assert values["finger.input.gap_mm"].double_value == 30.0
-        assert 0.0 <= values["finger.input.pressure_mpa"].double_value <= 0.09
-        described = {descriptor.name: descriptor for descriptor in descriptors}
-        for one in card["inputs"]:
-            ends = [one["min"], one["max"]]
-            assert values[f"finger.range.{one['name']}"].double_array_value.tolist() == ends
-            (limits,) = described[f"finger.input.{one['name']}"].floating_point_range
-            assert [limits.from_value, limits.to_value] == ends
-
-
-def test_parameters_are_not_set(stage):
-    stage.live(200.0, SETTINGS)
-    wanted = parameter_value(3, double_value=5.0)
-    with stage.session("client") as session:
-        given = [make("rcl_interfaces/msg/Parameter", name="field_rate_hz", value=wanted)] * 2
-        for result in ask(session, "twins/set_parameters", parameters=given).results:
-            assert (result.successful, result.reason) == (False, "read only")
-        result = ask(session, "twins/set_parameters_atomically", parameters=given).result
-        assert (result.successful, result.reason) == (False, "read only")
-        (value,) = ask(session, "twins/get_parameters", names=["field_rate_hz"]).values
-        assert value.double_value == 30.0
+            assert token[10:12] == key(service, kind).rsplit("/", 2)[1:] and token[12] == "::,10:,:,:,,"
 
 
 def test_a_twin_describes_itself(stage):
@@ -147,8 +87,10 @@ def test_a_twin_describes_itself(stage):
         assert answer.success
         said = json.loads(answer.message)
         assert said["actuator"] == "finger" and said["model"]["name"] == "pneunet"
-        assert [one["name"] for one in said["model"]["inputs"]] == ["pressure_mpa", "gap_mm"]
-        assert said["model"]["inputs"][0]["range"] == [0.0, 0.09]
+        card = json.loads((MODEL.parent / "pneunet.card.json").read_text())
+        ranges = [(one["name"], [one["min"], one["max"]]) for one in card["inputs"]]
+        assert [(one["name"], one["range"]) for one in said["model"]["inputs"]] == ranges
+        assert said["state"]["model_hash"] == card["file_hash"][:32]
         # The state is one of those that the twin sends as JSON.
         newer = json.loads(bytes(next(iter(session.get("softtwin/finger/state"))).ok.payload))
         assert set(said["state"]) == set(newer) and said["state"]["boot_id"] == newer["boot_id"]
@@ -224,7 +166,7 @@ def test_why_there_is_no_answer_stands_in_the_response(stage):
             assert not answer.success and reason in answer.message, answer.message
             # Without such a field the state is there all the same.
             assert np.isnan(answer.answer.contact_force_n) == (values.get("node_set") != "other") and len(answer.answer.field) == 0
-        (reply,) = replies(session, key("softtwin/finger/what_if", SERVICES["softtwin/finger/what_if"][0]), b"\0\1\0\0", beside(1))
+        (reply,) = replies(session, key("softtwin/finger/what_if", SERVICES["softtwin/finger/what_if"]), b"\0\1\0\0", beside(1))
         assert "expected a request to what_if of at most 64 parameters in little-endian CDR" in bytes(reply.err.payload).decode()
         assert question(session, "what_if", **state).success
         for child in stage.programs[:2]:
@@ -236,13 +178,15 @@ def test_why_there_is_no_answer_stands_in_the_response(stage):
 
 def test_requests_that_are_none_are_refused(stage):
     stage.live(200.0, SETTINGS)
-    service, kind = "twins/get_parameters", RCL + "GetParameters"
-    good = bytes(STORE.serialize_cdr(make(f"{kind}_Request", names=["version"]), f"{kind}_Request"))
+    service = "softtwin/finger/what_if"
+    kind = SERVICES[service]
+    state = dict(NOTHING_MORE, pressure_mpa=0.05, gap_mm=30.0)
+    good = bytes(STORE.serialize_cdr(make(f"{kind}_Request", **state), f"{kind}_Request"))
     other = key(service, kind).rsplit("/", 1)[0] + "/RIHS01_" + "0" * 64
     with stage.session("client") as session:
-        ask(session, service, names=["version"])
+        ask(session, service, **state)
         bad = [
-            (other, good, beside(1), "expected type hash RIHS01_bf9803d5"),
+            (other, good, beside(1), "expected type hash RIHS01_9f2ac41a"),
             (key(service, kind), good[:-3], beside(1), "little-endian CDR"),
             (key(service, kind), None, beside(1), "little-endian CDR"),
             (key(service, kind), good[:1] + b"\0" + good[2:], beside(1), "little-endian CDR"),
@@ -253,8 +197,8 @@ def test_requests_that_are_none_are_refused(stage):
         for name, payload, attachment, said in bad:
             (reply,) = replies(session, name, payload, attachment)
             assert reply.ok is None and said in bytes(reply.err.payload).decode()
-        ask(session, service, names=["version"])
+        ask(session, service, **state)
     log = stage.end_last()
-    assert log.count("a request from ROS is refused (logged once a service)") == 1 and "expected type hash RIHS01_bf9803d5" in log
+    assert log.count("a request from ROS is refused (logged once a service)") == 1 and "expected type hash RIHS01_9f2ac41a" in log
     (line,) = re.findall(r"ended: .*", log)
     assert f"{len(bad)} refused" in line and "2 requests answered" in line

@@ -29,6 +29,11 @@ pub fn gid(token: &str) -> Gid {
     gid
 }
 
+/// Name of an actuator or node set with `_` for every character that ROS does not allow.
+pub fn plain(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+}
+
 /// The time, ns since 1970.
 pub fn now_since_1970_ns() -> i64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();

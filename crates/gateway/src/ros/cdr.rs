@@ -29,13 +29,6 @@ impl Cdr {
         self
     }
 
-    /// A 64-bit number, signed or not.
-    pub fn long(mut self, value: u64) -> Self {
-        self.align(8);
-        self.0.extend(value.to_le_bytes());
-        self
-    }
-
     /// Texts with their number before them.
     pub fn texts(self, values: &[impl AsRef<str>]) -> Self {
         let message = self.word(values.len() as u32);
@@ -111,16 +104,6 @@ impl<'a> Reader<'a> {
         Some(u32::from_le_bytes(self.take(4, 4)?.try_into().ok()?))
     }
 
-    /// A byte, or a truth value.
-    pub fn byte(&mut self) -> Option<u8> {
-        self.take(1, 1)?.first().copied()
-    }
-
-    /// A 64-bit number.
-    pub fn long(&mut self) -> Option<u64> {
-        Some(u64::from_le_bytes(self.take(8, 8)?.try_into().ok()?))
-    }
-
     /// At most so many texts.
     pub fn texts(&mut self, most: usize) -> Option<Vec<&'a str>> {
         let count = self.word()? as usize;
@@ -137,15 +120,6 @@ impl<'a> Reader<'a> {
             return None;
         }
         (0..count).map(|_| self.double()).collect()
-    }
-
-    /// Passes a list of values of this size.
-    pub fn skip_list(&mut self, size: usize) -> Option<()> {
-        let count = self.word()? as usize;
-        if count > 0 {
-            self.take(count.checked_mul(size)?, size)?;
-        }
-        Some(())
     }
 
     /// A number of double precision.

@@ -1,6 +1,6 @@
 //! The table `[ros2]` of the configuration, as written and checked.
 
-use super::plain::plain;
+use super::attachment::plain;
 use runtime::known_model::KnownModel;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -31,14 +31,12 @@ pub struct Ros2 {
     pub node: String,
     /// The models that are known: their surfaces and inputs.
     pub models: Arc<[KnownModel]>,
-    /// Most fields a second of a topic, as the configuration says it.
-    pub field_rate_hz: f64,
     /// Von Mises stress at the end of the markers' colour scale, MPa.
     pub marker_full_scale_mpa: f64,
 }
 
 /// Checks the table and reads its models; adds what is wrong.
-pub fn check(file: Ros2File, folder: &Path, field_rate_hz: f64, problems: &mut Vec<String>) -> Ros2 {
+pub fn check(file: Ros2File, folder: &Path, problems: &mut Vec<String>) -> Ros2 {
     let Ros2File { domain_id, node, models, marker_full_scale_mpa } = file;
     if domain_id > 232 {
         problems.push(format!("ros2.domain_id: expected 0 to 232, found {domain_id}"));
@@ -57,5 +55,5 @@ pub fn check(file: Ros2File, folder: &Path, field_rate_hz: f64, problems: &mut V
         model.map_err(|error| problems.push(format!("ros2.models: {error} ({})", path.display()))).ok()
     };
     let models = models.into_iter().filter_map(&mut read).collect();
-    Ros2 { domain_id, node, models, field_rate_hz, marker_full_scale_mpa }
+    Ros2 { domain_id, node, models, marker_full_scale_mpa }
 }

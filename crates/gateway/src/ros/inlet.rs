@@ -1,11 +1,10 @@
 //! Pressures from a node of ROS 2, as readings.
 
-use super::attachment;
+use super::attachment::{self, plain};
 use super::cdr::fluid_pressure;
 use super::config::Ros2;
 use super::message::PA_PER_MPA;
-use super::names::{Entity, Names, QOS, token};
-use super::plain::plain;
+use super::names::{Entity, Names, token};
 use super::types::PRESSURE;
 use crate::link::Link;
 use recording::message::Recorded;
@@ -31,7 +30,7 @@ impl Inlet {
     pub fn declare(link: &Link, ros: &Ros2, number: usize, topic: &Topic) -> anyhow::Result<Self> {
         let names = Names::new(ros, link);
         let name = format!("softtwin/{}/pressure_measured", plain(topic.actuator()));
-        let endpoint = names.endpoint(FIRST + number, Entity::Subscription, &name, PRESSURE, QOS);
+        let endpoint = names.endpoint(FIRST + number, Entity::Subscription, &name, PRESSURE);
         Ok(Self { key: names.key(&name, PRESSURE, "*"), _token: token(link, endpoint)? })
     }
 }

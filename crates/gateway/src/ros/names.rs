@@ -9,10 +9,7 @@ use zenoh::liveliness::LivelinessToken;
 
 /// QoS of an endpoint as tokens say it: what differs from reliable, volatile, keep last.
 /// The last 10: what ROS takes unless told otherwise.
-pub const QOS: &str = "::,10:,:,:,,";
-
-/// The same of the services of parameters: the last 1000.
-pub const QOS_PARAMETERS: &str = "::,1000:,:,:,,";
+const QOS: &str = "::,10:,:,:,,";
 
 /// What an endpoint is, as tokens say it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,9 +60,9 @@ impl Names<'_> {
     }
 
     /// The token of an endpoint; `number` is its own within the node.
-    pub fn endpoint(&self, number: usize, entity: Entity, topic: &str, of: MessageType, qos: &str) -> String {
+    pub fn endpoint(&self, number: usize, entity: Entity, topic: &str, of: MessageType) -> String {
         let mangled = topic.replace('/', "%");
-        format!("{}/%{mangled}/{}/{}/{qos}", self.entity(number, entity.code()), of.name, of.hash)
+        format!("{}/%{mangled}/{}/{}/{QOS}", self.entity(number, entity.code()), of.name, of.hash)
     }
 }
 

@@ -1,11 +1,10 @@
 //! Local topics as topics of ROS: each has a local reader while somebody subscribes.
 
-use super::attachment::{Gid, attachment, gid, now_since_1970_ns};
+use super::attachment::{Gid, attachment, gid, now_since_1970_ns, plain};
 use super::config::Ros2;
 use super::marker::Markers;
 use super::message;
-use super::names::{Entity, Names, QOS, token};
-use super::plain::plain;
+use super::names::{Entity, Names, token};
 use super::types::{DIAGNOSTICS, MARKER, MessageType, POINTS, PRESSURE, WRENCH};
 use crate::link::{Link, network};
 use std::collections::{BTreeMap, BTreeSet};
@@ -148,7 +147,7 @@ impl Outlet {
         of: MessageType,
         encode: Encode,
     ) -> anyhow::Result<Self> {
-        let endpoint = names.endpoint(number, Entity::Publisher, name, of, QOS);
+        let endpoint = names.endpoint(number, Entity::Publisher, name, of);
         // As on the local keys: messages wait for slow subscribers, of fields the newest counts, and they never delay a message.
         let (congestion, priority) = match topic.kind() {
             TopicKind::Field => (CongestionControl::Drop, Priority::DataLow),

@@ -17,16 +17,14 @@ use zenoh::query::{Query, Queryable};
 /// Requests are some names or nothing.
 const MAX_BYTES: usize = 64 * 1024;
 
-/// A service to announce: its number within the node, name, type, and QoS as tokens say it.
+/// A service to announce: its number within the node within the node, name and type.
 pub struct Announced<'a> {
-    /// Its own within the node.
+    /// Entity number within the node.
     pub number: usize,
     /// Name without the first slash.
     pub name: &'a str,
     /// Type.
     pub of: MessageType,
-    /// As tokens say it.
-    pub qos: &'a str,
 }
 
 /// A service in the graph, as long as it exists.
@@ -66,7 +64,7 @@ impl Service {
         what: T,
         sender: SyncSender<Call<T>>,
     ) -> anyhow::Result<Self> {
-        let Announced { number, name, of, qos } = *announced;
+        let Announced { number, name, of } = *announced;
         let context = Arc::new(Context {
             key: names.key(name, of, of.hash),
             counters: link.counters.clone(),
@@ -88,7 +86,7 @@ impl Service {
         let queryable =
             link.session.declare_queryable(names.key(name, of, "*")).complete(true).callback(take);
         let queryable = network(queryable.wait())?;
-        let endpoint = names.endpoint(number, Entity::Service, name, of, qos);
+        let endpoint = names.endpoint(number, Entity::Service, name, of);
         Ok(Self { _queryable: queryable, _token: token(link, endpoint)? })
     }
 }

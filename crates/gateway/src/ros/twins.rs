@@ -1,6 +1,6 @@
 //! The newest states of the twins, read only while somebody asks.
 
-use super::plain::plain;
+use super::attachment::plain;
 use crate::link::Link;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -83,11 +83,6 @@ impl Twins {
                 twin.reader = None;
             }
         }
-    }
-
-    /// Whether every living twin's state is here.
-    pub fn are_all_here(&self) -> bool {
-        self.by_name.values().all(|twin| twin.newest.is_some() || !twin.is_alive)
     }
 
     /// Names of the twins that live.

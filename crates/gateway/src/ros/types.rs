@@ -47,36 +47,6 @@ pub const DIAGNOSTICS: MessageType = MessageType {
     name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",
     hash: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
 };
-/// `rcl_interfaces/srv/ListParameters`.
-pub const LIST_PARAMETERS: MessageType = MessageType {
-    name: "rcl_interfaces::srv::dds_::ListParameters_",
-    hash: "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
-};
-/// `rcl_interfaces/srv/GetParameters`.
-pub const GET_PARAMETERS: MessageType = MessageType {
-    name: "rcl_interfaces::srv::dds_::GetParameters_",
-    hash: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
-};
-/// `rcl_interfaces/srv/GetParameterTypes`.
-pub const GET_PARAMETER_TYPES: MessageType = MessageType {
-    name: "rcl_interfaces::srv::dds_::GetParameterTypes_",
-    hash: "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
-};
-/// `rcl_interfaces/srv/DescribeParameters`.
-pub const DESCRIBE_PARAMETERS: MessageType = MessageType {
-    name: "rcl_interfaces::srv::dds_::DescribeParameters_",
-    hash: "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
-};
-/// `rcl_interfaces/srv/SetParameters`.
-pub const SET_PARAMETERS: MessageType = MessageType {
-    name: "rcl_interfaces::srv::dds_::SetParameters_",
-    hash: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
-};
-/// `rcl_interfaces/srv/SetParametersAtomically`.
-pub const SET_PARAMETERS_ATOMICALLY: MessageType = MessageType {
-    name: "rcl_interfaces::srv::dds_::SetParametersAtomically_",
-    hash: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
-};
 /// `std_srvs/srv/Trigger`.
 pub const TRIGGER: MessageType = MessageType {
     name: "std_srvs::srv::dds_::Trigger_",
