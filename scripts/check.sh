@@ -7,10 +7,11 @@
 #   scripts/check.sh actuators                   four actuators of one's own, each from `softtwin new` to a running twin
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
 #   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX; needs root to install ccx
+#   scripts/check.sh batch                       config/batch: a small list of cases as a SLURM array and by Snakemake on two cores
 #   scripts/check.sh clients [pytest arguments]  the Python client against live twins
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
-#   scripts/check.sh prepare                     nothing but the Python packages of exports, clients and gateway
+#   scripts/check.sh prepare                     nothing but the Python packages of exports, batch, clients and gateway
 #   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin; --no-run only builds
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an implementation of ROS 2 that is not ours
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
@@ -55,11 +56,14 @@ clients_python() {
         mcap mcap-protobuf-support foxglove-sdk rerun-sdk websockets gymnasium nbclient nbformat ipykernel
 }
 
+batch_python() { python batch 'snakemake<10'; }
+
 gateway_python() { python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags; }
 
 # What exports, clients and gateway need of Python, for those who want it there before.
 prepare() {
     readers_python
+    batch_python
     clients_python
     gateway_python
 }
@@ -88,6 +92,33 @@ calculix() {
     build
     python calculix 'meshio==5.3.5' 'numpy<3' scipy
     exec "$python" scripts/checks/calculix.py --programs "$target/debug" "$@"
+}
+
+# The same list both ways: the same bytes, and the last run solves nothing.
+batch() {
+    batch_python
+    build
+    local work count=2 snakemake file
+    snakemake=$(realpath "$(dirname "$python")")/snakemake
+    work=$(mktemp -d)
+    # shellcheck disable=SC2064
+    trap "rm -rf '$work'" EXIT
+    PATH=$(realpath "$target")/debug:$PATH
+    local slurm=$PWD/config/batch/slurm.sh snakefile=$PWD/config/batch/Snakefile
+    cd "$work"
+    softtwin new finger --chambers 1 --length-mm 24 >/dev/null
+    softtwin mesh --actuator finger/actuator.toml --size-mm 9 >/dev/null
+    softtwin sample --kind sequence --n 4 --regime free --pressure-mpa 0.01 0.03 --out cases.csv >/dev/null
+    local run=("$slurm" finger/actuator.toml cases.csv slurm --sensitivities --json)
+    for ((task = 0; task < count; task++)); do
+        SLURM_ARRAY_TASK_ID=$task SLURM_ARRAY_TASK_COUNT=$count "${run[@]}" >/dev/null
+    done
+    "${run[@]}" >slurm.json
+    grep -q '"reused":4' slurm.json || { echo "check.sh: expected 4 reused states, found $(<slurm.json)" >&2; exit 1; }
+    "$snakemake" --quiet all --snakefile "$snakefile" --cores 2 \
+        --config actuator=finger/actuator.toml cases=cases.csv out=snake parts=$count options=--sensitivities
+    for file in slurm/*.*; do cmp "$file" "snake/${file#slurm/}"; done
+    echo "check.sh: a list solved as a SLURM array and by Snakemake gave the same database"
 }
 
 clients() {
@@ -239,9 +270,9 @@ aarch64() {
 }
 
 case ${1:-} in
-    view | actuators | exports | calculix | clients | c | prepare | gateway | aarch64) "$@" ;;
+    view | actuators | exports | calculix | batch | clients | c | prepare | gateway | aarch64) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,19s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,19s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,20s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,20s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

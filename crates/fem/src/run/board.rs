@@ -21,11 +21,13 @@ pub(super) struct Board {
     stages: Vec<Stage>,
 }
 
-/// What a thread is to do.
+/// Next action of a thread.
 pub(super) enum Next {
-    /// Any of these cases, from these starts, the most wanted first; none while those in work decide what comes next.
-    Ready(Vec<(usize, Start)>),
-    /// Nothing is left.
+    /// Solve this case, now in work, from this start.
+    Solve(usize, Start),
+    /// Wait for a case in work: it decides which one is next.
+    Wait,
+    /// End: no case is left.
     Done,
 }
 
@@ -35,17 +37,17 @@ impl Board {
         Self { starts, stages }
     }
 
-    /// Cases whose start is solved, in the list's order; with a shard its own share of the list first.
-    pub(super) fn next(&mut self, shard: Option<(usize, usize)>) -> Next {
+    /// Takes the first case of the list whose start is solved.
+    pub(super) fn next(&mut self) -> Next {
         if self.is_done() {
             return Next::Done;
         }
-        let mut ready: Vec<(usize, Start)> =
-            (0..self.stages.len()).filter_map(|case| Some((case, self.start(case)?))).collect();
-        if let Some((own, count)) = shard {
-            ready.sort_by_key(|(case, _)| case % count != own);
+        let ready = (0..self.stages.len()).find_map(|case| Some((case, self.start(case)?)));
+        let Some((case, start)) = ready else { return Next::Wait };
+        if let Stage::Open(tried) = self.stages[case] {
+            self.stages[case] = Stage::Running(tried);
         }
-        Next::Ready(ready)
+        Next::Solve(case, start)
     }
 
     /// The start of an open case: the first, from the one to try on, that did not fail itself. `None` while that is not
@@ -66,12 +68,6 @@ impl Board {
         }
         // Every start has failed: gravity alone is left.
         Some(Start::Rest)
-    }
-
-    pub(super) fn begin(&mut self, case: usize) {
-        if let Stage::Open(tried) = self.stages[case] {
-            self.stages[case] = Stage::Running(tried);
-        }
     }
 
     pub(super) fn solved(&mut self, case: usize, solved: Arc<Solved>) {
@@ -99,11 +95,6 @@ impl Board {
     /// The state of a solved case.
     pub(super) fn state(&self, case: usize) -> Option<Arc<Solved>> {
         if let Stage::Solved(solved) = &self.stages[case] { Some(Arc::clone(solved)) } else { None }
-    }
-
-    /// Cases nobody here works on yet.
-    pub(super) fn open(&self) -> Vec<usize> {
-        (0..self.stages.len()).filter(|case| matches!(self.stages[*case], Stage::Open(_))).collect()
     }
 
     pub(super) fn is_done(&self) -> bool {

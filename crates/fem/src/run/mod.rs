@@ -1,7 +1,6 @@
 //! A whole list of cases: several at a time, each from the nearest solved state; every state is stored when it is solved.
 
 mod board;
-mod claims;
 mod derivatives;
 mod folder;
 mod runner;

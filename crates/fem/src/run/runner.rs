@@ -1,7 +1,6 @@
-//! Solves a list of cases on several threads, and on several machines that share a folder.
+//! Solves a list of cases on several threads.
 
 use super::board::{Board, Next};
-use super::claims::{Claim, Claims};
 use super::derivatives::{self, DerivativeError};
 use super::schedule::{Start, starts};
 use super::store::{Sizes, Solved, Store};
@@ -14,7 +13,6 @@ use crate::solver::{Bodies, FORMULATION, Report, SolveError, Solver};
 use crate::state::State;
 use formats::FormatError;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::time::Duration;
 
 /// What happens during a run, for progress bars and logs.
 #[derive(Debug)]
@@ -75,9 +73,6 @@ pub enum RunError {
     },
 }
 
-/// How long to wait before looking again for what other machines have solved.
-const LOOK_AGAIN: Duration = Duration::from_millis(500);
-
 /// Solves a list of cases of one actuator and its variants.
 pub struct Run<'a> {
     /// The actuator and its variants.
@@ -88,8 +83,6 @@ pub struct Run<'a> {
     pub threads: usize,
     /// Whether derivatives by all inputs are kept with each state.
     pub sensitivities: bool,
-    /// This machine's number, from 0, and how many share the list through the store's folder.
-    pub shard: Option<(usize, usize)>,
 }
 
 /// A case with what follows from its row.
@@ -113,7 +106,6 @@ struct Work<'a> {
     run: &'a Run<'a>,
     tasks: Vec<Task<'a>>,
     rest: Arc<Solved>,
-    claims: Option<Claims>,
     shared: Mutex<Shared>,
     changed: Condvar,
     notify: &'a (dyn Fn(Event<'_>) + Sync),
@@ -121,7 +113,7 @@ struct Work<'a> {
 
 impl Run<'_> {
     /// Solves all cases; a failed one never stops the others. Two runs of one list give the same bytes, whatever the
-    /// number of threads and machines. `notify` is called from any thread, one call at a time.
+    /// number of threads. `notify` is called from any thread, one call at a time.
     ///
     /// # Errors
     /// [`RunError`] where nothing more can be done; what was solved is kept.
@@ -138,13 +130,9 @@ impl Run<'_> {
         }
         outcome.reused = outcome.solved.len();
         if !board.is_done() {
-            let claims = match self.shard {
-                Some(_) => Some(Claims::new(&self.store.folder().join("claims"))?),
-                None => None,
-            };
             let shared = Mutex::new(Shared { board, outcome, broken: None });
             let rest = Arc::new(self.rest()?);
-            let work = Work { run: self, tasks, rest, claims, shared, changed: Condvar::new(), notify };
+            let work = Work { run: self, tasks, rest, shared, changed: Condvar::new(), notify };
             std::thread::scope(|scope| {
                 for _ in 0..self.threads.max(1) {
                     scope.spawn(|| work.work());
@@ -239,9 +227,8 @@ impl Work<'_> {
         let lock = || self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         let result = Solver::new(Arc::clone(&self.run.family.problem)).map_err(RunError::from);
         let result = result.and_then(|mut solver| {
-            while let Some((case, start, claim)) = self.take()? {
+            while let Some((case, start)) = self.take() {
                 self.solve(&mut solver, case, start)?;
-                drop(claim);
                 self.changed.notify_all();
             }
             Ok(())
@@ -252,75 +239,19 @@ impl Work<'_> {
         self.changed.notify_all();
     }
 
-    /// The next case to solve, its start and the claim on it; waits while others may add one.
-    fn take(&self) -> Result<Option<(usize, Start, Option<Claim>)>, RunError> {
+    /// The next case to solve and its start; waits while a case in work decides it.
+    fn take(&self) -> Option<(usize, Start)> {
         let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            if shared.broken.is_some() {
-                return Ok(None);
-            }
-            let ready = match shared.board.next(self.run.shard) {
-                Next::Done => return Ok(None),
-                Next::Ready(ready) => ready,
-            };
-            for (case, start) in ready {
-                let Some(claims) = &self.claims else {
-                    shared.board.begin(case);
-                    return Ok(Some((case, start, None)));
-                };
-                let Some(claim) =
-                    claims.take(&self.tasks[case].store.beside(&self.tasks[case].load, "claim"))?
-                else {
-                    continue;
-                };
-                // Another machine may have finished it since.
-                if let Some(ended) = self.ended_elsewhere(case) {
-                    self.end(&mut shared, case, ended);
-                    continue;
+        while shared.broken.is_none() {
+            match shared.board.next() {
+                Next::Solve(case, start) => return Some((case, start)),
+                Next::Done => return None,
+                Next::Wait => {
+                    shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
                 }
-                shared.board.begin(case);
-                return Ok(Some((case, start, Some(claim))));
-            }
-            if self.claims.is_some() {
-                for case in shared.board.open() {
-                    if let Some(ended) = self.ended_elsewhere(case) {
-                        self.end(&mut shared, case, ended);
-                    }
-                }
-                if matches!(shared.board.next(self.run.shard), Next::Done) {
-                    return Ok(None);
-                }
-                shared =
-                    self.changed.wait_timeout(shared, LOOK_AGAIN).unwrap_or_else(PoisonError::into_inner).0;
-            } else {
-                shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner);
             }
         }
-    }
-
-    /// What another machine has left of a case: its state, or why it failed.
-    fn ended_elsewhere(&self, case: usize) -> Option<Result<Arc<Solved>, String>> {
-        let task = &self.tasks[case];
-        if let Some(solved) = self.run.stored(task) {
-            return Some(Ok(solved));
-        }
-        let failed = task.store.beside(&task.load, "failed");
-        formats::file::read_text(&failed, formats::file::MAX_TEXT_BYTES).ok().map(Err)
-    }
-
-    fn end(&self, shared: &mut Shared, case: usize, ended: Result<Arc<Solved>, String>) {
-        match ended {
-            Ok(solved) => {
-                (self.notify)(Event::Reused(self.tasks[case].case));
-                shared.outcome.reused += 1;
-                shared.outcome.solved.push((case, Arc::clone(&solved)));
-                shared.board.solved(case, solved);
-            }
-            Err(reason) => {
-                shared.outcome.failed.push((case, reason));
-                shared.board.failed(case);
-            }
-        }
+        None
     }
 
     fn solve(&self, solver: &mut Solver, case: usize, start: Start) -> Result<(), RunError> {
@@ -382,9 +313,6 @@ impl Work<'_> {
                 let again = shared.board.try_next(case);
                 (self.notify)(Event::Failed { case: task.case, reason: &reason, again });
                 if !again {
-                    if self.claims.is_some() {
-                        formats::file::replace(&task.store.beside(&task.load, "failed"), reason.as_bytes())?;
-                    }
                     shared.outcome.failed.push((case, reason));
                     shared.board.failed(case);
                 }

@@ -56,11 +56,6 @@ impl Store {
         Ok(Self { folder: folder.into(), problem })
     }
 
-    /// The folder.
-    pub(crate) fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// Checkpoints of another problem in the same folder: one that the mark tells from this.
     #[must_use]
     pub(crate) fn marked(&self, mark: Option<[u8; HASH]>) -> Self {

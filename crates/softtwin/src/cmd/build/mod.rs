@@ -99,7 +99,7 @@ impl Args {
         let states = plan.cases.len();
         folder.say("states", &format!("{states} in {}, gaps {low} to {high} mm", list.display()))?;
         let threads = self.threads;
-        let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
+        let options = batch::Options { threads, sensitivities: false, settings: Vec::new() };
         let outcome = batch::solve(&family, &plan.cases, &database, &options)?;
         for (index, reason) in &outcome.failed {
             folder.say("left out", &format!("{}: {reason}", plan.cases[*index].name))?;
@@ -154,7 +154,7 @@ impl Args {
 
     fn pressures(&self, folder: &Folder, family: &Family) -> Result<Pressures> {
         let store = Store::new(&self.folder.join("database/states"), fingerprint(&family.problem))?;
-        let run = Run { family, store, threads: 1, sensitivities: false, shard: None };
+        let run = Run { family, store, threads: 1, sensitivities: false };
         let found = pressures::find(&run, |text| {
             // What a reader of the output misses when it is closed is a progress line.
             let _ = folder.say("pressures", text);

@@ -40,7 +40,7 @@ impl Args {
             )));
         }
         let threads = self.threads;
-        let options = batch::Options { threads, sensitivities: false, shard: None, settings: Vec::new() };
+        let options = batch::Options { threads, sensitivities: false, settings: Vec::new() };
         let outcome = batch::solve(&family, cases, folder, &options)?;
         for (index, reason) in &outcome.failed {
             tracing::warn!("state {} could not be simulated: {reason}", cases[*index].name);

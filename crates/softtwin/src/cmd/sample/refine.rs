@@ -158,7 +158,7 @@ impl Refinement {
         let old = list.len();
         list.extend_from_slice(proposed);
         let store = Store::new(&folder, fingerprint(&family.problem))?;
-        let run = Run { family, store, threads: self.threads, sensitivities: false, shard: None };
+        let run = Run { family, store, threads: self.threads, sensitivities: false };
         let outcome = run.solve(&list, &|event| match event {
             Event::Solved(case, solved) => {
                 tracing::info!(

@@ -20,8 +20,6 @@ pub struct Options {
     pub threads: usize,
     /// Whether derivatives are kept.
     pub sensitivities: bool,
-    /// Number, from 0, and count of the machines that share the list.
-    pub shard: Option<(usize, usize)>,
     /// Quantities of the actuator that the list does not name.
     pub settings: Vec<Setting>,
 }
@@ -62,13 +60,7 @@ pub fn solve(family: &Family, cases: &[Case], out: &Path, options: &Options) -> 
     bar.set_style(ProgressStyle::with_template(
         "{bar:30} {pos}/{len} cases, {elapsed} elapsed, about {eta} left  {msg}",
     )?);
-    let run = Run {
-        family,
-        store,
-        threads: options.threads,
-        sensitivities: options.sensitivities,
-        shard: options.shard,
-    };
+    let run = Run { family, store, threads: options.threads, sensitivities: options.sensitivities };
     let outcome = run.solve(cases, &|event| {
         show(&bar, &event);
         lines.show(&event);

@@ -31,10 +31,7 @@ Examples:
 
 A database run keeps every solved state in OUT/states: what is there is not computed again. Needs about 1 GB a thread.
 
-Several machines work on one list through a common folder: `--shard 1/3`, `--shard 2/3`, `--shard 3/3`. Each takes its own part \
-first, then what is left; a case in work is a locked file in OUT/states/claims, whose lock the system gives back when its \
-holder ends. On NFS that takes about 90 seconds for a machine that is gone; a file system without locks is refused. Each \
-machine ends when the whole list is done, and writes the same database.";
+Several machines: config/batch has a SLURM array and a Snakefile that split the list.";
 
 /// Compute states of an actuator with the finite-element solver.
 #[derive(clap::Args)]
@@ -67,9 +64,6 @@ pub struct Args {
     /// Keep derivatives of coordinates, stress and force by pressure, gap and every parameter with each state.
     #[arg(long, requires = "cases")]
     sensitivities: bool,
-    /// Share the list with other machines through the folder --out: this is machine I of N, and takes its own part first.
-    #[arg(long, value_name = "I/N", requires = "cases", value_parser = shard)]
-    shard: Option<(usize, usize)>,
     /// The report of a database run as one JSON object. One state or a path is JSON anyway: adds the nodes that touch.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -81,8 +75,8 @@ impl Args {
         let family = files::family(&self.geometry.actuator)?;
         match (&self.cases, self.pressure_mpa, &self.out) {
             (Some(cases), _, Some(out)) => {
-                let (threads, sensitivities, shard) = (self.threads, self.sensitivities, self.shard);
-                let options = batch::Options { threads, sensitivities, shard, settings: self.set };
+                let (threads, sensitivities) = (self.threads, self.sensitivities);
+                let options = batch::Options { threads, sensitivities, settings: self.set };
                 batch::run(&family, cases, out, &options, self.json)
             }
             (_, Some(pressure_mpa), out) => {
@@ -92,16 +86,5 @@ impl Args {
             }
             _ => Err(usage("expected --pressure-mpa, or --cases with --out")),
         }
-    }
-}
-
-/// Number and count of machines, the first number 0.
-fn shard(text: &str) -> Result<(usize, usize), String> {
-    let expected = "expected I/N with 1 <= I <= N <= 10000, such as 2/3";
-    let (own, count) = text.split_once('/').ok_or(expected)?;
-    let (own, count) = (own.parse::<usize>(), count.parse::<usize>());
-    match (own, count) {
-        (Ok(own), Ok(count)) if own >= 1 && own <= count && count <= 10_000 => Ok((own - 1, count)),
-        _ => Err(expected.into()),
     }
 }
