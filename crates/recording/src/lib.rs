@@ -13,23 +13,20 @@
 
 mod contents;
 mod csv;
-mod gaps;
 pub mod message;
 mod parse;
 mod reader;
 mod recorder;
 mod retention;
 mod rotate;
-pub mod sample;
 mod series;
-mod staging;
 mod store;
 pub mod thread_group;
 mod writer;
 
 pub use contents::{ChannelInfo, Item, Message};
 pub use csv::{ExportError, Exported, TableForm, export_csv};
-pub use gaps::{Gap, GapCounter};
+pub use message::{Gap, GapCounter};
 pub use reader::{Ending, MAX_RECORD_BYTES, ReadError, Reader};
 pub use recorder::{
     Companion, Companions, FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns,
@@ -40,6 +37,11 @@ pub use series::{ReadItems, Series, SeriesReader};
 pub use store::Store;
 pub use thread_group::{StopFlag, ThreadEnded, ThreadGroup, ThreadResult};
 pub use writer::{Channel, ChannelId, Schema, WriteError, Writer};
+
+/// Metadata at the head of every file.
+const ABOUT: &str = "softtwin.recording";
+/// Key of the payloads' layout in it.
+const LAYOUT: &str = "layout";
 
 /// First and last eight bytes of every MCAP file.
 pub const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";

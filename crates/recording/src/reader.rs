@@ -8,6 +8,7 @@ use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError};
 use thiserror::Error;
+use wire::layout::VERSION;
 
 use crate::contents::{Contents, Item};
 use crate::parse;
@@ -34,6 +35,14 @@ pub enum ReadError {
     #[error("expected an MCAP recording (it starts with 89 4d 43 41 50 30 0d 0a), found {found}")]
     NotMcap {
         /// The first bytes of the file.
+        found: String,
+    },
+    /// A recording of another version.
+    #[error(
+        "expected a recording of layout {VERSION}, found {found}; record again with `softtwin record` of this version"
+    )]
+    Layout {
+        /// The recording's layout.
         found: String,
     },
     /// A compression that is not supported.
@@ -128,7 +137,7 @@ impl<R: Read> Reader<R> {
     /// The next message or metadata; `None` at the end, which [`Reader::ending`] then describes.
     ///
     /// # Errors
-    /// [`ReadError::Io`] and [`ReadError::Compression`]. Truncation and damage are no errors: they end or shorten the
+    /// [`ReadError::Io`], [`ReadError::Compression`] and [`ReadError::Layout`]. Truncation and damage are no errors: they end or shorten the
     /// recording and are reported by [`Reader::ending`].
     pub fn next_item(&mut self) -> Result<Option<Item>, ReadError> {
         while self.ending.is_none() {
@@ -136,8 +145,9 @@ impl<R: Read> Reader<R> {
                 Some(_) => self.step_in_chunk()?,
                 None => self.step_in_file()?,
             };
-            if item.is_some() {
-                return Ok(item);
+            if let Some(item) = item {
+                check_layout(&item)?;
+                return Ok(Some(item));
             }
         }
         Ok(None)
@@ -213,6 +223,17 @@ impl<R: Read> Reader<R> {
             _ => return Ok(self.contents.take(opcode, record)),
         }
         Ok(None)
+    }
+}
+
+/// Refuses a recording whose payloads have another layout. Files of other programs have no such metadata.
+fn check_layout(item: &Item) -> Result<(), ReadError> {
+    match item {
+        Item::Metadata { name, entries } if name == crate::ABOUT => match entries.get(crate::LAYOUT) {
+            Some(found) if *found == VERSION.to_string() => Ok(()),
+            found => Err(ReadError::Layout { found: found.map_or("no number", String::as_str).into() }),
+        },
+        _ => Ok(()),
     }
 }
 

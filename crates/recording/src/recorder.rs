@@ -23,6 +23,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use wire::layout::VERSION;
 use wire::{Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
 
 use crate::rotate::{RotateOptions, RotatingWriter};
@@ -84,7 +85,7 @@ impl Recorder {
     ) -> Result<Self, RecordError> {
         let mut file = RotatingWriter::create(&options.path, options.rotate)?;
         let offset_ns = wall_offset_ns();
-        file.metadata("softtwin.recording", &about(&options, offset_ns))?;
+        file.metadata(crate::ABOUT, &about(&options, offset_ns))?;
         file.flush()?;
         let (queue, writer) = queue::start(file, options.queue_bytes, offset_ns)?;
         let (sender, scans) = mpsc::channel();
@@ -210,6 +211,7 @@ fn about(options: &RecorderOptions, offset_ns: u64) -> BTreeMap<String, String> 
     let keys: Vec<&str> = options.keys.iter().map(KeyExpr::as_str).collect();
     BTreeMap::from([
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        (crate::LAYOUT.to_owned(), VERSION.to_string()),
         ("keys".to_owned(), keys.join(" ")),
         // Added to a stamp of the monotonic clock it gives the time since 1970.
         ("wall_minus_monotonic_ns".to_owned(), offset_ns.to_string()),

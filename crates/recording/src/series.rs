@@ -21,9 +21,6 @@ pub struct Series {
     pub files: Vec<PathBuf>,
 }
 
-/// Place of a file in its series: those that carry the date of their run come first, they are of earlier releases.
-type Place = (bool, u64, u64);
-
 impl Series {
     /// A file alone; the rotated files of a folder that holds one recording; or `FOLDER/NAME` of a folder that holds several.
     ///
@@ -66,14 +63,14 @@ impl Series {
     /// # Errors
     /// The system's refusal to list the folder.
     pub fn all_in(folder: &Path) -> io::Result<Vec<Self>> {
-        let mut found: BTreeMap<String, Vec<(Place, PathBuf)>> = BTreeMap::new();
+        let mut found: BTreeMap<String, Vec<(u64, PathBuf)>> = BTreeMap::new();
         for path in fs::read_dir(folder)?.flatten().map(|entry| entry.path()) {
             let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
             if !name.ends_with(".mcap") {
                 continue;
             }
-            let (series, place) = split(name, "mcap").unwrap_or((name, (true, 0, 0)));
-            found.entry(series.to_owned()).or_default().push((place, path.clone()));
+            let (series, number) = split(name, "mcap").unwrap_or((name, 0));
+            found.entry(series.to_owned()).or_default().push((number, path.clone()));
         }
         Ok(found.into_iter().map(|(name, files)| Self { name, files: in_order(files) }).collect())
     }
@@ -94,33 +91,25 @@ pub(crate) fn numbered(folder: &Path, stem: &str, suffix: &str) -> io::Result<(V
     let (mut files, mut highest) = (Vec::new(), 0);
     for path in fs::read_dir(folder)?.flatten().map(|entry| entry.path()) {
         let name = path.file_name().and_then(|name| name.to_str());
-        let Some((series, place)) = name.and_then(|name| split(name, suffix)) else { continue };
+        let Some((series, number)) = name.and_then(|name| split(name, suffix)) else { continue };
         if series == stem {
-            highest = highest.max(if place.0 { place.2 } else { 0 });
-            files.push((place, path));
+            highest = highest.max(number);
+            files.push((number, path));
         }
     }
     Ok((in_order(files), highest))
 }
 
-fn in_order(mut files: Vec<(Place, PathBuf)>) -> Vec<PathBuf> {
+fn in_order(mut files: Vec<(u64, PathBuf)>) -> Vec<PathBuf> {
     files.sort();
     files.into_iter().map(|(_, path)| path).collect()
 }
 
-/// Series and place of a rotated file: `run-0001.mcap`, or `run-20261122T101530-0001.mcap` as units of earlier releases named them.
-fn split<'a>(name: &'a str, suffix: &str) -> Option<(&'a str, Place)> {
-    let (head, number) = name.strip_suffix(suffix)?.strip_suffix('.')?.rsplit_once('-')?;
-    let number = digits(number).filter(|_| number.len() >= NUMBER_DIGITS)?;
-    let dated = head.rsplit_once('-').and_then(|(series, date)| {
-        let (day, time) = date.split_once('T').filter(|(day, time)| (day.len(), time.len()) == (8, 6))?;
-        Some((series, (false, digits(day)? * 1_000_000 + digits(time)?, number)))
-    });
-    Some(dated.unwrap_or((head, (true, 0, number))))
-}
-
-fn digits(text: &str) -> Option<u64> {
-    text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse().ok())?
+/// Series and number of a rotated file, such as `run-0001.mcap`.
+fn split<'a>(name: &'a str, suffix: &str) -> Option<(&'a str, u64)> {
+    let (series, digits) = name.strip_suffix(suffix)?.strip_suffix('.')?.rsplit_once('-')?;
+    let is_number = digits.len() >= NUMBER_DIGITS && digits.bytes().all(|byte| byte.is_ascii_digit());
+    Some((series, digits.parse().ok().filter(|_| is_number)?))
 }
 
 /// Where items of a recording come from.

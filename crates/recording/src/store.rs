@@ -1,7 +1,8 @@
-//! What a recording is written to: a file, or memory in tests.
+//! Where a recording is written: staged in memory chunk by chunk, then into a file (or, in tests, memory).
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Bytes are appended to it; it can be cut back to a known length and forced to disk.
 pub trait Store: Write {
@@ -37,5 +38,46 @@ impl Store for Vec<u8> {
 
     fn sync(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+/// Bytes that the crate wrote and that are not in the file yet. Clones share them: the crate keeps one for itself.
+#[derive(Clone, Default)]
+pub(crate) struct Staging(Arc<Mutex<Staged>>);
+
+/// The shared bytes.
+#[derive(Default)]
+pub(crate) struct Staged {
+    /// Bytes already in the file.
+    pub file_bytes: u64,
+    /// Bytes that follow them.
+    pub bytes: Vec<u8>,
+}
+
+impl Staging {
+    /// Locked by one thread only, so this never waits.
+    pub fn lock(&self) -> MutexGuard<'_, Staged> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Write for Staging {
+    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        self.lock().bytes.write(data)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Staging {
+    /// The crate asks only where it is: it is told not to go back ([`mcap::WriteOptions::disable_seeking`]).
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let staged = self.lock();
+        match to {
+            SeekFrom::Current(0) => Ok(staged.file_bytes + staged.bytes.len() as u64),
+            _ => Err(io::ErrorKind::Unsupported.into()),
+        }
     }
 }

@@ -11,8 +11,7 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, McapResult, WriteOptions};
 use thiserror::Error;
 
-use crate::staging::Staging;
-use crate::store::Store;
+use crate::store::{Staging, Store};
 
 /// A chunk is closed at this size at the latest.
 const CHUNK_BYTES: usize = 1 << 20;

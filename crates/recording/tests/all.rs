@@ -3,7 +3,6 @@
 mod common;
 mod crash;
 mod export;
-mod kept;
 mod messages;
 mod recorder;
 mod reference;

@@ -104,7 +104,8 @@ fn what_is_published_is_in_the_file() {
     let model =
         metadata.iter().find(|(name, _)| name == "softtwin.model.finger").expect("the model is named");
     assert_eq!(model.1["model_hash"], "ab".repeat(16));
-    assert!(metadata.iter().any(|(name, _)| name == "softtwin.recording"));
+    let (_, about) = metadata.iter().find(|(name, _)| name == "softtwin.recording").expect("metadata");
+    assert_eq!(about["layout"], wire::layout::VERSION.to_string());
     drop((sensor, state, bus));
     domain.remove_leftovers().expect("removed");
 }

@@ -1,12 +1,13 @@
 //! Our files under the format's reference implementation, and its files under our reader.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::sync::Arc;
 
 use crate::common::{metadata, read_all, text, write_some};
-use recording::message::decode_reading;
-use recording::{Ending, Item, ReadError, Reader};
+use recording::{Ending, Item, ReadError, Reader, Writer};
+use wire::layout::VERSION;
 
 #[test]
 fn the_reference_reader_finds_every_message_and_the_summary() {
@@ -159,23 +160,17 @@ fn a_file_that_is_none_is_refused() {
     assert_eq!(read_all(&write_some(Vec::new(), 0, 1).expect("memory")), (Vec::new(), Ending::Complete));
 }
 
-/// A recording of the first release, whose container was written without the `mcap` crate.
 #[test]
-fn a_kept_recording_of_an_earlier_release_is_read() {
-    let bytes = include_bytes!("data/layout-1.mcap");
-    let mut reader = Reader::new(bytes.as_slice()).expect("head");
-    let (mut readings, mut tables) = (Vec::new(), Vec::new());
-    while let Some(item) = reader.next_item().expect("readable") {
-        match item {
-            Item::Message(message) => {
-                assert_eq!(message.channel.schema_name, "softtwin.Sensor");
-                let reading = decode_reading(&message.data).expect("a reading");
-                readings.push((reading.seq, reading.pressure_mpa));
-            }
-            Item::Metadata { name, .. } => tables.push(name),
-        }
+fn a_recording_of_another_layout_is_refused_and_names_the_command_that_makes_it() {
+    for (entries, wanted) in [
+        (BTreeMap::from([("layout".to_owned(), (VERSION - 1).to_string())]), (VERSION - 1).to_string()),
+        (BTreeMap::from([("version".to_owned(), "0.1.0".to_owned())]), "no number".to_owned()),
+    ] {
+        let mut writer = Writer::new(Vec::new()).expect("memory");
+        writer.metadata("softtwin.recording", &entries).expect("memory");
+        let bytes = writer.finish().expect("memory");
+        let error = Reader::new(bytes.as_slice()).expect("head").next_item().expect_err("refused");
+        assert!(matches!(&error, ReadError::Layout { found } if *found == wanted), "{error}");
+        assert!(error.to_string().contains("softtwin record"), "{error}");
     }
-    assert_eq!(readings, [(4, 0.0003), (5, 0.0004), (6, 0.0004), (7, 0.0005)]);
-    assert_eq!(tables, ["softtwin.recording"]);
-    assert_eq!(reader.ending(), Some(&Ending::Complete));
 }

@@ -94,7 +94,6 @@ impl RecordedState {
     pub fn inputs(&self) -> Option<Inputs> {
         let State { pressure_mpa, gap_mm, inputs, .. } = self.values;
         let is_reading = pressure_mpa.is_finite() && pressure_mpa >= 0.0 && !gap_mm.is_nan();
-        // Parameters of older recordings are not known: the model then takes its own.
         is_reading.then(|| Inputs::from(inputs).with(PRESSURE, pressure_mpa).with(GAP, gap_mm))
     }
 }

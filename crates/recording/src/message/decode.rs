@@ -7,17 +7,7 @@ use wire::{FieldHeader, SensorSample};
 use super::field::values;
 use wire::layout::{Codes, Field, Payload, Scalar, Show, field_id, pack_name};
 
-/// Keys that older recordings have for what is called otherwise now: new, old.
-const FORMER_KEYS: [(&str, &str); 6] = [
-    ("force_halfwidth_n", "force_bar_n"),
-    ("displacement_halfwidth_mm", "displacement_bar_mm"),
-    ("von_mises_halfwidth_mpa", "von_mises_bar_mpa"),
-    ("stop_pressure_halfwidth_mpa", "stop_pressure_bar_mpa"),
-    ("domain_status", "domain_verdict"),
-    ("grasp_status", "verdict"),
-];
-
-/// Reads a payload from its JSON form, also that of older recordings. What is not there stays "not known".
+/// Reads a payload from its JSON form. An absent property keeps its default.
 ///
 /// # Errors
 /// No JSON object, or a property of the wrong kind.
@@ -56,8 +46,7 @@ fn read<P: Payload>(properties: &Map<String, Value>, required: &[&str]) -> Resul
     }
     let mut payload = P::default();
     for (key, field) in P::LAYOUT.json {
-        let former = FORMER_KEYS.iter().find(|(new, _)| new == key).and_then(|(_, old)| properties.get(*old));
-        if let Some(value) = properties.get(*key).or(former) {
+        if let Some(value) = properties.get(*key) {
             set(&mut payload, field, value)
                 .ok_or_else(|| Error::custom(format!("`{key}` is {value}, expected {}", expected(field))))?;
         }

@@ -12,7 +12,7 @@ mod schema;
 
 pub use decode::{decode, decode_field, decode_reading};
 pub use field::FieldMessage;
-pub use gap::GapMessage;
+pub use gap::{Gap, GapCounter, GapMessage};
 pub use json::{Json, answer};
 
 use serde::Serialize;

@@ -7,15 +7,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use wire::layout::hex;
-use wire::{AnySample, Stamp, Topic, WireError, now_ns};
+use wire::layout::{Layout, Payload, hex};
+use wire::{
+    AnySample, Command, Estimate, FieldHeader, Grasp, Health, SensorSample, Setpoint, Stamp, State, Topic,
+    TopicKind, Valve, WireError, now_ns,
+};
 
 use super::companion::Companion;
 use super::summary::{RecordError, RecordSummary};
-use crate::gaps::GapCounter;
-use crate::message::{GapMessage, Recorded};
+use crate::message::{self, FieldMessage, GapCounter, GapMessage, Recorded};
 use crate::rotate::{RotateSummary, RotatingWriter};
-use crate::sample;
 use crate::thread_group::{ThreadEnded, panic_cause};
 use crate::writer::{Channel, WriteError};
 
@@ -83,7 +84,7 @@ impl Queue {
     pub fn sink(&self, topic: Topic, is_recorded: bool, companion: Option<Box<dyn Companion>>) -> QueueSink {
         QueueSink {
             queue: self.clone(),
-            channel: Arc::new(sample::channel(&topic)),
+            channel: Arc::new(channel_of(&topic)),
             gap_channel: Arc::new(GapMessage::channel()),
             topic,
             gaps: GapCounter::default(),
@@ -144,7 +145,7 @@ impl QueueSink {
             self.note_model(model);
         }
         if self.is_recorded {
-            self.enqueue(self.channel.clone(), stamp, sample::encode(sample));
+            self.enqueue(self.channel.clone(), stamp, encode(sample));
         }
         let publish_time_ns = stamp.t_publish_ns.saturating_add(self.queue.offset_ns);
         let further = self
@@ -228,4 +229,30 @@ fn write_all(
             flush_at = Instant::now() + FLUSH_EVERY;
         }
     }
+}
+
+/// The channel of a topic's messages.
+fn channel_of(topic: &Topic) -> Channel {
+    let layout: &Layout = match topic.kind() {
+        TopicKind::Sensor => SensorSample::LAYOUT,
+        TopicKind::State => State::LAYOUT,
+        TopicKind::Health => Health::LAYOUT,
+        TopicKind::Field => FieldHeader::LAYOUT,
+        TopicKind::Grasp => Grasp::LAYOUT,
+        TopicKind::Command => Command::LAYOUT,
+        TopicKind::Estimate => Estimate::LAYOUT,
+        TopicKind::Setpoint | TopicKind::Override => Setpoint::LAYOUT,
+        TopicKind::Valve => Valve::LAYOUT,
+    };
+    message::channel(layout, topic.name())
+}
+
+/// The sample as JSON, a field with its values (base64).
+fn encode(sample: &AnySample) -> Vec<u8> {
+    let mut out = Vec::with_capacity(1536);
+    match sample {
+        AnySample::Field(field) => FieldMessage::new(field.header(), field.values()).encode(&mut out),
+        _ => sample.view().encode(&mut out),
+    }
+    out
 }

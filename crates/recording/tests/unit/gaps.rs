@@ -1,4 +1,4 @@
-//! Tests of `src/gaps.rs` that need its private parts.
+//! Tests of `src/message/gap.rs` that need its private parts.
 
 use super::*;
 

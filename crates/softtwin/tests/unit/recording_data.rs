@@ -1,6 +1,8 @@
 //! Tests of `src/recording_data.rs` that need its private parts.
 
 use super::*;
+use recording::message::Recorded;
+use wire::Payload;
 
 #[test]
 fn a_thinned_list_is_bounded_and_stays_even() {
@@ -31,8 +33,16 @@ fn thinned_states_keep_every_peak() {
 
 #[test]
 fn reading_a_recording_ends_when_the_program_is_to_stop() {
-    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("../recording/tests/data/layout-5.mcap");
-    let read = |stop: bool| RecordingData::read(&series(&kept).unwrap(), None, &AtomicBool::new(stop));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = recording::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
+    let topic = recording::message::channel(State::LAYOUT, "softtwin/finger/state");
+    let channel = writer.channel(&topic).unwrap();
+    let mut bytes = Vec::new();
+    State::default().view().encode(&mut bytes);
+    writer.message(channel, 0, 0, 0, &bytes).unwrap();
+    writer.finish().unwrap();
+    let read = |stop: bool| RecordingData::read(&series(&path).unwrap(), None, &AtomicBool::new(stop));
     assert!(read(false).is_ok());
     let refused = read(true).map(|_| ()).unwrap_err().to_string();
     assert!(refused.contains("stopped while"), "{refused}");
