@@ -1,44 +1,46 @@
 #!/usr/bin/env bash
-# Our programs as others use them: browsers, readers of our files, client languages, the network, another processor.
+# Checks that scripts/test.sh does not have: the programs as others use them, and what takes hours.
 #   scripts/check.sh view                        `softtwin view` in headless Chromium (CHROMIUM names another program)
 #   scripts/check.sh view --screenshots DIR      instead: the page in five sizes, light and dark, in every mode [--only MODE]
 #   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
-#   scripts/check.sh view --rate                 instead: frames a second that the browser draws
-#   scripts/check.sh actuators                   four actuators of one's own, each from `softtwin new` to a running twin
+#   scripts/check.sh view --rate                 instead: frames per second that the browser draws
+#   scripts/check.sh actuators                   four new actuators, each from `softtwin new` to a running twin
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
-#   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX; needs root to install ccx
+#   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX
 #   scripts/check.sh batch                       config/batch: a small list of cases as a SLURM array and by Snakemake on two cores
-#   scripts/check.sh clients [pytest arguments]  the Python client against live twins
-#   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run beside a twin
+#   scripts/check.sh clients [pytest arguments]  the Python client against running twins
+#   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
-#   scripts/check.sh prepare                     nothing but the Python packages of exports, batch, clients and gateway
-#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a plain Zenoh client against a live twin; --no-run only builds
-#   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an implementation of ROS 2 that is not ours
-#   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation; needs root for the cross linker the first time
-# Needs Rust and a C compiler; Python 3.9 or newer with venv, whose packages come from PyPI the first time, into build/ ; c: c++,
-# pkg-config and cmake; install: dpkg-deb and systemd-analyze; gateway: openssl; ros2-peer: crates of its own,
-# into target/ros2-peer. scripts/test.sh needs none of this.
+#   scripts/check.sh prepare                     only the Python packages of exports, batch, clients and gateway
+#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a Zenoh client against a running twin; --no-run builds only
+#   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an independent implementation of ROS 2
+#   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation
+#   scripts/check.sh hours [WHAT...]             some hours on two cores, logs in build/verify; default: ros2-peer, calculix and these:
+#       soak        one hour at 1 kHz with disturbances: no loss, no wrong value, no growth
+#       cycles      10,000 restarts, reloads and rotations, 100,000 readers: no growth
+#       sealed      40 new states, solved and compared with predictions and half-widths
+#       inputs      100,000 damaged command lines and files, a million damaged inputs of the parsers
+#       kills       every program killed at every system call of its start and end
+#       peers       the same task by other libraries, from PyPI
+#       hard-cases  cases with a known solution
+#       packages    `install` with a release build, and the gateway's package
+# Python packages come from PyPI into build/ the first time; ros2-peer has its own crates, in target/ros2-peer.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 target=${CARGO_TARGET_DIR:-target}
 
-# needs PROGRAM... : ends with a message when one is missing.
-needs() {
-    local program
-    for program in "$@"; do
-        command -v "$program" >/dev/null || { echo "check.sh: expected the program $program, which is not installed" >&2; exit 1; }
-    done
-}
+. scripts/setup.sh
+require cargo cc
 
-# Unless SOFTTWIN_BUILT says that it was done, as .ci/run does.
+# Skipped if SOFTTWIN_BUILT is set, as .ci/run does.
 build() { [ -n "${SOFTTWIN_BUILT:-}" ] || cargo build --locked --quiet --workspace --bins --lib; }
 
-# python NAME PACKAGE... : an interpreter with these packages, in build/NAME-venv; its path is in `python`.
+# python NAME PACKAGE...: sets `python` to an interpreter with these packages, in build/NAME-venv.
 python() {
     local venv=build/$1-venv
-    needs python3
+    require venv
     if [ ! -f "$venv/installed" ]; then
-        python3 -m venv "$venv" || { echo "check.sh: python3 needs venv; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
+        python3 -m venv "$venv"
         "$venv/bin/pip" install --quiet --disable-pip-version-check --no-compile "${@:2}"
         touch "$venv/installed"
     fi
@@ -60,7 +62,6 @@ batch_python() { python batch 'snakemake<10'; }
 
 gateway_python() { python gateway "eclipse-zenoh==1.10.2" numpy pytest rosbags; }
 
-# What exports, clients and gateway need of Python, for those who want it there before.
 prepare() {
     readers_python
     batch_python
@@ -69,7 +70,7 @@ prepare() {
 }
 
 view() {
-    needs python3
+    require python3 chromium
     python=python3
     case " $* " in *" --film "*) python pictures 'pillow<13' ;; esac
     build
@@ -88,7 +89,7 @@ exports() {
 }
 
 calculix() {
-    command -v ccx >/dev/null || { apt-get update -qq && apt-get install -y -qq calculix-ccx; }
+    require ccx
     build
     python calculix 'meshio==5.3.5' 'numpy<3' scipy
     exec "$python" scripts/checks/calculix.py --programs "$target/debug" "$@"
@@ -131,7 +132,7 @@ clients() {
     exec "$python" -m pytest -q clients/python/tests "$@"
 }
 
-# started LOG COMMAND...: starts it in the background and waits until it is ready.
+# started LOG COMMAND...: starts a command in the background and waits until it is ready.
 started() {
     local log=$1 pid
     : >"$log"
@@ -144,16 +145,16 @@ started() {
 }
 
 c() {
-    needs cc c++ pkg-config cmake
+    require c++ pkg-config cmake
     local work program flags
     work=$(mktemp -d)
     # shellcheck disable=SC2064
     trap "kill \$(jobs -p) 2>/dev/null || true; wait; rm -rf '$work'" EXIT
-    scripts/install_c.sh "$work/prefix" --profile dev
+    scripts/package.sh c "$work/prefix" --profile dev
     export PKG_CONFIG_PATH=$work/prefix/lib/pkgconfig LD_LIBRARY_PATH=$work/prefix/lib
     read -ra flags < <(pkg-config --cflags --libs softtwin)
     cc -std=c11 -Wall -Werror clients/c/examples/twin.c "${flags[@]}" -lm -o "$work/twin_c"
-    # C++ by CMake, as a project of its own.
+    # C++ by CMake, as a separate project.
     cmake -S clients/c/examples -B "$work/cmake" -DCMAKE_PREFIX_PATH="$work/prefix" >/dev/null
     cmake --build "$work/cmake" >/dev/null
     cp "$work/cmake/twin_cpp" "$work/"
@@ -171,23 +172,22 @@ c() {
     echo "check.sh: the C and C++ clients were installed, found by pkg-config and CMake, compiled and run"
 }
 
-# The name avoids the program install.
 install_check() {
-    needs dpkg dpkg-deb systemd-analyze systemd-sysusers python3 git
+    require dpkg-deb systemd-analyze systemd-sysusers venv git
     exec scripts/checks/install.sh "$@"
 }
 
 gateway() {
-    needs openssl
+    require openssl
     gateway_python
     build
-    # As .ci/run calls it, which then need not be done again.
+    # With the arguments of .ci/run, whose result is reused.
     cargo clippy --quiet --workspace --all-targets --features gateway/network --locked -- -D warnings
     cargo test --quiet --locked -p gateway --features network --no-run
     [ "${1:-}" != --no-run ] || return 0
     local log peers failed=0
     log=$(mktemp)
-    # Both wait for processes most of the time.
+    # Both mostly wait for processes.
     "$python" -m pytest -q crates/gateway/tests >"$log" 2>&1 &
     peers=$!
     cargo test --locked -p gateway --features network --no-fail-fast -- "$@" || failed=1
@@ -197,10 +197,10 @@ gateway() {
     return "$failed"
 }
 
-# Two twins, one of which has its readings from the peer; `softtwin echo` and `get` say the same of them as the peer is to hear.
-# The gateway is a client of a router with the settings of ROS, a router beside it, and what the peer calls itself.
+# Two twins, one of them with readings from the peer; `softtwin echo` and `get` provide the reference values for the peer. The
+# gateway is in turn a client of a router with the settings of ROS, a second router, and a peer.
 ros2_peer() {
-    needs python3
+    require python3
     local work ports way called say=$target/debug/softtwin peer=$target/ros2-peer/debug/ros2-peer
     local scene=scripts/checks/ros2_peer/scene.toml
     work=$(mktemp -d)
@@ -246,10 +246,8 @@ END
 # With an aarch64 target of the installed toolchain that target is used; without one (no rustup server in reach) Debian's own
 # compiler and its arm64 standard library are unpacked into build/aarch64.
 aarch64() {
-    local triple=aarch64-unknown-linux-gnu need=() root=$PWD/build/aarch64 version runtime llvm package
-    command -v aarch64-linux-gnu-gcc >/dev/null || need+=(gcc-aarch64-linux-gnu)
-    command -v qemu-aarch64-static >/dev/null || need+=(qemu-user-static)
-    ((${#need[@]} == 0)) || { apt-get update -qq && apt-get install -y -qq "${need[@]}"; }
+    local triple=aarch64-unknown-linux-gnu root=$PWD/build/aarch64 version runtime llvm package
+    require aarch64-linux-gnu-gcc qemu-aarch64-static
     if ! [ -d "$(rustc --print sysroot)/lib/rustlib/$triple/lib" ]; then
         if [ ! -x "$root/usr/bin/rustc" ]; then
             dpkg --print-foreign-architectures | grep -qx arm64 || dpkg --add-architecture arm64
@@ -269,10 +267,42 @@ aarch64() {
     exec cargo test --locked --target "$triple" --target-dir target/aarch64 -p rom --lib --test all -- kernel "$@"
 }
 
+# hours_of WHAT: one of the long checks.
+hours_of() {
+    local studies=$target/release/softtwin-studies
+    case "$1" in
+        soak) "$studies" soak --seconds 3600 --report "$out/soak.json" ;;
+        cycles) "$studies" cycles >"$out/cycles.json" ;;
+        sealed) "$studies" sweep --fresh 40 --below-mpa 0.005 --database "$target/sweep" ;;
+        inputs)
+            SOFTTWIN_INPUTS=1000000 cargo test --locked --workspace --test inputs &&
+                SOFTTWIN_HOSTILE=100000 cargo test --locked --workspace --test system -- hostile::
+            ;;
+        kills) SOFTTWIN_KILLS=all SOFTTWIN_KILLED_READERS=1500 cargo test --locked --workspace --test system -- kills:: ;;
+        peers | hard-cases) "$studies" "$1" ;;
+        packages) scripts/check.sh install --profile release && scripts/package.sh deb "$out" --gateway ;;
+        ros2-peer | calculix) scripts/check.sh "$1" ;;
+        *) echo "check.sh: hours: no check $1" >&2 && return 2 ;;
+    esac
+}
+
+hours() {
+    local out=build/verify failed=() what begin result
+    [ $# -gt 0 ] || set -- soak cycles sealed inputs kills peers ros2-peer calculix hard-cases packages
+    mkdir -p "$out"
+    cargo build --locked --release -p softtwin -p softtwind -p studies --bins
+    for what in "$@"; do
+        begin=$SECONDS result=passed
+        hours_of "$what" >"$out/$what.log" 2>&1 || { result="FAILED, see $out/$what.log"; failed+=("$what"); }
+        printf '%-10s %6d s  %s\n' "$what" $((SECONDS - begin)) "$result"
+    done
+    [ ${#failed[@]} -eq 0 ]
+}
+
 case ${1:-} in
-    view | actuators | exports | calculix | batch | clients | c | prepare | gateway | aarch64) "$@" ;;
+    view | actuators | exports | calculix | batch | clients | c | prepare | gateway | aarch64 | hours) "$@" ;;
     install) install_check "${@:2}" ;;
     ros2-peer) ros2_peer ;;
-    -h | --help) sed -n '2,20s/^# \{0,1\}//p' "$0" ;;
-    *) sed -n '2,20s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
+    -h | --help) sed -n '2,27s/^# \{0,1\}//p' "$0" ;;
+    *) sed -n '2,27s/^# \{0,1\}//p' "$0" >&2; exit 2 ;;
 esac

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Makes databases, models and gauge traces from nothing: mesh -> states -> database -> trained model; cavity volumes -> traces.
 #   scripts/make_model.sh [pneunet|gripper|stiffness|design|traces|cylinder ...]     default: pneunet gripper
-#   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.sh)
+#   MESH=1 scripts/make_model.sh                           builds the mesh again too (needs gmsh, see scripts/mesh.py)
 # Stop it and start it again as you like: solved states are kept in target/database/*/states.
 set -eu
 cd "$(dirname "$0")/.."
@@ -86,7 +86,7 @@ for name in "$@"; do
     fi
     model="models/$name"
     database="target/database/$name"
-    if [ "${MESH:-0}" = 1 ] && [ "$name" = pneunet ]; then scripts/mesh.sh "$model/actuator.toml"; fi
+    if [ "${MESH:-0}" = 1 ] && [ "$name" = pneunet ]; then scripts/mesh.py "$model/actuator.toml"; fi
     # The gripper's derivatives gain little (docs/accuracy.md) and would be a third of its data.
     case $name in gripper) scene=gripper derivatives= ;; *) scene=plate derivatives=--sensitivities ;; esac
     softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" $derivatives --out "$database"

@@ -1,22 +1,38 @@
-"""Builds an actuator's second-order tetrahedral mesh with gmsh from its actuator.toml (run it by scripts/mesh.sh).
+#!/usr/bin/env python3
+"""Builds an actuator's second-order tetrahedral mesh with gmsh from its actuator.toml.
 
-Physical names: volume `solid`; surfaces `sheet`, `cavity`, `fixed`, `bottom`, `slot_lower_0`, `slot_upper_0`, ... (the
-walls of slot i on its lower-x and upper-x side). Writes binary .msh 4.1.
+    scripts/mesh.py models/pneunet/actuator.toml [--out FILE] [--finer TIMES] [--search SECONDS]
+
+gmsh comes from PyPI into target/mesh-venv. On a bare Debian or Ubuntu it needs these libraries:
+    apt-get install python3-venv libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1
+The committed mesh needs none of this. Physical names: volume `solid`; surfaces `sheet`, `cavity`, `fixed`, `bottom`, `slot_lower_0`,
+`slot_upper_0`, ... (the walls of slot i on its lower-x and upper-x side). Writes binary .msh 4.1.
 """
 
 import argparse
 import math
+import os
 import random
+import subprocess
 import sys
 import time
 import tomllib
+import venv
 from pathlib import Path
 
-import gmsh
-import numpy as np
+try:
+    import gmsh
+    import numpy as np
+except ImportError:
+    home = Path(__file__).resolve().parents[1] / "target/mesh-venv"
+    if Path(sys.prefix) == home:
+        raise
+    venv.create(home, with_pip=True)
+    subprocess.run([home / "bin/pip", "install", "--quiet", "gmsh==4.15.2", "numpy"], check=True)
+    os.execv(home / "bin/python", [home / "bin/python", *sys.argv])
 
 TOLERANCE_MM = 1e-6
-MOST_FLIPS = 10  # more would show in the quality; search for better parameters instead
+MOST_FLIPS = 10  # more would lower the quality: search for better parameters instead
 CORNER_PAIRS = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
 
 
@@ -205,7 +221,7 @@ def main():
     parser.add_argument("actuator", type=Path, help="actuator.toml, as in models/pneunet/")
     parser.add_argument("--out", type=Path, help="the .msh to write (default: as the file says)")
     parser.add_argument("--search", type=float, metavar="SECONDS", help="look for parameters that give mesh.nodes")
-    parser.add_argument("--finer", type=float, default=1.0, metavar="TIMES", help="divide every edge into so many times the parts, 1 or more")
+    parser.add_argument("--finer", type=float, default=1.0, metavar="TIMES", help="factor on the number of parts of every edge, at least 1")
     args = parser.parse_args()
     if not 1.0 <= args.finer <= 10.0:
         parser.error(f"--finer: expected 1 to 10, found {args.finer}")

@@ -1,4 +1,4 @@
-//! Gives the shared library the name that programs look for; `scripts/install_c.sh` installs it under that name.
+//! Gives the shared library the name that programs look for; `scripts/package.sh c` installs it under that name.
 
 fn main() {
     if std::env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {

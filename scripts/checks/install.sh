@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The packages as their users meet them: the Debian package in an empty root, the wheel in an empty environment, both used from
-# a folder that knows nothing of the sources. Started by scripts/check.sh install.
+# Installs the Debian package in an empty root and the wheel in an empty environment and uses both outside the sources. Started by
+# scripts/check.sh install.
 #   --profile dev|light|release      default: dev
 set -euo pipefail
 profile=dev
@@ -12,7 +12,7 @@ trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 root=$work/root
 before=$(git status --porcelain --ignored 2>/dev/null || true)
 
-# demonstration PROGRAM... : three seconds, from the root folder; fields arrive (how many depends on how busy the machine is).
+# demonstration PROGRAM...: runs it for three seconds in the root folder and checks that fields arrive.
 demonstration() {
     local said
     said=$(cd / && "$@" --seconds 3 --json)
@@ -24,16 +24,16 @@ END
     echo "check.sh: $1: $said"
 }
 
-scripts/package_deb.sh "$work" --profile "$profile"
+scripts/package.sh deb "$work" --profile "$profile"
 mkdir -p "$root/var/lib/dpkg"
 touch "$root/var/lib/dpkg/status"
-# Nothing of Debian is in this root, so nothing that the package depends on; its script runs outside, with DPKG_ROOT.
+# The root has no other package; the package's script runs outside, with DPKG_ROOT.
 dpkg() { command dpkg --root="$root" --log=/dev/null --force-depends --force-script-chrootless "$@" >"$work/dpkg.log" 2>&1 || { cat "$work/dpkg.log"; fail "dpkg $*"; }; }
 dpkg --install "$work"/softtwin_*.deb
 grep -q '^softtwin:' "$root/etc/passwd" || fail "the package made no user softtwin"
 demonstration "$root/usr/bin/softtwin" demo
 "$root/usr/bin/softtwin" export models/pneunet/pneunet.twin --out "$work/finger.fmu" || fail "the package exports no FMU"
-# The services against the units of this machine's systemd, which an installed package stands beside.
+# The services are checked with the units of this machine's systemd.
 cp -rn /usr/lib/systemd/system/. "$root/usr/lib/systemd/system/"
 install -D -t "$root/bin" /bin/sh /bin/kill
 systemd-analyze --root="$root" --man=no verify softtwin-{twin,bridge,record}@finger.service 2>"$work/verify.log" || { cat "$work/verify.log"; fail "systemd-analyze verify"; }
@@ -46,14 +46,14 @@ for file in usr/share/man/man1/softtwin{,-train,d-twin}.1.gz usr/share/bash-comp
     [ -f "$root/$file" ] || fail "the package has no /$file"
 done
 bash -n "$root/usr/share/bash-completion/completions/softtwin"
-# An upgrade keeps what was changed.
+# An upgrade keeps changed configuration files.
 echo '# mine' >> "$root/etc/softtwin/finger.toml"
 dpkg --install "$work"/softtwin_*.deb
 grep -q '^# mine$' "$root/etc/softtwin/finger.toml" || fail "installing again replaced a changed /etc/softtwin/finger.toml"
 
 python3 -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check setuptools wheel
-PYTHON=$work/venv/bin/python scripts/package_wheel.sh "$work" --profile "$profile"
+PYTHON=$work/venv/bin/python scripts/package.sh wheel "$work" --profile "$profile"
 python3 -m venv "$work/clean"
 "$work/clean/bin/pip" install --quiet --disable-pip-version-check "$work"/softtwin-*.whl
 demonstration "$work/clean/bin/softtwin-demo"

@@ -21,6 +21,7 @@ mod replace;
 mod scenes;
 mod sensors;
 mod service;
+mod setup;
 mod sharing;
 mod structure;
 mod tool;

@@ -6,5 +6,5 @@ from softtwin.programs import carried
 
 
 def test_an_installation_of_the_sources_says_that_it_carries_no_programs():
-    with pytest.raises(softtwin.SofttwinError, match="scripts/package_wheel.sh"):
+    with pytest.raises(softtwin.SofttwinError, match="scripts/package.sh wheel"):
         carried("bin/softtwind")

@@ -17,7 +17,7 @@ fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-/// A folder with the library under its installed names, as `scripts/install_c.sh` makes it.
+/// A folder with the library under its installed names, as `scripts/package.sh c` makes it.
 fn libraries(stage: &Stage) -> PathBuf {
     // `target/<profile>/deps` is where cargo puts the library of the test that runs.
     let library = std::env::current_exe().unwrap().with_file_name("libcapi.so");

@@ -1,4 +1,4 @@
-//! The PneuNets actuator (the classical shape, meshed by `scripts/mesh.sh`) by way of other programs: its states as the arrays that a
+//! The PneuNets actuator (the classical shape, meshed by `scripts/mesh.py`) by way of other programs: its states as the arrays that a
 //! solver's user would save, in metres and pascals, become a database, a model and predictions.
 
 use crate::program::succeeds;

@@ -69,7 +69,7 @@ impl Body {
 pub fn run(path: &Path, finer: &Path, book: &mut Book) -> anyhow::Result<()> {
     if !finer.is_file() {
         return Err(usage(format!(
-            "--finer-mesh: expected a mesh, found no {}; make it: scripts/mesh.sh {} --finer 1.8 --out {}",
+            "--finer-mesh: expected a mesh, found no {}; make it: scripts/mesh.py {} --finer 1.8 --out {}",
             finer.display(),
             path.display(),
             finer.display()

@@ -20,7 +20,7 @@ Examples:
   Node by node, with further cases of the shared database, by number:
     softtwin-studies validate --only commercial --cases 10 22 34 70 124 141
   The whole actuator on its own mesh and on a finer one (an hour, 6 GB); only when asked for:
-    scripts/mesh.sh models/pneunet/actuator.toml --finer 1.8 --out target/finer.msh
+    scripts/mesh.py models/pneunet/actuator.toml --finer 1.8 --out target/finer.msh
     softtwin-studies validate --only discretisation
   As one JSON object:
     softtwin-studies validate --json";

@@ -87,7 +87,7 @@ def library() -> ctypes.CDLL:
         _declare(found)
     except (OSError, AttributeError) as error:
         raise SofttwinError(
-            f"expected the C library {path}, found none that fits: {error}. Install the wheel of scripts/package_wheel.sh, or "
+            f"expected the C library {path}, found none that fits: {error}. Install the wheel of scripts/package.sh wheel, or "
             "build it with `cargo build --release -p capi` and set SOFTTWIN_LIBRARY=target/release/libcapi.so"
         ) from error
     return found

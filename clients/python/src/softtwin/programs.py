@@ -19,7 +19,7 @@ def carried(path: str) -> pathlib.Path:
     if not found.exists():
         raise SofttwinError(
             f"expected {path} in this installation of softtwin, found none: only the wheel carries programs and files; make it "
-            "with scripts/package_wheel.sh in the sources and install that file"
+            "with scripts/package.sh wheel in the sources and install that file"
         )
     return found
 

@@ -23,7 +23,7 @@ impl Actuator {
                 file
             }
             _ => {
-                let expected = "a .msh or a .vtu (scripts/mesh.sh and `softtwin mesh` make them)";
+                let expected = "a .msh or a .vtu (scripts/mesh.py and `softtwin mesh` make them)";
                 let diagnostic = Diagnostic::new("file name", expected, path.display());
                 return Err(FormatError::one(&path, diagnostic));
             }

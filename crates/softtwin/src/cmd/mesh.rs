@@ -20,7 +20,7 @@ Examples:
   What size gives how many nodes:
     softtwin mesh --actuator short.toml --size-mm 2 --out fine.vtu
 
-Planes through all faces divide the actuator into boxes, each split into six tetrahedra. scripts/mesh.sh uses gmsh instead:
+Planes through all faces divide the actuator into boxes, each split into six tetrahedra. scripts/mesh.py uses gmsh instead:
 fewer elements for the same accuracy.";
 
 /// Mesh an actuator with second-order tetrahedra on a grid.

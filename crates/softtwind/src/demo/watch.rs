@@ -38,8 +38,12 @@ pub(super) struct Summary {
     max_force_n: f64,
     /// From the reading's stamp until the reader has received the field.
     latency_us: PercentilesUs,
+    /// Cargo profile of this build, on which the latency depends.
+    build: &'static str,
     exit: &'static str,
 }
+
+const BUILD: &str = if cfg!(debug_assertions) { "dev" } else { "release" };
 
 impl Watch {
     /// Subscribes. The twin must be running, the bridge not yet.
@@ -55,6 +59,7 @@ impl Watch {
             regimes: BTreeMap::new(),
             max_force_n: 0.0,
             latency_us: latencies.percentiles_us(),
+            build: BUILD,
             exit: "",
         };
         let wake = WakeSet::new([&fields as &dyn Wakeable]);
@@ -134,7 +139,9 @@ impl Summary {
         output!("{} entries a field; regimes: {}", self.entries, regimes.join(", "))?;
         output!("largest contact force {:.3} N", self.max_force_n)?;
         let PercentilesUs { p50, p99, max } = self.latency_us;
-        output!("sensor stamp to received field: p50 {p50:.0} us, p99 {p99:.0} us, max {max:.0} us")?;
+        output!(
+            "sensor stamp to received field, {BUILD} build: p50 {p50:.0} us, p99 {p99:.0} us, max {max:.0} us"
+        )?;
         Ok(())
     }
 }

@@ -67,7 +67,8 @@ pub fn gateway(config: &Path) -> Finding {
     let beside = program.ok().filter(|path| path.exists()).unwrap_or_else(|| "softtwin-gateway".into());
     match Command::new(&beside).arg("--config").arg(config).arg("--check").output() {
         Err(error) => {
-            let remedy = "install softtwin-gateway beside this program (scripts/package_deb.sh --gateway)";
+            let remedy =
+                "install softtwin-gateway beside this program (scripts/package.sh deb OUT --gateway)";
             Finding::bad(subject, format!("{}: {error}", beside.display()), remedy)
         }
         Ok(output) => {
