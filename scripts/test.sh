@@ -8,7 +8,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 require cargo cc strace
 # Crates whose tests compute and have no deadline, in two groups of about the same length. The other tests mostly wait for processes
 # and readings, so the three parts run at the same time, these two at low priority.
-# (tests/tests/house.rs reads these two lines.)
+# (tests/tests/architecture.rs reads these two lines.)
 computing_first=(softtwin formats rom estimate control)
 computing_second=(train fem studies)
 

@@ -81,7 +81,7 @@ pub fn vtu_of(nodes: &[Node]) -> String {
     array("Int64", "types", 1, &"12 ".repeat(cells.len()));
     array("Float64", "u", 3, &moved);
     array("Float64", "mises", 1, &stress);
-    // The arrays stand in their sections.
+    // Rearrange the arrays into their sections.
     let lines: Vec<&str> = xml.lines().collect();
     let (head, arrays) = lines.split_at(lines.len() - 6);
     format!(

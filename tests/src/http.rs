@@ -1,22 +1,22 @@
-//! The metrics pages, as a scraper sees them.
+//! HTTP client for the metrics endpoints.
 
 use crate::PATIENCE;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 
-/// An address of this machine that nobody listens on.
+/// Unused address of this machine.
 ///
 /// # Panics
-/// When the system has none.
+/// If no port is free.
 pub fn free_address() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
     listener.local_addr().expect("an address").to_string()
 }
 
-/// The whole answer to a request for a path.
+/// Response to a request for a path.
 ///
 /// # Panics
-/// When nobody answers.
+/// If there is no response.
 pub fn get(address: &str, path: &str) -> String {
     get_as(address, address, path)
 }
@@ -34,11 +34,10 @@ pub fn get_as(host: &str, address: &str, path: &str) -> String {
     reply
 }
 
-/// The value of a sample of the metrics page, named with its labels (if it has any) as on the page; none when the page has no such
-/// sample.
+/// Value of a metric, named with its labels as in the exposition format; `None` if it is absent.
 ///
 /// # Panics
-/// When nobody answers, or the value is no number.
+/// If there is no response or the value is not a number.
 pub fn metric(address: &str, sample: &str) -> Option<f64> {
     let page = get(address, "/metrics");
     assert!(page.starts_with("HTTP/1.1 200 OK"), "{page}");

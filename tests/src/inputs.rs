@@ -179,7 +179,7 @@ pub fn selector(bytes: &[u8]) {
     }
 }
 
-/// What a page of `softtwin view` sends.
+/// Message from the web viewer to `softtwin view`.
 pub fn websocket(bytes: &[u8]) {
     std::hint::black_box(softtwin::is_page_request(&String::from_utf8_lossy(bytes)));
 }

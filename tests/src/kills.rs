@@ -1,33 +1,33 @@
-//! A program is killed at each system call of its start, of its first 100 ms and of its stop. Started again, it works, and
-//! leaves what a run without a kill leaves.
+//! Kills a program at system calls of its start, its first 100 ms and its stop. After a restart it must work and leave the
+//! same files as a run without a kill.
 //!
-//! `SOFTTWIN_KILLS=all` kills at every call; otherwise a sample of the calls is taken.
+//! `SOFTTWIN_KILLS=all` kills at every call; the default is a sample of the calls.
 
 use crate::{Program, Stage};
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// The calls that make, change or remove something, or tell others of it. Others change nothing that a successor could meet.
-/// `?`: a call that not every machine has.
+/// System calls that create, change or remove files and connections, or notify other programs. `?` marks calls that not every
+/// machine has.
 const CALLS: &str = "?open,openat,ftruncate,fallocate,?chmod,fchmod,fchmodat,mmap,munmap,?mkdir,mkdirat,?link,linkat,\
                      ?rename,?renameat,renameat2,?unlink,unlinkat,?rmdir,bind,connect,sendto,flock,fcntl,write,pwrite64,\
                      close,clone,?clone3";
-/// Calls of each program that are taken when not all are.
+/// Number of calls per program in the default sample.
 const SAMPLE: usize = 24;
-/// How long a program runs before it is told to stop.
+/// Run time of a program before SIGTERM.
 pub const RUN: Duration = Duration::from_millis(100);
 
-/// A program and the line that shows that it works.
+/// Program under test and the line that shows that it works.
 #[derive(Debug)]
 pub struct Subject<'a> {
-    /// Its name and its arguments.
+    /// Name and arguments.
     pub command: Vec<&'a str>,
-    /// A part of the line.
+    /// Part of the line.
     pub ready: &'a str,
 }
 
-/// A system call and its how-many-th in a thread.
+/// System call and its ordinal within a thread.
 type Point = (String, usize);
 
 impl Subject<'_> {
@@ -55,7 +55,7 @@ impl Subject<'_> {
         assert!(code == Some(0) && ready, "{code:?} {said:?}");
         let (mut counts, mut points) = (HashMap::new(), Vec::new());
         let domain = [stage.root().display().to_string(), "/dev/shm".into()];
-        let mut in_domain = false; // what the loader does before can leave nothing
+        let mut in_domain = false; // calls of the program loader leave nothing
         for line in std::fs::read_to_string(&log).expect("strace wrote it").lines() {
             in_domain |= domain.iter().any(|place| line.contains(place));
             let Some((thread, call)) = line.split_once('(').and_then(|(head, _)| head.split_once(' ')) else {
@@ -72,12 +72,12 @@ impl Subject<'_> {
         points
     }
 
-    /// Kills the program at its calls, each time followed by an undisturbed run; `after_each` is called after both.
+    /// Kills the program at its calls. An undisturbed run and then `after_each` follow each kill.
     ///
     /// # Panics
-    /// When a run after a kill fails, or leaves something else than a clean run does.
+    /// If a run after a kill fails or leaves other files than a clean run.
     pub fn withstands(&self, stage: &Stage, mut after_each: impl FnMut()) {
-        // What both of two clean runs leave: a living program lets go of the first one's connections during the second.
+        // Files that both of two clean runs leave: running programs close the first run's connections during the second.
         let clean_run = || {
             let (code, ready, said) = self.run(stage, None);
             assert!(code == Some(0) && ready, "{code:?} {said:?}");
@@ -95,7 +95,7 @@ impl Subject<'_> {
             slowest = slowest.max(begin.elapsed());
             if code != Some(0) || !ready {
                 wrong.push(format!("{point:?}: started again: {code:?} {said:?}"));
-                break; // the domain is locked: nothing after this would tell more
+                break; // the shared-memory domain is locked, so later points would fail too
             }
             if let Some(difference) = difference(&clean, stage) {
                 wrong.push(format!("{point:?}: {difference}"));
@@ -117,8 +117,8 @@ fn forget_recordings(stage: &Stage) {
     let _absent_is_fine = std::fs::remove_file(stage.path("run.mcap"));
 }
 
-/// What is there beside, or missing from, what a clean run leaves. Living programs let go of a dead partner's connections
-/// with their next sample: they are given some time.
+/// Difference between the stage's files and those that a clean run leaves; `None` if there is none within 2 s. Running programs
+/// close connections to a dead partner with their next sample.
 pub fn difference(clean: &BTreeSet<PathBuf>, stage: &Stage) -> Option<String> {
     let end = Instant::now() + Duration::from_secs(2);
     loop {
@@ -131,6 +131,6 @@ pub fn difference(clean: &BTreeSet<PathBuf>, stage: &Stage) -> Option<String> {
             let gone: Vec<_> = clean.difference(&found).collect();
             return Some(format!("left {left:?}, gone {gone:?}"));
         }
-        std::thread::yield_now();
+        std::thread::sleep(Duration::from_millis(2));
     }
 }

@@ -1,7 +1,7 @@
-//! What the multi-process stories share: a small trained model, scenes around it, and processes under control.
+//! Shared parts of the multi-process tests: a small trained model, scenes with it, and controlled processes.
 //!
-//! Every story has its own [`Stage`]: a temporary folder and a shared-memory domain that nobody else is in. Nothing here
-//! sleeps to synchronise: stories wait for lines that a program prints, or for samples, with generous time-outs.
+//! Every test has its own [`Stage`]: a temporary folder and a shared-memory domain. Tests synchronise on printed lines, samples
+//! or polled conditions, and fail after [`PATIENCE`].
 
 pub mod cantilever;
 pub mod http;
@@ -23,5 +23,5 @@ pub use studies::verify::Verifier;
 
 use std::time::Duration;
 
-/// How long a story waits for anything before it fails: long enough for a loaded machine.
+/// Time after which a waiting test fails; long enough for a loaded machine.
 pub const PATIENCE: Duration = Duration::from_secs(60);

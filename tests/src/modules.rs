@@ -1,7 +1,7 @@
-//! Which files of a crate use which others, by a plain scan of the source text: for the rule that no files form a circle.
+//! Dependencies between the files of a crate, from a scan of the source text: no files may form a circle.
 //!
 //! A path is followed to the file that defines the item: `crate::Thing`, where the root says `pub use thing::Thing;`, is a use of
-//! `thing.rs`. Declaring a module (`mod x;`) and re-exporting from it (`pub use x::...`) is no use. Test modules are left out.
+//! `thing.rs`. Declaring a module (`mod x;`) and re-exporting from it (`pub use x::...`) is not a use. Test modules are ignored.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -12,14 +12,14 @@ type Module = Vec<String>;
 /// The source files of a crate.
 #[derive(Debug, Default)]
 pub struct Modules {
-    texts: BTreeMap<Module, String>,
+    sources: BTreeMap<Module, String>,
 }
 
 impl Modules {
     /// Reads all files below a crate's `src`, except `main.rs`.
     ///
     /// # Panics
-    /// When a file cannot be read.
+    /// If a file cannot be read.
     pub fn read(src: &Path) -> Self {
         let mut modules = Self::default();
         modules.read_folder(src, &Vec::new());
@@ -35,15 +35,15 @@ impl Modules {
                 self.read_folder(&entry, &child());
             } else if entry.extension().is_some_and(|ending| ending == "rs") && name != "main" {
                 let module = if name == "mod" || name == "lib" { at.clone() } else { child() };
-                self.texts.insert(module, code(&std::fs::read_to_string(&entry).expect("readable")));
+                self.sources.insert(module, code(&std::fs::read_to_string(&entry).expect("readable")));
             }
         }
     }
 
-    /// Groups of files each of which uses every other one, directly or through further files.
+    /// Groups of files that all use each other, directly or through further files.
     pub fn circles(&self) -> Vec<Vec<String>> {
         let uses: BTreeMap<&Module, BTreeSet<Module>> =
-            self.texts.keys().map(|module| (module, self.uses(module))).collect();
+            self.sources.keys().map(|module| (module, self.uses(module))).collect();
         let reach = |from: &Module| {
             let (mut seen, mut open) = (BTreeSet::new(), vec![from.clone()]);
             while let Some(module) = open.pop() {
@@ -69,7 +69,7 @@ impl Modules {
     /// The other files that a file uses.
     fn uses(&self, module: &Module) -> BTreeSet<Module> {
         let mut found = BTreeSet::new();
-        for (path, is_re_export) in paths(&self.texts[module]) {
+        for (path, is_re_export) in paths(&self.sources[module]) {
             if !is_re_export && let Some(other) = self.resolve(module, &path, 0) {
                 found.insert(other);
             }
@@ -78,7 +78,7 @@ impl Modules {
         found
     }
 
-    /// The file that defines what `path`, written in `module`, names; none for other crates and local names.
+    /// File that defines the item of `path` as written in `module`; `None` for other crates and local names.
     fn resolve(&self, module: &Module, path: &[String], depth: usize) -> Option<Module> {
         let mut at = module.clone();
         let mut rest = path;
@@ -93,7 +93,7 @@ impl Modules {
             }
             Some(first) => {
                 let child: Module = at.iter().chain([&first.to_owned()]).cloned().collect();
-                if !self.texts.contains_key(&child) {
+                if !self.sources.contains_key(&child) {
                     return None;
                 }
             }
@@ -101,14 +101,14 @@ impl Modules {
         }
         while let Some(part) = rest.first() {
             let child: Module = at.iter().chain([part]).cloned().collect();
-            if !self.texts.contains_key(&child) {
+            if !self.sources.contains_key(&child) {
                 break;
             }
             (at, rest) = (child, &rest[1..]);
         }
         // An item that this module only passes on is used where it is defined.
         if let Some(item) = rest.first().filter(|_| depth < 8) {
-            for (target, is_re_export) in paths(self.texts.get(&at)?) {
+            for (target, is_re_export) in paths(self.sources.get(&at)?) {
                 if is_re_export && target.len() > 1 && target.last() == Some(item) {
                     return self.resolve(&at, &target, depth + 1).or(Some(at));
                 }
@@ -134,7 +134,7 @@ fn code(text: &str) -> String {
     code
 }
 
-/// All paths of a text, and whether each is a re-export.
+/// All paths of a source text, and whether each is a re-export.
 fn paths(code: &str) -> Vec<(Vec<String>, bool)> {
     let mut found = Vec::new();
     let mut rest = code;

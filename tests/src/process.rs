@@ -1,4 +1,4 @@
-//! Real programs under control: started in a stage, listened to, signalled, killed.
+//! Processes under control: started in a stage, their lines read, signalled, killed.
 
 use crate::{PATIENCE, Stage};
 use std::io::{BufRead, BufReader, Read};
@@ -12,11 +12,11 @@ use std::time::Instant;
 pub struct Program {
     child: Child,
     lines: Receiver<String>,
-    /// Everything it has said so far, for messages.
+    /// Lines printed so far, for failure messages.
     pub said: Vec<String>,
 }
 
-/// Path of one of our programs, beside the test's own (or beside the program that asks).
+/// Path of one of our programs, in the folder of the test program.
 pub fn binary(name: &str) -> PathBuf {
     let own = std::env::current_exe().expect("a program has a path");
     let folder = own.parent().expect("target/<profile>, or deps in it");
@@ -36,14 +36,14 @@ impl Program {
         Self::daemon_with(stage, arguments, &[])
     }
 
-    /// The same with more in its environment.
+    /// As [`Self::daemon`], with additional environment variables.
     pub fn daemon_with(stage: &Stage, arguments: &[&str], environment: &[(&str, String)]) -> Self {
         let mut command = Command::new(binary("softtwind"));
         command.args(arguments).env_remove("NOTIFY_SOCKET").env_remove("WATCHDOG_USEC");
         Self::start(stage, command.envs(environment.iter().map(|(key, value)| (key, value))))
     }
 
-    /// As [`Self::traced`], with more in its environment.
+    /// As [`Self::traced`], with additional environment variables.
     pub fn traced_with(stage: &Stage, tracing: &[&str], program: &[&str], more: &[(&str, String)]) -> Self {
         Self::start(stage, Self::tracer(tracing, program).envs(more.iter().map(|(key, value)| (key, value))))
     }
@@ -53,10 +53,10 @@ impl Program {
         Self::start(stage, Command::new(binary("softtwin")).args(arguments))
     }
 
-    /// Starts one of our programs under `strace`, which kills it at a system call or writes down its calls.
+    /// Starts one of our programs under `strace`, which kills it at a system call or logs its calls.
     ///
     /// # Panics
-    /// When `strace` is not installed.
+    /// If `strace` is not installed.
     pub fn traced(stage: &Stage, tracing: &[&str], program: &[&str]) -> Self {
         Self::start(stage, &mut Self::tracer(tracing, program))
     }
@@ -130,7 +130,7 @@ impl Program {
     /// Waits for a line that contains `text` and returns it.
     ///
     /// # Panics
-    /// When the program ends or [`PATIENCE`] is over before; the message has all that it said.
+    /// If the program ends or [`PATIENCE`] is over before; the message contains all its lines.
     pub fn wait_for(&mut self, text: &str) -> String {
         let end = Instant::now() + PATIENCE;
         loop {
@@ -182,22 +182,22 @@ impl Program {
         assert_eq!(unsafe { libc::kill(self.child.id() as i32, signal) }, 0, "the program is gone already");
     }
 
-    /// SIGTERM, then the end.
+    /// Sends SIGTERM and waits for the end.
     pub fn stop(mut self) -> (ExitStatus, Vec<String>) {
         self.signal(libc::SIGTERM);
         self.end()
     }
 
-    /// `kill -9`, then waits until it is gone.
+    /// Sends SIGKILL and waits for the end.
     pub fn kill(mut self) {
         self.child.kill().expect("killed");
         self.child.wait().expect("gone");
     }
 
-    /// Waits for the end; returns the exit status and all that was said.
+    /// Waits for the end; returns the exit status and all lines.
     ///
     /// # Panics
-    /// When it does not end within [`PATIENCE`].
+    /// If it does not end within [`PATIENCE`].
     pub fn end(&mut self) -> (ExitStatus, Vec<String>) {
         let end = Instant::now() + PATIENCE;
         // Both pipes close when the program ends.
@@ -206,14 +206,14 @@ impl Program {
                 Ok(line) => self.said.push(line),
                 Err(RecvTimeoutError::Disconnected) => break,
                 Err(RecvTimeoutError::Timeout) => {
-                    panic!("it does not end; it said:\n{}", self.said.join("\n"))
+                    panic!("it does not end; it printed:\n{}", self.said.join("\n"))
                 }
             }
         }
         (self.child.wait().expect("ended"), self.said.clone())
     }
 
-    /// As [`Self::end`], for a program that was told to end already.
+    /// As [`Self::end`], for a program that ends by itself.
     pub fn ended(mut self) -> (ExitStatus, Vec<String>) {
         self.end()
     }

@@ -1,10 +1,9 @@
-//! What a machine may lack. These are the only reasons for which a test may end without its checks; `house.rs` asserts that no
-//! other file has one.
+//! The only reasons for which a test may end without its checks; `architecture.rs` asserts that no other file has one.
 
-/// Something that a test needs and that not every machine has.
+/// Capability that a test needs and that not every machine has.
 #[derive(Debug, Clone, Copy)]
 pub enum Missing {
-    /// The right to mount a small `/dev/shm`, or another small file system, in a namespace of its own.
+    /// The right to mount a small `/dev/shm`, or another small file system, in a separate namespace.
     SmallSharedMemory,
     /// `systemd-analyze`.
     SystemdAnalyze,
@@ -16,7 +15,7 @@ pub enum Missing {
     CppCompiler,
 }
 
-/// Prints that a test ends without its checks, and why.
+/// Prints that a test ends without its checks, with the reason.
 pub fn skipped(missing: Missing) {
     println!("SKIPPED: this machine has no {missing:?}");
 }

@@ -1,4 +1,4 @@
-//! A folder, a model, a domain: one for each story.
+//! Folder, model and shared-memory domain of one multi-process test.
 
 use crate::synthetic;
 use std::path::{Path, PathBuf};
@@ -6,22 +6,22 @@ use std::sync::OnceLock;
 use train::config::{KernelKind, KernelSpec, RegimeConfig, Tail, TrainConfig};
 use wire::{Bus, Domain};
 
-/// Where a story plays.
+/// Folder and shared-memory domain of one multi-process test.
 #[derive(Debug)]
 pub struct Stage {
-    /// Its files.
+    /// Folder of the test's files.
     pub folder: tempfile::TempDir,
     /// Name of its shared-memory domain.
     pub domain_name: String,
 }
 
-/// The trained beam as a model file; trained once per test program.
+/// Model file of the beam; trained once per test program.
 pub fn model_bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| train(KernelKind::Cubic))
 }
 
-/// The same beam with another kernel: another model of the same shape.
+/// Model file of the same beam with another kernel.
 pub fn other_model_bytes() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| train(KernelKind::ThinPlate))
@@ -43,12 +43,12 @@ fn train(kernel: KernelKind) -> Vec<u8> {
 }
 
 impl Stage {
-    /// A folder with the beam's model in it and a domain of its own.
+    /// Creates a folder with the beam's model, and a separate shared-memory domain.
     pub fn new(label: &str) -> Self {
         Self::with_model(label, model_bytes())
     }
 
-    /// The same with another model in the beam's place.
+    /// As [`Self::new`], with another model in place of the beam.
     pub fn with_model(label: &str, model: &[u8]) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         std::fs::write(folder.path().join("beam.twin"), model).expect("writable");
@@ -57,34 +57,34 @@ impl Stage {
         Self { folder, domain_name }
     }
 
-    /// The domain, for ports of the story itself.
+    /// Shared-memory domain, for ports of the test itself.
     pub fn domain(&self) -> Domain {
         Domain { root: Some(self.root().display().to_string()), ..Domain::named(&self.domain_name) }
     }
 
-    /// A member of the domain.
+    /// Bus in the shared-memory domain.
     pub fn bus(&self) -> Bus {
-        Bus::open(&self.domain()).expect("the domain can be joined")
+        Bus::open(&self.domain()).expect("a shared-memory domain that can be opened")
     }
 
-    /// Folder of the domain's management files.
+    /// Folder of iceoryx2's management files.
     pub fn root(&self) -> PathBuf {
         self.folder.path().join("iox")
     }
 
-    /// A file of the story.
+    /// Path of a file of the test.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// Writes a file of the story.
+    /// Writes a file of the test.
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
         let path = self.path(name);
         std::fs::write(&path, text).expect("writable");
         path
     }
 
-    /// A scene with one finger and the given source, all nodes and the tip.
+    /// Scene with one finger and the given source; outputs are all nodes and the tip.
     pub fn finger(&self, source: &str) -> PathBuf {
         self.write(
             "finger.toml",
@@ -106,7 +106,7 @@ impl Stage {
         )
     }
 
-    /// A scene with one finger and the given source, all nodes only.
+    /// Scene with one finger and the given source; the output is all nodes.
     pub fn whole_finger(&self, source: &str) -> PathBuf {
         let path = self.finger(source);
         let text = std::fs::read_to_string(&path).expect("just written");
@@ -114,17 +114,17 @@ impl Stage {
         self.write("whole.toml", whole)
     }
 
-    /// A trace of `count` readings at `rate_hz`, pressure rising linearly to `to_mpa`.
+    /// Trace of `count` readings at `rate_hz` with linearly rising pressure.
     pub fn trace(&self, name: &str, count: usize, rate_hz: f64, to_mpa: f64, gap_mm: f64) -> PathBuf {
         let mut text = String::from("t_s,pressure_mpa,gap_mm\n");
         for row in 0..count {
-            let share = row as f64 / (count - 1) as f64;
-            text += &format!("{},{},{gap_mm}\n", row as f64 / rate_hz, share * to_mpa);
+            let fraction = row as f64 / (count - 1) as f64;
+            text += &format!("{},{},{gap_mm}\n", row as f64 / rate_hz, fraction * to_mpa);
         }
         self.write(name, &text)
     }
 
-    /// Every file and folder of the domain, in shared memory and in its folder.
+    /// Files and folders of the shared-memory domain, in `/dev/shm` and in [`Self::root`].
     pub fn everything(&self) -> std::collections::BTreeSet<PathBuf> {
         let prefix = self.domain().prefix;
         let mut found = std::collections::BTreeSet::new();
@@ -144,7 +144,7 @@ impl Stage {
         found
     }
 
-    /// What the domain has left in shared memory and in its folder, without the domain's own management segment.
+    /// Files that remain in `/dev/shm` and in [`Self::root`], without the management segment.
     pub fn leftovers(&self) -> Vec<String> {
         let prefix = self.domain().prefix;
         let mut left = Vec::new();
@@ -156,7 +156,7 @@ impl Stage {
 }
 
 impl Drop for Stage {
-    /// Stories kill programs: what these leave in shared memory goes with the stage.
+    /// Removes files that killed programs leave in shared memory.
     fn drop(&mut self) {
         let prefix = self.domain().prefix;
         for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {

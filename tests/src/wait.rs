@@ -1,14 +1,17 @@
-//! Waiting for samples, with a deadline instead of a sleep.
+//! Waits for samples and conditions, with a deadline.
 
 use crate::PATIENCE;
 use std::time::{Duration, Instant};
 use wire::layout::flags;
 use wire::{Bus, State, StateReader, Topic, WakeSet, Wakeable};
 
-/// Waits for samples of `reader` until `wanted` has an answer.
+/// Time between two checks of a condition that no event announces.
+const POLL: Duration = Duration::from_millis(2);
+
+/// Waits for samples of `reader` until `wanted` returns a value.
 ///
 /// # Panics
-/// When [`PATIENCE`] is over before.
+/// After [`PATIENCE`].
 pub fn wait_for<R: Wakeable, T>(reader: &R, what: &str, mut wanted: impl FnMut(&R) -> Option<T>) -> T {
     let mut wake = WakeSet::new([reader as &dyn Wakeable]);
     let end = Instant::now() + PATIENCE;
@@ -21,10 +24,10 @@ pub fn wait_for<R: Wakeable, T>(reader: &R, what: &str, mut wanted: impl FnMut(&
     }
 }
 
-/// Waits until `look` has an answer.
+/// Polls `look` until it returns a value.
 ///
 /// # Panics
-/// When [`PATIENCE`] is over before.
+/// After [`PATIENCE`].
 pub fn wait_until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let end = Instant::now() + PATIENCE;
     loop {
@@ -32,14 +35,14 @@ pub fn wait_until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
             return found;
         }
         assert!(Instant::now() < end, "{what} did not come");
-        std::thread::yield_now();
+        std::thread::sleep(POLL);
     }
 }
 
-/// A reader of the finger's states.
+/// Reader of the finger's states.
 ///
 /// # Panics
-/// When there is no such topic.
+/// If the topic does not exist.
 pub fn states(bus: &Bus) -> StateReader {
     StateReader::open(bus, &Topic::state("finger").expect("a name")).expect("a state topic")
 }
@@ -47,7 +50,7 @@ pub fn states(bus: &Bus) -> StateReader {
 /// Waits for a state that satisfies `wanted`.
 ///
 /// # Panics
-/// When [`PATIENCE`] is over before.
+/// After [`PATIENCE`].
 pub fn wait_state(reader: &StateReader, what: &str, mut wanted: impl FnMut(&State) -> bool) -> State {
     wait_for(reader, what, |reader| {
         while let Some(state) = reader.next().expect("readable") {
@@ -59,7 +62,7 @@ pub fn wait_state(reader: &StateReader, what: &str, mut wanted: impl FnMut(&Stat
     })
 }
 
-/// Whether a state stands for the newest reading.
+/// True if the state results from the newest reading.
 pub fn fresh(state: &State) -> bool {
     state.flags & (flags::STALE | flags::HELD | flags::NO_DATA) == 0
 }

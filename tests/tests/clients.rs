@@ -13,18 +13,18 @@ fn read(path: &str) -> String {
 }
 
 #[test]
-fn the_pages_show_the_programs_that_are_tested() {
+fn documents_contain_the_tested_programs() {
     for (page, program) in [
         ("docs/clients/rust.md", "crates/wire/examples/read_twin.rs"),
         ("docs/clients/c.md", "clients/c/examples/twin.c"),
         ("docs/clients/c.md", "clients/c/examples/twin.cpp"),
     ] {
-        assert!(read(page).contains(read(program).trim_end()), "{page} does not show {program} as it is");
+        assert!(read(page).contains(read(program).trim_end()), "{page} does not contain {program}");
     }
 }
 
 #[test]
-fn the_rust_program_of_the_page_runs() {
+fn documented_rust_program_runs() {
     let stage = Stage::new("rust");
     let scene = stage.write(
         "finger.toml",
@@ -64,7 +64,7 @@ fn hold(plant_arguments: &str) -> (Value, Value) {
 }
 
 #[test]
-fn the_force_is_held_although_the_gap_is_not_the_assumed_one() {
+fn force_is_held_with_a_wrong_assumed_gap() {
     for gap in ["--true-gap-mm 33", "--true-gap-mm 27"] {
         let (truth, controller) = hold(gap);
         let response = &truth["response"];
@@ -76,7 +76,7 @@ fn the_force_is_held_although_the_gap_is_not_the_assumed_one() {
 }
 
 #[test]
-fn a_force_out_of_reach_is_refused_before_anything_moves() {
+fn unreachable_force_is_refused_before_any_setpoint() {
     let stage = Stage::new("reach");
     let scene = repository().join("config/scenes/force.toml");
     let twin = Program::twin(&stage, &scene);

@@ -72,7 +72,7 @@ fn table(
     text
 }
 
-/// What the scene does not know besides gap and gauge bias.
+/// Unknown of a scene in addition to gap and gauge bias.
 #[derive(Clone, Copy, PartialEq)]
 enum Stiffness {
     Known,
@@ -122,7 +122,7 @@ fn json(output: &Output) -> Value {
 }
 
 #[test]
-fn gap_and_bias_are_found_and_the_result_is_a_scene_that_runs() {
+fn fit_of_gap_and_bias_writes_a_scene_that_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     let [out, picture] = ["calibrated.toml", "fit.svg"].map(|name| folder.path().join(name));
     let extra: Vec<&str> = vec!["--out", path(&out), "--picture", path(&picture)];
@@ -146,7 +146,7 @@ fn gap_and_bias_are_found_and_the_result_is_a_scene_that_runs() {
 }
 
 #[test]
-fn a_hidden_stiffness_is_found_together_with_gap_and_bias() {
+fn fit_finds_stiffness_gap_and_bias() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut softer = committed("pneunet-stiffness");
     softer.header.give([("elastomer.law.mu_mpa", 0.71)]).expect("a parameter");
@@ -170,7 +170,7 @@ fn a_hidden_stiffness_is_found_together_with_gap_and_bias() {
 
 /// The trace comes from a mesh that no model of the project was trained on; its comments say what is hidden.
 #[test]
-fn the_shipped_trace_gives_its_hidden_values_back() {
+fn fit_of_the_shipped_trace_finds_its_true_values() {
     let trace = format!("{ROOT}/config/traces/estimate.csv");
     let text = std::fs::read_to_string(&trace).expect("the shipped trace");
     let output = Command::new(binary("softtwin"))
@@ -195,7 +195,7 @@ fn the_shipped_trace_gives_its_hidden_values_back() {
 }
 
 #[test]
-fn force_alone_does_not_tell_gap_and_bias_apart() {
+fn gap_and_bias_are_unidentifiable_from_force_alone() {
     let folder = tempfile::tempdir().expect("a folder");
     let found = json(&calibrate(folder.path(), &recording(46.0, 0.0012, false), &[]));
     assert_eq!(found["converged"], true, "{found}");
@@ -208,7 +208,7 @@ fn force_alone_does_not_tell_gap_and_bias_apart() {
 }
 
 #[test]
-fn what_cannot_be_fitted_is_named() {
+fn unfittable_unknowns_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = calibrate(folder.path(), "t_s,pressure_mpa\n0,0.01\n1,0.02\n", &[]);
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -222,7 +222,7 @@ fn what_cannot_be_fitted_is_named() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("[actuator.estimate]"));
 }
 
-/// The shipped scene, of a known stiffness, with readings of a trace, five times as fast as they were taken.
+/// Shipped scene with known stiffness and a trace replayed at five times its speed.
 fn scene(stage: &Stage, readings: &str) -> PathBuf {
     stage.write("run.csv", readings);
     let text = shipped(Stiffness::Known);
@@ -232,7 +232,7 @@ fn scene(stage: &Stage, readings: &str) -> PathBuf {
 }
 
 #[test]
-fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate() {
+fn running_twin_estimates_gap_and_bias_and_publishes_that_state() {
     let stage = Stage::new("estimate");
     let scene = scene(&stage, &recording(46.0, 0.0012, true));
     let twin = Program::twin(&stage, &scene);
@@ -241,7 +241,7 @@ fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate
         EstimateReader::attach(&bus, &Topic::estimate("finger").expect("a topic")).expect("a reader");
     let published = states(&bus);
     let _bridge = Program::bridge(&stage, &scene);
-    let last = wait_for(&estimates, "an estimate of the gap that the readings tell", |reader| {
+    let last = wait_for(&estimates, "an identifiable gap", |reader| {
         let newest = reader.newest().expect("readable")?;
         (newest.identifiable == 0b11 && newest.sigmas[0] < 0.4).then_some(newest)
     });
@@ -269,7 +269,7 @@ fn a_twin_finds_gap_and_bias_while_it_runs_and_its_state_is_that_of_the_estimate
 }
 
 #[test]
-fn a_load_cell_that_was_not_zeroed_raises_an_alarm_that_names_it() {
+fn unzeroed_load_cell_raises_an_alarm_that_names_it() {
     let stage = Stage::new("estimate-zero");
     let scene = scene(&stage, &readings(&inflation(), [46.0, 0.0012, 0.08], true));
     let twin = Program::twin(&stage, &scene);
@@ -288,7 +288,7 @@ fn a_load_cell_that_was_not_zeroed_raises_an_alarm_that_names_it() {
 }
 
 #[test]
-fn a_plan_says_which_sensors_tell_and_what_a_fit_will_come_to() {
+fn plan_lists_identifying_sensors_and_predicted_deviations() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = write_scene(folder.path(), Stiffness::Known);
     let plan = |extra: &[&str]| {
@@ -322,14 +322,14 @@ fn a_plan_says_which_sensors_tell_and_what_a_fit_will_come_to() {
             assert!((0.8..1.25).contains(&ratio), "{unknown} of plan {at}: {ratio}, {fit}, {found}");
         }
     }
-    // More readings tell more, and places of the plate tell more than one place.
+    // The predicted standard deviation falls with the number of readings and of plate positions.
     let sigma = |found: &Value| found["plans"][2]["estimates"]["gap_mm"]["sigma"].as_f64().expect("a number");
     assert!(sigma(&plan(&["--gap-mm", "46", "--holds", "5", "--readings", "20"])) > sigma(&found));
     assert!(sigma(&plan(&["--gap-mm", "36", "46", "56", "--holds", "5"])) < sigma(&found) * 1.0001);
 }
 
 #[test]
-fn a_scene_that_estimates_what_the_model_does_not_have_is_refused_with_all_that_is_wrong() {
+fn scene_that_estimates_unknown_inputs_is_refused_with_all_errors() {
     let stage = Stage::new("estimate-wrong");
     let path = scene(&stage, &recording(46.0, 0.0012, true));
     let text = std::fs::read_to_string(&path).expect("the scene");
@@ -495,7 +495,7 @@ fn markers_by_modbus_and_by_lines_end_in_an_estimate() {
     let whole = wait("a reading of force and both markers", &|estimate| estimate.used_values == 7);
     assert_eq!(whole.status, estimate_status::USED);
     let found =
-        wait("gap and bias told", &|estimate| estimate.identifiable == 0b11 && estimate.sigmas[0] < 0.4);
+        wait("gap and bias identified", &|estimate| estimate.identifiable == 0b11 && estimate.sigmas[0] < 0.4);
     assert!((found.values[0] - Bench::GAP_MM).abs() < 4.0 * found.sigmas[0], "{found:?}");
     assert!((found.values[1] - Bench::BIAS_MPA).abs() < 4.0 * found.sigmas[1], "{found:?}");
     // Without the camera the force and the other marker go on; plugged in again it counts again.

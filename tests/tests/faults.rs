@@ -1,5 +1,5 @@
-//! What happens around a twin happens to real processes here. After each fault: every sample that arrived is right to the bit,
-//! the stream goes on, and nothing is left behind.
+//! Faults around a running twin, with real processes. After each fault all received samples are bit-identical to the model, the
+//! stream continues, and no files remain.
 
 use std::process::Command;
 use std::time::Instant;
@@ -61,7 +61,7 @@ fn threads(process: u32) -> usize {
 
 /// Twin, bridge and reader die by signal 9 in every order and come back in every order.
 #[test]
-fn every_role_killed_and_restarted_in_every_order() {
+fn roles_recover_after_kills_in_every_order() {
     const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
     let stage = Stage::new("orders");
     let scene = stage.finger(&source(200.0));
@@ -112,7 +112,7 @@ fn every_role_killed_and_restarted_in_every_order() {
 
 /// At 20 kHz the twin is always within a publish when it dies; whole fields of a real size show a torn one.
 #[test]
-fn a_twin_killed_in_the_middle_of_a_publish_leaves_no_torn_field() {
+fn twin_killed_during_publish_leaves_no_torn_field() {
     let bytes =
         std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/pneunet/pneunet.twin")).unwrap();
     let stage = Stage::with_model("publish", &bytes);
@@ -140,7 +140,7 @@ fn a_twin_killed_in_the_middle_of_a_publish_leaves_no_torn_field() {
 /// A reader that holds what it has, one that is stopped, and twenty that come and go (half of them killed) cost the others
 /// nothing: not a state is missing, and the twin holds no more files and threads than before.
 #[test]
-fn slow_stopped_and_short_lived_readers_disturb_nobody() {
+fn slow_stopped_and_short_lived_readers_do_not_delay_others() {
     let stage = Stage::new("readers");
     let scene = stage.finger(&source(200.0));
     let twin = Program::twin(&stage, &scene);
@@ -189,7 +189,7 @@ fn slow_stopped_and_short_lived_readers_disturb_nobody() {
     assert!(held.values().iter().map(|value| value.to_bits()).eq(values), "a held field changed");
     drop(held);
     // What a dead reader held is given back when any program starts next, and its connections when the twin looks at its
-    // readers again; a leak would be one a reader, for ever.
+    // readers again; a leak would be permanent, one per reader.
     let mut after = (usize::MAX, 0);
     for _ in 0..40 {
         drop(stage.bus());
@@ -203,9 +203,9 @@ fn slow_stopped_and_short_lived_readers_disturb_nobody() {
     assert!(twin.stop().0.success() && bridge.stop().0.success());
 }
 
-/// All memory of a running twin is its own from the start: when others fill /dev/shm it goes on.
+/// All memory of a running twin is its own from the start: it keeps running when other processes fill /dev/shm.
 #[test]
-fn memory_exhausted_later_stops_newcomers_and_nobody_else() {
+fn memory_exhausted_after_the_start_refuses_new_programs_only() {
     let mount = "mount -t tmpfs -o size=64m tmpfs /dev/shm";
     if !Command::new("unshare").args(["-m", "sh", "-c", mount]).output().is_ok_and(|out| out.status.success())
     {
@@ -216,7 +216,7 @@ fn memory_exhausted_later_stops_newcomers_and_nobody_else() {
     let other =
         std::fs::read_to_string(stage.path("finger.toml")).unwrap().replace("\"finger\"", "\"thumb\"");
     stage.write("thumb.toml", &other);
-    let story = format!(
+    let script = format!(
         "{mount}
         softtwind twin --scene finger.toml & twin=$!
         softtwind bridge --scene finger.toml & bridge=$!
@@ -230,7 +230,7 @@ fn memory_exhausted_later_stops_newcomers_and_nobody_else() {
         timeout 20 softtwin echo softtwin/finger/state --count 20 --json > after; echo after $(wc -l < after)
         kill $bridge $twin; wait $bridge; echo bridge $?; wait $twin; echo twin $?"
     );
-    let script = stage.write("story.sh", &story).display().to_string();
+    let script = stage.write("test.sh", &script).display().to_string();
     let (_, said) = Program::shell(&stage, &format!("unshare -m sh {script}")).end();
     let text = said.join("\n");
     let has = |line: &str| said.iter().any(|found| found == line);
@@ -238,13 +238,13 @@ fn memory_exhausted_later_stops_newcomers_and_nobody_else() {
         assert!(has(line), "`{line}` is missing in:\n{text}");
     }
     assert!(text.contains("df -h /dev/shm"), "{text}");
-    // A reader needs a little memory of its own: served or refused, but not torn down by a signal.
+    // A reader allocates a little memory: it is served or refused, but never ended by a signal.
     assert!(has("reader 0") || has("reader 1"), "{text}");
 }
 
 /// The wall clock jumps by an hour, there and back: nothing here is stamped with it.
 #[test]
-fn steps_of_the_wall_clock_are_not_noticed() {
+fn steps_of_the_wall_clock_have_no_effect() {
     const JUMPING: &str = r#"
         #define _GNU_SOURCE
         #include <dlfcn.h>
@@ -329,10 +329,10 @@ fn silence_and_bursts_are_stale_and_counted() {
     assert!(twin.stop().0.success());
 }
 
-/// Numbers at the end of 64 bits, stamps of clocks that jump: each reading has its outcome, nobody ends, the next good one is
+/// Extreme 64-bit numbers and jumping clocks: each reading has its outcome, no program ends, the next good one is
 /// fresh, and what was recorded of it is read, exported and drawn.
 #[test]
-fn numbers_and_clocks_at_their_limits_end_nobody() {
+fn extreme_numbers_and_clocks_are_rejected_per_reading() {
     const JUMP: u64 = u64::MAX - 10;
     let stage = Stage::new("limits");
     let scene = stage.finger(&source(200.0)).display().to_string();
@@ -451,9 +451,9 @@ fn twenty_thousand_readings_a_second_are_all_accounted_for() {
     assert!(twin.stop().0.success());
 }
 
-/// The file on disk is nobody's business until it is asked for: a running twin has its own copy.
+/// A running twin has its own copy of the model file.
 #[test]
-fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
+fn changed_model_file_does_not_affect_a_running_twin() {
     let stage = Stage::new("disk");
     let scene = stage.finger(&source(200.0));
     let mut twin = Program::twin(&stage, &scene);
@@ -483,7 +483,7 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
     for (what, bytes) in damages {
         std::fs::write(&model, bytes).unwrap();
         listen(&mut verifier);
-        println!("{what}: the stream goes on");
+        println!("{what}: the stream continues");
     }
     // Asked for, another actuator's model is refused: its samples have another size.
     std::fs::write(&model, &gripper).unwrap();
@@ -508,7 +508,7 @@ fn a_model_file_changed_on_disk_changes_nothing_that_runs() {
 
 /// Mistakes in settings, one by one and all at once: exit code 78, each named with its key.
 #[test]
-fn every_mistake_in_the_settings_is_named() {
+fn every_configuration_error_is_named() {
     let stage = Stage::new("settings");
     let scene = stage.finger(&source(200.0)).display().to_string();
     let usual = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../config/twin.toml")).unwrap();

@@ -41,7 +41,7 @@ fn predicted(stage: &Stage, stiffness: f64) -> Value {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
+    value.as_f64().unwrap_or_else(|| panic!("not a number: {value}"))
 }
 
 fn publish(stage: &Stage, sensor: &mut SensorWriter, seq: u64) {
@@ -54,7 +54,7 @@ fn publish(stage: &Stage, sensor: &mut SensorWriter, seq: u64) {
 }
 
 #[test]
-fn a_given_parameter_is_used_and_shown_everywhere() {
+fn given_parameter_is_used_by_every_command() {
     let stage = Stage::new("given");
     let scene = scene(&stage, &format!("\"{STIFFNESS}\" = 0.72"));
     let twin = Program::twin(&stage, &scene);
@@ -122,7 +122,7 @@ fn the_recording_has_the_value(stage: &Stage, recording: &str) {
 }
 
 #[test]
-fn questions_take_parameters_and_answer_with_the_gradient_by_each() {
+fn queries_take_parameters_and_return_their_gradients() {
     let stage = Stage::new("given-asked");
     let twin = Program::twin(&stage, &scene(&stage, &format!("\"{STIFFNESS}\" = 0.72")));
     let ask = |parameters: &str| {
@@ -155,7 +155,7 @@ fn questions_take_parameters_and_answer_with_the_gradient_by_each() {
     let (code, said) = run(&stage, &["get", "softtwin/finger/whatif?pressure_mpa=0.06;elastomer.law.mu=0.9"]);
     let known = format!("no input of this model, which has pressure_mpa, gap_mm, {STIFFNESS}");
     assert!(code == Some(1) && said.contains(&known), "{said}");
-    // A name needs no dot to be a parameter; the nearest that there is stands in the refusal.
+    // A parameter's name needs no dot. The refusal contains the nearest known name.
     for name in ["mu_mpa", "elastomer.law.mu", "elastomr.law.mu_mpa"] {
         let question = format!("softtwin/finger/whatif?pressure_mpa=0.06;gap_mm=40;{name}=0.9");
         let nearest = format!("`{name}`: did you mean {STIFFNESS}?");
@@ -172,7 +172,7 @@ fn questions_take_parameters_and_answer_with_the_gradient_by_each() {
 }
 
 #[test]
-fn a_scene_that_gives_an_unknown_parameter_is_told_the_nearest() {
+fn unknown_given_parameter_is_refused_with_the_nearest_name() {
     let stage = Stage::new("given-wrong");
     let path = scene(&stage, "\"elastomer.law.mu\" = 0.72").display().to_string();
     let (status, said) = Program::daemon(&stage, &["twin", "--scene", &path]).ended();

@@ -18,7 +18,7 @@ fn gripper() -> GraspModel {
 }
 
 #[test]
-fn the_papers_case_is_met() {
+fn published_gripper_case_is_reproduced() {
     let mut gripper = gripper();
     let grasp = gripper.at(0.079, f64::NAN);
     // The paper's twin says 0.58 N; our own finite elements 0.5863 N (case `force` of the database).
@@ -43,7 +43,7 @@ fn the_papers_case_is_met() {
 }
 
 #[test]
-fn a_gap_that_is_no_input_upsets_nothing() {
+fn measured_gap_is_ignored_without_gap_input() {
     let mut gripper = gripper();
     let mut last = -1.0;
     for step in 0..=90 {
@@ -58,7 +58,7 @@ fn a_gap_that_is_no_input_upsets_nothing() {
 }
 
 #[test]
-fn an_object_too_heavy_has_no_stop_point() {
+fn too_heavy_object_has_no_stop_point() {
     let path = repository().join("config/scenes/gripper.toml");
     let mut scene = Scene::load(&path).unwrap();
     scene.grasp.as_mut().unwrap().mass_g = 500.0;
@@ -68,7 +68,7 @@ fn an_object_too_heavy_has_no_stop_point() {
 }
 
 #[test]
-fn the_scene_publishes_its_grasp_from_one_pressure_source() {
+fn grasp_is_published_from_one_pressure_source() {
     let stage = Stage::new("gripper");
     let scene = repository().join("config/scenes/gripper.toml");
     let twin = Program::twin(&stage, &scene);
@@ -93,7 +93,7 @@ fn the_scene_publishes_its_grasp_from_one_pressure_source() {
 }
 
 #[test]
-fn two_pressure_sources_are_judged_by_the_weaker_finger() {
+fn grasp_with_two_pressure_sources_uses_the_weaker_finger() {
     let stage = Stage::new("twosources");
     let models = format!("\"{}/models", repository().display());
     let profile = |mpa: f64| format!("shape = \"step\"\nlow_mpa = {mpa}\nhigh_mpa = {mpa}\nat_s = 0.0\n");
@@ -116,7 +116,7 @@ fn two_pressure_sources_are_judged_by_the_weaker_finger() {
     let newest = serde_json::from_str::<Value>(said.last().unwrap()).unwrap()["sample"].clone();
     let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{newest}"));
     let pair = |key: &str| (number(&newest[key][0]), number(&newest[key][1]));
-    assert_eq!(pair("pressures_mpa"), (0.079, 0.05), "each finger has a gauge of its own");
+    assert_eq!(pair("pressures_mpa"), (0.079, 0.05), "each finger has its own gauge");
     let (strong, weak) = pair("forces_n");
     assert!(strong > 0.5 && weak > 0.0 && weak < 0.6 * strong, "{newest}");
     assert_eq!(number(&newest["least_force_n"]), weak, "the weaker finger counts");
@@ -124,7 +124,7 @@ fn two_pressure_sources_are_judged_by_the_weaker_finger() {
 }
 
 #[test]
-fn a_scene_that_contradicts_itself_is_refused_with_all_problems() {
+fn contradictory_grasp_scene_is_refused_with_all_errors() {
     let stage = Stage::new("contradiction");
     let path = stage.write(
         "scene.toml",

@@ -1,7 +1,7 @@
 //! Damaged command lines and files for the offline commands of `softtwin`, from a fixed seed: no panic, no hang, exit codes
 //! 0, 1, 2 and 78 alone, at most 2 GiB of memory.
 //!
-//! `SOFTTWIN_HOSTILE=100000 cargo test --workspace --test system -- --nocapture hostile::` tries so many.
+//! `SOFTTWIN_HOSTILE=100000 cargo test --workspace --test system -- --nocapture hostile::` tries 100000 command lines.
 
 use rom::rng::Rng;
 use rom::snapshots::{Case, Database, FieldSpec, Footprint, RegimeKind, Split};
@@ -13,7 +13,7 @@ use std::time::Duration;
 use tests::inputs::{ENTRANCES, damage};
 use tests::process::binary;
 
-/// So many that the ordinary run takes a minute at most.
+/// Default number of command lines; takes at most a minute.
 const USUAL_TOTAL: u64 = 1000;
 /// Two at a time.
 const WORKERS: u64 = 2;
@@ -24,7 +24,7 @@ const MAX_FILE: u64 = 256 << 20;
 /// A command that takes longer hangs.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// Command lines that succeed or fail properly as they are.
+/// Command lines to be damaged; undamaged they succeed or fail properly.
 const LINES: &[&str] = &[
     "predict --model beam.twin --pressure-mpa 0.05 --gap-mm 40 --out state.npy",
     "predict --model beam.twin --pressure-mpa 0.05 --gap-mm 40 --mesh mesh.vtu --out state.vtu",
@@ -201,7 +201,7 @@ fn damaged_line(rng: &mut Rng) -> Vec<String> {
     line
 }
 
-/// Runs the tool; what is wrong with how it ended.
+/// Runs the tool; returns the fault of its end, if any.
 fn run(folder: &Path, line: &[String]) -> Result<(), String> {
     let mut command = Command::new(binary("softtwin"));
     command.args(line).current_dir(folder).env_remove("RUST_LOG").env("RUST_BACKTRACE", "0");
@@ -277,7 +277,7 @@ fn one(folder: &Path, good: &[(PathBuf, Vec<u8>)], rng: &mut Rng) -> Result<(), 
 }
 
 #[test]
-fn no_command_line_and_no_file_breaks_the_tool() {
+fn damaged_command_lines_and_files_end_with_documented_exit_codes() {
     let asked = std::env::var("SOFTTWIN_HOSTILE").ok().map(|count| count.parse().expect("a number"));
     let total: u64 = asked.unwrap_or(USUAL_TOTAL);
     let broken: Vec<String> = std::thread::scope(|scope| {

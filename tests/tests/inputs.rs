@@ -1,6 +1,6 @@
 //! Damaged inputs at every entrance: the bodies of the fuzz targets, on stable, with every allocation watched.
 //!
-//! `SOFTTWIN_INPUTS=10000000 cargo test --workspace --test inputs -- --nocapture` tries so many inputs over all entrances
+//! `SOFTTWIN_INPUTS=10000000 cargo test --workspace --test inputs -- --nocapture` tries 10000000 inputs over all entrances
 //! and says how many it tried, the largest allocation and the slowest input of each entrance. `SOFTTWIN_ENTRANCES=frd,xplt` tries
 //! these only, each as often.
 
@@ -64,11 +64,11 @@ fn share(entrance: &Entrance) -> usize {
     }
 }
 
-/// So many inputs that the ordinary run stays within seconds.
+/// Default number of inputs; takes seconds.
 const USUAL_TOTAL: usize = 120_000;
 
 #[test]
-fn no_input_breaks_an_entrance() {
+fn damaged_inputs_panic_at_no_entrance() {
     let asked: Option<usize> =
         std::env::var("SOFTTWIN_INPUTS").ok().map(|count| count.parse().expect("a number"));
     let wanted = asked.unwrap_or(USUAL_TOTAL);
@@ -93,7 +93,7 @@ fn no_input_breaks_an_entrance() {
     assert!(total >= wanted, "{total} of {wanted}");
 }
 
-/// The largest allocation and the slowest of so many damaged inputs; an input that breaks the entrance is kept.
+/// Tries `count` damaged inputs; returns the largest allocation and the longest time. An input that makes the entrance panic is kept.
 fn try_all(entrance: &Entrance, count: usize) -> (usize, Duration) {
     let seed = (entrance.seed)();
     assert!(seed.len() <= MAX_INPUT, "{}", entrance.name);
@@ -127,9 +127,9 @@ fn keep(entrance: &Entrance, input: &[u8]) {
     println!("this input broke {}: {} ({kept:?})", entrance.name, path.display());
 }
 
-/// Inputs that broke something once are tried for ever.
+/// Inputs of earlier failures.
 #[test]
-fn found_cases_stay_mended() {
+fn inputs_of_earlier_failures_are_handled() {
     let mut tried = 0;
     for entrance in &ENTRANCES {
         for entry in std::fs::read_dir(corpus(entrance)).into_iter().flatten().flatten() {

@@ -25,7 +25,7 @@ fn wait_fields(reader: &FieldReader, last: u64, mut each: impl FnMut(&FieldSampl
 }
 
 #[test]
-fn a_trace_becomes_fields_without_a_loss() {
+fn replayed_trace_becomes_fields_without_loss() {
     let stage = Stage::new("stream");
     stage.trace("trace.csv", 200, 100.0, 0.06, 30.0);
     let scene = stage.finger("kind = \"replay\"\ntrace = \"trace.csv\"");
@@ -62,7 +62,7 @@ fn a_trace_becomes_fields_without_a_loss() {
     let pressure_mpa = |at: usize| 0.06 * (readings[at] - 1) as f64 / 199.0;
     let (before, after, truth) = (pressure_mpa(onset - 1), pressure_mpa(onset), synthetic::onset_mpa(30.0));
     assert!(before < truth + 0.003 && after > truth - 0.003, "onset between {before} and {after} MPa");
-    // Nobody took the tip's samples meanwhile: the newest are waiting.
+    // The tip's samples were not read meanwhile: the newest are waiting.
     wait_fields(&tip, 200, |sample| {
         assert_eq!((sample.header().node_count, sample.header().field_count), (10, 2));
         assert!(sample.field(field_id::DISPLACEMENT).is_some() && sample.field(field_id::X).is_none());
@@ -91,7 +91,7 @@ fn a_trace_becomes_fields_without_a_loss() {
 }
 
 #[test]
-fn a_killed_bridge_makes_the_state_stale_and_its_successor_makes_it_fresh() {
+fn killed_bridge_makes_states_stale_until_its_restart() {
     let stage = Stage::new("bridge");
     let scene = stage.finger(FAST_SINE);
     let _twin = Program::twin(&stage, &scene);
@@ -111,7 +111,7 @@ fn a_killed_bridge_makes_the_state_stale_and_its_successor_makes_it_fresh() {
 }
 
 #[test]
-fn a_killed_twin_is_replaced_without_a_wrong_sample_for_its_readers() {
+fn restarted_twin_serves_its_old_readers() {
     let stage = Stage::new("twin");
     let scene = stage.finger(FAST_SINE);
     let twin = Program::twin(&stage, &scene);
@@ -144,7 +144,7 @@ fn a_killed_twin_is_replaced_without_a_wrong_sample_for_its_readers() {
 }
 
 #[test]
-fn a_second_twin_and_a_second_bridge_are_refused_by_name() {
+fn second_twin_and_bridge_are_refused_with_the_holders_process() {
     let stage = Stage::new("second");
     let scene = stage.finger(FAST_SINE);
     let path = scene.display().to_string();
@@ -161,7 +161,7 @@ fn a_second_twin_and_a_second_bridge_are_refused_by_name() {
 }
 
 #[test]
-fn every_bad_reading_has_its_outcome_and_is_counted() {
+fn bad_readings_have_outcomes_and_are_counted() {
     let stage = Stage::new("bad");
     let scene = stage.finger(FAST_SINE);
     let twin = Program::twin(&stage, &scene);
@@ -218,7 +218,7 @@ fn every_bad_reading_has_its_outcome_and_is_counted() {
 }
 
 #[test]
-fn broken_inputs_are_refused_before_anything_is_bound() {
+fn broken_files_are_refused_before_any_topic_is_created() {
     let stage = Stage::new("refuse");
     let expect = |name: &str, text: &str, arguments: &[&str], wanted: &[&str]| {
         let path = stage.write(name, text).display().to_string();

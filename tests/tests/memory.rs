@@ -14,7 +14,7 @@ fn may_mount() -> bool {
 }
 
 #[test]
-fn a_full_shared_memory_is_refused_with_bytes_and_remedy() {
+fn full_shared_memory_is_refused_with_bytes_and_remedy() {
     if !may_mount() {
         return skipped(Missing::SmallSharedMemory);
     }

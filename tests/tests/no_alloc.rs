@@ -1,4 +1,4 @@
-//! After its start the twin's loop allocates nothing of its own: an allocator that counts is watching. What is counted is
+//! After its start the twin's loop does not allocate; a counting allocator verifies it. What is counted is
 //! exactly the transport's small handle for each loaned sample, and nothing else.
 
 use runtime::config::{Scene, Settings};
@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn the_loop_allocates_nothing_but_the_transports_sample_handles() {
+fn twin_loop_allocates_only_the_transports_sample_handles() {
     let stage = Stage::new("alloc");
     let path = stage.finger("kind = \"simulate\"");
     // The whole field from rows of different widths, the tip from f32.
@@ -119,11 +119,11 @@ fn a_loop_that_spins_for_expected_readings_allocates_nothing_for_it() {
     while received(&twin) < 50 {
         twin.turn(Duration::from_millis(100));
     }
-    let (sent_before, before) = (sent(&twin), COUNT.get());
+    let (sent_before, allocations_before) = (sent(&twin), COUNT.get());
     while received(&twin) < 600 {
         twin.turn(Duration::from_millis(100));
     }
-    let allocations = COUNT.get() - before;
+    let allocations = COUNT.get() - allocations_before;
     sender.join().unwrap();
     let counts = twin.spin_counts().expect("it spins");
     assert!(counts.caught > 0, "{counts:?}");
@@ -132,7 +132,7 @@ fn a_loop_that_spins_for_expected_readings_allocates_nothing_for_it() {
 
 /// The bridge's loop asks its sources: what several sensors have said becomes readings without an allocation.
 #[test]
-fn a_source_of_several_sensors_allocates_nothing_when_it_is_asked() {
+fn source_of_several_sensors_does_not_allocate() {
     let folder = tempfile::tempdir().unwrap();
     let address = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let text = format!(

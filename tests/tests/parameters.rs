@@ -18,9 +18,9 @@ fn softtwin(folder: &Path, line: &str) -> Output {
 
 fn done(folder: &Path, line: &str) -> String {
     let output = softtwin(folder, line);
-    let [printed, told] =
+    let [printed, errors] =
         [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-    assert!(output.status.success(), "{line}: {told}{printed}");
+    assert!(output.status.success(), "{line}: {errors}{printed}");
     printed
 }
 
@@ -66,7 +66,7 @@ fn a_stiffness_is_found_for_a_force(folder: &Path) {
 }
 
 #[test]
-fn a_stiffness_is_an_input_of_the_twin() {
+fn stiffness_is_an_input_of_the_twin() {
     let stage = tempfile::tempdir().expect("a folder");
     let folder = stage.path();
     for line in [

@@ -33,8 +33,8 @@ fn gap_for(pressure_mpa: f64, force_n: f64) -> Query {
     Query { kind: query_kind::GAP, pressure_mpa, force_n, ..Query::default() }
 }
 
-/// Serves the scene in a thread while `story` asks.
-fn with_service(extra: &str, story: impl FnOnce(&Bus)) {
+/// Serves the scene in a thread while `ask` runs.
+fn with_service(extra: &str, ask: impl FnOnce(&Bus)) {
     let stage = Stage::new("queries");
     let (scene, path) = scene(&stage, extra);
     let answerers = load_answerers(&scene, &path).unwrap();
@@ -49,16 +49,16 @@ fn with_service(extra: &str, story: impl FnOnce(&Bus)) {
         });
         serving.recv_timeout(PATIENCE).unwrap();
         let bus = stage.bus();
-        let told = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| story(&bus)));
+        let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ask(&bus)));
         stop.store(true, Ordering::Relaxed);
-        if let Err(cause) = told {
+        if let Err(cause) = result {
             std::panic::resume_unwind(cause);
         }
     });
 }
 
 #[test]
-fn a_what_if_is_answered_with_state_and_field() {
+fn what_if_query_returns_state_and_field() {
     with_service("queries = \"fields\"", |bus| {
         let mut client = QueryClient::open(bus, "finger").unwrap();
         let sample = client.ask(&whatif(0.05, 25.0), PATIENCE).unwrap();
@@ -102,7 +102,7 @@ fn models_are_swapped_for_the_same_actuators_only() {
 }
 
 #[test]
-fn fields_are_refused_where_the_scene_did_not_ask_for_them() {
+fn field_queries_are_refused_unless_the_scene_enables_them() {
     with_service("", |bus| {
         let mut client = QueryClient::open(bus, "finger").unwrap();
         let all = Query { want_field: 1, ..whatif(0.05, 25.0) };
@@ -126,8 +126,8 @@ fn several_clients_get_their_own_answers() {
 }
 
 #[test]
-fn nobody_there_is_said() {
-    let stage = Stage::new("nobody");
+fn query_without_a_twin_is_refused_with_the_cause() {
+    let stage = Stage::new("noserver");
     let refused = QueryClient::open(&stage.bus(), "finger").unwrap_err();
     assert!(matches!(refused, WireError::NobodyAnswers { .. }), "{refused}");
     let (scene, path) = scene(&stage, "queries = \"off\"");
@@ -146,7 +146,7 @@ fn ask(answerer: &mut Answerer, query: &Query) -> Answer {
 }
 
 #[test]
-fn the_reason_is_given_where_there_is_no_answer() {
+fn refused_queries_have_a_status_code() {
     let (_stage, mut beam) = beam();
     let cases = [
         (whatif(f64::NAN, 20.0), QueryStatus::NotFinite),
@@ -176,7 +176,7 @@ fn the_reason_is_given_where_there_is_no_answer() {
 }
 
 #[test]
-fn a_state_outside_the_samples_is_flagged_not_refused() {
+fn state_outside_the_training_range_is_flagged() {
     let (_stage, mut beam) = beam();
     let answer = ask(&mut beam, &whatif(0.2, 25.0));
     assert_eq!((answer.refusal(), answer.domain_status), (None, 2));
@@ -186,9 +186,9 @@ fn a_state_outside_the_samples_is_flagged_not_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Both inverses undo the what-if, and their error bars are the force's through the gradient.
+    /// Both inverses undo the what-if; their half-widths are the force's, divided by the gradient.
     #[test]
-    fn the_inverses_undo_the_what_if(pressure_mpa in 0.03..0.085, gap_mm in 12.0..34.0) {
+    fn inverses_undo_the_what_if(pressure_mpa in 0.03..0.085, gap_mm in 12.0..34.0) {
         let (_stage, mut beam) = beam();
         let there = ask(&mut beam, &whatif(pressure_mpa, gap_mm));
         prop_assume!(there.contact_force_n > 0.01 && there.domain_status == 0);
@@ -210,7 +210,7 @@ proptest! {
 }
 
 #[test]
-fn the_committed_model_is_inverted_over_its_whole_domain() {
+fn shipped_model_is_inverted_over_its_training_range() {
     let mut finger = committed();
     let mut solved = 0;
     for step in 0..12 {
@@ -241,7 +241,7 @@ fn within(random: &mut Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * random.uniform()
 }
 
-/// An answer, evaluated, gives back the asked force at a state in contact within the domain.
+/// An answer, evaluated, gives the requested force at a contact state inside the training range.
 fn assert_answers(query: &Query, answer: &Answer) {
     let residual_n = (answer.contact_force_n - query.force_n).abs();
     assert!(residual_n <= 1e-7, "{query:?} is off by {residual_n} N: {answer:?}");
@@ -255,7 +255,7 @@ fn assert_answers(query: &Query, answer: &Answer) {
 
 /// Both gave a gap whose force was not the asked one: 71.9 mm with 0 N, and the far end of the samples.
 #[test]
-fn a_search_that_does_not_close_is_no_answer() {
+fn unconverged_search_is_refused() {
     let mut finger = committed();
     let outside = gap_for(0.05, 0.15);
     let answer = ask(&mut finger, &outside);
@@ -273,11 +273,11 @@ fn a_search_that_does_not_close_is_no_answer() {
 }
 
 #[test]
-fn every_answer_gives_the_asked_force_back_and_every_refusal_has_its_limit() {
+fn inverse_answers_reproduce_the_force_and_refusals_have_limits() {
     let (mut finger, mut random) = (committed(), Rng::new(2026));
     let (mut answered, mut refused) = (0, 0);
     for turn in 0..4000 {
-        // Inside and outside of the domain, in pressure, gap and force.
+        // Inside and outside of the training range, in pressure, gap and force.
         let force_n = within(&mut random, -0.1, 1.3);
         let query = match turn % 2 {
             0 => gap_for(within(&mut random, -0.01, 0.11), force_n),
@@ -299,7 +299,7 @@ fn every_answer_gives_the_asked_force_back_and_every_refusal_has_its_limit() {
 }
 
 #[test]
-fn a_question_made_from_a_state_in_contact_is_answered() {
+fn query_made_from_a_contact_state_is_answered() {
     let (mut finger, mut random) = (committed(), Rng::new(7));
     let mut asked = 0;
     while asked < 2000 {
@@ -329,7 +329,7 @@ fn toml_actuator(model: &Path) -> ActuatorSpec {
 }
 
 #[test]
-fn selectors_are_read_as_zenoh_writes_them() {
+fn zenoh_selectors_are_parsed() {
     let selector = Selector::parse("softtwin/finger/whatif?pressure_mpa=0.05;gap_mm=30;field=tip").unwrap();
     assert_eq!(selector.actuator(), Some("finger"));
     let questions = selector.questions("finger");
@@ -364,7 +364,7 @@ fn selectors_are_read_as_zenoh_writes_them() {
 }
 
 #[test]
-fn the_tool_asks_a_running_twin() {
+fn get_command_queries_a_running_twin() {
     let stage = Stage::new("get");
     let scene = stage.write(
         "finger.toml",

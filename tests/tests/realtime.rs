@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use tests::{Program, Stage};
 
-/// Starts the twin with these real-time settings; returns it ready, with what it said until then.
+/// Starts the twin with these real-time settings; returns it when it is ready.
 fn start(stage: &Stage, realtime: &str) -> Program {
     let (scene, settings) = files(stage, realtime);
     let arguments =
@@ -35,7 +35,7 @@ fn scheduling(process: u32) -> (u32, u32) {
 }
 
 #[test]
-fn what_the_system_grants_is_in_force_and_what_it_refuses_is_said() {
+fn granted_real_time_settings_apply_and_refused_ones_are_logged() {
     let stage = Stage::new("realtime");
     let cores = status("self", "Cpus_allowed_list");
     let core: usize = cores.split(['-', ',']).next().and_then(|first| first.parse().ok()).expect("a core");
@@ -44,7 +44,7 @@ fn what_the_system_grants_is_in_force_and_what_it_refuses_is_said() {
     let refused =
         |setting: &str| twin.said.iter().any(|line| line.contains(&format!("realtime.{setting}: refused")));
     let process = twin.id();
-    assert!(!refused("cores"), "a core of our own is always granted: {:?}", twin.said);
+    assert!(!refused("cores"), "one of our own cores is always granted: {:?}", twin.said);
     assert_eq!(status(&process.to_string(), "Cpus_allowed_list"), core.to_string());
     assert_ne!(refused("lock_memory"), status(&process.to_string(), "VmLck") != "0 kB");
     assert_ne!(refused("fifo_priority"), scheduling(process) == (7, libc::SCHED_FIFO as u32));
@@ -52,7 +52,7 @@ fn what_the_system_grants_is_in_force_and_what_it_refuses_is_said() {
 
 /// The request is in force as long as its file is open.
 #[test]
-fn cores_are_kept_awake_for_as_long_as_the_twin_runs() {
+fn stay_awake_holds_while_the_twin_runs() {
     let stage = Stage::new("awake");
     let twin = start(&stage, "stay_awake = true");
     let refused = twin.said.iter().any(|line| line.contains("realtime.stay_awake: refused"));
@@ -63,7 +63,7 @@ fn cores_are_kept_awake_for_as_long_as_the_twin_runs() {
 }
 
 #[test]
-fn a_missing_right_is_a_warning_or_the_end_as_configured() {
+fn missing_right_warns_or_ends_as_configured() {
     let stage = Stage::new("rights");
     let nowhere = "cores = [1023]";
     let twin = start(&stage, nowhere);
@@ -96,7 +96,7 @@ fn a_share_of_a_core_beyond_the_largest_is_refused() {
 }
 
 #[test]
-fn a_spinning_twin_answers_like_a_sleeping_one() {
+fn busy_polling_twin_publishes_the_same_states() {
     let stage = Stage::new("spin");
     let twin = start(&stage, "busy_poll = true");
     let bridge = Program::bridge(&stage, &stage.finger("kind = \"simulate\""));

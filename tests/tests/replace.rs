@@ -197,7 +197,7 @@ fn an_old_twin_killed_at_any_moment_is_replaced() {
 }
 
 #[test]
-fn a_bridge_replaces_the_sources_that_changed_and_numbers_go_on() {
+fn reloaded_bridge_replaces_changed_sources_and_continues_numbers() {
     let stage = Stage::new("bridgehup");
     let scene = stage.finger(STEADY);
     let mut bridge = Program::bridge(&stage, &scene);
@@ -253,7 +253,7 @@ fn a_bridge_replaces_the_sources_that_changed_and_numbers_go_on() {
 }
 
 #[test]
-fn a_recorder_begins_a_new_file_when_it_is_told_to_and_loses_nothing() {
+fn recorder_begins_a_new_file_on_sighup_without_loss() {
     let stage = Stage::new("recordhup");
     let _bridge = Program::bridge(&stage, &stage.finger(STEADY));
     let folder = stage.path("recordings");

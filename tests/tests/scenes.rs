@@ -36,7 +36,7 @@ fn blocks_of(loaded: &Loaded, kind: RegimeKind) -> usize {
 const ALL: &str = "[[actuator.output]]\nnodes = \"all\"\n";
 
 #[test]
-fn what_cannot_occur_is_never_read() {
+fn unreachable_regimes_and_unused_fields_are_not_loaded() {
     let stage = Stage::new("reach");
     let both = load(&stage, &actuator(ALL)).remove(0);
     assert_eq!(both.regimes, [RegimeKind::Free, RegimeKind::Contact]);
@@ -56,7 +56,7 @@ fn what_cannot_occur_is_never_read() {
 }
 
 #[test]
-fn a_derived_field_pulls_in_what_it_needs_and_no_more() {
+fn derived_field_requires_only_its_sources() {
     let stage = Stage::new("derived");
     let loaded = load(&stage, &actuator("[[actuator.output]]\nnodes = \"tip\"\nfields = [\"displacement\"]"))
         .remove(0);
@@ -68,7 +68,7 @@ fn a_derived_field_pulls_in_what_it_needs_and_no_more() {
 }
 
 #[test]
-fn nodes_come_by_name_box_or_list() {
+fn nodes_are_selected_by_name_box_or_list() {
     let stage = Stage::new("nodes");
     let text = actuator(
         "[[actuator.output]]\nnodes = \"tip\"\n\
@@ -88,7 +88,7 @@ fn nodes_come_by_name_box_or_list() {
 }
 
 #[test]
-fn explaining_a_scene_measures_what_it_would_do() {
+fn explain_reports_regimes_bytes_and_times() {
     let stage = Stage::new("explain");
     let loaded = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
     let explained = explain(&loaded);
@@ -141,7 +141,7 @@ fn reading(seq: u64, pressure_mpa: f64, gap_mm: f64) -> SensorSample {
 }
 
 #[test]
-fn the_newest_wins_unless_the_scene_asks_for_a_backlog() {
+fn newest_reading_wins_without_a_backlog() {
     for (backlog, published) in [(1, 1), (3, 3), (16, 5)] {
         let stage = Stage::new("backlog");
         let mut bench = Bench::start(&stage, &actuator(&format!("backlog = {backlog}\n{ALL}")));
@@ -160,7 +160,7 @@ fn the_newest_wins_unless_the_scene_asks_for_a_backlog() {
 
 /// A field that the model cannot give is counted and reported as that, not as a refusal of shared memory; the state is sent.
 #[test]
-fn a_failed_reconstruction_has_an_outcome_and_an_event_of_its_own() {
+fn failed_reconstruction_has_outcome_and_event() {
     let stage = Stage::new("reconstruct");
     let free = load(&stage, &actuator(&format!("gap_mm = 90.0\n{ALL}"))).remove(0);
     let mut loaded = load(&stage, &actuator(ALL));
@@ -185,9 +185,9 @@ fn a_failed_reconstruction_has_an_outcome_and_an_event_of_its_own() {
     assert!(!failures.iter().any(|(kind, _)| *kind == EventKind::SendFailed), "{failures:?}");
 }
 
-/// The coefficients are interpolated for fields; a state carries them where the scene says so, and then all of them.
+/// A state carries all coefficients if the scene enables it.
 #[test]
-fn states_carry_coefficients_only_where_the_scene_asks_for_them() {
+fn states_carry_coefficients_only_if_enabled() {
     let stress = "[[actuator.output]]\nfields = [\"von_mises\"]\n";
     let fields = |keys: &str| {
         let stage = Stage::new("coefficients");
@@ -212,7 +212,7 @@ fn states_carry_coefficients_only_where_the_scene_asks_for_them() {
 }
 
 #[test]
-fn a_gap_outside_the_scene_is_held_and_a_fixed_gap_replaces_the_measured_one() {
+fn gap_outside_the_range_is_held_and_fixed_gap_replaces_measured() {
     let stage = Stage::new("range");
     let mut bench = Bench::start(&stage, &actuator("gap_mm = { min = 70.0, max = 90.0 }"));
     let mut sensor = bench.sensor("finger");
@@ -231,7 +231,7 @@ fn a_gap_outside_the_scene_is_held_and_a_fixed_gap_replaces_the_measured_one() {
 }
 
 #[test]
-fn what_lies_outside_the_domain_is_answered_held_or_refused_as_configured() {
+fn readings_outside_the_training_range_follow_the_configured_policy() {
     for (policy, outcome, states_sent) in [
         (OutsideDomain::Answer, Outcome::Published, 2),
         (OutsideDomain::Hold, Outcome::HeldOutsideDomain, 2),
@@ -259,7 +259,7 @@ fn what_lies_outside_the_domain_is_answered_held_or_refused_as_configured() {
 }
 
 #[test]
-fn several_actuators_run_in_one_twin_each_with_its_own_regime() {
+fn several_actuators_run_in_one_twin() {
     let stage = Stage::new("two");
     let text = "name = \"two\"\n\
         [[actuator]]\nname = \"left\"\nmodel = \"beam.twin\"\n[[actuator.output]]\nnodes = \"tip\"\n\
@@ -277,7 +277,7 @@ fn several_actuators_run_in_one_twin_each_with_its_own_regime() {
 }
 
 #[test]
-fn a_topic_keeps_its_rate() {
+fn topic_keeps_its_rate() {
     let stage = Stage::new("rate");
     let mut bench = Bench::start(&stage, &actuator("[[actuator.output]]\nrate_hz = 100.0\n"));
     let fields = FieldReader::open(&bench.bus, &Topic::field("finger", None).unwrap()).unwrap();
@@ -295,7 +295,7 @@ fn a_topic_keeps_its_rate() {
 }
 
 #[test]
-fn sixteen_bit_bases_stay_close() {
+fn sixteen_bit_bases_agree_with_f32() {
     let stage = Stage::new("i16");
     let text = actuator(
         "[[actuator.output]]\n[[actuator.output]]\nname = \"small\"\nnodes = \"all\"\nprecision = \"i16\"\n",
@@ -348,7 +348,7 @@ fn a_basis_within_an_accepted_error_is_no_larger_and_one_that_cannot_be_is_refus
 }
 
 #[test]
-fn the_projects_own_configuration_is_valid_and_states_the_defaults() {
+fn shipped_configuration_is_valid_and_lists_the_defaults() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
     assert_eq!(Settings::load(&config.join("twin.toml")).unwrap(), Settings::default());
     let mut seen = 0;
@@ -364,9 +364,9 @@ fn the_projects_own_configuration_is_valid_and_states_the_defaults() {
     assert!(seen >= 3);
 }
 
-/// The scene of the page about sensors is one: it loads, and its sensors open.
+/// The scene in the sensor documentation loads, and its sensors open.
 #[test]
-fn the_scene_of_the_page_about_sensors_is_valid() {
+fn documented_sensor_scene_is_valid() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let page = std::fs::read_to_string(root.join("docs/sensors.md")).unwrap();
     let text = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a scene");

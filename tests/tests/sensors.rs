@@ -1,27 +1,13 @@
 //! A bridge with several sensors, as processes: one is held up, one is pulled, the bridge is killed.
 
 use std::net::UdpSocket;
-use std::time::{Duration, Instant};
 use tests::Stage;
 use tests::process::Program;
+use tests::wait::wait_until;
 use wire::{Outcome, SensorReader, SensorSample, StateReader, Topic};
 
-/// Longest wait for something that must come; a failing test ends there.
-const PATIENCE: Duration = Duration::from_secs(20);
-
-fn wait<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
-    loop {
-        if let Some(found) = look() {
-            return found;
-        }
-        assert!(Instant::now() < end, "{what} within {PATIENCE:?}");
-        std::thread::yield_now();
-    }
-}
-
 fn reading(reader: &SensorReader, what: &str, mut fits: impl FnMut(&SensorSample) -> bool) -> SensorSample {
-    wait(what, || reader.newest().expect("readable").filter(&mut fits))
+    wait_until(what, || reader.newest().expect("readable").filter(&mut fits))
 }
 
 fn runs(pid: i32) -> bool {
@@ -34,7 +20,7 @@ fn signal(pid: i32, signal: i32) {
 }
 
 #[test]
-fn a_held_up_sensor_holds_the_twin_and_a_killed_bridge_takes_its_program_with_it() {
+fn silent_sensor_holds_the_twin_and_killed_bridge_ends_its_program() {
     let stage = Stage::new("mixed");
     let scale = UdpSocket::bind("127.0.0.1:0").unwrap();
     let to = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
@@ -66,10 +52,10 @@ fn a_held_up_sensor_holds_the_twin_and_a_killed_bridge_takes_its_program_with_it
     let pid = whole.markers_mm[0] as i32;
     assert!(runs(pid));
 
-    // The scale says nothing more: its value goes, the twin goes on.
+    // The scale is silent: its value becomes absent, the twin continues.
     let without = reading(&readings, "a reading without the force", |reading| reading.stale_values == 0b100);
     assert!(without.measured_force_n.is_nan() && without.status == 0 && without.pressure_mpa == 0.03);
-    let state = wait("a state without a measured force", || {
+    let state = wait_until("a state without a measured force", || {
         states.newest().unwrap().filter(|state| state.measured_force_n.is_nan() && state.sensor_seq > 0)
     });
     assert_eq!(Outcome::from_code(state.outcome), Some(Outcome::Published));
@@ -81,30 +67,30 @@ fn a_held_up_sensor_holds_the_twin_and_a_killed_bridge_takes_its_program_with_it
         held_up.pressure_mpa.is_nan() && held_up.gap_mm.is_nan() && held_up.stale_values & 0b1011 == 0b1011
     );
     assert!((300_000_000..600_000_000).contains(&held_up.ages_ns[0]), "{held_up:?}");
-    wait("the held state", || {
+    wait_until("the held state", || {
         states.newest().unwrap().filter(|state| state.outcome == Outcome::HeldSensorFault.code())
     });
     signal(pid, libc::SIGCONT);
     reading(&readings, "the pressure again", |reading| reading.status == 0 && reading.pressure_mpa == 0.03);
-    wait("a fresh state", || {
+    wait_until("a fresh state", || {
         states.newest().unwrap().filter(|state| state.outcome == Outcome::Published.code())
     });
 
     bridge.kill();
-    wait("the end of the program", || (!runs(pid)).then_some(()));
+    wait_until("the end of the program", || (!runs(pid)).then_some(()));
     drop(twin);
 }
 
-/// What a program prints to its error output is in the bridge's log, and cannot fill it.
+/// Error output of a sensor's program is in the bridge's log, with a limit.
 #[test]
-fn what_a_program_complains_of_is_in_the_log_and_bounded() {
+fn sensor_programs_error_output_is_logged_up_to_a_limit() {
     const FLOOD: u64 = 3000;
     let stage = Stage::new("complains");
     // Its first start complains and ends, with last words that have no end of line; its second one measures.
     stage.write(
         "gauge.sh",
         &format!(
-            "if [ -e told ]; then while echo \"0.03; 40\"; do sleep 0.01; done; fi\n: > told\n\
+            "if [ -e begun ]; then while echo \"0.03; 40\"; do sleep 0.01; done; fi\n: > begun\n\
              echo 'the supply voltage is low' >&2\n\
              i=0; while [ $i -lt {FLOOD} ]; do echo \"flood $i\" >&2; i=$((i + 1)); done\n\
              printf 'long %09000d\\n' 7 >&2\nprintf 'no power' >&2\n"
@@ -130,5 +116,5 @@ fn what_a_program_complains_of_is_in_the_log_and_bounded() {
     let hidden = hidden.iter().map(|line| line.split(' ').next().unwrap().parse::<u64>().unwrap());
     assert_eq!(hidden.sum::<u64>() + shown.len() as u64, FLOOD + 3, "every line is shown or counted");
     assert!(shown.len() < 200, "{} lines of one program in some seconds", shown.len());
-    assert!(of_program.iter().all(|line| line.len() < 3000), "a line without end");
+    assert!(of_program.iter().all(|line| line.len() < 3000), "a line longer than the limit");
 }

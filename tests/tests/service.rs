@@ -1,4 +1,4 @@
-//! The daemons as a service: told to the service manager, reloaded, watched.
+//! The daemons as services: notifications, reload, watchdog.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -24,49 +24,49 @@ fn notified(stage: &Stage, arguments: &[&str]) -> (Program, Manager) {
 
 /// Ready once everything is open, alive while the loop turns, stopping when asked.
 #[test]
-fn both_daemons_tell_the_service_manager_how_they_are() {
+fn daemons_notify_the_service_manager() {
     for daemon in ["twin", "bridge"] {
         let stage = Stage::new("notify");
         let scene = stage.finger(STEADY).display().to_string();
         let (program, manager) = notified(&stage, &[daemon, "--scene", &scene]);
-        let ready = manager.told("READY=1");
+        let ready = manager.receive("READY=1");
         assert!(ready.last().unwrap().contains("STATUS="), "{daemon}: {ready:?}");
         assert!(
             !ready.iter().any(|message| message.contains("WATCHDOG=1")),
             "{daemon} is alive before it is ready: {ready:?}"
         );
-        manager.told("WATCHDOG=1");
-        manager.told("WATCHDOG=1");
+        manager.receive("WATCHDOG=1");
+        manager.receive("WATCHDOG=1");
         let (status, said) = program.stop();
         assert!(status.success(), "{daemon}: {said:?}");
-        manager.told("STOPPING=1");
+        manager.receive("STOPPING=1");
     }
 }
 
 /// A process that is stopped (SIGSTOP) feeds no watchdog: the manager would restart it.
 #[test]
-fn a_loop_without_progress_feeds_no_watchdog() {
+fn stopped_loop_stops_watchdog_notifications() {
     let stage = Stage::new("watchdog");
     let scene = stage.finger(STEADY).display().to_string();
     let (program, manager) = notified(&stage, &["twin", "--scene", &scene]);
-    manager.told("WATCHDOG=1");
+    manager.receive("WATCHDOG=1");
     program.signal(libc::SIGSTOP);
     // One message may have been on its way.
     let silence = (0..3).any(|_| manager.next(Duration::from_millis(800)).is_none());
     program.signal(libc::SIGCONT);
-    assert!(silence, "a stopped process went on telling that it is alive");
-    manager.told("WATCHDOG=1");
+    assert!(silence, "a stopped process still notified");
+    manager.receive("WATCHDOG=1");
 }
 
 #[test]
-fn a_wrong_configuration_ends_with_78_and_never_says_ready() {
+fn wrong_configuration_ends_with_78_before_ready() {
     let stage = Stage::new("config");
     let scene = stage.write("wrong.toml", "name = 3\n[[actuators]]\n").display().to_string();
     for daemon in ["twin", "bridge"] {
         let (mut program, manager) = notified(&stage, &[daemon, "--scene", &scene]);
         let (status, said) = program.end();
         assert_eq!(status.code(), Some(78), "{daemon}: {said:?}");
-        // It has ended: whatever it told is there already.
+        // It has ended, so all its notifications are in the socket.
         while let Some(message) = manager.next(Duration::from_millis(1)) {
             assert!(!message.contains("READY"), "{daemon}: {message}");
         }
@@ -79,9 +79,9 @@ fn wait_for_model(reader: &StateReader, wanted: impl Fn(&[u8; 16]) -> bool) -> w
 }
 
 /// SIGHUP swaps a good model between two readings, and keeps the old one when the new one is damaged, truncated, absent, or
-/// of another shape; each refusal says why, and the stream goes on without a jump in its numbers.
+/// of another shape; each refusal says why, and the stream continues without a jump in its numbers.
 #[test]
-fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
+fn reload_swaps_a_valid_model_and_keeps_the_old_one_otherwise() {
     let stage = Stage::new("reload");
     let scene = stage.finger(STEADY);
     let mut twin = Program::twin(&stage, &scene);
@@ -123,7 +123,7 @@ fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
     assert_eq!(swapped.boot_id, first.boot_id, "the same run of the twin");
     let next = wait_for_model(&reader, |hash| *hash == swapped.model_hash);
     assert_eq!(next.seq, swapped.seq + 1);
-    // What answers questions beside the loop has the new model too.
+    // The query thread has the new model too.
     let hash: String = swapped.model_hash.iter().map(|byte| format!("{byte:02x}")).collect();
     let question = ["get", "softtwin/finger/whatif?pressure_mpa=0.04;gap_mm=30", "--json"];
     let end = Instant::now() + PATIENCE;
@@ -134,9 +134,9 @@ fn a_reload_swaps_a_good_model_and_keeps_the_old_one_otherwise() {
     assert!(status.success() && bridge.stop().0.success(), "{said:?}");
 }
 
-/// A measured force that stays beyond the error bar raises the alarm, in the state and in the log; one that fits ends it.
+/// A measured force that stays beyond the half-width raises the alarm, in the state and in the log; one that fits ends it.
 #[test]
-fn a_measured_force_that_does_not_fit_raises_the_alarm() {
+fn contradicting_measured_force_raises_the_alarm() {
     let stage = Stage::new("force");
     let scene = stage.finger(STEADY).display().to_string();
     // Stamps of the past stand for time that passes; a loaded machine must not make them too old.
@@ -174,7 +174,7 @@ fn a_measured_force_that_does_not_fit_raises_the_alarm() {
 }
 
 #[test]
-fn metrics_are_served_on_loopback_when_asked_for() {
+fn metrics_are_served_on_loopback() {
     let stage = Stage::new("metrics");
     let scene = stage.finger(STEADY).display().to_string();
     let (twin_at, bridge_at) = (free_address(), free_address());
@@ -191,13 +191,13 @@ fn metrics_are_served_on_loopback_when_asked_for() {
         if readings.is_some_and(|count| count.parse::<f64>().unwrap() > 0.0) {
             break;
         }
-        assert!(Instant::now() < end, "no readings on the page:\n{page}");
+        assert!(Instant::now() < end, "no readings in the metrics:\n{page}");
     }
     assert!(get(&bridge_at, "/metrics").contains("\nsofttwin_bridge_failed_total 0\n"));
     assert!(get(&bridge_at, "/").starts_with("HTTP/1.1 404"));
     let foreign = get_as("twin.example", &twin_at, "/metrics");
     assert!(foreign.starts_with("HTTP/1.1 403"), "a page of another name reads the metrics: {foreign}");
-    // Visitors who send nothing, or half a request, hold nobody up for long: more than fit at a time.
+    // More clients than fit at a time send nothing or half a request; others are still served.
     let _silent: Vec<TcpStream> = (0..400).map(|_| TcpStream::connect(&twin_at).unwrap()).collect();
     for mut half in &_silent[..50] {
         half.write_all(b"GET /metrics HTTP/1.1\r\nHost:").unwrap();
@@ -205,12 +205,12 @@ fn metrics_are_served_on_loopback_when_asked_for() {
     assert!(get(&twin_at, "/metrics").contains("softtwin_flag"));
     let mut open = Program::daemon(&stage, &["twin", "--scene", &scene, "--metrics", "0.0.0.0:9464"]);
     let (status, said) = open.end();
-    assert_eq!(status.code(), Some(2), "the page has no guard, so no other address: {said:?}");
+    assert_eq!(status.code(), Some(2), "loopback addresses only: {said:?}");
 }
 
-/// The daemon has no file descriptor for one more visitor: the log says so, and the page is back when there is one.
+/// Without a free file descriptor the log names the cause, and the endpoint answers again when one is free.
 #[test]
-fn used_up_file_descriptors_of_the_metrics_page_are_named() {
+fn exhausted_file_descriptors_of_the_metrics_endpoint_are_named() {
     let stage = Stage::new("descriptors");
     let scene = stage.finger(STEADY).display().to_string();
     let address = free_address();
@@ -224,7 +224,7 @@ fn used_up_file_descriptors_of_the_metrics_page_are_named() {
     let line = twin.wait_for("http: connections cannot be accepted");
     assert!(line.contains("Too many open files") && line.contains("LimitNOFILE"), "{line}");
     limit_open_files(&twin, Some(usual));
-    assert!(get(&address, "/metrics").starts_with("HTTP/1.1 200"), "beside {} visitors", waiting.len());
+    assert!(get(&address, "/metrics").starts_with("HTTP/1.1 200"), "with {} idle clients", waiting.len());
     assert!(twin.stop().0.success());
 }
 

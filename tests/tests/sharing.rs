@@ -1,4 +1,4 @@
-//! A domain that a group shares: its members read, strangers are refused, and those who may drive are a group of their own.
+//! Shared-memory domain of a group: members read, other users are refused, and a second group may drive valves.
 //!
 //! Programs run as users that exist nowhere but in these tests, which takes root.
 
@@ -48,7 +48,7 @@ fn in_role(stage: &Stage, user: u32, groups: &[u32], role: &str) -> Program {
     Program::shell(stage, &format!("export {ROLE}={role}; {line}"))
 }
 
-/// What this program does as another user; without a role it is nobody.
+/// Role of this program as another user; without the variable it does nothing.
 #[test]
 fn in_another_role() {
     let Ok(role) = std::env::var(ROLE) else { return };
@@ -83,7 +83,7 @@ fn in_another_role() {
 }
 
 #[test]
-fn members_of_the_group_read_strangers_do_not_and_only_drivers_drive() {
+fn group_members_read_and_only_drivers_drive() {
     // SAFETY: the call has no arguments and cannot fail.
     let is_root = unsafe { libc::geteuid() } == 0;
     if !is_root
@@ -93,7 +93,7 @@ fn members_of_the_group_read_strangers_do_not_and_only_drivers_drive() {
     }
     let stage = shared("share");
     let scene = stage.finger(STEADY).display().to_string();
-    // Opening a domain narrows this process's umask for a moment, and other tests do so in other threads.
+    // Opening a shared-memory domain narrows this process's umask for a moment; other tests do so in other threads.
     for file in std::fs::read_dir(stage.folder.path()).unwrap().map(|entry| entry.unwrap().path()) {
         if file.is_file() {
             std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o644)).unwrap();

@@ -11,7 +11,7 @@ use tests::{Program, Stage};
 use wire::layout::{flags, input_source};
 use wire::{FieldReader, HealthReader, KeyExpr, Outcome, State, StateReader, Topic, WireError};
 
-/// What the trace has, and what becomes of it; the scene says that 0.5 to 4 N can occur.
+/// Readings of the trace and their outcomes; the scene's range is 0.5 to 4 N.
 const LOADS: [(&str, Outcome); 6] = [
     ("1.2", Outcome::Published),
     ("2.6", Outcome::Published),
@@ -104,7 +104,7 @@ fn predicted(stage: &Stage, load_n: f64) -> (Value, Vec<f32>) {
     (serde_json::from_str(&said).expect("JSON"), by_field.map(|at| array.data[at]).collect())
 }
 
-/// What was published for the trace is what the model says.
+/// Published states and fields of the trace equal the model's.
 fn check(stage: &Stage, states: &[State], fields: &[Vec<f32>]) {
     let found: Vec<u32> = states.iter().map(|state| state.outcome).collect();
     assert_eq!(found, LOADS.map(|(_, outcome)| outcome.code()));
@@ -139,7 +139,7 @@ fn check(stage: &Stage, states: &[State], fields: &[Vec<f32>]) {
 }
 
 #[test]
-fn a_cantilever_is_served_from_readings_of_its_load() {
+fn cantilever_is_served_from_readings_of_its_load() {
     let (stage, scene) = stage("structure");
     // Three bad readings in a row are no silence, however slow the machine.
     let settings = stage.write("twin.toml", "[limits]\ndeadline_ms = 500\n").display().to_string();
@@ -173,7 +173,7 @@ fn a_cantilever_is_served_from_readings_of_its_load() {
         // A look may end between two states of a twin without readings; then the next one sees it.
         wait_until(text, || Program::tool(&stage, arguments).end().1.join("\n").contains(text).then_some(()));
     }
-    // A question that does not say the load is none: the scene has no value for it.
+    // A query without the load is refused: the scene has no value for it.
     let (status, said) = Program::tool(&stage, &["get", "softtwin/part/whatif?pressure_mpa=0"]).end();
     assert!(status.code() == Some(1) && said.join("\n").contains("missing or not finite"), "{said:?}");
     recorder.signal(libc::SIGINT);
@@ -215,7 +215,7 @@ fn replayed(stage: &Stage, recording: &str, readers: &Readers) {
 
 /// One input is measured, the other estimated from a marker at the end of the beam: by a fit to a recording, by a twin that runs.
 #[test]
-fn an_input_is_estimated_beside_a_measured_one() {
+fn input_is_estimated_next_to_a_measured_one() {
     let (stage, _) = stage("estimate");
     let mut trace = String::from("t_s,load_n,marker1_x_mm,marker1_y_mm,marker1_z_mm\n");
     for at in 0..40 {
@@ -264,7 +264,7 @@ fn an_input_is_estimated_beside_a_measured_one() {
 }
 
 #[test]
-fn a_scene_that_measures_what_the_model_does_not_have_is_refused() {
+fn scene_that_measures_an_unknown_input_is_refused() {
     let (stage, scene) = stage("structure-wrong");
     let text = std::fs::read_to_string(&scene).unwrap();
     let refused = |program: &str, from: &str, to: &str, expected: &str| {
@@ -282,7 +282,7 @@ fn a_scene_that_measures_what_the_model_does_not_have_is_refused() {
 }
 
 #[test]
-fn one_command_makes_a_twin_of_imported_results() {
+fn import_command_makes_a_model_from_results() {
     let stage = Stage::with_model("structure-build", &[]);
     let names = simulations(stage.folder.path());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();

@@ -1,5 +1,6 @@
-//! Stories of several processes, each in a shared-memory domain of its own. One program: linked once, and its tests run beside each other.
+//! Multi-process tests, each in its own shared-memory domain. All are one program, which is linked once and runs them in parallel.
 
+mod architecture;
 mod clients;
 mod control;
 mod daemons;
@@ -9,7 +10,6 @@ mod faults;
 mod given;
 mod gripper;
 mod hostile;
-mod house;
 mod kills;
 mod live;
 mod memory;

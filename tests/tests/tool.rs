@@ -20,7 +20,7 @@ fn json(lines: &[String]) -> Vec<Value> {
 }
 
 #[test]
-fn an_empty_domain_is_said_with_what_to_do() {
+fn empty_bus_is_reported_with_a_remedy() {
     let stage = Stage::new("empty");
     for command in
         [&["list"][..], &["echo", "softtwin/finger/state"], &["list", "--rate"], &["list", "--long"]]
@@ -35,7 +35,7 @@ fn an_empty_domain_is_said_with_what_to_do() {
 }
 
 #[test]
-fn the_commands_see_what_is_published() {
+fn commands_show_published_samples() {
     let stage = Stage::new("tool");
     let scene = stage.finger(SOURCE);
     let twin = Program::twin(&stage, &scene);
@@ -98,7 +98,7 @@ fn the_commands_see_what_is_published() {
 }
 
 #[test]
-fn a_reader_that_has_had_enough_ends_echo_quietly() {
+fn closed_pipe_ends_echo_without_error() {
     let stage = Stage::new("pipe");
     let scene = stage.finger(SOURCE);
     let _twin = Program::twin(&stage, &scene);
@@ -109,7 +109,7 @@ fn a_reader_that_has_had_enough_ends_echo_quietly() {
 }
 
 #[test]
-fn the_demonstration_keeps_its_contract() {
+fn demonstration_prints_its_documented_lines() {
     let stage = Stage::new("demo");
     stage.trace("trace.csv", 100, 100.0, 0.06, 30.0);
     stage.finger("kind = \"replay\"\ntrace = \"trace.csv\"");
@@ -140,7 +140,7 @@ fn the_demonstration_keeps_its_contract() {
 
 /// Every finding that is not good says what to do; warnings are no failure.
 #[test]
-fn the_doctor_finds_nothing_wrong_with_a_running_twin() {
+fn doctor_passes_a_running_twin() {
     let stage = Stage::new("dr"); // its folder and prefix have a limit together
     let scene = stage.finger(SOURCE);
     let _twin = Program::twin(&stage, &scene);
@@ -172,7 +172,7 @@ fn the_doctor_finds_nothing_wrong_with_a_running_twin() {
 
 /// A damaged model and wrong settings, both at once, and what to do about each.
 #[test]
-fn the_doctor_names_everything_that_is_wrong() {
+fn doctor_lists_all_errors() {
     let stage = Stage::new("ill");
     let scene = stage.finger(SOURCE);
     stage.write("beam.twin", "no model");
@@ -196,7 +196,7 @@ fn finding(said: &[String], subject: &str) -> Value {
 
 /// A recorder's folder: empty, recorded into, left alone, with the file of a power cut; and no folder at all.
 #[test]
-fn the_doctor_says_how_recordings_are() {
+fn doctor_reports_recordings() {
     let stage = Stage::new("docrec");
     let folder = stage.path("recordings");
     std::fs::create_dir(&folder).unwrap();
@@ -227,9 +227,9 @@ fn the_doctor_says_how_recordings_are() {
 
 /// The gateway checks its configuration itself; where it is not installed the doctor says how to get it.
 #[test]
-fn the_doctor_asks_the_gateway() {
+fn doctor_asks_the_gateway() {
     let stage = Stage::new("docgate");
-    // A folder of programs in which the gateway is what the story says.
+    // A folder of programs with a stand-in for the gateway.
     std::fs::copy(tests::process::binary("softtwin"), stage.path("softtwin")).unwrap();
     let doctor = || {
         let (status, said) =

@@ -1,4 +1,4 @@
-//! The watchdogs can fail: one thread stalls while the thread that feeds goes on. `strace` holds one system call of that thread.
+//! Watchdog with one stalled thread while the notifying thread runs. `strace` delays one system call of the stalled thread.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ fn stalling(stage: &Stage, manager: &Manager, call: &str, when: u32, program: &[
 
 /// Feeding begins and then ends for at least 1.5 s, several times the 0.4 s that the manager allows; other messages are returned.
 fn feeding_ends(manager: &Manager) -> Vec<String> {
-    manager.told("WATCHDOG=1");
+    manager.receive("WATCHDOG=1");
     let (mut fed, mut others) = (Instant::now(), Vec::new());
     let end = Instant::now() + tests::PATIENCE;
     while fed.elapsed() < Duration::from_millis(1500) {
@@ -30,7 +30,7 @@ fn feeding_ends(manager: &Manager) -> Vec<String> {
 }
 
 #[test]
-fn a_loop_of_a_twin_that_stalls_is_not_fed_although_its_other_threads_live() {
+fn stalled_twin_loop_stops_watchdog_notifications() {
     let stage = Stage::new("stalltwin");
     let scene = stage.finger(STEADY).display().to_string();
     let manager = Manager::new(&stage);
@@ -40,12 +40,12 @@ fn a_loop_of_a_twin_that_stalls_is_not_fed_although_its_other_threads_live() {
     feeding_ends(&manager);
     // The loader and the reporter live: a reload begins.
     program.signal(libc::SIGHUP);
-    manager.told("RELOADING=1");
+    manager.receive("RELOADING=1");
     program.kill();
 }
 
 #[test]
-fn a_recorder_whose_disk_stalls_is_not_fed() {
+fn stalled_disk_stops_the_recorders_watchdog_notifications() {
     let stage = Stage::new("stalldisk");
     let _bridge = Program::bridge(&stage, &stage.finger(STEADY));
     let manager = Manager::new(&stage);
@@ -61,7 +61,7 @@ fn a_recorder_whose_disk_stalls_is_not_fed() {
 
 /// Under the service manager itself, where one runs: the unit ends with the result `watchdog`.
 #[test]
-fn a_service_manager_ends_a_twin_that_stalls() {
+fn service_manager_ends_a_stalled_twin() {
     let running = Command::new("systemctl").args(["is-system-running"]).output();
     let state = running.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned());
     if !state.is_ok_and(|state| state == "running" || state == "degraded") {

@@ -1,6 +1,6 @@
-//! The fit of constants to a whole recording: robust least squares with priors.
+//! Fit of constants to a whole recording: robust least squares with priors.
 //!
-//! Minimised over the unknowns `x` and the noise `e` of each reading's measured inputs is
+//! The fit minimises over the unknowns `x` and the noise `e` of each reading's measured inputs
 //!
 //! ```text
 //! (x - x0)^T P0^-1 (x - x0) + sum over readings of (sum e^2 / sigma^2 + sum over blocks of rho(|z - h(x, e)|^2 w))
@@ -19,11 +19,11 @@ use crate::setup::{MAX_ROWS, Measurement, Model, Setup, SetupError};
 
 /// Steps after which the fit counts as not converged.
 const MAX_STEPS: usize = 60;
-/// A step below this share of the standard deviations ends the fit.
+/// Step length, in standard deviations, below which the fit ends.
 const SMALL_STEP: f64 = 1e-3;
-/// Steps in which the noise of one reading is found for given unknowns.
+/// Newton steps for the noise of one reading at given unknowns.
 const NOISE_STEPS: usize = 6;
-/// Dampings tried in a row before the fit stops where it is.
+/// Dampings tried in a row before the fit stops.
 const MAX_DAMPINGS: usize = 12;
 /// Residuals beyond this normal quantile count linearly (Huber).
 const HUBER_Z: f64 = 2.0;
@@ -38,16 +38,16 @@ pub struct Fit {
     pub estimates: Vec<Estimate>,
     /// Covariance of their errors.
     pub covariance: Symmetric,
-    /// Whether the steps became small; otherwise no value is one.
+    /// True if the steps became small; otherwise the values are NaN.
     pub converged: bool,
-    /// Squares of residuals and noise over their variances, without outliers, by the values used less the unknowns; about 1
-    /// where model and sensors are as good as stated.
+    /// Squares of residuals and noise over their variances, without outliers, divided by the values used minus the unknowns; about 1
+    /// if the standard deviations of model and sensors are right.
     pub chi2_per_dof: f64,
     /// Measured values used.
     pub used: usize,
     /// Measured values of blocks that contradict the fit.
     pub outliers: usize,
-    /// Readings left out: an input missing, or no finite prediction.
+    /// Readings left out because of a missing input or a prediction that is not finite.
     pub skipped: usize,
 }
 
@@ -63,7 +63,7 @@ impl Fit {
 /// Cost: some ten to sixty evaluations of the model for each reading.
 ///
 /// # Errors
-/// All that is wrong with the setup.
+/// All errors in the setup.
 pub fn fit(setup: &Setup, readings: &[Measurement], model: &mut impl Model) -> Result<Fit, Vec<SetupError>> {
     let mut filter = Filter::new(setup.clone())?;
     readings.iter().for_each(|reading| {
@@ -81,10 +81,12 @@ struct Batch<'a> {
     setup: &'a Setup,
     readings: Vec<Measurement>,
     skipped: usize,
-    /// By reading: noise of the measured inputs, beginning at entry 0.
+    /// Noise of the measured inputs per reading, from entry 0 on.
     noise: Vec<Vector>,
-    /// By row: 1 over the variance with the model's error as often as readings share it; and as it is.
-    weights: [[f64; MAX_ROWS]; 2],
+    /// Weight per row in the cost: inverse variance with the model's variance multiplied by the readings that share it.
+    shared_weights: [f64; MAX_ROWS],
+    /// Inverse variance per row of a single reading.
+    weights: [f64; MAX_ROWS],
 }
 
 /// Normal equations of all readings at a point.
@@ -97,7 +99,7 @@ struct Sums {
     outliers: usize,
     /// Readings without a finite prediction.
     failed: usize,
-    /// Best noise by reading.
+    /// Best noise per reading.
     noise: Vec<Vector>,
 }
 
@@ -107,13 +109,13 @@ impl<'a> Batch<'a> {
         let length_s = kept.last().zip(kept.first()).map_or(0.0, |(last, first)| last.t_s - first.t_s);
         let spacing_s = length_s / kept.len().max(2) as f64;
         let shared = if spacing_s > 0.0 { (setup.model_correlation_s / spacing_s).max(1.0) } else { 1.0 };
-        let mut weights = [[0.0; MAX_ROWS]; 2];
+        let (mut shared_weights, mut weights) = ([0.0; MAX_ROWS], [0.0; MAX_ROWS]);
         for (i, row) in setup.rows.iter().enumerate() {
-            weights[0][i] = 1.0 / row.variance(shared.min(kept.len() as f64));
-            weights[1][i] = 1.0 / row.variance(1.0);
+            shared_weights[i] = 1.0 / row.variance(shared.min(kept.len() as f64));
+            weights[i] = 1.0 / row.variance(1.0);
         }
         let (skipped, noise) = (readings.len() - kept.len(), vec![[0.0; MAX_STATES]; kept.len()]);
-        Self { setup, readings: kept, skipped, noise, weights }
+        Self { setup, readings: kept, skipped, noise, shared_weights, weights }
     }
 
     fn unknowns(&self) -> usize {
@@ -152,7 +154,7 @@ impl<'a> Batch<'a> {
                 self.noise = before;
                 damping = if damping < 1e-9 { 1e-6 } else { damping * 10.0 };
             }
-            // No damped step makes the sum smaller: it is a minimum if an undamped step would be small.
+            // No damped step reduces the sum: it is a minimum if an undamped step would be small.
             let undamped = damped_step(&sums, 0.0);
             converged = undamped.is_some_and(|step| {
                 step.iter().zip(&sums.right).map(|(s, r)| s * r).sum::<f64>()
@@ -168,11 +170,11 @@ impl<'a> Batch<'a> {
         let unread = self.setup.priors().1;
         let factor = sums.matrix.cholesky();
         let covariance = factor.map_or(Symmetric::diagonal(&unread[..count]), |factor| factor.inverse());
-        let told = identify::judge(&covariance, &unread);
+        let identifiability = identify::judge(&covariance, &unread);
         let estimate = |at: usize| Estimate {
             value: if converged { x[at] } else { f64::NAN },
             sigma: covariance.get(at, at).sqrt(),
-            identifiable: converged && told.tells(at),
+            identifiable: converged && identifiability.is_identifiable(at),
         };
         Fit {
             estimates: (0..count).map(estimate).collect(),
@@ -185,7 +187,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Normal equations of the unknowns at a point, the noise of each reading eliminated.
+    /// Normal equations of the unknowns at a point, with the noise of each reading eliminated.
     fn sums(&self, x: &Vector, model: &mut impl Model) -> Sums {
         let count = self.unknowns();
         let (mean, information) = self.prior();
@@ -219,9 +221,9 @@ impl<'a> Batch<'a> {
         let information = Symmetric::diagonal(&[0.0; MAX_STATES][..count]).extended(&noise[..measured]);
         let mut weights = [0.0; MAX_ROWS];
         for (i, value) in reading.rows.iter().enumerate().take(self.setup.rows.len()) {
-            weights[i] = if value.is_finite() { self.weights[0][i] } else { 0.0 };
+            weights[i] = if value.is_finite() { self.shared_weights[i] } else { 0.0 };
         }
-        // The unknowns' own prior is counted once, not with each reading.
+        // The unknowns' prior is counted once, not with each reading.
         let mut prior = Prior { states: *states, information };
         prior.states[count..].fill(0.0);
         let problem = ReadingProblem {
@@ -259,7 +261,7 @@ impl<'a> Batch<'a> {
         eliminate(&matrix, &right, count, &mut sums.matrix, &mut sums.right)
     }
 
-    /// Huber's weights, by row; cost and counts.
+    /// Huber weights per row, with cost and counts.
     fn robust(&self, linear: &Linear, weights: &[f64; MAX_ROWS]) -> ([f64; MAX_ROWS], Terms) {
         let (mut out, mut terms) = (*weights, Terms::default());
         let blocks = self.setup.rows.last().map_or(0, |row| row.block + 1);
@@ -268,27 +270,28 @@ impl<'a> Batch<'a> {
                 let of_block = self.setup.rows.iter().enumerate().filter(move |(_, row)| row.block == block);
                 of_block.map(|(i, _)| i).filter(|i| weights[*i] > 0.0)
             };
-            let squares = |by: usize| -> f64 {
-                rows().map(|i| self.weights[by][i] * linear.residual[i] * linear.residual[i]).sum()
+            let squares = |weights: &[f64; MAX_ROWS]| -> f64 {
+                rows().map(|i| weights[i] * linear.residual[i] * linear.residual[i]).sum()
             };
-            let (degrees, sum, plain) = (rows().count(), squares(0), squares(1));
+            let (degrees, sum, plain) =
+                (rows().count(), squares(&self.shared_weights), squares(&self.weights));
             let limit = chi_squared_quantile(degrees, HUBER_Z);
             // Beyond the limit the cost grows linearly with the residual; the weight falls with it.
-            let share = if plain > limit { (limit / plain).sqrt() } else { 1.0 };
-            terms.cost += sum * (2.0 * share - share * share);
+            let factor = if plain > limit { (limit / plain).sqrt() } else { 1.0 };
+            terms.cost += sum * (2.0 * factor - factor * factor);
             if plain > chi_squared_quantile(degrees, OUTLIER_Z) {
                 terms.outliers += degrees;
             } else {
                 terms.chi2 += plain;
                 terms.used += degrees;
             }
-            rows().for_each(|i| out[i] *= share);
+            rows().for_each(|i| out[i] *= factor);
         }
         (out, terms)
     }
 }
 
-/// What one reading's measured values add.
+/// Contribution of one reading's measured values.
 #[derive(Clone, Copy, Debug, Default)]
 struct Terms {
     cost: f64,
@@ -297,7 +300,7 @@ struct Terms {
     outliers: usize,
 }
 
-/// The noise's block of a reading's normal equations, factorised; with its right-hand side.
+/// Factorised noise block of a reading's normal equations, with its right-hand side.
 fn noise_block(matrix: &Symmetric, right: &Vector, count: usize) -> Option<(Cholesky, Vector)> {
     let own = matrix.size() - count;
     let mut block = Symmetric::diagonal(&[0.0; MAX_STATES][..own]);
@@ -309,7 +312,7 @@ fn noise_block(matrix: &Symmetric, right: &Vector, count: usize) -> Option<(Chol
     Some((block.cholesky()?, tail))
 }
 
-/// Step of a reading's noise while the unknowns stay.
+/// Step of a reading's noise at fixed unknowns.
 fn noise_step(matrix: &Symmetric, right: &Vector, count: usize) -> Option<Vector> {
     let (factor, tail) = noise_block(matrix, right, count)?;
     Some(factor.solve(&tail))

@@ -1,4 +1,4 @@
-//! The filter: an iterated extended Kalman filter over readings.
+//! Iterated extended Kalman filter over readings.
 
 use crate::identify::{self, Identifiability};
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
@@ -13,51 +13,51 @@ use crate::watch::Watch;
 
 /// Quantiles of the normal distribution around 95 % of its mass.
 const BAND_Z: f64 = 1.959_964;
-/// Contact begins at one of very many readings: by so much its evidence (twice the logarithm of the odds) must exceed that
-/// against it while the gap is not known, for a false beginning would fix the gap at a wrong value.
+/// Surplus of evidence (twice the log odds) for a first contact while the gap is unknown. Contact begins at one of very many
+/// readings, and a false beginning would fix the gap at a wrong value.
 const FIRST_CONTACT_EVIDENCE: f64 = 25.0;
-/// A known gap that many standard deviations from the onset needs one side solved only.
+/// Distance of a known gap from the onset, in standard deviations, beyond which one side is solved only.
 const CLEAR: f64 = 6.0;
-/// What [`Model::inside_contact_mm`] says may be as many times too large.
+/// Largest factor by which [`Model::inside_contact_mm`] may be too large.
 const INSIDE_AT_MOST: f64 = 2.0;
-/// A contact that explains a reading leaves at least so much of its squares: the quantile of 1 %.
+/// Normal quantile of 1 %: lower bound of the squares that a contact which explains a reading leaves.
 const MIN_Z: f64 = -2.326;
-/// How far inside the contact the search begins when the prior lies outside (mm).
+/// Depth of the start inside the contact (mm) if the prior lies outside.
 const INSIDE_CONTACT_MM: f64 = 0.5;
-/// Predictions that a search from earlier estimates may take.
+/// Predictions reserved for a search from earlier estimates.
 const LEFT_TO_REWIND: u32 = 4;
 
-/// The filter's memory.
+/// Filter and its state.
 #[derive(Clone, Debug)]
 pub struct Filter {
     setup: Setup,
     mean: Vector,
     covariance: Symmetric,
-    /// Variances that the unknowns would have without any reading.
+    /// Variances of the unknowns without any reading.
     unread: Vector,
     last_t_s: Option<f64>,
     /// Time between the last two readings (s).
     spacing_s: f64,
     /// Largest gap that readings without contact have excluded (mm).
     gap_floor_mm: f64,
-    /// Evidence for a contact from readings in a row that only a contact explains whole.
+    /// Evidence for a contact from consecutive readings that only a contact explains completely.
     toward_contact: f64,
     identifiability: Identifiability,
-    /// Where the next search begins; lent to it during an update, by its pointer.
+    /// Last predictions, from which the next search starts; `None` only during an update.
     seen: Option<Box<LastSeen>>,
-    /// Estimates from before a contact that is not noticed yet.
+    /// Estimates from before a contact that is not detected yet.
     before: Rewind,
-    /// By input: those that change steadily.
+    /// Trend per input; `Some` for inputs that change steadily.
     trends: [Option<Trend>; MAX_INPUTS],
     watch: Watch,
     alarm: Option<Alarm>,
 }
 
 impl Filter {
-    /// Starts from what is known before any reading.
+    /// Starts from the priors.
     ///
     /// # Errors
-    /// All that is wrong with the setup.
+    /// All errors in the setup.
     pub fn new(setup: Setup) -> Result<Self, Vec<SetupError>> {
         setup.check()?;
         let (mean, unread) = setup.priors();
@@ -80,7 +80,7 @@ impl Filter {
         })
     }
 
-    /// What it was started with.
+    /// Setup of the filter.
     pub fn setup(&self) -> &Setup {
         &self.setup
     }
@@ -93,7 +93,7 @@ impl Filter {
             if gap == Some(at) {
                 (value, sigma) = truncated(value, sigma, self.gap_floor_mm);
             }
-            Estimate { value, sigma, identifiable: self.identifiability.tells(at) }
+            Estimate { value, sigma, identifiable: self.identifiability.is_identifiable(at) }
         })
     }
 
@@ -102,8 +102,8 @@ impl Filter {
         self.covariance.correlation(a, b)
     }
 
-    /// Standard deviation of a quantity with these derivatives by the model inputs, from the errors of the unknowns and the
-    /// noise of the measured inputs.
+    /// Standard deviation of a quantity with these derivatives with respect to the model inputs, from the errors of the
+    /// unknowns and the noise of the measured inputs.
     pub fn sigma_of(&self, by_input: &[f64; MAX_INPUTS]) -> f64 {
         let (mut by_unknown, mut variance) = ([0.0; MAX_STATES], 0.0);
         for ((role, derivative), trend) in self.setup.inputs.iter().zip(by_input).zip(&self.trends) {
@@ -126,8 +126,8 @@ impl Filter {
 
     /// Takes a reading into account. Allocates nothing.
     ///
-    /// Cost: mostly one prediction of the model, two where contact and none are both likely, at most [`MAX_PREDICTIONS`], each with
-    /// `O(rows x states^2)` operations beside it; and the gap of the onset, once or twice.
+    /// Cost: usually one prediction of the model, two if contact and no contact are both likely, at most [`MAX_PREDICTIONS`].
+    /// Each takes `O(rows x states^2)` further operations. The onset gap is computed once or twice.
     pub fn update(&mut self, measurement: &Measurement, model: &mut impl Model) -> Update {
         if let Err(status) = self.advance(measurement) {
             return self.unchanged(status, measurement);
@@ -136,7 +136,7 @@ impl Filter {
         let mut seen = self.seen.take().unwrap_or_default();
         let mut asked = Asked { model, left: MAX_PREDICTIONS, seen: &mut seen };
         let mut explained = self.best(measurement, &prior, &mut asked);
-        // With too few predictions left the next reading looks back.
+        // With too few predictions left the next reading rewinds.
         let is_first = explained.as_ref().is_some_and(|explained| self.begins_contact(explained));
         let now = (is_first && asked.left >= LEFT_TO_REWIND).then_some((self.mean, self.covariance));
         if now.is_some()
@@ -154,7 +154,7 @@ impl Filter {
         let solved = accepted.filter(|_| used.is_some());
         let noise = solved.map(|solved| &solved.states[self.setup.unknowns.len()..]);
         if let Some(now) = now {
-            // What was taken up again stays only with the reading that it was taken up for.
+            // Earlier estimates are kept only if the reading that required them is used.
             match used {
                 Some(_) => self.before.forget(),
                 None => (self.mean, self.covariance) = now,
@@ -167,8 +167,7 @@ impl Filter {
         self.conclude(measurement, update, noise)
     }
 
-    /// Follows inputs that change steadily and watches for alarms. `noise` is that of the measured inputs, where the reading was
-    /// used.
+    /// Updates trends and alarms. `noise` is that of the measured inputs; `None` if the reading was not used.
     fn conclude(&mut self, measurement: &Measurement, mut update: Update, noise: Option<&[f64]>) -> Update {
         self.follow(measurement, &mut update.inputs);
         let mut watch = std::mem::take(&mut self.watch);
@@ -180,7 +179,7 @@ impl Filter {
         update
     }
 
-    /// Replaces measured inputs that change steadily by what all their readings say.
+    /// Replaces measured inputs that change steadily by the estimate from all their readings.
     fn follow(&mut self, measurement: &Measurement, inputs: &mut [f64; MAX_INPUTS]) {
         for (input, role) in self.setup.inputs.iter().enumerate() {
             let InputRole::Measured { sigma, bias, rate_change: Some(change) } = *role else { continue };
@@ -191,7 +190,7 @@ impl Filter {
         }
     }
 
-    /// Lets the unknowns drift up to the reading's time.
+    /// Propagates the unknowns to the reading's time.
     fn advance(&mut self, measurement: &Measurement) -> Result<(), Status> {
         if !self.setup.is_complete(measurement) {
             return Err(Status::InputMissing);
@@ -211,13 +210,13 @@ impl Filter {
             self.unread[at] += drift;
         }
         if let Some(gap) = self.setup.gap_unknown() {
-            // A gap that drifts may come back below what was excluded.
+            // A drifting gap may fall below the excluded range again.
             self.gap_floor_mm -= self.setup.unknowns[gap].drift_per_sqrt_s * passed_s.sqrt();
         }
         Ok(())
     }
 
-    /// The states before a reading.
+    /// States before a reading.
     fn prior(&self) -> Option<Prior> {
         let (noise, count) = self.setup.noise_information();
         let information = self.covariance.cholesky()?.inverse().extended(&noise[..count]);
@@ -235,13 +234,13 @@ impl Filter {
         ReadingProblem { setup: &self.setup, measurement, prior, side, weights: [0.0; MAX_ROWS] }
     }
 
-    /// Whether a solution is of a contact whose gap was not told yet.
+    /// True if a solution is a contact whose gap is not identifiable yet.
     fn begins_contact(&self, explained: &Explained) -> bool {
         let gap = self.setup.gap_unknown();
-        explained.side == Side::Contact && gap.is_some_and(|gap| !self.identifiability.tells(gap))
+        explained.side == Side::Contact && gap.is_some_and(|gap| !self.identifiability.is_identifiable(gap))
     }
 
-    /// At the first reading of a contact: prior and solution from the estimates before it began. They are the filter's from then on.
+    /// Prior and solution of the first contact reading, from the estimates before the contact began; the filter adopts them.
     fn rewound<M: Model>(
         &mut self,
         measurement: &Measurement,
@@ -279,7 +278,7 @@ impl Filter {
         out
     }
 
-    /// The likelier of no contact and contact where the gap is unknown; otherwise the model decides.
+    /// More likely of no contact and contact if the gap is unknown; otherwise the model decides.
     fn best<M: Model>(
         &mut self,
         measurement: &Measurement,
@@ -292,8 +291,8 @@ impl Filter {
             return asked.explain(&mut on(Side::Any), &prior.states, &spread, all);
         };
         let before = self.setup.inputs_at(measurement, &prior.states);
-        if self.identifiability.tells(unknown) {
-            // Far inside the contact the onset need not be looked for.
+        if self.identifiability.is_identifiable(unknown) {
+            // Far inside the contact the onset is not needed.
             let inside_mm = asked.model.inside_contact_mm(&before).unwrap_or(f64::NEG_INFINITY);
             let inside = inside_mm / (INSIDE_AT_MOST * spread[unknown]);
             if inside > CLEAR {
@@ -308,21 +307,21 @@ impl Filter {
         };
         let inside = (onset_mm - self.mean[unknown]) / spread[unknown];
         let start = self.contact_start(prior, unknown, onset_mm);
-        if self.identifiability.tells(unknown) && inside.abs() > CLEAR {
+        if self.identifiability.is_identifiable(unknown) && inside.abs() > CLEAR {
             let likely = if inside > 0.0 {
                 asked.explain(&mut on(Side::Contact), &start, &spread, all)
             } else {
                 asked.explain(&mut on(Side::Free), &prior.states, &spread, all)
             };
-            // The other side costs the square of that many standard deviations, whatever it explains.
+            // The other side costs at least the square of this distance.
             if likely.as_ref().is_some_and(|likely| likely.penalty <= inside * inside) {
                 return likely;
             }
         }
         let beyond = upper_tail(inside).max(f64::MIN_POSITIVE);
         let against_open = -2.0 * beyond.ln();
-        if self.identifiability.tells(unknown) && inside > 0.0 {
-            // The contact is the likelier one: none is looked at where it may come near it.
+        if self.identifiability.is_identifiable(unknown) && inside > 0.0 {
+            // Contact is more likely: no contact is solved only if its evidence may be comparable.
             let touching = asked.explain(&mut on(Side::Contact), &start, &spread, all);
             let worth = |open: Prospect| {
                 touching.as_ref().is_none_or(|touching| open.evidence + against_open < touching.evidence)
@@ -331,13 +330,13 @@ impl Filter {
             return self.likelier(open, touching, against_open, 0.0);
         }
         let open = asked.explain(&mut on(Side::Free), &prior.states, &spread, all);
-        let needed = if self.identifiability.tells(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
-        // A reading only makes the determinant larger, and a contact that explains it leaves some squares too.
+        let needed = if self.identifiability.is_identifiable(unknown) { 0.0 } else { FIRST_CONTACT_EVIDENCE };
+        // A reading increases the determinant, and a contact that explains it leaves residual squares too.
         let before = prior.information.cholesky()?.ln_determinant();
         let present = on(Side::Free).present().count();
         let least = before + chi_squared_quantile(present.saturating_sub(prior.information.size()), MIN_Z);
         let is_worth = |open: &Explained, contact: Prospect| {
-            // Readings in a row that only a contact explains whole say it together.
+            // Consecutive readings that only a contact explains completely add up.
             let partly = open.rejected.count_ones() > contact.rejected.count_ones();
             contact.evidence + if partly { 0.0 } else { needed } < open.evidence + against_open
         };
@@ -348,8 +347,8 @@ impl Filter {
         self.likelier(open, touching, against_open, needed)
     }
 
-    /// The likelier one of those that were worth solving: a contact where its evidence is larger by `needed`, or, over readings in a
-    /// row, the only one that explains them whole. `against_open` is what the prior says against no contact.
+    /// More likely of the solved sides: contact if its evidence is larger by `needed`, or if it alone explains consecutive
+    /// readings completely. `against_open` is the prior's evidence against no contact.
     fn likelier(
         &mut self,
         open: Option<Explained>,
@@ -360,7 +359,7 @@ impl Filter {
         match (open, touching) {
             (Some(open), Some(touching)) => {
                 let toward = open.evidence + against_open - touching.evidence;
-                // Rejection bounds what one reading can say; readings in a row say it together.
+                // Rejection bounds the evidence of one reading; consecutive readings add up.
                 let partly = open.rejected.count_ones() > touching.rejected.count_ones();
                 self.toward_contact = if partly { self.toward_contact + toward.max(0.0) } else { 0.0 };
                 Some(if toward.max(self.toward_contact) <= needed { open } else { touching })
@@ -373,7 +372,7 @@ impl Filter {
         }
     }
 
-    /// The prior, moved into the contact along its covariance when it lies outside.
+    /// Prior, moved into the contact along its covariance if it lies outside.
     fn contact_start(&self, prior: &Prior, unknown: usize, onset_mm: f64) -> Vector {
         let mut start = prior.states;
         let shift = onset_mm - INSIDE_CONTACT_MM - start[unknown];
@@ -388,7 +387,7 @@ impl Filter {
         start
     }
 
-    /// Makes the solution the estimate; none, and nothing changed, where it leaves no covariance.
+    /// Adopts the solution as the estimate; `None`, without any change, if its normal equations have no factor.
     fn accept(
         &mut self,
         measurement: &Measurement,
@@ -437,7 +436,7 @@ impl Filter {
         })
     }
 
-    /// Weights by which a reading tells the unknowns: the model's error counts as often as readings share it.
+    /// Weights of a reading for the unknowns: the model's variance is multiplied by the readings that share it.
     fn lasting_weights(&self, weights: &[f64; MAX_ROWS]) -> [f64; MAX_ROWS] {
         let mut out = *weights;
         let shared = (self.setup.model_correlation_s / self.spacing_s).max(1.0);
@@ -466,7 +465,7 @@ impl Filter {
 }
 
 /// Innovation squared over its covariance, linearised at the solution: `v^T R^-1 v - b^T A^-1 b` with the innovation
-/// `v = z - h(prior)`, which needs a factor of as many rows as there are states, not measurements.
+/// `v = z - h(prior)`. The factor has the size of the states, not of the measurements.
 fn innovation(problem: &ReadingProblem<'_>, solution: &Explained) -> f64 {
     let moved = reading::difference(&solution.states, &problem.prior.states);
     let (mut sum, mut right) = (0.0, [0.0; MAX_STATES]);

@@ -1,57 +1,59 @@
-//! Which unknowns the readings tell.
+//! Identifiability of the unknowns.
 
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 
-/// A standard deviation above this share of what it would be without any reading counts as not told.
-const MAX_SHARE: f64 = 1.0 / 3.0;
-/// When knowing an untold unknown would bring the variance of another below this share, that one is not told either.
-const MIN_OWN_VARIANCE: f64 = 0.5;
+/// Largest ratio of the standard deviation of an identifiable unknown to that without any reading.
+const MAX_SIGMA_RATIO: f64 = 1.0 / 3.0;
+/// An unknown is unidentifiable too if fixing the unidentifiable ones reduces its variance below this fraction.
+const MIN_CONDITIONAL_VARIANCE: f64 = 0.5;
 
-/// By unknown, whether the readings tell it.
+/// Identifiability per unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Identifiability {
-    told: [bool; MAX_STATES],
+    identifiable: [bool; MAX_STATES],
 }
 
 impl Identifiability {
-    /// Whether the readings tell the unknown.
-    pub(crate) fn tells(&self, unknown: usize) -> bool {
-        self.told[unknown]
+    /// True if the readings identify the unknown.
+    pub(crate) fn is_identifiable(&self, unknown: usize) -> bool {
+        self.identifiable[unknown]
     }
 }
 
-/// Compares a covariance with the variances that the unknowns would have without any reading.
+/// Compares a covariance with the variances without any reading.
 ///
-/// An unknown is told when its standard deviation fell to a third, and when that does not hang on another one that is not told:
-/// its variance, conditional on the untold ones, is at least half of its own. (The force of a finger on a plate tells the
-/// gap once the gauge's bias is known; with the bias unknown it tells their sum.)
+/// An unknown is identifiable if the readings reduce its standard deviation to a third, and if fixing the unidentifiable ones
+/// would leave at least half of its variance. Example: the force of a finger on a plate identifies the gap if the gauge's bias is
+/// known; otherwise it identifies their sum.
 pub(crate) fn judge(covariance: &Symmetric, unread: &Vector) -> Identifiability {
     let count = covariance.size();
     let mut out = Identifiability::default();
     for (at, unread) in unread.iter().enumerate().take(count) {
-        out.told[at] = covariance.get(at, at) <= MAX_SHARE * MAX_SHARE * unread;
+        out.identifiable[at] = covariance.get(at, at) <= MAX_SIGMA_RATIO * MAX_SIGMA_RATIO * unread;
     }
-    // Each round may only take away, so that it ends.
+    // Each iteration removes one unknown, so the loop ends.
     loop {
-        let hanging =
-            (0..count).find(|at| out.told[*at] && own_share(covariance, *at, &out.told) < MIN_OWN_VARIANCE);
-        match hanging {
-            Some(at) => out.told[at] = false,
+        let dependent = (0..count).find(|at| {
+            out.identifiable[*at]
+                && conditional_variance(covariance, *at, &out.identifiable) < MIN_CONDITIONAL_VARIANCE
+        });
+        match dependent {
+            Some(at) => out.identifiable[at] = false,
             None => return out,
         }
     }
 }
 
-/// Variance of an unknown if all untold ones were known, as a share of its variance.
-fn own_share(covariance: &Symmetric, at: usize, told: &[bool; MAX_STATES]) -> f64 {
-    let untold = (0..covariance.size()).filter(|other| !told[*other]);
+/// Variance of an unknown for fixed unidentifiable ones, as a fraction of its variance.
+fn conditional_variance(covariance: &Symmetric, at: usize, identifiable: &[bool; MAX_STATES]) -> f64 {
+    let unidentifiable = (0..covariance.size()).filter(|other| !identifiable[*other]);
     let mut others = [0; MAX_STATES];
     let mut count = 0;
-    for other in untold {
+    for other in unidentifiable {
         others[count] = other;
         count += 1;
     }
-    // Scaled to correlations, so that no unit matters.
+    // Correlations are independent of units.
     let mut block = Symmetric::diagonal(&[0.0; MAX_STATES][..count]);
     let mut with = [0.0; MAX_STATES];
     for i in 0..count {

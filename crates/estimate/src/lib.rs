@@ -1,25 +1,25 @@
-//! Estimation of what is not measured: inputs of a model and biases of sensors, from readings that the model predicts.
+//! Estimation of model inputs and sensor biases that are not measured, from readings that the model predicts.
 //!
 //! | file | what it does |
 //! | --- | --- |
 //! | `setup.rs` | unknowns with their priors, roles of the model's inputs, measured values, the trait of a model |
 //! | `reading.rs` | one reading as a least-squares problem |
 //! | `search.rs` | its solution: steps, rejection of outliers, a bounded number of predictions |
-//! | `outcome.rs` | what the filter says of a reading and of the unknowns |
+//! | `outcome.rs` | outcome of a reading, estimates, alarms |
 //! | `filter.rs` | the filter over readings: drift, contact or not, consistency |
 //! | `batch.rs` | the fit of constants to a whole recording |
-//! | `identify.rs` | which unknowns the readings tell |
-//! | `watch.rs` | alarms: what does not fit, lasting |
-//! | `trend.rs` | a measured input by all its readings, where it changes steadily |
-//! | `rewind.rs` | estimates from before a contact that was noticed late |
-//! | `plan.rs` | which readings would tell the unknowns apart |
+//! | `identify.rs` | identifiability of the unknowns |
+//! | `watch.rs` | alarms: persistent contradictions |
+//! | `trend.rs` | measured input that changes steadily, from all its readings |
+//! | `rewind.rs` | estimates from before a contact that was detected late |
+//! | `plan.rs` | plan of an experiment that identifies the unknowns |
 //!
 //! The filter is the iterated extended Kalman filter (Bell and Cathey 1993: its update is the Gauss-Newton iteration for the
-//! maximum of the posterior). Measured inputs carry noise of their own, which is a state of each reading alone.
+//! maximum of the posterior). The noise of a measured input is a state of each reading.
 //!
-//! Two things are particular to contact. While nothing touches, a reading says about the gap only that it is larger than the
-//! one at which contact would begin: that bound is kept beside the normal distribution, whose estimate is then that of its
-//! part beyond the bound. And contact or not is a question of its own at every reading: both are solved, the likelier counts.
+//! Two features are specific to contact. Without contact a reading only excludes gaps below the onset gap: the estimate is then
+//! that of the normal distribution truncated at this bound. And each reading is solved with and without contact; the more likely
+//! solution is used.
 
 mod batch;
 mod filter;

@@ -3,13 +3,13 @@
 /// Largest number of states: unknowns and the noise of measured inputs.
 pub const MAX_STATES: usize = 12;
 
-/// Rounds of Jacobi's rotations: they converge quadratically, 12 states in fewer than 8.
+/// Sweeps of Jacobi rotations: they converge quadratically, in fewer than 8 for 12 states.
 const SWEEPS: usize = 10;
 
-/// One number a state; entries beyond the states in use are 0.
+/// Vector over the states; unused entries are 0.
 pub type Vector = [f64; MAX_STATES];
 
-/// A symmetric matrix over the first `size` states.
+/// Symmetric matrix over the first `size` states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Symmetric {
     size: usize,
@@ -17,10 +17,10 @@ pub struct Symmetric {
 }
 
 impl Symmetric {
-    /// The matrix with this diagonal.
+    /// Matrix with this diagonal.
     ///
     /// # Panics
-    /// When there are more than [`MAX_STATES`] values.
+    /// If there are more than [`MAX_STATES`] values.
     pub fn diagonal(values: &[f64]) -> Self {
         assert!(values.len() <= MAX_STATES, "{} states, at most {MAX_STATES}", values.len());
         let mut out = Self { size: values.len(), entries: [[0.0; MAX_STATES]; MAX_STATES] };
@@ -35,7 +35,7 @@ impl Symmetric {
         self.size
     }
 
-    /// The entry of two states.
+    /// Entry of two states.
     pub fn get(&self, i: usize, j: usize) -> f64 {
         self.entries[i][j]
     }
@@ -63,7 +63,7 @@ impl Symmetric {
 
     /// `A += weight v v^T`.
     pub(crate) fn add_outer(&mut self, weight: f64, v: &Vector) {
-        // Whole rows, whose length the compiler knows: entries beyond the states in use stay 0.
+        // Rows of constant length; unused entries stay 0.
         for (row, along) in self.entries.iter_mut().zip(v).take(self.size) {
             let along = weight * along;
             row.iter_mut().zip(v).for_each(|(entry, v)| *entry += along * v);
@@ -79,7 +79,7 @@ impl Symmetric {
         out
     }
 
-    /// The first `size` states alone.
+    /// Leading block of `size` states.
     pub(crate) fn leading(&self, size: usize) -> Self {
         Self { size: size.min(self.size), ..*self }
     }
@@ -96,7 +96,7 @@ impl Symmetric {
         out
     }
 
-    /// Its eigenvalues in any order: Jacobi's rotations.
+    /// Eigenvalues in any order, by Jacobi rotations.
     pub(crate) fn eigenvalues(&self) -> Vector {
         let mut a = self.entries;
         let pairs = || (0..self.size).flat_map(|p| (p + 1..self.size).map(move |q| (p, q)));
@@ -121,7 +121,7 @@ impl Symmetric {
         std::array::from_fn(|i| a[i][i])
     }
 
-    /// Solves `A x = b` for the entries of `x` that are not held at a value; none when `A` is not positive definite.
+    /// Solves `A x = b` for the entries of `x` that are not held at a value; `None` if `A` is not positive definite.
     pub(crate) fn solve_with(&self, held: &[Option<f64>; MAX_STATES], b: &Vector) -> Option<Vector> {
         let (mut matrix, mut right) = (*self, *b);
         for (i, value) in held.iter().enumerate().filter_map(|(i, value)| Some((i, (*value)?))) {
@@ -134,7 +134,7 @@ impl Symmetric {
         Some(matrix.cholesky()?.solve(&right))
     }
 
-    /// Its Cholesky factor; none when it is not positive definite.
+    /// Cholesky factor; `None` if the matrix is not positive definite.
     pub(crate) fn cholesky(&self) -> Option<Cholesky> {
         let (mut l, mut over) = ([[0.0; MAX_STATES]; MAX_STATES], [0.0; MAX_STATES]);
         for i in 0..self.size {
@@ -186,7 +186,7 @@ impl Cholesky {
         x
     }
 
-    /// `A^-1`, symmetric to the last bit.
+    /// `A^-1`, exactly symmetric.
     pub(crate) fn inverse(&self) -> Symmetric {
         let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..self.size]);
         for j in 0..self.size {
@@ -208,61 +208,5 @@ impl Cholesky {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn inverse_times_matrix_is_the_identity() {
-        let mut a = Symmetric::diagonal(&[2.0, 3.0, 0.5, 1e-4]);
-        a.add_outer(1.5, &[0.3, -1.0, 0.2, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let factor = a.cholesky().expect("positive definite");
-        let inverse = factor.inverse();
-        for j in 0..4 {
-            let mut column = [0.0; MAX_STATES];
-            (0..4).for_each(|i| column[i] = inverse.get(i, j));
-            for (i, value) in a.times(&column).iter().enumerate().take(4) {
-                let expected = f64::from(u8::from(i == j));
-                assert!((value - expected).abs() < 1e-12, "{i} {j}: {value}");
-            }
-        }
-    }
-
-    #[test]
-    fn held_entries_keep_their_value_and_the_others_are_the_minimum_beside_them() {
-        let mut a = Symmetric::diagonal(&[2.0, 3.0, 0.5]);
-        a.add_outer(1.5, &[0.3, -1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let (mut b, mut held) = ([0.0; MAX_STATES], [None; MAX_STATES]);
-        b[..3].copy_from_slice(&[1.0, -2.0, 0.7]);
-        held[1] = Some(0.4);
-        let x = a.solve_with(&held, &b).expect("positive definite");
-        let product = a.times(&x);
-        assert!(x[1] == 0.4 && (product[0] - 1.0).abs() < 1e-12 && (product[2] - 0.7).abs() < 1e-12, "{x:?}");
-    }
-
-    #[test]
-    fn the_determinant_is_that_of_a_known_matrix() {
-        let mut a = Symmetric::diagonal(&[1.0, 1.0]);
-        a.add_outer(1.0, &[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]); // [[2, 2], [2, 5]]
-        let ln = a.cholesky().expect("positive definite").ln_determinant();
-        assert!((ln - 6.0_f64.ln()).abs() < 1e-14);
-    }
-
-    #[test]
-    fn eigenvalues_have_the_trace_and_the_determinant() {
-        let mut a = Symmetric::diagonal(&[1.0, 1.0]);
-        a.add_outer(1.0, &[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]); // 6 along (1, 2), 1 across
-        let mut found = a.eigenvalues()[..2].to_vec();
-        found.sort_by(f64::total_cmp);
-        assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 6.0).abs() < 1e-12, "{found:?}");
-        let mut b = Symmetric::diagonal(&[2.0, 3.0, 0.5, 1e-4]);
-        b.add_outer(1.5, &[0.3, -1.0, 0.2, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let ln: f64 = b.eigenvalues()[..4].iter().map(|v| v.ln()).sum();
-        assert!((ln - b.cholesky().expect("positive definite").ln_determinant()).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_matrix_that_is_not_positive_definite_or_not_a_number_has_no_factor() {
-        assert!(Symmetric::diagonal(&[1.0, -1.0]).cholesky().is_none());
-        assert!(Symmetric::diagonal(&[1.0, f64::NAN]).cholesky().is_none());
-    }
-}
+#[path = "../tests/unit/matrix.rs"]
+mod tests;

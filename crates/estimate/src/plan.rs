@@ -1,8 +1,8 @@
-//! Which readings tell the unknowns apart, before any is taken: D-optimal choice over the model's gradients.
+//! Plan of an experiment that identifies the unknowns: D-optimal choice of holds from the model's gradients.
 //!
-//! A hold is `n` readings at one state. It tells `n J^T (R + N M)^-1 J` of the unknowns, with the sensors' noise `R` and the model's error
-//! `M`, which all `N` readings of the experiment share as in the fit, and with the noise of measured inputs eliminated. Chosen is the set of holds with the largest
-//! determinant of prior and told information together.
+//! A hold is `n` readings at one state. Its information about the unknowns is `n J^T (R + N M)^-1 J` with the sensors' noise `R` and
+//! the model's error `M`. All `N` readings of the experiment share the model's error, as in the fit, and the noise of measured
+//! inputs is eliminated. The chosen set of holds has the largest determinant of prior information plus the holds' information.
 
 use crate::batch::eliminate;
 use crate::identify;
@@ -11,14 +11,14 @@ use crate::outcome::Estimate;
 use crate::reading::{Prior, ReadingProblem, Side};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Setup};
 
-/// What a set of holds tells.
+/// Predicted result of a fit to a set of holds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpectedFit {
-    /// Predicted estimates: priors with the standard deviations that the holds lead to.
+    /// Predicted estimates: prior values with the standard deviations after the holds.
     pub estimates: Vec<Estimate>,
-    /// Directions of the unknowns, in units of their priors' standard deviations, that the holds tell better than the prior.
+    /// Number of directions of the unknowns (in prior standard deviations) in which the holds have more information than the prior.
     pub rank: usize,
-    /// Largest by smallest information of such a direction; infinite where one is not told at all.
+    /// Ratio of the largest to the smallest information over all directions; infinite if one has none.
     pub condition: f64,
     covariance: Symmetric,
 }
@@ -30,8 +30,9 @@ impl ExpectedFit {
     }
 }
 
-/// Information about the unknowns in `readings` readings at a state with these true inputs, by the blocks of measured values in the bits
-/// `blocks`. `sharing` readings of the whole experiment have the model's error in common. None where the model gives no finite answer. The biases are those of the priors.
+/// Information about the unknowns from `readings` readings at a state with these true inputs and the measured values of the bits
+/// `blocks`. `sharing` readings of the whole experiment share the model's error; biases have their prior values. `None` if the
+/// prediction is not finite.
 pub fn information(
     setup: &Setup,
     inputs: &[f64; MAX_INPUTS],
@@ -70,8 +71,8 @@ pub fn information(
     Some(out)
 }
 
-/// The `count` holds that together with the priors have the largest determinant: one after the other, then exchanged while that
-/// helps. Positions in `holds`, in order; each is chosen once at most.
+/// Positions, in order, of the `count` holds that have the largest determinant together with the priors. They are chosen one
+/// after the other, then exchanged while the determinant grows; each is chosen at most once.
 pub fn choose(setup: &Setup, holds: &[Symmetric], count: usize) -> Vec<usize> {
     let value = |chosen: &[usize]| {
         let matrix = sum(setup, holds, chosen);
@@ -86,7 +87,7 @@ pub fn choose(setup: &Setup, holds: &[Symmetric], count: usize) -> Vec<usize> {
     while chosen.len() < count.min(holds.len()) {
         chosen.extend(best(&chosen).map(|(_, hold)| hold));
     }
-    // Each exchange makes the determinant larger, so that it ends.
+    // Each exchange increases the determinant, so the loop ends.
     let mut changed = true;
     while changed {
         changed = false;
@@ -103,16 +104,16 @@ pub fn choose(setup: &Setup, holds: &[Symmetric], count: usize) -> Vec<usize> {
     chosen
 }
 
-/// What some of the holds tell together; none when priors and holds contradict each other in their rounding.
+/// Predicted fit to the chosen holds; `None` if the information matrix is singular by rounding.
 pub fn expected_fit(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Option<ExpectedFit> {
     let covariance = sum(setup, holds, chosen).cholesky()?.inverse();
-    let tells = identify::judge(&covariance, &setup.priors().1);
+    let identifiability = identify::judge(&covariance, &setup.priors().1);
     let estimate = |(at, unknown): (usize, &crate::Unknown)| Estimate {
         value: unknown.prior,
         sigma: covariance.get(at, at).sqrt(),
-        identifiable: tells.tells(at),
+        identifiable: identifiability.is_identifiable(at),
     };
-    // In units of the priors' standard deviations, so that no unit matters.
+    // In prior standard deviations, independent of units.
     let mut scaled = Symmetric::diagonal(&[0.0; MAX_STATES][..setup.unknowns.len()]);
     for (i, a) in setup.unknowns.iter().enumerate() {
         for (j, b) in setup.unknowns.iter().enumerate() {
@@ -131,7 +132,7 @@ pub fn expected_fit(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Opt
     })
 }
 
-/// Information of the priors and of some holds.
+/// Information of the priors and the chosen holds.
 fn sum(setup: &Setup, holds: &[Symmetric], chosen: &[usize]) -> Symmetric {
     let mut out = setup.prior_information();
     chosen.iter().for_each(|hold| out.add(&holds[*hold]));

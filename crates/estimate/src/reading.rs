@@ -1,6 +1,6 @@
 //! One reading as a least-squares problem (`search.rs` solves it).
 //!
-//! States are the unknowns `x` and the noise `e` of the measured inputs. Minimised is
+//! States are the unknowns `x` and the noise `e` of the measured inputs. The solution minimises
 //!
 //! ```text
 //! (x - x0)^T P^-1 (x - x0) + sum e^2 / sigma^2 + sum w (z - h(x, e))^2
@@ -11,10 +11,10 @@
 use crate::matrix::{Cholesky, MAX_STATES, Symmetric, Vector};
 use crate::setup::{InputRole, MAX_INPUTS, MAX_ROWS, Measurement, Model, Predicted, Row, Setup};
 
-/// Which side of the onset a reading is solved on.
+/// Side of the onset on which a reading is solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
-    /// The model finds out by itself.
+    /// The model decides.
     Any,
     /// The actuator touches nothing, whatever the estimate of the gap.
     Free,
@@ -22,7 +22,7 @@ pub(crate) enum Side {
     Contact,
 }
 
-/// What is known before a reading.
+/// Prior of the states of one reading.
 #[derive(Clone, Debug)]
 pub(crate) struct Prior {
     /// Unknowns, then zeros for the noise.
@@ -31,29 +31,29 @@ pub(crate) struct Prior {
     pub(crate) information: Symmetric,
 }
 
-/// A reading together with what was known before it.
+/// Reading with its prior.
 pub(crate) struct ReadingProblem<'a> {
     pub(crate) setup: &'a Setup,
     pub(crate) measurement: &'a Measurement,
     pub(crate) prior: &'a Prior,
     pub(crate) side: Side,
-    /// By row: 1 over the variance; 0 for a value that is missing or rejected.
+    /// Inverse variance per row; 0 for a missing or rejected value.
     pub(crate) weights: [f64; MAX_ROWS],
 }
 
-/// A linearised prediction.
+/// Linearised prediction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Linear {
     /// `z - h`, 0 for a missing value.
     pub(crate) residual: [f64; MAX_ROWS],
     /// `dh/d(x, e)`.
     pub(crate) jacobian: [Vector; MAX_ROWS],
-    /// Whether the model says that the state touches.
+    /// True if the model predicts contact.
     pub(crate) in_contact: bool,
 }
 
 impl Linear {
-    /// The prediction after a small step.
+    /// Moves the prediction along its tangent.
     pub(crate) fn move_along(&mut self, step: &Vector) {
         for (residual, row) in self.residual.iter_mut().zip(&self.jacobian) {
             *residual -= row.iter().zip(step).map(|(d, s)| d * s).sum::<f64>();
@@ -61,7 +61,7 @@ impl Linear {
     }
 }
 
-/// What a model said last on a side of the onset.
+/// Last prediction of a model on one side of the onset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen {
     inputs: [f64; MAX_INPUTS],
@@ -70,15 +70,15 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    /// Whether the measured inputs lie within so many standard deviations of those of the prediction.
+    /// True if the measured inputs are within `sigmas` standard deviations of the prediction's.
     pub(crate) fn measured_within(&self, sigmas: f64, setup: &Setup, inputs: &[f64; MAX_INPUTS]) -> bool {
         let mut ways =
             setup.measured_inputs().map(|(input, sigma)| (inputs[input] - self.inputs[input]) / sigma);
         ways.all(|way| way.abs() <= sigmas)
     }
 
-    /// The longest way from the prediction's inputs to others, by estimated or measured input in standard deviations: `spread`, of the
-    /// unknowns first, then of the measured inputs.
+    /// Largest distance of an estimated or measured input from the prediction's, in standard deviations `spread` (unknowns first,
+    /// then measured inputs).
     pub(crate) fn way_to(&self, inputs: &[f64; MAX_INPUTS], setup: &Setup, spread: &Vector) -> f64 {
         let mut measured = spread[setup.unknowns.len()..].iter();
         let mut longest: f64 = 0.0;
@@ -89,18 +89,18 @@ impl Seen {
                 InputRole::Measured { .. } => measured.next().copied().unwrap_or(f64::NAN),
             };
             let way = (inputs[input] - self.inputs[input]).abs() / sigma;
-            // A gap without obstacle is infinite, twice: no way.
+            // The difference of two infinite gaps (no obstacle) is NaN: the distance is 0.
             let way = if inputs[input] == self.inputs[input] { 0.0 } else { way };
             longest = if way.is_nan() { f64::INFINITY } else { longest.max(way) };
         }
         longest
     }
 
-    /// The prediction continued along its tangent.
+    /// Prediction at `inputs`, continued along the tangent.
     pub(crate) fn moved_to(&self, inputs: &[f64; MAX_INPUTS]) -> Self {
         let mut way = *inputs;
         way.iter_mut().zip(&self.inputs).for_each(|(to, from)| *to -= from);
-        // Inputs that the model does not have are no numbers; a gap without obstacle is infinite, twice.
+        // Inputs that the model does not have are NaN, and so is the difference of two infinite gaps.
         way.iter_mut().filter(|way| way.is_nan()).for_each(|way| *way = 0.0);
         let mut out = Self { inputs: *inputs, ..*self };
         for predicted in &mut out.predicted {
@@ -111,13 +111,13 @@ impl Seen {
 }
 
 impl ReadingProblem<'_> {
-    /// Measured values, by row.
+    /// Rows with a measured value, and their positions.
     pub(crate) fn present(&self) -> impl Iterator<Item = (usize, &Row)> {
         let rows = self.setup.rows.iter().enumerate();
         rows.filter(|(i, _)| self.measurement.rows[*i].is_finite())
     }
 
-    /// Gives all measured values but those of some blocks their weight.
+    /// Sets the weights of all measured values except those of `blocks`.
     pub(crate) fn leave_out(&mut self, blocks: u32) {
         let mut weights = [0.0; MAX_ROWS];
         for (i, row) in self.present().filter(|(_, row)| blocks & (1 << row.block) == 0) {
@@ -126,13 +126,13 @@ impl ReadingProblem<'_> {
         self.weights = weights;
     }
 
-    /// Blocks that may be rejected: half of them. Where more contradict, the model does not explain the reading.
+    /// Largest number of rejected blocks: half of them. If more contradict, the model does not explain the reading.
     pub(crate) fn most_rejected(&self) -> u32 {
         let blocks = self.present().fold(0_u32, |bits, (_, row)| bits | 1 << row.block);
         (blocks.count_ones() / 2).max(1)
     }
 
-    /// The model's inputs at a state, on the problem's side of the onset.
+    /// Model inputs at a state, on the problem's side of the onset.
     pub(crate) fn inputs_at(&self, states: &Vector) -> [f64; MAX_INPUTS] {
         let mut at = self.setup.inputs_at(self.measurement, states);
         if let (Side::Free, Some(gap)) = (self.side, self.setup.gap) {
@@ -141,7 +141,7 @@ impl ReadingProblem<'_> {
         at
     }
 
-    /// What the model says at a state; none where that lies on the other side of the onset.
+    /// Prediction at a state; `None` if the state lies on the other side of the onset.
     pub(crate) fn predict(&self, states: &Vector, model: &mut impl Model) -> Option<Seen> {
         let inputs = self.inputs_at(states);
         let mut out = Seen { inputs, predicted: [Predicted::default(); MAX_ROWS], in_contact: false };
@@ -153,12 +153,12 @@ impl ReadingProblem<'_> {
         (self.side != Side::Contact || out.in_contact).then_some(out)
     }
 
-    /// Evaluates the model at a state; none where it gives no finite answer, or lies on the other side of the onset.
+    /// Linearised prediction at a state; `None` if it is not finite or lies on the other side of the onset.
     pub(crate) fn linearise(&self, states: &Vector, model: &mut impl Model) -> Option<Linear> {
         self.linear_of(&self.predict(states, model)?, states)
     }
 
-    /// What a prediction is to the problem; none where it is not finite.
+    /// Residuals and Jacobian of a prediction; `None` if it is not finite.
     pub(crate) fn linear_of(&self, seen: &Seen, states: &Vector) -> Option<Linear> {
         let mut out = Linear {
             residual: [0.0; MAX_ROWS],
@@ -170,12 +170,12 @@ impl ReadingProblem<'_> {
             out.residual[i] = self.measurement.rows[i] - seen.predicted[i].value - bias;
         }
         self.by_states(seen, &mut out.jacobian);
-        // A sum is finite where all that is summed is, but for overflow, which is none of a prediction.
+        // The sum is finite if and only if all terms are (predictions are too small to overflow).
         let sums = out.residual.iter().zip(&out.jacobian).map(|(r, by)| r + by.iter().sum::<f64>());
         sums.sum::<f64>().is_finite().then_some(out)
     }
 
-    /// From derivatives by inputs to derivatives by states, of the measured values.
+    /// Converts derivatives with respect to inputs into derivatives with respect to states.
     fn by_states(&self, seen: &Seen, out: &mut [Vector; MAX_ROWS]) {
         let mut noise = self.setup.unknowns.len();
         for (input, role) in self.setup.inputs.iter().enumerate() {
@@ -204,7 +204,7 @@ impl ReadingProblem<'_> {
         }
     }
 
-    /// The sum that is minimised.
+    /// Sum that is minimised.
     pub(crate) fn cost(&self, states: &Vector, linear: &Linear) -> f64 {
         let change = difference(states, &self.prior.states);
         let before: f64 = change.iter().zip(self.prior.information.times(&change)).map(|(a, b)| a * b).sum();
@@ -212,7 +212,7 @@ impl ReadingProblem<'_> {
         before + rows.map(|(w, r)| w * r * r).sum::<f64>()
     }
 
-    /// Matrix and right-hand side of the normal equations with other weights than the problem's.
+    /// Matrix and right-hand side of the normal equations with the given weights.
     pub(crate) fn equations(
         &self,
         states: &Vector,
@@ -230,8 +230,8 @@ impl ReadingProblem<'_> {
         (matrix, right)
     }
 
-    /// The step to the minimum of normal equations with the unknowns kept in their ranges, and the factor of the whole matrix; none
-    /// when it is not positive definite.
+    /// Step to the minimum with the unknowns kept in their ranges, and the factor of the whole matrix; `None` if the matrix is not
+    /// positive definite.
     pub(crate) fn step(
         &self,
         states: &Vector,
@@ -241,7 +241,7 @@ impl ReadingProblem<'_> {
         let factor = matrix.cholesky()?;
         let mut step = factor.solve(right);
         let mut held: [Option<f64>; MAX_STATES] = [None; MAX_STATES];
-        // Each round holds one more unknown at an end of its range, so that it ends.
+        // Each iteration fixes one more unknown at an end of its range, so the loop ends.
         loop {
             let outside = self.setup.unknowns.iter().enumerate().find_map(|(at, unknown)| {
                 let there = states[at] + step[at];

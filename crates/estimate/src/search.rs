@@ -1,44 +1,45 @@
-//! The search for the states that explain a reading: Gauss and Newton's steps, without the blocks of values that contradict the rest.
+//! Search for the states that explain a reading: Gauss-Newton steps without the blocks of values that contradict the rest.
 //!
-//! A prediction costs far more than the algebra of a step. So a search begins where the last prediction on its side of the onset,
-//! continued along its tangent, has the minimum: mostly one prediction there confirms it. Blocks are left out by the residuals
-//! that a step would leave, all anew with each prediction.
+//! A prediction costs far more than the algebra of a step. A search therefore starts at the minimum of the last prediction on its
+//! side of the onset, continued along its tangent; usually one prediction there confirms it. Blocks are rejected by the residuals
+//! that a step would leave. The rejection starts again with each prediction.
 
 use crate::matrix::{Cholesky, Vector};
 use crate::normal::chi_squared_quantile;
 use crate::reading::{Linear, ReadingProblem, Seen, Side, difference};
 use crate::setup::{MAX_ROWS, Model};
 
-/// Predictions for one reading at most; then the last step is taken along the tangent, and said.
+/// Largest number of predictions for one reading. The last step is then along the tangent, and [`crate::Update::converged`] is false.
 pub const MAX_PREDICTIONS: u32 = 10;
-/// A block whose residual is that unlikely (one-sided normal quantile of 1e-4) is rejected.
+/// One-sided normal quantile (1e-4) beyond which a block is rejected.
 const GATE_Z: f64 = 3.719;
-/// A block whose sum of squares is so many times the limit is rejected at the minimum too, however far that is.
+/// Multiple of the limit beyond which a block is rejected at any distance from the minimum.
 const BEYOND_DOUBT: f64 = 4.0;
-/// Evidence that a minimum may have beyond what the tangent before it says; twice that beyond another reading's tangent, [`FAR`] along it.
+/// Evidence that a minimum may have beyond its tangent's prediction; twice that at a distance of [`FAR`] along another reading's
+/// tangent.
 const CURVATURE_EVIDENCE: f64 = 10.0;
-/// A prediction is recent for readings of measured inputs within so many standard deviations of it.
+/// Distance of the measured inputs, in standard deviations, within which a prediction is recent.
 const RECENT: f64 = 10.0;
-/// Halvings of a step that makes the cost larger.
+/// Halvings of a step that increases the cost.
 const MAX_HALVINGS: usize = 6;
-/// A step below this share of the standard deviations is the last: it is taken along the tangent, for another prediction
-/// would move it by its curvature's share only.
+/// Length of the last step, in standard deviations. It is taken along the tangent: another prediction would change it only by
+/// the curvature.
 const SMALL_STEP: f64 = 0.5;
-/// Standard deviations by which the tangent of another reading may move the begin of a search.
+/// Largest shift of a search's start by another reading's tangent, in standard deviations.
 const FAR: f64 = 4.0;
 
-/// A model within one update: its predictions are counted, and the last one of each side is kept.
+/// Model within one update, with the predictions left and the last prediction of each side.
 pub(crate) struct Asked<'a, M> {
     pub(crate) model: &'a mut M,
     pub(crate) left: u32,
     pub(crate) seen: &'a mut LastSeen,
 }
 
-/// By side of the onset what the model said last.
+/// Last prediction per side of the onset.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LastSeen([Option<Seen>; 3]);
 
-/// A reading with one side of the onset assumed.
+/// Solution of a reading on one side of the onset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Explained {
     pub(crate) side: Side,
@@ -48,35 +49,36 @@ pub(crate) struct Explained {
     pub(crate) factor: Cholesky,
     /// Blocks that contradict the rest.
     pub(crate) rejected: u32,
-    /// The largest sum of squares that the rejected blocks might have.
+    /// Largest sum of squares that the rejected blocks could have if they fitted.
     pub(crate) penalty: f64,
-    /// Twice the negative logarithm of the evidence by Laplace's approximation, but for a constant; less is likelier.
+    /// Twice the negative logarithm of the evidence by Laplace's approximation, up to a constant; the smaller, the more likely.
     pub(crate) evidence: f64,
-    /// Whether the last step was small; otherwise the predictions ended before.
+    /// True if the last step was small; false if the predictions were used up.
     pub(crate) converged: bool,
 }
 
-/// A step from a linearised prediction, and what it leaves out.
+/// Step from a linearised prediction, with the rejected blocks.
 struct Step {
     along: Vector,
-    /// Its square in standard deviations, and by how much the sum that is minimised falls along the tangent.
+    /// Squared length in standard deviations.
     length: f64,
+    /// Decrease of the cost along the tangent.
     gain: f64,
     factor: Cholesky,
     rejected: Rejected,
-    /// Those of them that no further prediction would take in.
+    /// Blocks of these that stay rejected at any further prediction.
     beyond_doubt: Rejected,
 }
 
-/// What another reading's prediction says before any is made.
+/// Start and prospect of a search from another reading's prediction.
 struct Guess {
-    /// Where its tangent has the minimum, when that is near.
+    /// Minimum of its tangent, if that is near.
     states: Option<Vector>,
-    /// When it is recent.
+    /// Expected result, if the prediction is recent.
     prospect: Option<Prospect>,
 }
 
-/// What a search will come to at best.
+/// Best possible result of a search.
 #[derive(Clone, Copy)]
 pub(crate) struct Prospect {
     /// Blocks left out.
@@ -85,7 +87,7 @@ pub(crate) struct Prospect {
     pub(crate) evidence: f64,
 }
 
-/// Blocks left out, with the largest sum of squares that they might have.
+/// Rejected blocks, with the largest sum of squares that they could have if they fitted.
 #[derive(Clone, Copy, Default)]
 struct Rejected {
     blocks: u32,
@@ -93,7 +95,7 @@ struct Rejected {
 }
 
 impl<M: Model> Asked<'_, M> {
-    fn look(&mut self, problem: &ReadingProblem<'_>, states: &Vector) -> Option<Linear> {
+    fn predict(&mut self, problem: &ReadingProblem<'_>, states: &Vector) -> Option<Linear> {
         self.left = self.left.checked_sub(1)?;
         let seen = problem.predict(states, self.model)?;
         let linear = problem.linear_of(&seen, states)?;
@@ -101,8 +103,8 @@ impl<M: Model> Asked<'_, M> {
         Some(linear)
     }
 
-    /// The states that explain a reading best, with `spread` the standard deviations before it. None where the model has no
-    /// answer, or the blocks left out are not `worth` it.
+    /// States that explain a reading best; `spread` are the standard deviations before it. `None` if the model has no finite
+    /// prediction or the expected result is not `worth` the search.
     pub(crate) fn explain(
         &mut self,
         problem: &mut ReadingProblem<'_>,
@@ -115,11 +117,11 @@ impl<M: Model> Asked<'_, M> {
             return None;
         }
         let mut states = guess.and_then(|guess| guess.states).unwrap_or(*start);
-        let mut linear = match self.look(problem, &states) {
+        let mut linear = match self.predict(problem, &states) {
             Some(linear) => linear,
             None => {
                 states = *start;
-                self.look(problem, &states)?
+                self.predict(problem, &states)?
             }
         };
         'steps: loop {
@@ -136,30 +138,30 @@ impl<M: Model> Asked<'_, M> {
                 linear.move_along(&difference(&states, &before));
                 return Some(explained(problem, states, linear, step, is_small));
             }
-            let mut share = 1.0;
+            let mut fraction = 1.0;
             for _ in 0..=MAX_HALVINGS {
                 let mut trial = states;
-                trial.iter_mut().zip(&step.along).for_each(|(x, s)| *x += share * s);
+                trial.iter_mut().zip(&step.along).for_each(|(x, s)| *x += fraction * s);
                 problem.keep_in_range(&mut trial);
-                if let Some(there) = self.look(problem, &trial)
+                if let Some(there) = self.predict(problem, &trial)
                     && problem.cost(&trial, &there) <= cost + 1e-9 * cost.abs() + 1e-12
                 {
                     (states, linear) = (trial, there);
                     continue 'steps;
                 }
                 // A step too small to matter is not tried.
-                if self.left == 0 || share * share * step.length <= SMALL_STEP * SMALL_STEP {
+                if self.left == 0 || fraction * fraction * step.length <= SMALL_STEP * SMALL_STEP {
                     break;
                 }
-                share *= 0.5;
+                fraction *= 0.5;
             }
-            // No step along the direction helps: a minimum at the edge of a range or of the contact.
+            // No step along the direction reduces the cost: a minimum at the end of a range or at the onset.
             let converged = self.left > 0;
             return Some(explained(problem, states, linear, step, converged));
         }
     }
 
-    /// What the tangent of the last prediction says.
+    /// Start and prospect from the tangent of the last prediction.
     fn guess(&self, problem: &mut ReadingProblem<'_>, start: &Vector, spread: &Vector) -> Option<Guess> {
         let seen = self.seen.0[problem.side as usize].as_ref()?;
         let inputs = problem.inputs_at(start);
@@ -170,7 +172,7 @@ impl<M: Model> Asked<'_, M> {
         let mut states = *start;
         states.iter_mut().zip(&step.along).for_each(|(x, s)| *x += s);
         problem.keep_in_range(&mut states);
-        // What the tangent leaves out grows with the square of the way along it.
+        // The tangent's error grows with the square of the distance along it.
         let way = seen.way_to(&problem.inputs_at(&states), problem.setup, spread) / FAR;
         let beyond = 2.0 * CURVATURE_EVIDENCE * (way * way).min(1.0);
         Some(Guess {
@@ -181,7 +183,7 @@ impl<M: Model> Asked<'_, M> {
 }
 
 impl Step {
-    /// What a search comes to if its next minimum has so much evidence beyond what the tangent says, from this cost.
+    /// Predicted result of a search from `cost`, given evidence `beyond` the tangent's.
     fn prospect(&self, cost: f64, beyond: f64) -> Prospect {
         let Rejected { blocks: rejected, penalty } =
             if beyond > 0.0 { self.beyond_doubt } else { self.rejected };
@@ -202,8 +204,8 @@ fn explained(
     Explained { side: problem.side, states, linear, factor, rejected, penalty, evidence, converged }
 }
 
-/// The step to the minimum of a linearised prediction, one block after the other left out that contradicts the rest, as long as
-/// the reading can spare it. The problem's weights are those of the rest.
+/// Step to the minimum of a linearised prediction. Contradicting blocks are rejected one after the other, up to the limit. The
+/// problem's weights are then those of the remaining blocks.
 fn step(problem: &mut ReadingProblem<'_>, states: &Vector, linear: &Linear) -> Option<Step> {
     let (mut rejected, mut beyond_doubt) = (Rejected::default(), Rejected::default());
     let most = problem.most_rejected();
@@ -230,8 +232,8 @@ fn step(problem: &mut ReadingProblem<'_>, states: &Vector, linear: &Linear) -> O
     }
 }
 
-/// The block whose residual after a step contradicts the rest most, when one does, with the largest sum of squares it might have
-/// and how many times that it has.
+/// Block whose residual after a step contradicts the rest most, with its limit of the sum of squares and the ratio to it; `None`
+/// if all blocks fit.
 fn worst_block(
     problem: &ReadingProblem<'_>,
     linear: &Linear,

@@ -1,4 +1,4 @@
-//! What is measured, given and estimated.
+//! Setup of an estimation: measured, given and estimated quantities, and the model's interface.
 
 use crate::matrix::{MAX_STATES, Symmetric, Vector};
 use thiserror::Error;
@@ -8,32 +8,32 @@ pub const MAX_INPUTS: usize = 8;
 /// Largest number of measured values that the model predicts: a force and three coordinates of eight markers.
 pub const MAX_ROWS: usize = 25;
 
-/// A quantity that is estimated, with what is known of it before.
+/// Estimated quantity with its prior.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknown {
     /// Name.
     pub name: String,
-    /// Value before any measurement.
+    /// Prior value.
     pub prior: f64,
-    /// Standard deviation of that.
+    /// Standard deviation of the prior.
     pub sigma: f64,
-    /// Standard deviation by which it drifts in a second (random walk: in `t` seconds by `drift sqrt(t)`); 0: constant.
+    /// Standard deviation of its drift in a second (random walk: `drift sqrt(t)` in `t` seconds); 0: constant.
     pub drift_per_sqrt_s: f64,
-    /// Values that the model takes; an estimate never leaves them.
+    /// Range of the model; an estimate stays inside it.
     pub range: [f64; 2],
 }
 
 impl Unknown {
-    /// Variance by which it drifts in a time (s).
+    /// Variance of its drift in `passed_s` seconds.
     pub(crate) fn drift_variance(&self, passed_s: f64) -> f64 {
         self.drift_per_sqrt_s * self.drift_per_sqrt_s * passed_s
     }
 }
 
-/// Where the value of a model input comes from.
+/// Source of a model input's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InputRole {
-    /// The same for all readings.
+    /// Constant.
     Given(f64),
     /// Estimated: position in the unknowns.
     Estimated(usize),
@@ -41,68 +41,68 @@ pub enum InputRole {
     Measured {
         /// Standard deviation of the noise of one reading.
         sigma: f64,
-        /// The bias's position in the unknowns, when it is estimated.
+        /// Position of the bias in the unknowns, if it is estimated.
         bias: Option<usize>,
-        /// Where the value changes steadily: standard deviation by which its rate changes in a second. The inputs that come out are
-        /// then by all readings. None: each reading counts for itself.
+        /// Standard deviation of the change of its rate in a second, if the value changes steadily: the output is then estimated
+        /// from all readings. `None`: from each reading alone.
         rate_change: Option<f64>,
     },
 }
 
-/// A measured value that the model predicts.
+/// Measured value that the model predicts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Name.
     pub name: String,
-    /// Values of one block are accepted or rejected together (the coordinates of a marker); blocks count up from 0.
+    /// Block of values that are accepted or rejected together (the coordinates of a marker), counted from 0.
     pub block: usize,
     /// Standard deviation of the sensor's noise, independent from reading to reading.
     pub sigma: f64,
     /// Standard deviation of the model's error.
     pub model_sigma: f64,
-    /// Bias of the sensor in the unknowns, when it is estimated: `measured = predicted + bias + noise`.
+    /// Position of the sensor's bias in the unknowns, if it is estimated: `measured = predicted + bias + noise`.
     pub bias: Option<usize>,
 }
 
 impl Row {
-    /// Variance of a measured value where `readings` share the model's error, which they do not average out.
+    /// Variance of a measured value if `readings` share the model's error and therefore do not average it out.
     pub fn variance(&self, readings: f64) -> f64 {
         self.sigma * self.sigma + readings * self.model_sigma * self.model_sigma
     }
 }
 
-/// Everything an estimator is told before the first reading.
+/// Setup of an estimation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// The unknowns.
     pub unknowns: Vec<Unknown>,
-    /// One role for each model input, in the model's order.
+    /// Role per model input, in the model's order.
     pub inputs: Vec<InputRole>,
-    /// The predicted measurements, blocks in order.
+    /// Predicted measurements, blocks in order.
     pub rows: Vec<Row>,
-    /// Position of the gap in the inputs; none for a model without contact.
+    /// Position of the gap in the inputs; `None` for a model without contact.
     pub gap: Option<usize>,
-    /// Time over which the model's error stays alike (s). Readings within it do not average the model's error out.
+    /// Correlation time of the model's error (s). Readings within it do not average the error out.
     pub model_correlation_s: f64,
 }
 
-/// What is wrong with a setup.
+/// Error in a setup.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{place}: expected {expected}, found {found}")]
 pub struct SetupError {
-    /// Where.
+    /// Place of the error.
     pub place: String,
-    /// What would be accepted.
+    /// Accepted values.
     pub expected: &'static str,
-    /// What is there.
+    /// Value found.
     pub found: String,
 }
 
 impl Setup {
-    /// Checks everything.
+    /// Checks the setup.
     ///
     /// # Errors
-    /// All that is wrong; never empty.
+    /// All errors; never empty.
     pub fn check(&self) -> Result<(), Vec<SetupError>> {
         let mut errors = Vec::new();
         let mut expect = |fits: bool, place: String, expected: &'static str, found: String| {
@@ -169,14 +169,14 @@ impl Setup {
         if errors.is_empty() { Ok(()) } else { Err(errors) }
     }
 
-    /// Model inputs of a reading whose measured inputs are exact but for the biases among `unknowns`.
+    /// Model inputs of a reading whose measured inputs have no noise, only the biases among `unknowns`.
     pub fn inputs(&self, measurement: &Measurement, unknowns: &[f64]) -> [f64; MAX_INPUTS] {
         let mut states = [0.0; MAX_STATES];
         states.iter_mut().zip(unknowns).for_each(|(to, from)| *to = *from);
         self.inputs_at(measurement, &states)
     }
 
-    /// The model inputs of a state: unknowns, then the noise of the measured inputs.
+    /// Model inputs of a state (unknowns, then the noise of the measured inputs).
     pub(crate) fn inputs_at(&self, measurement: &Measurement, states: &Vector) -> [f64; MAX_INPUTS] {
         let mut out = [f64::NAN; MAX_INPUTS];
         let mut noise = self.unknowns.len();
@@ -203,7 +203,7 @@ impl Setup {
         (means, variances)
     }
 
-    /// What the priors tell: the inverse of their variances.
+    /// Information of the priors: the inverse of their variances.
     pub(crate) fn prior_information(&self) -> Symmetric {
         let mut out = Symmetric::diagonal(&[0.0; MAX_STATES][..self.unknowns.len()]);
         for (at, unknown) in self.unknowns.iter().enumerate() {
@@ -212,7 +212,7 @@ impl Setup {
         out
     }
 
-    /// Positions and standard deviations of the measured inputs, in order: each adds its noise as a state of its own.
+    /// Positions and standard deviations of the measured inputs, in order; the noise of each is a further state.
     pub fn measured_inputs(&self) -> impl Iterator<Item = (usize, f64)> {
         self.inputs.iter().enumerate().filter_map(|(input, role)| match role {
             InputRole::Measured { sigma, .. } => Some((input, *sigma)),
@@ -230,12 +230,12 @@ impl Setup {
         (out, count)
     }
 
-    /// Whether a reading has every measured input.
+    /// True if a reading has every measured input.
     pub(crate) fn is_complete(&self, measurement: &Measurement) -> bool {
         self.measured_inputs().all(|(input, _)| measurement.inputs[input].is_finite())
     }
 
-    /// The unknown that the gap is, when it is estimated.
+    /// Unknown of the gap, if it is estimated.
     pub(crate) fn gap_unknown(&self) -> Option<usize> {
         match self.inputs[self.gap?] {
             InputRole::Estimated(unknown) => Some(unknown),
@@ -244,25 +244,25 @@ impl Setup {
     }
 }
 
-/// One reading: everything that was measured at one time.
+/// Reading: all values measured at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement {
     /// Time (s), from any origin.
     pub t_s: f64,
-    /// By model input: the measured value; NaN where there is none.
+    /// Measured value per model input; NaN if absent.
     pub inputs: [f64; MAX_INPUTS],
-    /// By row of the setup: the measured value; NaN where it is missing.
+    /// Measured value per row of the setup; NaN if absent.
     pub rows: [f64; MAX_ROWS],
 }
 
 impl Measurement {
-    /// A reading of nothing at a time.
+    /// Reading without any value.
     pub fn at(t_s: f64) -> Self {
         Self { t_s, inputs: [f64::NAN; MAX_INPUTS], rows: [f64::NAN; MAX_ROWS] }
     }
 }
 
-/// A predicted value with its derivative by each model input.
+/// Predicted value with its derivative with respect to each model input.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Predicted {
     /// Value, in the row's unit.
@@ -271,22 +271,22 @@ pub struct Predicted {
     pub gradient: [f64; MAX_INPUTS],
 }
 
-/// What the estimator needs of a model.
+/// Model as the estimator uses it.
 pub trait Model {
-    /// Predicts the rows of the setup at a state. Returns whether the state touches the obstacle. Values that are not finite
-    /// say that the model cannot answer there.
+    /// Predicts the rows of the setup at a state. Returns true if the state touches the obstacle. Values are not finite if the
+    /// model has no prediction there.
     fn predict(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) -> bool;
 
-    /// [`Self::predict`] with nothing to touch: the gap among the inputs is infinite.
+    /// [`Self::predict`] without an obstacle: the gap among the inputs is infinite.
     fn predict_free(&mut self, inputs: &[f64; MAX_INPUTS], out: &mut [Predicted]) {
         self.predict(inputs, out);
     }
 
-    /// Largest gap (mm) at which the other inputs make the actuator touch; none when no gap does.
+    /// Largest gap (mm) at which the actuator touches with the other inputs; `None` if no gap does.
     fn onset_gap_mm(&mut self, inputs: &[f64; MAX_INPUTS]) -> Option<f64>;
 
-    /// About how far the gap of a state lies inside the contact (mm), by what [`Self::predict`] found last; to half of it. None where that
-    /// cannot be said without a prediction.
+    /// Approximate depth of a state's gap inside the contact (mm), from the last [`Self::predict`], with an error of at most a
+    /// factor of 2. `None` if a prediction would be needed.
     fn inside_contact_mm(&self, _inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
         None
     }

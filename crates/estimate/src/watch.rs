@@ -1,53 +1,57 @@
-//! Whether model, sensors and estimates still explain the readings, over the last half second.
+//! Consistency of model, sensors and estimates with the readings of the last half second.
 //!
-//! One reading says little: outliers and missing values are normal. Kept are sums over readings, each forgotten by `exp(-t / 0.5 s)`:
-//! how often a block was rejected, the noise that a measured input must have had, and the normalised innovations.
+//! Outliers and missing values of single readings are normal. The watch keeps sums over readings with weights `exp(-t / 0.5 s)`: the
+//! rejections per block, the estimated noise of the measured inputs, and the normalised innovations.
 
 use crate::matrix::Vector;
 use crate::outcome::{Alarm, Estimate, Status, Update};
 use crate::setup::{MAX_INPUTS, MAX_ROWS, Measurement, Setup};
 
-/// Time after which a reading counts 1/e (s).
+/// Time constant of the weights (s).
 const MEMORY_S: f64 = 0.5;
-/// So long something must not fit before it is said what (s): by then the readings before it count little.
+/// Duration of a contradiction before it raises an alarm (s); earlier readings then have little weight.
 const SETTLE_S: f64 = 0.7;
-/// Readings, each counted with its weight, before anything is said.
+/// Smallest weighted number of readings for an alarm.
 const MIN_READINGS: f64 = 5.0;
-/// Rejected more often than this, a block contradicts the rest.
-const MAX_REJECTED_SHARE: f64 = 0.5;
-/// Mean noise of a measured input in standard deviations of one reading; the mean of true noise is a small part of one.
+/// Fraction of rejections beyond which a block contradicts the rest.
+const MAX_REJECTED_FRACTION: f64 = 0.5;
+/// Largest mean noise of a measured input, in standard deviations of one reading.
 const MAX_MEAN_NOISE: f64 = 4.0;
-/// An estimate so many prior standard deviations away from its prior.
+/// Largest distance of an estimate from its prior, in prior standard deviations.
 const MAX_FROM_PRIOR: f64 = 4.0;
-/// Standard deviations by which the sum of innovations may exceed its mean.
+/// Largest excess of the sum of innovations over its mean, in standard deviations.
 const MAX_EXCESS: f64 = 6.0;
-/// Square of the model's error in its standard deviations that is still normal (quantile 0.9999): it is the same in all readings
-/// of the window, so that it does not average out.
+/// Largest normal square of the model's error, in its variance (quantile 0.9999). The error is the same in all readings of the
+/// window, so it does not average out.
 const MODEL_SQUARES: f64 = 15.1;
 
 /// Sums over the last readings.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watch {
     last_t_s: Option<f64>,
-    /// Since when something does not fit.
+    /// Begin of the present contradiction.
     since_s: Option<f64>,
-    /// Readings, and those that nothing explained.
     readings: f64,
+    /// Readings that were not used.
     unexplained: f64,
-    /// By block: values seen, values rejected.
+    /// Values per block.
     seen: [f64; MAX_ROWS],
+    /// Rejected values per block.
     rejected: [f64; MAX_ROWS],
-    /// Readings used; by measured input the noise they needed, in standard deviations.
+    /// Readings used.
     used: f64,
+    /// Noise per measured input in the readings used, in standard deviations.
     noise: Vector,
-    /// Innovations squared, what they may be at most but for chance, and the variance of that.
+    /// Squared normalised innovations.
     innovation: f64,
+    /// Largest expected value of `innovation`.
     allowed: f64,
+    /// Variance of `innovation`.
     variance: f64,
 }
 
 impl Watch {
-    /// Takes the outcome of a reading. `noise` is that of the measured inputs, by position, where the reading was used.
+    /// Adds the outcome of a reading. `noise` is that of the measured inputs, in order; `None` if the reading was not used.
     pub(crate) fn add(
         &mut self,
         setup: &Setup,
@@ -84,7 +88,7 @@ impl Watch {
         }
     }
 
-    fn forget(&mut self, share: f64) {
+    fn forget(&mut self, weight: f64) {
         let single = [
             &mut self.readings,
             &mut self.unexplained,
@@ -93,11 +97,11 @@ impl Watch {
             &mut self.allowed,
         ];
         let many = self.seen.iter_mut().chain(&mut self.rejected).chain(&mut self.noise);
-        single.into_iter().chain(many).for_each(|sum| *sum *= share);
-        self.variance *= share * share;
+        single.into_iter().chain(many).for_each(|sum| *sum *= weight);
+        self.variance *= weight * weight;
     }
 
-    /// Says what does not fit, once it lasts. `estimates` come with the standard deviations that they would have without any reading.
+    /// Contradiction that has lasted for `SETTLE_S`. `estimates` come with their standard deviations without any reading.
     pub(crate) fn judge(
         &mut self,
         setup: &Setup,
@@ -116,8 +120,8 @@ impl Watch {
             (0..MAX_ROWS).filter(|block| which(*block)).fold(0_u32, |bits, block| bits | 1 << block)
         };
         let seen = blocks(&|block| self.seen[block] >= MIN_READINGS);
-        let suspects = seen & blocks(&|block| self.rejected[block] > MAX_REJECTED_SHARE * self.seen[block]);
-        if self.unexplained > MAX_REJECTED_SHARE * self.readings || (suspects == seen && seen != 0) {
+        let suspects = seen & blocks(&|block| self.rejected[block] > MAX_REJECTED_FRACTION * self.seen[block]);
+        if self.unexplained > MAX_REJECTED_FRACTION * self.readings || (suspects == seen && seen != 0) {
             return Some(Alarm::NotExplained);
         }
         if suspects != 0 {

@@ -47,6 +47,8 @@ impl Drop for Place {
     }
 }
 
+/// Time after which a test fails.
+const PATIENCE: Duration = Duration::from_secs(60);
 const TYPE: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5";
 
 fn topic() -> Topic {
@@ -66,10 +68,8 @@ fn a_half_made_counter_of_a_dead_program_is_removed_at_the_next_start() {
         file.set_len(size).unwrap();
         file.set_permissions(Permissions::from_mode(mode)).unwrap();
         drop(file);
-        let begin = Instant::now();
         let bus = Bus::open(&place.domain).unwrap();
         assert!(bus.removed().files >= 1, "{:?}", bus.removed());
-        assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
     }
 }
 
@@ -95,10 +95,8 @@ fn a_file_without_a_size_that_somebody_uses_is_named_instead_of_waited_for() {
     let place = Place::new("empty");
     let bus = Bus::open(&place.domain).unwrap();
     let (path, file) = place.half_made(&format!("{TYPE}_1.dynamic"));
-    let begin = Instant::now();
     let refused = StateWriter::create(&bus, &topic()).unwrap_err().to_string();
     assert!(refused.contains(path.to_str().unwrap()) && refused.contains("no size"), "{refused}");
-    assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
     drop(file);
     StateWriter::create(&bus, &topic()).unwrap();
 }
@@ -171,8 +169,8 @@ fn a_running_program_removes_what_others_leave_half_made() {
     drop(file);
     let begin = Instant::now();
     while path.exists() {
-        assert!(begin.elapsed() < Duration::from_secs(20), "{} stays", path.display());
-        std::thread::yield_now();
+        assert!(begin.elapsed() < PATIENCE, "{} stays", path.display());
+        std::thread::sleep(Duration::from_millis(2));
     }
 }
 

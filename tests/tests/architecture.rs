@@ -41,7 +41,7 @@ fn metadata() -> Value {
 }
 
 #[test]
-fn crates_use_what_the_architecture_allows_and_nothing_else() {
+fn crates_use_only_allowed_crates() {
     let allowed = allowed();
     assert!(allowed.len() >= 8, "the table of ARCHITECTURE.md was not understood: {allowed:?}");
     let names: BTreeMap<String, &String> = allowed.keys().map(|name| (name.clone(), name)).collect();
@@ -79,7 +79,7 @@ fn features(selection: &[&str]) -> BTreeSet<String> {
 }
 
 #[test]
-fn the_demonstration_and_the_tests_share_one_build() {
+fn demonstration_and_tests_share_one_build() {
     let demo = features(&["-p", "softtwind", "--edges", "normal,build"]);
     let tests = features(&["--workspace", "--edges", "normal,build,dev"]);
     assert!(demo.len() > 100, "only {} crates were seen", demo.len());
@@ -99,7 +99,7 @@ fn computing() -> Vec<Vec<String>> {
 }
 
 #[test]
-fn all_parts_of_the_tests_share_one_build() {
+fn parts_of_the_tests_share_one_build() {
     let whole = features(&["--workspace", "--edges", "normal,build,dev"]);
     let groups = computing();
     assert_eq!(groups.len(), 2, "{groups:?}");
@@ -121,7 +121,7 @@ fn read(path: &str) -> String {
 
 /// Tests are modules of few programs: a file that none of them names would never run.
 #[test]
-fn every_file_of_tests_is_in_a_program() {
+fn every_test_file_is_in_a_test_program() {
     let metadata = metadata();
     let mut checked = 0;
     for package in metadata["packages"].as_array().expect("packages") {
@@ -154,7 +154,7 @@ fn every_file_of_tests_is_in_a_program() {
 
 /// `test = false` saves the building of a test program; it must not hide a test.
 #[test]
-fn targets_that_are_not_tested_have_no_tests() {
+fn untested_targets_have_no_tests() {
     let metadata = metadata();
     let packages = metadata["packages"].as_array().expect("packages");
     let mut checked = 0;
@@ -164,7 +164,7 @@ fn targets_that_are_not_tested_have_no_tests() {
             continue;
         }
         if kind == "test" {
-            // Too long for every day: a command of its own, which CI runs.
+            // Too long for every run: CI has a separate command.
             let command = format!("--test {}", target["name"].as_str().expect("a name"));
             assert!(read("scripts/check.sh").contains(&command), "test = false, and no check runs {command}");
             continue;
@@ -184,7 +184,7 @@ fn targets_that_are_not_tested_have_no_tests() {
 }
 
 #[test]
-fn no_files_of_a_crate_form_a_circle() {
+fn files_of_a_crate_form_no_circle() {
     let mut circles = Vec::new();
     let crates = std::fs::read_dir(root().join("crates")).expect("crates");
     let folders = crates.map(|entry| entry.expect("an entry").path());
@@ -224,7 +224,7 @@ fn all_sources() -> Vec<(PathBuf, String)> {
 }
 
 #[test]
-fn no_source_file_is_too_long() {
+fn source_files_have_at_most_600_lines() {
     let long: Vec<String> = all_sources()
         .iter()
         .map(|(path, text)| (path, text.lines().count()))
@@ -235,7 +235,7 @@ fn no_source_file_is_too_long() {
 }
 
 #[test]
-fn tests_are_skipped_for_the_listed_reasons_only() {
+fn tests_are_skipped_only_for_listed_reasons() {
     let word = ["SKIP", "PED"].concat();
     let elsewhere: Vec<PathBuf> = all_sources()
         .into_iter()
