@@ -494,8 +494,9 @@ fn markers_by_modbus_and_by_lines_end_in_an_estimate() {
     };
     let whole = wait("a reading of force and both markers", &|estimate| estimate.used_values == 7);
     assert_eq!(whole.status, estimate_status::USED);
-    let found =
-        wait("gap and bias identified", &|estimate| estimate.identifiable == 0b11 && estimate.sigmas[0] < 0.4);
+    let found = wait("gap and bias identified", &|estimate| {
+        estimate.identifiable == 0b11 && estimate.sigmas[0] < 0.4
+    });
     assert!((found.values[0] - Bench::GAP_MM).abs() < 4.0 * found.sigmas[0], "{found:?}");
     assert!((found.values[1] - Bench::BIAS_MPA).abs() < 4.0 * found.sigmas[1], "{found:?}");
     // Without the camera the force and the other marker go on; plugged in again it counts again.

@@ -1,6 +1,6 @@
 //! Membership in a domain.
 
-use crate::border::{call, give, take, text};
+use crate::ffi::{call, take, text, write_handle};
 use crate::status::softtwin_status;
 use std::ffi::c_char;
 use wire::layout::regime;
@@ -33,7 +33,7 @@ pub unsafe extern "C" fn softtwin_bus_open(
         }
         let bus = Bus::open(&wanted)?;
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_bus { bus }) }
+        unsafe { write_handle(out, softtwin_bus { bus }) }
     })
 }
 

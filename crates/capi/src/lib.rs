@@ -11,8 +11,8 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-mod border;
 mod bus;
+mod ffi;
 mod model;
 mod query;
 mod reader;

@@ -1,6 +1,6 @@
 //! A model in this process: its answers without a daemon, equal to `softtwin predict` to the bit.
 
-use crate::border::{Failure, argument, call, give, name, put, take, text};
+use crate::ffi::{Failure, argument, call, name, put, take, text, write_handle};
 use crate::status::softtwin_status;
 use rom::evaluation::Evaluation;
 use rom::evaluator::Evaluator;
@@ -224,7 +224,7 @@ pub unsafe extern "C" fn softtwin_model_open(
         let all = Selection::default();
         let model = Arc::new(reader.load(&all).map_err(|e| unreadable(&e))?);
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_model::new(model, &all)?) }
+        unsafe { write_handle(out, softtwin_model::new(model, &all)?) }
     })
 }
 
@@ -257,7 +257,7 @@ pub unsafe extern "C" fn softtwin_model_select(
         let fields = fields.map(|list| list.split(',').map(|name| name.trim().to_owned()).collect());
         let selected = softtwin_model::new(model.model.clone(), &Selection { fields, nodes })?;
         // SAFETY: by the caller's promise.
-        unsafe { give(out, selected) }
+        unsafe { write_handle(out, selected) }
     })
 }
 

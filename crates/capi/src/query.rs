@@ -1,7 +1,7 @@
 //! Questions to a twin.
 
-use crate::border::{Failure, argument, call, give, handle, name, put, take};
 use crate::bus::softtwin_bus;
+use crate::ffi::{Failure, argument, call, handle, name, put, take, write_handle};
 use crate::status::softtwin_status;
 use std::ffi::c_char;
 use std::time::Duration;
@@ -25,7 +25,7 @@ pub unsafe extern "C" fn softtwin_client_open(
         let (bus, name) = unsafe { (handle(bus)?, name(actuator)?) };
         let client = QueryClient::open(&bus.bus, name)?;
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_client(client)) }
+        unsafe { write_handle(out, softtwin_client(client)) }
     })
 }
 

@@ -1,7 +1,7 @@
 //! Readers of topics: payloads of fixed size are copied, fields are not.
 
-use crate::border::{Failure, argument, call, give, handle, name, put, take, text};
 use crate::bus::softtwin_bus;
+use crate::ffi::{Failure, argument, call, handle, name, put, take, text, write_handle};
 use crate::status::softtwin_status;
 use std::cell::RefCell;
 use std::ffi::{c_char, c_int, c_void};
@@ -100,7 +100,7 @@ pub unsafe extern "C" fn softtwin_reader_open(
         let (bus, topic) = unsafe { (handle(bus)?, topic_of(name_, kind, node_set)?) };
         let reader = AnyReader::open(&bus.bus, &topic)?;
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_reader::new(reader)) }
+        unsafe { write_handle(out, softtwin_reader::new(reader)) }
     })
 }
 
@@ -125,7 +125,7 @@ pub unsafe extern "C" fn softtwin_reader_attach(
         let waking = if wakes == 0 { Waking::Never } else { Waking::ByEvent };
         let reader = AnyReader::attach_as(&bus.bus, &topic, waking)?;
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_reader::new(reader)) }
+        unsafe { write_handle(out, softtwin_reader::new(reader)) }
     })
 }
 

@@ -1,6 +1,6 @@
 //! Waiting for several readers at once, by a call or by a descriptor of the program's own event loop.
 
-use crate::border::{Failure, argument, call, give, handle, put, take};
+use crate::ffi::{Failure, argument, call, handle, put, take, write_handle};
 use crate::reader::softtwin_reader;
 use crate::status::softtwin_status;
 use std::ffi::c_int;
@@ -37,7 +37,7 @@ pub unsafe extern "C" fn softtwin_waiter_open(
         }
         let wake = WakeSet::new(all.into_iter().map(|reader| reader.wakeable() as &dyn Wakeable));
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_waiter { wake, descriptor: None }) }
+        unsafe { write_handle(out, softtwin_waiter { wake, descriptor: None }) }
     })
 }
 

@@ -1,7 +1,7 @@
 //! Writers: readings in place of a bridge, pressure commands, setpoints of a valve's owner.
 
-use crate::border::{argument, call, give, handle, name, take};
 use crate::bus::softtwin_bus;
+use crate::ffi::{argument, call, handle, name, take, write_handle};
 use crate::reader::topic;
 use crate::status::softtwin_status;
 use std::ffi::c_char;
@@ -51,7 +51,7 @@ pub unsafe extern "C" fn softtwin_writer_open(
             _ => return Err(argument(&format!("{topic} is the twin's own; expected sensor or command"))),
         };
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
+        unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
     })
 }
 
@@ -78,7 +78,7 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
         let port = SetpointWriter::create_named(&bus.bus, &topic(actuator, "setpoint")?, owner)?;
         let port = Port::Setpoint(port, pack_name(owner));
         // SAFETY: by the caller's promise.
-        unsafe { give(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
+        unsafe { write_handle(out, softtwin_writer { port, boot_id: boot_id(), seq: 0 }) }
     })
 }
 

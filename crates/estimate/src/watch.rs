@@ -120,7 +120,8 @@ impl Watch {
             (0..MAX_ROWS).filter(|block| which(*block)).fold(0_u32, |bits, block| bits | 1 << block)
         };
         let seen = blocks(&|block| self.seen[block] >= MIN_READINGS);
-        let suspects = seen & blocks(&|block| self.rejected[block] > MAX_REJECTED_FRACTION * self.seen[block]);
+        let suspects =
+            seen & blocks(&|block| self.rejected[block] > MAX_REJECTED_FRACTION * self.seen[block]);
         if self.unexplained > MAX_REJECTED_FRACTION * self.readings || (suspects == seen && seen != 0) {
             return Some(Alarm::NotExplained);
         }

@@ -1,4 +1,4 @@
-//! A single element of elastomer under its own weight, held at one face: the smallest problem on arrays of one's own.
+//! Single element of elastomer under its own weight, held at one face: the smallest problem on plain arrays.
 
 use fem::{GRAVITY_DOWN_MM_S2, Mesh, Problem, ProblemConfig, Solver};
 use formats::mesh_file::TET_EDGES;

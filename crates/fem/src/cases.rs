@@ -1,5 +1,5 @@
-//! Lists of cases: `case,regime,split,pressure_mpa,gap_mm`, one row a state to compute; and tables of cavity volumes.
-//! Behind them a list may have a column for each parameter, headed by its dotted key in `actuator.toml`.
+//! Lists of cases: `case,regime,split,pressure_mpa,gap_mm`, one row per state to compute; and tables of cavity volumes.
+//! Further columns of a list are parameters, headed by their dotted keys in `actuator.toml`.
 
 use crate::actuator::Setting;
 use formats::database::{REGIMES, SPLITS};
@@ -9,13 +9,13 @@ use rom::snapshots::RegimeKind;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Columns of a list; a table of results has more, which are passed over.
+/// Columns of a list; other columns, as in a table of results, are ignored.
 pub(crate) const COLUMNS: [&str; 5] = ["case", "regime", "split", "pressure_mpa", "gap_mm"];
-/// Above this no elastomer actuator of this kind survives; a larger figure is another unit.
+/// Largest pressure, far above that of elastomer actuators; a larger value has another unit.
 const MAX_MPA: f64 = 10.0;
 const MAX_MM: f64 = 10_000.0;
 
-/// A state to compute.
+/// State to compute.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// Name, unique in its list.
@@ -26,7 +26,7 @@ pub struct Case {
     pub split: String,
     /// Cavity pressure (MPa).
     pub pressure_mpa: f64,
-    /// Distance of the obstacle from the undeformed base (mm); none when free.
+    /// Distance of the obstacle from the undeformed base (mm); `None` for a free case.
     pub gap_mm: Option<f64>,
     /// Parameters in the order of their columns: dotted key of `actuator.toml` and value; the same keys in all cases.
     pub settings: Vec<Setting>,
@@ -53,10 +53,10 @@ pub(crate) fn columns(cases: &[Case]) -> Vec<&str> {
     COLUMNS.into_iter().chain(parameters.iter().map(|(name, _)| name.as_str())).collect()
 }
 
-/// Reads a list; everything that is wrong with it at once.
+/// Reads a list.
 ///
 /// # Errors
-/// Not readable, a missing column, a value out of range, two cases of one name or with the same loads.
+/// All errors in it: I/O, a missing column, a value out of range, two cases of one name or with the same loads.
 pub fn read(path: &Path) -> Result<Vec<Case>, FormatError> {
     checked(&Table::read(path, true)?)
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
@@ -65,7 +65,7 @@ pub fn read(path: &Path) -> Result<Vec<Case>, FormatError> {
 /// [`read`] from memory. Lines that begin with `#` are comments.
 ///
 /// # Errors
-/// Everything that is wrong; never empty.
+/// All errors; never empty.
 pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Diagnostic>> {
     checked(&Table::parse(text, true).map_err(|diagnostic| vec![diagnostic])?)
 }
@@ -73,7 +73,7 @@ pub fn parse(text: &str) -> Result<Vec<Case>, Vec<Diagnostic>> {
 fn checked(table: &Table) -> Result<Vec<Case>, Vec<Diagnostic>> {
     let columns = table.columns(COLUMNS)?;
     let mut diagnostics = Vec::new();
-    // Only quantities of actuator.toml have a dot in their name; other columns are passed over.
+    // Only quantities of actuator.toml have a dot in their name; other columns are ignored.
     let header = table.header().iter().enumerate();
     let parameters: Vec<(usize, &String)> = header.filter(|(_, name)| name.contains('.')).collect();
     for (k, (_, name)) in parameters.iter().enumerate() {
@@ -114,7 +114,7 @@ fn case(
     let gap_mm = row.number(at[4]).ok().filter(|g| *g > 0.0 && *g <= MAX_MM);
     match regime {
         Ok((_, RegimeKind::Contact)) => {
-            expect(gap_mm.is_some(), at[4], "a gap above 0 mm (the obstacle stands outside the body)");
+            expect(gap_mm.is_some(), at[4], "a gap above 0 mm (the obstacle is outside the body)");
         }
         Ok(_) => {
             expect(row.text(at[4]).is_empty(), at[4], "nothing, as a free case has no gap");
@@ -154,7 +154,7 @@ fn repeated(cases: &[Case]) -> Vec<Diagnostic> {
     diagnostics
 }
 
-/// The list as text that [`parse`] reads.
+/// The list in the format of [`parse`].
 #[must_use]
 pub fn to_csv(cases: &[Case]) -> String {
     to_text(&columns(cases), cases.iter().map(Case::cells))
@@ -168,7 +168,7 @@ pub(crate) const VOLUME_COLUMNS: [&str; 4] = ["case", "pressure_mpa", "gap_mm", 
 pub struct Volume {
     /// Cavity pressure (MPa).
     pub pressure_mpa: f64,
-    /// Distance of the obstacle (mm); none when free.
+    /// Distance of the obstacle (mm); `None` for a free case.
     pub gap_mm: Option<f64>,
     /// Volume of the cavity (mm3).
     pub cavity_volume_mm3: f64,
@@ -177,7 +177,7 @@ pub struct Volume {
 /// Reads the `volumes.csv` of a run.
 ///
 /// # Errors
-/// Not readable, another heading, or rows that are no finite numbers; all of them at once.
+/// All errors: I/O, another heading, values that are not finite.
 pub fn read_volumes(path: &Path) -> Result<Vec<Volume>, FormatError> {
     let table = Table::read(path, false)?;
     let wrong = |diagnostics| FormatError::Content { path: path.into(), diagnostics };

@@ -1,4 +1,4 @@
-//! Everything a problem needs besides its mesh, and the loads of a state.
+//! Configuration of a problem and loads of a state.
 
 use serde::{Deserialize, Serialize};
 
@@ -24,8 +24,7 @@ pub struct ContactSettings {
     /// Plate or block: pressure per overlap (MPa/mm), given to the surface nodes by their areas.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obstacle_penalty_mpa_per_mm: Option<f64>,
-    /// The same as a force per overlap at each surface node (N/mm), as older files have it: spread over the surface
-    /// with the same total. One of both is given.
+    /// Alternative to the former: force per overlap at each surface node (N/mm), spread over the surface with the same total.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obstacle_penalty_n_per_mm: Option<f64>,
     /// Plate or block: overlap over which the penalty is rounded (mm).
@@ -54,11 +53,11 @@ pub struct NewtonSettings {
     pub step_length_mm: f64,
     /// Largest nodal displacement of one iteration (mm).
     pub displacement_cap_mm: f64,
-    /// Largest nodal correction still to come when a state counts as converged (mm), estimated from the last two.
+    /// Largest remaining nodal correction of a converged state (mm), estimated from the last two.
     pub correction_tolerance_mm: f64,
-    /// Largest force of the obstacle that the last solve did not foresee when a state counts as converged (N).
+    /// Largest obstacle force of a converged state that the last solve did not predict (N).
     pub force_tolerance_n: f64,
-    /// Smallest share of a load path taken in one step before the path is given up.
+    /// Smallest fraction of a load path in one step; below it the path is given up.
     pub smallest_step: f64,
 }
 
@@ -87,7 +86,7 @@ pub struct ProblemConfig {
     pub cavity_load: CavityLoad,
     /// Penalties of the contacts.
     pub contact: ContactSettings,
-    /// Extent of the rigid plate, or of the round body in its place.
+    /// Extent of the rigid plate or of the round body.
     pub plate: Footprint,
     /// The round body, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -130,13 +129,13 @@ impl Default for ProblemConfig {
 pub struct Load {
     /// Cavity pressure (MPa).
     pub pressure_mpa: f64,
-    /// What the base may touch.
+    /// Obstacle below the base.
     pub obstacle: Obstacle,
     /// Gravitational acceleration (mm/s2).
     pub gravity_mm_s2: [f64; 3],
 }
 
-/// A configuration's debug form as it was before there were round obstacles: checkpoints of flat ones stay valid.
+/// Debug form of a configuration without the fields of an absent round obstacle; part of a checkpoint's fingerprint.
 pub(crate) fn flat(debug: &str) -> String {
     [", round: None", ", radius_mm: None", ", centre_mm: None"]
         .iter()

@@ -1,4 +1,4 @@
-//! An actuator on its mesh and all its variants: other materials, other measures, the same elements.
+//! Actuator on its mesh and all its variants: other materials, other dimensions, the same elements.
 
 use crate::actuator::{Actuator, Setting, moved_nodes};
 use crate::config::flat;
@@ -7,10 +7,10 @@ use formats::Diagnostic;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Why a variant cannot be had.
+/// Error in a variant.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum VariantError {
-    /// Names or values that are wrong, or a shape the mesh cannot follow.
+    /// Invalid names or values, or a shape that the mesh cannot follow.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Values(Vec<Diagnostic>),
     /// Mesh and materials do not make a problem.
@@ -30,10 +30,10 @@ impl Variant {
     }
 }
 
-/// An actuator with its problem, from which variants are made.
+/// Nominal actuator with its problem, from which variants are made.
 #[derive(Clone, Debug)]
 pub struct Family {
-    /// The actuator as its file has it: the nominal one.
+    /// Nominal actuator, as in its file.
     pub actuator: Actuator,
     /// Its problem.
     pub problem: Arc<Problem>,
@@ -68,10 +68,10 @@ impl Family {
         self.actuator.with(&variant.0).map_err(VariantError::Values)
     }
 
-    /// A variant's problem: the family's own where nothing differs. Cost: about a tenth of a second for 25,000 nodes.
+    /// A variant's problem; the family's if nothing differs. Cost: about 0.1 s for 25,000 nodes.
     ///
     /// # Errors
-    /// Values or a shape that cannot be had.
+    /// Invalid values or an invalid shape.
     pub fn problem_of(&self, variant: &Variant) -> Result<Arc<Problem>, VariantError> {
         if variant.0.is_empty() {
             return Ok(Arc::clone(&self.problem));
@@ -82,10 +82,10 @@ impl Family {
         Ok(Arc::new(self.problem.varied(nodes, actuator.problem_config())?))
     }
 
-    /// The variant at a share of the way from one to another.
+    /// Variant at a fraction of the path from one to another.
     #[must_use]
-    pub fn between(&self, from: &Variant, to: &Variant, share: f64) -> Variant {
-        if share >= 1.0 || from == to {
+    pub fn between(&self, from: &Variant, to: &Variant, fraction: f64) -> Variant {
+        if fraction >= 1.0 || from == to {
             return to.clone();
         }
         let mut names: Vec<&String> = from.0.iter().chain(&to.0).map(|(name, _)| name).collect();
@@ -93,12 +93,12 @@ impl Family {
         names.dedup();
         let mix = |name: &String| {
             let (a, b) = (self.value(from, name), self.value(to, name));
-            (name.clone(), a + share * (b - a))
+            (name.clone(), a + fraction * (b - a))
         };
         Variant(names.into_iter().map(mix).collect())
     }
 
-    /// A variant's value of a quantity; NaN where there is none of that name.
+    /// A variant's value of a quantity; NaN for an unknown name.
     #[must_use]
     pub fn value(&self, variant: &Variant, name: &str) -> f64 {
         let own = variant.0.iter().find(|(key, _)| key == name).map(|(_, value)| *value);
@@ -115,7 +115,7 @@ impl Family {
         Variant(settings)
     }
 
-    /// What tells a variant's checkpoints from those of the others; none for the actuator as its file has it.
+    /// Mark of a variant's checkpoints; `None` for the nominal actuator.
     #[must_use]
     pub fn mark(&self, variant: &Variant) -> Option<[u8; 32]> {
         if variant.0.is_empty() {

@@ -1,4 +1,4 @@
-//! The linear solver: faer's sparse Cholesky, analysed once a problem and factorised once an iteration.
+//! Linear solver: faer's sparse Cholesky, analysed once per problem and factorised once per iteration.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use crate::sparse::SymmetricBlocks;
 
-/// Why a linear system could not be solved.
+/// Error of the linear solver.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum LinearError {
     /// The ordering or the factor did not fit in memory.
@@ -72,14 +72,14 @@ impl Analysis {
 /// Right-hand sides solved at once.
 const SIDES: usize = 8;
 
-/// Which factor the values hold.
+/// Kind of the present factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Definite,
     Indefinite,
 }
 
-/// One thread's factor and work space.
+/// Factor and workspace of one thread.
 pub(crate) struct Factor {
     analysis: Arc<Analysis>,
     values: Vec<f64>,
@@ -88,7 +88,7 @@ pub(crate) struct Factor {
 }
 
 impl Factor {
-    /// Allocates factor and work space.
+    /// Allocates factor and workspace.
     ///
     /// # Errors
     /// [`LinearError::Memory`].
@@ -139,7 +139,7 @@ impl Factor {
         indefinite.map(|_| ()).map_err(|_| LinearError::Singular)
     }
 
-    /// Whether the last matrix was positive definite.
+    /// True if the last matrix was positive definite.
     pub(crate) fn positive_definite(&self) -> bool {
         self.kind == Kind::Definite
     }

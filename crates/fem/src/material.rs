@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// A material constant outside the range in which the law makes sense.
+/// Material constant outside the range in which the law is valid.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{law}: {name} = {found}, expected {expected}; correct the material's constants")]
 pub struct MaterialError {
@@ -14,9 +14,9 @@ pub struct MaterialError {
     pub law: &'static str,
     /// Name of the constant.
     pub name: &'static str,
-    /// The value given.
+    /// Value found.
     pub found: f64,
-    /// What would be accepted.
+    /// Accepted values.
     pub expected: &'static str,
 }
 
@@ -58,8 +58,8 @@ pub(crate) struct Energy {
     pub(crate) d2: f64,
 }
 
-/// Share of the Gent limit beyond which a trial state is invalid: in the last 5 % the stress has no bound.
-const GENT_SHARE: f64 = 0.95;
+/// Fraction of the Gent limit beyond which a trial state is invalid: the stress is unbounded at the limit.
+const GENT_FRACTION: f64 = 0.95;
 
 impl Hyperelastic {
     /// Energy and derivatives at the invariant `i1`; `None` beyond the law's limit (Gent locking).
@@ -69,7 +69,7 @@ impl Hyperelastic {
         match *self {
             Self::Gent { mu_mpa, jm } => {
                 let left = 1.0 - e / jm;
-                if left < 1.0 - GENT_SHARE {
+                if left < 1.0 - GENT_FRACTION {
                     return None;
                 }
                 let d1 = 0.5 * mu_mpa / left;
@@ -119,14 +119,14 @@ impl Hyperelastic {
     }
 }
 
-/// The volume change that the bulk modulus resists.
+/// Volume change that the bulk modulus resists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum VolumeChange {
-    /// Its mean over each element: nearly incompressible rubber does not lock.
+    /// Mean over each element: nearly incompressible rubber does not lock.
     #[default]
     Mean,
-    /// That at each Gauss point, as in the C3D10 of other programs: for compressible rubber; a large bulk modulus locks.
+    /// Value at each Gauss point, as in the C3D10 of other programs: for compressible rubber; a large bulk modulus locks.
     Points,
 }
 
@@ -146,18 +146,18 @@ pub struct Elastomer {
     pub bulk_mpa: f64,
     /// Mass density (t/mm3).
     pub density_t_per_mm3: f64,
-    /// The volume change that the bulk modulus resists; the mean over each element unless said.
+    /// Volume change that the bulk modulus resists; default: the mean over each element.
     #[serde(default, skip_serializing_if = "VolumeChange::is_mean")]
     pub volume_change: VolumeChange,
 }
 
 impl Elastomer {
-    /// Bulk modulus of the pressure that each element has for itself (MPa): 0 where the pressure is that of each Gauss point.
+    /// Bulk modulus of the element pressure (MPa); 0 if each Gauss point has its own pressure.
     pub(crate) fn element_bulk_mpa(&self) -> f64 {
         if self.volume_change.is_mean() { self.bulk_mpa } else { 0.0 }
     }
 
-    /// Bulk modulus of the pressure at each Gauss point (MPa), 0 where the element has one for itself.
+    /// Bulk modulus of the pressure at each Gauss point (MPa); 0 if the element has one pressure.
     pub(crate) fn point_bulk_mpa(&self) -> f64 {
         self.bulk_mpa - self.element_bulk_mpa()
     }

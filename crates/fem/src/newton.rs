@@ -1,9 +1,9 @@
-//! Newton iteration at one load, with element pressures and sheet resultants as unknowns of their own.
+//! Newton iteration at one load, with element pressures and sheet resultants as separate unknowns.
 //!
 //! Eliminating `p` from `integral (J - 1) = p V / K` and the resultants from `N = C E` leaves the displacement
 //! equation that [`System`] assembles. After the solve those unknowns follow the *linearised* relation,
-//! `p <- K/V (integral (J-1) + b . du)` and `N <- C (E + dE(du))`, not the new shape: the stiff stresses then never see
-//! the second-order part of a finite rotation, and a step that turns the whole finger converges in a few iterations.
+//! `p <- K/V (integral (J-1) + b . du)` and `N <- C (E + dE(du))`, not the new shape: the stiff stresses are then unaffected by
+//! the second-order part of a finite rotation, and a step that rotates the whole finger converges in a few iterations.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use crate::state::State;
 use crate::system::{Ahead, InvalidState, System, face};
 use crate::tangent::Tangent;
 
-/// Why the iteration at one load stopped.
+/// Error of the iteration at one load.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum NewtonError {
     /// The corrections did not become small.
@@ -33,18 +33,18 @@ pub enum NewtonError {
         /// Largest nodal correction of the last iteration (mm).
         correction_mm: f64,
     },
-    /// The path would take more steps than anybody waits for.
-    #[error("a step of the largest allowed length covers {share:.1e} of the path only")]
+    /// The path would take too many steps.
+    #[error("a step of the largest allowed length covers {fraction:.1e} of the path only")]
     StepTooShort {
-        /// Share of the whole path that the step covered.
-        share: f64,
+        /// Fraction of the path that the step covered.
+        fraction: f64,
     },
-    /// The iteration ended at an equilibrium far from the one it began at: another branch, such as a finger folded over.
+    /// The iteration ended at an equilibrium far from its start: another branch, such as a finger folded over.
     #[error("the body jumped by {moved_mm:.1} mm in one step, at most {allowed_mm:.1} mm are expected")]
     Jumped {
         /// Largest nodal displacement of the step (mm).
         moved_mm: f64,
-        /// Largest that a step along a branch comes to (mm).
+        /// Largest step along a branch (mm).
         allowed_mm: f64,
     },
     /// The state is outside the limits of the elastomer.
@@ -52,13 +52,13 @@ pub enum NewtonError {
     MaterialLimit {
         /// The element.
         element: usize,
-        /// What happened to it.
+        /// Violated limit.
         what: String,
     },
     /// The linear solver failed.
     #[error(transparent)]
     Linear(#[from] LinearError),
-    /// There is no body on the way from one variant to another.
+    /// An intermediate variant is invalid.
     #[error(transparent)]
     Body(#[from] VariantError),
 }
@@ -78,18 +78,18 @@ impl From<InvalidState> for NewtonError {
 /// Work spent on one load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Effort {
-    /// Factorisations of the tangent, one an iteration.
+    /// Factorisations of the tangent, one per iteration.
     pub(crate) factorisations: usize,
 }
 
 /// Halvings of a correction that leads to an invalid state.
 const MAX_HALVINGS: usize = 5;
 
-/// Last correction (mm) above which the slots' normals are held: far from equilibrium walls overlap by much more than they
-/// will, and the turning of that force misleads the iteration. Close to it the exact tangent makes it converge quadratically.
+/// Last correction (mm) above which the slots' normals are fixed. Far from equilibrium walls overlap too much, and the rotation
+/// of that force misleads the iteration. Close to it the exact tangent converges quadratically.
 const TURNING_WITHIN_MM: f64 = 0.1;
 
-/// A correction of all unknowns.
+/// Correction of all unknowns.
 #[derive(Clone, Debug, Default)]
 struct Increment {
     displacement: Vec<Vec3>,
@@ -98,32 +98,32 @@ struct Increment {
 }
 
 impl Increment {
-    fn scale(&mut self, share: f64) {
-        self.displacement.iter_mut().flatten().for_each(|v| *v *= share);
-        self.pressure.iter_mut().for_each(|v| *v *= share);
-        self.resultants.iter_mut().flatten().flatten().for_each(|v| *v *= share);
+    fn scale(&mut self, fraction: f64) {
+        self.displacement.iter_mut().flatten().for_each(|v| *v *= fraction);
+        self.pressure.iter_mut().for_each(|v| *v *= fraction);
+        self.resultants.iter_mut().flatten().flatten().for_each(|v| *v *= fraction);
     }
 
     fn largest_mm(&self) -> f64 {
         self.displacement.iter().map(|d| norm(*d)).fold(0.0, f64::max)
     }
 
-    fn apply(&self, share: f64, state: &mut State) {
+    fn apply(&self, fraction: f64, state: &mut State) {
         for (u, du) in state.displacement_mm.iter_mut().zip(&self.displacement) {
-            axpy(share, *du, u);
+            axpy(fraction, *du, u);
         }
         for (p, dp) in state.element_pressure_mpa.iter_mut().zip(&self.pressure) {
-            *p += share * dp;
+            *p += fraction * dp;
         }
         for (n, dn) in state.sheet_resultants_n_per_mm.iter_mut().zip(&self.resultants) {
             for (n, dn) in n.iter_mut().zip(dn) {
-                axpy(share, *dn, n);
+                axpy(fraction, *dn, n);
             }
         }
     }
 }
 
-/// Work space of the iteration: one a thread.
+/// Workspace of the iteration of one thread.
 pub(crate) struct Newton {
     problem: Arc<Problem>,
     pub(crate) system: System,
@@ -135,7 +135,7 @@ pub(crate) struct Newton {
 }
 
 impl Newton {
-    /// Allocates the work space.
+    /// Allocates the workspace.
     ///
     /// # Errors
     /// [`LinearError::Memory`].
@@ -146,14 +146,14 @@ impl Newton {
         Ok(Self { problem, system, tangent, rhs, increment: Increment::default(), last_mm: 0.0 })
     }
 
-    /// The body that the next steps deform: the one before, or one that [`Problem::varied`] made of it.
+    /// Sets the body of the next steps: the present one or a variant by [`Problem::varied`].
     pub(crate) fn set_problem(&mut self, problem: Arc<Problem>) {
         self.problem = problem;
     }
 
-    /// Starts a step towards `load`: predicts its correction, shortens the step where that is too long, applies it.
+    /// Starts a step towards `load`: predicts its correction, shortens it to the largest length, applies it.
     ///
-    /// Returns the share of the step taken: the prediction is linear in the load, so a shorter step costs nothing.
+    /// Returns the fraction of the step taken: the prediction is linear in the load, so a shorter step costs nothing.
     ///
     /// # Errors
     /// [`NewtonError`].
@@ -165,15 +165,15 @@ impl Newton {
     ) -> Result<f64, NewtonError> {
         self.predict(state, load)?;
         self.solve(effort)?;
-        let share = (self.problem.config.newton.step_length_mm / self.increment.largest_mm()).min(1.0);
-        self.update(state, share);
+        let fraction = (self.problem.config.newton.step_length_mm / self.increment.largest_mm()).min(1.0);
+        self.update(state, fraction);
         self.last_mm = self.increment.largest_mm();
-        Ok(share)
+        Ok(fraction)
     }
 
-    /// Brings `state`, started towards `load`, into equilibrium with it; `state` is of no use when that fails.
+    /// Brings `state`, started towards `load`, into equilibrium with it; `state` is undefined on errors.
     ///
-    /// `effort` counts the work also when the iteration fails.
+    /// `effort` counts the work also on errors.
     ///
     /// # Errors
     /// [`NewtonError`].
@@ -192,7 +192,7 @@ impl Newton {
             self.solve(effort)?;
             let correction = self.increment.largest_mm();
             self.update(state, (settings.displacement_cap_mm / correction).min(1.0));
-            // The next correction shrinks at least as much again as this one did.
+            // The next correction shrinks at least by the same factor.
             let next = correction * (correction / self.last_mm).min(1.0);
             self.last_mm = correction;
             let settled = next < settings.correction_tolerance_mm;
@@ -209,8 +209,8 @@ impl Newton {
     /// Sum over the nodes of the difference between the obstacle's force at the new iterate and the one that the last
     /// tangent predicted (N).
     ///
-    /// Small corrections alone do not make an equilibrium: a node that the last one brought back into a stiff contact
-    /// carries a force that was not part of the last solve, so nothing balances it yet.
+    /// Small corrections are not sufficient for equilibrium: a node that the last one brought back into a stiff contact carries a
+    /// force that was not part of the last solve and is not balanced.
     fn force_error_n(&self, state: &State, load: &Load) -> f64 {
         let problem = &self.problem;
         let Some(face) = face(problem, load.obstacle) else { return 0.0 };
@@ -225,9 +225,9 @@ impl Newton {
         problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm).map(error).sum()
     }
 
-    /// First system of a step: the tangent of pressure and obstacle as they *were*, with the new pressure's force, and the
-    /// obstacle's advance acting on the nodes it touches now. Were the obstacle moved first, a retreat would lose all contact in
-    /// the first iteration and the actuator would swing away.
+    /// First system of a step: the tangent at the old pressure and obstacle, with the new pressure's force, and the obstacle's
+    /// advance acting on the touching nodes. If the obstacle moved first, a retreat would lose all contact in the first iteration
+    /// and the actuator would swing away.
     fn predict(&mut self, state: &State, load: &Load) -> Result<(), NewtonError> {
         let mut linearised = Load { pressure_mpa: state.load.pressure_mpa, ..*load };
         let mut ahead = Ahead { pressure_mpa: load.pressure_mpa - state.load.pressure_mpa, advance_mm: 0.0 };
@@ -242,16 +242,16 @@ impl Newton {
         Ok(())
     }
 
-    /// Assembles at the current iterate, taking back half of the last correction while the iterate is invalid.
+    /// Assembles at the current iterate; halves the last correction while the iterate is invalid.
     fn assemble(&mut self, state: &mut State, load: &Load) -> Result<(), NewtonError> {
         let problem = Arc::clone(&self.problem);
-        let mut share = 1.0;
+        let mut fraction = 1.0;
         for _ in 0..MAX_HALVINGS {
             match self.system.assemble(&problem, state, load, Ahead::default(), true) {
                 Ok(()) => return Ok(()),
                 Err(_) => {
-                    share *= 0.5;
-                    self.increment.apply(-share, state);
+                    fraction *= 0.5;
+                    self.increment.apply(-fraction, state);
                 }
             }
         }
@@ -280,14 +280,14 @@ impl Newton {
         Ok(())
     }
 
-    /// Applies a share of the correction to displacements, pressures and resultants.
-    fn update(&mut self, state: &mut State, share: f64) {
+    /// Applies a fraction of the correction to displacements, pressures and resultants.
+    fn update(&mut self, state: &mut State, fraction: f64) {
         self.stress_increments(state);
-        self.increment.scale(share);
+        self.increment.scale(fraction);
         self.increment.apply(1.0, state);
     }
 
-    /// Changes of pressures and resultants that go with the displacement correction, by the linearised relations.
+    /// Changes of pressures and resultants by the displacement correction, from the linearised relations.
     fn stress_increments(&mut self, state: &State) {
         let (problem, du) = (&self.problem, &self.increment.displacement);
         let pressure = |e: usize| {

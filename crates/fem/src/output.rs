@@ -18,7 +18,7 @@ pub struct Output {
     pub von_mises_mpa: Vec<f64>,
     /// Von Mises stress at each node (MPa) of the one element the mesh's `mises_owner` names; empty without it.
     pub von_mises_owner_mpa: Vec<f64>,
-    /// Force of the base on plate or block (N).
+    /// Force of the base on the obstacle (N).
     pub contact_force_n: f64,
     /// Volume the cavity encloses (mm3).
     pub cavity_volume_mm3: f64,
@@ -36,7 +36,7 @@ pub(crate) fn clearance_mm(problem: &Problem, state: &State) -> f64 {
     problem.contact_nodes.iter().map(lowest).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// How far the body reaches behind its obstacle (mm): contact is felt by the base's underside only.
+/// Largest depth of the body behind its obstacle (mm): only the base's underside has contact.
 pub(crate) fn depth_mm(problem: &Problem, state: &State) -> f64 {
     let Some(face) = face(problem, state.load.obstacle) else { return 0.0 };
     let nodes = problem.mesh.nodes_mm.iter().zip(&state.displacement_mm);
@@ -55,7 +55,7 @@ pub(crate) struct Balance {
 /// Largest force out of balance of a solved state, relative to the larger of support reaction and obstacle force.
 pub const MAX_RESIDUAL: f64 = 1.0e-5;
 
-/// A state that nothing loads is measured against this force (N).
+/// Reference force of a state without loads (N).
 const MIN_REACTION_N: f64 = 1.0e-3;
 
 impl Balance {
@@ -81,7 +81,7 @@ pub(crate) fn balance(problem: &Problem, state: &State, system: &mut System) -> 
     Balance { residual_n, reaction_n: norm(reaction), contact_force_n: system.contact_force_n }
 }
 
-/// Output of a state; `system` is work space.
+/// Output of a state; `system` is a workspace.
 pub(crate) fn output(problem: &Problem, state: &State, system: &mut System) -> Output {
     let residual_n = balance(problem, state, system).residual_n;
     let coordinates_mm = problem.positions(&state.displacement_mm);

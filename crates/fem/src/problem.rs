@@ -1,4 +1,4 @@
-//! A problem: mesh and materials checked, with everything precomputed that does not change between states.
+//! Problem: checked mesh and materials, with everything precomputed that does not change between states.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::ordering::nested_dissection;
 use crate::sparse::{CONSTRAINED, Rank, SymmetricBlocks};
 use formats::mesh_file::{Tet10, Tri6};
 
-/// Why mesh and materials do not make a problem.
+/// Error in mesh or materials.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ProblemError {
     /// A material constant is out of range.
@@ -47,7 +47,7 @@ pub enum ProblemError {
         /// Number of targets.
         count: usize,
     },
-    /// A node belongs to no element, so that nothing holds it.
+    /// A node belongs to no element.
     #[error("node {node} at {at_mm:?} mm belongs to no element; remove it from the mesh")]
     Unconnected {
         /// Index of the node.
@@ -68,7 +68,7 @@ pub enum ProblemError {
     /// The cavity has a hole, so that its volume is undefined.
     #[error("the cavity is open at the edge between nodes {0} and {1}; name all walls of the cavity")]
     OpenCavity(u32, u32),
-    /// Something a problem needs is missing.
+    /// A required part is missing.
     #[error("{0}")]
     Missing(&'static str),
     /// The sheet is not plane or its triangles do not form a surface.
@@ -118,10 +118,10 @@ pub struct Problem {
 impl Problem {
     /// Checks mesh and materials, precomputes geometry, pattern and ordering.
     ///
-    /// Cost: about half a second for 25,000 nodes.
+    /// Cost: about 0.5 s for 25,000 nodes.
     ///
     /// # Errors
-    /// [`ProblemError`] with what, where and what to do.
+    /// [`ProblemError`].
     pub fn new(mesh: Mesh, config: ProblemConfig) -> Result<Self, ProblemError> {
         check_config(&mesh, &config)?;
         check_indices(&mesh, &config)?;
@@ -168,12 +168,12 @@ impl Problem {
         })
     }
 
-    /// The same body with its nodes elsewhere and of other materials: topology, pattern, elimination order and the
-    /// pairs of points across the slots are kept, so that states of one are starts of the other and a result depends
-    /// smoothly on both arguments. Cost: a tenth of [`Problem::new`].
+    /// The same body with other node positions and materials. Topology, pattern, elimination order and the pairs of points
+    /// across the slots are kept, so that states of one are starts of the other and a result depends smoothly on both
+    /// arguments. Cost: 10 % of [`Problem::new`].
     ///
     /// # Errors
-    /// [`ProblemError`], as where another number of nodes or an inverted element is given.
+    /// [`ProblemError`], for example for another number of nodes or an inverted element.
     pub fn varied(&self, nodes_mm: Vec<Vec3>, config: ProblemConfig) -> Result<Self, ProblemError> {
         let (found, count) = (nodes_mm.len(), self.mesh.nodes_mm.len());
         if found != count {
@@ -422,8 +422,8 @@ fn elastomer<'a>(mesh: &Mesh, config: &'a ProblemConfig, e: usize) -> &'a Elasto
     &config.elastomers[mesh.tet_material.get(e).map_or(0, |material| usize::from(*material))]
 }
 
-/// The obstacle's stiffness at each contact node: its share of the surface's area (four facets a face, a third of each
-/// a vertex) times the penalty. A penalty given per node is spread with the same total.
+/// Obstacle stiffness at each contact node: its part of the surface's area (four facets per face, a third of each per
+/// vertex) times the penalty. A penalty given per node is spread with the same total.
 fn contact_stiffness(mesh: &Mesh, config: &ProblemConfig, contact_nodes: &[u32]) -> Vec<f64> {
     let mut area_mm2 = vec![0.0; mesh.nodes_mm.len()];
     for t in &mesh.bottom {

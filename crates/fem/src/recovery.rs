@@ -1,33 +1,33 @@
-//! Von Mises stress from positions alone: it needs the deviatoric Cauchy stress only, and that follows from the deformation
-//! gradient and the material's law, without the elements' pressures.
+//! Von Mises stress from positions alone: the deviatoric Cauchy stress follows from the deformation gradient and the
+//! material's law, without the elements' pressures.
 
 use crate::element::tet10;
 use crate::problem::Problem;
 use std::sync::Arc;
 
-/// Position of a node that is not asked for.
+/// Position of a node that is not selected.
 const UNWANTED: u32 = u32::MAX;
 
-/// The stress at some nodes of a problem, as [`Output::von_mises_mpa`](crate::Output::von_mises_mpa) defines it: the mean over the
+/// Recovery of the stress at selected nodes of a problem, as [`Output::von_mises_mpa`](crate::Output::von_mises_mpa) defines it: the mean over the
 /// elements at a node.
 #[derive(Clone, Debug)]
 pub struct StressRecovery {
     problem: Arc<Problem>,
     elements: Vec<Element>,
     needed: Vec<u32>,
-    /// Elements at each node asked for.
+    /// Elements at each selected node.
     counts: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
 struct Element {
     number: usize,
-    /// Positions of its nodes among those needed and among those asked for.
+    /// Positions of its nodes among the needed and among the selected ones.
     nodes: [[u32; 2]; 10],
 }
 
 impl StressRecovery {
-    /// Prepares it for these nodes, each below the mesh's number of nodes; all of them when none are named. Cost: `O(elements)`.
+    /// Selects these nodes, each below the mesh's number of nodes; all nodes if the list is empty. Cost: `O(elements)`.
     #[must_use]
     pub fn new(problem: Arc<Problem>, nodes: Option<&[u32]>) -> Self {
         let count = problem.mesh().nodes_mm.len();
@@ -55,17 +55,17 @@ impl StressRecovery {
         Self { elements, needed, counts, problem }
     }
 
-    /// The nodes whose positions it needs, in ascending order: those of all elements at the nodes asked for.
+    /// Nodes with required positions, in ascending order: those of all elements at the selected nodes.
     #[must_use]
     pub fn needed(&self) -> &[u32] {
         &self.needed
     }
 
-    /// Writes the stress (MPa) at the nodes asked for; NaN where an element has collapsed or is beyond its law. `positions_mm`
-    /// are the deformed positions of the nodes [`Self::needed`]; 1e-5 mm off is about 1e-4 MPa off. Allocates nothing.
+    /// Writes the stress (MPa) at the selected nodes; NaN if an element has collapsed or is beyond its law. `positions_mm` are
+    /// the deformed positions of the nodes [`Self::needed`]; an error of 1e-5 mm causes about 1e-4 MPa. Does not allocate.
     ///
     /// # Panics
-    /// When a slice is shorter than its nodes.
+    /// If a slice is shorter than its nodes.
     pub fn evaluate(&self, positions_mm: &[[f64; 3]], out: &mut [f64]) {
         out[..self.counts.len()].fill(0.0);
         let rest = &self.problem.mesh().nodes_mm;

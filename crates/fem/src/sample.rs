@@ -1,18 +1,18 @@
-//! Where to compute states: Latin hypercubes, grids, points along the onset of contact, and where a model has its largest errors.
+//! Sampling of states: Latin hypercubes, grids, points along the contact onset, and points at a model's largest errors.
 
 use rom::rng::Rng;
 
-/// A box to sample, one `[lower, upper]` a dimension.
+/// Box to sample, one `[lower, upper]` per dimension.
 pub type Bounds = [[f64; 2]];
 
-/// Random hypercubes among which the best start is chosen.
+/// Number of random hypercubes from which the best start is chosen.
 const STARTS: usize = 50;
-/// Exchanges tried for each point of the best start.
+/// Exchanges tried per point of the best start.
 const EXCHANGES_PER_POINT: usize = 200;
 
 /// A Latin hypercube of `n` points: every one of `n` equal slices of every dimension holds exactly one point, at its
 /// middle. Space-filling: the smallest distance between two points (in the unit box) is made large, first by choosing
-/// among random hypercubes, then by exchanging coordinates (maximin, Morris and Mitchell 1995). `O(n^2)` an exchange.
+/// among random hypercubes, then by exchanging coordinates (maximin, Morris and Mitchell 1995). `O(n^2)` per exchange.
 #[must_use]
 pub fn latin_hypercube(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = Rng::new(seed);
@@ -39,7 +39,7 @@ pub fn latin_hypercube(n: usize, bounds: &Bounds, seed: u64) -> Vec<Vec<f64>> {
     points.into_iter().map(|p| scaled(&p, bounds)).collect()
 }
 
-/// The first `n` points of a sequence of low discrepancy: every first part of it fills the box evenly too.
+/// First `n` points of a low-discrepancy sequence; every leading part of it fills the box evenly too.
 ///
 /// The additive recurrence with the powers of the generalised golden ratio `phi^(d+1) = phi + 1` (Roberts 2018), from a
 /// random first point. `O(n)`.
@@ -108,7 +108,7 @@ pub fn onset(n: usize, clearances: &[(f64, f64)], gaps: [f64; 2]) -> Vec<Vec<f64
     gaps.iter().filter_map(|gap| Some(vec![onset_pressure_mpa(&table, gap[0])?, gap[0]])).collect()
 }
 
-/// A sample and the error there of a model trained without it, in any unit.
+/// Sample with the error of a model trained without it, in any unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InfillError {
     /// Scaled inputs.
@@ -120,7 +120,7 @@ pub struct InfillError {
 /// Indices of the `n` candidates (fewer when there are fewer) with the largest expected error, largest first.
 ///
 /// One after another: the candidate with the largest `(error of the nearest sample) x (distance to it)`, as in
-/// cross-validation Voronoi sampling. A chosen one is then a sample with its neighbour's error, so that the next goes
+/// cross-validation Voronoi sampling. A chosen candidate then counts as a sample with its neighbour's error, so that the next one is
 /// elsewhere. `O(n x candidates x samples)`.
 #[must_use]
 pub fn infill(n: usize, samples: &[InfillError], candidates: &[[f64; 2]]) -> Vec<usize> {

@@ -1,8 +1,8 @@
-//! Derivatives of a state by its inputs, from the factorised tangent: `K du/dp = dR/dp`.
+//! Derivatives of a state with respect to its inputs, from the factorised tangent: `K du/dp = dR/dp`.
 //!
 //! `R` is the residual with pressures and resultants that follow from the displacements, `dR/dp` its central difference at
 //! fixed displacements over inputs a tiny step apart (exact for loads, whose residual is linear or piecewise quadratic).
-//! What moves with the reference mesh is part of the derivative: coordinates are `x = X + u`.
+//! The motion of the reference mesh is part of the derivative: coordinates are `x = X + u`.
 
 use crate::algebra::{Vec3, add, axpy, norm};
 use crate::config::Load;
@@ -18,39 +18,39 @@ use std::sync::Arc;
 /// Largest displacement of the differences that follow the fields along a derivative (mm).
 const DIFFERENCE_MM: f64 = 1.0e-5;
 
-/// A node that feels less than this share of the penalty's stiffness has just begun to touch.
+/// Fraction of the penalty's stiffness below which a node has just begun to touch.
 const EDGE_STIFFNESS: f64 = 0.05;
 
-/// An input and its surroundings: bodies and loads a step below and above the state's.
+/// Input with bodies and loads one step below and above the state's.
 #[derive(Clone, Debug)]
 pub struct Change {
     /// The step, in the input's unit.
     pub step: f64,
-    /// Body and loads at the input less a step.
+    /// Body and loads at the input minus a step.
     pub below: (Arc<Problem>, Load),
     /// Body and loads at the input plus a step.
     pub above: (Arc<Problem>, Load),
 }
 
-/// The derivative of a state by one input, per unit of the input.
+/// Derivative of a state with respect to one input, per unit of the input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensitivity {
-    /// Of the deformed node positions (mm).
+    /// Derivative of the deformed node positions (mm).
     pub coordinates_mm: Vec<Vec3>,
-    /// Of the mean von Mises stress at the nodes (MPa).
+    /// Derivative of the mean von Mises stress at the nodes (MPa).
     pub von_mises_mpa: Vec<f64>,
-    /// Of the force on the obstacle (N).
+    /// Derivative of the force on the obstacle (N).
     pub contact_force_n: f64,
 }
 
 impl Solver {
-    /// Derivatives by each of the inputs. `None` where the set of touching nodes is about to change: every node that
-    /// touches the obstacle has just begun to, so that the derivative holds for that state alone.
+    /// Derivatives with respect to each input. `None` if the set of touching nodes is about to change: every touching node has
+    /// just begun to touch, so the derivative is valid for that state alone.
     ///
-    /// Cost: one factorisation, one solve and six residuals an input.
+    /// Cost: one factorisation, and per input one solve and six residuals.
     ///
     /// # Errors
-    /// [`NewtonError`], as for a state that is no equilibrium of this body.
+    /// [`NewtonError`], for example for a state that is not an equilibrium of this body.
     pub fn sensitivities(
         &mut self,
         state: &State,
@@ -115,7 +115,7 @@ fn follow(problem: &Problem, state: &State, change: &Change, side: &[f64]) -> Se
     for ((body, load), weight) in sides {
         out.contact_force_n += weight * contact_force_n(body, &state.displacement_mm, load);
         if std::ptr::eq(Arc::as_ptr(body), problem) {
-            continue; // a load: the body itself stays
+            continue; // a load: the body is unchanged
         }
         add_stress(body, &state.displacement_mm, weight, &mut out.von_mises_mpa);
         for (rate, x) in out.coordinates_mm.iter_mut().zip(&body.mesh.nodes_mm) {
@@ -133,7 +133,7 @@ fn contact_force_n(problem: &Problem, u: &[Vec3], load: &Load) -> f64 {
     nodes.filter_map(|(n, k)| Some(k * face.touch(at(n))?.vertical())).sum()
 }
 
-/// Whether something touches the obstacle, but every touching node has just begun to.
+/// True if nodes touch the obstacle and all of them have just begun to.
 fn on_the_edge(problem: &Problem, state: &State) -> bool {
     let Some(face) = face(problem, state.load.obstacle) else { return false };
     let at = |n: &u32| add(problem.mesh.nodes_mm[*n as usize], state.displacement_mm[*n as usize]);

@@ -16,10 +16,10 @@ use crate::problem::Problem;
 use crate::state::State;
 use crate::transfer::transferred;
 
-/// The work that a solution took.
+/// Cost and residual of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// Factorisations of the tangent, one a Newton iteration.
+    /// Factorisations of the tangent, one per Newton iteration.
     pub factorisations: usize,
     /// Load steps that succeeded.
     pub steps: usize,
@@ -37,12 +37,12 @@ pub struct Report {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
     "stopped at {:.1} % of the way to P = {} MPa{}: {reason}. Last equilibrium: P = {:.6} MPa{}. {}",
-    100.0 * share, to.pressure_mpa, gap(to.obstacle), last.pressure_mpa, gap(last.obstacle), advice(reason)
+    100.0 * fraction, to.pressure_mpa, gap(to.obstacle), last.pressure_mpa, gap(last.obstacle), advice(reason)
 )]
 pub struct NotConverged {
-    /// Share of the path that was covered.
-    pub share: f64,
-    /// The loads asked for.
+    /// Fraction of the path that was covered.
+    pub fraction: f64,
+    /// Requested loads.
     pub to: Load,
     /// The last loads in equilibrium.
     pub last: Load,
@@ -69,13 +69,13 @@ fn advice(reason: &NewtonError) -> &'static str {
     }
 }
 
-/// Why there is no solution.
+/// Error of a solution.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SolveError {
     /// The continuation stopped before the loads were reached.
     #[error(transparent)]
     NotConverged(Box<NotConverged>),
-    /// The iteration ended but forces are not in balance.
+    /// The iteration converged but forces are not in balance.
     #[error(
         "the largest force out of balance is {found:.1e} of the reaction, expected at most {limit:.0e}; lower newton.correction_tolerance_mm",
         limit = MAX_RESIDUAL
@@ -84,25 +84,25 @@ pub enum SolveError {
         /// Largest nodal force out of balance, relative to the larger of support reaction and obstacle force.
         found: f64,
     },
-    /// The body lies partly behind the obstacle: a side that feels no contact has passed it.
+    /// The body lies partly behind the obstacle: a side without contact has passed it.
     #[error(
-        "part of the body lies {depth_mm:.1} mm behind the obstacle, at most {MAX_DEPTH_MM} mm are taken; lower the pressure, or widen the gap"
+        "part of the body lies {depth_mm:.1} mm behind the obstacle, at most {MAX_DEPTH_MM} mm are accepted; lower the pressure, or widen the gap"
     )]
     Behind {
         /// Largest distance of a node behind the obstacle's face (mm).
         depth_mm: f64,
     },
-    /// A load is not a number the formulation takes.
+    /// A load is out of range.
     #[error("{name} = {found}, expected {expected}")]
     Load {
         /// The load.
         name: &'static str,
-        /// The value given.
+        /// Value found.
         found: f64,
-        /// What would be accepted.
+        /// Accepted values.
         expected: &'static str,
     },
-    /// There is no body at the start or the end of the path.
+    /// The body at the start or the end of the path is invalid.
     #[error(transparent)]
     Body(VariantError),
     /// The start does not belong to this problem.
@@ -115,36 +115,36 @@ pub enum SolveError {
     },
 }
 
-/// Version of the formulation. Raise it with every change that moves a result by more than the solver's tolerance:
-/// checkpoints of another version are then solved again instead of mixed with new ones.
+/// Version of the formulation. Every change that moves a result by more than the solver's tolerance raises it: checkpoints of
+/// other versions are solved again instead of mixed with new ones.
 pub const FORMULATION: u32 = 4;
 
 /// Number of steps in which gravity is applied to the undeformed body.
 const GRAVITY_STEPS: u32 = 3;
 
-/// A step that needed no more factorisations than this lets the next one grow.
+/// Largest number of factorisations of a step after which the next one may grow.
 const EASY_STEP: usize = 9;
 
-/// Corrections of a step that move a node further than so many step lengths lead to another branch: an equilibrium too, but
-/// one that no slow change of the loads leads to.
+/// Largest displacement of a step's corrections, in step lengths. Beyond it the equilibrium is on another branch, which no slow
+/// change of the loads reaches.
 const MAX_STEP_LENGTHS: f64 = 3.0;
 
-/// How far nodes may lie behind an obstacle's face, far more than its penalty lets the base in (mm).
+/// Largest depth of nodes behind an obstacle's face (mm), far more than the overlap of its penalty.
 const MAX_DEPTH_MM: f64 = 1.0;
 
-/// How far a plate is withdrawn before it is taken away (mm).
+/// Distance to which a plate is withdrawn before it is removed (mm).
 const WITHDRAWAL_MM: f64 = 100.0;
 
-/// The bodies along a path, from a share of 0 to 1.
+/// Bodies along a path, at fractions from 0 to 1.
 pub trait Bodies {
-    /// The body at a share of the path.
+    /// Body at a fraction of the path.
     ///
     /// # Errors
-    /// The measures there cannot be had.
-    fn at(&self, share: f64) -> Result<Arc<Problem>, VariantError>;
+    /// The variant there is invalid.
+    fn at(&self, fraction: f64) -> Result<Arc<Problem>, VariantError>;
 }
 
-/// A path on which the body stays what it is.
+/// Path with a constant body.
 struct Stays(Arc<Problem>);
 
 impl Bodies for Stays {
@@ -160,7 +160,7 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Allocates factor and work space.
+    /// Allocates factor and workspace.
     ///
     /// # Errors
     /// [`LinearError::Memory`].
@@ -174,7 +174,7 @@ impl Solver {
         &self.problem
     }
 
-    /// Works on another body from now on: one that [`Problem::varied`] made of the first.
+    /// Sets the body: a variant of the first by [`Problem::varied`].
     pub fn set_problem(&mut self, problem: Arc<Problem>) {
         self.newton.set_problem(Arc::clone(&problem));
         self.problem = problem;
@@ -208,7 +208,7 @@ impl Solver {
     /// Follows the path from a solved state to `load`: pressure, gravity and obstacle move together.
     ///
     /// The equilibrium does not depend on the path (conservative and frictionless), so any near state is a good start.
-    /// An obstacle that was not there before comes up from where it just clears the base.
+    /// A new obstacle approaches from the distance at which it just clears the base.
     ///
     /// # Errors
     /// [`SolveError`]; the start is untouched.
@@ -217,10 +217,10 @@ impl Solver {
         self.solve_along(from, load, &body)
     }
 
-    /// [`Solver::solve_to`] while the body changes too; the solver works on the body at the path's end afterwards.
+    /// [`Solver::solve_to`] with a changing body; afterwards the solver has the body at the path's end.
     ///
-    /// A plate that comes up against an inflated finger may fold it over or pass its tip. A state that lies behind its obstacle is
-    /// solved again as it comes about: at rest on the obstacle first, then inflated.
+    /// A plate that approaches an inflated finger may fold it over or pass its tip. A state that lies behind its obstacle is solved
+    /// again on the physical path: at rest on the obstacle first, then inflated.
     ///
     /// # Errors
     /// [`SolveError`]; the start is untouched.
@@ -268,7 +268,7 @@ impl Solver {
 
     /// A state of another mesh of the same body as a start on this one: interpolated, not in equilibrium.
     ///
-    /// None where the other mesh does not cover this one.
+    /// `None` if the other mesh does not cover this one.
     #[must_use]
     pub fn transferred(&self, from: &Problem, state: &State) -> Option<State> {
         transferred(from, state, &self.problem)
@@ -286,7 +286,7 @@ impl Solver {
         output::output(&self.problem, state, &mut self.newton.system)
     }
 
-    /// The iteration's work space.
+    /// Workspace of the iteration.
     pub(crate) fn newton(&mut self) -> &mut Newton {
         &mut self.newton
     }
@@ -313,7 +313,7 @@ impl Solver {
             return invalid("gravity_mm_s2", *bad, "finite components");
         }
         match load.obstacle.gap_mm() {
-            // At a gap of zero or less the obstacle would stand inside the undeformed base.
+            // At a gap of zero or less the obstacle would be inside the undeformed base.
             Some(gap) if !(gap.is_finite() && gap > 0.0) => invalid(
                 "gap_mm",
                 gap,
@@ -323,7 +323,7 @@ impl Solver {
         }
     }
 
-    /// One step of at most `length` of the path; `state` becomes the equilibrium at the share returned.
+    /// One step of at most `length` of the path; `state` becomes the equilibrium at the returned fraction.
     fn step(
         &mut self,
         state: &mut State,
@@ -349,7 +349,7 @@ impl Solver {
         if moved_mm > allowed_mm { Err(NewtonError::Jumped { moved_mm, allowed_mm }) } else { Ok(reached) }
     }
 
-    /// Steps along the straight line of loads, halving where the iteration fails and growing where it is easy.
+    /// Steps along the straight line of loads; halves a failed step and enlarges an easy one.
     fn continuation(
         &mut self,
         from: &State,
@@ -370,7 +370,7 @@ impl Solver {
             let shortest = self.problem.config.newton.smallest_step;
             let stopped = |done, last, reason, report| {
                 SolveError::NotConverged(Box::new(NotConverged {
-                    share: done,
+                    fraction: done,
                     to: *to,
                     last,
                     reason,
@@ -379,11 +379,11 @@ impl Solver {
             };
             match outcome {
                 Ok(reached) if reached < 1.0 && reached - done < shortest => {
-                    let reason = NewtonError::StepTooShort { share: reached - done };
+                    let reason = NewtonError::StepTooShort { fraction: reached - done };
                     return Err(stopped(reached, trial.load, reason, report));
                 }
                 Ok(reached) => {
-                    // The predictor finds the length of the next step, unless this one was hard.
+                    // The predictor determines the length of the next step, unless this one was hard.
                     step = if first_step < 1.0 {
                         first_step
                     } else if effort.factorisations <= EASY_STEP {
@@ -432,9 +432,9 @@ impl Report {
     }
 }
 
-/// The loads at a share of the straight path.
-fn between(from: &Load, to: &Load, share: f64) -> Load {
-    let mix = |a: f64, b: f64| if share >= 1.0 { b } else { a + share * (b - a) };
+/// Loads at a fraction of the straight path.
+fn between(from: &Load, to: &Load, fraction: f64) -> Load {
+    let mix = |a: f64, b: f64| if fraction >= 1.0 { b } else { a + fraction * (b - a) };
     let obstacle = match (from.obstacle.gap_mm(), to.obstacle.gap_mm()) {
         (Some(a), Some(b)) => to.obstacle.at(mix(a, b)),
         _ => to.obstacle,

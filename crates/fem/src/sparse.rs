@@ -5,7 +5,7 @@ use crate::algebra::Mat3;
 /// Index of a node without unknowns (held).
 pub(crate) const CONSTRAINED: u32 = u32::MAX;
 
-/// Where a node pair's block lies: the rank of the row node among the column node's off-diagonal neighbours.
+/// Place of a node pair's block: the rank of the row node among the column node's off-diagonal neighbours.
 pub(crate) type Rank = u32;
 
 /// A pair outside the pattern (its coupling is dropped by [`SymmetricBlocks::add`]).

@@ -1,4 +1,4 @@
-//! A solved state: what continuation starts from and what output is made of.
+//! Solved state, the start of a continuation and the source of the output.
 
 use crate::algebra::Vec3;
 use crate::config::Load;

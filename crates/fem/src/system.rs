@@ -16,16 +16,16 @@ use crate::problem::{Problem, add_gravity};
 use crate::sparse::CONSTRAINED;
 use crate::state::State;
 
-/// A state outside the limits of the elastomer, and where.
+/// State outside the limits of the elastomer, with the element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct InvalidState {
-    /// What happened.
+    /// Violated limit.
     pub(crate) reason: Invalid,
     /// The element.
     pub(crate) element: usize,
 }
 
-/// Residuals, tangent and what the update of the stress unknowns needs.
+/// Residuals, tangent and terms for the update of the stress unknowns.
 #[derive(Clone, Debug)]
 pub(crate) struct System {
     /// Lower triangle of the tangent, in the pattern's order.
@@ -42,13 +42,13 @@ pub(crate) struct System {
     pub(crate) cavity_volume_mm3: f64,
     /// Total force of the base on the obstacle (N).
     pub(crate) contact_force_n: f64,
-    /// What the turning normals of touching slots add to the tangent.
+    /// Tangent parts from the rotating normals of touching slots.
     pub(crate) turning: Vec<Turning>,
     terms: TetTerms,
 }
 
 impl System {
-    /// Work space for a problem.
+    /// Workspace for a problem.
     pub(crate) fn new(problem: &Problem) -> Self {
         let (nodes, tets) = (problem.mesh.nodes_mm.len(), problem.mesh.tets.len());
         Self {
@@ -271,7 +271,7 @@ impl System {
         for (n, stiffness) in problem.contact_nodes.iter().zip(&problem.contact_stiffness_n_per_mm) {
             let Some(touch) = face.touch(x[*n as usize]) else { continue };
             let tangent = touch.tangent();
-            // An obstacle that comes nearer is a node that comes nearer.
+            // The approach of the obstacle equals an approach of the node.
             let mut force = touch.force();
             axpy(advance_mm, tangent.map(|row| row[1]), &mut force);
             axpy(*stiffness, force, &mut residual[*n as usize]);
@@ -285,15 +285,14 @@ impl System {
     }
 }
 
-/// How far the loads of a step are ahead of those whose tangent predicts it.
+/// Difference between the loads of a step and those of the tangent that predicts it.
 ///
-/// The tangent must be that of an equilibrium: with the pressure of the step's end and the shape of its beginning it is no one's,
-/// and for a thin-walled actuator soon singular.
+/// The tangent belongs to the start equilibrium; with the end pressure it would be inconsistent, for thin walls near-singular.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ahead {
     /// Further pressure (MPa).
     pub pressure_mpa: f64,
-    /// Way of the obstacle towards the base (mm): the touching nodes feel its stiffness times this.
+    /// Motion of the obstacle towards the base (mm); the force on touching nodes is its stiffness times this.
     pub advance_mm: f64,
 }
 

@@ -1,8 +1,8 @@
-//! The factorised tangent with the turning of the slots' normals: a sparse symmetric matrix and a few columns more.
+//! Factorised tangent with the rotation of the slots' normals: a sparse symmetric matrix plus a few columns.
 //!
-//! `K = K0 + U V^T` with the sparse `K0` that the assembly fills and two columns of `U` and `V` a touching slot. By the
-//! formula of Sherman, Morrison and Woodbury `K^-1 r = x - W S^-1 V^T x` with `x = K0^-1 r`, `W = K0^-1 U` and
-//! `S = 1 + V^T W`: exact, for one more solve a column.
+//! `K = K0 + U V^T` with the sparse `K0` of the assembly and two columns of `U` and `V` per touching slot. By the formula of
+//! Sherman, Morrison and Woodbury `K^-1 r = x - W S^-1 V^T x` with `x = K0^-1 r`, `W = K0^-1 U` and `S = 1 + V^T W`: exact,
+//! for one more solve per column.
 
 use crate::algebra::Vec3;
 use crate::linear::{Factor, LinearError};
@@ -15,7 +15,7 @@ use faer::linalg::solvers::{PartialPivLu, Solve};
 /// Entries of a sparse column: unknown and value.
 type Column = Vec<(usize, f64)>;
 
-/// Work space and factors of one thread.
+/// Workspace and factors of one thread.
 pub(crate) struct Tangent {
     factor: Factor,
     unknowns: usize,
@@ -76,7 +76,7 @@ impl Tangent {
         }
     }
 
-    /// Whether the sparse part was positive definite.
+    /// True if the sparse part was positive definite.
     pub(crate) fn positive_definite(&self) -> bool {
         self.factor.positive_definite()
     }

@@ -1,5 +1,5 @@
-//! A state of one mesh on another mesh of the same undeformed body: the start of a solution on a finer mesh, and the way to
-//! compare two meshes point by point.
+//! Transfer of a state to another mesh of the same undeformed body: as a start on a finer mesh, and for comparing two meshes point
+//! by point.
 
 use crate::algebra::{Mat3, Vec3, add, axpy, det_inv_transpose, dot, scale, sub};
 use crate::element::membrane::{self, Plane};
@@ -11,7 +11,7 @@ use formats::mesh_file::Tri6;
 /// Edge of a search cell over the mean edge of a box that holds one element.
 const CELL_ELEMENTS: f64 = 2.0;
 
-/// Where undeformed points lie in the elements of a problem. Undeformed elements have straight edges.
+/// Locator of undeformed points in the elements of a problem. Undeformed elements have straight edges.
 pub struct Locator<'a> {
     problem: &'a Problem,
     low: Vec3,
@@ -28,24 +28,27 @@ pub struct Place {
     pub element: usize,
     /// Its ten nodes.
     nodes: [u32; 10],
-    /// What each node's value counts at the point.
-    shares: [f64; 10],
-    /// How far the point lies outside the element, as a share of the element's height; 0 inside.
+    /// Weight of each node at the point.
+    weights: [f64; 10],
+    /// Distance of the point from the element, as a fraction of the element's height; 0 inside.
     pub outside: f64,
 }
 
 impl Place {
-    /// The value at the point of a field given at all nodes: quadratic in the element.
+    /// Value of a nodal field at the point, quadratic in the element.
     #[must_use]
     pub fn value(&self, field: &[f64]) -> f64 {
-        self.nodes.iter().zip(self.shares).map(|(n, share)| share * field[*n as usize]).sum()
+        self.nodes.iter().zip(self.weights).map(|(n, weight)| weight * field[*n as usize]).sum()
     }
 
-    /// The same of a vector.
+    /// Value of a nodal vector field at the point.
     #[must_use]
     pub fn vector(&self, field: &[[f64; 3]]) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        self.nodes.iter().zip(self.shares).for_each(|(n, share)| axpy(share, field[*n as usize], &mut sum));
+        self.nodes
+            .iter()
+            .zip(self.weights)
+            .for_each(|(n, weight)| axpy(weight, field[*n as usize], &mut sum));
         sum
     }
 }
@@ -93,12 +96,12 @@ impl<'a> Locator<'a> {
         (i * self.counts[1] + j) * self.counts[2] + k
     }
 
-    /// The element that holds a point, or the nearest of those around it; none where no element is near.
+    /// Element that contains a point, or the nearest of those around it; `None` if no element is near.
     #[must_use]
     pub fn place(&self, x: [f64; 3]) -> Option<Place> {
         let [i, j, k] = self.cell(x);
         let around = |at: usize, count: usize| at.saturating_sub(1)..=(at + 1).min(count - 1);
-        // The cell itself nearly always does; a point on its face may belong to a neighbour by rounding.
+        // A point on the cell's face may belong to a neighbour by rounding.
         let own = self.nearest(x, self.cells[self.index([i, j, k])].iter());
         if own.as_ref().is_some_and(|place| place.outside < 1.0e-9) {
             return own;
@@ -115,7 +118,7 @@ impl<'a> Locator<'a> {
             let corner = |n: usize| self.problem.mesh.nodes_mm[nodes[n] as usize];
             let barycentric = barycentric([0, 1, 2, 3].map(corner), x);
             let outside = barycentric.iter().fold(0.0, |most: f64, l| most.max(-l));
-            Place { element: *e as usize, nodes, shares: tet10::shape(barycentric), outside }
+            Place { element: *e as usize, nodes, weights: tet10::shape(barycentric), outside }
         };
         elements.map(place).min_by(|a, b| a.outside.total_cmp(&b.outside))
     }
@@ -131,10 +134,10 @@ fn barycentric(corners: [Vec3; 4], x: Vec3) -> [f64; 4] {
     [1.0 - l[0] - l[1] - l[2], l[0], l[1], l[2]]
 }
 
-/// A state of the problem `from` on the mesh of `to`: displacements interpolated, element pressures and the sheet's resultants of
-/// the element around each middle. It is no equilibrium of `to`, but near one where both meshes are of one body.
+/// State of the problem `from` on the mesh of `to`: interpolated displacements, with element pressures and sheet resultants of the
+/// element around each middle. It is not an equilibrium of `to`, but near one if both are meshes of one body.
 ///
-/// None where a node of `to` is near no element of `from`.
+/// `None` if a node of `to` is near no element of `from`.
 #[must_use]
 pub(crate) fn transferred(from: &Problem, state: &State, to: &Problem) -> Option<State> {
     let locator = Locator::new(from);

@@ -1,5 +1,5 @@
-//! What the crate shows: actuators, meshes, samples, closed forms, variants, the store of states. One program: linked once, and its
-//! tests run beside each other.
+//! Tests of the public API: actuators, meshes, samples, closed forms, variants, checkpoints. One program, which is linked once and
+//! runs its tests in parallel.
 
 #[path = "common/actuators.rs"]
 mod actuators;

@@ -1,4 +1,4 @@
-//! What people give the simulator: actuator files, meshes, lists of cases. Sound ones pass, bad ones are refused by name.
+//! Input files of the simulator: actuator files, meshes, lists of cases. Valid ones are accepted, errors are named.
 
 use crate::actuators::{model, reference, with};
 use fem::actuator::Actuator;
@@ -6,7 +6,7 @@ use fem::cases;
 use proptest::prelude::*;
 
 #[test]
-fn the_committed_actuators_meshes_and_lists_are_sound() {
+fn committed_actuators_meshes_and_lists_are_valid() {
     for name in ["pneunet", "gripper"] {
         let path = model(name).join("actuator.toml");
         let actuator = Actuator::read(&path).unwrap();
@@ -21,7 +21,7 @@ fn the_committed_actuators_meshes_and_lists_are_sound() {
 }
 
 #[test]
-fn every_case_of_the_list_is_where_the_issue_wants_it() {
+fn case_lists_contain_the_reference_cases() {
     let list = cases::read(&model("pneunet/cases.csv")).unwrap();
     let count =
         |regime: &str, split: &str| list.iter().filter(|c| c.regime == regime && c.split == split).count();
@@ -34,7 +34,7 @@ fn every_case_of_the_list_is_where_the_issue_wants_it() {
 }
 
 #[test]
-fn parts_that_vanish_or_overlap_and_impossible_materials_are_named() {
+fn vanishing_or_overlapping_parts_and_impossible_materials_are_named() {
     for (section, key, value, word) in [
         ("base", "lower_mm", "0.0", "base.lower_mm"),
         ("body", "pocket_mm", "2.5", "body.pocket_mm"),
@@ -61,7 +61,7 @@ fn parts_that_vanish_or_overlap_and_impossible_materials_are_named() {
 }
 
 #[test]
-fn all_problems_come_at_once_and_unknown_keys_are_refused() {
+fn all_errors_are_listed_and_unknown_keys_refused() {
     let both = with(&reference(), "base", "lower_mm", "-1.0").replace("poisson = 0.2", "poisson = 2.0");
     assert!(Actuator::parse(&both).unwrap_err().len() >= 2);
     let unknown = reference().replace("[sheet]", "[sheet]\ncolour = \"white\"");

@@ -23,7 +23,7 @@ fn cavity_mm3(a: &Actuator) -> f64 {
 }
 
 #[test]
-fn grids_of_one_three_and_five_chambers_have_their_surfaces_and_a_closed_cavity() {
+fn grids_have_all_surfaces_and_a_closed_cavity() {
     for count in [1, 3, 5] {
         let (actuator, problem) = problem(&chambers(count), 9.0);
         assert_eq!(problem.mesh().slots.len(), count - 1);
@@ -35,7 +35,7 @@ fn grids_of_one_three_and_five_chambers_have_their_surfaces_and_a_closed_cavity(
 }
 
 #[test]
-fn smaller_elements_mean_more_of_them_and_nonsense_is_refused() {
+fn grid_size_sets_the_number_of_elements_and_invalid_sizes_are_refused() {
     let actuator = Actuator::parse(&tiny()).unwrap();
     let tets = |size| actuator.grid_mesh(size, 1).unwrap().tets.len();
     assert!(tets(3.0) > tets(9.0) && tets(1.5) > 4 * tets(3.0));
@@ -46,7 +46,7 @@ fn smaller_elements_mean_more_of_them_and_nonsense_is_refused() {
 }
 
 #[test]
-fn a_family_of_grids_divides_every_box_alike() {
+fn grids_of_a_family_divide_every_box_alike() {
     let actuator = Actuator::parse(&tiny()).unwrap();
     let family = |times| actuator.grid_mesh(9.0, times).unwrap();
     let coarse = family(1);
@@ -63,7 +63,7 @@ fn a_family_of_grids_divides_every_box_alike() {
 }
 
 #[test]
-fn a_vtu_makes_the_same_problem_as_the_mesh_it_was_written_from() {
+fn vtu_of_a_mesh_gives_the_same_problem() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("actuator.toml");
     std::fs::write(&path, tiny()).unwrap();
@@ -75,7 +75,7 @@ fn a_vtu_makes_the_same_problem_as_the_mesh_it_was_written_from() {
     let read = actuator.read_mesh(&path).unwrap();
     let problem = Problem::new(read, actuator.problem_config()).unwrap();
     assert_eq!(fingerprint(&problem), fingerprint(&direct));
-    // The same file for another geometry: its faces are not where they should be.
+    // The same file for another geometry: its faces are at other positions.
     let other = Actuator::parse(&with(&tiny(), "chambers", "top_mm", "16.0")).unwrap();
     let text = other.read_mesh(&path).map(|mesh| Problem::new(mesh, other.problem_config()).is_err());
     assert!(!matches!(text, Ok(false)), "a mesh of another geometry must not be taken");
@@ -102,7 +102,7 @@ fn three_chambers_bend_press_and_touch() {
 
 /// Flat elements and a soft silicone: pressure softens thin walls, so a step must be predicted with the tangent it begins at.
 #[test]
-fn a_soft_finger_on_a_coarse_grid_takes_few_factorisations() {
+fn soft_finger_on_a_coarse_grid_takes_few_factorisations() {
     let (actuator, problem) = problem(&with(&chambers(3), "elastomer.law", "mu_mpa", "0.3"), 9.0);
     let mut solver = Solver::new(problem).unwrap();
     let (start, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2).unwrap();
@@ -111,10 +111,10 @@ fn a_soft_finger_on_a_coarse_grid_takes_few_factorisations() {
     assert!(report.cuts == 0 && report.factorisations <= 40, "{report:?}");
 }
 
-/// Figures of one small state. Should they change on purpose, raise `FORMULATION` too, so that no checkpoint of the old
-/// solver is mixed with states of the new one.
+/// Figures of one small state. A deliberate change requires a new `FORMULATION`, so that old checkpoints are not mixed with new
+/// states.
 #[test]
-fn the_formulation_has_the_version_it_says() {
+fn state_of_this_formulation_version_is_reproduced() {
     let (actuator, problem) = problem(&tiny(), 9.0);
     let output = solved(&actuator, &problem, 0.06, 0.3);
     let largest = output.displacement_mm.iter().copied().fold(0.0, f64::max);
@@ -128,9 +128,9 @@ fn the_formulation_has_the_version_it_says() {
     }
 }
 
-/// What is interpolated from one mesh is a start on a finer one: the same equilibrium as from rest, in fewer factorisations.
+/// A state interpolated to a finer mesh leads to the same equilibrium as rest, in fewer factorisations.
 #[test]
-fn a_state_of_a_coarse_mesh_starts_the_same_state_of_a_finer_one() {
+fn transferred_state_leads_to_the_same_equilibrium() {
     let actuator = Actuator::parse(&tiny()).unwrap();
     let ((_, coarse), (_, fine)) = (problem(&tiny(), 9.0), problem(&tiny(), 3.5));
     assert!(fine.mesh().tets.len() > coarse.mesh().tets.len());
@@ -154,7 +154,7 @@ fn a_state_of_a_coarse_mesh_starts_the_same_state_of_a_finer_one() {
     assert!(off_mm < 1.0e-4, "{off_mm} mm");
     assert!(report.factorisations < to_rest.factorisations + inflation.factorisations, "{report:?}");
 
-    // Between meshes fields are compared point by point: at its own nodes a field is what it is, outside there is none.
+    // Point values of a field: the nodal values at the nodes, none outside.
     let locator = Locator::new(&fine);
     for (n, x) in fine.mesh().nodes_mm.iter().enumerate().step_by(37) {
         let place = locator.place(*x).unwrap();

@@ -1,4 +1,4 @@
-//! Where states are computed: every sample fills its box.
+//! Samples fill their box.
 
 use fem::sample::{InfillError, grid, infill, latin_hypercube, onset, sequence};
 use proptest::prelude::*;
@@ -22,7 +22,7 @@ proptest! {
 }
 
 #[test]
-fn every_first_part_of_a_sequence_fills_the_box() {
+fn leading_parts_of_a_sequence_fill_the_box() {
     let bounds = [[0.0, 1.0]; 7];
     let points = sequence(400, &bounds, 3);
     assert_eq!(points[..100], sequence(100, &bounds, 3)[..]);
@@ -43,7 +43,7 @@ fn nearest(points: &[Vec<f64>]) -> f64 {
 }
 
 #[test]
-fn exchanges_spread_the_points_better_than_chance() {
+fn exchanges_increase_the_smallest_distance() {
     let bounds = [[0.0, 1.0], [0.0, 1.0]];
     let chosen = nearest(&latin_hypercube(30, &bounds, 1));
     let mut rng = Rng::new(1);
@@ -61,7 +61,7 @@ fn exchanges_spread_the_points_better_than_chance() {
 }
 
 #[test]
-fn a_grid_has_its_bounds_and_the_last_dimension_runs_fastest() {
+fn grid_includes_its_bounds_and_its_last_dimension_runs_fastest() {
     let points = grid(&[2, 3], &[[0.0, 1.0], [10.0, 20.0]]);
     let expected = [[0.0, 10.0], [0.0, 15.0], [0.0, 20.0], [1.0, 10.0], [1.0, 15.0], [1.0, 20.0]];
     assert_eq!(points, expected.map(Vec::from));
@@ -69,7 +69,7 @@ fn a_grid_has_its_bounds_and_the_last_dimension_runs_fastest() {
 }
 
 #[test]
-fn infill_adds_samples_at_large_errors_and_then_elsewhere() {
+fn infill_adds_samples_at_large_errors_then_elsewhere() {
     let sample = |x: f64, error| InfillError { at: [x, 0.0], error };
     let samples = [sample(0.0, 1.0), sample(0.5, 4.0), sample(1.0, 1.0)];
     let candidates: Vec<[f64; 2]> = (0..=100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();

@@ -1,4 +1,4 @@
-//! Checkpoints: what is saved comes back to the bit; what is damaged, foreign or half written counts as absent.
+//! Checkpoints: bit-identical after reading; damaged, foreign and incomplete files count as absent.
 
 use fem::run::{Sizes, Solved, Store};
 use fem::{Load, Obstacle, Report, State};
@@ -31,7 +31,7 @@ fn solved(pressure_mpa: f64) -> Solved {
 }
 
 #[test]
-fn a_state_comes_back_to_the_bit_and_only_for_its_loads() {
+fn checkpoint_is_bit_identical_and_bound_to_its_loads() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::new(folder.path(), [7; 32]).unwrap();
     let state = solved(0.05);
@@ -45,13 +45,13 @@ fn a_state_comes_back_to_the_bit_and_only_for_its_loads() {
 }
 
 #[test]
-fn a_killed_writer_leaves_nothing_that_is_taken_for_a_state() {
+fn incomplete_checkpoint_counts_as_absent() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::new(folder.path(), [7; 32]).unwrap();
     let state = solved(0.05);
     store.save(&state).unwrap();
     let files: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().path()).collect();
-    let [file] = &files[..] else { panic!("one file a state, found {files:?}") };
+    let [file] = &files[..] else { panic!("one file per state, found {files:?}") };
     let whole = std::fs::read(file).unwrap();
     for cut in 0..whole.len() {
         std::fs::write(file, &whole[..cut]).unwrap();

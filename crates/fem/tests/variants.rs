@@ -1,4 +1,4 @@
-//! Variants of an actuator: names, moved meshes, derivatives by every input against two solved neighbours.
+//! Variants of an actuator: names, moved meshes, derivatives with respect to every input against two solved neighbours.
 
 use crate::actuators;
 use fem::actuator::{Actuator, Setting, mesh_quality, moved_nodes};
@@ -46,8 +46,8 @@ struct Path<'a> {
 }
 
 impl fem::Bodies for Path<'_> {
-    fn at(&self, share: f64) -> Result<Arc<Problem>, fem::VariantError> {
-        self.family.problem_of(&self.family.between(self.from, self.to, share))
+    fn at(&self, fraction: f64) -> Result<Arc<Problem>, fem::VariantError> {
+        self.family.problem_of(&self.family.between(self.from, self.to, fraction))
     }
 }
 
@@ -59,7 +59,7 @@ fn off(a: impl Iterator<Item = f64>, b: impl Iterator<Item = f64>) -> f64 {
 }
 
 #[test]
-fn derivatives_by_every_input_are_those_of_two_solved_neighbours() {
+fn derivatives_equal_differences_of_solved_neighbours() {
     // Channels narrower than the chambers, so that either width can change alone.
     let family = family_with("8.0");
     let names = [
@@ -73,7 +73,7 @@ fn derivatives_by_every_input_are_those_of_two_solved_neighbours() {
 }
 
 #[test]
-fn derivatives_over_round_bodies_are_those_of_two_solved_neighbours() {
+fn derivatives_with_round_obstacles_equal_differences_of_solved_neighbours() {
     for kind in ["cylinder", "sphere"] {
         let body = format!("\"{kind}\"\nradius_mm = 15.0\ncentre_mm = [27.0, 8.0]");
         let family = tight(&actuators::with(&actuators::tiny(), "obstacle", "kind", &body));
@@ -160,7 +160,7 @@ fn assert_derivatives(family: &Family, names: &[&str], states: &[(f64, Option<f6
 }
 
 #[test]
-fn a_moved_mesh_keeps_faces_on_their_planes_and_elements_on_their_side() {
+fn moved_mesh_keeps_faces_on_their_planes_and_volume() {
     let family = family();
     let mesh = family.problem.mesh();
     assert_eq!(moved_nodes(mesh, &family.actuator, &family.actuator).unwrap(), mesh.nodes_mm);
@@ -207,7 +207,7 @@ fn six_volumes(nodes: &[[f64; 3]], t: &[u32; 10]) -> f64 {
 }
 
 #[test]
-fn shapes_and_names_that_cannot_be_are_refused_with_what_would_work() {
+fn invalid_shapes_and_names_are_refused_with_the_expected() {
     let family = family();
     let refused = |list: &[(&str, f64)], parts: &[&str]| {
         let result = family.variant(&settings(list)).and_then(|v| family.problem_of(&v).map(|_| ()));
@@ -220,7 +220,7 @@ fn shapes_and_names_that_cannot_be_are_refused_with_what_would_work() {
     refused(&[("elastomer.law.mu_mpa", -1.0)], &["mu_mpa"]);
     refused(&[("chambers.width_mm", 30.0)], &["chambers.width_mm"]);
     refused(&[("base.lower_mm", 2.1), ("base.lower_mm", 2.2)], &["every parameter once"]);
-    // Chambers and channels share their side faces on this actuator: one alone would tear the mesh.
+    // Chambers and channels fraction their side faces on this actuator: one alone would tear the mesh.
     refused(&[("chambers.width_mm", 12.5)], &["stay in one plane"]);
     let flat = family.actuator.with(&settings(&[("slots.floor_mm", 18.0)])).unwrap();
     assert!(
@@ -234,7 +234,7 @@ fn shapes_and_names_that_cannot_be_are_refused_with_what_would_work() {
 }
 
 #[test]
-fn a_path_through_variants_ends_where_the_direct_one_does() {
+fn path_through_variants_ends_at_the_direct_solution() {
     let family = family();
     let far = family.variant(&settings(&[("elastomer.law.mu_mpa", 1.0), ("base.lower_mm", 1.7)])).unwrap();
     let load = family.actuator.load(0.1, Some(0.5));

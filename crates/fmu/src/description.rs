@@ -24,7 +24,7 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// The description of a model's FMU. `token` ties it to the library's resources and must be the same at instantiation.
+/// Description of a model's FMU. `token` identifies the library's resources and must be the same at instantiation.
 pub fn describe(model: &Model, nodes: &[ChosenNode], token: &str) -> String {
     let header = &model.header;
     let outputs = outputs(header, nodes);

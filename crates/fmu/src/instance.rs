@@ -1,4 +1,4 @@
-//! One instance: the model with its present inputs, and what was computed from them.
+//! One instance: the model with its present inputs and the results computed from them.
 
 use crate::part::{Part, Stress};
 use crate::variables::{self, FIRST_INPUT, FIRST_OUTPUT, MODEL_FILE, NODES_FILE, Output, Quantity, TIME};
@@ -67,7 +67,7 @@ impl Instance {
         })
     }
 
-    /// As after instantiation.
+    /// Restores the state after instantiation.
     pub(crate) fn reset(&mut self) -> Result<(), String> {
         (self.inputs, self.is_current) = (self.start, false);
         self.move_to(0.0)
@@ -82,7 +82,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Sets an input. Not a number, or infinite where only the gap may be: refused, the old value stands.
+    /// Sets an input. NaN, and infinity for inputs other than the gap, are refused, and the old value is kept.
     pub(crate) fn set(&mut self, reference: u32, value: f64) -> Result<(), String> {
         let at = reference.wrapping_sub(FIRST_INPUT) as usize;
         let key = self.keys.get(at).filter(|_| at < MAX_INPUTS);

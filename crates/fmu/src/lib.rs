@@ -1,8 +1,8 @@
-//! A model as an FMU of FMI 3.0 (co-simulation and model exchange): the library in `binaries/`, and the description beside it,
-//! which `softtwin export` writes. The FMU has no states: outputs follow from inputs at once.
+//! FMU of a model for FMI 3.0 (co-simulation and model exchange): the library in `binaries/`, and the description that `softtwin
+//! export` writes. The FMU has no states: outputs follow from inputs without delay.
 //!
-//! FMI's interface is written by hand: generators of FMUs in Rust want the variables when they are compiled; ours are those of
-//! the model in `resources/`. Functions of FMI that such a model has no use for return `fmi3Error` and log their name.
+//! FMI's interface is hand-written: generators of FMUs in Rust require the variables at compile time, but they are those of the
+//! model in `resources/`. Unsupported functions return `fmi3Error` and log their name.
 //!
 //! What an output costs: force, gradients, onset and half-widths one evaluation without coefficients; fields at nodes the coefficients of
 //! these fields; the largest stress those of the stress and a search among few nodes. Each is computed when it is read, once for the same
@@ -10,9 +10,9 @@
 
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
-#[allow(non_snake_case)] // names are those of FMI
-mod border;
 mod description;
+#[allow(non_snake_case)] // names of FMI
+mod ffi;
 mod instance;
 mod part;
 #[allow(non_snake_case)]

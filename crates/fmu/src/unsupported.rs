@@ -1,17 +1,17 @@
-//! Functions of FMI 3.0 that must be there but have no use here: they log their name and return fmi3Error.
+//! Unsupported functions of FMI 3.0: they log their name and return fmi3Error.
 
-use crate::border::{Handle, LogMessage, Status, call};
+use crate::ffi::{Handle, LogMessage, Status, call};
 use std::ffi::{c_char, c_void};
 
-/// Declares them with the types of FMI's header, in one line each.
+/// Defines them with the types of FMI's header, one per line.
 macro_rules! unsupported {
     ($($name:ident($($type:ty),*);)*) => { $(
         /// Not supported by this model.
         ///
         /// # Safety
-        /// As FMI says.
+        /// As specified by FMI.
         #[unsafe(no_mangle)]
-        #[allow(clippy::too_many_arguments)] // as FMI has it
+        #[allow(clippy::too_many_arguments)] // FMI's signature
         pub unsafe extern "C" fn $name(handle: *mut Handle, $(_: $type),*) -> Status {
             // SAFETY: by the importer's promise.
             unsafe { call(handle, |_| Err(concat!(stringify!($name), " is not supported by this FMU").into())) }
@@ -67,12 +67,12 @@ unsupported! {
     fmi3ActivateModelPartition(u32, f64);
 }
 
-/// Scheduled execution needs clocks, which this model has not: null.
+/// Returns null: scheduled execution needs clocks, which the model does not have.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
-#[allow(clippy::too_many_arguments)] // as FMI has it
+#[allow(clippy::too_many_arguments)] // FMI's signature
 pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     _name: *const c_char,
     _token: *const c_char,

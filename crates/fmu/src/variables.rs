@@ -1,4 +1,4 @@
-//! The variables of an FMU: inputs and outputs with their numbers (value references), the same when it is written and when it runs.
+//! Variables of an FMU: inputs and outputs with their value references, shared by the export and the running library.
 
 use rom::model::{Model, ModelHeader};
 
@@ -23,19 +23,19 @@ pub struct ChosenNode {
     pub node: u32,
 }
 
-/// The text of [`NODES_FILE`].
+/// Content of [`NODES_FILE`].
 pub fn nodes_text(nodes: &[ChosenNode]) -> String {
     nodes.iter().map(|chosen| format!("{} {}\n", chosen.name, chosen.node)).collect()
 }
 
-/// The instantiation token: what ties a description to its resources. The hash at the end of the model file, and the nodes.
+/// Instantiation token, which identifies a description's resources: the hash at the end of the model file, and the nodes.
 pub fn token(model_file: &[u8], nodes: &[ChosenNode]) -> String {
     let hash = model_file.last_chunk::<32>().copied().unwrap_or_default();
     let hash: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
     nodes.iter().fold(hash, |token, chosen| format!("{token};{} {}", chosen.name, chosen.node))
 }
 
-/// Reads the text of [`NODES_FILE`].
+/// Parses [`NODES_FILE`].
 pub(crate) fn read_nodes(text: &str) -> Result<Vec<ChosenNode>, String> {
     let one = |(at, line): (usize, &str)| {
         let parts = line.split_once(' ').and_then(|(name, node)| Some((name, node.parse().ok()?)));
@@ -46,11 +46,11 @@ pub(crate) fn read_nodes(text: &str) -> Result<Vec<ChosenNode>, String> {
     text.lines().enumerate().map(one).collect()
 }
 
-/// What an output shows.
+/// Quantity of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Quantity {
     Force,
-    /// Derivative of the force by the input at this position.
+    /// Derivative of the force with respect to the input at this position.
     ForceBy(usize),
     Onset,
     ForceHalfwidth,
@@ -70,7 +70,7 @@ pub(crate) enum Quantity {
 }
 
 impl Quantity {
-    /// Whether it is an Int32.
+    /// True for an Int32.
     pub(crate) fn is_integer(self) -> bool {
         matches!(self, Self::DomainStatus | Self::Regime)
     }
@@ -127,7 +127,7 @@ pub(crate) fn outputs(header: &ModelHeader, nodes: &[ChosenNode]) -> Vec<Output>
     all
 }
 
-/// The inputs' values before any is set: no pressure, the largest training gap, parameters as the model has them.
+/// Initial values of the inputs: pressure 0, the largest training gap, the model's parameters.
 pub(crate) fn start(model: &Model) -> Vec<f64> {
     let of = |(at, input): (usize, &rom::inputs::InputSpec)| match input.value {
         Some(value) => value,

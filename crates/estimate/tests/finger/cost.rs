@@ -1,9 +1,9 @@
-//! What an update costs: predictions of the model, and what is said where these end before the search does.
+//! Cost of an update in model predictions, and the result if they are used up before the search converges.
 
 use crate::model::{Finger, Random, STIFFNESS, Truth, readings, setup, truth};
 use estimate::{Filter, MAX_INPUTS, MAX_PREDICTIONS, Model, Predicted, Status};
 
-/// A finger that counts how often it is asked.
+/// Finger that counts its predictions.
 struct Counted<M> {
     of: M,
     calls: u32,
@@ -26,7 +26,7 @@ impl<M: Model> Model for Counted<M> {
 }
 
 #[test]
-fn an_update_takes_one_prediction_and_two_where_contact_is_in_question() {
+fn update_takes_one_prediction_and_two_near_the_onset() {
     let mut random = Random(42);
     let mut calls = Vec::new();
     for _ in 0..5 {
@@ -45,7 +45,7 @@ fn an_update_takes_one_prediction_and_two_where_contact_is_in_question() {
     assert!(at(99) <= 3 && calls.last() <= Some(&MAX_PREDICTIONS), "{} {:?}", at(99), calls.last());
 }
 
-/// A finger that says of all its derivatives five times what they are: every step goes a fifth of the way.
+/// Finger whose derivatives are five times too large, so that every step is five times too short.
 struct Misleading;
 
 impl Model for Misleading {
@@ -61,7 +61,7 @@ impl Model for Misleading {
 }
 
 #[test]
-fn a_search_that_does_not_end_is_bounded_and_said() {
+fn unconverged_search_is_bounded_and_reported() {
     let truth = Truth { gap: 40.0, bias: 0.0, stiffness: 0.7 };
     let readings = readings(truth, &mut Random(9));
     let mut filter = Filter::new(setup(true)).expect("a valid setup");
@@ -75,9 +75,9 @@ fn a_search_that_does_not_end_is_bounded_and_said() {
     assert!(said > 0, "no search was ended by its bound");
 }
 
-/// An unknown at the end of its range stays there while the others fit.
+/// An unknown at the end of its range stays there while the others are fitted.
 #[test]
-fn unknowns_at_an_end_of_their_range_leave_the_others_right() {
+fn unknown_at_the_end_of_its_range_does_not_bias_the_others() {
     let mut random = Random(21);
     let truth = Truth { gap: 40.0, bias: 0.0005, stiffness: 0.8 };
     let mut setup = setup(true);

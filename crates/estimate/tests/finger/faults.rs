@@ -1,24 +1,24 @@
-//! Faults of a rig, each named or said not to be explained within two seconds, and none where there is none.
+//! Faults of a rig, each with its alarm within two seconds, and no alarm without a fault.
 
 use crate::model::{Finger, GAP, PRESSURE, Random, setup_with_middle};
 use estimate::{Alarm, Filter, InputRole, MAX_INPUTS, Measurement, Model, Predicted, Setup};
 
 const RATE_HZ: f64 = 200.0;
 const TRUTH: [f64; 2] = [42.0, 0.84]; // gap in mm, stiffness in MPa
-/// When the faults of a running rig begin (s).
+/// Begin of the faults of a running rig (s).
 const BEGIN_S: f64 = 15.0;
 
-/// One reading's truth, which a fault changes.
+/// True values of one reading, which a fault changes.
 struct Instant {
     t_s: f64,
-    /// Pressure in the actuator, and what the gauge says, MPa.
+    /// Pressure in the actuator and pressure at the gauge, MPa.
     pressure: f64,
     gauge: f64,
     /// Force, then x and y of tip and middle.
     rows: [f64; 5],
 }
 
-/// An inflation of 10 s, then breathing; two markers. The sensors are as the shipped scene says.
+/// An inflation of 10 s, then breathing; two markers. The sensors are those of the shipped scene.
 fn rig() -> Setup {
     let mut setup = setup_with_middle();
     for row in &mut setup.rows {
@@ -32,7 +32,7 @@ fn pressure(t_s: f64) -> f64 {
     if t_s < 10.0 { 0.01 * t_s } else { 0.08 + 0.02 * (0.5 * std::f64::consts::TAU * (t_s - 10.0)).cos() }
 }
 
-/// Runs for `seconds`; returns when the first alarm was raised and which.
+/// Runs for `seconds`; returns time and kind of the first alarm.
 fn first_alarm(
     setup: Setup,
     seconds: f64,
@@ -73,7 +73,7 @@ fn first_alarm(
     None
 }
 
-/// The alarm of a fault that begins while the rig runs; within two seconds.
+/// Alarm within two seconds of a fault in a running rig.
 fn of_running_rig(before: impl Fn(&mut Instant), after: impl Fn(&mut Instant)) -> Alarm {
     let (t_s, alarm) = first_alarm(rig(), BEGIN_S + 2.0, before, after).expect("an alarm within two seconds");
     assert!(t_s >= BEGIN_S, "{alarm:?} at {t_s} s, before the fault");
@@ -86,12 +86,12 @@ fn wrong_pressure_or_not_explained(fault: impl Fn(&mut Instant)) {
 }
 
 #[test]
-fn ten_minutes_of_clean_noise_raise_no_alarm() {
+fn noise_without_fault_raises_no_alarm_in_ten_minutes() {
     assert_eq!(first_alarm(rig(), 600.0, |_| {}, |_| {}), None);
 }
 
 #[test]
-fn a_leak_behind_the_gauge_is_a_wrong_pressure_or_not_explained() {
+fn leak_behind_the_gauge_is_a_wrong_pressure_or_not_explained() {
     let leak = |now: &mut Instant| {
         let open_s = (now.t_s - BEGIN_S).max(0.0);
         now.pressure *= 1.0 - 0.15 * (1.0 - (-open_s / 0.3).exp());
@@ -100,26 +100,26 @@ fn a_leak_behind_the_gauge_is_a_wrong_pressure_or_not_explained() {
 }
 
 #[test]
-fn a_blocked_tube_is_a_wrong_pressure_or_not_explained() {
+fn blocked_tube_is_a_wrong_pressure_or_not_explained() {
     let blocked = |now: &mut Instant| now.pressure = pressure(now.t_s.min(BEGIN_S));
     wrong_pressure_or_not_explained(blocked);
 }
 
 #[test]
-fn a_slipped_gauge_is_recognised_as_a_wrong_pressure() {
+fn drifted_gauge_is_a_wrong_pressure() {
     let slipped = |now: &mut Instant| now.gauge += if now.t_s < BEGIN_S { 0.0 } else { 0.005 };
     assert_eq!(of_running_rig(slipped, |_| {}), Alarm::Input(1 << PRESSURE));
 }
 
 #[test]
-fn a_load_cell_that_was_not_zeroed_is_named() {
+fn unzeroed_load_cell_is_named() {
     let shifted = |now: &mut Instant| now.rows[0] += 0.06;
     let (t_s, alarm) = first_alarm(rig(), 2.0, |_| {}, shifted).expect("an alarm within two seconds");
     assert_eq!(alarm, Alarm::Sensor(0b1), "at {t_s} s");
 }
 
 #[test]
-fn a_wrong_gap_is_not_explained() {
+fn wrong_gap_is_not_explained() {
     let mut setup = rig();
     setup.inputs[GAP] = InputRole::Given(TRUTH[0] + 4.0);
     setup.unknowns.remove(0);

@@ -1,4 +1,4 @@
-//! The filter, the fit, the alarms and the plan on a finger in closed form.
+//! Filter, fit, alarms and plan on a finger in closed form.
 
 mod cost;
 mod faults;
@@ -35,12 +35,12 @@ fn gap_bias_and_stiffness_are_found_with_force_and_tip() {
 }
 
 #[test]
-fn force_alone_is_said_not_to_tell_gap_and_bias_apart() {
+fn gap_and_bias_are_unidentifiable_from_force_alone() {
     let mut random = Random(7);
     for _ in 0..20 {
         let truth = truth(&mut random);
         let mut setup = setup(false);
-        setup.rows[0].model_sigma = 0.005; // a model that is off by 5 mN for as long as the recording lasts
+        setup.rows[0].model_sigma = 0.005; // a model with an error of 5 mN over the whole recording
         setup.model_correlation_s = 10.0;
         // Gap and bias alone: the stiffness is given.
         setup.unknowns.truncate(2);
@@ -58,10 +58,10 @@ fn force_alone_is_said_not_to_tell_gap_and_bias_apart() {
     }
 }
 
-/// With the marker alone a contact is noticed some tenths of a second late: what was estimated meanwhile, as if nothing touched, is taken
-/// back. Without that the stiffness is off by several standard deviations, also where no sensor has noise.
+/// With the marker alone a contact is detected some tenths of a second late. Estimates made meanwhile without contact are discarded;
+/// otherwise the stiffness has an error of several standard deviations even without sensor noise.
 #[test]
-fn a_contact_that_is_noticed_late_does_not_spoil_the_estimate() {
+fn contact_detected_late_leaves_the_stiffness_unbiased() {
     let mut random = Random(23);
     for _ in 0..10 {
         let truth = truth(&mut random);
@@ -83,10 +83,9 @@ fn a_contact_that_is_noticed_late_does_not_spoil_the_estimate() {
     }
 }
 
-/// Inputs that come out, at the ends of inflations: with a pressure that changes steadily its noise is about half, the unknowns are
-/// the same to the bit.
+/// At the ends of inflations the noise of a steadily changing pressure is halved, and the unknowns are bit-identical.
 #[test]
-fn a_steady_pressure_comes_out_by_all_readings() {
+fn steadily_changing_pressure_has_half_the_noise() {
     let mut random = Random(17);
     let (mut alone, mut steady) = (0.0, 0.0);
     for _ in 0..20 {
@@ -116,7 +115,7 @@ fn a_steady_pressure_comes_out_by_all_readings() {
 }
 
 #[test]
-fn before_the_contact_only_smaller_gaps_are_excluded() {
+fn readings_without_contact_exclude_only_smaller_gaps() {
     let mut random = Random(3);
     let truth = Truth { gap: 60.0, bias: 0.0, stiffness: 0.8 };
     let readings = readings(truth, &mut random);
@@ -136,7 +135,7 @@ fn before_the_contact_only_smaller_gaps_are_excluded() {
     assert!((gap.value - 60.0).abs() < 0.5 && gap.identifiable, "{gap:?}");
 }
 
-/// A camera that has no picture yet says 0: no contact begins by that.
+/// A camera without a picture sends 0, which must not begin a contact.
 #[test]
 fn wild_first_markers_begin_no_contact() {
     for wild in [1, 2, 10] {
@@ -153,7 +152,7 @@ fn wild_first_markers_begin_no_contact() {
 }
 
 #[test]
-fn outliers_are_rejected_and_counted_and_change_nothing() {
+fn outliers_are_rejected_and_counted() {
     let mut random = Random(11);
     let truth = Truth { gap: 38.0, bias: 0.001, stiffness: 0.85 };
     let mut readings = readings(truth, &mut random);
@@ -172,7 +171,7 @@ fn outliers_are_rejected_and_counted_and_change_nothing() {
 }
 
 #[test]
-fn bad_readings_change_nothing_and_say_why() {
+fn bad_readings_are_ignored_with_a_status() {
     let mut filter = Filter::new(setup(true)).expect("a valid setup");
     let mut reading = Measurement::at(1.0);
     assert_eq!(filter.update(&reading, &mut Finger).status, Status::InputMissing);
@@ -190,16 +189,16 @@ fn bad_readings_change_nothing_and_say_why() {
     assert_eq!(before, filter.estimates().collect::<Vec<_>>());
 }
 
-/// Also where a contact began in it, for which earlier estimates are taken up again.
+/// Also if a contact began in it, for which earlier estimates were restored.
 #[test]
-fn a_reading_that_is_not_used_changes_no_estimate() {
+fn unused_reading_changes_no_estimate() {
     let mut random = Random(29);
     let (mut unused, mut begun) = (0, 0);
     for _ in 0..30 {
         let truth = truth(&mut random);
         let mut filter = Filter::new(setup_with_middle()).expect("a valid setup");
         for mut reading in readings(truth, &mut random).into_iter().step_by(4) {
-            // Markers that show anything.
+            // Markers with arbitrary values.
             if random.uniform() < 0.7 {
                 reading.rows[0] = f64::NAN;
                 reading.rows[1..5].fill_with(|| random.between(-80.0, 120.0));
@@ -217,7 +216,7 @@ fn a_reading_that_is_not_used_changes_no_estimate() {
 }
 
 #[test]
-fn a_setup_names_all_that_is_wrong_with_it() {
+fn setup_check_returns_all_errors() {
     let mut wrong = setup(true);
     wrong.unknowns[0].sigma = 0.0;
     wrong.unknowns[1].prior = 1.0;
@@ -230,7 +229,7 @@ fn a_setup_names_all_that_is_wrong_with_it() {
 }
 
 #[test]
-fn a_recording_is_fitted_and_bad_values_do_not_move_it() {
+fn fit_is_robust_against_outliers() {
     let mut random = Random(5);
     let mut covered = 0;
     for _ in 0..10 {
@@ -250,7 +249,7 @@ fn a_recording_is_fitted_and_bad_values_do_not_move_it() {
 }
 
 #[test]
-fn a_recording_without_contact_does_not_tell_the_gap() {
+fn gap_is_unidentifiable_without_contact() {
     let mut random = Random(6);
     let truth = Truth { gap: 70.0, bias: 0.001, stiffness: 0.8 };
     let readings: Vec<_> = readings(truth, &mut random).into_iter().take(600).collect();

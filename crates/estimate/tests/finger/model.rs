@@ -1,4 +1,4 @@
-//! A finger in closed form: force, tip and middle over pressure, gap and stiffness, with a contact that begins.
+//! Finger in closed form: force, tip and middle over pressure, gap and stiffness, with a contact onset.
 
 use estimate::{Filter, InputRole, MAX_INPUTS, Measurement, Model, Predicted, Row, Setup, Unknown, Update};
 
@@ -6,7 +6,7 @@ pub(crate) const PRESSURE: usize = 0;
 pub(crate) const GAP: usize = 1;
 pub(crate) const STIFFNESS: usize = 2;
 
-/// A finger that sags 27 mm, bends down with pressure over stiffness, and presses on the plate once its tip reaches it.
+/// Finger that sags by 27 mm, bends down with pressure over stiffness, and presses on the plate from the onset on.
 pub(crate) struct Finger;
 
 impl Finger {
@@ -41,7 +41,7 @@ impl Model for Finger {
             y.gradient[PRESSURE] = -945.0 / stiffness;
             y.gradient[STIFFNESS] = 945.0 * curl / stiffness;
         }
-        // Half way along, the finger moves a third in x and a quarter in y, and stands 57 mm nearer the base.
+        // The middle moves by a third in x and a quarter in y, and is 57 mm nearer to the base.
         let share = |mut of: Predicted, share: f64, shift: f64| {
             of.value = share * of.value + shift;
             of.gradient.iter_mut().for_each(|by| *by *= share);
@@ -57,7 +57,7 @@ impl Model for Finger {
     }
 
     fn inside_contact_mm(&self, inputs: &[f64; MAX_INPUTS]) -> Option<f64> {
-        // As far off as it may be.
+        // With the largest permitted error.
         Some(1.4 * (27.4 + 900.0 * inputs[PRESSURE] / inputs[STIFFNESS] - inputs[GAP]))
     }
 }

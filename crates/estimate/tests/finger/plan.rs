@@ -1,4 +1,4 @@
-//! The plan's predictions are what the filter comes to.
+//! Predictions of the plan compared with the filter's results.
 
 use crate::model::{Finger, GAP, PRESSURE, Random, STIFFNESS, Truth, setup};
 use estimate::{
@@ -24,7 +24,7 @@ fn holds(blocks: u32) -> Vec<Symmetric> {
 }
 
 #[test]
-fn the_determinant_is_as_large_as_that_of_any_other_choice() {
+fn chosen_holds_have_the_largest_determinant() {
     let setup = setup(true);
     let holds: Vec<Symmetric> = holds(0b11).into_iter().step_by(4).collect();
     let chosen = choose(&setup, &holds, 3);
@@ -48,7 +48,7 @@ fn the_determinant_is_as_large_as_that_of_any_other_choice() {
 }
 
 #[test]
-fn force_alone_does_not_tell_and_force_with_tip_does_as_the_filter_finds() {
+fn plan_and_filter_agree_on_identifiability_and_deviations() {
     let setup = setup(true);
     let force = holds(0b1);
     let all: Vec<usize> = (0..force.len()).collect();

@@ -17,7 +17,7 @@ fn inverse_times_matrix_is_the_identity() {
 }
 
 #[test]
-fn held_entries_keep_their_value_and_the_others_are_the_minimum_beside_them() {
+fn held_entries_keep_their_value_and_the_others_solve_the_rest() {
     let mut a = Symmetric::diagonal(&[2.0, 3.0, 0.5]);
     a.add_outer(1.5, &[0.3, -1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let (mut b, mut held) = ([0.0; MAX_STATES], [None; MAX_STATES]);
@@ -29,7 +29,7 @@ fn held_entries_keep_their_value_and_the_others_are_the_minimum_beside_them() {
 }
 
 #[test]
-fn the_determinant_is_that_of_a_known_matrix() {
+fn determinant_of_a_known_matrix_is_exact() {
     let mut a = Symmetric::diagonal(&[1.0, 1.0]);
     a.add_outer(1.0, &[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]); // [[2, 2], [2, 5]]
     let ln = a.cholesky().expect("positive definite").ln_determinant();
@@ -37,7 +37,7 @@ fn the_determinant_is_that_of_a_known_matrix() {
 }
 
 #[test]
-fn eigenvalues_have_the_trace_and_the_determinant() {
+fn eigenvalues_of_known_matrices_are_exact() {
     let mut a = Symmetric::diagonal(&[1.0, 1.0]);
     a.add_outer(1.0, &[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]); // 6 along (1, 2), 1 across
     let mut found = a.eigenvalues()[..2].to_vec();
@@ -50,7 +50,7 @@ fn eigenvalues_have_the_trace_and_the_determinant() {
 }
 
 #[test]
-fn a_matrix_that_is_not_positive_definite_or_not_a_number_has_no_factor() {
+fn indefinite_or_nan_matrix_has_no_factor() {
     assert!(Symmetric::diagonal(&[1.0, -1.0]).cholesky().is_none());
     assert!(Symmetric::diagonal(&[1.0, f64::NAN]).cholesky().is_none());
 }

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Noise of standard deviation 1 from a linear congruence: the sum of twelve uniform numbers.
+/// Noise of standard deviation 1: sum of twelve uniform numbers from a linear congruence.
 fn noise(seed: &mut u64) -> f64 {
     let mut uniform = || {
         *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -9,7 +9,7 @@ fn noise(seed: &mut u64) -> f64 {
     (0..12).map(|_| uniform()).sum::<f64>() - 6.0
 }
 
-/// Errors of the value in its own standard deviations at the end of ramps, and the standard deviation.
+/// Errors at the end of ramps in standard deviations of the trend, and the standard deviation.
 fn ramps(rate: f64) -> (Vec<f64>, f64) {
     let (mut seed, mut off, mut sigma) = (7, Vec::new(), 0.0);
     for _ in 0..200 {
@@ -39,9 +39,8 @@ fn noise_averages_out_on_a_ramp_without_lag() {
 }
 
 #[test]
-fn a_step_counts_at_once_and_a_single_wild_value_is_gone_at_the_next() {
-    let at =
-        |k: usize, value: f64, trend| Some(Trend::follow(trend, k as f64 / 200.0, value, 2.5e-7, 0.005));
+fn step_restarts_the_trend() {
+    let at = |k: usize, value: f64, trend| Some(Trend::follow(trend, k as f64 / 200.0, value, 2.5e-7, 0.005));
     let mut trend = (0..100).fold(None, |trend, k| at(k, 0.02, trend));
     trend = at(100, 0.05, trend);
     assert_eq!(trend.map(|trend| trend.value()), Some(0.05));
@@ -50,7 +49,7 @@ fn a_step_counts_at_once_and_a_single_wild_value_is_gone_at_the_next() {
 }
 
 #[test]
-fn no_number_never_stays() {
+fn nan_is_replaced_by_the_next_value() {
     let wild = Trend::follow(None, 0.0, f64::NAN, 1.0, 0.1);
     assert_eq!(Trend::follow(Some(wild), 1.0, 3.0, 1.0, 0.1).value(), 3.0);
 }

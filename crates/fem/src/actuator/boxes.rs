@@ -1,4 +1,4 @@
-//! The boxes an actuator is made of, as `actuator.toml` gives them: what is solid, what is cut out, where walls lie.
+//! Boxes of an actuator from `actuator.toml`: solid parts, cut-outs, walls.
 
 use super::file::Actuator;
 
@@ -53,18 +53,18 @@ impl Boxes {
         }
     }
 
-    /// Whether elastomer fills a point that lies on no face.
+    /// True if a point that lies on no face is in the elastomer.
     pub(crate) fn solid_at(&self, p: [f64; 3]) -> bool {
         let cut = self.chambers.iter().chain(&self.channels).chain(&self.slots);
         self.solids.iter().any(|b| inside(b, p, 0.0)) && !cut.into_iter().any(|b| inside(b, p, 0.0))
     }
 
-    /// Whether a point lies in or on the cavity.
+    /// True if a point lies in or on the cavity.
     pub(crate) fn in_cavity(&self, p: [f64; 3], tolerance_mm: f64) -> bool {
         self.chambers.iter().chain(&self.channels).any(|b| inside(b, p, tolerance_mm))
     }
 
-    /// Every coordinate at which a face lies, for one axis, rising.
+    /// Coordinates of all faces along one axis, rising.
     pub(crate) fn planes(&self, axis: usize) -> Vec<f64> {
         let all = self.solids.iter().chain(&self.chambers).chain(&self.channels).chain(&self.slots);
         let mut planes: Vec<f64> = all.flat_map(|b| b[axis]).collect();

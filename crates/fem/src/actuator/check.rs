@@ -1,12 +1,12 @@
-//! What must be true of an actuator: no part vanishes or overlaps another, materials are possible.
+//! Checks of an actuator: sizes, overlaps, materials.
 
 use super::file::{Actuator, ObstacleBody, ObstacleShape};
 use formats::Diagnostic;
 
-/// Walls thinner than this cannot be meshed with elements of useful shape.
+/// Smallest wall that can be meshed with elements of useful shape (mm).
 const THINNEST_MM: f64 = 0.1;
 
-/// Everything that is wrong with the values, at once.
+/// All errors in the values.
 pub(crate) fn diagnostics(actuator: &Actuator) -> Vec<Diagnostic> {
     actuator.diagnostics()
 }
@@ -32,7 +32,7 @@ impl Actuator {
         found.0
     }
 
-    /// Every size is a finite number above zero: a part of no size vanishes.
+    /// Checks that every size is a finite number above 0.
     fn sizes(&self, found: &mut Found) {
         let (base, body, chambers) = (&self.base, &self.body, &self.chambers);
         for (key, value) in [
@@ -168,7 +168,7 @@ impl Found {
         self.0.push(Diagnostic::new(place.to_string(), expected, found.to_string()));
     }
 
-    /// `high` lies at least `least` above `low`, or the parts overlap.
+    /// Checks that `high` is at least `least` above `low`; otherwise the parts overlap.
     fn wall(&mut self, place: &str, low: f64, high: f64, least: f64) {
         let wall = high - low;
         // Sums of decimal lengths carry rounding errors far below any tolerance of manufacture.

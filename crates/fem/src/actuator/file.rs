@@ -1,4 +1,4 @@
-//! The content of `actuator.toml`, typed.
+//! Content of `actuator.toml`.
 
 use crate::config::{ContactSettings, Load, NewtonSettings, ProblemConfig};
 use crate::contact::obstacle::{Form, Obstacle, Round};
@@ -17,7 +17,7 @@ pub struct Actuator {
     pub layout: u32,
     /// Name of files and topics.
     pub name: String,
-    /// Elastomer slab.
+    /// Base.
     pub base: Base,
     /// Block of chambers.
     pub body: Body,
@@ -33,9 +33,9 @@ pub struct Actuator {
     pub sheet: SheetMaterial,
     /// Gravity and how pressure acts.
     pub loads: Loads,
-    /// What is held.
+    /// Support.
     pub support: Support,
-    /// What can be touched.
+    /// Obstacle.
     pub obstacle: ObstacleBody,
     /// Penalties.
     pub contact: ContactSettings,
@@ -79,13 +79,13 @@ pub struct Body {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Chambers {
-    /// How many.
+    /// Number of cavities.
     pub count: usize,
-    /// x at which the first begins.
+    /// x of the first cavity's begin.
     pub first_mm: f64,
     /// Along x.
     pub length_mm: f64,
-    /// From one to the next.
+    /// Pitch.
     pub pitch_mm: f64,
     /// Along z.
     pub width_mm: f64,
@@ -127,7 +127,7 @@ pub struct Loads {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Support {
-    /// Which face.
+    /// Held face.
     pub fixed: Fixed,
 }
 
@@ -141,7 +141,7 @@ pub enum Fixed {
     BaseStart,
 }
 
-/// Bodies that can be touched.
+/// Kinds of obstacles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ObstacleShape {
@@ -149,14 +149,14 @@ pub enum ObstacleShape {
     Plate,
     /// The block that a finger grips.
     Block,
-    /// A sphere in the plate's place.
+    /// A sphere instead of the plate.
     Sphere,
-    /// A cylinder across the actuator in the plate's place.
+    /// A cylinder across the actuator, instead of the plate.
     Cylinder,
 }
 
 impl ObstacleShape {
-    /// The scene of its states.
+    /// Kind of obstacle in the names of the database's regimes.
     #[must_use]
     pub fn scene(self) -> ObstacleKind {
         if self == Self::Block { ObstacleKind::Block } else { ObstacleKind::Plate }
@@ -177,10 +177,10 @@ impl ObstacleShape {
 pub struct ObstacleBody {
     /// Plate, block, sphere or cylinder.
     pub kind: ObstacleShape,
-    /// Of sphere and cylinder: radius (mm).
+    /// Radius of a sphere or cylinder (mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_mm: Option<f64>,
-    /// Of sphere and cylinder: x and z (mm) of the highest point; a cylinder lies along z.
+    /// x and z (mm) of the highest point of a sphere or cylinder; a cylinder lies along z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_mm: Option<[f64; 2]>,
     /// Lower and upper x (mm).
@@ -189,13 +189,13 @@ pub struct ObstacleBody {
     pub z_mm: [f64; 2],
 }
 
-/// The mesh file and the figures the mesh script needs.
+/// Mesh file and parameters of the mesh script.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshSettings {
     /// `.msh` or `.vtu`, relative to `actuator.toml`.
     pub file: PathBuf,
-    /// Nodes it must have; 0 for any.
+    /// Required number of nodes; 0 for any.
     pub nodes: usize,
     /// Every edge is divided into `round(length / seed)` parts (mm).
     pub seed_mm: f64,
@@ -210,7 +210,7 @@ pub struct MeshSettings {
 }
 
 impl Actuator {
-    /// Everything the solver needs besides the mesh.
+    /// Configuration of the solver.
     #[must_use]
     pub fn problem_config(&self) -> ProblemConfig {
         let footprint = Footprint { x_mm: self.obstacle.x_mm, z_mm: self.obstacle.z_mm };
@@ -228,7 +228,7 @@ impl Actuator {
         }
     }
 
-    /// The loads of a state; without a gap nothing can be touched.
+    /// Loads of a state; without a gap there is no obstacle.
     #[must_use]
     pub fn load(&self, pressure_mpa: f64, gap_mm: Option<f64>) -> Load {
         let obstacle = match (gap_mm, self.obstacle.kind.scene()) {

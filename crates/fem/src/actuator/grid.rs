@@ -1,7 +1,7 @@
-//! A mesh without a mesher: planes through every face of the actuator, each box between them split into tetrahedra.
+//! Mesh on a grid: planes through every face of the actuator, each box between them split into tetrahedra.
 //!
 //! Every cube becomes the six tetrahedra of Kuhn's triangulation, which is conforming on a grid. Elements are as flat as
-//! the parts are, so it takes more of them than a mesher's; it is exact in shape and needs no other program.
+//! the parts, so more of them are needed than from a mesher; the shape is exact, and no other program is required.
 
 use super::boxes::Boxes;
 use super::file::Actuator;
@@ -10,7 +10,7 @@ use formats::Diagnostic;
 use formats::mesh_file::{MeshFile, TET_EDGES, Tet10};
 use std::collections::HashMap;
 
-/// Corner paths of the six tetrahedra of a cube, and whether they run against the right-hand rule.
+/// Corner paths of the six tetrahedra of a cube; true if the orientation is left-handed.
 const PATHS: [([usize; 3], bool); 6] = [
     ([0, 1, 2], false),
     ([0, 2, 1], true),
@@ -20,7 +20,7 @@ const PATHS: [([usize; 3], bool); 6] = [
     ([2, 1, 0], true),
 ];
 
-/// Largest number of boxes: a mesh of more cannot be solved in the memory of a usual computer.
+/// Largest number of boxes whose mesh can be solved in the memory of a usual computer.
 const MAX_CUBES: usize = 200_000;
 
 /// Meshes an actuator with elements no longer than `size_mm` along any axis, every box divided once more into `times`
@@ -30,7 +30,7 @@ const MAX_CUBES: usize = 200_000;
 /// error falls with their size. Cost: linear in the elements, about `6 x volume x times^3 / size^3`.
 ///
 /// # Errors
-/// A size that is no length, 0 times, or so many elements that the mesh could not be solved.
+/// An invalid size, 0 times, or more boxes than can be solved.
 pub(crate) fn mesh(actuator: &Actuator, size_mm: f64, times: usize) -> Result<MeshFile, Diagnostic> {
     if !(size_mm.is_finite() && size_mm > 0.0) {
         return Err(Diagnostic::new("element size", "a finite length above 0 mm", size_mm));
@@ -52,9 +52,9 @@ pub(crate) fn mesh(actuator: &Actuator, size_mm: f64, times: usize) -> Result<Me
     Ok(MeshFile { points_mm: grid.points_mm, tets: grid.tets, surfaces })
 }
 
-/// Into how many parts each interval is divided.
+/// Number of parts of each interval.
 fn parts(planes: &[f64], size_mm: f64, times: usize) -> Vec<f64> {
-    // A length that is a whole number of sizes but for rounding is not divided once more.
+    // A length that is an integer multiple of the size up to rounding needs no further part.
     let count = |length_mm: f64| (length_mm / size_mm - 1.0e-9).ceil().max(1.0);
     planes.windows(2).map(|w| count(w[1] - w[0]) * times as f64).collect()
 }
@@ -67,7 +67,7 @@ fn divided(planes: &[f64], counts: &[f64]) -> Vec<f64> {
     values
 }
 
-/// Nodes and elements so far. A node's key is its place on the grid with halved steps.
+/// Nodes and elements under construction. A node's key is its place on the grid with halved steps.
 struct Grid {
     axes: [Vec<f64>; 3],
     nodes: HashMap<[usize; 3], u32>,

@@ -1,4 +1,4 @@
-//! The mesh of an actuator: read from its file, or made on a grid.
+//! Mesh of an actuator, from its file or on a grid.
 
 use super::file::Actuator;
 use super::{grid, surfaces};
@@ -12,7 +12,7 @@ impl Actuator {
     /// script does; a `.vtu` has no names, and its surfaces are found by their position.
     ///
     /// # Errors
-    /// Not readable, not a mesh, or everything that is wrong with it.
+    /// I/O error, not a mesh, or all errors in the mesh.
     pub fn read_mesh(&self, actuator_path: &Path) -> Result<Mesh, FormatError> {
         let path = actuator_path.parent().unwrap_or(Path::new(".")).join(&self.mesh.file);
         let file = match path.extension().and_then(|ending| ending.to_str()) {
@@ -38,11 +38,11 @@ impl Actuator {
         Ok(mesh)
     }
 
-    /// A mesh without a mesher: planes through every face of the actuator, the boxes between them divided until none is
+    /// Mesh on a grid: planes through every face of the actuator, the boxes between them divided until none is
     /// longer than `size_mm`, then each into `times` parts along each axis. Cost: linear in the elements.
     ///
     /// # Errors
-    /// A size that is no length, 0 times, more boxes than can be solved, or everything that is wrong with the mesh.
+    /// An invalid size, 0 times, more boxes than can be solved, or all errors in the mesh.
     pub fn grid_mesh(&self, size_mm: f64, times: usize) -> Result<Mesh, Vec<Diagnostic>> {
         let file = grid::mesh(self, size_mm, times).map_err(|diagnostic| vec![diagnostic])?;
         let (mesh, diagnostics) = self.checked(file);

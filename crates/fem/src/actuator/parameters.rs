@@ -6,10 +6,10 @@ use super::file::Actuator;
 use formats::Diagnostic;
 use toml::{Table, Value};
 
-/// A quantity and the value it is to have.
+/// Quantity and its new value.
 pub type Setting = (String, f64);
 
-/// What says how the mesh was made: the mesh itself is given, whatever the other quantities are.
+/// Section of the mesh's making. Its quantities are no parameters: variants keep the elements of the given mesh.
 const FIXED: [&str; 3] = ["layout", "mesh.", "chambers.count"];
 
 impl Actuator {
@@ -32,7 +32,7 @@ impl Actuator {
         let found = known.iter().find(|(key, _)| key == name).map(|(_, value)| *value);
         found.ok_or_else(|| {
             if FIXED.iter().any(|fixed| name.starts_with(fixed)) {
-                let expected = "a quantity that leaves the mesh's elements as they are";
+                let expected = "a quantity that does not change the elements of the mesh";
                 return Diagnostic::new(
                     "parameter",
                     expected,
@@ -53,7 +53,7 @@ impl Actuator {
     /// This actuator with some quantities changed, checked like a file.
     ///
     /// # Errors
-    /// Unknown names, or everything that is wrong with the values; never empty.
+    /// Unknown names, or all errors in the values; never empty.
     pub fn with(&self, settings: &[Setting]) -> Result<Self, Vec<Diagnostic>> {
         let unknown: Vec<_> = settings.iter().filter_map(|(name, _)| self.quantity(name).err()).collect();
         if !unknown.is_empty() {
@@ -75,7 +75,7 @@ impl Actuator {
     }
 }
 
-/// Unit of a quantity, as the end of its name says; empty for a pure number.
+/// Unit of a quantity, from the end of its name; empty for a dimensionless one.
 #[must_use]
 pub fn unit(name: &str) -> &'static str {
     let key = name.rsplit('.').find(|part| part.parse::<usize>().is_err()).unwrap_or(name);

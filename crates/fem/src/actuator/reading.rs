@@ -9,7 +9,7 @@ impl Actuator {
     /// Reads and checks the file.
     ///
     /// # Errors
-    /// Not readable, not TOML of this shape, or everything that is wrong with its values at once.
+    /// I/O error, invalid TOML, or all errors in the values.
     pub fn read(path: &Path) -> Result<Self, FormatError> {
         let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
         Self::parse(&text).map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
@@ -18,7 +18,7 @@ impl Actuator {
     /// [`Actuator::read`] from memory.
     ///
     /// # Errors
-    /// Everything that is wrong; never empty.
+    /// All errors; never empty.
     pub fn parse(text: &str) -> Result<Self, Vec<Diagnostic>> {
         let actuator: Self = toml::from_str(text).map_err(|error| {
             let expected = "the keys of models/pneunet/actuator.toml";

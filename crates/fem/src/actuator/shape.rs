@@ -1,4 +1,4 @@
-//! The mesh of an actuator moved to other measures of the same actuator.
+//! Mesh of an actuator, moved to other dimensions of the same actuator.
 //!
 //! Every face lies in a plane x, y or z = const. Moving these planes is a piecewise-linear map of each coordinate between
 //! them; corners of elements follow it, mid-sides stay in the middle of their edges, so elements stay straight. A face
@@ -14,10 +14,10 @@ use formats::mesh_file::TET_EDGES;
 /// Planes nearer than this are one: sums of decimal lengths differ in their last digits (mm).
 const SAME_MM: f64 = 1.0e-9;
 
-/// Nodes of `mesh`, made for `from`, moved to the measures of `to` (mm). Cost: linear in the nodes.
+/// Nodes of `mesh`, made for `from`, moved to the dimensions of `to` (mm). Cost: linear in the nodes.
 ///
 /// # Errors
-/// Another number of chambers, planes that would cross or come apart, elements that would turn over.
+/// Another number of chambers, planes that would cross or come apart, inverted elements.
 pub fn moved_nodes(mesh: &Mesh, from: &Actuator, to: &Actuator) -> Result<Vec<Vec3>, Vec<Diagnostic>> {
     if from.chambers.count != to.chambers.count || from.support != to.support {
         let expected = "chambers and support as the mesh has them";
@@ -42,7 +42,7 @@ pub fn moved_nodes(mesh: &Mesh, from: &Actuator, to: &Actuator) -> Result<Vec<Ve
         for (k, [i, j]) in TET_EDGES.into_iter().enumerate() {
             let middle = |x: &[Vec3]| scale(0.5, add(x[tet[i] as usize], x[tet[j] as usize]));
             let n = tet[4 + k] as usize;
-            // A mid-side that the mesh has off the middle (rounding, a curved edge) stays off it.
+            // The offset of a mid-side node from the middle (rounding, a curved edge) is kept.
             let off = sub(mesh.nodes_mm[n], middle(&mesh.nodes_mm));
             nodes[n] = add(middle(&nodes), off);
         }
@@ -70,7 +70,7 @@ pub fn mesh_quality(mesh: &Mesh, nodes_mm: &[Vec3]) -> (f64, f64) {
     (least, sum / mesh.tets.len() as f64)
 }
 
-/// Volume by the cube of the root-mean-square edge, scaled to 1 for a regular tetrahedron; negative when turned over.
+/// Volume by the cube of the root-mean-square edge, scaled to 1 for a regular tetrahedron; negative if inverted.
 fn quality(nodes: &[Vec3], tet: &[u32; 10]) -> f64 {
     let [a, b, c, d] = [0, 1, 2, 3].map(|k| nodes[tet[k] as usize]);
     let volume = dot(cross(sub(b, a), sub(c, a)), sub(d, a)) / 6.0;
@@ -79,7 +79,7 @@ fn quality(nodes: &[Vec3], tet: &[u32; 10]) -> f64 {
     6.0 * 2.0_f64.sqrt() * volume / (squares / 6.0).powf(1.5)
 }
 
-/// All boxes with the name a person knows them by.
+/// All boxes with their names for messages.
 fn faces(boxes: &Boxes) -> Vec<(String, Bounds)> {
     let solids = ["base below the sheet", "base above the sheet", "body"].map(str::to_owned);
     let numbered = |name: &'static str, count: usize| (1..=count).map(move |i| format!("{name} {i}"));

@@ -1,4 +1,4 @@
-//! Names an actuator's surfaces by where they lie, for meshes that carry no names (a `.vtu`, or one made by `grid`).
+//! Names of an actuator's surfaces by their positions, for meshes without names (a `.vtu`, or one made by `grid`).
 //!
 //! The mesh must be in the actuator frame and its faces must lie on the planes of `actuator.toml`.
 
@@ -8,11 +8,11 @@ use crate::mesh::Boundary;
 use formats::mesh_file::{TET_FACES, Tet10, Tri6};
 use std::collections::{BTreeMap, HashSet};
 
-/// Meshers round coordinates; this is far below any feature of an actuator (mm).
+/// Tolerance of the mesher's coordinates (mm).
 const TOLERANCE_MM: f64 = 1.0e-3;
 
-/// `bottom`, `sheet`, `fixed`, `cavity`, `slot_lower_0`, `slot_upper_0`, ... with their triangles; a surface that no
-/// triangle belongs to is absent. Cost `O(elements x chambers)`.
+/// `bottom`, `sheet`, `fixed`, `cavity`, `slot_lower_0`, `slot_upper_0`, ... with their triangles; surfaces
+/// without triangles are absent. Cost `O(elements x chambers)`.
 pub(crate) fn locate(
     actuator: &Actuator,
     points_mm: &[[f64; 3]],
@@ -40,7 +40,7 @@ pub(crate) fn locate(
     surfaces
 }
 
-/// Positions of a triangle's corners; none where a node does not exist (the mesh's check says so).
+/// Positions of a triangle's corners; `None` if a node does not exist (the mesh's check reports it).
 fn corners(points_mm: &[[f64; 3]], tri: &Tri6) -> Option<[[f64; 3]; 3]> {
     let at = |n: u32| points_mm.get(n as usize).copied();
     Some([at(tri[0])?, at(tri[1])?, at(tri[2])?])

@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 use super::penalty::{Penalty, penalty};
 use crate::algebra::{Mat3, Vec3, axpy, norm, outer, scale, sub};
 
-/// What the base may touch.
+/// Obstacle below the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Obstacle {
     /// Nothing: free bending.
     #[default]
     None,
-    /// The plate, its top face at `y = -gap_mm`; or the round body in its place, its highest point there.
+    /// The plate, its top face at `y = -gap_mm`; or the round body, with its highest point there.
     Plate {
         /// Distance from the underside of the undeformed base (mm).
         gap_mm: f64,
@@ -45,13 +45,13 @@ impl Obstacle {
         }
     }
 
-    /// Whether both are the same body, at any distance.
+    /// True if both are the same body, at any distance.
     pub(crate) fn same_body(self, other: Self) -> bool {
         std::mem::discriminant(&self) == std::mem::discriminant(&other)
     }
 }
 
-/// A round body in the place of the plate.
+/// Round body instead of the plate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
@@ -73,12 +73,12 @@ pub enum Form {
     Cylinder,
 }
 
-/// The surface of a rigid body at a position, as the nodes see it: a plane, or what is left of a round body within its extent.
+/// Surface of a rigid body: a plane, or the part of a round body within its extent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Face {
     /// Extent of the body.
     pub(crate) footprint: Footprint,
-    /// Its round form; none: a plane.
+    /// Round form; `None`: a plane.
     pub(crate) round: Option<Round>,
     /// Distance from the undeformed base (mm).
     pub(crate) gap_mm: f64,
@@ -86,14 +86,14 @@ pub(crate) struct Face {
     pub(crate) smoothing_mm: f64,
 }
 
-/// What a node feels that touches a surface of unit stiffness.
+/// Contact terms of a node at a surface of unit stiffness.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Touch {
     /// Terms along the normal.
     pub(crate) penalty: Penalty,
     /// Unit normal, out of the obstacle.
     pub(crate) normal: Vec3,
-    /// Derivative of the normal by the node's position (1/mm): the surface's curvature, 0 for a plane.
+    /// Derivative of the normal with respect to the node's position (1/mm): the surface's curvature, 0 for a plane.
     pub(crate) turning: Mat3,
 }
 
@@ -103,21 +103,21 @@ impl Touch {
         scale(self.penalty.force, self.normal)
     }
 
-    /// Tangent per stiffness: less the derivative of the force by the node's position.
+    /// Tangent per stiffness: minus the derivative of the force with respect to the node's position.
     pub(crate) fn tangent(&self) -> Mat3 {
         let mut block = outer(self.penalty.stiffness, self.normal, self.normal);
         block.iter_mut().zip(self.turning).for_each(|(row, turning)| axpy(-self.penalty.force, turning, row));
         block
     }
 
-    /// Force on the obstacle along y per stiffness (mm): what a load cell below it shows.
+    /// Force on the obstacle along y per stiffness (mm), as measured by a load cell below it.
     pub(crate) fn vertical(&self) -> f64 {
         self.penalty.force * self.normal[1]
     }
 }
 
 impl Face {
-    /// What a node at deformed position `p` feels; `None` where it does not touch.
+    /// Contact terms of a node at deformed position `p`; `None` if it does not touch.
     #[inline]
     pub(crate) fn touch(&self, p: Vec3) -> Option<Touch> {
         let Some(round) = self.round else {
@@ -132,7 +132,7 @@ impl Face {
         let arm = self.arm(&round, p);
         let distance = norm(arm);
         let overlap = round.radius_mm - distance;
-        // At the centre there is no normal; nothing that is solved comes near it.
+        // The normal is undefined at the centre, which no solution comes near.
         if overlap <= -self.smoothing_mm || !self.covers(p) || distance <= 0.0 {
             return None;
         }
@@ -151,8 +151,8 @@ impl Face {
         if round.form == Form::Cylinder { [arm[0], arm[1], 0.0] } else { arm }
     }
 
-    /// How far a deformed point lies behind the face (mm); 0 or less in front of it or beside it. Below its middle a round body
-    /// counts as going straight down: what reaches under it has passed it.
+    /// Depth of a deformed point behind the face (mm); 0 or less in front of it or outside its extent. Below its middle a round
+    /// body continues straight down, so that points under it are behind it.
     pub(crate) fn depth_mm(&self, p: Vec3) -> f64 {
         if !self.covers(p) {
             return 0.0;
@@ -162,7 +162,7 @@ impl Face {
         round.radius_mm - norm([x, y.max(0.0), z])
     }
 
-    /// Whether a deformed point lies within the body's extent, above or below its surface.
+    /// True if a deformed point lies within the body's extent, above or below its surface.
     fn covers(&self, p: Vec3) -> bool {
         let inside = |v: f64, [low, high]: [f64; 2]| v >= low && v <= high;
         inside(p[0], self.footprint.x_mm) && inside(p[2], self.footprint.z_mm)

@@ -2,9 +2,9 @@
 //!
 //! Each quadrature point of the lower wall is paired once with the point opposite it on the upper wall of the
 //! undeformed slot (small sliding: neighbouring chambers deform alike, so opposite points stay opposite), and the
-//! overlap is measured along the mean normal of both walls as they are now. The pair forces act along that normal, equal
-//! and opposite. Their tangent at a held normal is symmetric with a fixed pattern; what the turning of the normal adds
-//! couples all nodes of both walls, but only through the normal's two components ([`Turning`]).
+//! overlap is measured along the mean normal of both deformed walls. The pair forces act along that normal, equal and
+//! opposite. Their tangent at a fixed normal is symmetric with a fixed pattern; the rotation of the normal couples all nodes
+//! of both walls, but only through the normal's two components ([`Turning`]).
 
 use super::penalty::{Penalty, penalty};
 use crate::algebra::{Vec3, axpy, cross, dot, norm, scale, sub};
@@ -21,9 +21,9 @@ pub(crate) struct Pair {
     pub(crate) nodes: [u32; 12],
     /// Weights of those nodes in the overlap: `d = n . sum(coefficient x)`.
     pub(crate) coefficients: [f64; 12],
-    /// Undeformed area the pair stands for (mm2).
+    /// Undeformed area of the pair (mm2).
     pub(crate) area_mm2: f64,
-    /// Position of the lower triangle in its wall, and the share of its area.
+    /// Position of the lower triangle in its wall, and the fraction of its area.
     lower: (usize, f64),
 }
 
@@ -46,13 +46,13 @@ pub(crate) struct SlotContact<'a> {
     pub(crate) penalty: Penalty,
 }
 
-/// The part of a slot's tangent that comes from the turning of its normal: `force . turn^T`, of rank two.
+/// Part of a slot's tangent from the rotation of its normal: `force . turn^T`, of rank two.
 #[derive(Clone, Debug)]
 pub(crate) struct Turning {
     /// Node, and the internal force (N) on it for a unit turn of the normal along each of two directions; a node may
-    /// stand several times.
+    /// occur several times.
     pub(crate) force: Vec<(u32, [Vec3; 2])>,
-    /// Node, and the turn along each direction for a unit displacement of it (1/mm); a node may stand several times.
+    /// Node, and the turn along each direction for a unit displacement of it (1/mm); a node may occur several times.
     pub(crate) turn: Vec<(u32, [Vec3; 2])>,
 }
 
@@ -110,7 +110,7 @@ fn cover(seen: &[Vec3; 6], point: Vec3) -> Option<[f64; 6]> {
 impl SlotWalls {
     /// Pairs the walls, given as oriented triangles (normals out of the solid), at undeformed positions `x`.
     ///
-    /// Points that face nothing have no pair: the walls need not have the same outline. Walls are plane when
+    /// Points without an opposite point have no pair: the walls need not have the same outline. Walls are plane when
     /// undeformed, so their triangles are straight.
     pub(crate) fn new(lower: Vec<Tri6>, upper: Vec<Tri6>, x: &[Vec3]) -> Self {
         let view = View::new(mean_normal(&lower, &upper, x));
@@ -137,17 +137,17 @@ impl SlotWalls {
         Self { lower, upper, pairs }
     }
 
-    /// The same pairs on walls that lie elsewhere when undeformed, with the areas they stand for there.
+    /// The same pairs on walls at other undeformed positions, with their areas there.
     pub(crate) fn moved(&self, x: &[Vec3]) -> Self {
         let mut walls = self.clone();
         for pair in &mut walls.pairs {
-            let (place, share) = pair.lower;
-            pair.area_mm2 = share * norm(area_vector(&self.lower[place..=place], x));
+            let (place, fraction) = pair.lower;
+            pair.area_mm2 = fraction * norm(area_vector(&self.lower[place..=place], x));
         }
         walls
     }
 
-    /// What the turning of the normal adds to the tangent at deformed positions `x`; none where nothing touches.
+    /// Tangent part from the rotation of the normal at deformed positions `x`; `None` without contact.
     pub(crate) fn turning(&self, x: &[Vec3], smoothing_mm: f64, penalty_mpa_per_mm: f64) -> Option<Turning> {
         let View([first, second, normal]) = View::new(mean_normal(&self.lower, &self.upper, x));
         let mut force = Vec::new();
@@ -173,13 +173,13 @@ impl SlotWalls {
         let facing = sub(area_vector(&self.lower, x), area_vector(&self.upper, x));
         let mut turn = Vec::new();
         for (wall, side) in [(&self.lower, 0.5), (&self.upper, -0.5)] {
-            let share = side / norm(facing);
+            let fraction = side / norm(facing);
             for t in wall {
                 for facet in TRI_FACETS {
                     for k in 0..3 {
                         let [a, b, c] = [0, 1, 2].map(|i| t[facet[(k + i) % 3]]);
                         let opposite = sub(x[b as usize], x[c as usize]);
-                        turn.push((a, [first, second].map(|t| scale(share, cross(opposite, t)))));
+                        turn.push((a, [first, second].map(|t| scale(fraction, cross(opposite, t)))));
                     }
                 }
             }
@@ -192,7 +192,7 @@ impl SlotWalls {
         &self.pairs
     }
 
-    /// Touching pairs at deformed positions `x`. Cost: twelve products a pair.
+    /// Touching pairs at deformed positions `x`. Cost: twelve products per pair.
     pub(crate) fn contacts<'a>(
         &'a self,
         x: &'a [Vec3],

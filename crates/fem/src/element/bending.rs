@@ -6,8 +6,8 @@
 //! rigid motion, and its stiffness is one constant scalar matrix for all three components. Quadratic triangles are
 //! only C0, so each interior edge adds, with `[.]` jump, `{.}` mean, `M = D (x,nn + nu x,tt)`:
 //! `- {M} . [x,n]` (consistency, both ways) and `eta D / h [x,n] . [x,n]` (stability). `h` is the edge's length, or twice the
-//! height of the flatter triangle over it where that is less: what the consistency terms take grows as `|e| / area`, so with the
-//! length alone flat triangles would make the sheet's energy negative.
+//! height of the flatter triangle over it if that is less: the consistency terms grow as `|e| / area`, so with the length alone
+//! flat triangles would make the sheet's energy negative.
 
 use std::collections::BTreeMap;
 
@@ -81,7 +81,7 @@ impl Flat {
 /// `plane` holds the in-plane positions of each triangle's nodes, in axes common to the whole sheet.
 ///
 /// # Errors
-/// The corners of an edge shared by more than two triangles.
+/// Corners of an edge shared by more than two triangles.
 pub(crate) fn assemble(
     triangles: &[Tri6],
     plane: &[[[f64; 2]; 6]],

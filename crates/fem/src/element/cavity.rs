@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CavityLoad {
-    /// Four flat facets a face, a third of each facet's force per vertex: what the commercial fluid cavity does.
+    /// Four flat facets per face, a third of each facet's force per vertex, as the commercial solver's fluid cavity.
     #[default]
     FlatFacets,
     /// Consistent nodal forces of the quadratic surface.

@@ -1,7 +1,7 @@
 //! The sheet's membrane: St. Venant-Kirchhoff on 6-node triangles, 3 Gauss points.
 //!
-//! `E = (F^T F - 1) / 2` with the 3 x 2 gradient `F`, resultants `N = C E` (N/mm). The resultants are carried as
-//! unknowns of their own (see the Newton iteration), so the tangent's geometric part takes them as an argument.
+//! `E = (F^T F - 1) / 2` with the 3 x 2 gradient `F`, resultants `N = C E` (N/mm). The resultants are
+//! separate unknowns (see the Newton iteration), so the tangent's geometric part takes them as an argument.
 
 use crate::algebra::{Mat3, Vec3, axpy, cross, dot, norm, scale, sub};
 use crate::element::tri6;
@@ -108,7 +108,7 @@ fn strain_rows(t: &[Vec3; 2], g: [f64; 2]) -> [Vec3; 3] {
     [scale(g[0], t[0]), scale(g[1], t[1]), shear]
 }
 
-/// Nodal forces (N) of the resultants `n` (one a Gauss point) at deformed nodes `x`.
+/// Nodal forces (N) of the resultants `n` (one per Gauss point) at deformed nodes `x`.
 pub(crate) fn force(geometry: &MembraneGeometry, x: &[Vec3; 6], n: &[Plane; 3]) -> [Vec3; 6] {
     let mut out = [[0.0; 3]; 6];
     for ((gradients, weight), n) in geometry.gradients.iter().zip(geometry.weights).zip(n) {

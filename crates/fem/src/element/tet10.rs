@@ -8,11 +8,11 @@ use crate::algebra::{Mat3, Vec3, axpy, det_inv_transpose, dot, mat_vec, scale};
 use crate::material::{Elastomer, Hyperelastic};
 use formats::mesh_file::TET_EDGES;
 
-/// Barycentric coordinates of the Gauss points: `OWN` of their own corner, `OTHER` of the three others.
+/// Barycentric coordinates of the Gauss points: `OWN` for the nearest corner, `OTHER` for the three others.
 const OWN: f64 = 0.585_410_196_624_968_5;
 const OTHER: f64 = 0.138_196_601_125_010_5;
 
-/// Smallest volume ratio a trial state may have before it counts as collapsed.
+/// Volume ratio below which a trial state counts as collapsed.
 pub(crate) const MIN_VOLUME_RATIO: f64 = 0.05;
 
 /// Number of node pairs (a, b) with b <= a.
@@ -153,7 +153,7 @@ pub(crate) fn point(
     })
 }
 
-/// What one element contributes.
+/// Contribution of one element.
 #[derive(Clone, Debug)]
 pub(crate) struct TetTerms {
     /// Nodal forces of the isochoric stress, and of the points' pressures (N).
@@ -180,7 +180,7 @@ impl Default for TetTerms {
 impl TetTerms {
     /// Evaluates forces, volume terms and, when asked, the tangent at displacements `u` and carried pressure (MPa).
     ///
-    /// Cost: about 7,000 multiplications a Gauss point with the tangent.
+    /// Cost: about 7,000 multiplications per Gauss point with the tangent.
     ///
     /// # Errors
     /// [`Invalid`] when the element collapsed or its material passed its limit.

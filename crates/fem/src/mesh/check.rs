@@ -1,4 +1,4 @@
-//! What must be true of a mesh before anything is computed on it; everything wrong at once, with where and what to do.
+//! Checks of a mesh: all errors, each with its place and remedy.
 
 use super::types::Mesh;
 use crate::algebra::{add, cross, dot, norm, scale, sub};
@@ -6,12 +6,12 @@ use formats::Diagnostic;
 use formats::mesh_file::{TET_EDGES, TET_FACES, TRI_EDGES};
 use std::collections::HashMap;
 
-/// How many of each kind are listed.
+/// Largest number of listed errors of a kind.
 const LISTED: usize = 5;
-/// Mid-side nodes may leave the middle of their edge by this share of its length.
+/// Largest offset of a mid-side node from the middle of its edge, as a fraction of the edge's length.
 const MIDSIDE_SHARE: f64 = 0.05;
 
-/// Everything that is wrong with nodes, elements and surfaces; empty for a sound mesh. `O(elements)`.
+/// All errors in nodes, elements and surfaces; empty for a valid mesh. `O(elements)`.
 pub(crate) fn diagnostics(mesh: &Mesh) -> Vec<Diagnostic> {
     let nodes = mesh.nodes_mm.len();
     let surfaces = surfaces(mesh);
@@ -119,7 +119,7 @@ fn orphans(mesh: &Mesh) -> Vec<(String, String)> {
     bad.map(|n| (format!("node {n} at {}", at(mesh, n as u32)), "in none".into())).collect()
 }
 
-/// Bodies that share no node with the first.
+/// Bodies without a common node with the first.
 fn parts(mesh: &Mesh) -> Vec<(String, String)> {
     let mut parent: Vec<u32> = (0..mesh.nodes_mm.len() as u32).collect();
     for tet in &mesh.tets {

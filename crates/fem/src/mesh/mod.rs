@@ -1,4 +1,4 @@
-//! The mesh as plain data, and what must be true of it.
+//! Mesh as plain data, with its checks.
 
 mod check;
 mod orient;

@@ -28,7 +28,7 @@ impl Boundary {
         Self(faces)
     }
 
-    /// Whether a face with these corners is on the boundary.
+    /// True if a face with these corners is on the boundary.
     pub(crate) fn has(&self, corners: [u32; 3]) -> bool {
         self.0.contains_key(&sorted(corners))
     }
@@ -49,7 +49,7 @@ pub(crate) fn flipped(t: &Tri6) -> Tri6 {
     [t[0], t[2], t[1], t[5], t[4], t[3]]
 }
 
-/// Whether oriented triangles close a surface: every edge met once in each direction.
+/// Checks that oriented triangles close a surface: every edge occurs once in each direction.
 ///
 /// # Errors
 /// The corners of an edge that is open or met twice in one direction.

@@ -1,4 +1,4 @@
-//! What readers and generators of meshes fill and what the solver takes.
+//! Mesh types of readers, generators and the solver.
 
 use formats::mesh_file::{Tet10, Tri6};
 
@@ -11,11 +11,11 @@ pub struct Slot {
     pub upper: Vec<Tri6>,
 }
 
-/// An undeformed actuator: nodes, elements and the named surfaces the loads and supports refer to.
+/// Undeformed actuator: nodes, elements and the surfaces of loads and supports.
 ///
 /// The order of the nodes in an element is that of [`formats::mesh_file`]: corners first, then mid-sides.
 /// Every surface triangle except the sheet's must be a face of one tetrahedron; its orientation does not matter (the
-/// solver orients it from the owning tetrahedron). Sheet triangles share nodes with the tetrahedra they are bonded to.
+/// solver orients it from the owning tetrahedron). Sheet triangles have nodes of the tetrahedra they are bonded to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Undeformed node positions in the actuator frame (mm).

@@ -1,13 +1,13 @@
-//! What is solved, failed, in work or ready: a case is ready when it is known where it starts from.
+//! Stages of the cases of a run: a case is ready when its start is known.
 
 use super::schedule::Start;
 use super::store::Solved;
 use std::sync::Arc;
 
-/// Where a case stands.
+/// Stage of a case.
 #[derive(Clone, Debug)]
 enum Stage {
-    /// Not taken yet; the number of the start to try.
+    /// Not begun; the index of the start to try.
     Open(usize),
     Running(usize),
     Solved(Arc<Solved>),

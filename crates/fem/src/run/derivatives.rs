@@ -1,4 +1,4 @@
-//! Derivatives of a state by the inputs of its list, kept beside its checkpoint.
+//! Derivatives of a state with respect to the inputs of its list, stored next to its checkpoint.
 
 use super::store::{Sizes, Store};
 use crate::cases::Case;
@@ -16,27 +16,27 @@ use thiserror::Error;
 const MAGIC: [u8; 8] = *b"STWNSEN1";
 /// Fields of a row: x, y, z and von Mises stress.
 pub(crate) const FIELDS: [&str; 4] = ["x", "y", "z", "von_mises"];
-/// Steps of the differences of the residual: MPa, mm, and the share of a parameter.
+/// Steps of the differences of the residual: MPa, mm, and the fraction of a parameter.
 const PRESSURE_STEP_MPA: f64 = 1.0e-5;
 const GAP_STEP_MM: f64 = 1.0e-6;
 const PARAMETER_STEP: f64 = 1.0e-6;
 
-/// The derivative of a state by one input.
+/// Derivative of a state with respect to one input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivative {
-    /// Of the force on the obstacle (N per unit of the input).
+    /// Derivative of the force on the obstacle (N per unit of the input).
     pub contact_force_n: f64,
-    /// Of coordinates and stress, node by node: x, y, z, von Mises.
+    /// Derivatives of coordinates and stress, node by node: x, y, z, von Mises.
     pub values: Vec<f32>,
 }
 
-/// Why there are no derivatives.
+/// Error of the derivatives.
 #[derive(Debug, Error)]
 pub enum DerivativeError {
-    /// An input a tiny step away cannot be had.
+    /// A variant one step away is invalid.
     #[error(transparent)]
     Variant(#[from] VariantError),
-    /// The state is no equilibrium.
+    /// The state is not an equilibrium.
     #[error(transparent)]
     Newton(#[from] NewtonError),
     /// The file could not be written.
@@ -51,8 +51,8 @@ pub(crate) fn inputs(case: &Case) -> Vec<&str> {
     ["pressure_mpa"].into_iter().chain(gap).chain(parameters).collect()
 }
 
-/// Computes and stores a state's derivatives; none where the set of touching nodes is about to change. `solver` works on
-/// the state's body.
+/// Computes and stores a state's derivatives; empty if the set of touching nodes is about to change. `solver` has the state's
+/// body.
 pub(crate) fn compute(
     family: &Family,
     solver: &mut Solver,
@@ -106,7 +106,7 @@ fn change(
     }
 }
 
-/// The stored derivatives of a case; none where there is no whole file. An empty list says that there are none to have.
+/// Stored derivatives of a case; `None` without a complete file. An empty list means that the derivatives are undefined.
 pub(crate) fn load(store: &Store, case: &Case, load: &Load, sizes: Sizes) -> Option<Vec<Derivative>> {
     let bytes = file::read_bytes(&path(store, case, load), file::MAX_DATA_BYTES).ok()?;
     let rest = bytes.strip_prefix(&MAGIC)?;
@@ -133,7 +133,7 @@ fn encode(rows: &[Derivative]) -> Vec<u8> {
     [&MAGIC, &hash.as_bytes()[..], &body].concat()
 }
 
-/// The file is named by the state and its inputs: a list with other parameters has other derivatives.
+/// File of the derivatives, named by the state and its inputs: a list with other parameters has other derivatives.
 fn path(store: &Store, case: &Case, load: &Load) -> std::path::PathBuf {
     let inputs = blake3::hash(inputs(case).join(",").as_bytes()).to_hex();
     store.beside(load, &format!("{}.derivatives", &inputs[..8]))

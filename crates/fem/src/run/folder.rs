@@ -1,4 +1,4 @@
-//! The database folder: what `softtwin train --database` reads, plus cavity volumes and the balance of forces.
+//! Database folder, as `softtwin train --database` reads it, with cavity volumes and the balance of forces.
 
 use super::derivatives::{self, Derivative};
 use super::store::Solved;
@@ -19,19 +19,19 @@ const DESCRIPTION: &str = "database.toml";
 const SNAPSHOTS: &str = "snapshots.npy";
 const VOLUMES: &str = "volumes.csv";
 const SENSITIVITIES: &str = "sensitivities.pack";
-/// Largest error of a derivative, as a share of the largest of its row and field.
-const SENSITIVITY_SHARE: f64 = 5.0e-5;
+/// Largest error of a derivative, as a fraction of the largest of its row and field.
+const SENSITIVITY_ERROR: f64 = 5.0e-5;
 const UNDEFORMED_BY: &str = "undeformed_by.npy";
-/// Half the step of the difference of undeformed nodes, as a share of the parameter.
+/// Half the step of the difference of undeformed nodes, as a fraction of the parameter.
 const SHAPE_STEP: f64 = 1.0e-3;
-/// The map of the mesh is linear in each parameter, up to rounding.
+/// Tolerance (mm) within which the map of the mesh is linear in each parameter.
 const FOLLOWS_WITHIN_MM: f64 = 1.0e-6;
 /// Columns of the balance of forces.
 const RESIDUAL_COLUMNS: [&str; 5] = ["case", "out_of_balance_n", "residual", "factorisations", "steps"];
 /// Fields of a snapshot: deformed coordinates, displacement magnitude, von Mises stress.
 const FIELDS: usize = 5;
 
-/// What is known of a case's derivatives.
+/// Source of a case's derivatives.
 type DerivativesOf<'a> = &'a dyn Fn(&Case) -> Option<Vec<Derivative>>;
 
 /// States with their index in the list of cases.
@@ -39,7 +39,7 @@ type Indexed = [(usize, Arc<Solved>)];
 
 /// Writes the folder: `cases.csv`, `volumes.csv`, `residuals.csv`, `snapshots.npy`, `mesh.vtu`, with derivatives
 /// `sensitivities.pack` and `sensitivities.csv`, and, last, `database.toml`. `solved` holds the index of each state in
-/// `cases`; `derivatives` gives those of a case where the database is to have them.
+/// `cases`; `derivatives` returns those of a case, if the database contains them.
 ///
 /// # Errors
 /// The operating system's.
@@ -84,8 +84,8 @@ pub fn write(
     manifest.write(&dir.join(DESCRIPTION))
 }
 
-/// Writes the derivatives of all states, each row rounded to a share of its largest value, and the table that says whose
-/// they are. A state without derivatives has no row.
+/// Writes the derivatives of all states, each row rounded to a fraction of its largest value, and the table of their cases and
+/// inputs. A state without derivatives has no row.
 fn write_sensitivities(
     dir: &Path,
     nodes: usize,
@@ -108,7 +108,7 @@ fn write_sensitivities(
         return Err(FormatError::one(dir, diagnostic));
     }
     let snapshots = Snapshots { shape: [rows.len(), nodes, derivatives::FIELDS.len()], values };
-    let stored = [Stored::Share(SENSITIVITY_SHARE); derivatives::FIELDS.len()];
+    let stored = [Stored::Share(SENSITIVITY_ERROR); derivatives::FIELDS.len()];
     packed::write(&dir.join(SENSITIVITIES), &snapshots, &stored)?;
     let table = to_text(&["case", "input", "contact_force_n_per_unit"], rows);
     file::replace(&dir.join("sensitivities.csv"), table.as_bytes())
@@ -153,7 +153,7 @@ pub fn extend(
     )
 }
 
-/// A table with that heading, ending with a line's end.
+/// Table with that heading, ending with a newline.
 fn existing(path: &Path, heading: &str) -> Result<String, FormatError> {
     let text = file::read_text(path, file::MAX_TEXT_BYTES)?;
     let found = text.lines().next().unwrap_or("");
@@ -225,8 +225,8 @@ fn undeformed(family: &Family, variant: &Variant) -> Result<Vec<[f64; 3]>, Varia
     moved_nodes(family.problem.mesh(), &family.actuator, &actuator).map_err(VariantError::Values)
 }
 
-/// How the undeformed nodes move with each parameter (mm per unit), parameter by parameter. None where no parameter moves
-/// them, or where their places in a case do not follow from that.
+/// Derivatives of the undeformed nodes with respect to each parameter (mm per unit), parameter by parameter. `None` if no
+/// parameter moves them or if their positions are not linear in the parameters.
 fn undeformed_by(
     dir: &Path,
     family: &Family,

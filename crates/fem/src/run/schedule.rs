@@ -1,23 +1,23 @@
-//! Where each case starts from, decided from the list alone: the nearest cases before it, in all inputs, scaled.
+//! Starts of the cases, from the list alone: the nearest earlier cases in the scaled inputs.
 //!
-//! The problem is conservative and frictionless, so the path does not matter and the shortest is the cheapest. What is
-//! solved in which order, by how many threads or machines, changes no start and therefore no byte; a list continued at
-//! its end, within the ranges it has, leaves the states before as they are; and the first rows of a list need no later ones.
+//! The problem is conservative and frictionless, so the result does not depend on the path, and the shortest is the cheapest.
+//! Order and number of threads change no start and therefore no byte. Rows appended within the ranges of a list do not change
+//! the earlier states, and the first rows of a list need no later ones.
 
 use crate::cases::Case;
 
-/// One unit of distance in pressure and in gap: about the extent of the paper's domain.
+/// Units of distance in pressure and gap: about the extent of the paper's training range.
 const PRESSURE_UNIT_MPA: f64 = 0.09;
 const GAP_UNIT_MM: f64 = 40.0;
-/// Distance of a case with an obstacle from one without: coming to touch takes about as many steps as crossing the domain.
+/// Distance of a case with an obstacle from one without: the approach takes about as many steps as the whole training range.
 const TOUCHING: f64 = 1.0;
-/// Distance of a case from one of another body (other parameters): every node of the mesh moves, and nothing of the other
-/// body's state is an equilibrium of this one.
+/// Distance of a case from one of another body (other parameters): every node moves, and the other body's state is not an
+/// equilibrium of this one.
 const OTHER_BODY: f64 = 1.0;
 /// Starts tried for a case, one after the other.
 const STARTS: usize = 3;
 
-/// Where a case may start from: another case, or the actuator as its file has it under gravity alone.
+/// Start of a case: another case, or the nominal actuator under gravity alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Start {
     /// Index in the list.
@@ -42,7 +42,7 @@ pub(super) fn starts(cases: &[Case], nominal: &[f64]) -> Vec<Vec<Start>> {
         let all = std::iter::once((Start::Rest, &rest)).chain(before);
         let distances = all.map(|(start, place)| (scale.distance(place, &places[i]), start));
         let mut nearest: Vec<(f64, Start)> = distances.filter(|(d, _)| d.is_finite()).collect();
-        // Stable: of equally near ones the first in the list.
+        // Stable sort: of equal distances, the first in the list.
         nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
         nearest.into_iter().take(STARTS).map(|(_, start)| start).collect()
     };
@@ -86,13 +86,13 @@ impl Scale {
         }
     }
 
-    /// Distance of a start from a case; infinite where no path should be tried.
+    /// Distance of a start from a case; infinite if the start is not to be tried.
     fn distance(&self, from: &Place, to: &Place) -> f64 {
         let (gap, touching) = match (from.gap, to.gap) {
             (None, None) => (0.0, 0.0),
-            // An obstacle would have to be withdrawn first, and there is always the state under gravity alone.
+            // The obstacle would have to be withdrawn; the state under gravity alone is the better start.
             (Some(_), None) => return f64::INFINITY,
-            // The obstacle comes up from where it just clears the free state.
+            // The obstacle approaches from where it just clears the free state.
             (None, Some(gap)) => (self.largest_gap - gap, TOUCHING),
             (Some(from), Some(to)) => (from - to, 0.0),
         };

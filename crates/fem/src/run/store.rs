@@ -1,4 +1,4 @@
-//! Checkpoints: one file a solved state, written whole or not at all, so that a killed run keeps what it has solved.
+//! Checkpoints: one file per solved state, written atomically, so that a killed run keeps its solved states.
 
 use crate::config::Load;
 use crate::solver::Report;
@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 const MAGIC: [u8; 8] = *b"STWNFEM2";
 const HASH: usize = 32;
 
-/// A solved state with the values that the database needs.
+/// Solved state with the values for the database.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solved {
-    /// The state, from which others are solved.
+    /// State, from which others are solved.
     pub state: State,
     /// Mean von Mises stress at the nodes (MPa).
     pub von_mises_mpa: Vec<f32>,
@@ -23,7 +23,7 @@ pub struct Solved {
     pub cavity_volume_mm3: f64,
     /// Distance at which an obstacle just clears the state (mm).
     pub clearance_mm: f64,
-    /// The work it took.
+    /// Cost and residual.
     pub report: Report,
 }
 
@@ -31,7 +31,7 @@ pub struct Solved {
 #[derive(Clone, Debug)]
 pub struct Store {
     folder: PathBuf,
-    /// blake3 of mesh and configuration: a checkpoint of another problem is ignored.
+    /// blake3 of mesh and configuration: checkpoints of other problems are ignored.
     problem: [u8; HASH],
 }
 
@@ -47,7 +47,7 @@ pub struct Sizes {
 }
 
 impl Store {
-    /// Checkpoints in `folder` (made where absent) for the problem with that hash.
+    /// Checkpoints in `folder`, which is created if absent, for the problem with that hash.
     ///
     /// # Errors
     /// The operating system's.
@@ -56,7 +56,7 @@ impl Store {
         Ok(Self { folder: folder.into(), problem })
     }
 
-    /// Checkpoints of another problem in the same folder: one that the mark tells from this.
+    /// Checkpoints in the same folder of the variant with that mark.
     #[must_use]
     pub(crate) fn marked(&self, mark: Option<[u8; HASH]>) -> Self {
         let Some(mark) = mark else { return self.clone() };
@@ -64,12 +64,12 @@ impl Store {
         Self { folder: self.folder.clone(), problem }
     }
 
-    /// A file that goes with a state, by its ending.
+    /// File with another ending next to a state's checkpoint.
     pub(crate) fn beside(&self, load: &Load, ending: &str) -> PathBuf {
         self.path(load).with_extension(ending)
     }
 
-    /// The file of a state; it is named by its loads, so that lists may be renamed and extended.
+    /// File of a state, named by its loads, so that lists may be renamed and extended.
     fn path(&self, load: &Load) -> PathBuf {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.problem);
@@ -79,7 +79,7 @@ impl Store {
         self.folder.join(format!("{}.state", &hasher.finalize().to_hex()[..24]))
     }
 
-    /// Writes a state, whole or not at all.
+    /// Writes a state atomically.
     ///
     /// # Errors
     /// The operating system's.
@@ -87,7 +87,7 @@ impl Store {
         file::replace(&self.path(&solved.state.load), &self.encode(solved))
     }
 
-    /// The state with these loads, where it was solved before. A damaged file counts as absent: it is solved again.
+    /// Stored state with these loads. A damaged file counts as absent.
     #[must_use]
     pub fn load(&self, load: &Load, sizes: Sizes) -> Option<Solved> {
         let bytes = file::read_bytes(&self.path(load), file::MAX_DATA_BYTES).ok()?;
@@ -95,14 +95,11 @@ impl Store {
     }
 
     fn encode(&self, solved: &Solved) -> Vec<u8> {
-        let r = &solved.report;
-        let mut values = load_values(&solved.state.load);
-        values.extend([solved.contact_force_n, solved.cavity_volume_mm3, solved.clearance_mm]);
-        values.extend([r.factorisations, r.steps, r.cuts].map(|n| n as f64));
-        values.extend([r.residual_n, r.residual, r.seconds]);
-        values.extend(solved.state.displacement_mm.as_flattened());
-        values.extend(&solved.state.element_pressure_mpa);
-        values.extend(solved.state.sheet_resultants_n_per_mm.as_flattened().as_flattened());
+        let state = &solved.state;
+        let mut values = Head::of(solved).values().to_vec();
+        values.extend(state.displacement_mm.as_flattened());
+        values.extend(&state.element_pressure_mpa);
+        values.extend(state.sheet_resultants_n_per_mm.as_flattened().as_flattened());
         let mut bytes = MAGIC.to_vec();
         bytes.extend(self.problem);
         values.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
@@ -122,21 +119,20 @@ impl Store {
             .strip_prefix(&MAGIC)
             .and_then(|rest| rest.strip_prefix(&self.problem))
             .ok_or_else(|| wrong("another problem"))?;
-        let counts = [HEAD, sizes.nodes * 3, sizes.tets, sizes.sheet * 9];
+        let counts = [Head::LEN, sizes.nodes * 3, sizes.tets, sizes.sheet * 9];
         let doubles = counts.iter().sum::<usize>() * 8;
         if content.len() != doubles + sizes.nodes * 4 {
             return Err(wrong("another length"));
         }
         let (head, stress) = content.split_at(doubles);
         let values: Vec<f64> = head.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-        let (head, rest) = values.split_at(HEAD);
-        if head[..LOAD] != load_values(load)[..] {
+        let (head, rest) = values.split_first_chunk().ok_or_else(|| wrong("another length"))?;
+        let head = Head::from_values(head);
+        if head.load != load_values(load) {
             return Err(wrong("other loads"));
         }
         let (displacement, rest) = rest.split_at(counts[1]);
         let (pressure, sheet) = rest.split_at(counts[2]);
-        let [force, volume, clearance, factorisations, steps, cuts, residual_n, residual, seconds] =
-            std::array::from_fn(|i| head[LOAD + i]);
         Ok(Solved {
             state: State {
                 displacement_mm: displacement.as_chunks().0.to_vec(),
@@ -145,27 +141,91 @@ impl Store {
                 load: *load,
             },
             von_mises_mpa: stress.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
-            contact_force_n: force,
-            cavity_volume_mm3: volume,
-            clearance_mm: clearance,
-            report: Report {
-                factorisations: factorisations as usize,
-                steps: steps as usize,
-                cuts: cuts as usize,
-                residual_n,
-                residual,
-                seconds,
-            },
+            contact_force_n: head.contact_force_n,
+            cavity_volume_mm3: head.cavity_volume_mm3,
+            clearance_mm: head.clearance_mm,
+            report: head.report,
         })
     }
 }
 
-/// Numbers of a load, and of everything before the arrays.
-const LOAD: usize = 5;
-const HEAD: usize = LOAD + 9;
+/// Numbers of a checkpoint before its arrays.
+struct Head {
+    load: [f64; 5],
+    contact_force_n: f64,
+    cavity_volume_mm3: f64,
+    clearance_mm: f64,
+    report: Report,
+}
+
+impl Head {
+    const LEN: usize = 14;
+
+    fn of(solved: &Solved) -> Self {
+        Self {
+            load: load_values(&solved.state.load),
+            contact_force_n: solved.contact_force_n,
+            cavity_volume_mm3: solved.cavity_volume_mm3,
+            clearance_mm: solved.clearance_mm,
+            report: solved.report,
+        }
+    }
+
+    /// The numbers in the order of the file.
+    fn values(&self) -> [f64; Self::LEN] {
+        let [pressure, gap, x, y, z] = self.load;
+        let Report { factorisations, steps, cuts, residual_n, residual, seconds } = self.report;
+        let [factorisations, steps, cuts] = [factorisations, steps, cuts].map(|n| n as f64);
+        let (force, volume, clearance) = (self.contact_force_n, self.cavity_volume_mm3, self.clearance_mm);
+        [
+            pressure,
+            gap,
+            x,
+            y,
+            z,
+            force,
+            volume,
+            clearance,
+            factorisations,
+            steps,
+            cuts,
+            residual_n,
+            residual,
+            seconds,
+        ]
+    }
+
+    /// Inverse of [`Self::values`].
+    fn from_values(values: &[f64; Self::LEN]) -> Self {
+        let [
+            pressure,
+            gap,
+            x,
+            y,
+            z,
+            force,
+            volume,
+            clearance,
+            factorisations,
+            steps,
+            cuts,
+            residual_n,
+            residual,
+            seconds,
+        ] = *values;
+        let [factorisations, steps, cuts] = [factorisations, steps, cuts].map(|n| n as usize);
+        Self {
+            load: [pressure, gap, x, y, z],
+            contact_force_n: force,
+            cavity_volume_mm3: volume,
+            clearance_mm: clearance,
+            report: Report { factorisations, steps, cuts, residual_n, residual, seconds },
+        }
+    }
+}
 
 /// Pressure, gap (-1 when free) and gravity.
-fn load_values(load: &Load) -> Vec<f64> {
+fn load_values(load: &Load) -> [f64; 5] {
     let [x, y, z] = load.gravity_mm_s2;
-    vec![load.pressure_mpa, load.obstacle.gap_mm().unwrap_or(-1.0), x, y, z]
+    [load.pressure_mpa, load.obstacle.gap_mm().unwrap_or(-1.0), x, y, z]
 }

@@ -1,4 +1,4 @@
-//! Meshes as they are checked and their surfaces found.
+//! Checks of meshes and detection of their surfaces.
 
 use super::actuators::model;
 use crate::actuator::Actuator;
@@ -13,7 +13,7 @@ fn sound() -> Mesh {
 }
 
 #[test]
-fn damaged_meshes_are_refused_with_what_and_where() {
+fn damaged_meshes_are_refused_with_the_place() {
     let good = sound();
     type Damage = (&'static str, fn(&mut Mesh));
     let damage: [Damage; 7] = [
@@ -43,7 +43,7 @@ fn damaged_meshes_are_refused_with_what_and_where() {
 }
 
 #[test]
-fn a_missing_surface_is_named_with_those_that_are_there() {
+fn missing_surface_is_named_with_the_present_ones() {
     let mut file = formats::msh::read(&model("pneunet/mesh.msh")).unwrap();
     file.surfaces.remove("sheet");
     file.surfaces.remove("slot_upper_3");
@@ -55,7 +55,7 @@ fn a_missing_surface_is_named_with_those_that_are_there() {
 }
 
 #[test]
-fn surfaces_are_found_where_the_mesher_named_them() {
+fn surfaces_by_position_equal_the_meshers_names() {
     let path = model("pneunet/actuator.toml");
     let actuator = Actuator::read(&path).unwrap();
     let file = formats::msh::read(&path.with_file_name("mesh.msh")).unwrap();

@@ -1,4 +1,4 @@
-//! Tests of what the crate does not show: elements, assembly, checks of meshes. Compiled into the crate's unit tests.
+//! Unit tests of private parts: elements, assembly, checks of meshes.
 
 #[path = "../common/actuators.rs"]
 mod actuators;
@@ -11,7 +11,7 @@ mod tangents;
 
 use crate::mesh::Mesh;
 
-/// A reproducible number in -1 ... 1 for each k.
+/// Reproducible pseudo-random number in -1 to 1 for each k.
 fn noise(k: usize) -> f64 {
     let mut h = (k as u64).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     h = (h ^ (h >> 31)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -38,7 +38,7 @@ fn finger() -> Mesh {
 }
 
 #[test]
-fn stress_recovered_from_positions_is_that_of_the_solution_for_all_nodes_and_for_a_set() {
+fn stress_from_positions_equals_the_solutions() {
     let problem = Arc::new(Problem::new(finger(), config()).unwrap());
     let mut solver = Solver::new(Arc::clone(&problem)).unwrap();
     let load = Load { pressure_mpa: 0.02, ..Load::default() };
@@ -57,7 +57,7 @@ fn stress_recovered_from_positions_is_that_of_the_solution_for_all_nodes_and_for
     for (node, (found, exact)) in all.iter().zip(&output.von_mises_mpa).enumerate() {
         assert!((found - exact).abs() < 1.0e-12 * largest, "node {node}: {found} is not {exact}");
     }
-    // In the order asked for, and from the positions around these nodes alone.
+    // In the requested order, and from the positions around these nodes alone.
     let set = [nodes as u32 - 1, 0, nodes as u32 / 2];
     let of_set = StressRecovery::new(problem, Some(&set));
     assert_eq!(stress(&of_set, 3), set.map(|node| all[node as usize]));
@@ -124,7 +124,7 @@ fn total(forces: &[Vec3]) -> Vec3 {
 }
 
 #[test]
-fn patch_test_a_homogeneous_deformation_is_in_equilibrium_inside() {
+fn homogeneous_deformation_passes_the_patch_test() {
     let mut b = Builder::default();
     b.solid([0.0; 3], [3.0; 3], [3, 3, 3]);
     let inside = |p: Vec3| p.iter().all(|v| *v > 1.0e-6 && *v < 3.0 - 1.0e-6);
@@ -156,7 +156,7 @@ fn patch_test_a_homogeneous_deformation_is_in_equilibrium_inside() {
 }
 
 #[test]
-fn residual_is_the_derivative_of_the_energy_and_the_tangent_that_of_the_residual() {
+fn residual_and_tangent_are_derivatives_of_the_energy() {
     let round = |form| Round { form, radius_mm: 40.0, centre_mm: [12.0, 3.0] };
     for round in [None, Some(round(Form::Sphere)), Some(round(Form::Cylinder))] {
         derivatives_agree(&Problem::new(finger(), ProblemConfig { round, ..config() }).unwrap());
@@ -213,7 +213,7 @@ fn derivatives_agree(problem: &Problem) {
 }
 
 #[test]
-fn forces_turn_with_the_body_and_vanish_under_rigid_motion() {
+fn forces_rotate_with_the_body_and_vanish_under_rigid_motion() {
     let problem = Problem::new(finger(), config()).unwrap();
     let (c, s) = (0.6, 0.8);
     let turn: Mat3 = [[c, -s * 0.6, s * 0.8], [s, c * 0.6, -c * 0.8], [0.0, 0.8, 0.6]];
@@ -242,7 +242,7 @@ fn forces_turn_with_the_body_and_vanish_under_rigid_motion() {
 }
 
 #[test]
-fn internal_pressure_and_wall_forces_balance_and_the_plate_reacts() {
+fn pressure_and_wall_forces_balance_and_the_plate_reacts() {
     let finger = Problem::new(finger(), config()).unwrap();
     let free = Load { pressure_mpa: 0.05, ..Load::default() };
     let state = shaken(&finger, 0.05, free);
@@ -279,7 +279,7 @@ fn internal_pressure_and_wall_forces_balance_and_the_plate_reacts() {
 }
 
 #[test]
-fn a_plate_state_does_not_depend_on_the_path_and_is_in_equilibrium() {
+fn contact_state_is_independent_of_the_path() {
     let newton = NewtonSettings { correction_tolerance_mm: 1.0e-7, ..NewtonSettings::default() };
     let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
     let mut solver = Solver::new(problem).unwrap();
@@ -312,9 +312,9 @@ fn a_plate_state_does_not_depend_on_the_path_and_is_in_equilibrium() {
     }
 }
 
-/// Small corrections alone would accept forces that nothing balances: the iteration goes on until they balance.
+/// Small corrections are not sufficient: the iteration continues until the forces balance.
 #[test]
-fn a_state_is_accepted_only_where_its_forces_balance() {
+fn state_is_accepted_only_with_balanced_forces() {
     let forces = |newton: NewtonSettings| -> Result<Vec<f64>, SolveError> {
         let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
         let mut solver = Solver::new(problem).unwrap();
@@ -322,9 +322,9 @@ fn a_state_is_accepted_only_where_its_forces_balance() {
         let free = Load { pressure_mpa: 0.5, gravity_mm_s2: GRAVITY_DOWN_MM_S2, ..Load::default() };
         let (mut state, _) = solver.solve_to(&rest, &free)?;
         let sag = crate::output::clearance_mm(solver.problem(), &state);
-        let at = |share: f64| Load { obstacle: Obstacle::Plate { gap_mm: share * sag }, ..free };
-        let force = |share: &f64| {
-            let (next, report) = solver.solve_to(&state, &at(*share))?;
+        let at = |fraction: f64| Load { obstacle: Obstacle::Plate { gap_mm: fraction * sag }, ..free };
+        let force = |fraction: &f64| {
+            let (next, report) = solver.solve_to(&state, &at(*fraction))?;
             assert!(report.residual <= crate::MAX_RESIDUAL, "{report:?}");
             state = next;
             Ok(solver.output(&state).contact_force_n)
@@ -351,8 +351,8 @@ fn a_state_is_accepted_only_where_its_forces_balance() {
 }
 
 #[test]
-fn an_unbearable_pressure_is_stated_with_the_last_equilibrium() {
-    // Where the path ends is not the question here, so it need not be found to a 256th.
+fn unreachable_pressure_is_refused_with_the_last_equilibrium() {
+    // The end of the path need not be located exactly.
     let newton = NewtonSettings { smallest_step: 0.1, max_iterations: 8, ..NewtonSettings::default() };
     let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
     let mut solver = Solver::new(problem).unwrap();
@@ -362,7 +362,7 @@ fn an_unbearable_pressure_is_stated_with_the_last_equilibrium() {
         panic!("must not be reached")
     };
     println!("unbearable: {stop}");
-    assert!(stop.share > 0.0 && stop.share < 1.0 && stop.last.pressure_mpa < 5.0, "{stop}");
+    assert!(stop.fraction > 0.0 && stop.fraction < 1.0 && stop.last.pressure_mpa < 5.0, "{stop}");
     assert!(stop.to_string().contains("5 MPa"), "{stop}");
     for (bad, name) in [(f64::NAN, "pressure_mpa"), (-0.1, "pressure_mpa")] {
         let load = Load { pressure_mpa: bad, ..Load::default() };
@@ -374,22 +374,25 @@ fn an_unbearable_pressure_is_stated_with_the_last_equilibrium() {
     assert!(matches!(solver.solve_to(&foreign, &Load::default()), Err(SolveError::ForeignState { .. })));
 }
 
-/// Steps may be as short as the displacement demands; a path of thousands of them ends as an error, not never.
+/// A path of thousands of short steps ends with an error.
 #[test]
-fn a_path_of_too_many_steps_ends() {
+fn path_of_too_many_steps_ends() {
     let newton = NewtonSettings { step_length_mm: 1.0e-6, ..NewtonSettings::default() };
     let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
     let mut solver = Solver::new(problem).unwrap();
     let load = Load { pressure_mpa: 0.02, ..Load::default() };
     let solved = solver.solve_to(&solver.undeformed(), &load).map(|(_, report)| report);
     let Err(SolveError::NotConverged(stop)) = solved else { panic!("expected too many steps: {solved:?}") };
-    assert!(matches!(stop.reason, NewtonError::StepTooShort { share } if share < 1.0 / 256.0), "{stop}");
+    assert!(
+        matches!(stop.reason, NewtonError::StepTooShort { fraction } if fraction < 1.0 / 256.0),
+        "{stop}"
+    );
     assert_eq!((stop.report.cuts, stop.report.steps), (0, 0), "the first step says it already");
 }
 
-/// An iteration that lands far from where its step began has found another branch: a finger folded over balances its loads too.
+/// An iteration that ends far from its start has found another branch, such as a finger folded over.
 #[test]
-fn a_jump_to_another_place_is_no_step() {
+fn jump_to_another_branch_is_refused() {
     let newton = NewtonSettings { step_length_mm: 0.05, ..NewtonSettings::default() };
     let problem = Arc::new(Problem::new(finger(), ProblemConfig { newton, ..config() }).unwrap());
     let mut solver = Solver::new(problem).unwrap();
@@ -405,9 +408,9 @@ fn a_jump_to_another_place_is_no_step() {
     );
 }
 
-/// Contact is felt by the underside only: where another part has passed the obstacle, there is no state.
+/// Only the underside has contact: a body of which another part has passed the obstacle is refused.
 #[test]
-fn a_body_behind_its_obstacle_is_refused() {
+fn body_behind_its_obstacle_is_refused() {
     let mut mesh = finger();
     let half = |face: &[u32; 6], nodes: &[Vec3]| face.iter().all(|n| nodes[*n as usize][0] < 12.1);
     let (faces, nodes) = (mesh.bottom.clone(), mesh.nodes_mm.clone());
@@ -425,7 +428,7 @@ fn a_body_behind_its_obstacle_is_refused() {
 /// The walls' normal is held while force and tangent are formed; along a motion that does not turn the walls the
 /// tangent must then be exact. Contact alone: the same body without it is subtracted.
 #[test]
-fn wall_contact_has_the_tangent_of_its_force_where_the_walls_do_not_turn() {
+fn wall_contact_tangent_is_exact_without_wall_rotation() {
     let with_penalty = |slot_penalty_mpa_per_mm| {
         // Rounded so widely that the walls touch before the body between them is crushed.
         let contact =
@@ -473,7 +476,7 @@ fn mirrored(t: [u32; 10]) -> [u32; 10] {
 }
 
 #[test]
-fn broken_problems_are_refused_with_what_and_where() {
+fn invalid_problems_are_refused_with_the_place() {
     let refuse = |change: &dyn Fn(&mut Mesh, &mut ProblemConfig)| {
         let (mut mesh, mut config) = (finger(), config());
         change(&mut mesh, &mut config);

@@ -1,4 +1,4 @@
-//! Where cases start from.
+//! Starts of cases.
 
 use super::{Start, starts};
 use crate::cases::Case;
@@ -15,13 +15,13 @@ fn case(pressure_mpa: f64, gap_mm: Option<f64>, stiffness: f64) -> Case {
 }
 
 #[test]
-fn a_case_starts_from_the_nearest_of_its_own_body() {
+fn case_starts_from_the_nearest_case_of_its_body() {
     let cases = [
         case(0.06, None, 0.7),
         case(0.05, Some(30.0), 0.7),
         case(0.05, Some(30.0), 1.0),
         case(0.05, Some(26.0), 0.7),
-        // Of its own body there is a state at half the pressure; the other body's at the same pressure is not nearer.
+        // The same body has a state at half the pressure; the other body's at the same pressure is not nearer.
         case(0.02, Some(20.0), 1.0),
         case(0.06, Some(30.0), 0.8),
     ];

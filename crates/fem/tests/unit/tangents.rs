@@ -40,7 +40,7 @@ fn shaken<const N: usize>(size: f64, seed: usize) -> [Vec3; N] {
     std::array::from_fn(|a| std::array::from_fn(|i| size * noise(seed + 3 * a + i)))
 }
 
-/// Each law with one pressure an element, and with that of each Gauss point.
+/// Each law with one pressure per element, and with one per Gauss point.
 fn materials() -> impl Iterator<Item = Elastomer> {
     LAWS.into_iter().flat_map(|law| {
         [VolumeChange::Mean, VolumeChange::Points].map(|volume_change| Elastomer {

@@ -1,11 +1,11 @@
-//! What every call at the border does: texts and handles in, statuses out, no panic across.
+//! FFI boundary: strings and handles in, statuses out; panics are caught.
 
 use crate::status::{self, fail, softtwin_status};
 use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use wire::WireError;
 
-/// Runs a call; a failure becomes a status with its text.
+/// Runs a call; an error becomes a status with a message.
 pub(crate) fn call(body: impl FnOnce() -> Result<(), Failure>) -> softtwin_status {
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => softtwin_status::SOFTTWIN_OK,
@@ -18,7 +18,7 @@ pub(crate) fn call(body: impl FnOnce() -> Result<(), Failure>) -> softtwin_statu
     }
 }
 
-/// A failure on this side of the border.
+/// Error of a call.
 pub(crate) enum Failure {
     Wire(WireError),
     Own(softtwin_status, String),
@@ -36,10 +36,10 @@ pub(crate) fn argument(text: &str) -> Failure {
     Failure::Own(softtwin_status::SOFTTWIN_ARGUMENT, text.to_owned())
 }
 
-/// A text from C; null is none.
+/// String from C; `None` if null.
 ///
 /// # Safety
-/// `text` is null or a zero-terminated text that lives across the use of the result.
+/// `text` is null or a zero-terminated string that lives across the use of the result.
 pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<Option<&'a str>, Failure> {
     if text.is_null() {
         return Ok(None);
@@ -49,7 +49,7 @@ pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<Option<&'a str>, Fa
     text.to_str().map(Some).map_err(|_| argument("a text is not UTF-8"))
 }
 
-/// A name from C that must be there.
+/// Required name from C.
 ///
 /// # Safety
 /// As [`text`].
@@ -71,7 +71,7 @@ pub(crate) unsafe fn handle<'a, T>(handle: *mut T) -> Result<&'a mut T, Failure>
 ///
 /// # Safety
 /// `out` is null or points to writable memory for a pointer.
-pub(crate) unsafe fn give<T>(out: *mut *mut T, value: T) -> Result<(), Failure> {
+pub(crate) unsafe fn write_handle<T>(out: *mut *mut T, value: T) -> Result<(), Failure> {
     if out.is_null() {
         return Err(argument("the place for the result is null"));
     }

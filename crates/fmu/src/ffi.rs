@@ -1,4 +1,4 @@
-//! The functions of FMI 3.0 that this model has a use for. Texts and numbers in, a status out, no panic across.
+//! FFI boundary: the supported functions of FMI 3.0. Strings and numbers in, a status out; panics are caught.
 
 use crate::instance::Instance;
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -19,7 +19,7 @@ pub type LogMessage = Option<
     unsafe extern "C" fn(*mut c_void, status: Status, category: *const c_char, message: *const c_char),
 >;
 
-/// What fmi3Instance points to.
+/// Target of fmi3Instance.
 pub struct Handle {
     instance: Instance,
     log: Log,
@@ -31,11 +31,11 @@ struct Log {
 }
 
 impl Log {
-    /// Tells the importer why a call failed.
+    /// Sends the reason of a failed call to the importer.
     fn say(&self, status: Status, text: &str) -> Status {
         let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
         if let Some(message) = self.message {
-            // SAFETY: the importer's function with its own environment; both texts live across the call.
+            // SAFETY: the importer's function with its own environment; both strings live across the call.
             unsafe { message(self.environment, status, c"logStatusError".as_ptr(), text.as_ptr()) };
         }
         status
@@ -59,10 +59,10 @@ pub(crate) unsafe fn call(
     }
 }
 
-/// A text from the importer.
+/// String from the importer.
 ///
 /// # Safety
-/// `text` is null or a zero-terminated text that lives across the use of the result.
+/// `text` is null or a zero-terminated string that lives across the use of the result.
 unsafe fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, String> {
     if text.is_null() {
         return Err(format!("the {what} is null"));
@@ -71,7 +71,7 @@ unsafe fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, String> {
     unsafe { CStr::from_ptr(text) }.to_str().map_err(|_| format!("the {what} is not UTF-8"))
 }
 
-/// A new instance, or null with a reason in the log.
+/// Creates an instance; null, with a reason in the log, on errors.
 ///
 /// # Safety
 /// `token` and `resources` are null or zero-terminated; `log` is the importer's.
@@ -92,16 +92,16 @@ unsafe fn instantiate(token: *const c_char, resources: *const c_char, log: Log) 
     }
 }
 
-/// The version of FMI.
+/// Version of FMI.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Errors are logged always; there is nothing else to log.
+/// Has no effect: errors are always logged, and nothing else is.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetDebugLogging(
     handle: *mut Handle,
@@ -113,10 +113,10 @@ pub unsafe extern "C" fn fmi3SetDebugLogging(
     unsafe { call(handle, |_| Ok(())) }
 }
 
-/// An instance for model exchange; it has no continuous states and no events.
+/// Creates an instance for model exchange; it has no continuous states and no events.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     _name: *const c_char,
@@ -131,12 +131,12 @@ pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     unsafe { instantiate(token, resources, Log { message, environment }) }
 }
 
-/// An instance for co-simulation.
+/// Creates an instance for co-simulation.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
-#[allow(clippy::too_many_arguments)] // as FMI has it
+#[allow(clippy::too_many_arguments)] // FMI's signature
 pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     _name: *const c_char,
     token: *const c_char,
@@ -158,7 +158,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
 /// Ends an instance.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut Handle) {
     if !handle.is_null() {
@@ -170,7 +170,7 @@ pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut Handle) {
 /// Begins the initialization at a time, s.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3EnterInitializationMode(
     handle: *mut Handle,
@@ -184,13 +184,13 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     unsafe { call(handle, |instance| instance.move_to(start_s)) }
 }
 
-/// Changes of mode: a model without states has nothing to do.
+/// Changes of mode, without effect for a model without states.
 macro_rules! modes {
     ($($name:ident),*) => { $(
-        /// A change of mode; nothing to do without states.
+        /// Change of mode, without effect for a model without states.
         ///
         /// # Safety
-        /// As FMI says.
+        /// As specified by FMI.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(handle: *mut Handle) -> Status {
             // SAFETY: by the importer's promise.
@@ -209,10 +209,10 @@ modes!(
     fmi3Terminate
 );
 
-/// As after instantiation.
+/// Restores the state after instantiation.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
     // SAFETY: by the importer's promise.
@@ -222,7 +222,7 @@ pub unsafe extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
 /// Sets the time, s.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetTime(handle: *mut Handle, time_s: f64) -> Status {
     // SAFETY: by the importer's promise.
@@ -255,7 +255,7 @@ unsafe fn each<T>(
 /// Reads inputs and outputs.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFloat64(
     handle: *mut Handle,
@@ -273,10 +273,10 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     }
 }
 
-/// Sets inputs. A value that is no number is refused: fmi3Error, and the old value stands.
+/// Sets inputs. NaN is refused with fmi3Error, and the old value is kept.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFloat64(
     handle: *mut Handle,
@@ -295,14 +295,14 @@ pub unsafe extern "C" fn fmi3SetFloat64(
     }
 }
 
-/// A value that is only read.
+/// Read-only value.
 #[repr(transparent)]
 struct Given(f64);
 
 /// Reads domain status and regime.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetInt32(
     handle: *mut Handle,
@@ -320,7 +320,7 @@ pub unsafe extern "C" fn fmi3GetInt32(
     }
 }
 
-/// Writes a plain value where the importer wants one.
+/// Writes a value unless `place` is null.
 ///
 /// # Safety
 /// `place` is null or writable.
@@ -331,10 +331,10 @@ unsafe fn put<T>(place: *mut T, value: T) {
     }
 }
 
-/// There are no discrete states and no events.
+/// Reports neither discrete states nor events.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3UpdateDiscreteStates(
     handle: *mut Handle,
@@ -354,10 +354,10 @@ pub unsafe extern "C" fn fmi3UpdateDiscreteStates(
     }
 }
 
-/// Neither an event nor an end.
+/// Reports neither an event nor an end.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3CompletedIntegratorStep(
     handle: *mut Handle,
@@ -373,10 +373,10 @@ pub unsafe extern "C" fn fmi3CompletedIntegratorStep(
     }
 }
 
-/// The model has no continuous states.
+/// Number of continuous states: 0.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetNumberOfContinuousStates(handle: *mut Handle, count: *mut usize) -> Status {
     // SAFETY: by the importer's promise.
@@ -386,10 +386,10 @@ pub unsafe extern "C" fn fmi3GetNumberOfContinuousStates(handle: *mut Handle, co
     }
 }
 
-/// The model has no event indicators.
+/// Number of event indicators: 0.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetNumberOfEventIndicators(handle: *mut Handle, count: *mut usize) -> Status {
     // SAFETY: by the importer's promise.
@@ -399,13 +399,13 @@ pub unsafe extern "C" fn fmi3GetNumberOfEventIndicators(handle: *mut Handle, cou
     }
 }
 
-/// Arrays of states and events of which there are none.
+/// Functions with arrays of states and events, which are empty.
 macro_rules! empty_arrays {
     ($($name:ident($type:ty)),*) => { $(
-        /// An array that is empty for a model without states and events.
+        /// Array that is empty for a model without states and events.
         ///
         /// # Safety
-        /// As FMI says.
+        /// As specified by FMI.
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(handle: *mut Handle, _values: $type, count: usize) -> Status {
             let expected = if count == 0 { Ok(()) } else { Err(format!("expected no values, found {count}")) };
@@ -422,12 +422,12 @@ empty_arrays!(
     fmi3GetEventIndicators(*mut f64)
 );
 
-/// Moves the time, s: outputs follow from the inputs at once, so any step is done.
+/// Moves the time, s: outputs follow from the inputs without delay, so every step succeeds.
 ///
 /// # Safety
-/// As FMI says.
+/// As specified by FMI.
 #[unsafe(no_mangle)]
-#[allow(clippy::too_many_arguments)] // as FMI has it
+#[allow(clippy::too_many_arguments)] // FMI's signature
 pub unsafe extern "C" fn fmi3DoStep(
     handle: *mut Handle,
     current_s: f64,
