@@ -96,10 +96,10 @@ pub(crate) unsafe fn put<T: Copy>(out: *mut T, value: T) -> Result<(), Failure> 
 /// Ends a handle; null is nothing to do.
 ///
 /// # Safety
-/// `handle` is null or came from [`give`] and is not used any more.
+/// `handle` is null or came from [`write_handle`] and is not used any more.
 pub(crate) unsafe fn take<T>(handle: *mut T) {
     if !handle.is_null() {
-        // SAFETY: by the caller's promise it came out of `Box::into_raw` in `give` and is given back once.
+        // SAFETY: by the caller's promise it came out of `Box::into_raw` in `write_handle` and is given back once.
         drop(unsafe { Box::from_raw(handle) });
     }
 }
