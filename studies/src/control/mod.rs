@@ -19,7 +19,7 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 Examples:
   Everything, with a picture:
-    softtwin-studies control --model models/pneunet/pneunet.twin --out docs/images/control.svg
+    softtwin-studies control --model models/pneunet/pneunet.twin --out docs/images/control.png
   1,000 random steps only:
     softtwin-studies control --model models/pneunet/pneunet.twin --steps 1000
   The plant's table anew: a mesh of its own, its states, the table

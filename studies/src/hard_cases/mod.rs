@@ -8,9 +8,8 @@ mod command;
 mod ending;
 mod probe;
 
-pub use cases::hard_cases;
+use cases::hard_cases;
 pub use command::Args;
-pub use ending::HEAD;
 
 use case::HardCase;
 use ending::{Ending, Outcome, Row};

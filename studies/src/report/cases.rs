@@ -1,4 +1,4 @@
-//! Figs. 7 and 8 (cases A-D), appendix A (E-H), appendix B (nearest sample), and states nobody picked.
+//! Figs. 7 and 8 (cases A-D), appendix A (E-H), appendix B (nearest sample), and the validation states.
 
 use super::folder::Folder;
 use super::published::{self, Case as Published};
@@ -16,17 +16,17 @@ pub fn section(study: &Study, out: &Folder) -> anyhow::Result<String> {
     page += &case_table(study, &test, "")?;
     page +=
         &out.picture("cases", "Largest errors of the test cases by both methods", &picture(study, &test)?)?;
-    page += &untouched(study)?;
-    page += "\n## Outside the domain (appendix A)\n\n";
-    let held_out = study.cases(|c| c.split == Split::Check);
-    let report = study.evaluate(&study.ours, &held_out)?;
-    let pairs = held_out.iter().zip(&report.cases);
+    page += &held_out(study)?;
+    page += "\n## Outside the training range (appendix A)\n\n";
+    let check = study.cases(|c| c.split == Split::Check);
+    let report = study.evaluate(&study.ours, &check)?;
+    let pairs = check.iter().zip(&report.cases);
     let outside: Vec<usize> =
         pairs.filter(|(_, c)| c.domain != DomainStatus::Inside).map(|(i, _)| *i).collect();
     page += &case_table(
         study,
         &outside,
-        "Every one of them is flagged: the state message says how far outside it is.\n",
+        "All are flagged; the state contains their distance to the training range.\n",
     )?;
     page += &nearest(study)?;
     Ok(page)
@@ -131,14 +131,14 @@ fn picture(study: &Study, cases: &[usize]) -> anyhow::Result<Figure> {
     Ok(Figure { title: "Test cases: largest errors".into(), panels, columns: 3 })
 }
 
-/// All untouched states inside the domain, ours only: the paper reports none.
-fn untouched(study: &Study) -> anyhow::Result<String> {
-    let cases = study.untouched()?;
+/// All held-out states inside the training range, ours only: the paper reports none.
+fn held_out(study: &Study) -> anyhow::Result<String> {
+    let cases = study.held_out()?;
     let report = study.evaluate(&study.ours, &cases)?;
     let mut text = String::from(
-        "\n## Untouched states inside the domain\n\nTest and check cases together, none of them seen by training or \
-         selection. Mean / 95th percentile / largest over cases; the force by the largest force of the database.\n\n\
-         | regime | states | displacement % | stress % | force % | within the bars: displacement, stress, force |\n\
+        "\n## Held-out states inside the training range\n\nTest and check cases together. Mean / 95th percentile / largest over cases; force per \
+         largest force of the database.\n\n\
+         | regime | states | displacement % | stress % | force % | within the half-width: displacement, stress, force |\n\
          | --- | --- | --- | --- | --- | --- |\n",
     );
     for summary in &report.regimes {
@@ -162,12 +162,12 @@ fn untouched(study: &Study) -> anyhow::Result<String> {
     let promised = study.ours.header.regimes.first().map_or(0.0, |r| 100.0 * r.halfwidths.coverage);
     let _ = writeln!(
         text,
-        "\nThe bars promise {promised:.0} %; they are calibrated by leave-one-out on the training cases alone."
+        "\nThe nominal coverage is {promised:.0} %; this model's half-widths are calibrated by leave-one-out on the training cases alone."
     );
     Ok(text)
 }
 
-/// The state whose stress is furthest off, and why a small stress is: all that stands out of the table.
+/// The state with the largest stress error, and the reason for large relative errors of small stresses.
 fn worst_stress(study: &Study, cases: &[CaseReport]) -> String {
     let Some(f) = study.database.fields.iter().position(|f| f.kind == FieldKind::Stress) else {
         return String::new();
@@ -179,9 +179,8 @@ fn worst_stress(study: &Study, cases: &[CaseReport]) -> String {
     let gap = worst.gap_mm.map_or(String::new(), |gap| format!(", {gap:.2} mm"));
     format!(
         "\nThe largest stress error is that of {} ({:.4} MPa{gap}) at node {}: {:.4} MPa where the largest stress of the state is \
-         {:.3} MPa; the next state is at {} %. Von Mises stress is the length of a tensor: where pressure cancels the stress \
-         of the weight it comes down to 0 and turns with a kink, which no smooth interpolant of the length follows. This \
-         happens at the roots of the slots at pressures of a few kPa; the bar for stress says less there than elsewhere.\n",
+         {:.3} MPa; the next state has {} %. Von Mises stress has a kink where pressure cancels the stress of the weight (roots of the slots, a few \
+         kPa), which no smooth interpolant follows.\n",
         worst.case,
         worst.pressure_mpa,
         errors.worst_node,
@@ -199,7 +198,7 @@ fn three(values: [f64; 3]) -> String {
 fn nearest(study: &Study) -> anyhow::Result<String> {
     let mut text = String::from(
         "\n## The nearest training sample instead of a model (appendix B)\n\n\
-         | test case | nearest training case | force off %, paper | force off % | displacement off % | stress off % |\n\
+         | test case | nearest training case | force error %, paper | force error % | displacement error % | stress error % |\n\
          | --- | --- | --- | --- | --- | --- |\n",
     );
     let database = &study.database;

@@ -1,4 +1,4 @@
-//! States against error, with and without the states' derivatives.
+//! Error against training states, with and without derivatives.
 
 use super::folder::Folder;
 use super::study::Study;
@@ -8,26 +8,25 @@ use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 use softtwin::progress::Progress;
 use std::fmt::Write as _;
 
-/// Shares of the training states.
+/// Fractions of the training states.
 const SHARES: [f64; 5] = [0.25, 0.33, 0.5, 0.7, 1.0];
 
 pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::Result<String> {
-    let mut text = String::from("\n## States against error, with and without derivatives\n");
+    let mut text = String::from("\n## Error against training states, with and without derivatives\n");
     if study.database.sensitivities.is_none() {
         return Ok(text + "\nThe database has no derivatives.\n");
     }
     let contact = |i: &usize| study.database.cases[*i].regime == RegimeKind::Contact;
-    let cases = study.untouched()?.into_iter().filter(contact).collect();
+    let cases = study.held_out()?.into_iter().filter(contact).collect();
     let unseen = Unseen { database: &study.database, cases };
     let points = curve(&study.database, &unseen, &SHARES, &mut |step| progress.step(step))?;
     let figure = picture(&points);
-    text += &out.picture("learning", "Errors on unseen contact states against training states", &figure)?;
+    text += &out.picture("learning", "Errors on held-out contact states against training states", &figure)?;
     let _ = write!(
         text,
-        "\nModels trained on more and more of the training states, taken evenly from the list, free and contact together, \
-         each with every mode that lowers the leave-one-out error; errors \
-         on the {} contact states inside the domain that no training saw, mean / 95th percentile in %, the force by the largest \
-         force.\n\n{}",
+        "\nTraining states taken evenly from the list, free and contact together, with every mode that lowers the leave-one-out \
+         error. Errors on the {} held-out contact states inside the training range, mean / 95th percentile in %; force per \
+         largest force.\n\n{}",
         unseen.cases.len(),
         table(&points)
     );
@@ -55,5 +54,5 @@ fn picture(points: &[Point]) -> Figure {
         }
     };
     let panels = ["Displacement", "Von Mises stress", "Contact force"].into_iter().enumerate().map(panel);
-    Figure { title: "States against error".into(), panels: panels.collect(), columns: 3 }
+    Figure { title: "Error against training states".into(), panels: panels.collect(), columns: 3 }
 }

@@ -1,9 +1,8 @@
-//! `softtwin-studies report`: the paper's tables and figures on a database, beside this program's.
+//! `softtwin-studies report`: the paper's tables and figures on a database, with the paper's method and ours.
 
 mod cases;
 mod curves;
 mod folder;
-mod hard;
 mod learning;
 mod method;
 mod pareto;
@@ -27,14 +26,13 @@ const EXAMPLES: &str = "\
 Examples:
   The report that is committed (docs/report/README.md and its pictures):
     softtwin-studies report --database models/pneunet/database
-  Only what is promised, without writing anything; ends with 1 when a promise does not hold:
+  The acceptance limits only, without writing anything; ends with 1 if one is exceeded:
     softtwin-studies report --database models/pneunet/database --check
   On another database, with more random subsets:
     softtwin-studies report --database fresh --out /tmp/report --repeats 20";
 
 const NOTES: &str = "\
-Everything is computed on the spot: three columns set the paper's published figures, the paper's method on this database,
-and this program's method side by side. Test cases are looked at here and nowhere else.";
+Three columns compare the paper's published figures, the paper's method on this database and ours.";
 
 /// Regenerate the paper's tables and figures, and the table of speed against error.
 #[derive(clap::Args)]
@@ -43,13 +41,13 @@ pub struct Args {
     /// Database folder.
     #[arg(long, value_name = "DIR")]
     database: PathBuf,
-    /// Folder for the page and its pictures.
+    /// Folder for the report and its pictures.
     #[arg(long, value_name = "DIR", default_value = "docs/report")]
     out: PathBuf,
     /// Random subsets for each number of training cases.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u64).range(1..=200))]
     repeats: u64,
-    /// Print what is promised and what is measured, write nothing, and end with 1 when a promise does not hold.
+    /// Print the acceptance limits, write nothing, and end with 1 if one is exceeded.
     #[arg(long, conflicts_with_all = ["out", "repeats", "png"])]
     check: bool,
     /// Draw PNG instead of SVG.
@@ -71,19 +69,17 @@ impl Args {
         std::fs::create_dir_all(&self.out).with_context(|| self.out.display().to_string())?;
         let folder = Folder { dir: self.out, ending: if self.png { "png" } else { "svg" } };
         let mut page = study.heading(&self.database, self.repeats);
-        progress.step("what was promised");
+        progress.step("acceptance limits");
         page += &summary::section(&study, Sealed::read(&self.database)?.as_ref())?.0;
-        progress.step("test cases A to D and states outside the domain");
+        progress.step("test cases A to D and states outside the training range");
         page += &cases::section(&study, &folder)?;
         progress.step("errors against modes and training cases (Fig. 5)");
         page += &curves::section(&study, &folder, self.repeats, &mut progress)?;
         page += &learning::section(&study, &folder, &mut progress)?;
-        progress.step("the switch between the regimes");
+        progress.step("contact onset");
         page += &switch::section(&study)?;
-        progress.step("how exactly training cases come back");
+        progress.step("errors at training cases");
         page += &reproduction::section(&study)?;
-        progress.step("hard cases");
-        page += &hard::section();
         progress.step("speed against error");
         page += &pareto::section(&study, &folder, &mut progress)?;
         drop(progress);
@@ -94,10 +90,10 @@ impl Args {
     }
 }
 
-/// Prints the promises; an error names those that do not hold.
+/// Prints the acceptance limits; the error names those that are exceeded.
 fn check(study: &Study, database: &Path) -> anyhow::Result<()> {
     let (table, missed) = summary::section(study, Sealed::read(database)?.as_ref())?;
     output!("{table}")?;
-    anyhow::ensure!(missed.is_empty(), "promises that do not hold:\n  {}", missed.join("\n  "));
+    anyhow::ensure!(missed.is_empty(), "limits exceeded:\n  {}", missed.join("\n  "));
     Ok(())
 }

@@ -32,7 +32,7 @@ struct Point {
 }
 
 pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::Result<String> {
-    let cases = study.untouched()?;
+    let cases = study.held_out()?;
     let mut points = Vec::new();
     for (grouping, kernel, modes, config) in grid() {
         progress.step(&format!("speed against error: {grouping}, {kernel}, {modes} modes"));

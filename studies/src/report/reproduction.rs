@@ -1,4 +1,4 @@
-//! How exactly the training cases come back, and what exactness costs on untouched states.
+//! Errors at the training cases, and the effect of smoothing and modes on held-out states.
 
 use super::study::{Study, percent, train};
 use rom::model::Model;
@@ -9,24 +9,23 @@ use train::evaluate::Report;
 
 pub fn section(study: &Study) -> anyhow::Result<String> {
     let mut text = String::from(
-        "\n## How exactly training cases come back\n\nContact states; largest over nodes and cases, by the field's largest value in \
-         the case. *Truncation* is what the modes cannot represent, *missed* what smoothing leaves beyond it. The last \
-         columns show what the same setting does on untouched contact states inside the domain (mean / 95th percentile).\n\n\
-         | setting | modes x, y, z, stress | coordinates: truncation %, missed % | stress: truncation %, missed % | untouched: \
-         displacement % | untouched: stress % |\n| --- | --- | --- | --- | --- | --- |\n",
+        "\n## Errors at training cases\n\nContact states; largest over nodes and cases, per largest value of the field in the case. Truncation: error of the \
+         modes; rest: beyond it, from smoothing. Held-out: contact states inside the training range (mean / 95th percentile).\n\n\
+         | setting | modes x, y, z, stress | coordinates: truncation %, rest % | stress: truncation %, rest % | held-out: \
+         displacement % | held-out: stress % |\n| --- | --- | --- | --- | --- | --- |\n",
     );
-    let untouched = study.untouched()?;
+    let held_out = study.held_out()?;
     for (name, config) in settings(&study.config) {
         let model = match &config {
             Some(config) => &train(&study.database, config)?,
             None => &study.ours,
         };
-        let _ = writeln!(text, "| {name} | {} |", row(study, model, &untouched)?);
+        let _ = writeln!(text, "| {name} | {} |", row(study, model, &held_out)?);
     }
     Ok(text)
 }
 
-/// Settings of `config/train.toml` around those of our model: smoothing, and all modes.
+/// Our settings, with smoothing, and with 120 modes.
 fn settings(ours: &TrainConfig) -> [(&'static str, Option<TrainConfig>); 3] {
     let contact = |change: fn(&mut TrainConfig)| {
         let mut config = ours.clone();
@@ -37,7 +36,7 @@ fn settings(ours: &TrainConfig) -> [(&'static str, Option<TrainConfig>); 3] {
         ("ours", None),
         ("`contact.smoothing = [3e-8]`", contact(|c| c.contact.smoothing = vec![3e-8])),
         (
-            "`contact.max_modes = 120`, `contact.modes = { fixed = 120 }`: nearly all",
+            "`contact.max_modes = 120`, `contact.modes = { fixed = 120 }`",
             contact(|c| {
                 c.contact.max_modes = 120;
                 c.contact.modes = ModeChoice::Fixed(120);
@@ -46,13 +45,13 @@ fn settings(ours: &TrainConfig) -> [(&'static str, Option<TrainConfig>); 3] {
     ]
 }
 
-fn row(study: &Study, model: &Model, untouched: &[usize]) -> anyhow::Result<String> {
+fn row(study: &Study, model: &Model, held_out: &[usize]) -> anyhow::Result<String> {
     let contact = |i: &usize| study.database.cases[*i].contact_force_n > 0.0;
     let training: Vec<usize> = study.database.of_split(Split::Train).filter(contact).collect();
     let report = study.evaluate(model, &training)?;
-    let (coordinates, stress) = (missed(study, &report, false), missed(study, &report, true));
-    let untouched: Vec<usize> = untouched.iter().copied().filter(contact).collect();
-    let held_out = study.evaluate(model, &untouched)?;
+    let (coordinates, stress) = (parts(study, &report, false), parts(study, &report, true));
+    let held_out: Vec<usize> = held_out.iter().copied().filter(contact).collect();
+    let held_out = study.evaluate(model, &held_out)?;
     let column = |kind: FieldKind| -> String {
         let at = study.database.fields.iter().position(|f| f.kind == kind);
         let summary = held_out.regimes.iter().find(|r| r.regime == RegimeKind::Contact).zip(at);
@@ -72,8 +71,8 @@ fn row(study: &Study, model: &Model, untouched: &[usize]) -> anyhow::Result<Stri
     ))
 }
 
-/// Truncation and what is missed beyond it, in percent of the field's largest value.
-fn missed(study: &Study, report: &Report, stress: bool) -> String {
+/// Truncation error and the rest, in percent of the field's largest value.
+fn parts(study: &Study, report: &Report, stress: bool) -> String {
     let (mut truncation, mut beyond) = (0.0_f64, 0.0_f64);
     for errors in report.cases.iter().flat_map(|c| &c.fields) {
         let kind = study.database.fields.iter().find(|f| f.name == errors.field).map(|f| f.kind);

@@ -1,5 +1,5 @@
-//! What is promised of sealed states: drawn by a seed that nobody had used, simulated, looked at once and not kept. The table beside the
-//! model, `softtwin evaluate --sealed N --seed S --errors sealed.csv`, has their inputs and the model's errors.
+//! Limits for the test states (sealed): drawn with an unused seed, simulated and evaluated once. `sealed.csv` in the model's folder
+//! contains their inputs and the model's errors (`softtwin evaluate --sealed N --seed S --errors sealed.csv`).
 
 use rom::model::{Model, Selection};
 use rom::model_state::ModelState;
@@ -8,22 +8,22 @@ use softtwin::{files, unseen_errors};
 use std::path::Path;
 use train::evaluate::spread;
 
-/// Most the errors may be: mean, 95th percentile, worst of normalised displacement and stress; of the force over the largest.
+/// Limits of the errors: mean, 95th percentile, largest of normalised displacement and stress, of the force per largest force.
 pub const ERRORS: [[f64; 3]; 3] = [[2e-4, 6e-4, 3e-3], [4e-3, 1e-2, 2e-2], [1.5e-4, 5e-4, 2e-3]];
-/// Largest share of the states that may lie outside the half-widths, which promise a tenth.
+/// Limit of the fraction of states outside the half-widths, whose nominal coverage is 90 %.
 pub const OUTSIDE: f64 = 0.14;
 
-/// Of the contact states inside the domain.
+/// Figures of the contact states inside the training range.
 pub struct Sealed {
     pub states: usize,
     /// Displacement, stress, force: mean, 95th percentile, worst.
     pub errors: [[f64; 3]; 3],
-    /// Shares outside the half-widths.
+    /// Fractions outside the half-widths.
     pub outside: [f64; 3],
 }
 
 impl Sealed {
-    /// From the folder that holds the database and the model of its name; none without a table of sealed states.
+    /// Reads the table in the folder of the database and its model; `None` without a table.
     pub fn read(database: &Path) -> anyhow::Result<Option<Self>> {
         let Some(model) = super::folder::beside(database, "twin") else { return Ok(None) };
         let table = model.with_file_name("sealed.csv");
@@ -34,7 +34,7 @@ impl Sealed {
         Self::of(&table, &model).map(Some)
     }
 
-    /// Errors are normalised by what the model says is largest: its own error does not matter there.
+    /// Errors are normalised by the model's largest values.
     fn of(table: &Path, model: &Model) -> anyhow::Result<Self> {
         let mut states = unseen_errors::read(table, model)?;
         states.retain(|state| state.regime == RegimeKind::Contact);
@@ -45,13 +45,13 @@ impl Sealed {
         for state in &states {
             let peaks = predicted.update(state.inputs)?;
             let (evaluation, widths) = (predicted.evaluation(), predicted.evaluation().halfwidths);
-            let promised = [widths.displacement_mm, widths.stress_mpa, widths.force_n];
+            let nominal = [widths.displacement_mm, widths.stress_mpa, widths.force_n];
             let peak = |peak: Option<rom::kernel::Peak>| peak.map_or(f64::NAN, |peak| f64::from(peak.value));
             let scales = [peak(peaks.displacement_mm), peak(peaks.stress_mpa), 1.0];
             largest_n = largest_n.max(evaluation.contact_force_n);
             for k in 0..3 {
                 errors[k].push(state.errors[k] / scales[k]);
-                outside[k] += f64::from(u8::from(state.errors[k] > promised[k])) / states.len() as f64;
+                outside[k] += f64::from(u8::from(state.errors[k] > nominal[k])) / states.len() as f64;
             }
         }
         errors[2].iter_mut().for_each(|error| *error /= largest_n);

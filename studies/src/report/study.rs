@@ -52,7 +52,7 @@ impl Study {
     }
 
     /// Cases training never saw and that lie inside our model's domain.
-    pub fn untouched(&self) -> anyhow::Result<Vec<usize>> {
+    pub fn held_out(&self) -> anyhow::Result<Vec<usize>> {
         let held_out = self.cases(|c| c.split != Split::Train);
         let report = self.evaluate(&self.ours, &held_out)?;
         let inside =
@@ -66,10 +66,10 @@ impl Study {
         format!(
             "# Accuracy and speed\n\nMade by `softtwin-studies report --database {} --repeats {repeats}`; do not edit.\n\n\
              Database `{}`: {} training, {} test and {} check cases, {} nodes, blake3 `{hash}...`.\n\n\
-             *Paper* is what the paper published; *paper's method* is its algorithm (joint uncentred POD, linear splines \
-             without tail, {} and {} modes) on this database; *ours* is `softtwin train` on the same cases, {}. *Normalised* \
-             is the largest error over nodes by the field's largest value in that case; the paper \
-             states relative errors (Eq. 16), which come near it where the field is large.\n",
+             *Paper*: published figures. *Paper's method*: its algorithm (joint uncentred POD, linear splines without tail, {} \
+             and {} modes) on this database. *Ours*: `softtwin train` on the same cases, {}. *Normalised*: largest error over \
+             nodes, per largest value of the field in that case; the paper's relative errors (Eq. 16) are close to it where \
+             the field is large.\n",
             database.display(),
             self.database.actuator,
             count(Split::Train),
@@ -78,7 +78,7 @@ impl Study {
             self.database.node_count,
             super::published::MODES[0],
             super::published::MODES[1],
-            if self.has_sheet { "configured as the model beside the database" } else { "by its default" },
+            if self.has_sheet { "configured as the model of the database" } else { "by its default" },
         )
     }
 }

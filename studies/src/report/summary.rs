@@ -1,4 +1,4 @@
-//! What this project promises, line by line, beside what it measures.
+//! Acceptance limits, each with the figure of the paper's method and ours.
 
 use super::sealed::{ERRORS, OUTSIDE, Sealed};
 use super::study::{REGIMES, Study, percent, test_mse};
@@ -10,16 +10,16 @@ use softtwin::jumps;
 use std::fmt::Write as _;
 use train::evaluate::{Report, spread};
 
-/// Most a mean squared error on the test cases may be, free and contact.
+/// Limits of the mean squared error on the test cases, free and contact.
 const MSE: [f64; 2] = [2e-6, 1e-5];
-/// Most the test cases may be off: normalised displacement and stress, relative force; free and contact.
+/// Limits for the test cases: normalised displacement and stress, relative force; free and contact.
 const TEST: [[f64; 3]; 2] = [[1e-4, 1e-3, 0.0], [6e-4, 1e-2, 2e-3]];
-/// Most the untouched contact states may be off, mean and 95th percentile: displacement, stress, force.
-const UNTOUCHED: [[f64; 2]; 3] = [[2e-4, 5e-4], [4e-3, 1e-2], [1.5e-4, 5e-4]];
-/// Most the fields and the force may jump at the switch, mm and N.
+/// Limits for the validation states in contact, mean and 95th percentile: displacement, stress, force.
+const VALIDATION: [[f64; 2]; 3] = [[2e-4, 5e-4], [4e-3, 1e-2], [1.5e-4, 5e-4]];
+/// Limits of the jumps of fields and force at the onset, mm and N.
 const JUMP: [f64; 2] = [0.05, 1e-3];
 
-/// The table, and the rows that do not hold.
+/// Returns the table and the rows that exceed their limit.
 pub fn section(study: &Study, sealed: Option<&Sealed>) -> anyhow::Result<(String, Vec<String>)> {
     let mut table = Table { text: String::from(HEAD), missed: Vec::new() };
     for (at, regime) in REGIMES.into_iter().enumerate() {
@@ -42,17 +42,16 @@ pub fn section(study: &Study, sealed: Option<&Sealed>) -> anyhow::Result<(String
         }
     }
     jumps(study, &mut table)?;
-    untouched(study, &mut table)?;
+    validation(study, &mut table)?;
     if let Some(sealed) = sealed {
         of_sealed(sealed, &mut table);
     }
     Ok((table.text, table.missed))
 }
 
-const HEAD: &str = "\n## What is promised, and what is measured\n\nLargest over the two test cases of a regime; development states: \
-    the random check cases of the database, wherever they lie, which were in sight while choices were made; sealed states: drawn by seeds that nobody had used, \
-    looked at once and not kept (`sealed.csv` has the model's errors there).\n\n\
-    | quantity | paper's method | ours | at most | holds |\n| --- | --- | --- | --- | --- |\n";
+const HEAD: &str = "\n## Acceptance limits\n\nTest cases: largest over the two of a regime. Validation states: random check cases of the database, in sight during \
+    development. Test states: drawn with unused seeds, evaluated once (`sealed.csv`).\n\n\
+    | quantity | paper's method | ours | limit | met |\n| --- | --- | --- | --- | --- |\n";
 
 struct Table {
     text: String,
@@ -60,7 +59,7 @@ struct Table {
 }
 
 impl Table {
-    /// `[theirs, ours]` as number and text; `unit` "%" shows the bound as a percentage.
+    /// Adds a row of `[theirs, ours]`, each as number and text; `unit` "%" shows the limit as a percentage.
     fn row(&mut self, name: &str, [theirs, mine]: [(f64, String); 2], bound: f64, unit: &str) {
         let most = if unit == "%" { format!("{} %", percent(bound)) } else { format!("{bound:.0e}{unit}") };
         let holds = if mine.0 <= bound {
@@ -96,7 +95,7 @@ fn jumps(study: &Study, table: &mut Table) -> anyhow::Result<()> {
     let Some(onset) = &study.ours.header.onset else { return Ok(()) };
     let range = [onset.sag_mm(), onset.reach_mm()];
     let both = [jumps::jumps(&study.paper, range, GAPS)?, jumps::jumps(&study.ours, range, GAPS)?];
-    let name = format!("jump at the switch, gaps {:.1} to {:.1} mm", range[0], range[1]);
+    let name = format!("jump at the onset, gaps {:.1} to {:.1} mm", range[0], range[1]);
     let lengths = both.map(|j| (j.length_mm, format!("{:.3} mm", j.length_mm)));
     table.row(&format!("{name}: mm"), lengths, JUMP[0], " mm");
     table.row(
@@ -106,11 +105,11 @@ fn jumps(study: &Study, table: &mut Table) -> anyhow::Result<()> {
         " N",
     );
     let stresses = both.map(|j| (j.stress_share, format!("{} %", percent(j.stress_share))));
-    table.row(&format!("{name}: stress, over the state's largest"), stresses, MAX_STRESS_JUMP, "%");
+    table.row(&format!("{name}: stress, per largest of the state"), stresses, MAX_STRESS_JUMP, "%");
     Ok(())
 }
 
-fn untouched(study: &Study, table: &mut Table) -> anyhow::Result<()> {
+fn validation(study: &Study, table: &mut Table) -> anyhow::Result<()> {
     let random = study.cases(|c| c.split == Split::Check && c.name.starts_with("random"));
     if random.is_empty() {
         table.text += "\nThis database has no random check cases.\n";
@@ -118,7 +117,7 @@ fn untouched(study: &Study, table: &mut Table) -> anyhow::Result<()> {
     }
     let reports = [study.evaluate(&study.paper, &random)?, study.evaluate(&study.ours, &random)?];
     for (k, name) in
-        ["normalised displacement", "normalised stress", "force over the largest force"].iter().enumerate()
+        ["normalised displacement", "normalised stress", "force per largest force"].iter().enumerate()
     {
         let both = reports.each_ref().map(|report| match (k, report.regimes.first()) {
             (2, Some(summary)) => summary.force_normalised,
@@ -132,16 +131,16 @@ fn untouched(study: &Study, table: &mut Table) -> anyhow::Result<()> {
         });
         for (at, which) in ["mean", "95th percentile"].iter().enumerate() {
             let values = both.map(|s| (s[at], format!("{} %", percent(s[at]))));
-            let name = format!("{} development states in contact: {name}, {which}", random.len());
-            table.row(&name, values, UNTOUCHED[k][at], "%");
+            let name = format!("{} validation states in contact: {name}, {which}", random.len());
+            table.row(&name, values, VALIDATION[k][at], "%");
         }
     }
     Ok(())
 }
 
 fn of_sealed(sealed: &Sealed, table: &mut Table) {
-    let name = |what: &str| format!("{} sealed states in contact: {what}", sealed.states);
-    let quantities = ["normalised displacement", "normalised stress", "force over the largest force"];
+    let name = |what: &str| format!("{} test states in contact: {what}", sealed.states);
+    let quantities = ["normalised displacement", "normalised stress", "force per largest force"];
     let none = || (0.0, "-".to_owned());
     for (k, quantity) in quantities.iter().enumerate() {
         for (at, which) in ["mean", "95th percentile", "worst"].iter().enumerate() {
@@ -152,11 +151,6 @@ fn of_sealed(sealed: &Sealed, table: &mut Table) {
     }
     for (share, quantity) in sealed.outside.iter().zip(["displacement", "stress", "force"]) {
         let values = [none(), (*share, format!("{} %", percent(*share)))];
-        table.row(
-            &name(&format!("{quantity} outside its half-width, of which a tenth is promised")),
-            values,
-            OUTSIDE,
-            "%",
-        );
+        table.row(&name(&format!("{quantity} outside its half-width, nominal 10 %")), values, OUTSIDE, "%");
     }
 }
