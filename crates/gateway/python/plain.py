@@ -12,7 +12,7 @@ config.insert_json5("connect/endpoints", json.dumps([sys.argv[1] if len(sys.argv
 with zenoh.open(config) as session:
     print("twins:", [str(reply.ok.key_expr) for reply in session.liveliness().get("**/softtwin/*/alive")])
 
-    # A field: values as they lie in memory, fields x nodes, little-endian float32; what they are stands in the attachment.
+    # A field: little-endian float32, fields x nodes; the attachment describes them.
     for reply in session.get("softtwin/finger/field"):
         about = json.loads(bytes(reply.ok.attachment))
         field = np.frombuffer(bytes(reply.ok.payload), "<f4").reshape(len(about["fields"]), about["node_count"])

@@ -1,12 +1,11 @@
-//! Stamps of another machine's clock, on ours.
+//! Conversion of time stamps of another machine to the local clock.
 
-/// How long a smallest delay counts: two clocks drift apart by less than 2 ms meanwhile (50 ppm).
+/// Length of one window of smallest delays, ns: two clocks drift by less than 2 ms meanwhile (50 ppm).
 const WINDOW_NS: u64 = 30_000_000_000;
 
 /// Brings a sender's monotonic stamps onto the local clock: `t = t_sender + min(arrival - t_sender)` over the last 30 to 60
-/// seconds. The smallest delay stands for the distance of the clocks, so the fastest reading counts as taken when it
-/// arrived and a late one as old as it is late. No reading is younger than its arrival, and the order of the stamps stays
-/// what the sender made it, also where a better measure of the distance arrives.
+/// seconds. The smallest delay estimates the distance of the clocks: the fastest reading is stamped with its arrival, a later one
+/// with its delay. No stamp is after the arrival, and stamps keep the sender's order when the estimate changes.
 #[derive(Debug, Default)]
 pub struct SenderClock {
     boot_id: u64,

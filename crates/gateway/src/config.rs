@@ -1,4 +1,4 @@
-//! The gateway's configuration: typed, then checked as a whole, all problems at once.
+//! The gateway's configuration: parsed, then checked as a whole; all errors are reported at once.
 
 use crate::endpoint::Endpoint;
 use crate::ros::{self, Ros2, Ros2File};
@@ -9,20 +9,20 @@ use std::path::Path;
 use std::time::Duration;
 use wire::{KeyExpr, Topic};
 
-/// What the gateway is in the network.
+/// Role of the gateway in the Zenoh network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// Talks to whom it calls and who calls it.
+    /// Exchanges data with all connected peers.
     #[default]
     Peer,
-    /// Calls one router (the first that answers) and leaves the rest to it.
+    /// Connects to one router, the first that answers.
     Client,
-    /// As a peer, and passes on between all who are connected.
+    /// As a peer; also forwards between all connected programs.
     Router,
 }
 
-/// Where it listens unless told otherwise: reachable from this machine only.
+/// Default endpoint: reachable from this machine only.
 const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
 
 /// The file, as written.
@@ -56,26 +56,26 @@ impl Default for File {
     }
 }
 
-/// What the gateway does, checked.
+/// Checked configuration of the gateway.
 #[derive(Debug, Clone)]
 pub struct Config {
-    /// What it is in the network.
+    /// Role in the network.
     pub mode: Mode,
-    /// Where others reach it.
+    /// Endpoints that it listens on.
     pub listen: Vec<Endpoint>,
-    /// Whom it calls.
+    /// Endpoints that it connects to.
     pub connect: Vec<Endpoint>,
-    /// What stands before every key on the network: empty, or chunks with a `/` at the end.
+    /// Prefix of every key on the network: empty, or chunks with a `/` at the end.
     pub prefix: String,
-    /// Local topics that go out.
+    /// Local topics that are published.
     pub keys: Vec<KeyExpr>,
     /// Time between two fields of a topic.
     pub field_period: Duration,
     /// Sensor topics that are fed from the network.
     pub inlets: Vec<Topic>,
-    /// The node of ROS 2, where there is to be one.
+    /// The node of ROS 2, if configured.
     pub ros2: Option<Ros2>,
-    /// Who is let in and how the gateway shows who it is.
+    /// Certificates and users.
     pub security: Security,
 }
 
@@ -83,7 +83,7 @@ impl Config {
     /// Reads and checks a file. Paths in it are relative to its folder.
     ///
     /// # Errors
-    /// All problems at once.
+    /// All errors in the file at once.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let file: File = runtime::config::read(path)?;
         let mut problems = Vec::new();
@@ -101,7 +101,7 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
         problems.push("connect: expected the endpoint of a router for mode \"client\", found none".into());
     }
     let listen = match file.listen {
-        Some(texts) => endpoints("listen", &texts, problems),
+        Some(listed) => endpoints("listen", &listed, problems),
         None if is_client => Vec::new(),
         None => endpoints("listen", &[DEFAULT_LISTEN.to_owned()], problems),
     };
@@ -121,7 +121,7 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
     }
     if !listen.is_empty() && known.may_connect() && !known.may_listen() {
         problems.push(
-            "security.user: who has a password of its own asks callers for theirs; give users_file, or listen = []".into(),
+            "security.user: a gateway with a password also asks its callers for one; give users_file, or listen = []".into(),
         );
     }
     if file.ros2.is_some() && file.mode == Mode::Peer && !connect.is_empty() {
@@ -146,10 +146,10 @@ fn check(file: File, folder: &Path, problems: &mut Vec<String>) -> Config {
     }
 }
 
-fn endpoints(key: &str, texts: &[String], problems: &mut Vec<String>) -> Vec<Endpoint> {
+fn endpoints(key: &str, listed: &[String], problems: &mut Vec<String>) -> Vec<Endpoint> {
     let mut take =
         |text: &String| Endpoint::parse(text).map_err(|error| problems.push(format!("{key}: {error}"))).ok();
-    texts.iter().filter_map(&mut take).collect()
+    listed.iter().filter_map(&mut take).collect()
 }
 
 fn prefix(text: &str, problems: &mut Vec<String>) -> String {
@@ -169,10 +169,10 @@ fn prefix(text: &str, problems: &mut Vec<String>) -> String {
     format!("{text}/")
 }
 
-fn keys(texts: &[String], problems: &mut Vec<String>) -> Vec<KeyExpr> {
+fn keys(listed: &[String], problems: &mut Vec<String>) -> Vec<KeyExpr> {
     let mut take =
         |text: &String| KeyExpr::new(text).map_err(|error| problems.push(format!("keys: {error}"))).ok();
-    texts.iter().filter_map(&mut take).collect()
+    listed.iter().filter_map(&mut take).collect()
 }
 
 fn inlets(names: &[String], problems: &mut Vec<String>) -> Vec<Topic> {

@@ -1,4 +1,4 @@
-//! Where the gateway listens and whom it calls, and whether that leaves the machine.
+//! Endpoints that the gateway listens on and connects to.
 
 use std::fmt;
 use std::net::IpAddr;
@@ -37,7 +37,7 @@ impl Endpoint {
         Ok(Self { is_tls, host: plain.into(), port })
     }
 
-    /// Whether nobody outside this machine is at the other end. A name other than `localhost` may be anybody.
+    /// True for an endpoint of this machine; false for names other than `localhost`.
     pub fn is_loopback(&self) -> bool {
         self.host == "localhost" || self.host.parse().is_ok_and(|address: IpAddr| address.is_loopback())
     }
@@ -51,9 +51,10 @@ impl fmt::Display for Endpoint {
     }
 }
 
-/// Endpoints for people.
-pub fn list(endpoints: &[Endpoint]) -> String {
-    endpoints.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+/// Values separated by commas; "nothing" without any.
+pub fn list(values: &[impl ToString]) -> String {
+    let listed: Vec<String> = values.iter().map(ToString::to_string).collect();
+    if listed.is_empty() { "nothing".into() } else { listed.join(", ") }
 }
 
 #[cfg(test)]

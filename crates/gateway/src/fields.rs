@@ -1,4 +1,4 @@
-//! Fields: the newest one, at a fixed rate or on demand, read only while somebody wants it.
+//! Fields: the newest one, at a fixed rate or on request; read only with subscribers or requests.
 
 use crate::link::Link;
 use crate::topic_bridge::{EncodedSample, ReadBridge, TopicBridge};
@@ -12,17 +12,17 @@ use std::time::{Duration, Instant};
 use wire::{Bus, FieldHeader, FieldReader, FieldSample, Payload, Stamp, Waking, WireError};
 use zenoh::bytes::ZBytes;
 
-/// Longest sleep: how late it is noticed that somebody wants a field.
+/// Longest sleep: delay before the first field for a new subscriber or request.
 const TICK: Duration = Duration::from_millis(50);
 
-/// Moves fields until the gateway ends, of each topic one every `period`; `bridges` brings new topics.
+/// Publishes fields until the gateway ends, one per topic and `period`; `bridges` delivers new topics.
 ///
 /// # Errors
-/// When the domain cannot be joined.
+/// When the shared memory cannot be opened.
 pub fn run(link: &Link, bridges: &Receiver<TopicBridge>, period: Duration) -> anyhow::Result<()> {
     let bus = Bus::open(&link.domain)?;
     let mut topics = Vec::<FieldTopic>::new();
-    while link.goes_on() {
+    while link.is_running() {
         topics.extend(bridges.try_iter().map(FieldTopic::new));
         let now = Instant::now();
         for topic in &mut topics {
@@ -37,9 +37,9 @@ pub fn run(link: &Link, bridges: &Receiver<TopicBridge>, period: Duration) -> an
 struct FieldTopic {
     read: ReadBridge<FieldReader>,
     due: Instant,
-    /// Fields sent so far: subscribers see by their numbers what the network skipped for them.
+    /// Fields sent so far: their number, in which subscribers see fields lost in the network.
     sent: u64,
-    /// Follows what is sent: jumps are fields in whose place a newer one was sent.
+    /// Gaps between sent fields: fields replaced by newer ones.
     gaps: GapCounter,
 }
 
@@ -48,7 +48,7 @@ impl FieldTopic {
         Self { read: ReadBridge::new(bridge), due: Instant::now(), sent: 0, gaps: GapCounter::default() }
     }
 
-    /// When the next field is to be sent, while somebody wants one.
+    /// Time of the next field; `None` while the topic is not read.
     fn due(&self) -> Option<Instant> {
         self.read.reader.as_ref().map(|_| self.due)
     }
@@ -71,7 +71,7 @@ impl FieldTopic {
         {
             let stamp = stamp(&sample);
             let encoded = encode(&sample, is_sent.then_some(self.sent + 1));
-            drop(sample); // before the network takes its time
+            drop(sample); // sending may block
             if is_sent {
                 self.send(link, &encoded, stamp);
             }
@@ -92,12 +92,12 @@ impl FieldTopic {
         bridge.send(sample, &counters.fields, &counters.longest_send_us);
     }
 
-    /// One period later, unless whole periods were missed. Without subscribers no field is replaced or late.
+    /// Advances by one period, or restarts after missed periods. Without subscribers no field counts as replaced or late.
     fn schedule_next(&mut self, link: &Link, now: Instant, period: Duration, is_sent: bool) {
         let late = now.saturating_duration_since(self.due).as_nanos() / period.as_nanos().max(1);
         self.due = if late == 0 { self.due + period } else { now + period };
         if is_sent {
-            link.counters.late_turns.fetch_add(late as u64, Ordering::Relaxed);
+            link.counters.late_periods.fetch_add(late as u64, Ordering::Relaxed);
         } else {
             self.gaps = GapCounter::default();
         }
@@ -109,7 +109,7 @@ fn stamp(sample: &FieldSample) -> Stamp {
     Stamp { boot_id, seq, t_sensor_ns, t_publish_ns }
 }
 
-/// What stands beside the values of a field.
+/// Attachment of a field: its header and its number.
 #[derive(Serialize)]
 struct About<'a> {
     #[serde(flatten)]
@@ -118,10 +118,10 @@ struct About<'a> {
     gateway_seq: Option<u64>,
 }
 
-/// The values as they lie in memory, the header as JSON beside them.
+/// The values in memory order, with the header as JSON attachment.
 fn encode(sample: &FieldSample, gateway_seq: Option<u64>) -> EncodedSample {
     let about = About { header: Json::new(sample.header().view()), gateway_seq };
-    // Texts and numbers only, none of which JSON could refuse.
+    // Strings and numbers only: serialisation cannot fail.
     let about = serde_json::to_vec(&about).unwrap_or_default();
     EncodedSample { payload: values(sample.values()), attachment: Some(ZBytes::from(about)) }
 }

@@ -1,4 +1,4 @@
-//! What all threads of the gateway share.
+//! State shared by all threads of the gateway.
 
 use anyhow::anyhow;
 use std::sync::Arc;
@@ -6,37 +6,37 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use wire::Domain;
 use zenoh::Session;
 
-/// Both sides of the gateway, and its counts.
+/// Shared memory, network and counts.
 #[derive(Clone)]
 pub struct Link {
     /// The shared-memory domain.
     pub domain: Domain,
-    /// The network.
+    /// The Zenoh session.
     pub session: Session,
-    /// What stands before every key on the network.
+    /// Prefix of every key on the network.
     pub prefix: Arc<str>,
     /// Set when the gateway is to end.
     pub stop: Arc<AtomicBool>,
-    /// Set by the thread that this is for, each time it goes through its loop.
+    /// Set by the owning thread in each iteration of its loop.
     pub is_alive: Arc<AtomicBool>,
-    /// What was done.
+    /// Counts.
     pub counters: Arc<Counters>,
 }
 
-/// Counts for the line in the log.
+/// Counts for the log and the metrics.
 #[derive(Debug, Default)]
 pub struct Counters {
     /// Messages sent, without fields.
     pub messages: AtomicU64,
-    /// Samples that were published locally and never reached the gateway.
+    /// Samples published locally that never reached the gateway.
     pub lost: AtomicU64,
     /// Fields sent.
     pub fields: AtomicU64,
-    /// Fields in whose place a newer one was sent, because there are more than `field_rate_hz` asks for.
+    /// Fields replaced by newer ones, since more arrive than `field_rate_hz`.
     pub replaced: AtomicU64,
-    /// Moments at `field_rate_hz` that passed before the gateway came to them.
-    pub late_turns: AtomicU64,
-    /// Longest time that one message or field took to be handed to the network, us.
+    /// Periods of `field_rate_hz` that passed unused.
+    pub late_periods: AtomicU64,
+    /// Longest time of handing one message or field to the network, us.
     pub longest_send_us: AtomicU64,
     /// Requests answered.
     pub answers: AtomicU64,
@@ -44,7 +44,7 @@ pub struct Counters {
     pub refusals: AtomicU64,
     /// Readings taken from the network.
     pub readings: AtomicU64,
-    /// Readings from the network that were none, or could not be passed on.
+    /// Messages from the network that are not readings, or could not be published.
     pub bad_readings: AtomicU64,
 }
 
@@ -54,8 +54,8 @@ impl Link {
         format!("{}{name}", self.prefix)
     }
 
-    /// Notes that this thread is alive; false when the gateway is to end.
-    pub fn goes_on(&self) -> bool {
+    /// Marks this thread as alive; false when the gateway is to end.
+    pub fn is_running(&self) -> bool {
         self.is_alive.store(true, Ordering::Relaxed);
         !self.is_stopped()
     }
@@ -67,48 +67,34 @@ impl Link {
 }
 
 impl Counters {
-    /// The page for Prometheus.
-    pub fn page(&self) -> String {
-        let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        let values = [
-            ("softtwin_gateway_messages", "Messages sent, without fields", of(&self.messages)),
-            ("softtwin_gateway_fields", "Fields sent", of(&self.fields)),
-            (
-                "softtwin_gateway_fields_replaced",
-                "Fields in whose place a newer one was sent",
-                of(&self.replaced),
-            ),
-            ("softtwin_gateway_late_turns", "Field turns that passed", of(&self.late_turns)),
-            ("softtwin_gateway_lost", "Samples that never reached the gateway", of(&self.lost)),
-            ("softtwin_gateway_answers", "Requests answered", of(&self.answers)),
-            ("softtwin_gateway_refusals", "Requests that could not be answered", of(&self.refusals)),
-            ("softtwin_gateway_readings", "Readings taken from the network", of(&self.readings)),
-            (
-                "softtwin_gateway_bad_readings",
-                "Readings from the network that were none",
-                of(&self.bad_readings),
-            ),
-        ];
-        runtime::metrics::gateway(&values, of(&self.longest_send_us) as f64 * 1e-6)
+    /// Name, description and value of each count.
+    fn values(&self) -> [(&'static str, &'static str, u64); 9] {
+        let value = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        [
+            ("softtwin_gateway_messages", "Messages sent, without fields", value(&self.messages)),
+            ("softtwin_gateway_fields", "Fields sent", value(&self.fields)),
+            ("softtwin_gateway_fields_replaced", "Fields replaced by newer ones", value(&self.replaced)),
+            ("softtwin_gateway_late_periods", "Field periods that passed unused", value(&self.late_periods)),
+            ("softtwin_gateway_lost", "Samples lost before the gateway", value(&self.lost)),
+            ("softtwin_gateway_answers", "Requests answered", value(&self.answers)),
+            ("softtwin_gateway_refusals", "Requests refused", value(&self.refusals)),
+            ("softtwin_gateway_readings", "Readings taken from the network", value(&self.readings)),
+            ("softtwin_gateway_bad_readings", "Readings refused", value(&self.bad_readings)),
+        ]
     }
 
-    /// Everything in one line.
+    /// The counts in the format of Prometheus.
+    pub fn metrics(&self) -> String {
+        let longest_us = self.longest_send_us.load(Ordering::Relaxed);
+        runtime::metrics::gateway(&self.values(), longest_us as f64 * 1e-6)
+    }
+
+    /// The counts in one line: `messages=12 fields=3 ...`.
     pub fn line(&self) -> String {
-        let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        format!(
-            "{} messages and {} fields sent (longest send {:.1} ms), {} fields replaced by newer ones, {} field turns late, \
-             {} samples lost before the gateway, {} requests answered, {} refused, {} readings taken, {} refused",
-            of(&self.messages),
-            of(&self.fields),
-            of(&self.longest_send_us) as f64 * 1e-3,
-            of(&self.replaced),
-            of(&self.late_turns),
-            of(&self.lost),
-            of(&self.answers),
-            of(&self.refusals),
-            of(&self.readings),
-            of(&self.bad_readings),
-        )
+        let short = |name: &'static str| name.trim_start_matches("softtwin_gateway_");
+        let counts = self.values().map(|(name, _, value)| format!("{}={value}", short(name)));
+        let longest_us = self.longest_send_us.load(Ordering::Relaxed);
+        format!("{} longest_send_us={longest_us}", counts.join(" "))
     }
 }
 
@@ -117,7 +103,7 @@ pub fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Ordering::Relaxed);
 }
 
-/// Zenoh's errors as ours.
+/// Converts Zenoh's errors.
 pub fn network<T>(result: zenoh::Result<T>) -> anyhow::Result<T> {
-    result.map_err(|error| anyhow!("the network refuses: {error}"))
+    result.map_err(|error| anyhow!("network error: {error}"))
 }

@@ -1,11 +1,11 @@
-//! Feeds the service manager's watchdog while all threads of the gateway go on.
+//! Feeds the service manager's watchdog while all threads of the gateway run.
 
 use runtime::service::Watchdog;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Counts the rounds in which every thread has gone through its loop, and feeds the watchdog with them: one thread that hangs
-/// is reason enough to start the gateway again.
+/// Counts the rounds in which every thread completed an iteration, and feeds the watchdog: one blocked thread lets the gateway
+/// restart.
 #[derive(Debug)]
 pub struct Liveness {
     watchdog: Watchdog,
@@ -14,17 +14,17 @@ pub struct Liveness {
 }
 
 impl Liveness {
-    /// Without threads.
+    /// No threads yet.
     pub fn from_env() -> Self {
         Self { watchdog: Watchdog::from_env(), rounds: 0, threads: Vec::new() }
     }
 
-    /// Their threads have ended: others take their place.
+    /// Removes all threads after they have ended.
     pub fn forget_threads(&mut self) {
         self.threads.clear();
     }
 
-    /// A flag that one more thread sets each time it goes through its loop.
+    /// Adds a thread: the flag that it sets in each iteration.
     pub fn add_thread(&mut self) -> Arc<AtomicBool> {
         let is_alive = Arc::new(AtomicBool::new(false));
         self.threads.push(is_alive.clone());

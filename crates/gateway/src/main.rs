@@ -1,15 +1,15 @@
 //! `softtwin-gateway`: the twins of this machine on a Zenoh network, under the keys they have locally.
 //!
 //! ```text
-//! domain -> [topic_scan] -> topics -> [messages] states, health, ... : every one, JSON      -> network
+//! domain -> [topic_scan] -> topics -> [messages] states, health, ... : all of them, JSON    -> network
 //!                                  -> [fields]   the newest, at a rate or on demand, f32    -> network
 //! domain <- [queries]  <- get  softtwin/<actuator>/whatif|pressure|gap?...                  <- network
 //! domain <- [readings] <- put  softtwin/<actuator>/sensor, where the configuration allows it
 //! domain -> [ros]      a node of ROS 2 with its topics, where the configuration asks for it
 //! ```
 //!
-//! A thread each, because ports of the shared memory stay in the thread that made them. All may wait for the network; none of
-//! them delays the twin.
+//! Each is a thread, because ports of the shared memory belong to the thread that made them. A slow network delays these threads and
+//! never the twin.
 #![forbid(unsafe_code)]
 
 mod clock;
@@ -30,6 +30,7 @@ mod topic_scan;
 use anyhow::Context;
 use clap::{CommandFactory, Parser};
 use config::Config;
+use endpoint::list;
 use link::{Counters, Link};
 use liveness::Liveness;
 use queries::QueryHandler;
@@ -48,21 +49,21 @@ use topic_scan::TopicScan;
 use wire::Domain;
 use zenoh::Wait;
 
-/// How often the counts are logged.
+/// Interval of the counts in the log.
 const LOG_EVERY: Duration = Duration::from_secs(60);
 
 const EXAMPLES: &str = "\
 Examples:
   The twins of this machine for programs on this machine that speak Zenoh:
     softtwin-gateway --config config/gateway.toml
-  Look at a configuration without starting:
+  Check a configuration without starting:
     softtwin-gateway --config config/gateway.toml --check
-  With a page for Prometheus:
+  With metrics for Prometheus:
     softtwin-gateway --config config/gateway.toml --metrics 127.0.0.1:9467";
 
 const CODES: &str = "\
 The shared-memory domain is $SOFTTWIN_DOMAIN (with $SOFTTWIN_ROOT), or iceoryx2's own. Keys, encodings and security: docs/gateway.md. \
-SIGHUP reads the configuration again, with certificates and users, and connects anew; a wrong one is refused and the old one stays.
+SIGHUP reads the configuration again, with certificates and users, and reconnects; an invalid one is refused and the old one stays.
 
 Exit codes: 0 stopped as asked, 1 run-time failure, 2 usage, 78 configuration.";
 
@@ -73,7 +74,7 @@ struct Options {
     /// Configuration file, see config/gateway.toml
     #[arg(long, value_name = "FILE", required_unless_present = "manual")]
     config: Option<PathBuf>,
-    /// Check the configuration, print what it means, and end
+    /// Check the configuration, print it, and end
     #[arg(long)]
     check: bool,
     /// Serve Prometheus metrics at http://ADDR/metrics; loopback only [default: off]
@@ -97,11 +98,6 @@ fn main() -> ExitCode {
     }
 }
 
-fn listed(values: &[impl ToString]) -> String {
-    let texts: Vec<String> = values.iter().map(ToString::to_string).collect();
-    if texts.is_empty() { "nothing".into() } else { texts.join(", ") }
-}
-
 fn run(options: &Options) -> anyhow::Result<()> {
     let Some(path) = &options.config else {
         let folder = options.manual.as_deref().context("--config is missing")?;
@@ -119,7 +115,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
     let listener = metrics::listen(options.metrics)?;
     let mut group = ThreadGroup::new(program.clone());
     let counted = counters.clone();
-    metrics::start(&mut group, listener, || move || counted.page())?;
+    metrics::start(&mut group, listener, || move || counted.metrics())?;
     let mut liveness = Liveness::from_env();
     let ended = loop {
         liveness.forget_threads();
@@ -143,7 +139,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
             Ok(None) => break Ok(()),
             Err(error) => break Err(error),
         }
-        tracing::info!("reloaded: connecting anew");
+        tracing::info!("reloaded: reconnecting");
         say(&config);
     };
     service::notify_stopping();
@@ -152,22 +148,22 @@ fn run(options: &Options) -> anyhow::Result<()> {
     ended
 }
 
-/// What a configuration means.
+/// Logs the configuration.
 fn say(config: &Config) {
     tracing::info!(
         "{:?} below `{}`, listens on {}, connects to {}; sends {}, fields every {} ms at most; takes readings for {}; {}",
         config.mode,
         config.prefix,
-        listed(&config.listen),
-        listed(&config.connect),
-        listed(&config.keys),
+        list(&config.listen),
+        list(&config.connect),
+        list(&config.keys),
         config.field_period.as_millis(),
-        listed(&config.inlets),
+        list(&config.inlets),
         config.security
     );
 }
 
-/// The configuration again, when that is asked for and nothing is wrong with it.
+/// The new configuration after a request to reload; `None` if it is invalid.
 fn reread(path: &Path, requested: &AtomicBool) -> Option<Config> {
     if !requested.swap(false, Ordering::Relaxed) {
         return None;
@@ -183,7 +179,7 @@ fn reread(path: &Path, requested: &AtomicBool) -> Option<Config> {
     }
 }
 
-/// Starts the threads and scans the domain until the end, or until there is another configuration, which it returns.
+/// Starts the threads and scans the local topics until the end or a reload, whose configuration it returns.
 fn serve(
     link: &Link,
     config: &Config,
@@ -204,12 +200,9 @@ fn serve(
     let own = thread_link();
     threads.start("queries", move |_| Ok(queries::run(&own, &requests)?))?;
     if let Some(ros2) = config.ros2.clone() {
-        let (own, keys) = (thread_link(), config.keys.clone());
-        let (its_own, its_ros2, its_keys) = (thread_link(), ros2.clone(), keys.clone());
-        threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period)?))?;
         let (to_twins, questions) = ros::questions();
-        threads
-            .start("ros2-services", move |_| Ok(ros::answer(&its_own, &its_ros2, &its_keys, &to_twins)?))?;
+        let (own, keys) = (thread_link(), config.keys.clone());
+        threads.start("ros2", move |_| Ok(ros::run(&own, &ros2, &keys, period, to_twins)?))?;
         let own = thread_link();
         threads.start("ros2-questions", move |_| Ok(ros::ask(&own, &questions)?))?;
     }
@@ -241,12 +234,12 @@ fn serve(
     Ok(None)
 }
 
-/// Where the gateway listens and whom it calls.
+/// Endpoints, for the service manager's status.
 fn connections(config: &Config) -> String {
-    let (listen, connect) = (endpoint::list(&config.listen), endpoint::list(&config.connect));
-    match (listen.is_empty(), connect.is_empty()) {
+    let (listen, connect) = (list(&config.listen), list(&config.connect));
+    match (config.listen.is_empty(), config.connect.is_empty()) {
         (false, true) => format!("listens on {listen}"),
-        (true, _) => format!("calls {connect}"),
-        (false, false) => format!("listens on {listen}, calls {connect}"),
+        (true, _) => format!("connects to {connect}"),
+        (false, false) => format!("listens on {listen}, connects to {connect}"),
     }
 }

@@ -1,4 +1,4 @@
-//! States, health, grasps, readings, commands: every single one, as JSON, to those who subscribe.
+//! States, health, grasps, readings, commands: all of them, as JSON, to subscribers.
 
 use crate::link::{Link, network};
 use crate::topic_bridge::{EncodedSample, ReadBridge, TopicBridge};
@@ -14,20 +14,20 @@ use zenoh::bytes::{Encoding, ZBytes};
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
-/// Where losses are published, behind the prefix.
+/// Key of messages about losses, without the prefix.
 const GAP_NAME: &str = "softtwin/gateway/gap";
-/// How often the gateway checks who subscribes.
+/// Interval of checks for subscribers.
 const TICK: Duration = Duration::from_millis(50);
-/// How often open topics are emptied. Waiting for each sample's event would be sooner by a millisecond, and the twin would
-/// pay for every wake-up; readers that are never woken cost it none.
+/// Interval of reads of open topics. Waiting for each sample's event would save a millisecond and cost the twin a wake-up per
+/// sample.
 const PACE: Duration = Duration::from_millis(2);
-/// Room for a message; longer ones take more.
+/// Initial capacity for a message.
 const BYTES: usize = 1536;
 
-/// Moves messages until the gateway ends; `bridges` brings new topics.
+/// Publishes messages until the gateway ends; `bridges` delivers new topics.
 ///
 /// # Errors
-/// When the domain cannot be joined.
+/// When the shared memory cannot be opened.
 pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
     let bus = Bus::open(&link.domain)?;
     let gap_publisher = link
@@ -38,7 +38,7 @@ pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
     let gap_publisher = network(gap_publisher.wait())?;
     let mut topics = Vec::<MessageTopic>::new();
     let mut check_at = Instant::now();
-    while link.goes_on() {
+    while link.is_running() {
         let now = Instant::now();
         if now >= check_at {
             check_at = now + TICK;
@@ -60,7 +60,7 @@ pub fn run(link: &Link, bridges: &Receiver<TopicBridge>) -> anyhow::Result<()> {
 
 struct MessageTopic {
     read: ReadBridge<AnyReader>,
-    /// Losses on the way from the twin to the gateway.
+    /// Gaps between the twin and the gateway.
     gaps: GapCounter,
 }
 
@@ -71,12 +71,12 @@ impl MessageTopic {
 
     fn adjust(&mut self, link: &Link, bus: &Bus, now: Instant) {
         if self.read.adjust(link, now, |topic| AnyReader::attach_as(bus, topic, Waking::Never)) {
-            // A topic that was not read for a while has lost nothing.
+            // Samples missed while the topic was closed are no losses.
             self.gaps = GapCounter::default();
         }
     }
 
-    /// Sends what waits and answers requests.
+    /// Sends waiting samples and answers requests.
     fn pump(&mut self, link: &Link, gap_publisher: &Publisher) -> Result<(), WireError> {
         let Some(reader) = &self.read.reader else { return Ok(()) };
         let (bridge, counters) = (&self.read.bridge, &link.counters);

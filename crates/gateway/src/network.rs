@@ -1,4 +1,4 @@
-//! The gateway's place in the Zenoh network.
+//! The Zenoh session of the gateway.
 
 use crate::config::{Config, Mode};
 use crate::liveness::Liveness;
@@ -10,13 +10,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 use zenoh::{Session, Wait};
 
-/// Longest time that a state waits for a subscriber that takes nothing. Then this subscriber is disconnected, so that the
-/// others get what the topics' own buffers (2 s at 1 kHz) hold for them meanwhile.
+/// Longest time that a state waits for a blocked subscriber. Then it is disconnected, and the others get what the topics' buffers
+/// (2 s at 1 kHz) hold meanwhile.
 const SLOWEST_READER: Duration = Duration::from_secs(1);
-/// Batches of 64 kB that may wait in each of the queues of states and of fields: 1 MB, two whole fields.
+/// Capacity of the queues of states and of fields, in batches of 64 kB: 1 MB, two whole fields.
 const QUEUE_BATCHES: u32 = 16;
 
-/// Joins the network; `None` when `stop` came first (a client waits here until its router is there).
+/// Opens the session; `None` if `stop` was set first (a client waits here for its router).
 ///
 /// # Errors
 /// When a port is taken, or a certificate cannot be used.
@@ -30,9 +30,9 @@ pub fn open(config: &Config, stop: &AtomicBool, liveness: &mut Liveness) -> anyh
             return Ok(None);
         }
         if patience.take_if(|until| Instant::now() >= *until).is_some() {
-            let status = format!("nobody answers at {} yet; waiting", crate::endpoint::list(&config.connect));
+            let status = format!("no answer from {} yet; waiting", crate::endpoint::list(&config.connect));
             tracing::warn!("{status}");
-            // The router may take hours to come: the service manager must not end the gateway for that.
+            // The router may take hours to start: the service manager must not end the gateway meanwhile.
             service::notify_started(&status);
         }
         if patience.is_none() {
@@ -49,9 +49,9 @@ pub fn open(config: &Config, stop: &AtomicBool, liveness: &mut Liveness) -> anyh
     }
 }
 
-/// The settings in Zenoh's own form. Nothing is discovered: the configuration names every connection.
+/// The settings of Zenoh. Discovery is off: the configuration names every connection.
 fn settings(config: &Config) -> Value {
-    let texts = |endpoints: &[crate::endpoint::Endpoint]| {
+    let strings = |endpoints: &[crate::endpoint::Endpoint]| {
         endpoints.iter().map(|endpoint| json!(endpoint.to_string())).collect::<Vec<Value>>()
     };
     let mode = match config.mode {
@@ -61,16 +61,16 @@ fn settings(config: &Config) -> Value {
     };
     json!({
         "mode": mode,
-        "listen": { "endpoints": texts(&config.listen) },
+        "listen": { "endpoints": strings(&config.listen) },
         "connect": {
-            "endpoints": texts(&config.connect),
+            "endpoints": strings(&config.connect),
             "timeout_ms": -1,
             "exit_on_failure": false,
             "retry": { "period_init_ms": 200, "period_max_ms": 4000, "period_increase_factor": 2.0 },
         },
         "scouting": {
             "multicast": { "enabled": false },
-            // Connections are announced, so that nothing arrives twice over two ways; this opens no connections.
+            // Announces connections, so that no message arrives twice; opens none.
             "gossip": { "autoconnect": { "router": [], "peer": [], "client": [] } },
         },
         "open": { "return_conditions": { "connect_scouted": false } },

@@ -1,4 +1,4 @@
-//! Queries from the network, sent to the twins of this machine one after the other.
+//! Queries from the network, passed to the twins one after the other.
 
 use crate::fields::values;
 use crate::link::Link;
@@ -13,7 +13,7 @@ use wire::{AnswerSample, Bus, QueryClient, Selector, WireError};
 use zenoh::bytes::ZBytes;
 use zenoh::query::{Query, Queryable};
 
-/// Queries that may wait.
+/// Largest number of waiting queries.
 const QUERIES: usize = 64;
 /// Longest wait for a twin.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -46,10 +46,10 @@ impl QueryHandler {
 /// Answers until the gateway ends.
 ///
 /// # Errors
-/// When the domain cannot be joined.
+/// When the shared memory cannot be opened.
 pub fn run(link: &Link, requests: &Receiver<Request>) -> anyhow::Result<()> {
     let mut clients = Clients::open(link)?;
-    while link.goes_on() {
+    while link.is_running() {
         let Ok((name, query)) = requests.recv_timeout(TICK) else { continue };
         match ask(&mut clients, &name, &query) {
             Ok(sample) => {
@@ -69,10 +69,10 @@ pub struct Clients {
 }
 
 impl Clients {
-    /// Of none yet.
+    /// No clients yet.
     ///
     /// # Errors
-    /// When the domain cannot be joined.
+    /// When the shared memory cannot be opened.
     pub fn open(link: &Link) -> Result<Self, WireError> {
         Ok(Self { bus: Bus::open(&link.domain)?, by_actuator: HashMap::new() })
     }
@@ -86,7 +86,7 @@ impl Clients {
             Some(client) => client,
             None => QueryClient::open(&self.bus, actuator)?,
         };
-        // A client whose twin has gone is not kept: the next query finds the next twin.
+        // A client whose twin has ended is dropped: the next query connects to the next twin.
         let sample = client.ask(question, PATIENCE)?;
         self.by_actuator.insert(actuator.to_owned(), client);
         Ok(sample)
@@ -97,11 +97,11 @@ fn ask(clients: &mut Clients, name: &str, query: &Query) -> anyhow::Result<Answe
     let selector = Selector::parse(&format!("{name}?{}", query.parameters().as_str()))?;
     let actuator = selector.actuator().unwrap_or_default().to_owned();
     let question = selector.questions(&actuator).into_iter().next();
-    let question = question.ok_or_else(|| anyhow::anyhow!("`{name}` asks nothing"))?;
+    let question = question.ok_or_else(|| anyhow::anyhow!("`{name}` has no query"))?;
     Ok(clients.ask(&actuator, &question)?)
 }
 
-/// JSON; for a field its values, and the JSON beside them.
+/// JSON; for a field its values, with the JSON as attachment.
 fn encode(sample: &AnswerSample) -> EncodedSample {
     let answer = sample.answer();
     let mut message = message::answer(answer);

@@ -4,7 +4,6 @@ use crate::clock::SenderClock;
 use crate::link::{Link, count, network};
 use crate::ros::{self, Ros2};
 use recording::message::decode_reading;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use wire::{Bus, SensorSample, SensorWriter, Topic, now_ns};
@@ -12,11 +11,11 @@ use zenoh::Wait;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
 
-/// Readings that may wait: a second at 1 kHz.
+/// Largest number of waiting readings: one second at 1 kHz.
 const READINGS: usize = 1024;
-/// A reading is a few hundred bytes; more is none.
+/// Largest message accepted as a reading.
 const MAX_BYTES: usize = 4096;
-/// How often a topic is tried again that another program writes.
+/// Interval of retries for a topic that another program writes.
 const RETRY: Duration = Duration::from_secs(1);
 /// Longest sleep.
 const TICK: Duration = Duration::from_millis(100);
@@ -25,24 +24,26 @@ const TICK: Duration = Duration::from_millis(100);
 struct Arrived {
     inlet: usize,
     t_arrival_ns: u64,
-    bytes: Vec<u8>,
+    reading: Result<SensorSample, String>,
 }
 
 /// Moves readings until the gateway ends.
 ///
 /// # Errors
-/// When the domain cannot be joined or the session is closed.
+/// When the shared memory cannot be opened or the session is closed.
 pub fn run(link: &Link, topics: &[Topic], ros2: Option<&Ros2>) -> anyhow::Result<()> {
     let bus = Bus::open(&link.domain)?;
     let (sender, receiver) = sync_channel(READINGS);
-    let subscribe = |(inlet, topic): (usize, &Topic)| subscribe(link, topic, inlet, sender.clone());
-    let _subscribers = topics.iter().enumerate().map(subscribe).collect::<anyhow::Result<Vec<_>>>()?;
-    let from_ros = |ros2: &Ros2| {
-        let inlets = topics.iter().enumerate();
-        let subscribed = inlets.map(|(inlet, topic)| subscribe_ros(link, ros2, topic, inlet, sender.clone()));
-        subscribed.collect::<anyhow::Result<Vec<_>>>()
-    };
-    let _from_ros = ros2.map(from_ros).transpose()?;
+    let mut subscribers = Vec::new();
+    let mut tokens = Vec::new();
+    for (inlet, topic) in topics.iter().enumerate() {
+        subscribers.push(subscribe(link, link.key(topic.name()), inlet, &sender, reading)?);
+        if let Some(ros2) = ros2 {
+            let declared = ros::Inlet::declare(link, ros2, inlet, topic)?;
+            subscribers.push(subscribe(link, declared.key.clone(), inlet, &sender, ros::reading)?);
+            tokens.push(declared);
+        }
+    }
     let mut inlets: Vec<Inlet> = topics.iter().map(Inlet::new).collect();
     for inlet in &mut inlets {
         inlet.open(&bus);
@@ -52,12 +53,12 @@ pub fn run(link: &Link, topics: &[Topic], ros2: Option<&Ros2>) -> anyhow::Result
 }
 
 fn serve(link: &Link, bus: &Bus, receiver: &Receiver<Arrived>, inlets: &mut [Inlet]) {
-    while link.goes_on() {
+    while link.is_running() {
         match receiver.recv_timeout(TICK) {
             Ok(arrived) => {
                 let Some(inlet) = inlets.get_mut(arrived.inlet) else { continue };
-                let is_passed_on = inlet.pass_on(bus, &arrived);
-                count(if is_passed_on { &link.counters.readings } else { &link.counters.bad_readings });
+                let is_published = inlet.publish(bus, arrived);
+                count(if is_published { &link.counters.readings } else { &link.counters.bad_readings });
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
@@ -65,55 +66,37 @@ fn serve(link: &Link, bus: &Bus, receiver: &Receiver<Arrived>, inlets: &mut [Inl
     }
 }
 
-fn subscribe(
-    link: &Link,
-    topic: &Topic,
-    inlet: usize,
-    sender: SyncSender<Arrived>,
-) -> anyhow::Result<Subscriber<()>> {
-    let counters = link.counters.clone();
-    let take = move |sample: Sample| {
-        let is_reading = sample.kind() == SampleKind::Put && sample.payload().len() <= MAX_BYTES;
-        let arrived = Arrived {
-            inlet,
-            t_arrival_ns: now_ns(),
-            bytes: if is_reading { sample.payload().to_bytes().into_owned() } else { Vec::new() },
-        };
-        if sender.try_send(arrived).is_err() {
-            count(&counters.bad_readings);
-        }
-    };
-    let subscriber = link.session.declare_subscriber(link.key(topic.name())).callback(take);
-    network(subscriber.allowed_origin(Locality::Remote).wait())
+/// The reading in a message of the network.
+fn reading(sample: &Sample) -> Result<SensorSample, String> {
+    match sample.kind() {
+        SampleKind::Put => decode_reading(&sample.payload().to_bytes()).map_err(|error| error.to_string()),
+        SampleKind::Delete => Err("expected a put, found a delete".into()),
+    }
 }
 
-/// Pressures from a node of ROS 2, as readings.
-fn subscribe_ros(
+/// Queues the readings that `read` finds in the messages of a key.
+fn subscribe(
     link: &Link,
-    ros2: &Ros2,
-    topic: &Topic,
+    key: String,
     inlet: usize,
-    sender: SyncSender<Arrived>,
-) -> anyhow::Result<(ros::Inlet, Subscriber<()>)> {
-    let declared = ros::Inlet::declare(link, ros2, inlet, topic)?;
-    let counters = link.counters.clone();
-    let is_logged = AtomicBool::new(false);
+    sender: &SyncSender<Arrived>,
+    read: fn(&Sample) -> Result<SensorSample, String>,
+) -> anyhow::Result<Subscriber<()>> {
+    let (counters, sender) = (link.counters.clone(), sender.clone());
     let take = move |sample: Sample| {
         let t_arrival_ns = now_ns();
-        let bytes =
-            if sample.payload().len() <= MAX_BYTES { ros::reading(&sample) } else { Err("too long".into()) };
-        let passed = bytes.map(|bytes| sender.try_send(Arrived { inlet, t_arrival_ns, bytes }).is_ok());
-        if !passed.as_ref().is_ok_and(|is_queued| *is_queued) {
+        let reading = match sample.payload().len() {
+            length if length > MAX_BYTES => {
+                Err(format!("expected at most {MAX_BYTES} bytes, found {length}"))
+            }
+            _ => read(&sample),
+        };
+        if sender.try_send(Arrived { inlet, t_arrival_ns, reading }).is_err() {
             count(&counters.bad_readings);
         }
-        if let Err(error) = passed
-            && !is_logged.swap(true, Ordering::Relaxed)
-        {
-            tracing::warn!("a message from ROS is no reading (logged once): {error}");
-        }
     };
-    let subscriber = link.session.declare_subscriber(declared.key.clone()).callback(take);
-    Ok((declared, network(subscriber.allowed_origin(Locality::Remote).wait())?))
+    let subscriber = link.session.declare_subscriber(key).callback(take);
+    network(subscriber.allowed_origin(Locality::Remote).wait())
 }
 
 /// One sensor topic.
@@ -122,8 +105,8 @@ struct Inlet {
     writer: Option<SensorWriter>,
     retry_at: Instant,
     clock: SenderClock,
-    /// The last trouble; it is logged once.
-    trouble: Option<String>,
+    /// The last error; it is logged once.
+    error: Option<String>,
 }
 
 impl Inlet {
@@ -133,7 +116,7 @@ impl Inlet {
             writer: None,
             retry_at: Instant::now(),
             clock: SenderClock::default(),
-            trouble: None,
+            error: None,
         }
     }
 
@@ -141,16 +124,16 @@ impl Inlet {
         self.retry_at = Instant::now() + RETRY;
         match SensorWriter::create(bus, &self.topic) {
             Ok(writer) => self.writer = Some(writer),
-            Err(error) => self.log_once(format!("readings from the network cannot be passed on: {error}")),
+            Err(error) => self.log_once(format!("readings from the network cannot be published: {error}")),
         }
     }
 
-    /// Passes a reading on; the twin checks its values. False when it is none, or cannot be passed on.
-    fn pass_on(&mut self, bus: &Bus, arrived: &Arrived) -> bool {
-        let sample = match decode_reading(&arrived.bytes) {
+    /// Publishes a reading, whose values the twin checks; false if it is malformed or cannot be published.
+    fn publish(&mut self, bus: &Bus, arrived: Arrived) -> bool {
+        let sample = match arrived.reading {
             Ok(sample) => sample,
             Err(error) => {
-                self.log_once(format!("{}: a message from the network is no reading: {error}", self.topic));
+                self.log_once(format!("{}: expected a reading from the network: {error}", self.topic));
                 return false;
             }
         };
@@ -161,7 +144,7 @@ impl Inlet {
         let Some(writer) = &mut self.writer else { return false };
         match writer.publish(SensorSample { t_sensor_ns, ..sample }) {
             Ok(()) => {
-                self.trouble = None;
+                self.error = None;
                 true
             }
             Err(error) => {
@@ -172,10 +155,10 @@ impl Inlet {
         }
     }
 
-    fn log_once(&mut self, trouble: String) {
-        if self.trouble.as_ref() != Some(&trouble) {
-            tracing::warn!("{trouble}");
-            self.trouble = Some(trouble);
+    fn log_once(&mut self, error: String) {
+        if self.error.as_ref() != Some(&error) {
+            tracing::warn!("{error}");
+            self.error = Some(error);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Certificates, users and passwords; what leaves the machine needs all of them.
+//! Certificates, users and passwords. Endpoints beyond this machine need all of them.
 
 use crate::endpoint::Endpoint;
 use runtime::file;
@@ -24,11 +24,11 @@ pub struct SecurityFile {
 pub struct Security {
     /// Own certificate and its private key, PEM.
     pub own: Option<(PathBuf, PathBuf)>,
-    /// Who vouches for the others' certificates, PEM.
+    /// Root certificate of the other programs, PEM.
     pub root_certificate: Option<PathBuf>,
-    /// Who may call: `user:password`, one a line.
+    /// Accepted users: one `user:password` per line.
     pub users_file: Option<PathBuf>,
-    /// Own name and password when calling.
+    /// Name and password for outgoing connections.
     pub credentials: Option<(String, Password)>,
 }
 
@@ -43,7 +43,7 @@ impl fmt::Display for Security {
     }
 }
 
-/// A password, which no log shows.
+/// A password, hidden from logs.
 #[derive(Clone)]
 pub struct Password(pub String);
 
@@ -53,7 +53,7 @@ impl fmt::Debug for Password {
     }
 }
 
-/// Beyond this machine only with encryption and passwords.
+/// The error of an endpoint beyond this machine without encryption or passwords.
 pub fn closed(key: &str, endpoint: &Endpoint, knows_users: bool) -> Option<String> {
     if endpoint.is_loopback() || (endpoint.is_tls && knows_users) {
         return None;
@@ -70,12 +70,12 @@ pub fn closed(key: &str, endpoint: &Endpoint, knows_users: bool) -> Option<Strin
 }
 
 impl Security {
-    /// Whether callers are asked who they are.
+    /// True if callers are authenticated.
     pub fn may_listen(&self) -> bool {
         self.users_file.is_some()
     }
 
-    /// Whether it can say who it is.
+    /// True if the gateway has credentials.
     pub fn may_connect(&self) -> bool {
         self.credentials.is_some()
     }
@@ -119,26 +119,26 @@ pub fn check(file: SecurityFile, folder: &Path, problems: &mut Vec<String>) -> S
     }
 }
 
-/// The file's text; secrets must not be everybody's.
+/// The content of a file; secrets must not be accessible to all users.
 fn readable(path: &Path, is_secret: bool) -> Result<String, String> {
     let text =
         file::read_text(path, file::MAX_TEXT_BYTES).map_err(|error| format!("cannot be read: {error}"))?;
     let mode = std::fs::metadata(path).map_err(|error| error.to_string())?.permissions().mode();
     if is_secret && mode & 0o007 != 0 {
-        return Err(format!("everybody on this machine may use it (mode {:o}); chmod 600", mode & 0o777));
+        return Err(format!("all users of this machine have access (mode {:o}); chmod 600", mode & 0o777));
     }
     Ok(text)
 }
 
-/// What is wrong with a list of users; an empty one would let nobody in, and Zenoh would then ask nobody.
+/// The error in a list of users. With an empty list Zenoh would authenticate no callers.
 fn users_problem(text: &str) -> Option<String> {
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     let is_good = |line: &&str| {
         line.split_once(':').is_some_and(|(user, word)| !user.trim().is_empty() && !word.trim().is_empty())
     };
     match lines.iter().position(|line| !is_good(line)) {
-        _ if lines.is_empty() => Some("expected `user:password`, one a line, found none".into()),
-        Some(at) => Some(format!("expected `user:password`, one a line; entry {} is none", at + 1)),
+        _ if lines.is_empty() => Some("expected one `user:password` per line, found none".into()),
+        Some(at) => Some(format!("expected one `user:password` per line; entry {} is different", at + 1)),
         None => None,
     }
 }

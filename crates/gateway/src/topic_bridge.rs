@@ -1,4 +1,4 @@
-//! One local topic on the network: a publisher for subscribers, a queryable for requests, and its local reader.
+//! One local topic on the network: publisher, queryable and local reader.
 
 use crate::link::{Link, count, network};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,22 +12,22 @@ use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::{Query, Queryable};
 use zenoh::sample::Locality;
 
-/// Requests that may wait for one topic.
+/// Largest number of waiting requests per topic.
 const REQUESTS: usize = 16;
-/// How long a request waits for a sample: health comes once a second.
+/// Longest wait of a request for a sample: health is published once per second.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// How long a topic stays open after the last request: repeated requests must not look like a new reader each time.
+/// Time for which a topic stays open after a request, so that repeated requests do not open a reader each.
 const LINGER: Duration = Duration::from_secs(5);
 
-/// A request and the local name it was made to.
+/// Local name and query of a request.
 pub type Request = (String, Query);
 
-/// One sample as it is sent.
+/// One sample, encoded.
 #[derive(Debug, Clone)]
 pub struct EncodedSample {
     /// JSON, or the values of a field.
     pub payload: ZBytes,
-    /// JSON beside the values of a field.
+    /// JSON header of a field.
     pub attachment: Option<ZBytes>,
 }
 
@@ -42,7 +42,7 @@ pub struct TopicBridge {
     lingers_until: Option<Instant>,
 }
 
-/// A bridge with its local reader, which exists while somebody wants the topic.
+/// A bridge with its local reader, which exists while there are subscribers or requests.
 pub struct ReadBridge<R> {
     /// The bridge.
     pub bridge: TopicBridge,
@@ -59,7 +59,7 @@ impl TopicBridge {
     /// # Errors
     /// When the session is closed.
     pub fn declare(link: &Link, topic: Topic) -> anyhow::Result<Self> {
-        // Messages must not be lost and wait for slow subscribers; of fields the newest counts, and they never delay a message.
+        // Messages wait for slow subscribers; fields are dropped instead and never delay a message.
         let (congestion, priority) = match topic.kind() {
             TopicKind::Field => (CongestionControl::Drop, Priority::DataLow),
             _ => (CongestionControl::Block, Priority::DataHigh),
@@ -84,17 +84,17 @@ impl TopicBridge {
         })
     }
 
-    /// Whether somebody on the network subscribes.
+    /// True with a subscriber on the network.
     pub fn has_subscribers(&self) -> bool {
         self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
     }
 
-    /// Whether requests wait.
+    /// True if requests wait.
     pub fn has_requests(&self) -> bool {
         !self.waiting.is_empty()
     }
 
-    /// Whether somebody subscribes or asked a short while ago: only then is the topic read at all.
+    /// True with a subscriber or within [`LINGER`] of a request.
     fn is_wanted(&mut self, now: Instant) -> bool {
         for (_, query) in self.requests.try_iter() {
             self.waiting.push((query, now + PATIENCE));
@@ -103,8 +103,8 @@ impl TopicBridge {
         self.has_subscribers() || self.lingers_until.is_some_and(|until| now < until)
     }
 
-    /// Sends to all subscribers. Takes as long as the slowest of them needs to make room (for fields: some milliseconds at
-    /// most, then that subscriber misses it; Zenoh does not report this).
+    /// Sends to all subscribers. Messages wait for the slowest one; a field waits a few milliseconds, then that subscriber misses it
+    /// (Zenoh does not report this).
     pub fn send(&self, sample: &EncodedSample, counter: &AtomicU64, longest_us: &AtomicU64) {
         let begin = Instant::now();
         match self.publisher.put(sample.payload.clone()).attachment(sample.attachment.clone()).wait() {
@@ -114,11 +114,11 @@ impl TopicBridge {
         longest_us.fetch_max(begin.elapsed().as_micros() as u64, Ordering::Relaxed);
     }
 
-    /// Refuses requests that have waited too long.
+    /// Refuses requests older than [`PATIENCE`].
     fn refuse_late(&mut self, link: &Link, now: Instant) {
         for (query, _) in self.waiting.extract_if(.., |(_, until)| now >= *until) {
             let seconds = PATIENCE.as_secs();
-            let text = format!("{}: nothing came within {seconds} s; is the twin running?", self.topic);
+            let text = format!("{}: no sample within {seconds} s; is the twin running?", self.topic);
             refuse(&query, &text, &link.counters.refusals);
         }
     }
@@ -130,7 +130,7 @@ impl<R> ReadBridge<R> {
         Self { bridge, reader: None, newest: None, is_failed: false }
     }
 
-    /// Opens the reader when somebody wants the topic, and closes it when nobody does any more. True when it was opened.
+    /// Opens or closes the reader as required; true if it was opened.
     pub fn adjust(
         &mut self,
         link: &Link,
@@ -152,13 +152,13 @@ impl<R> ReadBridge<R> {
         self.reader.is_some() && !is_open
     }
 
-    /// Closes a reader that failed; it is opened again at the next [`Self::adjust`].
+    /// Closes a failed reader; the next [`Self::adjust`] reopens it.
     pub fn close(&mut self, error: &WireError) {
         tracing::warn!("{error}; opening the topic again");
         self.reader = None;
     }
 
-    /// Answers all requests that wait with the newest sample, if there is one.
+    /// Answers all waiting requests with the newest sample, if there is one.
     pub fn answer(&mut self, link: &Link) {
         let Some(newest) = &self.newest else { return };
         let is_field = self.bridge.topic.kind() == TopicKind::Field;
@@ -168,7 +168,7 @@ impl<R> ReadBridge<R> {
     }
 }
 
-/// Takes requests to a local name as long as the result exists; those that do not fit into the queue are refused.
+/// Queues requests to a local name while the result exists; refuses them if the queue is full.
 ///
 /// # Errors
 /// When the session is closed.
@@ -188,7 +188,7 @@ pub fn accept_requests(
     network(queryable.wait())
 }
 
-/// Values of a field are sent as they are, everything else as JSON.
+/// Encoding: raw values of a field, JSON otherwise.
 fn encoding(is_field: bool) -> Encoding {
     if is_field {
         Encoding::APPLICATION_OCTET_STREAM.with_schema("f32le")
@@ -205,14 +205,14 @@ pub fn reply(link: &Link, query: &Query, name: &str, sample: &EncodedSample, is_
         .encoding(encoding(is_field));
     match reply.wait() {
         Ok(()) => count(&link.counters.answers),
-        Err(error) => tracing::debug!("{name}: the client has gone: {error}"),
+        Err(error) => tracing::debug!("{name}: the client has ended: {error}"),
     }
 }
 
-/// Replies why there is no answer.
+/// Replies with an error and counts it.
 pub fn refuse(query: &Query, text: &str, counter: &AtomicU64) {
     count(counter);
     if let Err(error) = query.reply_err(text).encoding(Encoding::TEXT_PLAIN).wait() {
-        tracing::debug!("{}: the client has gone: {error}", query.key_expr());
+        tracing::debug!("{}: the client has ended: {error}", query.key_expr());
     }
 }

@@ -1,4 +1,4 @@
-//! Scans the local domain: new topics are announced and passed to the threads that move them, living twins get a token.
+//! Scans the local topics: new ones are announced and passed to the threads that publish them; running twins get a token.
 
 use crate::config::Config;
 use crate::link::{Link, network};
@@ -12,12 +12,12 @@ use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::Queryable;
 
-/// How often the domain is scanned.
+/// Interval of scans.
 pub const EVERY: Duration = Duration::from_millis(250);
-/// Longest time for removing what dead programs left, so that a killed twin is not taken for a living one.
+/// Longest time for removing files of ended programs, so that a killed twin does not seem alive.
 const CLEANING: Duration = Duration::from_millis(5);
 
-/// Scans the local domain.
+/// Scan of the local topics.
 pub struct TopicScan {
     bus: Bus,
     keys: Vec<KeyExpr>,
@@ -34,7 +34,7 @@ impl TopicScan {
     /// A scan that has found nothing yet.
     ///
     /// # Errors
-    /// When the domain cannot be joined.
+    /// When the shared memory cannot be opened.
     pub fn new(
         link: &Link,
         config: &Config,
@@ -58,7 +58,7 @@ impl TopicScan {
     /// Scans once.
     ///
     /// # Errors
-    /// When the domain's folder cannot be read, or the session is closed.
+    /// When the topics cannot be listed, or the session is closed.
     pub fn scan(&mut self, link: &Link) -> anyhow::Result<()> {
         self.bus.clean_up(CLEANING);
         let mut found: Vec<TopicInfo> = Vec::new();
@@ -71,7 +71,7 @@ impl TopicScan {
         self.announce_twins(link, &found)
     }
 
-    /// Announces a topic that is new. What comes from the network does not go back there.
+    /// Announces a new topic, unless its readings come from the network.
     fn announce_topic(&mut self, link: &Link, topic: &Topic) -> anyhow::Result<()> {
         if self.inlets.contains(topic) || self.seen.contains(topic.name()) {
             return Ok(());
@@ -91,7 +91,7 @@ impl TopicScan {
         Ok(())
     }
 
-    /// One token for every actuator whose state has a living writer.
+    /// Declares a token for every actuator whose state has a writer.
     fn announce_twins(&mut self, link: &Link, found: &[TopicInfo]) -> anyhow::Result<()> {
         let lives = |info: &&TopicInfo| info.topic.kind() == TopicKind::State && !info.writers.is_empty();
         let living: BTreeSet<&str> = found.iter().filter(lives).map(|info| info.topic.actuator()).collect();

@@ -23,7 +23,7 @@ PATIENCE_S = 60.0
 
 
 class Stage:
-    """Our own programs, in a domain that nobody else is in."""
+    """Our programs in an isolated shared-memory domain."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder

@@ -1,5 +1,5 @@
 """The bytes of tests/golden are those that `rosbags` writes; the unit tests compare them with what the gateway writes and reads.
-`BLESS=1` in front of the command writes them anew."""
+`BLESS=1` rewrites them."""
 
 import os
 import pathlib
@@ -54,7 +54,7 @@ NO_PARAMETERS = dict(parameter_names=[], parameters=np.zeros(0), node_set="")
 
 
 def answer(**given):
-    """What NaN stands for is not there."""
+    """NaN for absent quantities."""
     numbers = "pressure_mpa gap_mm domain_distance contact_force_n force_halfwidth_n onset_pressure_mpa displacement_halfwidth_mm"
     numbers += " von_mises_halfwidth_mpa found_halfwidth found_low found_high max_von_mises_mpa"
     empty = dict(

@@ -1,5 +1,5 @@
-//! What stands beside a message: number, time and sender, as the design document of `rmw_zenoh` ("Publishers", "Service Servers")
-//! lays them out: two little-endian i64, the length of the sender's id, the id.
+//! Attachment of a message by the design document of `rmw_zenoh` ("Publishers", "Service Servers"): number and time as little-endian
+//! i64, length of the sender's id, the id.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -11,14 +11,14 @@ pub fn attachment(number: i64, time_ns: i64, gid: Gid) -> Vec<u8> {
     [&number.to_le_bytes()[..], &time_ns.to_le_bytes(), &[gid.len() as u8], &gid].concat()
 }
 
-/// Number and sender; none when the bytes are no attachment.
+/// Number and sender; `None` if the bytes are not an attachment.
 pub fn parse(bytes: &[u8]) -> Option<(i64, Gid)> {
     let number = i64::from_le_bytes(bytes.get(..8)?.try_into().ok()?);
     let gid: Gid = bytes.get(17..33)?.try_into().ok()?;
     (usize::from(*bytes.get(16)?) == gid.len() && number >= 0).then_some((number, gid))
 }
 
-/// The id of an endpoint: two FNV-1a hashes of its token, from two beginnings.
+/// The id of an endpoint: two FNV-1a hashes of its token with different offsets.
 pub fn gid(token: &str) -> Gid {
     let hash = |begin: u64| {
         token.bytes().fold(begin, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))

@@ -1,4 +1,4 @@
-//! The table `[ros2]` of the configuration, as written and checked.
+//! The table `[ros2]` of the configuration.
 
 use super::attachment::plain;
 use runtime::known_model::KnownModel;
@@ -6,7 +6,7 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The table as written.
+/// The table as written in the file.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ros2File {
@@ -22,20 +22,20 @@ impl Default for Ros2File {
     }
 }
 
-/// The node that the twins are, checked.
+/// The node of ROS 2, checked.
 #[derive(Debug, Clone)]
 pub struct Ros2 {
-    /// `ROS_DOMAIN_ID` of the nodes that are to see the twins.
+    /// `ROS_DOMAIN_ID` of the node.
     pub domain_id: u32,
     /// Name of the node.
     pub node: String,
-    /// The models that are known: their surfaces and inputs.
+    /// Known models: surfaces and inputs.
     pub models: Arc<[KnownModel]>,
     /// Von Mises stress at the end of the markers' colour scale, MPa.
     pub marker_full_scale_mpa: f64,
 }
 
-/// Checks the table and reads its models; adds what is wrong.
+/// Checks the table and reads its models; adds errors to `problems`.
 pub fn check(file: Ros2File, folder: &Path, problems: &mut Vec<String>) -> Ros2 {
     let Ros2File { domain_id, node, models, marker_full_scale_mpa } = file;
     if domain_id > 232 {

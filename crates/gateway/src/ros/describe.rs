@@ -1,4 +1,4 @@
-//! `std_srvs/Trigger` as a question: what an actuator's twin is and does, as JSON.
+//! `softtwin/<actuator>/describe` (`std_srvs/Trigger`): model, input ranges and newest state of a twin, as JSON.
 
 use super::cdr::{Cdr, Reader};
 use super::config::Ros2;
@@ -15,19 +15,19 @@ pub fn answer(request: &[u8], ros: &Ros2, actuator: &str, state: Option<&State>)
         Some(state) => response(true, &described(ros, actuator, state).to_string()),
         None => response(
             false,
-            &format!("no state of {actuator} is there; is its twin running, and does it get readings?"),
+            &format!("no state of {actuator}; is its twin running, and does it get readings?"),
         ),
     })
 }
 
 /// A `Trigger_Response`.
 fn response(is_success: bool, message: &str) -> Vec<u8> {
-    Cdr::new().byte(u8::from(is_success)).text(message).finish()
+    Cdr::new().byte(u8::from(is_success)).string(message).finish()
 }
 
 fn described(ros: &Ros2, actuator: &str, state: &State) -> Value {
     let model = ros.models.iter().find(|model| model.hash == state.model_hash).map(of_model);
-    // Numbers and texts only, none of which JSON could refuse.
+    // Numbers and strings only: serialisation cannot fail.
     let state = serde_json::to_value(Json::new(state.view())).unwrap_or_default();
     json!({ "actuator": actuator, "model": model, "state": state })
 }

@@ -1,4 +1,4 @@
-//! Pressures from a node of ROS 2, as readings.
+//! Readings from a node of ROS 2: `sensor_msgs/FluidPressure`.
 
 use super::attachment::{self, plain};
 use super::cdr::fluid_pressure;
@@ -7,17 +7,16 @@ use super::message::PA_PER_MPA;
 use super::names::{Entity, Names, token};
 use super::types::PRESSURE;
 use crate::link::Link;
-use recording::message::Recorded;
-use wire::{Payload, SensorSample, Topic};
+use wire::{SensorSample, Topic};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::sample::Sample;
 
-/// Numbers of subscriptions begin here: publishers take those from 1.
+/// First entity number of subscriptions, above those of publishers.
 const FIRST: usize = 10_000;
 
 /// Pressures from ROS for one actuator: `softtwin/<actuator>/pressure_measured`.
 pub struct Inlet {
-    /// The key to subscribe to: any hash, so that another one can be named.
+    /// The key to subscribe to, with any hash: a wrong one is reported.
     pub key: String,
     _token: LivelinessToken,
 }
@@ -35,11 +34,11 @@ impl Inlet {
     }
 }
 
-/// A `FluidPressure` as the JSON of a reading; number and run are the sender's.
+/// The reading in a `FluidPressure`, with number and run of the sender.
 ///
 /// # Errors
-/// What is wrong with the message.
-pub fn reading(sample: &Sample) -> Result<Vec<u8>, String> {
+/// A message of another type or without its attachment.
+pub fn reading(sample: &Sample) -> Result<SensorSample, String> {
     let key = sample.key_expr().as_str();
     PRESSURE.check_hash(key)?;
     let expected =
@@ -48,10 +47,6 @@ pub fn reading(sample: &Sample) -> Result<Vec<u8>, String> {
     let bytes = sample.attachment().ok_or_else(expected)?.to_bytes();
     let (number, gid) = attachment::parse(&bytes).ok_or_else(expected)?;
     let boot_id = gid.first_chunk().map_or(0, |half| u64::from_le_bytes(*half)).max(1);
-    let mut bytes = Vec::new();
     let pressure_mpa = pressure_pa / PA_PER_MPA;
-    let found =
-        SensorSample { boot_id, seq: number as u64, t_sensor_ns, pressure_mpa, ..SensorSample::default() };
-    found.view().encode(&mut bytes);
-    Ok(bytes)
+    Ok(SensorSample { boot_id, seq: number as u64, t_sensor_ns, pressure_mpa, ..SensorSample::default() })
 }

@@ -11,13 +11,13 @@ use wire::{FieldHeader, Topic};
 const TRIANGLE_LIST: u32 = 11;
 /// `Marker.ADD`.
 const ADD: u32 = 0;
-/// Metres a millimetre.
+/// Metres per millimetre.
 const METRE: f64 = 1e-3;
-/// Colours at no stress, half and full scale, linear in between: rising in lightness, so that they can be read in grey.
+/// Colours at no stress, half and full scale, linear in between, with rising lightness.
 const SCALE: [[f32; 3]; 3] = [[0.2, 0.1, 0.5], [0.1, 0.6, 0.6], [1.0, 0.9, 0.2]];
-/// Beyond full scale.
+/// Colour beyond full scale.
 const BEYOND: [f32; 3] = [0.9, 0.1, 0.1];
-/// Where no stress is known.
+/// Colour without a stress.
 const UNKNOWN: [f32; 3] = [0.5; 3];
 
 /// Makes the markers of one field topic.
@@ -25,12 +25,12 @@ pub struct Markers {
     models: Arc<[KnownModel]>,
     node_set: Option<String>,
     full_scale_mpa: f32,
-    /// Model and node count of the last field, and the places of its triangles' corners; none when they cannot be drawn.
+    /// Model and node count of the last field, and the indices of its triangles' corners; `None` if they cannot be drawn.
     last: Option<([u8; 16], u32, Option<Vec<u32>>)>,
 }
 
 impl Markers {
-    /// For a field topic that has the whole surface of some known model; none for others.
+    /// Markers of a field topic; `None` unless it has the whole surface of a known model.
     pub fn of(topic: &Topic, ros: &Ros2) -> Option<Self> {
         let node_set = topic.node_set();
         let is_known = ros.models.iter().any(|model| model.corners(node_set).is_some());
@@ -42,7 +42,7 @@ impl Markers {
         })
     }
 
-    /// The marker of a field; none when its model is not known. `O(triangles)`.
+    /// The marker of a field; `None` for an unknown model. `O(triangles)`.
     pub fn encode(
         &mut self,
         header: &FieldHeader,
@@ -54,9 +54,7 @@ impl Markers {
         if self.last.as_ref().is_none_or(|(hash, count, _)| (*hash, *count) != key) {
             let found = self.corners(header);
             if found.is_none() {
-                tracing::warn!(
-                    "{actuator}: no marker: ros2.models has no file of the model that it runs with"
-                );
+                tracing::warn!("{actuator}: no marker: ros2.models has no file of its model");
             }
             self.last = Some((key.0, key.1, found));
         }
@@ -72,7 +70,7 @@ impl Markers {
     }
 }
 
-/// A `Marker` of the triangles whose corners are at these places of a field; none without x, y and z, or when a corner is not in it.
+/// A `Marker` of triangles, given by their corners' indices in a field; `None` without x, y and z or with an index out of range.
 fn marker(
     header: &FieldHeader,
     values: &[f32],
@@ -91,27 +89,27 @@ fn marker(
         let [red, green, blue] = colour(stress.map_or(f32::NAN, |stress| stress[at] / full_scale_mpa));
         colours.extend([red, green, blue, 1.0]);
     }
-    let message = Cdr::new().header(time_ns, actuator).text(actuator).word(0).word(TRIANGLE_LIST).word(ADD);
-    // Pose: no shift, no turn. Scale: as it is.
+    let message = Cdr::new().header(time_ns, actuator).string(actuator).word(0).word(TRIANGLE_LIST).word(ADD);
+    // Pose: identity. Scale: 1.
     let message = message.doubles(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]).doubles(&[1.0; 3]);
-    // One colour for all, which those of the corners replace; shown until the next one; fixed to its frame.
+    // Common colour (replaced by those of the corners), unlimited lifetime, fixed to its frame.
     let message = message.floats(&[1.0; 4]).word(0).word(0).byte(1);
     let message = message.word(corners.len() as u32).doubles(&points);
     let message = message.word(corners.len() as u32).floats(&colours);
-    // No texture (name, header, format, data, coordinates), text, mesh (name, file name, data, materials).
-    let message = message.text("").header(0, "").text("").bytes(&[]).word(0).text("").text("");
-    Some(message.text("").bytes(&[]).byte(0).finish())
+    // No texture (name, header, format, data, coordinates), caption, mesh (name, file name, data, materials).
+    let message = message.string("").header(0, "").string("").bytes(&[]).word(0).string("").string("");
+    Some(message.string("").bytes(&[]).byte(0).finish())
 }
 
-/// The colour of a share of full scale.
-fn colour(share: f32) -> [f32; 3] {
-    if share.is_nan() {
+/// The colour of a stress as a fraction of full scale.
+fn colour(fraction: f32) -> [f32; 3] {
+    if fraction.is_nan() {
         return UNKNOWN;
     }
-    if share > 1.0 {
+    if fraction > 1.0 {
         return BEYOND;
     }
-    let place = 2.0 * share.max(0.0);
+    let place = 2.0 * fraction.max(0.0);
     let (from, to) = if place < 1.0 { (SCALE[0], SCALE[1]) } else { (SCALE[1], SCALE[2]) };
     let along = if place < 1.0 { place } else { place - 1.0 };
     [0, 1, 2].map(|k| from[k] * (1.0 - along) + to[k] * along)

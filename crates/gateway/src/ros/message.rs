@@ -1,10 +1,10 @@
-//! Samples as messages of ROS 2: SI units, as ROS asks for.
+//! Samples as messages of ROS 2, in SI units.
 
 use super::cdr::Cdr;
 use wire::layout::{field_id, flags};
 use wire::{FieldHeader, Health, State};
 
-/// Pascals a megapascal.
+/// Pascals per megapascal.
 pub const PA_PER_MPA: f64 = 1e6;
 /// `PointField.FLOAT32`.
 const FLOAT32: u8 = 7;
@@ -13,18 +13,18 @@ const OK: u8 = 0;
 const WARN: u8 = 1;
 const STALE: u8 = 3;
 
-/// The plate's force on the actuator, N, along y of the actuator's axes; frame and origin are the contact's.
+/// Force of the plate on the actuator, N, along y of the actuator's axes, in the frame of the contact.
 pub fn wrench(state: &State, actuator: &str, time_ns: u64) -> Vec<u8> {
     let force = [0.0, state.contact_force_n, 0.0, 0.0, 0.0, 0.0];
     Cdr::new().header(time_ns, &format!("{actuator}_contact")).doubles(&force).finish()
 }
 
-/// The pressure that the state stands for, Pa. Variance 0: unknown.
+/// Pressure of a state, Pa. Variance 0: unknown.
 pub fn pressure(state: &State, actuator: &str, time_ns: u64) -> Vec<u8> {
     Cdr::new().header(time_ns, actuator).doubles(&[state.pressure_mpa * PA_PER_MPA, 0.0]).finish()
 }
 
-/// The nodes of a field in m, with its other fields; none without x, y and z. `O(values)`.
+/// Nodes of a field in m, with its other fields; `None` without x, y and z. `O(values)`.
 pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64) -> Option<Vec<u8>> {
     let [x, y, z] = header.coordinates(values)?;
     let columns = header.columns(values);
@@ -39,7 +39,7 @@ pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64
     let (step, nodes) = (4 * (3 + others.len()) as u32, x.len() as u32);
     let mut message = Cdr::new().header(time_ns, actuator).word(1).word(nodes).word(3 + others.len() as u32);
     for (offset, name) in (0..).step_by(4).zip(names) {
-        message = message.text(&name).word(offset).byte(FLOAT32).word(1);
+        message = message.string(&name).word(offset).byte(FLOAT32).word(1);
     }
     let mut data = Vec::with_capacity((step * nodes) as usize);
     for node in 0..nodes as usize {
@@ -50,7 +50,7 @@ pub fn points(header: &FieldHeader, values: &[f32], actuator: &str, time_ns: u64
     Some(message.byte(0).word(step).word(step * nodes).bytes(&data).byte(1).finish())
 }
 
-/// The twin's health as one status.
+/// Health of a twin as one status.
 pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
     let set: Vec<&str> =
         flags::ALL.iter().filter(|flag| health.flags & flag.number != 0).map(|flag| flag.name).collect();
@@ -62,7 +62,7 @@ pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
     } else {
         WARN
     };
-    let said = if set.is_empty() { "running".to_owned() } else { set.join(", ") };
+    let summary = if set.is_empty() { "running".to_owned() } else { set.join(", ") };
     let values = [
         ("rate_hz", format!("{:.1}", health.rate_hz)),
         ("latency_p99_us", format!("{:.1}", health.latency_p99_ns as f64 * 1e-3)),
@@ -71,7 +71,10 @@ pub fn diagnostics(health: &Health, actuator: &str, time_ns: u64) -> Vec<u8> {
         ("late", health.late.to_string()),
     ];
     let message = Cdr::new().header(time_ns, "").word(1).byte(level);
-    let message =
-        message.text(&format!("softtwin: {actuator}")).text(&said).text(actuator).word(values.len() as u32);
-    values.iter().fold(message, |message, (key, value)| message.text(key).text(value)).finish()
+    let message = message
+        .string(&format!("softtwin: {actuator}"))
+        .string(&summary)
+        .string(actuator)
+        .word(values.len() as u32);
+    values.iter().fold(message, |message, (key, value)| message.string(key).string(value)).finish()
 }

@@ -7,11 +7,10 @@ use crate::link::{Link, network};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 
-/// QoS of an endpoint as tokens say it: what differs from reliable, volatile, keep last.
-/// The last 10: what ROS takes unless told otherwise.
+/// QoS of all endpoints in tokens: reliable, volatile, keep the last 10 (the default of ROS).
 const QOS: &str = "::,10:,:,:,,";
 
-/// What an endpoint is, as tokens say it.
+/// Kind of an endpoint in tokens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entity {
     /// A publisher.
@@ -32,7 +31,7 @@ impl Entity {
     }
 }
 
-/// Makes the keys of an endpoint.
+/// Keys and tokens of one node.
 pub struct Names<'a> {
     ros: &'a Ros2,
     session_id: String,
@@ -44,7 +43,7 @@ impl Names<'_> {
         Names { ros, session_id: link.session.zid().to_string() }
     }
 
-    /// Where the messages of a topic go.
+    /// Key of a topic or service.
     pub fn key(&self, topic: &str, of: MessageType, hash: &str) -> String {
         format!("{}/{topic}/{}/{hash}", self.ros.domain_id, of.name)
     }
@@ -66,7 +65,7 @@ impl Names<'_> {
     }
 }
 
-/// Makes an entity appear in the graph, as long as the result exists.
+/// Makes an entity appear in the graph while the result exists.
 ///
 /// # Errors
 /// When the session is closed.

@@ -1,4 +1,4 @@
-//! Local topics as topics of ROS: each has a local reader while somebody subscribes.
+//! Local topics as topics of ROS: each has a local reader while there are subscribers.
 
 use super::attachment::{Gid, attachment, gid, now_since_1970_ns, plain};
 use super::config::Ros2;
@@ -9,16 +9,16 @@ use super::types::{DIAGNOSTICS, MARKER, MessageType, POINTS, PRESSURE, WRENCH};
 use crate::link::{Link, network};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
-use wire::{AnyReader, AnySample, Bus, KeyExpr, Topic, TopicKind, Waking, WireError};
+use wire::{AnyReader, AnySample, Bus, Topic, TopicInfo, TopicKind, Waking, WireError};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 
-/// A sample as a message: actuator and time (ns since 1970) go into its header. None: nothing to send.
+/// Encodes a sample with actuator and time (ns since 1970) in its header; `None` if there is no message.
 type Encode = Box<dyn FnMut(&AnySample, &str, u64) -> Option<Vec<u8>>>;
 
-/// Topics of ROS from one local topic: name behind the actuator's, type, encoder.
+/// Topics of ROS from one local topic: name after the actuator's, type, encoder.
 fn kinds(topic: &Topic, ros: &Ros2) -> Vec<(String, MessageType, Encode)> {
     match topic.kind() {
         TopicKind::State => vec![
@@ -65,7 +65,7 @@ fn diagnostics(sample: &AnySample, actuator: &str, time_ns: u64) -> Option<Vec<u
     Some(message::diagnostics(health, actuator, time_ns))
 }
 
-/// One topic of ROS with its local reader, which exists while somebody subscribes.
+/// One topic of ROS with its local reader, which exists while there are subscribers.
 pub struct Outlet {
     topic: Topic,
     actuator: String,
@@ -86,42 +86,39 @@ pub struct Outlets {
 }
 
 impl Outlets {
-    /// Announces the local topics that are new.
+    /// Announces new local topics.
     ///
     /// # Errors
-    /// When the domain's folder cannot be read, or the session is closed.
+    /// When the session is closed.
     pub fn announce(
         &mut self,
         link: &Link,
-        bus: &Bus,
         names: &Names,
         ros: &Ros2,
-        keys: &[KeyExpr],
+        found: &[TopicInfo],
     ) -> anyhow::Result<()> {
-        for key in keys {
-            for topic in bus.names(key)? {
-                if !self.seen.insert(topic.name().to_owned()) {
-                    continue;
-                }
-                for (name, of, encode) in kinds(&topic, ros) {
-                    let name = format!("softtwin/{}/{name}", plain(topic.actuator()));
-                    if !self.by_name.contains_key(&name) {
-                        let number = self.by_name.len() + 1;
-                        let outlet = Outlet::declare(link, names, number, &topic, &name, of, encode)?;
-                        self.by_name.insert(name, outlet);
-                    }
+        for topic in found.iter().map(|info| &info.topic) {
+            if !self.seen.insert(topic.name().to_owned()) {
+                continue;
+            }
+            for (name, of, encode) in kinds(topic, ros) {
+                let name = format!("softtwin/{}/{name}", plain(topic.actuator()));
+                if !self.by_name.contains_key(&name) {
+                    let number = self.by_name.len() + 1;
+                    let outlet = Outlet::declare(link, names, number, topic, &name, of, encode)?;
+                    self.by_name.insert(name, outlet);
                 }
             }
         }
         Ok(())
     }
 
-    /// Opens the readers of those that somebody subscribes to, and closes the others.
+    /// Opens the readers of topics with subscribers, and closes the others.
     pub fn adjust(&mut self, bus: &Bus) {
         self.by_name.values_mut().for_each(|outlet| outlet.adjust(bus));
     }
 
-    /// Sends what waits; fields at most every `period`.
+    /// Sends waiting samples; fields at most every `period`.
     pub fn pump(&mut self, offset_ns: u64, now: Instant, period: Duration) {
         for outlet in self.by_name.values_mut() {
             if let Err(error) = outlet.pump(offset_ns, now, period) {
@@ -131,7 +128,7 @@ impl Outlets {
         }
     }
 
-    /// Whether somebody subscribes to any.
+    /// True if any topic is read.
     pub fn is_read(&self) -> bool {
         self.by_name.values().any(|outlet| outlet.reader.is_some())
     }
@@ -148,7 +145,7 @@ impl Outlet {
         encode: Encode,
     ) -> anyhow::Result<Self> {
         let endpoint = names.endpoint(number, Entity::Publisher, name, of);
-        // As on the local keys: messages wait for slow subscribers, of fields the newest counts, and they never delay a message.
+        // As in `topic_bridge`: messages wait for slow subscribers; fields are dropped instead and never delay a message.
         let (congestion, priority) = match topic.kind() {
             TopicKind::Field => (CongestionControl::Drop, Priority::DataLow),
             _ => (CongestionControl::Block, Priority::DataHigh),
@@ -168,7 +165,7 @@ impl Outlet {
         })
     }
 
-    /// Opens the reader when somebody subscribes, and closes it when nobody does any more.
+    /// Opens or closes the reader, by whether there are subscribers.
     fn adjust(&mut self, bus: &Bus) {
         let is_wanted = self.publisher.matching_status().wait().is_ok_and(|status| status.matching());
         if !is_wanted {
@@ -206,7 +203,7 @@ impl Outlet {
         self.sent += 1;
         let attachment = attachment(self.sent, now_since_1970_ns(), self.gid);
         if let Err(error) = self.publisher.put(message).attachment(attachment).wait() {
-            tracing::warn!("{}: cannot be sent: {error}", self.topic);
+            tracing::warn!("{}: not sent: {error}", self.topic);
         }
     }
 }

@@ -1,14 +1,14 @@
-//! Questions with numbers: what if, which pressure, which gap. Their types are our own (clients/ros2/softtwin_interfaces).
+//! Queries of a twin: state, pressure or gap. Their types are defined in clients/ros2/softtwin_interfaces.
 
 use super::cdr::{Cdr, Reader};
 use super::types::{FIND_GAP, FIND_PRESSURE, MessageType, WHAT_IF};
 use wire::layout::{InputValue, PARAMETERS_MAX, field_id, flags, hex, pack_name, query_kind, regime};
 use wire::{Answer, Query, Topic};
 
-/// Names of parameters in one request: more than any model has, so that too many are answered with the reason.
+/// Largest number of parameters in one request, above that of any model.
 const MAX_NAMES: usize = 64;
 
-/// What is asked.
+/// Kind of a query.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Question {
     /// The state at a pressure and a gap.
@@ -23,7 +23,7 @@ impl Question {
     /// All.
     pub const ALL: [Self; 3] = [Self::WhatIf, Self::Pressure, Self::Gap];
 
-    /// Name of the service behind the actuator's, and type.
+    /// Name of the service after the actuator's, and type.
     pub fn service(self) -> (&'static str, MessageType) {
         match self {
             Self::WhatIf => ("what_if", WHAT_IF),
@@ -32,10 +32,10 @@ impl Question {
         }
     }
 
-    /// What a request asks the twin; `Err` is the reason why there is no answer.
+    /// The query in a request; the inner `Err` is the reason for a negative response.
     ///
     /// # Errors
-    /// Outside, when the bytes are no request.
+    /// Malformed requests.
     pub fn read(self, request: &[u8]) -> Result<Result<Query, String>, String> {
         let (name, _) = self.service();
         self.parts(request).ok_or_else(|| {
@@ -67,9 +67,9 @@ impl Question {
                 ..Query::default()
             },
         };
-        let names = reader.texts(MAX_NAMES)?;
+        let names = reader.strings(MAX_NAMES)?;
         let values = reader.doubles(MAX_NAMES)?;
-        let node_set = reader.text()?;
+        let node_set = reader.string()?;
         Some(completed(query, &names, &values, node_set))
     }
 }
@@ -102,7 +102,7 @@ pub fn response(answer: &Answer, field: &[f32]) -> Vec<u8> {
     }
 }
 
-/// The response that says why there is no answer.
+/// The negative response with its reason.
 pub fn refusal(reason: &str) -> Vec<u8> {
     written(false, reason, &Answer::default(), &[])
 }
@@ -115,9 +115,9 @@ fn written(is_success: bool, message: &str, answer: &Answer, field: &[f32]) -> V
         let values: Vec<f64> = inputs.iter().map(of).collect();
         message.word(values.len() as u32).doubles(&values)
     };
-    let message = Cdr::new().byte(u8::from(is_success)).text(message);
-    let message = message.doubles(&[answer.pressure_mpa, answer.gap_mm]).texts(&names);
-    let message = list(message, |input| input.value).text(regime::as_str(answer.regime));
+    let message = Cdr::new().byte(u8::from(is_success)).string(message);
+    let message = message.doubles(&[answer.pressure_mpa, answer.gap_mm]).strings(&names);
+    let message = list(message, |input| input.value).string(regime::as_str(answer.regime));
     let message = message.byte(answer.domain_status as u8).doubles(&[
         answer.domain_distance.into(),
         answer.contact_force_n,
@@ -134,10 +134,10 @@ fn written(is_success: bool, message: &str, answer: &Answer, field: &[f32]) -> V
     let has_field = !field.is_empty();
     let fields: Vec<&str> = answer.fields().filter(|_| has_field).map(field_id::as_str).collect();
     let nodes = if has_field { answer.node_count } else { 0 };
-    let message = message.texts(&fields).word(nodes).word(field.len() as u32).floats(field);
+    let message = message.strings(&fields).word(nodes).word(field.len() as u32).floats(field);
     let set: Vec<&str> = flags::names(answer.flags).collect();
     let message = message.doubles(&[answer.max_von_mises_mpa]).word(answer.max_von_mises_node);
-    message.texts(&set).text(&hex(&answer.model_hash)).finish()
+    message.strings(&set).string(&hex(&answer.model_hash)).finish()
 }
 
 #[cfg(test)]

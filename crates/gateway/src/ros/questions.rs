@@ -1,4 +1,4 @@
-//! Passes the questions of ROS on to the twins, one after the other, in a thread of its own: a twin may take a second.
+//! Passes the queries of ROS to the twins one after the other, on a dedicated thread: a twin may take a second.
 
 use super::question::{Question, refusal, response};
 use super::service::Call;
@@ -7,21 +7,21 @@ use crate::queries::Clients;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
-/// Questions that may wait.
+/// Largest number of waiting queries.
 const CALLS: usize = 64;
 /// Longest sleep.
 const TICK: Duration = Duration::from_millis(100);
 
-/// What is asked of whose twin.
+/// A query and its actuator.
 #[derive(Debug, Clone)]
 pub struct Asking {
-    /// The actuator, by its name in the domain.
+    /// Local name of the actuator.
     pub actuator: String,
-    /// What.
+    /// Kind of the query.
     pub question: Question,
 }
 
-/// A place for questions, and where they are taken from.
+/// Both ends of the queue of queries.
 pub fn channel() -> (SyncSender<Call<Asking>>, Receiver<Call<Asking>>) {
     sync_channel(CALLS)
 }
@@ -29,10 +29,10 @@ pub fn channel() -> (SyncSender<Call<Asking>>, Receiver<Call<Asking>>) {
 /// Answers until the gateway ends.
 ///
 /// # Errors
-/// When the domain cannot be joined.
+/// When the shared memory cannot be opened.
 pub fn run(link: &Link, calls: &Receiver<Call<Asking>>) -> anyhow::Result<()> {
     let mut clients = Clients::open(link)?;
-    while link.goes_on() {
+    while link.is_running() {
         let Ok(call) = calls.recv_timeout(TICK) else { continue };
         match answer(&mut clients, &call.what, &call.request) {
             Ok(message) => call.reply(message),
@@ -42,7 +42,10 @@ pub fn run(link: &Link, calls: &Receiver<Call<Asking>>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The response; what is wrong with a request that is none.
+/// The response to a request.
+///
+/// # Errors
+/// Malformed requests.
 fn answer(clients: &mut Clients, asking: &Asking, request: &[u8]) -> Result<Vec<u8>, String> {
     let query = match asking.question.read(request)? {
         Ok(query) => query,

@@ -14,10 +14,10 @@ use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::{Query, Queryable};
 
-/// Requests are some names or nothing.
+/// Largest request.
 const MAX_BYTES: usize = 64 * 1024;
 
-/// A service to announce: its number within the node within the node, name and type.
+/// A service to announce: its entity number within the node, name and type.
 pub struct Announced<'a> {
     /// Entity number within the node.
     pub number: usize,
@@ -27,15 +27,15 @@ pub struct Announced<'a> {
     pub of: MessageType,
 }
 
-/// A service in the graph, as long as it exists.
+/// A service in the graph while it exists.
 pub struct Service {
     _queryable: Queryable<()>,
     _token: LivelinessToken,
 }
 
-/// A request that is to be answered; `what` says by which service.
+/// A request, with the tag of its service.
 pub struct Call<T> {
-    /// What was asked.
+    /// Tag of the service.
     pub what: T,
     /// The request, CDR.
     pub request: Vec<u8>,
@@ -45,7 +45,7 @@ pub struct Call<T> {
     context: Arc<Context>,
 }
 
-/// What all requests to one service share.
+/// Data shared by all requests to one service.
 struct Context {
     key: String,
     counters: Arc<Counters>,
@@ -53,7 +53,7 @@ struct Context {
 }
 
 impl Service {
-    /// Announces a service; its requests go to `sender` with `what` beside them.
+    /// Announces a service; its requests go to `sender` with the tag `what`.
     ///
     /// # Errors
     /// When the session is closed.
@@ -82,7 +82,7 @@ impl Service {
             }
             Err(text) => context.refuse(&query, &text),
         };
-        // Any hash, so that another one can be named.
+        // With any hash: a wrong one is reported.
         let queryable =
             link.session.declare_queryable(names.key(name, of, "*")).complete(true).callback(take);
         let queryable = network(queryable.wait())?;
@@ -91,7 +91,10 @@ impl Service {
     }
 }
 
-/// Request, number and client of a query; otherwise what is wrong with it.
+/// Request, number and client of a query.
+///
+/// # Errors
+/// A query of another type, too long, or without its attachment.
 fn accept(query: &Query, of: MessageType) -> Result<(Vec<u8>, i64, Gid), String> {
     let key = query.key_expr().as_str();
     of.check_hash(key)?;
@@ -106,10 +109,10 @@ fn accept(query: &Query, of: MessageType) -> Result<(Vec<u8>, i64, Gid), String>
 }
 
 impl Context {
-    /// Replies why there is no answer, counts it, and says it once in the log.
+    /// Replies with an error, counts it, and logs it once.
     fn refuse(&self, query: &Query, text: &str) {
         if !self.is_logged.swap(true, Ordering::Relaxed) {
-            tracing::warn!("a request from ROS is refused (logged once a service): {text}");
+            tracing::warn!("a request from ROS is refused (logged once per service): {text}");
         }
         refuse(query, text, &self.counters.refusals);
     }
@@ -121,7 +124,7 @@ impl<T> Call<T> {
         let beside = attachment(self.number, now_since_1970_ns(), self.client);
         match self.query.reply(self.context.key.as_str(), message).attachment(beside).wait() {
             Ok(()) => count(&self.context.counters.answers),
-            Err(error) => tracing::debug!("{}: the client has gone: {error}", self.context.key),
+            Err(error) => tracing::debug!("{}: the client has ended: {error}", self.context.key),
         }
     }
 

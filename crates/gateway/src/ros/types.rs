@@ -1,19 +1,19 @@
-//! Types of ROS 2, as keys and tokens name them.
+//! Types of ROS 2 in keys and tokens.
 
 /// A type: its name in keys and the hash of its description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageType {
-    /// As `geometry_msgs::msg::dds_::WrenchStamped_`.
+    /// Name, such as `geometry_msgs::msg::dds_::WrenchStamped_`.
     pub name: &'static str,
     /// `RIHS01_` and the hash, the same in all releases since Iron.
     pub hash: &'static str,
 }
 
 impl MessageType {
-    /// Nothing when a key of the other side ends in this type's hash.
+    /// Checks that a key of the other side ends in this type's hash.
     ///
     /// # Errors
-    /// The hash that is expected, and the remedy.
+    /// Another hash.
     pub fn check_hash(self, key: &str) -> Result<(), String> {
         if key.ends_with(self.hash) {
             return Ok(());
@@ -52,7 +52,7 @@ pub const TRIGGER: MessageType = MessageType {
     name: "std_srvs::srv::dds_::Trigger_",
     hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
 };
-/// `softtwin_interfaces/srv/WhatIf`, our own: clients/ros2/softtwin_interfaces.
+/// `softtwin_interfaces/srv/WhatIf`; see clients/ros2/softtwin_interfaces.
 pub const WHAT_IF: MessageType = MessageType {
     name: "softtwin_interfaces::srv::dds_::WhatIf_",
     hash: "RIHS01_9f2ac41aea00462ce74df4a6e79b64f152cb2f5a016da59b01275b0881aff29c",

@@ -9,13 +9,13 @@ fn the_bytes_are_those_of_another_writer() {
 }
 
 #[test]
-fn a_request_without_its_head_is_none_and_an_absent_twin_is_said() {
+fn a_malformed_request_has_no_answer_and_an_absent_twin_is_a_failure() {
     let ros =
         Ros2 { domain_id: 0, node: "softtwin".into(), models: Vec::new().into(), marker_full_scale_mpa: 0.5 };
     for request in [&[][..], &[0, 1, 0], &[0, 0, 0, 0, 0]] {
-        assert!(answer(request, &ros, "finger", None, None).is_none(), "{request:?}");
+        assert!(answer(request, &ros, "finger", None).is_none(), "{request:?}");
     }
-    let found = answer(&[0, 1, 0, 0, 0], &ros, "finger", None, None).unwrap();
+    let found = answer(&[0, 1, 0, 0, 0], &ros, "finger", None).unwrap();
     assert_eq!(found[4], 0, "success");
     assert!(String::from_utf8_lossy(&found[12..]).starts_with("no state of finger"));
 }

@@ -1,4 +1,4 @@
-//! What `test_ros2_golden.py` has `rosbags` write, kept as hexadecimal digits.
+//! Messages that `rosbags` writes (test_ros2_golden.py), as hexadecimal digits.
 
 /// The bytes of a file of digits.
 pub fn bytes(digits: &str) -> Vec<u8> {

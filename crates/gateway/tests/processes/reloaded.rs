@@ -1,11 +1,11 @@
-//! SIGHUP: the configuration is read again, with users; a wrong one is refused and the old one stays. `softtwin doctor` checks it.
+//! SIGHUP: the configuration is read again, with users; an invalid one is refused and the old one stays. `softtwin doctor` checks it.
 
 use crate::common::{FAST_SINE, client, far_end, free_port, gateway, join, json_of, subscribe, wait_sample};
 use serde_json::json;
 use std::os::unix::fs::PermissionsExt;
 use tests::{Program, Stage};
 
-/// Of Linux.
+/// Linux signal numbers.
 const SIGHUP: i32 = 1;
 
 #[test]
@@ -37,7 +37,7 @@ fn a_reload_takes_the_new_configuration_or_keeps_the_old_one() {
     }
     stage.write("gateway.toml", &config(second, "two"));
     gateway.signal(SIGHUP);
-    gateway.wait_for("reloaded: connecting anew");
+    gateway.wait_for("reloaded: reconnecting");
     gateway.wait_for("ready:");
     let session = far_end(second);
     let after = subscribe(&session, "*/softtwin/finger/state");
@@ -76,7 +76,7 @@ fn users_are_read_again() {
     assert!(is_let_in("anna") && !is_let_in("bob"));
     users("bob:right\n");
     gateway.signal(SIGHUP);
-    gateway.wait_for("reloaded: connecting anew");
+    gateway.wait_for("reloaded: reconnecting");
     gateway.wait_for("ready:");
     assert!(is_let_in("bob") && !is_let_in("anna"));
 }

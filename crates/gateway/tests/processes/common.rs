@@ -1,4 +1,4 @@
-//! What the gateway's stories share: gateways as real processes, and a far end that knows nothing of us.
+//! Gateways as real processes, and a plain Zenoh client (the far end).
 
 use serde_json::{Value, json};
 use std::net::TcpListener;
@@ -14,7 +14,7 @@ rate_hz = 500.0
 gap_mm = 30.0
 profile = { shape = "sine", mean_mpa = 0.035, amplitude_mpa = 0.03, frequency_hz = 2.0 }"#;
 
-/// A port that nobody listens on.
+/// A free TCP port.
 pub fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a free port").port()
 }
@@ -37,8 +37,8 @@ pub fn gateway_in(stage: &Stage, config: &str, environment: &[(&str, String)]) -
     started(stage, config, &settings, "")
 }
 
-/// A gateway with a metrics page at this address.
-pub fn gateway_with_page(stage: &Stage, config: &str, address: &str) -> Program {
+/// A gateway with a metrics endpoint at this address.
+pub fn gateway_with_metrics(stage: &Stage, config: &str, address: &str) -> Program {
     let mut gateway = started(stage, config, "", &format!("--metrics {address}"));
     gateway.wait_for("ready:");
     gateway
@@ -49,7 +49,7 @@ fn started(stage: &Stage, config: &str, settings: &str, options: &str) -> Progra
     Program::shell(stage, &format!("{settings}exec softtwin-gateway --config {path} {options}"))
 }
 
-/// The settings of a plain client of somebody who listens there.
+/// Settings of a plain Zenoh client of this endpoint.
 pub fn client(endpoint: &str) -> Value {
     json!({
         "mode": "client",
@@ -58,7 +58,7 @@ pub fn client(endpoint: &str) -> Value {
     })
 }
 
-/// Opens a session; an error is the test's to judge.
+/// Opens a session.
 pub fn join(settings: &Value) -> zenoh::Result<Session> {
     zenoh::open(zenoh::Config::from_json5(&settings.to_string())?).wait()
 }
@@ -71,7 +71,6 @@ pub fn far_end(port: u16) -> Session {
 /// Subscribes; samples come out of the channel until it is dropped.
 pub fn subscribe(session: &Session, key: &str) -> Receiver<Sample> {
     let (sender, receiver) = channel();
-    // Who dropped the receiver wants no more.
     let take = move |sample| drop(sender.send(sample));
     session.declare_subscriber(key).callback(take).background().wait().expect("a subscription");
     receiver
@@ -102,7 +101,7 @@ pub fn json_of(sample: &Sample) -> Value {
     serde_json::from_slice(&sample.payload().to_bytes()).expect("JSON")
 }
 
-/// Asks once: the reply, or the text of the refusal; `None`: nobody answered.
+/// Sends one query: the reply or the refusal; `None` without an answer.
 pub fn get(session: &Session, selector: &str) -> Option<Result<Sample, String>> {
     let replies = session.get(selector).timeout(Duration::from_secs(5)).wait().expect("a question");
     let reply = replies.recv().ok()?;
@@ -111,7 +110,7 @@ pub fn get(session: &Session, selector: &str) -> Option<Result<Sample, String>> 
     )
 }
 
-/// Asks again and again until the answer satisfies `wanted`.
+/// Repeats a query until the answer satisfies `wanted`.
 pub fn get_until<T>(
     session: &Session,
     selector: &str,

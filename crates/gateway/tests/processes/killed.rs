@@ -1,4 +1,4 @@
-//! The gateway killed at its system calls: the next one starts, nothing is left, and the twin beside it goes on.
+//! A gateway killed at any system call: the next one starts, no files are left, and the twin continues.
 
 use crate::common::{FAST_SINE, free_port};
 use tests::kills::Subject;
@@ -12,7 +12,7 @@ fn a_gateway_killed_at_any_call_disturbs_nobody() {
     let (_twin, _bridge) = (Program::twin(&stage, &scene), Program::bridge(&stage, &scene));
     let bus = stage.bus();
     let states = states(&bus);
-    wait_state(&states, "a fresh state", fresh);
+    wait_state(&states, "a state", fresh);
     let config = format!("listen = [\"tcp/127.0.0.1:{}\"]\n", free_port());
     let config = stage.write("gateway.toml", &config).display().to_string();
     let command = vec!["softtwin-gateway", "--config", &config];
