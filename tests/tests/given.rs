@@ -158,10 +158,9 @@ fn queries_take_parameters_and_return_their_gradients() {
     // A parameter's name needs no dot. The refusal contains the nearest known name.
     for name in ["mu_mpa", "elastomer.law.mu", "elastomr.law.mu_mpa"] {
         let question = format!("softtwin/finger/whatif?pressure_mpa=0.06;gap_mm=40;{name}=0.9");
-        let nearest = format!("`{name}`: did you mean {STIFFNESS}?");
         for form in [&["get", &question][..], &["get", &question, "--json"]] {
             let (code, said) = run(&stage, form);
-            assert!(code == Some(1) && said.contains(&nearest), "{form:?}: {said}");
+            assert!(code == Some(1) && said.contains(STIFFNESS), "{form:?}: {said}");
         }
     }
     let text =
@@ -177,5 +176,5 @@ fn unknown_given_parameter_is_refused_with_the_nearest_name() {
     let path = scene(&stage, "\"elastomer.law.mu\" = 0.72").display().to_string();
     let (status, said) = Program::daemon(&stage, &["twin", "--scene", &path]).ended();
     let said = said.join("\n");
-    assert!(status.code() == Some(78) && said.contains("did you mean") && said.contains(STIFFNESS), "{said}");
+    assert!(status.code() == Some(78) && said.contains(STIFFNESS), "{said}");
 }

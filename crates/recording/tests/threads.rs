@@ -20,7 +20,7 @@ fn end_of(work: impl FnOnce(&StopFlag) -> ThreadResult + Send + 'static) -> Thre
     group.start("healthy", healthy).unwrap();
     group.start("softtwin/finger/sensor", work).unwrap();
     while !stop.load(Ordering::Acquire) {
-        std::thread::yield_now();
+        std::thread::sleep(Duration::from_millis(2));
     }
     assert_eq!(group.check(), Err(group.check().unwrap_err()));
     group.end().unwrap_err()

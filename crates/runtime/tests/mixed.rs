@@ -73,7 +73,7 @@ fn wait_until(what: &str, is_so: impl Fn() -> bool) {
     let end = Instant::now() + PATIENCE;
     while !is_so() {
         assert!(Instant::now() < end, "{what} within {PATIENCE:?}");
-        thread::yield_now();
+        thread::sleep(Duration::from_millis(2));
     }
 }
 
@@ -497,7 +497,7 @@ fn two_actuators_read_the_same_lines() {
     let board = thread::spawn(move || {
         while stopped.try_recv() != Err(std::sync::mpsc::TryRecvError::Disconnected) {
             sender.send_to(b"0.01; 0.02\n0.01; 0.02", address).unwrap();
-            thread::yield_now();
+            thread::sleep(Duration::from_millis(2));
         }
     });
     for (source, expected) in sources.iter_mut().zip([0.01, 0.02]) {

@@ -164,7 +164,7 @@ fn a_killed_run_loses_nothing_and_does_nothing_twice() {
     while place.states("db/states").len() < 3 {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it could be killed");
         assert!(began.elapsed() < DEADLINE, "no state within {DEADLINE:?}");
-        std::thread::yield_now();
+        std::thread::sleep(Duration::from_millis(2));
     }
     child.kill().unwrap(); // SIGKILL: nothing of its own runs any more
     child.wait().unwrap();

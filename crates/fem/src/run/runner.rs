@@ -14,36 +14,36 @@ use crate::state::State;
 use formats::FormatError;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// What happens during a run, for progress bars and logs.
+/// Event of a run, for progress bars and logs.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The case was found among the checkpoints.
     Reused(&'a Case),
     /// The case is solved.
     Solved(&'a Case, &'a Solved),
-    /// The case failed; `again` says whether it will be tried from another state.
+    /// The case failed.
     Failed {
         /// The case.
         case: &'a Case,
-        /// Why.
+        /// Reason.
         reason: &'a str,
-        /// Whether it will be tried again.
+        /// True if it will be tried from another state.
         again: bool,
     },
 }
 
-/// What came of a run.
+/// Result of a run.
 #[derive(Debug, Default)]
 pub struct Outcome {
     /// Index in the list and state, in the list's order.
     pub solved: Vec<(usize, Arc<Solved>)>,
-    /// How many of them were checkpoints.
+    /// Number of them that were checkpoints.
     pub reused: usize,
     /// Index in the list and reason.
     pub failed: Vec<(usize, String)>,
 }
 
-/// Why a run could not go on at all.
+/// Error that ends a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// A checkpoint could not be written.
@@ -55,12 +55,12 @@ pub enum RunError {
     /// The factor does not fit into memory.
     #[error(transparent)]
     Memory(#[from] LinearError),
-    /// A case has parameters that cannot be had.
+    /// A case has invalid parameters.
     #[error("case {case}: {reason}")]
     Variant {
         /// The case.
         case: String,
-        /// Why.
+        /// Reason.
         reason: VariantError,
     },
     /// A state's derivatives could not be computed.
@@ -68,7 +68,7 @@ pub enum RunError {
     Derivatives {
         /// The case.
         case: String,
-        /// Why.
+        /// Reason.
         reason: Box<DerivativeError>,
     },
 }
@@ -77,15 +77,15 @@ pub enum RunError {
 pub struct Run<'a> {
     /// The actuator and its variants.
     pub family: &'a Family,
-    /// Where states are kept.
+    /// Checkpoints.
     pub store: Store,
     /// Cases solved at the same time, 1 or more; about 1 GB each.
     pub threads: usize,
-    /// Whether derivatives by all inputs are kept with each state.
+    /// True to store derivatives with respect to all inputs with each state.
     pub sensitivities: bool,
 }
 
-/// A case with what follows from its row.
+/// Case with the variant, loads and starts of its row.
 pub(super) struct Task<'a> {
     pub(super) case: &'a Case,
     pub(super) variant: Variant,
@@ -94,14 +94,14 @@ pub(super) struct Task<'a> {
     pub(super) starts: Vec<Start>,
 }
 
-/// What threads share.
+/// State shared by the threads.
 struct Shared {
     board: Board,
     outcome: Outcome,
     broken: Option<RunError>,
 }
 
-/// A list ready to be worked on.
+/// List in work.
 struct Work<'a> {
     run: &'a Run<'a>,
     tasks: Vec<Task<'a>>,
@@ -116,7 +116,7 @@ impl Run<'_> {
     /// number of threads. `notify` is called from any thread, one call at a time.
     ///
     /// # Errors
-    /// [`RunError`] where nothing more can be done; what was solved is kept.
+    /// [`RunError`]; solved states are kept.
     pub fn solve(&self, cases: &[Case], notify: &(dyn Fn(Event<'_>) + Sync)) -> Result<Outcome, RunError> {
         let tasks = self.tasks(cases)?;
         let mut board = Board::new(tasks.iter().map(|task| task.starts.clone()).collect());
@@ -149,8 +149,7 @@ impl Run<'_> {
         Ok(outcome)
     }
 
-    /// A solved case's derivatives, inputs as its row has them; empty where there are none to have, none where they were
-    /// not computed.
+    /// Derivatives of a solved case, in the order of its inputs; empty if they are undefined, `None` if they were not computed.
     #[must_use]
     pub fn derivatives(&self, case: &Case) -> Option<Vec<super::Derivative>> {
         let variant = self.family.variant(&case.settings).ok()?;
@@ -175,7 +174,7 @@ impl Run<'_> {
         rows.map(task).collect()
     }
 
-    /// A case's state where it is solved, and its derivatives with it where they are wanted.
+    /// Stored state of a case; `None` also if required derivatives are missing.
     fn stored(&self, task: &Task<'_>) -> Option<Arc<Solved>> {
         let solved = task.store.load(&task.load, self.sizes())?;
         let whole = !self.sensitivities
@@ -183,7 +182,7 @@ impl Run<'_> {
         whole.then(|| Arc::new(solved))
     }
 
-    /// The actuator as its file has it under gravity alone, from its checkpoint where there is one.
+    /// Nominal actuator under gravity alone, from its checkpoint if there is one.
     fn rest(&self) -> Result<Solved, RunError> {
         let load = self.family.actuator.load(0.0, None);
         if let Some(solved) = self.store.load(&load, self.sizes()) {
@@ -204,7 +203,7 @@ impl Run<'_> {
     }
 }
 
-/// The bodies between two variants.
+/// Bodies between two variants.
 struct Between<'a> {
     family: &'a Family,
     from: &'a Variant,
@@ -213,11 +212,11 @@ struct Between<'a> {
 }
 
 impl Bodies for Between<'_> {
-    fn at(&self, share: f64) -> Result<Arc<Problem>, VariantError> {
-        if share >= 1.0 || self.from == self.to {
+    fn at(&self, fraction: f64) -> Result<Arc<Problem>, VariantError> {
+        if fraction >= 1.0 || self.from == self.to {
             return Ok(Arc::clone(&self.end));
         }
-        self.family.problem_of(&self.family.between(self.from, self.to, share))
+        self.family.problem_of(&self.family.between(self.from, self.to, fraction))
     }
 }
 
@@ -322,7 +321,7 @@ impl Work<'_> {
     }
 }
 
-/// The part of a state that is stored.
+/// Stored part of a state.
 fn describe(solver: &mut Solver, state: State, report: Report) -> Solved {
     let output = solver.output(&state);
     Solved {
@@ -335,7 +334,7 @@ fn describe(solver: &mut Solver, state: State, report: Report) -> Solved {
     }
 }
 
-/// What tells one problem from another: blake3 of the formulation's version, the mesh and the configuration.
+/// Fingerprint of a problem: blake3 of the formulation's version, the mesh and the configuration.
 #[must_use]
 pub fn fingerprint(problem: &Problem) -> [u8; 32] {
     let mesh = problem.mesh();
