@@ -83,53 +83,6 @@ fn twin_loop_allocates_only_the_transports_sample_handles() {
     assert_eq!(health.count(wire::Outcome::Published), 360);
 }
 
-/// Readings that come at a steady rate from another thread: the loop sleeps, spins and is woken, and allocates no more.
-#[test]
-fn a_loop_that_spins_for_expected_readings_allocates_nothing_for_it() {
-    let stage = Stage::new("allocspin");
-    let path = stage.finger("kind = \"simulate\"");
-    let scene = Scene::load(&path).unwrap();
-    let bus = stage.bus();
-    let (events, _reporter) = event_channel();
-    let mut settings = Settings::default();
-    settings.realtime.spin_share = 0.2;
-    let mut twin = Twin::start(&bus, load_scene(&scene, &path).unwrap(), &settings, &events).unwrap();
-    let domain = stage.domain();
-    let sender = std::thread::spawn(move || {
-        let bus = wire::Bus::open(&domain).unwrap();
-        let mut sensor = SensorWriter::create(&bus, &Topic::sensor("finger").unwrap()).unwrap();
-        for seq in 1..=600 {
-            let t_sensor_ns = now_ns();
-            let sample = SensorSample {
-                boot_id: 5,
-                seq,
-                t_sensor_ns,
-                pressure_mpa: 0.03,
-                gap_mm: 30.0,
-                ..Default::default()
-            };
-            sensor.publish(sample).unwrap();
-            std::thread::sleep(Duration::from_millis(2)); // the rate
-        }
-    });
-    let of = |health: &wire::Health| health.states_sent + health.fields_sent + health.seq;
-    let sent = |twin: &Twin| twin.health().map(of).sum::<u64>();
-    let received = |twin: &Twin| twin.health().map(|health| health.received).sum::<u64>();
-    // The first turns connect the ports.
-    while received(&twin) < 50 {
-        twin.turn(Duration::from_millis(100));
-    }
-    let (sent_before, allocations_before) = (sent(&twin), COUNT.get());
-    while received(&twin) < 600 {
-        twin.turn(Duration::from_millis(100));
-    }
-    let allocations = COUNT.get() - allocations_before;
-    sender.join().unwrap();
-    let counts = twin.spin_counts().expect("it spins");
-    assert!(counts.caught > 0, "{counts:?}");
-    assert_eq!(allocations, sent(&twin) - sent_before, "the transport's handles of loaned samples");
-}
-
 /// The bridge's loop asks its sources: what several sensors have said becomes readings without an allocation.
 #[test]
 fn source_of_several_sensors_does_not_allocate() {

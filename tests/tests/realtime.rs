@@ -81,20 +81,6 @@ fn missing_right_warns_or_ends_as_configured() {
 }
 
 #[test]
-fn a_share_of_a_core_beyond_the_largest_is_refused() {
-    let stage = Stage::new("share");
-    for share in ["0.6", "-0.1", "nan"] {
-        let (scene, settings) = files(&stage, &format!("spin_share = {share}"));
-        let arguments =
-            ["twin", "--scene", &scene.display().to_string(), "--config", &settings.display().to_string()];
-        let (status, said) = Program::daemon(&stage, &arguments).ended();
-        assert_eq!(status.code(), Some(78), "{said:?}");
-        let expected = "realtime.spin_share: expected 0 (off) to 0.5";
-        assert!(said.iter().any(|line| line.contains(expected)), "{said:?}");
-    }
-}
-
-#[test]
 fn busy_polling_twin_publishes_the_same_states() {
     let stage = Stage::new("spin");
     let twin = start(&stage, "busy_poll = true");

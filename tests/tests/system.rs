@@ -5,7 +5,6 @@ mod clients;
 mod control;
 mod daemons;
 mod estimate;
-mod expecting;
 mod faults;
 mod given;
 mod gripper;

@@ -1,6 +1,5 @@
-/* Latency of states (or whole fields: second argument `field`) from publish to here, as one JSON object. Woken by event; with a share
- * of a core as the fourth argument it spins before each expected sample, at most for that share.
- *   cc latency.c $(pkg-config --cflags --libs softtwin) -o latency && ./latency 10 field finger 0.2
+/* Latency of states (or whole fields: second argument `field`) from publish to here, as one JSON object. Woken by event.
+ *   cc latency.c $(pkg-config --cflags --libs softtwin) -o latency && ./latency 10 field finger
  */
 #include <softtwin.h>
 #include <stdio.h>
@@ -22,7 +21,6 @@ int main(int argc, char **argv) {
     double seconds = argc > 1 ? atof(argv[1]) : 10.0;
     int whole = argc > 2 && strcmp(argv[2], "field") == 0;
     const char *actuator = argc > 3 ? argv[3] : "finger";
-    double share = argc > 4 ? atof(argv[4]) : 0.0;
     size_t room = (size_t)(seconds * 10000) + 1000, count = 0;
     uint64_t *latency = malloc(room * sizeof *latency), last = 0, lost = 0;
     softtwin_bus *bus = NULL;
@@ -32,7 +30,6 @@ int main(int argc, char **argv) {
     check(softtwin_bus_open(NULL, NULL, &bus));
     if (whole) check(softtwin_field_reader_open(bus, actuator, NULL, &fields));
     else check(softtwin_state_reader_open(bus, actuator, &states));
-    check(whole ? softtwin_field_reader_spin(fields, share) : softtwin_state_reader_spin(states, share));
 
     uint64_t begin = softtwin_now_ns(), end = begin + (uint64_t)(seconds * 1e9);
     while (softtwin_now_ns() < end && count < room) {

@@ -120,9 +120,6 @@ softtwin_status softtwin_reader_open(softtwin_bus *bus, const char *name, const 
  *  not wake this reader, which costs the sender next to nothing; for loops with a clock of their own. */
 softtwin_status softtwin_reader_attach(softtwin_bus *bus, const char *name, const char *kind, const char *node_set,
                                        int wakes, softtwin_reader **out);
-/** Reads that wait are awake when a sample comes that can be expected: they sleep until shortly before and spin from then on, for at
- *  most `share` of a core (0, the default: never; at most 0.5). Samples that come irregularly or at less than 50 Hz wake them. */
-softtwin_status softtwin_reader_spin(softtwin_reader *reader, double share);
 /** How many samples were read, and how many were sent and never read: overwritten before, or passed over for a newer one. */
 softtwin_status softtwin_reader_counts(softtwin_reader *reader, uint64_t *received, uint64_t *lost);
 /** Copies the oldest waiting sample (`newest` not 0: the newest) to `payload` of `size` bytes. Waits for one at most
@@ -203,7 +200,7 @@ softtwin_status softtwin_model_predict(const softtwin_model *model, const double
 void softtwin_model_close(softtwin_model *model);
 
 /* Readers of one kind: softtwin_state_reader_open(bus, actuator, &reader), ..._next and ..._newest(reader, timeout_ms,
- * &state), ..._spin, ..._close. The handles are readers under a name of their own, so that a compiler refuses the wrong payload. */
+ * &state), ..._close. The handles are readers under a name of their own, so that a compiler refuses the wrong payload. */
 #define SOFTTWIN_READER_(kind, payload)                                                                                  \
   typedef struct softtwin_##kind##_reader softtwin_##kind##_reader;                                                      \
   static inline softtwin_status softtwin_##kind##_reader_open(softtwin_bus *bus, const char *name,                       \
@@ -220,9 +217,6 @@ void softtwin_model_close(softtwin_model *model);
   static inline softtwin_status softtwin_##kind##_reader_newest(softtwin_##kind##_reader *reader, int64_t timeout_ms,    \
                                                                 payload *out) {                                          \
     return softtwin_reader_read((softtwin_reader *)reader, 1, timeout_ms, out, sizeof *out);                             \
-  }                                                                                                                      \
-  static inline softtwin_status softtwin_##kind##_reader_spin(softtwin_##kind##_reader *reader, double share) {          \
-    return softtwin_reader_spin((softtwin_reader *)reader, share);                                                       \
   }                                                                                                                      \
   static inline void softtwin_##kind##_reader_close(softtwin_##kind##_reader *reader) {                                  \
     softtwin_reader_close((softtwin_reader *)reader);                                                                    \
@@ -258,10 +252,6 @@ static inline softtwin_status softtwin_field_reader_next(softtwin_field_reader *
 static inline softtwin_status softtwin_field_reader_newest(softtwin_field_reader *reader, int64_t timeout_ms,
                                                            softtwin_field **out) {
   return softtwin_reader_read_field((softtwin_reader *)reader, 1, timeout_ms, out);
-}
-/** As softtwin_reader_spin. */
-static inline softtwin_status softtwin_field_reader_spin(softtwin_field_reader *reader, double share) {
-  return softtwin_reader_spin((softtwin_reader *)reader, share);
 }
 /** Ends a reader. */
 static inline void softtwin_field_reader_close(softtwin_field_reader *reader) {

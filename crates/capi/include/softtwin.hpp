@@ -97,8 +97,6 @@ public:
     std::optional<Payload> next(std::chrono::milliseconds timeout) { return read(0, timeout); }
     /// As next, with the newest waiting sample.
     std::optional<Payload> newest(std::chrono::milliseconds timeout) { return read(1, timeout); }
-    /// Waits are awake when a sample is expected, for at most this share of a core, see softtwin_reader_spin.
-    void spin(double share) { check(softtwin_reader_spin(reader_.get(), share)); }
 
 private:
     std::optional<Payload> read(int newest, std::chrono::milliseconds timeout) {
@@ -158,8 +156,6 @@ public:
         : reader_(detail::open_reader(bus, actuator, "field", node_set.empty() ? nullptr : node_set.c_str())) {}
     std::optional<Field> next(std::chrono::milliseconds timeout) { return read(0, timeout); }
     std::optional<Field> newest(std::chrono::milliseconds timeout) { return read(1, timeout); }
-    /// As PayloadReader's.
-    void spin(double share) { check(softtwin_reader_spin(reader_.get(), share)); }
 
 private:
     std::optional<Field> read(int newest, std::chrono::milliseconds timeout) {

@@ -7,12 +7,12 @@ use std::cell::RefCell;
 use std::ffi::{c_char, c_int, c_void};
 use std::mem::MaybeUninit;
 use std::time::{Duration, Instant};
-use wire::{AnyReader, AnySample, FieldHeader, FieldSample, SpinWait, Topic, Wakeable, Waking};
+use wire::{AnyReader, AnySample, FieldHeader, FieldSample, Topic, WakeSet, Wakeable, Waking};
 
 /// A reader of one topic.
 pub struct softtwin_reader {
     reader: AnyReader,
-    wait: SpinWait,
+    wait: WakeSet,
     counts: Counts,
 }
 
@@ -43,12 +43,8 @@ pub struct softtwin_field(FieldSample);
 
 impl softtwin_reader {
     fn new(reader: AnyReader) -> Self {
-        let wait = SpinWait::new([&reader as &dyn Wakeable], 0.0);
+        let wait = WakeSet::new([&reader as &dyn Wakeable]);
         Self { reader, wait, counts: Counts::default() }
-    }
-
-    fn spin(&mut self, share: f64) {
-        self.wait = SpinWait::new([&self.reader as &dyn Wakeable], share);
     }
 
     /// What a waiter waits for.
@@ -70,7 +66,7 @@ impl softtwin_reader {
             if left.is_zero() {
                 return Err(Failure::Timeout);
             }
-            self.wait.wait(left, |_| self.reader.has_next())?;
+            self.wait.wait(left)?;
         }
     }
 }
@@ -140,24 +136,6 @@ unsafe fn topic_of(name_: *const c_char, kind: *const c_char, set: *const c_char
         Some(set) => Ok(Topic::field(owner, Some(set))?),
         None => topic(owner, kind),
     }
-}
-
-/// Reads that wait are awake when a sample comes that can be expected: they sleep until shortly before and spin from then on, for at
-/// most `share` of a core (0, the default: never; at most 0.5). Where samples come irregularly or at less than 50 Hz they sleep.
-///
-/// # Safety
-/// `reader` is live and used by its own thread.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn softtwin_reader_spin(reader: *mut softtwin_reader, share: f64) -> softtwin_status {
-    call(|| {
-        if !(0.0..=SpinWait::MAX_SHARE).contains(&share) {
-            let most = SpinWait::MAX_SHARE;
-            return Err(argument(&format!("a share of {share} of a core: expected 0 (never) to {most}")));
-        }
-        // SAFETY: by the caller's promise.
-        unsafe { handle(reader) }?.spin(share);
-        Ok(())
-    })
 }
 
 /// How many samples were read, and how many were sent and never read because they were overwritten before (or passed over by

@@ -44,15 +44,6 @@ impl HysteresisEvaluator {
         RegimeLabel { regime, held }
     }
 
-    /// Evaluates the inputs of `out` once more, with the coefficients where `complete`: `out` gets the values that it has, without what was added
-    /// to them since, and what the next evaluation reads is in the caches. The label's memory stays.
-    pub fn repeat(&self, complete: bool, out: &mut Evaluation) {
-        self.evaluator.state(out.inputs, out);
-        if complete {
-            self.evaluator.complete(out);
-        }
-    }
-
     /// As [`Evaluator::complete`].
     pub fn complete(&self, out: &mut Evaluation) {
         self.evaluator.complete(out);

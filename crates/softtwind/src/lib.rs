@@ -19,7 +19,6 @@ pub mod text;
 
 mod bridge;
 mod bridge_reload;
-mod exclusive;
 mod files;
 mod metrics;
 mod options;
@@ -27,19 +26,15 @@ mod reload;
 mod reporter;
 mod side_services;
 mod sources;
-mod take_over;
 mod twin;
 
 use clap::{CommandFactory, Parser};
 use runtime::config::ConfigError;
 use runtime::service;
 use std::process::ExitCode;
-use take_over::Ended;
 
 /// Run-time failure.
 const EXIT_FAILURE: u8 = 1;
-/// Another twin has taken over: starting again would only be refused.
-const EXIT_REPLACED: u8 = 3;
 /// Configuration: no restart will cure it (`EX_CONFIG`, see `RestartPreventExitStatus` in the units).
 const EXIT_CONFIG: u8 = 78;
 
@@ -54,12 +49,11 @@ pub fn main() -> ExitCode {
     let options = options::Options::parse(); // clap itself leaves with 2 on wrong usage
     service::start_logging("info");
     let ended = match options.command {
-        options::Command::Bridge(options) => bridge::run(&options).map(|()| Ended::Stopped),
+        options::Command::Bridge(options) => bridge::run(&options),
         options::Command::Twin(options) => twin::run(&options),
     };
     match ended {
-        Ok(Ended::Stopped) => ExitCode::SUCCESS,
-        Ok(Ended::Replaced) => ExitCode::from(EXIT_REPLACED),
+        Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             tracing::error!("{error:#}");
             let configuration = error.chain().any(|cause| cause.is::<ConfigError>());

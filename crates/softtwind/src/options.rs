@@ -11,15 +11,12 @@ Examples (two terminals):
   softtwind bridge --scene config/scenes/finger.toml";
 
 const CODES: &str = "\
-Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 3 another twin has taken over, \
-78 configuration. RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly, SIGHUP makes a twin read its scene and models \
+Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 78 configuration. RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly, SIGHUP makes a twin read its scene and models \
 again, and a bridge its scene: sources that have changed are replaced.";
 
 const TWIN: &str = "\
 Examples:
-  softtwind twin --scene config/scenes/finger.toml
-Replace a running twin by this version, without a gap:
-  softtwind twin --scene config/scenes/finger.toml --take-over";
+  softtwind twin --scene config/scenes/finger.toml";
 
 const BRIDGE: &str = "\
 Examples:
@@ -102,9 +99,6 @@ pub struct TwinOptions {
     /// Settings file: limits and real time [default: built-in, see config/twin.toml]
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Take the topics over from the twin that serves this scene, with at most one reading's delay; without one, as without it
-    #[arg(long)]
-    pub take_over: bool,
     /// Use this model instead of the scene's (scenes with one actuator)
     #[arg(long, value_name = "TWIN")]
     pub model: Option<PathBuf>,

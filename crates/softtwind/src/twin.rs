@@ -1,27 +1,20 @@
 //! `softtwind twin`: readings to states and fields.
 
-use crate::exclusive::ExclusiveServices;
 use crate::options::TwinOptions;
 use crate::side_services::SideServices;
-use crate::take_over::{Ended, TakeOver};
-use crate::{files, reload, reporter};
+use crate::{files, metrics, reload, reporter};
 use anyhow::Context;
 use runtime::config::{ConfigError, OnMissingRights, Scene, Settings};
 use runtime::load::{Loaded, load_scene};
 use runtime::thread_group::ThreadGroup;
 use runtime::twin::{Twin, event_channel};
-use runtime::wire::{Bus, Health, Outcome, SpinCounts, SpinWait, layout};
+use runtime::wire::{Bus, Health, Outcome, layout};
 use runtime::{realtime, service};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
-use std::sync::mpsc::channel;
-use std::time::{Duration, Instant};
 
-/// How long a twin that takes over waits for the other one to give its topics, and to end.
-const PATIENCE: Duration = Duration::from_secs(10);
-
-/// Runs until a signal comes, or until another twin takes over.
-pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
+/// Runs until a signal comes.
+pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     tracing::info!("softtwind twin {}", env!("CARGO_PKG_VERSION"));
     let settings = options.config.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
     let scene = configure(options)?;
@@ -38,10 +31,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
     let domain = options.domain.domain();
     let bus = Bus::open(&domain)?;
     let (sender, events) = event_channel();
-    let enter = if options.take_over { Twin::stand_by } else { Twin::start };
-    let mut twin = enter(&bus, loaded, &settings, &sender)?;
-    let topics = twin.state_topics();
-    let replaced = TakeOver::new(bus.take_over_watch(&topics));
+    let mut twin = Twin::start(&bus, loaded, &settings, &sender)?;
     let progress = Arc::new(AtomicU64::new(0));
     let (inbox, loader) = reload::pair();
     let reload = service::reload_flag().context("cannot listen for signals")?;
@@ -54,62 +44,25 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<Ended> {
         Ok(())
     })?;
     group.start(files::NAME, move |end| files::watch(&own_files, end))?;
-    let looking = replaced.clone();
-    group.start("take-over", move |end| {
-        looking.look(end);
+    let listener = options.metrics.open()?;
+    let metrics_domain = domain.clone();
+    runtime::metrics::start(&mut group, listener, move || metrics::twins(&metrics_domain, &shown))?;
+    let services = side_services.start(&mut group, &domain)?;
+    let reread_options = options.clone();
+    group.start("loader", move |end| {
+        loader.run(&reload, end, &services, || reread(&reread_options));
         Ok(())
     })?;
-    let metrics = options.metrics.clone();
-    let mut exclusive = Some(ExclusiveServices { metrics, shown, services: side_services, domain, topics });
-    let started =
-        exclusive.take_if(|_| !options.take_over).map(|services| services.start(&mut group)).transpose()?;
-    let (place, services) = started.unzip();
-    let (taken, when_taken) = channel();
-    let (reread_options, program) = (options.clone(), stop.clone());
-    group.start("loader", move |end| {
-        let mut late = ThreadGroup::new(program);
-        let (_place, services) = match (services, exclusive) {
-            (Some(services), _) => (None, services),
-            (None, Some(exclusive)) if when_taken.recv().is_ok() => {
-                let (place, services) = exclusive.start(&mut late)?;
-                (Some(place), services)
-            }
-            _ => return Ok(()), // it could not take over
-        };
-        loader.run(&reload, end, &services, || reread(&reread_options));
-        Ok(late.end()?)
-    })?;
     let granted = prepare(&settings, &twin)?;
-    if options.take_over {
-        let refused = "the twin that runs did not give its topics: it serves other actuators, hangs, or is of a version that cannot; \
-                       stop it first";
-        twin.take_over(&bus, PATIENCE).context(refused)?;
-        twin.turn(Duration::ZERO); // readings wait: everything else comes after them
-        tracing::info!("the topics are taken over");
-        taken.send(())?;
-    }
-    replaced.begin();
     service::notify_ready(&format!("twin of scene {}: {}", scene.name, names.join(", ")));
-    let began = Instant::now();
-    twin.run(&stop, &progress, |twin| {
-        inbox.swap(twin);
-        replaced.give_way(twin, &stop);
-    });
+    twin.run(&stop, &progress, |twin| inbox.swap(twin));
     service::notify_stopping();
     drop(granted);
     group.end()?;
-    drop(place);
-    if let Some(counts) = twin.spin_counts() {
-        say_spins(&counts, began.elapsed());
-    }
     for (health, name) in twin.health().zip(&names) {
         tracing::info!("stopped: {name}: {}", summary(health));
     }
-    if replaced.is_replaced() {
-        tracing::info!("another twin has taken over");
-        return Ok(Ended::Replaced);
-    }
-    Ok(Ended::Stopped)
+    Ok(())
 }
 
 /// The scene with the command line's changes.
@@ -174,23 +127,11 @@ fn say_settings(settings: &Settings) {
     };
     let memory = if realtime.lock_memory { "memory locked" } else { "memory not locked" };
     let waits = if realtime.busy_poll {
-        "spins".to_owned()
-    } else if realtime.spin_share > 0.0 && SpinWait::is_possible() {
-        let percent = 100.0 * realtime.spin_share;
-        format!("sleeps, then spins before each expected one, at most {percent:.0} % of a core")
+        "spins"
     } else {
-        "sleeps until woken".to_owned()
+        "sleeps until woken"
     };
     tracing::info!("{scheduler}, {cores}, {memory}; between readings it {waits}");
-}
-
-/// What spinning for readings came to.
-fn say_spins(counts: &SpinCounts, ran: Duration) {
-    let SpinCounts { caught, before, in_vain, spun_ns } = counts;
-    let percent = 100.0 * *spun_ns as f64 / ran.as_nanos() as f64;
-    tracing::info!(
-        "spun {percent:.1} % of a core for expected readings: {caught} came meanwhile, {before} before, {in_vain} spins in vain"
-    );
 }
 
 fn describe(loaded: &Loaded) {

@@ -8,7 +8,7 @@
 //! 2. a [`Topic`], `softtwin/<actuator>/sensor|field|field/<set>|state|health|estimate|command|setpoint|override|valve` or `softtwin/<scene>/grasp`,
 //! 3. a typed port: [`SensorWriter`], [`SensorReader`], [`FieldWriter`], [`FieldReader`], [`StateWriter`],
 //!    [`StateReader`], [`HealthWriter`], [`HealthReader`],
-//! 4. a [`WakeSet`] to sleep until one of several readers has something, or a [`SpinWait`], which is awake when it comes.
+//! 4. a [`WakeSet`] to sleep until one of several readers has something.
 //!
 //! Questions that no topic answers go through a [`QueryClient`]; [`Selector`] is their text form.
 //!
@@ -32,7 +32,6 @@ mod own_files;
 mod port;
 pub mod qos;
 mod selector;
-mod spin;
 mod topic;
 mod transport;
 mod wake;
@@ -52,11 +51,9 @@ pub use own_files::OwnFiles;
 pub use port::{
     AnswerSample, AnyReader, AnySample, CommandReader, CommandWriter, EstimateReader, EstimateWriter,
     FieldLoan, FieldReader, FieldSample, FieldWriter, GraspReader, GraspWriter, HealthReader, HealthWriter,
-    Held, HeldWatch, QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader,
-    SetpointWriter, Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer, WriterRight,
-    take_rights, wait_for_rights,
+    QueryClient, QueryServer, Question, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter,
+    Stamp, StateReader, StateWriter, ValveReader, ValveWriter, Writer,
 };
 pub use selector::{Selector, SelectorError};
-pub use spin::{SpinCounts, SpinSources, SpinWait};
 pub use topic::{Topic, TopicKind};
 pub use wake::{Wake, WakeSet, Wakeable, Waker, Waking};

@@ -23,9 +23,8 @@ pub struct Qos {
     pub max_nodes: usize,
 }
 
-/// Writers' ports of a topic at the same time. Two, so that a program that takes over has its memory before the other one ends.
-/// Only one of them has the right to write (`port/writer_lock.rs`): two twins for one actuator would contradict each other.
-pub(crate) const MAX_WRITERS: usize = 2;
+/// Writers of a topic at the same time: two twins for one actuator would contradict each other.
+pub(crate) const MAX_WRITERS: usize = 1;
 
 /// The settings of a kind of topic.
 pub const fn of(kind: TopicKind) -> Qos {

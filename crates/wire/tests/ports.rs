@@ -7,8 +7,8 @@ use std::time::{Duration, SystemTime};
 use wire::layout::{field_id, flags, pack_name, unpack_name};
 use wire::{
     Bus, Domain, Estimate, EstimateReader, EstimateWriter, FieldHeader, FieldReader, FieldWriter, KeyExpr,
-    SensorReader, SensorSample, SensorWriter, SpinWait, State, StateReader, StateWriter, Topic, Wake,
-    WakeSet, Wakeable, Waking, WireError,
+    SensorReader, SensorSample, SensorWriter, State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable,
+    Waking, WireError,
 };
 
 /// A bus in a domain of its own that leaves nothing behind.
@@ -173,31 +173,6 @@ fn waits_end_by_event_or_timeout() {
         Wake::Timeout,
         "a notification that was taken must not wake again"
     );
-}
-
-#[test]
-fn a_wait_that_spins_ends_for_what_is_there_and_not_for_what_was_taken() {
-    let bus = bus();
-    let topic = Topic::sensor("finger").unwrap();
-    let mut writer = SensorWriter::create(&bus, &topic).unwrap();
-    let reader = SensorReader::open(&bus, &topic).unwrap();
-    let mut send = |seq| writer.publish(SensorSample { seq, ..SensorSample::default() }).unwrap();
-    let mut wait = SpinWait::new([&reader as &dyn Wakeable], 0.2);
-    let mut wait_for = |time: Duration| wait.wait(time, |_| reader.has_next()).unwrap();
-    let (short, long) = (Duration::from_millis(1), Duration::from_secs(10));
-    assert_eq!(wait_for(short), Wake::Timeout);
-    for seq in 1..=100 {
-        send(seq);
-        assert_eq!(wait_for(long), Wake::Event);
-        assert_eq!(reader.next().unwrap().map(|sample| sample.seq), Some(seq));
-        assert!(!reader.has_next());
-    }
-    assert_eq!(wait_for(short), Wake::Timeout, "the events of these samples end no wait");
-    // Taken before the wait, which cannot know whether the event stands for more.
-    send(101);
-    assert!(reader.next().unwrap().is_some());
-    assert_eq!(wait_for(long), Wake::Event);
-    assert_eq!(wait_for(short), Wake::Timeout);
 }
 
 #[test]

@@ -196,7 +196,7 @@ pub fn run(model: &Model, samples: usize, progress: &mut Progress) -> anyhow::Re
     };
     let kernels = subjects.into_iter().flat_map(|s| [s.warm, s.evicted]);
     let predictions = predictions.into_iter().chain(jumping).chain([position]);
-    Ok((compute, kernels.chain(at_pace).chain(predictions).collect()))
+    Ok((compute, kernels.chain([at_pace]).chain(predictions).collect()))
 }
 
 /// Warm and evicted, all of them in turn.

@@ -1,11 +1,9 @@
 //! End to end: `softtwind bridge` and `softtwind twin` as processes, this process as the reader.
 
-mod apart;
 mod scene;
 
 use super::measure::{Quantiles, Series};
 use crate::testbed::Testbed;
-use apart::Apart;
 use rom::model::Model;
 pub use scene::Payload;
 use scene::{Scenes, WakeUp};
@@ -14,7 +12,7 @@ use softtwin::daemon::{self, Daemon};
 use softtwin::progress::Progress;
 use softtwin::resources::cpu_s;
 use std::time::{Duration, Instant};
-use wire::{Bus, FieldReader, SpinWait, StateReader, Topic, Wake, Wakeable, now_ns};
+use wire::{Bus, FieldReader, StateReader, Topic, Wake, WakeSet, Wakeable, now_ns};
 
 /// One row of the table: quantiles in microseconds, from the reading's stamp to the reader's hands.
 #[derive(Debug, Clone, Serialize)]
@@ -60,8 +58,7 @@ pub type Measured = Result<(EndToEnd, Series), String>;
 
 const RATES_HZ: [f64; 3] = [100.0, 1000.0, 4000.0];
 const PAYLOADS: [Payload; 4] = [Payload::StateOnly, Payload::Tip, Payload::Surface, Payload::All];
-const WAKES: [WakeUp; 5] =
-    [WakeUp::Event, WakeUp::Expecting, WakeUp::ExpectingApart, WakeUp::EventAwake, WakeUp::BusyPoll];
+const WAKES: [WakeUp; 3] = [WakeUp::Event, WakeUp::EventAwake, WakeUp::BusyPoll];
 /// Samples left out at the start of a row: the daemons' first turns touch cold memory.
 const WARM_UP: Duration = Duration::from_millis(300);
 /// How long the first sample may take.
@@ -94,8 +91,7 @@ fn row(
     settings: scene::Row,
     seconds: f64,
 ) -> anyhow::Result<(EndToEnd, Series)> {
-    let apart = (settings.wake == WakeUp::ExpectingApart).then(Apart::new).transpose()?;
-    let (scene, twin_settings) = scenes.write(settings, apart.as_ref().map_or(&[], Apart::twin))?;
+    let (scene, twin_settings) = scenes.write(settings)?;
     let bus = testbed.bus()?;
     let port = Port::attach(&bus, settings.payload)?;
     let twin = testbed.daemon("twin", &scene, &["--config".as_ref(), twin_settings.as_ref()])?;
@@ -134,13 +130,6 @@ impl Port {
             Payload::Tip => field(Some(scene::TIP)),
             Payload::Surface => field(Some(scene::SURFACE)),
             Payload::All => field(None),
-        }
-    }
-
-    fn has_next(&self) -> bool {
-        match self {
-            Self::State(reader) => reader.has_next(),
-            Self::Field(reader) => reader.has_next(),
         }
     }
 
@@ -195,13 +184,13 @@ struct Listener {
 impl Listener {
     /// `daemons`: the bridge, the twin.
     fn listen(mut self, row: scene::Row, seconds: f64, daemons: &mut [Daemon; 2]) -> anyhow::Result<Self> {
-        let mut wait = SpinWait::new([self.port.wakeable()], row.wake.spin_share());
+        let mut wait = WakeSet::new([self.port.wakeable()]);
         let started = Instant::now();
         let mut begin: Option<Instant> = None;
         let mut meters: Option<[Meter; 2]> = None;
         loop {
             if row.wake != WakeUp::BusyPoll {
-                let wake = wait.wait(Duration::from_millis(100), |_| self.port.has_next())?;
+                let wake = wait.wait(Duration::from_millis(100))?;
                 anyhow::ensure!(wake != Wake::Signal, "interrupted");
             }
             while let Some((seq, t_sensor_ns)) = self.port.next()? {

@@ -32,9 +32,8 @@ All columns of a table are measured in turn inside one loop, so that a disturban
 run, not figures of two runs. `evicted` walks through more memory than the caches hold before each call. The end-to-end \
 rows start `softtwind bridge` and `softtwind twin` (expected beside this program) and read in this third process; the \
 latency runs from the reading's stamp in the bridge to the field in the reader's hands. The ways to wait, of twin and reader:
-Event (asleep until woken), Expecting (asleep, then spinning before each expected reading: realtime.spin_share), ExpectingApart \
-(the same with the twin on a core of its own: realtime.cores), EventAwake (realtime.stay_awake), BusyPoll (spinning all the time); `core` is the processor time of each, in % of one core. \
-Use a release build: cargo build --release -p softtwind -p studies";
+Event (asleep until woken), EventAwake (realtime.stay_awake), BusyPoll (spinning all the time); `core` is the processor time of each, in % of one core. \
+Use a release build: cargo build --release -p softtwin -p studies";
 
 /// Measure kernel, prediction and the way from sensor to reader on this machine.
 #[derive(clap::Args)]

@@ -62,9 +62,8 @@ impl Report {
         let paced = &c.paced;
         let way = if c.kernel.budget.is_some() { "budget" } else { "f32" };
         output!(
-            "{way} once a millisecond: {:.1} asleep between, {:.1} with the basis read ahead",
-            paced.asleep_us_p50,
-            paced.read_ahead_us_p50
+            "{way} once a millisecond: {:.1} asleep between",
+            paced.asleep_us_p50
         )?;
         output!("")?;
         output!("input to full field     {:8.2}   (f32)", c.predict_us_p50)?;

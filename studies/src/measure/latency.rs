@@ -6,12 +6,12 @@ use serde_json::json;
 use softtwin::output;
 use std::time::{Duration, Instant};
 use wire::layout::query_kind;
-use wire::{Bus, Domain, FieldReader, Query, QueryClient, SpinWait, StateReader, Topic, Wakeable, now_ns};
+use wire::{Bus, Domain, FieldReader, Query, QueryClient, StateReader, Topic, WakeSet, Wakeable, now_ns};
 
-/// Latency from publish to here, woken by event or awake when a sample is expected.
+/// Latency from publish to here, woken by event.
 #[derive(clap::Args)]
 #[command(
-    before_help = "Examples:\n  softtwin-studies measure latency field --seconds 60\n  softtwin-studies measure latency state --spin-share 0.2\n  softtwin-studies measure latency whatif --seconds 10"
+    before_help = "Examples:\n  softtwin-studies measure latency field --seconds 60\n  softtwin-studies measure latency state --actuator left\n  softtwin-studies measure latency whatif --seconds 10"
 )]
 pub struct Args {
     /// `state`, `field`, or `whatif` (questions, one after the other).
@@ -25,19 +25,9 @@ pub struct Args {
     /// Seconds.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     seconds: f64,
-    /// Largest share of a core that is spun away to be awake when a sample is expected (0 to 0.5).
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = spin_share)]
-    spin_share: f64,
     /// Pause between questions, us.
     #[arg(long, value_name = "US", default_value_t = 1000)]
     pause_us: u64,
-}
-
-/// A share that a wait can have.
-fn spin_share(text: &str) -> Result<f64, String> {
-    let most = SpinWait::MAX_SHARE;
-    let share = text.parse::<f64>().ok().filter(|share| (0.0..=most).contains(share));
-    share.ok_or_else(|| format!("expected a number from 0 to {most}"))
 }
 
 impl Args {
@@ -58,7 +48,7 @@ impl Args {
 fn states(bus: &Bus, args: &Args) -> anyhow::Result<(Vec<u64>, u64)> {
     let reader = StateReader::open(bus, &Topic::state(&args.actuator)?)?;
     let seen = || Ok(reader.next()?.map(|state| (state.boot_id, state.seq, state.t_publish_ns)));
-    listen(&reader, || reader.has_next(), args, seen)
+    listen(&reader, args, seen)
 }
 
 fn fields(bus: &Bus, args: &Args) -> anyhow::Result<(Vec<u64>, u64)> {
@@ -73,22 +63,21 @@ fn fields(bus: &Bus, args: &Args) -> anyhow::Result<(Vec<u64>, u64)> {
             },
         ))
     };
-    listen(&reader, || reader.has_next(), args, seen)
+    listen(&reader, args, seen)
 }
 
 /// Latencies of all samples that come, and how many were lost.
 fn listen(
     reader: &dyn Wakeable,
-    has_next: impl Fn() -> bool,
     args: &Args,
     next: impl Fn() -> anyhow::Result<Option<(u64, u64, u64)>>,
 ) -> anyhow::Result<(Vec<u64>, u64)> {
-    let mut wait = SpinWait::new([reader], args.spin_share);
+    let mut wait = WakeSet::new([reader]);
     let (mut latencies_ns, mut lost, mut last) = (Vec::new(), 0, None);
     while next()?.is_some() {} // what was sent before we listened says nothing
     let begin = Instant::now();
     while begin.elapsed().as_secs_f64() < args.seconds {
-        wait.wait(Duration::from_millis(100), |_| has_next())?;
+        wait.wait(Duration::from_millis(100))?;
         while let Some((boot_id, seq, t_publish_ns)) = next()? {
             latencies_ns.push(now_ns().saturating_sub(t_publish_ns));
             if let Some((last_boot, last_seq)) = last

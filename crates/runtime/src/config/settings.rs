@@ -4,7 +4,6 @@ use super::error::{ConfigError, read};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Duration;
-use wire::SpinWait;
 
 /// Settings of a twin process.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -93,9 +92,6 @@ pub struct Realtime {
     pub fifo_priority: u8,
     /// Cores the loop may run on; empty: any.
     pub cores: Vec<usize>,
-    /// Largest share of a core that the loop may spin away to be awake when an expected reading comes, 0-0.5; 0: it sleeps until
-    /// woken. Needs no rights.
-    pub spin_share: f64,
     /// Spin instead of sleeping: one core at 100 % for a shorter wake-up. Only on a core of its own.
     pub busy_poll: bool,
     /// Keep idle cores from sleeping (all of the machine, while the twin runs): wake-ups in a few microseconds instead of
@@ -112,7 +108,6 @@ impl Default for Realtime {
             prefault: false,
             fifo_priority: 0,
             cores: Vec::new(),
-            spin_share: 0.0,
             busy_poll: false,
             stay_awake: false,
             on_missing_rights: OnMissingRights::default(),
@@ -163,13 +158,6 @@ impl Settings {
             if !(value.is_finite() && value > 0.0) {
                 problems.push(format!("limits.{key}: expected a finite number above 0, found {value}"));
             }
-        }
-        let share = self.realtime.spin_share;
-        if !(0.0..=SpinWait::MAX_SHARE).contains(&share) {
-            let most = SpinWait::MAX_SHARE;
-            problems.push(format!(
-                "realtime.spin_share: expected 0 (off) to {most}, found {share}; `busy_poll` spins all the time"
-            ));
         }
         if self.realtime.fifo_priority > 99 {
             let found = self.realtime.fifo_priority;

@@ -1,7 +1,6 @@
 //! The steps of one actuator's readings, in their order: poll, ingest, evaluate, reconstruct into the loan, publish, record
 //! the outcome.
 
-use super::entry::Entry;
 use super::events::{EventKind, EventSender};
 use super::force_watch::ForceWatch;
 use super::ingest::{Needed, Validator};
@@ -21,15 +20,12 @@ use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use wire::layout::{INPUTS_MAX, VERSION, flags, input_source, pack_name};
 use wire::{
-    Bus, Estimate, EstimateWriter, Health, Outcome, SensorReader, SensorSample, State, StateWriter, Topic,
-    WireError, WriterRight, now_ns,
+    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State, StateWriter, Topic,
+    WireError, now_ns,
 };
 
 /// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.
 const MAX_BATCH: usize = 1024;
-
-/// What is due by then is prepared for an expected reading: no spin is longer.
-const SOON_NS: u64 = 1_000_000;
 
 /// A load cell is within so many standard deviations of the force.
 const WATCH_SIGMAS: f64 = 2.0;
@@ -40,8 +36,6 @@ pub(super) struct ActuatorTwin {
     pub(super) reader: SensorReader,
     state_writer: StateWriter,
     pub(super) outputs: Vec<FieldOutput>,
-    /// The output that is prepared for an expected reading, and the steps of it that were taken.
-    ahead: (usize, usize),
     evaluator: HysteresisEvaluator,
     evaluation: Evaluation,
     label: RegimeLabel,
@@ -76,22 +70,21 @@ impl ActuatorTwin {
         limits: Limits,
         boot_id: u64,
         events: EventSender,
-        entry: Entry,
     ) -> Result<Self, WireError> {
         let name = loaded.spec.name.clone();
         let validator = Validator::new(limits, Needed::of(&loaded));
         // The state topic comes first: it is the one that a second twin is refused at.
-        let state_writer = entry.writer(bus, &Topic::state(&name)?)?;
-        let health_writer = entry.writer(bus, &Topic::health(&name)?)?;
+        let state_writer = StateWriter::create(bus, &Topic::state(&name)?)?;
+        let health_writer = HealthWriter::create(bus, &Topic::health(&name)?)?;
         let outputs = loaded
             .outputs
             .into_iter()
-            .map(|output| FieldOutput::start(bus, &name, loaded.model_hash, boot_id, output, entry))
+            .map(|output| FieldOutput::start(bus, &name, loaded.model_hash, boot_id, output))
             .collect::<Result<_, WireError>>()?;
         let estimation = loaded
             .estimator
             .map(|estimator| {
-                let writer: EstimateWriter = entry.writer(bus, &Topic::estimate(&name)?)?;
+                let writer = EstimateWriter::create(bus, &Topic::estimate(&name)?)?;
                 let (model_hash, actuator) = (loaded.model_hash, pack_name(&name));
                 let estimate = Estimate { model_hash, boot_id, actuator, ..estimator.payload() };
                 Ok::<_, WireError>((estimator, writer, estimate))
@@ -109,7 +102,6 @@ impl ActuatorTwin {
             reader,
             state_writer,
             outputs,
-            ahead: (0, 0),
             evaluation: loaded.evaluator.evaluation(),
             evaluator: HysteresisEvaluator::new(loaded.evaluator),
             estimation,
@@ -136,37 +128,6 @@ impl ActuatorTwin {
             last_good_ns,
             next_deadline_ns: last_good_ns + ms_to_ns(limits.deadline_ms),
         })
-    }
-
-    /// Everything it writes to.
-    pub(super) fn rights(&self) -> impl Iterator<Item = &dyn WriterRight> {
-        let estimate = self.estimation.iter().map(|(_, writer, _)| writer as &dyn WriterRight);
-        let fields = self.outputs.iter().map(FieldOutput::right);
-        let state = &self.state_writer as &dyn WriterRight;
-        [state, self.record.right()].into_iter().chain(fields).chain(estimate)
-    }
-
-    /// The topic that stands for the actuator.
-    pub(super) fn state_topic(&self) -> &Topic {
-        self.state_writer.topic()
-    }
-
-    /// Continues where another twin ended, whose last state this is: readings that it has answered are passed over, the others
-    /// are taken.
-    pub(super) fn continue_after(&mut self, last: Option<&State>) {
-        let now = now_ns();
-        self.last_good_ns = now;
-        self.next_deadline_ns = now + ms_to_ns(self.limits.deadline_ms);
-        let Some(last) = last.filter(|last| last.sensor_boot_id != 0) else { return };
-        self.validator.continue_after(last);
-        self.record.health.sensor_boot_id = last.sensor_boot_id;
-        for _ in 0..MAX_BATCH {
-            let Some(sample) = self.poll() else { break };
-            let is_answered = sample.boot_id == last.sensor_boot_id && sample.seq <= last.sensor_seq;
-            if !is_answered {
-                self.ingest(sample);
-            }
-        }
     }
 
     /// What its readers hold on to.
@@ -224,33 +185,6 @@ impl ActuatorTwin {
             self.miss_deadline(now);
         }
         self.record.send_health(now, self.last_good_ns);
-    }
-
-    /// A reading is about to come: brings into the caches some of what its answer reads. Whether nothing is left of it.
-    pub(super) fn prepare(&mut self, step: usize) -> bool {
-        if step == 0 {
-            self.repeat();
-            self.ahead = (0, 0);
-            return self.outputs.is_empty();
-        }
-        let soon_ns = now_ns() + SOON_NS;
-        let (at, done) = &mut self.ahead;
-        while let Some(output) = self.outputs.get(*at) {
-            if output.is_due(soon_ns) && output.read_ahead(&self.evaluation, *done) {
-                *done += 1;
-                return false;
-            }
-            (*at, *done) = (*at + 1, 0);
-        }
-        // What the bases displaced from the caches of this core alone.
-        self.repeat();
-        true
-    }
-
-    /// The last evaluation, once more: the next one reads the same.
-    fn repeat(&mut self) {
-        let complete = self.wanted.coefficients || !self.outputs.is_empty();
-        self.evaluator.repeat(complete, &mut self.evaluation);
     }
 
     /// Step 1: the oldest reading that waits on the sensor topic.

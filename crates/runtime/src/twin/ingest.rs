@@ -4,7 +4,7 @@ use crate::config::{ActuatorSpec, Gap, Limits, ms_to_ns};
 use crate::load::Loaded;
 use crate::measured::{MeasuredInputs, MeasuredValue};
 use rom::inputs::{GAP, Inputs, PRESSURE};
-use wire::{Outcome, SensorSample, State};
+use wire::{Outcome, SensorSample};
 
 /// Most sequence numbers between two readings; more is a fault of the later one.
 const MAX_JUMP: u64 = 65_536;
@@ -64,13 +64,6 @@ impl Validator {
     /// Continues with other needs; what came before stays known.
     pub(super) fn set_needed(&mut self, needed: Needed) {
         self.needed = needed;
-    }
-
-    /// Continues behind the reading of this state, which another twin answered.
-    pub(super) fn continue_after(&mut self, last: &State) {
-        self.boot_id = last.sensor_boot_id;
-        self.last_seq = last.sensor_seq;
-        self.last_t_sensor_ns = last.t_sensor_ns;
     }
 
     /// Validates `sample`, which arrived at `now_ns`, and remembers it.

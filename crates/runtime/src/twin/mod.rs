@@ -12,30 +12,26 @@
 //! | 6. record the outcome: count it once, after its outputs | `record.rs` |
 //!
 //! After start the loop allocates nothing of its own (a test counts: what remains is the transport's small handle for each
-//! loaned sample), takes no lock, writes no log: its events go through a channel; its only system calls are the wait (which spins
-//! before an expected reading, `wire/src/spin`, and then repeats the last evaluation, so that what it reads is in the caches) and the
-//! wake-up of readers.
+//! loaned sample), takes no lock, writes no log: its events go through a channel; its only system calls are the wait and the wake-up of
+//! readers.
 
 mod actuator;
-mod entry;
 mod events;
 mod force_watch;
 mod ingest;
 mod reconstruct;
 mod record;
 mod swap;
-mod take_over;
 
 pub use events::{Event, EventKind, EventSender, event_channel};
 pub use swap::{Retired, SwapError};
 
-use crate::config::{Realtime, Settings};
+use crate::config::Settings;
 use crate::load::Loaded;
 use actuator::ActuatorTwin;
-use entry::Entry;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
-use wire::{Bus, Health, SpinCounts, SpinSources, SpinWait, Wakeable, WireError, boot_id, now_ns};
+use wire::{Bus, Health, WakeSet, Wakeable, WireError, boot_id, now_ns};
 
 /// Longest sleep: the stop flag is checked that often, and the watchdog sees progress.
 const MAX_WAIT: Duration = Duration::from_millis(100);
@@ -44,21 +40,8 @@ const MAX_WAIT: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct Twin {
     actuators: Vec<ActuatorTwin>,
-    wait: SpinWait,
+    wait: WakeSet,
     busy_poll: bool,
-}
-
-/// The actuators whose readings the loop waits for.
-struct Expected<'a>(&'a mut [ActuatorTwin]);
-
-impl SpinSources for Expected<'_> {
-    fn has_next(&self, at: usize) -> bool {
-        self.0.get(at).is_some_and(|actuator| actuator.reader.has_next())
-    }
-
-    fn prepare(&mut self, at: usize, step: usize) -> bool {
-        self.0.get_mut(at).is_none_or(|actuator| actuator.prepare(step))
-    }
 }
 
 impl Twin {
@@ -73,40 +56,15 @@ impl Twin {
         settings: &Settings,
         events: &EventSender,
     ) -> Result<Self, WireError> {
-        Self::enter(bus, loaded, settings, events, Entry::AtOnce)
-    }
-
-    /// As [`Self::start`], with all memory and without the right to serve, which [`Self::take_over`] takes.
-    ///
-    /// # Errors
-    /// As [`Self::start`].
-    pub fn stand_by(
-        bus: &Bus,
-        loaded: Vec<Loaded>,
-        settings: &Settings,
-        events: &EventSender,
-    ) -> Result<Self, WireError> {
-        Self::enter(bus, loaded, settings, events, Entry::StandBy)
-    }
-
-    fn enter(
-        bus: &Bus,
-        loaded: Vec<Loaded>,
-        settings: &Settings,
-        events: &EventSender,
-        entry: Entry,
-    ) -> Result<Self, WireError> {
         let boot_id = boot_id();
         let actuators: Vec<ActuatorTwin> = (0..)
             .zip(loaded)
             .map(|(number, loaded)| {
-                ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, events.clone(), entry)
+                ActuatorTwin::start(bus, number, loaded, settings.limits, boot_id, events.clone())
             })
             .collect::<Result<_, WireError>>()?;
-        let readers = actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable);
-        let Realtime { busy_poll, spin_share, .. } = settings.realtime;
-        let wait = SpinWait::new(readers, if busy_poll { 0.0 } else { spin_share });
-        Ok(Self { actuators, wait, busy_poll })
+        let wait = WakeSet::new(actuators.iter().map(|actuator| &actuator.reader as &dyn Wakeable));
+        Ok(Self { actuators, wait, busy_poll: settings.realtime.busy_poll })
     }
 
     /// Maps all pages of all samples ahead of use; returns the bytes.
@@ -132,8 +90,7 @@ impl Twin {
         if !self.busy_poll {
             let due_ns = self.actuators.iter().map(ActuatorTwin::next_due_ns).min().unwrap_or(u64::MAX);
             let timeout = Duration::from_nanos(due_ns.saturating_sub(now_ns())).min(max_wait);
-            let Self { actuators, wait, .. } = self;
-            if wait.wait(timeout, Expected(actuators)).is_err() {
+            if self.wait.wait(timeout).is_err() {
                 self.actuators.iter_mut().for_each(ActuatorTwin::wait_failed);
                 std::thread::sleep(max_wait); // a failing wait must not become a busy loop
             }
@@ -155,11 +112,6 @@ impl Twin {
             actuator.swap(loaded, &mut retired);
         }
         Ok(retired)
-    }
-
-    /// What spinning for readings came to; nothing where it does not spin.
-    pub fn spin_counts(&self) -> Option<SpinCounts> {
-        self.wait.spins().then(|| self.wait.counts())
     }
 
     /// Counters of every actuator.

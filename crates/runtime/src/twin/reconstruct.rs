@@ -1,12 +1,11 @@
 //! One field topic: reconstructs into the memory that the readers map, and sends it.
 
-use super::entry::Entry;
 use crate::load::LoadedOutput;
 use crate::payload;
 use rom::evaluation::Evaluation;
 use rom::kernel::Peaks;
 use rom::reconstructor::Reconstructor;
-use wire::{Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError, WriterRight};
+use wire::{Bus, FieldHeader, FieldLoan, FieldWriter, State, Topic, WireError};
 
 /// A field topic of a running twin.
 #[derive(Debug)]
@@ -37,11 +36,10 @@ impl FieldOutput {
         model_hash: [u8; 16],
         boot_id: u64,
         loaded: LoadedOutput,
-        entry: Entry,
     ) -> Result<Self, WireError> {
         let topic = Topic::field(actuator, loaded.spec.topic_name())?;
         let mut output = Self {
-            writer: entry.field_writer(bus, &topic, loaded.reconstructor.entries())?,
+            writer: FieldWriter::create(bus, &topic, loaded.reconstructor.entries())?,
             header: FieldHeader { model_hash, boot_id, ..payload::field_header(&loaded) },
             period_ns: period_ns(&loaded),
             reconstructor: loaded.reconstructor,
@@ -50,11 +48,6 @@ impl FieldOutput {
         };
         output.loan_ahead();
         Ok(output)
-    }
-
-    /// The right to write.
-    pub(super) fn right(&self) -> &dyn WriterRight {
-        &self.writer
     }
 
     /// Last chunk of the topic and values of a sample, for messages.
@@ -75,13 +68,6 @@ impl FieldOutput {
     /// Whether a reading of this time is to be published here.
     pub(super) fn is_due(&self, t_sensor_ns: u64) -> bool {
         t_sensor_ns >= self.next_due_ns
-    }
-
-    /// Reads some of what the next field is computed from when it is like the last one, so that it is in the caches by then: step 0, 1 and so on.
-    /// False after the last one.
-    /// The memory that it is written to was in use one field ago, and still is in the caches.
-    pub(super) fn read_ahead(&self, last: &Evaluation, step: usize) -> bool {
-        self.reconstructor.basis_of(last).is_some_and(|basis| basis.read_ahead(step) > 0)
     }
 
     /// Step 4: writes the field into a sample on loan.

@@ -6,7 +6,7 @@ use super::ingest::SampleCheck;
 use crate::{latency, service};
 use hdrhistogram::Histogram;
 use wire::layout::flags;
-use wire::{Health, HealthWriter, Outcome, SensorSample, WriterRight, now_ns};
+use wire::{Health, HealthWriter, Outcome, SensorSample, now_ns};
 
 /// Interval of the health topic, ns.
 const HEALTH_NS: u64 = 1_000_000_000;
@@ -44,11 +44,6 @@ impl Record {
             failures: [0; EventKind::COUNT],
             events,
         }
-    }
-
-    /// The right to write the health.
-    pub(super) fn right(&self) -> &dyn WriterRight {
-        &self.writer
     }
 
     /// Start of the twin.

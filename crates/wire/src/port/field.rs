@@ -2,8 +2,7 @@
 
 use super::segment;
 use super::service::{self, Missing};
-use super::take_over::WriterRight;
-use super::writer_lock::{Right, WriterLock};
+use super::writer_lock::WriterLock;
 use crate::bus::Bus;
 use crate::clock::now_ns;
 use crate::error::WireError;
@@ -33,7 +32,7 @@ struct Port {
     publisher: Publisher<Ipc, [f32], FieldHeader>,
     notifier: Notifier<Ipc>,
     // Last: given back after the ports are.
-    right: Right,
+    _lock: WriterLock,
 }
 
 /// A sample on loan: memory that all readers will map once it is sent. Dropping it unsent gives it back.
@@ -67,18 +66,6 @@ impl FieldWriter {
     /// full, [`WireError::Incompatible`] when a program of another version made the topic.
     pub fn create(bus: &Bus, topic: &Topic, entries: usize) -> Result<Self, WireError> {
         let lock = service::retry(bus, topic.name(), || WriterLock::take(&bus.places, topic.name(), ""))?;
-        Self::with_right(bus, topic, entries, Right::new(&bus.places, topic.name(), Some(lock)))
-    }
-
-    /// A writer with all its memory and without the right to write, beside the one that has it, see [`WriterRight`].
-    ///
-    /// # Errors
-    /// As [`Self::create`]; [`WireError::AlreadyPublished`] when two programs have ports for writing already.
-    pub fn stand_by(bus: &Bus, topic: &Topic, entries: usize) -> Result<Self, WireError> {
-        Self::with_right(bus, topic, entries, Right::new(&bus.places, topic.name(), None))
-    }
-
-    fn with_right(bus: &Bus, topic: &Topic, entries: usize, right: Right) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
         let service = service::slices(bus, topic, Missing::Create)?;
         let publisher = service::retry(bus, topic.name(), || {
@@ -94,7 +81,7 @@ impl FieldWriter {
         })?;
         segment::reserve(&bus.places, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
-        let port = Port { topic: topic.clone(), entries, publisher, notifier, right };
+        let port = Port { topic: topic.clone(), entries, publisher, notifier, _lock: lock };
         Ok(Self { bus: bus.clone(), port: Rc::new(port) })
     }
 
@@ -130,16 +117,6 @@ impl FieldWriter {
     /// Values of a sample.
     pub fn entries(&self) -> usize {
         self.port.entries
-    }
-}
-
-impl WriterRight for FieldWriter {
-    fn take_right(&self) -> Result<(), WireError> {
-        self.port.right.take()
-    }
-
-    fn give_right(&self) {
-        self.port.right.give();
     }
 }
 

@@ -8,7 +8,6 @@ pub(crate) mod retry;
 pub(crate) mod segment;
 pub(crate) mod service;
 mod sized;
-mod take_over;
 mod writer_lock;
 
 pub use any::{AnyReader, AnySample, Stamp};
@@ -19,4 +18,3 @@ pub use sized::{
     HealthWriter, Reader, SensorReader, SensorWriter, SetpointReader, SetpointWriter, StateReader,
     StateWriter, ValveReader, ValveWriter, Writer,
 };
-pub use take_over::{Held, HeldWatch, WriterRight, take_rights, wait_for_rights};

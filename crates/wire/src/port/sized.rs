@@ -2,8 +2,7 @@
 
 use super::segment;
 use super::service::{self, Missing};
-use super::take_over::WriterRight;
-use super::writer_lock::{Right, WriterLock};
+use super::writer_lock::WriterLock;
 use crate::bus::Bus;
 use crate::error::WireError;
 use crate::layout::{Command, Estimate, Grasp, Health, Payload, SensorSample, Setpoint, State, Valve};
@@ -22,7 +21,7 @@ pub struct Writer<P: Payload> {
     publisher: Publisher<Ipc, P, ()>,
     notifier: Notifier<Ipc>,
     // Last: given back after the ports are.
-    right: Right,
+    _lock: WriterLock,
 }
 
 /// One of many readers of a topic. Dropping it gives its slot back.
@@ -82,18 +81,6 @@ impl<P: Payload> Writer<P> {
     /// As [`Self::create`].
     pub fn create_named(bus: &Bus, topic: &Topic, owner: &str) -> Result<Self, WireError> {
         let lock = service::retry(bus, topic.name(), || WriterLock::take(&bus.places, topic.name(), owner))?;
-        Self::with_right(bus, topic, Right::new(&bus.places, topic.name(), Some(lock)))
-    }
-
-    /// A writer with all its memory and without the right to write, beside the one that has it, see [`WriterRight`].
-    ///
-    /// # Errors
-    /// As [`Self::create`]; [`WireError::AlreadyPublished`] when two programs have ports for writing already.
-    pub fn stand_by(bus: &Bus, topic: &Topic) -> Result<Self, WireError> {
-        Self::with_right(bus, topic, Right::new(&bus.places, topic.name(), None))
-    }
-
-    fn with_right(bus: &Bus, topic: &Topic, right: Right) -> Result<Self, WireError> {
         let qos = qos::of(topic.kind());
         let service = service::sized::<P>(bus, topic, Missing::Create)?;
         let publisher = service::retry(bus, topic.name(), || {
@@ -107,7 +94,7 @@ impl<P: Payload> Writer<P> {
         })?;
         segment::reserve(&bus.places, topic, publisher.id().value())?;
         let notifier = service::notifier(bus, topic)?;
-        Ok(Self { topic: topic.clone(), publisher, notifier, right })
+        Ok(Self { topic: topic.clone(), publisher, notifier, _lock: lock })
     }
 
     /// Sends one sample and wakes the readers. Cost: under a microsecond, and 5-8 us per waiting reader to wake it.
@@ -138,16 +125,6 @@ impl<P: Payload> Writer<P> {
     /// The topic.
     pub fn topic(&self) -> &Topic {
         &self.topic
-    }
-}
-
-impl<P: Payload> WriterRight for Writer<P> {
-    fn take_right(&self) -> Result<(), WireError> {
-        self.right.take()
-    }
-
-    fn give_right(&self) {
-        self.right.give();
     }
 }
 

@@ -7,8 +7,6 @@ use rom::model::Model;
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// What [`WakeUp::Expecting`] may spin away: at 1 kHz the shipped model's basis is read ahead in that time.
-const SPIN_SHARE: f64 = 0.4;
 /// Name of the actuator.
 pub const ACTUATOR: &str = "bench";
 /// Topic of the tip's fields.
@@ -36,21 +34,10 @@ pub enum Payload {
 pub enum WakeUp {
     /// Asleep until notified.
     Event,
-    /// Asleep until shortly before the next reading is expected, then spinning (`realtime.spin_share`), the reader as well.
-    Expecting,
-    /// The same, the twin on a core of its own (`realtime.cores`), bridge and reader on the others.
-    ExpectingApart,
     /// Asleep until notified, with the cores kept from sleeping (`realtime.stay_awake`).
     EventAwake,
     /// Spinning, one core each.
     BusyPoll,
-}
-
-impl WakeUp {
-    /// Share of a core that twin and reader each may spin away.
-    pub fn spin_share(self) -> f64 {
-        if matches!(self, Self::Expecting | Self::ExpectingApart) { SPIN_SHARE } else { 0.0 }
-    }
 }
 
 /// What a row measures.
@@ -97,8 +84,8 @@ impl<'a> Scenes<'a> {
         })
     }
 
-    /// Writes scene and settings of a row, the twin on these cores (none: any); returns their paths.
-    pub fn write(&self, row: Row, cores: &[usize]) -> anyhow::Result<(PathBuf, PathBuf)> {
+    /// Writes scene and settings of a row; returns their paths.
+    pub fn write(&self, row: Row) -> anyhow::Result<(PathBuf, PathBuf)> {
         let output = match row.payload {
             Payload::StateOnly => None,
             Payload::Tip => Some(format!("name = \"{TIP}\"\nnodes = {{ list = {:?} }}", self.tip_nodes)),
@@ -111,8 +98,7 @@ impl<'a> Scenes<'a> {
         let readings = Sine { rate_hz: row.rate_hz, ..self.readings };
         let scene = readings.scene(ACTUATOR, "bench.twin".as_ref(), keys, &outputs);
         let settings = format!(
-            "[realtime]\ncores = {cores:?}\nspin_share = {:?}\nbusy_poll = {}\nstay_awake = {}\nprefault = true\n",
-            row.wake.spin_share(),
+            "[realtime]\nbusy_poll = {}\nstay_awake = {}\nprefault = true\n",
             row.wake == WakeUp::BusyPoll,
             row.wake == WakeUp::EventAwake
         );
