@@ -13,7 +13,7 @@ profile = { shape = "sine", mean_mpa = 0.035, amplitude_mpa = 0.03, frequency_hz
 fn second_twin_of_a_scene_is_refused() {
     let stage = Stage::new("second");
     let scene = stage.finger(STEADY);
-    let mut first = Program::twin(&stage, &scene);
+    let first = Program::twin(&stage, &scene);
     let (status, said) = Program::daemon(&stage, &["twin", "--scene", &scene.display().to_string()]).ended();
     assert_eq!(status.code(), Some(1), "{said:?}");
     assert!(said.iter().any(|line| line.contains("already publishes")), "{said:?}");

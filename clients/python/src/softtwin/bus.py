@@ -75,7 +75,7 @@ class Bus:
             return self._retry(topic, builder.open)
         qos = QOS[kind]
         builder = (
-            builder.max_publishers(2)
+            builder.max_publishers(1)
             .max_subscribers(qos.max_readers)
             .max_nodes(qos.max_nodes)
             .subscriber_max_buffer_size(qos.buffer)
@@ -100,7 +100,7 @@ class Bus:
     def open_topic_events(self, topic: str) -> Any:
         """As `open_events`, with the settings of the topic's kind."""
         qos = QOS[kind_of(topic)]
-        return self.open_events(topic, qos.max_readers, 2, qos.max_nodes)
+        return self.open_events(topic, qos.max_readers, 1, qos.max_nodes)
 
     def open_questions(self, name: str) -> Any:
         """The request-response service of a twin."""
