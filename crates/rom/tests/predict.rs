@@ -146,35 +146,6 @@ fn the_label_does_not_chatter_and_the_physics_does_not_wait() {
     assert_eq!(say(-1.1), (Free, Free, false), "a real release drops it");
 }
 
-/// Between two readings a twin repeats the last evaluation: neither the answer nor the next label may know of it.
-#[test]
-fn an_evaluation_that_is_repeated_changes_nothing() {
-    let mut evaluator = HysteresisEvaluator::new(evaluator());
-    let mut unrepeated = evaluator.clone();
-    let onset = model().header.onset.as_ref().expect("two").onset(30.0).pressure_mpa().expect("reach");
-    let margin = model().header.hysteresis_mpa;
-    let (mut out, mut expected) = (self::evaluator().evaluation(), self::evaluator().evaluation());
-    evaluator.repeat(true, &mut out); // before the first reading: inputs that are no numbers
-    for offset in [-0.5, 0.1, -0.4, 3.0, -2.0] {
-        let inputs = Inputs::new(onset + offset * margin, 30.0);
-        let label = evaluator.state(inputs, &mut out);
-        assert_eq!(label, unrepeated.state(inputs, &mut expected));
-        unrepeated.complete(&mut expected);
-        for complete in [false, true] {
-            evaluator.repeat(complete, &mut out);
-            assert_eq!(out.coefficients.is_empty(), !complete);
-        }
-        let bits = |e: &Evaluation| {
-            let (forces, small) = (
-                [e.contact_force_n, e.force_gradient[0], e.force_gradient[1]],
-                (e.regime, e.flags, e.halfwidths),
-            );
-            (forces.map(f64::to_bits), small, e.coefficients.clone())
-        };
-        assert_eq!(bits(&out), bits(&expected));
-    }
-}
-
 /// What a state alone takes and what its fields add give together the bits of one call; a part of the fields gives theirs.
 #[test]
 fn a_state_is_evaluated_without_the_coefficients_that_nobody_asked_for() {
