@@ -1,0 +1,154 @@
+//! Documents compared with the repository: the two tables of files in ARCHITECTURE.md (the way of a reading, the way of training), links,
+//! and paths of files.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// One row: a file, the types it passes on, and the items it calls, each defined in another file of the table.
+struct Row {
+    file: String,
+    text: String,
+    data: Vec<String>,
+    calls: Vec<String>,
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn read(path: &str) -> Option<String> {
+    std::fs::read_to_string(root().join(path)).ok()
+}
+
+/// The words in backticks of a cell.
+fn quoted(cell: &str) -> Vec<String> {
+    cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// Words of Rust source text without comments.
+fn words(text: &str) -> Vec<&str> {
+    text.lines()
+        .filter_map(|line| line.split("//").next())
+        .flat_map(|line| line.split(|c: char| !c.is_alphanumeric() && c != '_'))
+        .filter(|word| !word.is_empty())
+        .collect()
+}
+
+/// True if the text defines a function, type, trait, constant or macro of this name.
+fn defines(text: &str, name: &str) -> bool {
+    const KEYWORDS: [&str; 7] = ["fn", "struct", "enum", "trait", "type", "const", "macro_rules"];
+    words(text).windows(2).any(|pair| KEYWORDS.contains(&pair[0]) && pair[1] == name)
+}
+
+/// The rows `| step | file | data | calls |` below a heading.
+fn table(heading: &str) -> Vec<Row> {
+    let document = read("ARCHITECTURE.md").expect("ARCHITECTURE.md");
+    let section = document.split("\n## ").find(|section| section.starts_with(heading)).expect(heading);
+    let mut rows = Vec::new();
+    for line in section.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| ---")).skip(1) {
+        let cells: Vec<&str> = line.trim_matches('|').split(" | ").collect();
+        let [_, file, data, calls] = cells.as_slice() else {
+            panic!("{heading}: expected four cells: {line}")
+        };
+        let [file] =
+            quoted(file).try_into().unwrap_or_else(|_| panic!("{heading}: expected one file: {line}"));
+        let text =
+            read(&format!("crates/{file}")).unwrap_or_else(|| panic!("{heading}: no file crates/{file}"));
+        rows.push(Row { file, text, data: quoted(data), calls: quoted(calls) });
+    }
+    rows
+}
+
+/// Compares a table with its files: data and calls occur in the row's file, each call is defined in another row's file, and each
+/// file but the first defines a call of another row.
+fn check(heading: &str, least: usize) {
+    let rows = table(heading);
+    assert!(rows.len() >= least, "{heading}: only {} rows", rows.len());
+    let mut called = BTreeSet::from([0]);
+    for (at, row) in rows.iter().enumerate() {
+        let here = words(&row.text);
+        for name in row.data.iter().chain(&row.calls) {
+            assert!(here.contains(&name.as_str()), "{heading}: {} does not contain `{name}`", row.file);
+        }
+        for name in &row.calls {
+            let place = rows.iter().enumerate().find(|(other, row)| *other != at && defines(&row.text, name));
+            let (place, _) =
+                place.unwrap_or_else(|| panic!("{heading}: no other file defines `{name}` of {}", row.file));
+            called.insert(place);
+        }
+    }
+    let unused = rows.iter().enumerate().filter(|(at, _)| !called.contains(at));
+    let unused: Vec<&str> = unused.map(|(_, row)| row.file.as_str()).collect();
+    assert!(unused.is_empty(), "{heading}: no row calls {unused:?}");
+}
+
+#[test]
+fn files_of_a_reading_call_each_other_as_the_architecture_shows() {
+    check("The way of a reading", 10);
+}
+
+#[test]
+fn files_of_training_call_each_other_as_the_architecture_shows() {
+    check("The way of training", 10);
+}
+
+/// Documents of a folder, by their path.
+fn documents_of(folder: &Path) -> Vec<(PathBuf, String)> {
+    let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
+    let documents = entries.filter(|path| path.extension().is_some_and(|ending| ending == "md"));
+    documents.map(|path| (path.clone(), std::fs::read_to_string(path).expect("UTF-8"))).collect()
+}
+
+fn documents() -> Vec<(PathBuf, String)> {
+    ["", "docs", "docs/clients", "docs/report"].iter().flat_map(|at| documents_of(&root().join(at))).collect()
+}
+
+/// Anchors of a document's headings, as GitHub makes them.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let headings = text.lines().filter(|line| line.starts_with('#'));
+    let anchor = |line: &str| {
+        let title = line.trim_start_matches('#').trim().to_lowercase().replace(' ', "-");
+        title.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect()
+    };
+    headings.map(anchor).collect()
+}
+
+#[test]
+fn links_lead_to_files_and_headings() {
+    let (mut checked, mut broken) = (0, Vec::new());
+    for (path, text) in documents() {
+        let targets = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        for target in targets.filter(|target| !target.contains("://")) {
+            let (file, anchor) = target.split_once('#').unwrap_or((target, ""));
+            let other = if file.is_empty() { path.clone() } else { path.with_file_name("").join(file) };
+            let has_anchor = || anchors(&std::fs::read_to_string(&other).expect("UTF-8")).contains(anchor);
+            if !other.exists() || !(anchor.is_empty() || has_anchor()) {
+                broken.push(format!("{}: {target}", path.display()));
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked >= 50 && broken.is_empty(), "{checked} links, without a file or heading: {broken:#?}");
+}
+
+/// Paths below these folders that a document names exist; those with a placeholder in capitals or an asterisk are left out.
+#[test]
+fn paths_that_documents_name_exist() {
+    const FOLDERS: [&str; 8] =
+        ["clients/", "config/", "crates/", "docs/", "models/", "scripts/", "studies/", "tests/tests/"];
+    let (mut checked, mut missing) = (0, Vec::new());
+    for (path, text) in documents() {
+        let words = text.split(|c: char| !c.is_alphanumeric() && !"/._-*@".contains(c));
+        for word in words.map(|word| word.trim_end_matches(['.', '/'])) {
+            let is_pattern = word.contains('*') || word.split(['/', '.']).any(|part| part == "NAME");
+            if is_pattern || !FOLDERS.iter().any(|folder| word.starts_with(folder)) {
+                continue;
+            }
+            if !root().join(word).exists() {
+                missing.push(format!("{}: {word}", path.display()));
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked >= 50 && missing.is_empty(), "{checked} paths, missing: {missing:#?}");
+}
