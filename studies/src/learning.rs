@@ -17,17 +17,17 @@ const EXAMPLES: &str = "\
 Examples:
     scripts/make_model.sh design
     softtwin-studies learning --model models/pneunet-design/pneunet-design.twin --database target/database/design
-  On states that nobody has looked at, simulated for it:
+  On new states, simulated for it:
     softtwin evaluate --model models/pneunet/pneunet.twin --actuator models/pneunet/actuator.toml \\
       --simulate 400 --seed 7 --database target/unseen
     softtwin-studies learning --model models/pneunet/pneunet.twin --database models/pneunet/database \\
-      --unseen target/unseen --shares 1";
+      --unseen target/unseen --fractions 1";
 
 const NOTES: &str = "\
 Errors are on the contact states of the split `check` inside the model's domain: mean / 95th percentile. Training is that of
 `softtwin train` with every mode that lowers the leave-one-out error; the states are taken evenly from the list.";
 
-/// Train on parts of a database's states, with and without derivatives, and measure the errors on states that no training saw.
+/// Train on parts of a database's states, with and without derivatives, and measure the errors on held-out states.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
@@ -42,7 +42,7 @@ pub struct Args {
     model: PathBuf,
     /// Shares of the training states, each 0.01 to 1.
     #[arg(long, value_name = "SHARE", num_args = 1.., default_values_t = [0.33, 0.67, 1.0], value_parser = range::number(0.01, 1.0))]
-    shares: Vec<f64>,
+    fractions: Vec<f64>,
 }
 
 impl Args {
@@ -59,14 +59,14 @@ impl Args {
             "{}: expected contact states of the split `check` inside the model's domain, found none",
             self.unseen.as_ref().unwrap_or(&self.database).display()
         );
-        let points = curve(&database, &unseen, &self.shares, &mut |step| progress.step(step))?;
+        let points = curve(&database, &unseen, &self.fractions, &mut |step| progress.step(step))?;
         drop(progress);
         output!("{} unseen states\n\n{}", unseen.cases.len(), table(&points))?;
         Ok(())
     }
 }
 
-/// Contact states that no training saw.
+/// Held-out contact states.
 pub struct Unseen<'a> {
     /// Where they are.
     pub database: &'a Database,
@@ -88,27 +88,27 @@ impl<'a> Unseen<'a> {
 /// Displacement, stress and force: mean and 95th percentile over the unseen states.
 pub type Errors = [[f64; 2]; 3];
 
-/// What training on so many states gives.
+/// Result of training on a number of states.
 pub struct Point {
     pub states: usize,
     pub with_derivatives: bool,
     pub errors: Errors,
 }
 
-/// Errors on `unseen` states after training on shares of the training states.
+/// Errors on `unseen` states after training on fractions of the training states.
 ///
 /// # Errors
-/// A share on which no model can be trained.
+/// A fraction on which no model can be trained.
 pub fn curve(
     database: &Database,
     unseen: &Unseen,
-    shares: &[f64],
+    fractions: &[f64],
     notify: &mut dyn FnMut(&str),
 ) -> anyhow::Result<Vec<Point>> {
     let config = as_many_modes_as_pay();
     let mut points = Vec::new();
-    for share in shares {
-        let (with, states) = thinned(database, *share);
+    for fraction in fractions {
+        let (with, states) = thinned(database, *fraction);
         let without = Database { sensitivities: None, ..with.clone() };
         for (with_derivatives, part) in [(true, &with), (false, &without)] {
             let name = if with_derivatives { "with" } else { "without" };
@@ -160,10 +160,10 @@ fn worth(points: &[Point]) -> String {
     )
 }
 
-/// The database with a share of its training states, taken evenly from the list; the others take part in nothing.
-fn thinned(database: &Database, share: f64) -> (Database, usize) {
+/// Database with a fraction of its training states, taken evenly from the list; the others are unused.
+fn thinned(database: &Database, fraction: f64) -> (Database, usize) {
     let mut thin = database.clone();
-    let taken = |k: usize| ((k + 1) as f64 * share).floor() > (k as f64 * share).floor();
+    let taken = |k: usize| ((k + 1) as f64 * fraction).floor() > (k as f64 * fraction).floor();
     let train: Vec<usize> = database.of_split(Split::Train).collect();
     for (_, &case) in train.iter().enumerate().filter(|(k, _)| !taken(*k)) {
         thin.cases[case].split = Split::Check;

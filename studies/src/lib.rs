@@ -1,4 +1,4 @@
-//! What the project measures about itself, one command of `softtwin-studies` a module.
+//! Measurements of the project, one module per command of `softtwin-studies`.
 #![forbid(unsafe_code)]
 #![warn(clippy::print_stdout)]
 
@@ -50,7 +50,7 @@ impl Command {
     /// Runs the study.
     ///
     /// # Errors
-    /// What went wrong, or which bounds were missed.
+    /// The error, or the missed bounds.
     pub fn run(self) -> anyhow::Result<()> {
         match self {
             Self::Report(args) => args.run(),

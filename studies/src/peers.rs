@@ -37,7 +37,7 @@ pub struct Args {
     /// Modes of every peer, and of softtwin where no --model is given.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=100))]
     modes: u16,
-    /// A trained model instead of one with --modes a field.
+    /// A trained model instead of one with --modes per field.
     #[arg(long, value_name = "FILE.twin")]
     model: Option<PathBuf>,
 }
@@ -49,7 +49,7 @@ fn training(modes: u16) -> String {
 }
 /// One thread: a twin has one core, and numpy's pool would take them all.
 const THREADS: [&str; 3] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"];
-/// What is taken from `softtwin-studies bench --json`; the last one is compared.
+/// Rows from `softtwin-studies bench --json`; the last one is compared.
 const OURS: [(&str, &str); 5] = [
     ("softtwin, kernel, f32", "/kernel/f32/warm_us_p50"),
     ("softtwin, kernel, i16", "/kernel/i16/warm_us_p50"),
@@ -129,7 +129,7 @@ fn unpacked(database: &Path, testbed: &Testbed) -> anyhow::Result<PathBuf> {
     Ok(out)
 }
 
-/// What the peers' program prints first.
+/// First line of the peers' program.
 #[derive(Deserialize)]
 struct Hello {
     entries: usize,

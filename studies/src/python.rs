@@ -1,4 +1,4 @@
-//! Python environments of their own for programs that are compared with ours.
+//! Separate Python environments for programs that are compared with ours.
 
 use crate::testbed::output_of;
 use std::path::{Path, PathBuf};

@@ -14,8 +14,8 @@ use wire::{FieldReader, State, StateReader, Topic, WakeSet, Wakeable};
 
 /// Measure how long a killed twin and a killed bridge take until data flow again.
 ///
-/// A twin and a bridge at 1 kHz are killed and started anew. The twin: from the start of the new process to its first fresh
-/// field in a reader's hand, with the model on disk. The bridge: from the kill to the twin's first stale state, and from
+/// A twin and a bridge at 1 kHz are killed and restarted. The twin: from the start of the new process to its first fresh
+/// field at a reader, with the model on disk. The bridge: from the kill to the twin's first stale state, and from
 /// the start of the new process to the state of its first reading.
 #[derive(clap::Args)]
 pub struct Args {

@@ -19,7 +19,7 @@ pub struct Slope {
 }
 
 impl Slope {
-    /// Of points (x, y) with different x; `None` of fewer than 10.
+    /// Slope of points (x, y) with different x; `None` for fewer than 10.
     ///
     /// The interval is Sen's: from the variance of Kendall's statistic, without a correction for ties (which widens it).
     pub fn of(points: &[(f64, f64)]) -> Option<Self> {

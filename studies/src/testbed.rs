@@ -1,4 +1,4 @@
-//! Real processes for a measurement: a folder and a shared-memory domain of their own, and the programs in them.
+//! Processes for a measurement, with a separate folder and shared-memory domain.
 
 use anyhow::Context;
 use softtwin::daemon::{Daemon, program};
@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use wire::{Bus, Domain};
 
-/// A folder and a domain; both are removed when this is dropped. Programs in it must have ended before.
+/// Folder and shared-memory domain; both are removed on drop, after the end of all programs in it.
 #[derive(Debug)]
 pub struct Testbed {
     folder: PathBuf,
@@ -54,10 +54,10 @@ impl Sine {
 }
 
 impl Testbed {
-    /// A new folder in the system's temporary one, and a domain whose management files are in it.
+    /// Creates a temporary folder, and a shared-memory domain whose management files are in it.
     ///
     /// # Errors
-    /// The folder cannot be made.
+    /// The folder cannot be created.
     pub fn new(label: &str) -> anyhow::Result<Self> {
         let name = format!("{label}_{}", std::process::id());
         let folder = std::env::temp_dir().join(format!("softtwin-{name}"));
@@ -73,27 +73,27 @@ impl Testbed {
     /// Writes a file of the folder.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// I/O errors.
     pub fn write(&self, file: &str, content: impl AsRef<[u8]>) -> anyhow::Result<PathBuf> {
         let path = self.path(file);
         std::fs::write(&path, content).with_context(|| format!("cannot write {}", path.display()))?;
         Ok(path)
     }
 
-    /// The domain.
+    /// Shared-memory domain.
     pub fn domain(&self) -> Domain {
         Domain { root: Some(self.path("iox").display().to_string()), ..Domain::named(&self.name) }
     }
 
-    /// A connection to the domain.
+    /// Connection to the shared-memory domain.
     ///
     /// # Errors
-    /// The domain cannot be joined.
+    /// The shared-memory domain cannot be opened.
     pub fn bus(&self) -> anyhow::Result<Bus> {
         Ok(Bus::open(&self.domain())?)
     }
 
-    /// A command whose programs meet in this domain.
+    /// Command in this shared-memory domain.
     pub fn command(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
         command.env("SOFTTWIN_DOMAIN", &self.name).env("SOFTTWIN_ROOT", self.path("iox"));
@@ -113,7 +113,7 @@ impl Testbed {
     /// The same without waiting.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// I/O errors.
     pub fn start_daemon(&self, role: &str, scene: &Path, more: &[&OsStr]) -> anyhow::Result<Daemon> {
         let mut command = self.command(&program("softtwind")?);
         command.arg(role).arg("--scene").arg(scene).args(more).stdout(Stdio::null());
@@ -142,7 +142,7 @@ pub fn output_of(command: &mut Command) -> anyhow::Result<String> {
 }
 
 impl Drop for Testbed {
-    /// Programs that were killed leave shared memory behind; it goes with the domain.
+    /// Removes shared memory that killed programs have left.
     fn drop(&mut self) {
         let prefix = self.domain().prefix;
         for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {

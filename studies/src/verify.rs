@@ -1,4 +1,4 @@
-//! Verifies samples to the bit: evaluates each again with its own copy of the model.
+//! Verifies that samples are bit-identical to an evaluation with a separate copy of the model.
 //!
 //! It runs on the machine of the twin: another processor may round a fused product otherwise.
 
@@ -24,7 +24,7 @@ pub struct Verifier {
     pub counts: Counts,
 }
 
-/// What was verified, and what was wrong with it.
+/// Counts of verified and of wrong samples.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Counts {
     /// Fields verified.

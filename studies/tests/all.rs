@@ -1,4 +1,4 @@
-//! The studies, on data that is small enough for every day. One program: linked once, and its tests run beside each other.
+//! The studies on small data. One program, which is linked once and runs its tests in parallel.
 
 mod hard_cases;
 mod report;

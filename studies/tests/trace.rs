@@ -1,4 +1,4 @@
-//! `softtwin-studies trace` as it is run: from a table of cavity volumes to a gauge's readings.
+//! Runs `softtwin-studies trace`: from a table of cavity volumes to a gauge's readings.
 
 use std::path::Path;
 use std::process::{Command, Output};

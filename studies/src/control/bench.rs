@@ -1,4 +1,4 @@
-//! What the trials have in common.
+//! Shared parts of the trials.
 
 use super::trial::{Loop, Trial};
 use crate::plant::table::PlantTable;
@@ -8,7 +8,7 @@ use control::law::Settings;
 use control::twin_model::{Tip, TwinModel};
 use softtwin::failure::usage;
 
-/// What every trial is made of.
+/// Parts of every trial.
 pub struct Bench {
     /// The controller's model.
     pub model: rom::model::Model,

@@ -6,7 +6,7 @@ use crate::plant::PlantSpec;
 use control::inverse::Quantity;
 use serde_json::{Value, json};
 
-/// What every named run has wrong: the plate is 3 mm nearer than shown, the body a tenth stiffer, the valve off by 0.5 kPa.
+/// Model errors of every named run: the plate is 3 mm nearer than shown, the body 10 % stiffer, the valve has an offset of 0.5 kPa.
 const WRONG: PlantSpec = PlantSpec {
     valve_s: 0.02,
     line_s: 0.06,
@@ -26,12 +26,12 @@ const TARGETS_N: [f64; 3] = [0.3, 0.45, 0.15];
 const HOLD_S: f64 = 2.0;
 /// Targets of the tip's height, mm.
 const TARGETS_MM: [f64; 3] = [-40.0, -55.0, -45.0];
-/// The plate moves by so much in the middle of a hold, mm.
+/// Displacement of the plate in the middle of a hold, mm.
 const MOVE_MM: f64 = 4.0;
 
 /// One run.
 pub struct Run {
-    /// What it is.
+    /// Name.
     pub name: &'static str,
     /// Unit of its quantity.
     pub unit: &'static str,

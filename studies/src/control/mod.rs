@@ -22,7 +22,7 @@ Examples:
     softtwin-studies control --model models/pneunet/pneunet.twin --out docs/images/control.png
   1,000 random steps only:
     softtwin-studies control --model models/pneunet/pneunet.twin --steps 1000
-  The plant's table anew: a mesh of its own, its states, the table
+  A new table of the plant, on another mesh:
     softtwin mesh --actuator second.toml --size-mm 9            (second.toml: models/pneunet/actuator.toml with mesh.file =
                                                                  \"second.vtu\" and mesh.nodes = 0)
     softtwin simulate --actuator second.toml --cases studies/data/plant_cases.csv --out target/plant
@@ -32,7 +32,7 @@ const NOTES: &str = "\
 The plant is studies/data/plant.csv behind a valve (20 ms), a line (60 ms) and a delay (10 ms); the controller's model
 is --model. Its own time is that of this build: measure a release build on a quiet machine.";
 
-/// Try the controller: step response, disturbance, noise, random steps with a wrong model, time of a turn.
+/// Try the controller: step response, disturbance, noise, random steps with a wrong model, time of a control cycle.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
@@ -42,7 +42,7 @@ pub struct Args {
     /// Random steps (10 to 1000000).
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
     steps: u32,
-    /// Of the random steps.
+    /// Seed of the random steps.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Make the plant's table of this database of a second mesh instead.

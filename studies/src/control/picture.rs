@@ -4,7 +4,7 @@ use super::figures::{Figures, Run};
 use super::trial::Moment;
 use softtwin::picture::{Axis, Figure, Mark, Panel, Series};
 
-/// Every so many turns are drawn.
+/// Interval of the drawn control cycles.
 const EVERY: usize = 5;
 
 /// Target, truth and what was followed over time, one panel a run.

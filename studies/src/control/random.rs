@@ -1,5 +1,5 @@
-//! Random steps on plants whose stiffness and gap are not those of the controller's model. With a load cell the true force is
-//! looked at; without one what is followed, the model's force at the gauge's pressure, and how far the truth is from it.
+//! Random steps on plants whose stiffness and gap are not those of the controller's model. With a load cell the figures are
+//! those of the true force; without one those of the followed force, the model's at the gauge's pressure, and its error.
 
 use super::bench::{Bench, trial};
 use super::trial::{Moment, StepFigures, step_figures};
@@ -69,7 +69,7 @@ fn plant(
         }
         let mut moments: Vec<Moment> = Vec::new();
         under_way.hold(target_n, HOLD_S, &mut moments);
-        // The target as it was cut; two targets beyond the limit are no step.
+        // The limited target; two targets beyond the limit are no step.
         let reached_n = moments.last().map_or(target_n, |moment| moment.target);
         if (reached_n - from_n).abs() >= LEAST_N {
             truth.extend(step_figures(from_n, &moments, |moment| moment.truth));

@@ -1,4 +1,4 @@
-//! Time of one turn of the controller: its own computation, nothing else.
+//! Time of one control cycle, of the computation alone.
 
 use super::bench::Bench;
 use crate::plant::report::{Percentiles, percentiles};
@@ -56,7 +56,7 @@ fn turns(bench: &Bench, quantity: Quantity, is_measured: bool) -> anyhow::Result
 /// As lines for people.
 pub fn text(times: &Value) -> String {
     let mut out = format!(
-        "one turn of the controller (this build, this machine), readings with noise of {} Pa, {} mm, {} mN\n",
+        "one control cycle (this build, this machine), readings with noise of {} Pa, {} mm, {} mN\n",
         1e6 * NOISE[0],
         NOISE[1],
         1e3 * NOISE[2]

@@ -5,27 +5,27 @@ use crate::plant::{self, Plant};
 use control::inverse::{Model, Quantity};
 use control::law::{Controller, Reading, Settings};
 
-/// What is tried.
+/// Settings of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {
-    /// What is followed.
+    /// Followed quantity.
     pub quantity: Quantity,
     /// The quantity is measured: by a load cell, or a camera that sees the tip.
     pub is_measured: bool,
-    /// What the gap sensor shows more than there is, mm.
+    /// Error of the gap sensor, mm.
     pub gap_error_mm: f64,
     /// Turns a second.
     pub rate_hz: f64,
 }
 
-/// One turn.
+/// Values of one control cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
     /// Since the begin, s.
     pub time_s: f64,
     /// Wanted, N or mm.
     pub target: f64,
-    /// What the controller followed, N or mm.
+    /// Followed value, N or mm.
     pub followed: f64,
     /// The truth, N or mm.
     pub truth: f64,
@@ -35,7 +35,7 @@ pub struct Moment {
     pub command_mpa: f64,
 }
 
-/// What is shown where there is no plate, mm: out of the actuator's reach.
+/// Shown gap without a plate, mm: out of the actuator's reach.
 const FAR_MM: f64 = 100.0;
 
 /// A controller on a plant.
@@ -56,7 +56,7 @@ impl<M: Model> Loop<M> {
         Self { controller, plant, trial, shown: None, time_s: 0.0 }
     }
 
-    /// What the gap sensor shows more than there is from now on, mm.
+    /// Sets the error of the gap sensor, mm.
     pub fn show_gap_error(&mut self, gap_error_mm: f64) {
         self.trial.gap_error_mm = gap_error_mm;
     }
@@ -67,7 +67,7 @@ impl<M: Model> Loop<M> {
         for _ in 0..(seconds * self.trial.rate_hz).round() as usize {
             let now = self.plant.step(dt_s);
             self.time_s += dt_s;
-            // A reading is one turn old when it is acted on.
+            // The controller uses a reading of the previous cycle.
             let shown = self.shown.replace(now).unwrap_or(now);
             let measured = match (self.trial.is_measured, self.trial.quantity) {
                 (false, _) => f64::NAN,
@@ -110,7 +110,7 @@ pub struct StepFigures {
     pub force_n: f64,
 }
 
-/// Reads a step off its moments; `value` is what is looked at: the truth, or what was followed.
+/// Figures of a step from its moments; `value` selects the true or the followed value.
 pub fn step_figures(from: f64, moments: &[Moment], value: impl Fn(&Moment) -> f64) -> Option<StepFigures> {
     let (first, last) = (moments.first()?, moments.last()?);
     let (target, height) = (last.target, last.target - from);

@@ -1,4 +1,4 @@
-//! What an update costs: its time and the evaluations of the model in it, also with more unknowns and markers than a scene has.
+//! Cost of an update: its time and its evaluations of the model, also with more unknowns and markers than a scene has.
 
 use estimate::{Filter, MAX_INPUTS, Measurement, Model, Predicted, Setup, Update};
 use rom::inputs::{InputSpec, PARAMETERS};
@@ -15,7 +15,7 @@ const PARAMETER_SHARE: f64 = 0.25;
 /// That of the load cell's bias, N.
 const FORCE_BIAS_N: f64 = 0.01;
 
-/// Gives the only actuator of a scene more unknowns and markers, where so many are asked for.
+/// Adds unknowns and markers to the only actuator of a scene, up to the requested numbers.
 pub(super) fn extend(
     scene: &mut Scene,
     unknowns: Option<usize>,
@@ -80,7 +80,7 @@ pub(super) fn filter(setup: &Setup) -> Filter {
     filter
 }
 
-/// By reading the time of the fastest of some updates, us. Each begins where the readings before have left filter and model.
+/// Time of the fastest of several updates per reading, us. Each starts from filter and model after the previous readings.
 pub(super) fn fastest_us(setup: &Setup, readings: &[Measurement], model: &mut SensorModel) -> Vec<f64> {
     let mut fastest_us = vec![f64::INFINITY; readings.len()];
     for _ in 1..REPEATS {

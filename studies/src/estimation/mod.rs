@@ -71,9 +71,9 @@ const BAND: f64 = 1.645;
 /// A gap off by less counts as converged, mm.
 const CONVERGED_MM: f64 = 0.5;
 
-/// What one filter made of one truth.
+/// Result of one filter for one truth.
 struct Outcome {
-    /// By unknown: estimate less truth, standard deviation, whether told.
+    /// Error, standard deviation and identifiability per unknown.
     unknowns: Vec<(f64, f64, bool)>,
     /// Predicted less true contact force at the end, N.
     force_n: f64,
@@ -81,7 +81,7 @@ struct Outcome {
     consistent: f64,
     /// From the first contact until the gap stays near the truth, s.
     converged_s: f64,
-    /// By reading: time of the update, us, and evaluations of the model in it.
+    /// Time of the update, us, and its evaluations of the model, per reading.
     cost: Vec<[f64; 2]>,
     /// Readings whose search had not ended within its predictions, and those not used at all.
     tangents: usize,
@@ -220,16 +220,16 @@ fn summary(names: &[&str], outcomes: &[Outcome]) -> Value {
     let share = |of: &dyn Fn(&(f64, f64, bool)) -> bool| {
         all().filter(|unknown| of(unknown)).count() as f64 / all().count().max(1) as f64
     };
-    let told = |name: usize| outcomes.iter().filter(|outcome| outcome.unknowns[name].2).count();
-    let told: Value =
-        names.iter().enumerate().map(|(at, name)| ((*name).to_owned(), json!(told(at)))).collect();
+    let identifiable = |name: usize| outcomes.iter().filter(|outcome| outcome.unknowns[name].2).count();
+    let identifiable: Value =
+        names.iter().enumerate().map(|(at, name)| ((*name).to_owned(), json!(identifiable(at)))).collect();
     json!({
         "median_error": medians(names, &errors),
         "median_force_error_n": median(outcomes.iter().map(|outcome| outcome.force_n.abs())),
         "coverage_of_90_percent_bands": share(&|(off, sigma, _)| off.abs() <= BAND * sigma),
         "beyond_3_sigma": share(&|(off, sigma, _)| off.abs() > 3.0 * sigma),
-        "told_and_beyond_3_sigma": share(&|(off, sigma, told)| *told && off.abs() > 3.0 * sigma),
-        "truths_that_tell": told,
+        "identifiable_and_beyond_3_sigma": share(&|(off, sigma, known)| *known && off.abs() > 3.0 * sigma),
+        "identifiable_truths": identifiable,
         "readings_by_the_tangent": outcomes.iter().map(|outcome| outcome.tangents).sum::<usize>(),
         "readings_not_used": outcomes.iter().map(|outcome| outcome.unused).sum::<usize>(),
         "median_share_of_nis_in_band": median(outcomes.iter().map(|outcome| outcome.consistent)),

@@ -18,14 +18,14 @@ const OUTLIERS: f64 = 0.01;
 /// How far an outlier lies off, mm.
 const OUTLIER_MM: f64 = 20.0;
 
-/// What is hidden.
+/// Hidden true values.
 pub(super) struct Truth {
     /// In the order of the scene's unknowns.
     pub(super) unknowns: Vec<f64>,
     seed: u64,
 }
 
-/// What is read.
+/// Readings of the true values.
 pub(super) struct Readings {
     pub(super) measured: Vec<Measurement>,
     /// First contact of the truth, s.
@@ -39,7 +39,7 @@ pub(super) struct Readings {
 /// The model that the truths are taken from.
 pub(super) struct World {
     sensors: SensorModel,
-    /// By input of the scene's model: its place in this one and its range there.
+    /// Position and range in this model, per input of the scene's model.
     places: Vec<Option<(usize, [f64; 2])>>,
     /// This model's own values.
     values: [f64; MAX_INPUTS],
@@ -50,7 +50,7 @@ pub(super) struct World {
 impl World {
     pub(super) fn new(of: &Unknowns, model: &Model) -> anyhow::Result<Self> {
         let sensors =
-            SensorModel::new(&of.spec, model).map_err(|texts| anyhow::anyhow!("{}", texts.join("\n")))?;
+            SensorModel::new(&of.spec, model).map_err(|errors| anyhow::anyhow!("{}", errors.join("\n")))?;
         let mut places = Vec::new();
         for (own, role) in of.header.inputs.iter().zip(&of.setup.inputs) {
             let place = model.header.inputs.iter().position(|input| input.key() == own.key());

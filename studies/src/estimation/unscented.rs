@@ -30,8 +30,8 @@ struct Points {
 
 impl<'a> Unscented<'a> {
     /// Errors of the unknowns at the end of the readings, the time of each update, us, and the readings left out: points without a
-    /// prediction, or a covariance that is none any more. `touches`: whether a reading is of a
-    /// contact, as far as ours tells.
+    /// prediction, or a covariance that is not positive definite. `touches`: contact per reading, by
+    /// our filter.
     pub(super) fn run(
         setup: &'a Setup,
         model: &mut SensorModel,
@@ -82,7 +82,7 @@ impl<'a> Unscented<'a> {
         let cross = Mat::from_fn(cross.nrows(), kept.len(), |i, j| cross[(i, kept[j])]);
         let factor = Llt::new(variance.as_ref(), Side::Lower).ok()?;
         let gain = factor.solve(cross.transpose()).transpose().to_owned();
-        // Of the points as they were moved, so that what is left is a covariance.
+        // From the moved points, so that the result is a covariance.
         self.mean = before + &gain * innovation;
         let spread = &by_unknown * by_unknown.transpose() * faer::Scale(weight) - &gain * cross.transpose();
         self.covariance =
@@ -122,7 +122,7 @@ impl<'a> Unscented<'a> {
         Some(out)
     }
 
-    /// What the sensors would show at a point, which is moved to the side of the onset that the reading is on.
+    /// Sensor values at a point, which is moved to the reading's side of the onset.
     fn values(
         &self,
         model: &mut SensorModel,

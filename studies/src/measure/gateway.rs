@@ -1,4 +1,4 @@
-//! What the network gateway carries and costs, on loopback.
+//! Throughput and cost of the network gateway, on loopback.
 
 use super::twin::{Duration, Twin, model, print};
 use crate::python;
@@ -31,13 +31,13 @@ pub struct Args {
 }
 
 const ENDPOINT: &str = "tcp/127.0.0.1:17447";
-/// What the unit config/systemd/softtwin-twin@.service allows; what the system refuses is printed.
+/// Real-time settings that config/systemd/softtwin-twin@.service allows; refused ones are printed.
 const REALTIME: &str =
     "[realtime]\nlock_memory = true\nprefault = true\nfifo_priority = 50\nstay_awake = true\n";
 /// A niceness as in the gateway's unit: the twin comes first.
 const NICE: &str = "5";
 /// The situations, measured in turn, so that a drift of the machine affects all of them.
-const PHASES: [&str; 3] = ["twin alone", "gateway, nobody listens", "gateway, listened to"];
+const PHASES: [&str; 3] = ["twin alone", "gateway, no subscriber", "gateway, one subscriber"];
 
 impl Args {
     /// Measures and prints.

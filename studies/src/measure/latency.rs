@@ -55,7 +55,7 @@ fn fields(bus: &Bus, args: &Args) -> anyhow::Result<(Vec<u64>, u64)> {
     let reader = FieldReader::open(bus, &Topic::field(&args.actuator, args.node_set.as_deref())?)?;
     let seen = || {
         let sample = reader.next()?;
-        // The last value is looked at, so that the sample is really there.
+        // Reads the last value, so that the sample is in memory.
         Ok(sample.filter(|sample| sample.values().last().is_some_and(|value| value.is_finite())).map(
             |sample| {
                 let header = sample.header();

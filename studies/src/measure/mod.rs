@@ -1,7 +1,7 @@
-//! What readers, questions, further actuators, a gateway and viewers cost the twin, measured with real processes.
+//! Cost of readers, queries, further actuators, a gateway and viewers for the twin, measured with processes.
 //!
 //! Run from the repository's folder with a release build of all programs beside this one; the machine should have nothing else
-//! to do. Results are one JSON object a line.
+//! to do. Results are one JSON object per line.
 
 mod clients;
 mod fingers;
@@ -27,7 +27,7 @@ Examples:
     target/release/softtwin-studies measure stress";
 
 const NOTES: &str = "\
-Run it in the repository's folder, on a machine that has nothing else to do. One JSON object a line.";
+Run it in the repository's folder, on an idle machine. Prints one JSON object per line.";
 
 /// Measure what readers, questions, actuators, the gateway and viewers cost a running twin.
 #[derive(clap::Args)]

@@ -19,7 +19,7 @@ const SET: u32 = 500;
 /// Calls that are timed; the median counts.
 const CALLS: usize = 51;
 
-/// Errors of stress from modes and from mechanics on states that no training saw, and the price of the second.
+/// Errors of stress from modes and from mechanics on held-out states, and the cost of the second.
 #[derive(clap::Args)]
 pub struct Args {
     /// Model file.

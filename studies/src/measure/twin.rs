@@ -26,7 +26,7 @@ pub fn model() -> anyhow::Result<PathBuf> {
 
 /// A running twin and its bridge.
 pub struct Twin {
-    // Dropped in this order: the folder goes when nobody uses it any more.
+    // Dropped in this order: the folder is removed last.
     bridge: Daemon,
     /// The twin.
     pub twin: Daemon,

@@ -23,9 +23,9 @@ pub struct Args {
     seconds: f64,
 }
 
-/// The situations: no viewer; or one with pages that draw each frame for so long.
+/// Situations: no viewer, or one with browsers that draw each frame for the given time.
 const SITUATIONS: [(&str, Option<&[Duration]>); 4] = [
-    ("nobody looks", None),
+    ("no viewer", None),
     ("a viewer without pages", Some(&[])),
     ("three pages", Some(&[Duration::ZERO; 3])),
     ("one page that draws for 200 ms", Some(&[Duration::from_millis(200)])),
@@ -69,7 +69,7 @@ struct Viewer {
     pages: Vec<JoinHandle<anyhow::Result<Page>>>,
 }
 
-/// What a page received.
+/// Counts of one browser.
 #[derive(Default)]
 struct Page {
     frames: u64,
@@ -123,12 +123,12 @@ fn address(output: &mut BufReader<ChildStdout>) -> anyhow::Result<String> {
     anyhow::bail!("the viewer did not print its address")
 }
 
-/// A page without a picture: takes a frame, draws for so long, asks for the next.
+/// Browser without a picture: takes a frame, waits for `drawing`, asks for the next.
 fn look(address: &str, drawing: Duration, stop: &AtomicBool) -> anyhow::Result<Page> {
     let stream = TcpStream::connect(address.trim_end_matches('/'))?;
     stream.set_read_timeout(Some(Duration::from_secs(60)))?;
     let (mut socket, _) = tungstenite::client(format!("ws://{address}ws"), stream)
-        .map_err(|error| anyhow::anyhow!("the viewer refused the page: {error}"))?;
+        .map_err(|error| anyhow::anyhow!("the viewer refused the connection: {error}"))?;
     let mut page = Page::default();
     socket.send(Message::text(r#"{"type":"ready"}"#))?;
     while !stop.load(Ordering::Relaxed) {

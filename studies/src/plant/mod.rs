@@ -15,7 +15,7 @@ use runtime::query::Solver;
 use std::collections::VecDeque;
 use table::PlantTable;
 
-/// What the plant is like.
+/// Parameters of the plant.
 #[derive(Debug, Clone, Copy)]
 pub struct PlantSpec {
     /// Time constant of the valve, s.
@@ -26,7 +26,7 @@ pub struct PlantSpec {
     pub delay_s: f64,
     /// Highest pressure of the supply, MPa.
     pub supply_mpa: f64,
-    /// What the valve gives more than it is told, MPa.
+    /// Offset of the valve, MPa.
     pub valve_offset_mpa: f64,
     /// The gap that really is there, mm.
     pub true_gap_mm: f64,
@@ -36,7 +36,7 @@ pub struct PlantSpec {
     pub gauge_noise_mpa: f64,
     /// Standard deviation of the load cell's noise, N.
     pub cell_noise_n: f64,
-    /// Of the noise.
+    /// Seed of the noise.
     pub seed: u64,
 }
 
@@ -58,7 +58,7 @@ impl Default for PlantSpec {
     }
 }
 
-/// What force and tip really are.
+/// Source of true force and tip.
 #[derive(Debug)]
 pub enum Truth {
     /// A second finite-element mesh.
@@ -67,7 +67,7 @@ pub enum Truth {
     Model(Box<Solver>),
 }
 
-/// What the instruments show, and the truth.
+/// Instrument values and true values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Gauge, MPa.
@@ -83,7 +83,7 @@ pub struct Reading {
 /// The plant in motion.
 #[derive(Debug)]
 pub struct Plant {
-    /// What it is like; gap and offset may be changed while it moves.
+    /// Parameters; gap and offset may be changed while it moves.
     pub spec: PlantSpec,
     truth: Truth,
     valve_mpa: f64,
@@ -150,8 +150,8 @@ impl Plant {
             self.wanted_mpa = self.under_way.pop_front().map_or(self.wanted_mpa, |(_, wanted)| wanted);
         }
         let share = |tau_s: f64| if tau_s > 0.0 { 1.0 - (-dt_s / tau_s).exp() } else { 1.0 };
-        let told = (self.wanted_mpa + self.spec.valve_offset_mpa).clamp(0.0, self.spec.supply_mpa);
-        self.valve_mpa += (told - self.valve_mpa) * share(self.spec.valve_s);
+        let setpoint = (self.wanted_mpa + self.spec.valve_offset_mpa).clamp(0.0, self.spec.supply_mpa);
+        self.valve_mpa += (setpoint - self.valve_mpa) * share(self.spec.valve_s);
         self.pressure_mpa += (self.valve_mpa - self.pressure_mpa) * share(self.spec.line_s);
     }
 }

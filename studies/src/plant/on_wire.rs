@@ -26,7 +26,7 @@ pub struct Args {
     /// The gap that really is there, mm.
     #[arg(long, value_name = "MM", default_value_t = 33.0)]
     true_gap_mm: f64,
-    /// The gap that the gap sensor shows, mm: what everybody else assumes.
+    /// The gap at the gap sensor, mm, which all other programs assume.
     #[arg(long, value_name = "MM", default_value_t = 30.0)]
     shown_gap_mm: f64,
     /// The force that the controller is to hold, N: only for the report.
@@ -47,7 +47,7 @@ pub struct Args {
     /// No load cell: the readings carry no measured force.
     #[arg(long)]
     no_load_cell: bool,
-    /// Of the noise.
+    /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }

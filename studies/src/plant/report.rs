@@ -40,7 +40,7 @@ pub struct StepResponse {
     pub final_rms: f64,
 }
 
-/// A force is settled within this share of its target.
+/// Relative error within which a force is settled.
 pub const SETTLED: f64 = 0.05;
 
 /// Reads a step response off `(time in s, force in N)`, time counted from the first command.

@@ -1,4 +1,4 @@
-//! A test rig as Modbus devices: gauge, gap sensor, load cell and a valve with a time-out of its own, in front of a plant.
+//! A test rig as Modbus devices: gauge, gap sensor, load cell and a valve with its own time-out, in front of a plant.
 //!
 //! | unit | registers | what |
 //! | --- | --- | --- |
@@ -6,7 +6,7 @@
 //! | 2 | input 0-1, f32 | gap sensor, mm |
 //! | 3 | input 0-1, f32 | load cell, N |
 //! | 4 | holding 0-1, f32 | valve, MPa |
-//! | 4 | holding 10 | after so many ms without a write to the valve it closes by itself; 0: never |
+//! | 4 | holding 10 | time without a write to the valve, ms, after which it closes by itself; 0: never |
 
 use super::{Plant, Reading};
 use std::pin::Pin;
@@ -20,7 +20,7 @@ pub const SENSORS: [&str; 3] = ["gauge", "gap", "cell"];
 /// The valve's unit.
 const VALVE: u8 = 4;
 
-/// What closed or opened the valve.
+/// Cause of a closed or opened valve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Event {
     /// When, ns of the wire's clock.
@@ -66,7 +66,7 @@ impl Rig {
         })))
     }
 
-    /// Moves the plant on by `dt_s` and closes the valve when its time-out is over; returns what has happened since.
+    /// Moves the plant on by `dt_s` and closes the valve when its time-out is over; returns the new events.
     pub fn turn(&self, dt_s: f64) -> Vec<Event> {
         let mut inner = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let now = now_ns();

@@ -128,7 +128,7 @@ impl PlantTable {
     }
 
     /// Contact force in N and height of the tip in mm of a body `stiffness` times as stiff. A gap beyond the table's counts as
-    /// its end, an infinite one as no plate; beyond the highest pressure `h` and the tip go on as they are there.
+    /// its end, an infinite one as no plate; beyond the highest pressure `h` and the tip are constant.
     pub fn at(&self, pressure_mpa: f64, gap_mm: f64, stiffness: f64) -> (f64, f64) {
         let [nearest, farthest] = self.gaps_mm();
         let is_free = gap_mm == f64::INFINITY;

@@ -25,7 +25,7 @@ pub struct Cost {
     pub gbps: f64,
 }
 
-/// So many actuators in turn.
+/// Cost of a number of actuators in turn.
 #[derive(Debug, Serialize)]
 pub struct ActuatorsRow {
     /// Actuators.
@@ -38,7 +38,7 @@ pub struct ActuatorsRow {
     pub tip_us: f64,
 }
 
-/// So many readers.
+/// Cost of a number of readers.
 #[derive(Debug, Serialize)]
 pub struct SubscribersRow {
     /// Readers of the topic.
@@ -96,7 +96,7 @@ pub fn kernel(nodes: usize, modes: usize) -> anyhow::Result<Cost> {
 /// Rounds over all actuators.
 const ROUNDS: usize = 300;
 
-/// Actuators in turn in one thread, each with a model of its own in memory.
+/// Actuators in turn in one thread, each with its own model in memory.
 pub fn actuators(counts: &[usize]) -> anyhow::Result<Vec<ActuatorsRow>> {
     let model = full_size::model()?;
     let input = compute::inputs(&model)?[0];
@@ -132,7 +132,7 @@ fn round(states: &mut [ModelState], inputs: Inputs) -> anyhow::Result<f64> {
     Ok(series.p50() / states.len() as f64)
 }
 
-/// Loan and send of a full field with so many readers in this process, which take each sample.
+/// Loan and send of a full field with several readers in this process, which take each sample.
 pub fn subscribers(counts: &[usize]) -> anyhow::Result<Vec<SubscribersRow>> {
     let mut rows = Vec::new();
     for &subscribers in counts {

@@ -9,7 +9,7 @@ use softtwin::output;
 pub struct Study {
     /// Cache sizes as the system reports them.
     pub caches: String,
-    /// Against nodes, 6 modes a field.
+    /// Against nodes, 6 modes per field.
     pub nodes: Vec<NodesRow>,
     /// Against modes, 25,022 nodes.
     pub modes: Vec<ModesRow>,
@@ -55,13 +55,13 @@ impl Study {
                 "| {nodes} | {size} | {f32_us:.2} | {i16_us:.2} | {read_us:.2} | {gbps:.1} | {per_1000:.2} | {actuators_at_1khz} |"
             )?;
         }
-        head("modes a field | basis f32 | f32, us | i16, us | f32 GB/s")?;
+        head("modes per field | basis f32 | f32, us | i16, us | f32 GB/s")?;
         for ModesRow { modes, cost } in &self.modes {
             let Cost { f32_us, i16_us, gbps, .. } = cost;
             output!("| {modes} | {} | {f32_us:.1} | {i16_us:.1} | {gbps:.1} |", bytes(cost.bytes))?;
         }
         head(
-            "actuators in one twin | bases together | full field, us each | tip and force, us each | share of a core, tips at 1 kHz",
+            "actuators in one twin | bases together | full field, us each | tip and force, us each | fraction of a core, tips at 1 kHz",
         )?;
         for row in &self.actuators {
             let ActuatorsRow { actuators, full_us, tip_us, .. } = row;

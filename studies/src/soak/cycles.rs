@@ -20,12 +20,12 @@ Examples:
   All of it, for hours:
     cargo build --release --workspace --bins
     target/release/softtwin-studies cycles
-  A tenth:
+  A tenth of the cycles:
     target/release/softtwin-studies cycles --restarts 1000 --reloads 1000 --readers 10000";
 
 const NOTES: &str = "\
-One JSON object; ends with 1 when memory, open files or files of the domain grow: the slope of Theil and Sen over the cycles is above 0
-with 99 % confidence, and what it makes of the run is more than a page of memory or one file.";
+One JSON object; ends with 1 when memory, open files or files in shared memory grow: the Theil-Sen slope over the cycles is above 0
+with 99 % confidence, and its growth over the run is more than a page of memory or one file.";
 
 /// Restart, reload, rotate and attach thousands of times; find what grows by its slope.
 #[derive(clap::Args)]
@@ -47,7 +47,7 @@ pub struct Args {
 
 /// Observations of a phase.
 const POINTS: usize = 200;
-/// The first part of a phase is warm-up: pages are touched as they are first used.
+/// Part of a phase that is warm-up: memory pages are mapped at their first use.
 const WARM_UP: f64 = 0.2;
 /// A recording of this size has messages in it.
 const RECORDED_BYTES: u64 = 10_000;
@@ -97,7 +97,7 @@ fn room() -> Vec<(f64, f64)> {
     points
 }
 
-/// What was observed while something was repeated.
+/// Observations of a repeated action.
 struct Phase {
     cycles: usize,
     seconds: f64,
@@ -232,8 +232,8 @@ impl<'a> Programs<'a> {
         Phase::run(cycles, cycle, observe)
     }
 
-    /// Twin and bridge are started again and again, beside a recorder and a reader that stay. Between two observations the recorder
-    /// begins a new file: until a file ends, what stands where in it is kept in memory.
+    /// Restarts twin and bridge repeatedly while a recorder and a reader run. Between two observations the recorder begins a new
+    /// file, because it keeps the index of a file in memory until its end.
     fn restarts(&mut self, cycles: usize) -> anyhow::Result<Phase> {
         let own = std::process::id().to_string();
         let bus = self.testbed.bus()?;
@@ -266,7 +266,7 @@ impl<'a> Programs<'a> {
         Phase::run(cycles, cycle, observe)
     }
 
-    /// What the programs and the domain use now, as a function.
+    /// Function that returns the present usage of the programs and their shared memory.
     fn watched(&self, programs: &[(&'static str, &Daemon)]) -> impl FnMut() -> Vec<(String, f64)> + use<> {
         let programs: Vec<(&str, String)> =
             programs.iter().map(|(name, daemon)| (*name, daemon.id().to_string())).collect();

@@ -134,7 +134,7 @@ fn stopped_reader(testbed: &Testbed) -> anyhow::Result<()> {
     Ok(reader.kill()?)
 }
 
-/// The disk of recording and management files: whoever waits for it waits for seconds.
+/// Busy disk of recording and management files: every access takes seconds.
 fn busy_disk(testbed: &Testbed) -> anyhow::Result<()> {
     let path = testbed.path("ballast");
     let mut file = std::fs::File::create(&path)?;

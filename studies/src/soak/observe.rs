@@ -1,4 +1,4 @@
-//! What the programs of a soak test use at a moment.
+//! Resource usage of the programs of a soak test.
 
 use crate::testbed::Testbed;
 use serde_json::Value;
@@ -11,12 +11,12 @@ use std::process::Stdio;
 pub const STEADY: &str = "steady";
 /// Name of the actuator whose programs are killed and starved.
 pub const DISTURBED: &str = "disturbed";
-/// What a program uses at one moment.
+/// Usage of a program at one moment.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Usage {
     /// All pages in memory, shared ones too, kB.
     pub resident_kb: u64,
-    /// Its own pages, kB: the rest is program text and shared memory, mapped as it is first used.
+    /// Private memory, kB: the rest is program code and shared memory, mapped at its first use.
     pub private_kb: u64,
     /// Open files and sockets.
     pub open_files: u64,
@@ -29,16 +29,16 @@ pub struct Usage {
 pub struct Row {
     /// Steady twin, its bridge, the recorder.
     pub programs: [Usage; 3],
-    /// Files of the domain in /dev/shm.
+    /// Files of the shared-memory domain in /dev/shm.
     pub shared_memory_files: u64,
-    /// Management files of the domain.
+    /// Management files of the shared-memory domain.
     pub management_files: u64,
     /// `softtwin top --once --json`.
     pub top: Vec<Value>,
 }
 
 impl Row {
-    /// Observes the steady twin, its bridge and the recorder, and their domain.
+    /// Observes the steady twin, its bridge, the recorder, and their shared-memory domain.
     pub fn observe(testbed: &Testbed, programs: [&Daemon; 3]) -> anyhow::Result<Self> {
         let usage = |daemon: &Daemon| {
             let process = daemon.id().to_string();

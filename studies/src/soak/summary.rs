@@ -1,4 +1,4 @@
-//! What a soak test found, and what of it is wrong.
+//! Result of a soak test, and the missed bounds.
 
 use super::observe::{DISTURBED, Row, STEADY, Usage};
 use crate::slope::Slope;
@@ -37,7 +37,7 @@ pub struct Summary {
     slopes: BTreeMap<String, Slope>,
     latency_p50_us_first_and_second_half: [f64; 2],
     latency_p99_us_first_and_second_half: [f64; 2],
-    /// What is wrong; nothing when all is well.
+    /// Missed bounds; empty for a passed test.
     pub wrong: Vec<String>,
 }
 
@@ -120,7 +120,7 @@ fn slope(values: &[f64]) -> Option<Slope> {
     Slope::of(&(0..).map(f64::from).zip(values.iter().copied()).collect::<Vec<_>>())
 }
 
-/// What `make` says of every quantity.
+/// Result of `make` per quantity.
 fn columns<T>(rows: &[Row], make: impl Fn(&[f64]) -> T) -> BTreeMap<String, T> {
     let column = |of: &dyn Fn(&Row) -> u64| {
         let values: Vec<f64> = rows.iter().map(|row| of(row) as f64).collect();

@@ -10,19 +10,19 @@ use serde::Serialize;
 use softtwin::draws::Draws;
 use softtwin::jumps::jumps;
 
-/// Step between two states that are compared, as a share of an input's range.
+/// Step between two states that are compared, as a fraction of an input's range.
 const STEP: f64 = 2e-3;
-/// Draws for each state wanted: a domain of a hundredth of its box is still found.
+/// Draws per required state: enough for a training range of 1 % of its box.
 const TRIES: usize = 100;
 /// Violations that are listed.
 const LISTED: usize = 10;
 
-/// What a sweep found.
+/// Result of a sweep.
 #[derive(Debug, Clone, Serialize)]
 pub struct Sweep {
-    /// Random states inside the contact domain.
+    /// Random states inside the contact training range.
     pub states: usize,
-    /// States whose force is negative or no number, falls with pressure, or rises with the gap; the first ones.
+    /// States whose force is negative or NaN, falls with pressure, or rises with the gap; the first ones.
     pub violations: Vec<String>,
     /// How many violations there are.
     pub violation_count: usize,
@@ -41,10 +41,10 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Sweeps over `states` random states inside the contact domain and over `gaps` gaps along the onset.
+    /// Sweeps over `states` random states inside the contact training range and over `gaps` gaps along the onset.
     ///
     /// # Errors
-    /// The model has no contact regime, or hardly a draw falls into its domain.
+    /// The model has no contact regime, or too few draws are inside its training range.
     pub fn new(model: &Model, states: usize, gaps: usize, seed: u64) -> anyhow::Result<Self> {
         let interpolants = model.header.regimes.iter().flat_map(|regime| regime.interpolants());
         let onset = model.header.onset.as_ref();
@@ -76,7 +76,7 @@ impl Sweep {
         let steps = [step(PRESSURE), step(GAP)];
         let evaluator = Evaluator::new(&model.header)?;
         let mut evaluation = evaluator.evaluation();
-        // The force of a contact state inside the domain, and its half-width.
+        // Force and half-width of a contact state inside the training range.
         let mut force = |at: Inputs| {
             evaluator.evaluate(at, &mut evaluation);
             let inside =
@@ -100,7 +100,7 @@ impl Sweep {
                 self.note(at, format!("force rises with the gap: {here_n} N, then {more_n} N"));
             }
         }
-        anyhow::ensure!(found == self.states, "only {found} draws fell inside the contact domain");
+        anyhow::ensure!(found == self.states, "only {found} draws are inside the contact training range");
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use softtwin::range;
 /// How many states, and what counts as continuous.
 #[derive(clap::Args)]
 pub struct Extent {
-    /// Random states inside the contact domain (1 to 10000000).
+    /// Random states inside the contact training range (1 to 10000000).
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = range::count(1, 10_000_000))]
     pub states: usize,
     /// Gaps along the onset at which both regimes are compared (2 to 100000).
@@ -21,12 +21,12 @@ pub struct Extent {
     /// Largest jump of the force at the onset that is accepted, in N.
     #[arg(long, value_name = "N", default_value_t = 1e-3, value_parser = range::number(0.0, 1e3))]
     pub jump_n: f64,
-    /// Largest jump of the stress at the onset that is accepted, as a share of the state's largest stress (0 to 1).
-    #[arg(long, value_name = "SHARE", default_value_t = MAX_STRESS_JUMP, value_parser = range::number(0.0, 1.0))]
+    /// Largest jump of the stress at the onset that is accepted, as a fraction of the state's largest stress (0 to 1).
+    #[arg(long, value_name = "FRACTION", default_value_t = MAX_STRESS_JUMP, value_parser = range::number(0.0, 1.0))]
     pub jump_stress: f64,
 }
 
-/// What a model may jump in stress at the onset, over the state's largest.
+/// Largest accepted jump of the stress at the onset, relative to the state's largest.
 pub const MAX_STRESS_JUMP: f64 = 3e-3;
 
 impl Extent {
@@ -46,7 +46,7 @@ impl Extent {
         let (mm, n, stress) = (sweep.largest_jump_mm, sweep.largest_jump_n, sweep.largest_stress_jump);
         anyhow::ensure!(
             mm <= self.jump_mm && n <= self.jump_n && stress <= self.jump_stress,
-            "the regimes do not meet at the onset: expected jumps of at most {} mm, {} N and a share of {} of the largest \
+            "the regimes do not meet at the onset: expected jumps of at most {} mm, {} N and a fraction of {} of the largest \
              stress, found {mm} mm, {n} N and {stress:.4}",
             self.jump_mm,
             self.jump_n,

@@ -16,13 +16,13 @@ use std::path::{Path, PathBuf};
 const EXAMPLES: &str = "\
 Examples:
     softtwin-studies sweep
-  Half-widths against 40 fresh states (about 10 s each) that contact at pressures below 5 kPa:
+  Half-widths against 40 new states (about 10 s each) that contact at pressures below 5 kPa:
     softtwin-studies sweep --fresh 40 --below-mpa 0.005 --database target/sweep";
 
 const NOTES: &str = "\
 At random states inside the contact range the force must not be negative, must grow with pressure and fall with the gap. At the
-onset of contact the coordinates, stress and force of both regimes must agree within the limits. The fresh states are simulated into a folder; states that are there already are not
-solved again. Ends with 1 when something does not hold.";
+onset of contact the coordinates, stress and force of both regimes must agree within the limits. The new states are simulated into a folder; states already in it are not
+solved again. Ends with 1 if a check fails.";
 
 /// Sweep random states over a model: monotonic force, continuity, half-widths against fresh finite elements.
 #[derive(clap::Args)]
@@ -33,13 +33,13 @@ pub struct Args {
     model: PathBuf,
     #[command(flatten)]
     extent: Extent,
-    /// Simulate so many states and compare the errors with the half-widths (0 to 10000).
+    /// Number of new states to simulate; their errors are compared with the half-widths (0 to 10000).
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = range::count(0, 10_000), requires = "database")]
     fresh: usize,
-    /// Draw the fresh states at pressures below this, in MPa.
+    /// Draw the new states at pressures below this, in MPa.
     #[arg(long, value_name = "MPA", default_value_t = range::MAX_PRESSURE_MPA, value_parser = range::pressure_mpa)]
     below_mpa: f64,
-    /// Folder of the fresh states.
+    /// Folder of the new states.
     #[arg(long, value_name = "DIR")]
     database: Option<PathBuf>,
     /// Actuator that is simulated.
@@ -47,7 +47,7 @@ pub struct Args {
     actuator: PathBuf,
 }
 
-/// Draws for each fresh state: those below a pressure can be rare.
+/// Draws per new state: those below a pressure can be rare.
 const TRIES: usize = 10_000;
 
 impl Args {
@@ -62,8 +62,8 @@ impl Args {
         let outside: Vec<String> = fresh.iter().flatten().flat_map(beyond).collect();
         output::json(&json!({ "sweep": sweep, "fresh": fresh, "beyond_their_halfwidths": outside }))?;
         self.extent.check(&sweep)?;
-        let promised = model.regime(RegimeKind::Contact).map_or(0.0, |regime| regime.halfwidths.coverage);
-        let most = ((1.0 - promised) * 3.0 * self.fresh as f64).ceil() as usize;
+        let coverage = model.regime(RegimeKind::Contact).map_or(0.0, |regime| regime.halfwidths.coverage);
+        let most = ((1.0 - coverage) * 3.0 * self.fresh as f64).ceil() as usize;
         anyhow::ensure!(
             outside.len() <= most,
             "expected at most {most} values beyond their half-widths of {} states, found {}",
@@ -86,7 +86,7 @@ impl Args {
         let found = list.lines().count() - 1;
         anyhow::ensure!(
             found == self.fresh,
-            "only {found} states of the domain lie below {} MPa",
+            "only {found} states inside the training range are below {} MPa",
             self.below_mpa
         );
         let testbed = Testbed::new("sweep")?;

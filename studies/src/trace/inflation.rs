@@ -135,7 +135,7 @@ impl Inflation {
         Ok(volumes.iter().map(|v| ((gas(v) - initial) / flow_mm3_per_s, v.0)).collect())
     }
 
-    /// What the gauge shows. It cannot read below zero (no vacuum range), as the common digital gauges cannot.
+    /// Value of the gauge. It has no vacuum range, like common digital gauges.
     fn gauge(&self, pressure_mpa: f64, rng: &mut Rng) -> f64 {
         let noisy = (pressure_mpa + self.noise_mpa * rng.normal()).max(0.0);
         if self.resolution_mpa > 0.0 {

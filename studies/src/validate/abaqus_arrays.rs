@@ -14,7 +14,7 @@ pub enum ArrayError {
     /// A file cannot be read as .npy.
     #[error(transparent)]
     Read(#[from] FormatError),
-    /// An array has another shape or other values than its name promises.
+    /// An array has another shape or other values than its name requires.
     #[error("{path}: found {found}, expected {expected}")]
     Layout {
         /// The file.
@@ -37,7 +37,7 @@ fn rows(folder: &Path, name: &str, columns: usize) -> Result<Vec<f64>, ArrayErro
     Ok(array.data)
 }
 
-/// A whole number from 0 to below `count`.
+/// An integer from 0 to below `count`.
 fn index(value: f64, count: usize) -> Option<u32> {
     let whole = value.fract() == 0.0 && value >= 0.0 && value < count as f64;
     whole.then_some(value as u32)
@@ -78,7 +78,7 @@ fn walls(folder: &Path, name: &str, nodes: usize) -> Result<Vec<Vec<Tri6>>, Arra
 /// Reads `nodes`, `tets`, `paper`, `cavity`, `fixed`, `bottom`, `slot_walls_a`, `slot_walls_b` and `mises_owner`.
 ///
 /// # Errors
-/// [`ArrayError`] names the file and what is wrong with it.
+/// [`ArrayError`] names the file and its error.
 pub fn read(folder: &Path) -> Result<Mesh, ArrayError> {
     let flat = rows(folder, "nodes.npy", 3)?;
     let nodes_mm: Vec<[f64; 3]> = flat.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();

@@ -22,7 +22,7 @@ struct Row {
 pub struct Book {
     rows: Vec<Row>,
     skipped: Vec<String>,
-    /// What stands for itself and has no bound.
+    /// Differences without a bound.
     differences: Vec<serde_json::Value>,
     quiet: bool,
 }
@@ -100,7 +100,7 @@ impl Book {
                 row.reference,
                 row.error,
                 row.unit,
-                (row.bound * 1.0e4).round() / 1.0e4, // a bound in N as a share of a force has no end
+                (row.bound * 1.0e4).round() / 1.0e4, // a bound in N as a fraction of a force has no short form
                 row.unit,
                 if row.holds { "" } else { "  MISSED" }
             )?;

@@ -10,7 +10,7 @@ use softtwin::files::{self, refusal};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Pressure (MPa) and gap (mm; none: free) of the states: the paper's A to D, and E beyond the sampled domain.
+/// Pressure (MPa) and gap (mm; `None`: free) of the states: the paper's A to D, and E beyond the training range.
 const STATES: [(f64, Option<f64>); 5] = [
     (0.014_352, None),
     (0.067_412, None),
@@ -19,7 +19,7 @@ const STATES: [(f64, Option<f64>); 5] = [
     (0.092, Some(8.0)),
 ];
 
-/// What one state differs by. Shares are of the state's largest displacement and largest stress.
+/// Difference of one state, relative to its largest displacement and largest stress.
 #[derive(Debug, Serialize)]
 struct Difference {
     pressure_mpa: f64,

@@ -33,7 +33,7 @@ const ONSET_STEPS: usize = 4;
 
 pub fn run(actuator: &Path, gripper: &Path, book: &mut Book) -> anyhow::Result<()> {
     let (actuator, problem) = files::actuator(actuator)?;
-    book.heading(&format!("published figures, {} nodes of its own mesh", problem.mesh().nodes_mm.len()))?;
+    book.heading(&format!("published figures, own mesh of {} nodes", problem.mesh().nodes_mm.len()))?;
     let mut solver = Solver::new(Arc::clone(&problem))?;
     let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     let sag = solver.clearance_mm(&rest);

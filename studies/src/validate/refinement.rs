@@ -12,8 +12,8 @@ const PART: &str = "refinement";
 
 /// Pressure of the study (MPa).
 const PRESSURE_MPA: f64 = 0.05;
-/// Where the plate stands: this share of the way from the resting to the inflated tip.
-const PLATE_SHARE: f64 = 0.5;
+/// Position of the plate, as a fraction of the path from the resting to the inflated tip.
+const PLATE_FRACTION: f64 = 0.5;
 /// How much sharper the plate's penalty is than the reference's, which is made for strokes of tens of millimetres: here the
 /// stroke is a fraction of one, and what is studied is the solid's mesh.
 const SHARPER: f64 = 10.0;
@@ -22,8 +22,7 @@ const SIZE_MM: f64 = 9.0;
 /// Bounds on the last refinement's change (%): lowest point, volume, force.
 const BOUNDS: [f64; 3] = [1.0, 0.5, 2.0];
 
-/// What is watched while the mesh is refined: quantities that do not ask for the largest of the values at the nodes, which
-/// differs between meshes because their nodes lie elsewhere.
+/// Compared quantities of the refinement. None is a maximum over nodes, because nodes have other positions in other meshes.
 const WATCHED: [&str; 3] = ["lowest point (mm)", "cavity volume (mm3)", "contact force (N)"];
 
 struct Level {
@@ -42,7 +41,7 @@ pub fn run(path: &Path, chambers: usize, times: &[usize], book: &mut Book) -> an
     ))?;
     let mut gap_mm = None;
     let mut levels: Vec<Level> = Vec::new();
-    // The finest first: the plate then stands at the same place for all.
+    // The finest first: it determines the plate's position for all.
     let mut times = times.to_vec();
     times.sort_unstable_by(|a, b| b.cmp(a));
     for times in times {
@@ -80,7 +79,7 @@ fn level(actuator: &Actuator, times: usize, gap_mm: &mut Option<f64>, book: &Boo
     let (rest, _) = solver.gravity_equilibrium(actuator.loads.gravity_mm_s2)?;
     let (free, report) = solver.solve_to(&rest, &actuator.load(PRESSURE_MPA, None))?;
     let (low, high) = (solver.clearance_mm(&rest), solver.clearance_mm(&free));
-    let gap = *gap_mm.get_or_insert(low + PLATE_SHARE * (high - low));
+    let gap = *gap_mm.get_or_insert(low + PLATE_FRACTION * (high - low));
     let (touching, _) = solver.solve_to(&free, &actuator.load(PRESSURE_MPA, Some(gap)))?;
     let output = solver.output(&free);
     let figures = [high, output.cavity_volume_mm3, solver.output(&touching).contact_force_n];
