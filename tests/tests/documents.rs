@@ -46,8 +46,8 @@ fn table(heading: &str) -> Vec<Row> {
     let section = document.split("\n## ").find(|section| section.starts_with(heading)).expect(heading);
     let mut rows = Vec::new();
     for line in section.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| ---")).skip(1) {
-        let cells: Vec<&str> = line.trim_matches('|').split(" | ").collect();
-        let [_, file, data, calls] = cells.as_slice() else {
+        let cells: Vec<&str> = line.split('|').collect();
+        let [_, _, file, data, calls, _] = cells.as_slice() else {
             panic!("{heading}: expected four cells: {line}")
         };
         let [file] =
@@ -59,27 +59,33 @@ fn table(heading: &str) -> Vec<Row> {
     rows
 }
 
-/// Compares a table with its files: data and calls occur in the row's file, each call is defined in another row's file, and each
-/// file but the first defines a call of another row.
+/// Compares a table with its files: data and calls occur in the row's file, each call is defined in another row's file, and the calls
+/// connect all files.
 fn check(heading: &str, least: usize) {
     let rows = table(heading);
     assert!(rows.len() >= least, "{heading}: only {} rows", rows.len());
-    let mut called = BTreeSet::from([0]);
+    let mut edges = Vec::new();
     for (at, row) in rows.iter().enumerate() {
         let here = words(&row.text);
         for name in row.data.iter().chain(&row.calls) {
             assert!(here.contains(&name.as_str()), "{heading}: {} does not contain `{name}`", row.file);
         }
         for name in &row.calls {
-            let place = rows.iter().enumerate().find(|(other, row)| *other != at && defines(&row.text, name));
-            let (place, _) =
-                place.unwrap_or_else(|| panic!("{heading}: no other file defines `{name}` of {}", row.file));
-            called.insert(place);
+            let place = (0..rows.len()).find(|other| *other != at && defines(&rows[*other].text, name));
+            edges.push((at, place.unwrap_or_else(|| panic!("{heading}: no other row defines `{name}`"))));
         }
     }
-    let unused = rows.iter().enumerate().filter(|(at, _)| !called.contains(at));
-    let unused: Vec<&str> = unused.map(|(_, row)| row.file.as_str()).collect();
-    assert!(unused.is_empty(), "{heading}: no row calls {unused:?}");
+    let mut reached = BTreeSet::from([0]);
+    for _ in &rows {
+        for (a, b) in &edges {
+            if reached.contains(a) || reached.contains(b) {
+                reached.extend([*a, *b]);
+            }
+        }
+    }
+    let apart: Vec<&str> =
+        (0..rows.len()).filter(|at| !reached.contains(at)).map(|at| rows[at].file.as_str()).collect();
+    assert!(apart.is_empty(), "{heading}: no calls connect {apart:?} with {}", rows[0].file);
 }
 
 #[test]
