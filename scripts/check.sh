@@ -55,7 +55,8 @@ readers_python() {
 clients_python() {
     [ ! clients/python/pyproject.toml -nt build/clients-venv/installed ] || rm -f build/clients-venv/installed
     python clients "iceoryx2==0.10.0" numpy pytest matplotlib mypy xarray pyvista fmpy 'pymoca<0.13' jsonschema basyx-python-sdk \
-        mcap mcap-protobuf-support foxglove-sdk rerun-sdk websockets gymnasium nbclient nbformat ipykernel
+        mcap mcap-protobuf-support 'foxglove-sdk<0.31' rerun-sdk gymnasium nbclient nbformat ipykernel \
+        'meshio==5.3.5' h5py lxml mapdl-archive
 }
 
 batch_python() { python batch 'snakemake<10'; }

@@ -4,7 +4,6 @@ import json
 import os
 import pathlib
 import re
-import struct
 import subprocess
 import tempfile
 import xml.etree.ElementTree
@@ -204,49 +203,6 @@ def vtu_that_meshio_wrote(work):
         work.run("import", theirs, "--out", ours)
         back = meshio.read(ours)
         assert numpy.abs(back.points - points).max() < 1e-6 and (back.cells[0].data == tets).all(), options
-
-
-def write_exchange(folder, states, points, name, values, settings, columns):
-    """A folder of the exchange, as numpy writes it."""
-    (folder / name / "snapshots").mkdir(parents=True)
-    binary = lambda array: struct.pack("<Q", array.size) + numpy.ascontiguousarray(array, "<f8").tobytes()
-    (folder / name / "points.bin").write_bytes(binary(points))
-    (folder / name / "settings.json").write_text(json.dumps({"name": name, "unitFactor": 1.0, "namedSelections": {}, **settings}))
-    rows = [f"{name}," + ",".join(columns)]
-    for k, state in enumerate(states):
-        rows.append(f"file{k}.bin," + ",".join(map(str, state)))
-        (folder / name / "snapshots" / f"file{k}.bin").write_bytes(binary(values[k]))
-    (folder / name / "doe.csv").write_text("\n".join(rows) + "\n")
-
-
-@check
-def snapshots_of_the_static_rom_exchange(work):
-    folder = work.folder / "exchange"
-    points, _ = small_tets()
-    points = points - points.mean(axis=0)
-    pressures = numpy.linspace(0, 60, 9)  # kPa
-    bend = lambda p: numpy.stack([0 * points[:, 0], -1e-3 * p * points[:, 0] ** 2, 0 * points[:, 2]], axis=1)
-    moved = [bend(p) / 1000 for p in pressures]  # m
-    shear = [numpy.stack([*(numpy.zeros(len(points)),) * 3, 1e3 * p * (1 + points[:, 0] ** 2), *(numpy.zeros(len(points)),) * 2], axis=1) for p in pressures]
-    states, columns = [[p] for p in pressures], ["pressure[kPa]"]
-    write_exchange(folder, states, points / 1000, "displacement", moved, {"unit": "m", "deformation": True, "dimensionality": [3]}, columns)
-    write_exchange(folder, states, points / 1000, "stress", shear, {"unit": "Pa", "dimensionality": [3, 3], "symmetricalDim": True}, columns)
-    out = work.folder / "exchange.npy"
-    work.run("export", folder, "--out", out)
-    read = numpy.load(out)
-    assert read.shape == (9, len(points), 5)
-    for k, p in enumerate(pressures):
-        assert numpy.abs(read[k, :, :3] - (points + bend(p))).max() < 1e-4
-        assert numpy.allclose(read[k, :, 4], numpy.sqrt(3) * 1e-3 * p * (1 + points[:, 0] ** 2), rtol=1e-5, atol=1e-9)
-    model = work.folder / "exchange.twin"
-    trained = json.loads(work.run("train", "--database", folder, "--out", model, "--json").stdout)
-    assert trained["cases"] == 9, trained
-    again = work.folder / "again.npy"
-    work.run("predict", "--model", model, "--pressure-mpa", pressures[4] / 1000, "--out", again)
-    assert numpy.abs(numpy.load(again)[:, :3] - read[4, :, :3]).max() < 1e-3
-    path = folder / "displacement" / "snapshots" / "file3.bin"
-    path.write_bytes(path.read_bytes()[:-8])
-    assert "file3.bin" in work.run("train", "--database", folder, "--out", model, code=78).stderr
 
 
 def main():

@@ -28,7 +28,7 @@ pub struct Entrance {
 }
 
 /// All entrances.
-pub const ENTRANCES: [Entrance; 30] = [
+pub const ENTRANCES: [Entrance; 22] = [
     Entrance { name: "model", body: model, seed: || crate::stage::model_bytes().to_vec() },
     Entrance { name: "npy", body: npy, seed: npy_seed },
     Entrance {
@@ -48,22 +48,14 @@ pub const ENTRANCES: [Entrance; 30] = [
     Entrance { name: "frd", body: frd, seed: || FRD.to_vec() },
     Entrance { name: "vtu", body: vtu, seed: || VTU.to_vec() },
     Entrance { name: "pvd", body: pvd, seed: || PVD.to_vec() },
-    Entrance { name: "xdmf", body: xdmf, seed: || XDMF.to_vec() },
-    Entrance { name: "hdf5", body: hdf5, seed: || HDF5.to_vec() },
     Entrance { name: "inp", body: inp, seed: || INP.to_vec() },
-    Entrance { name: "cdb", body: cdb, seed: || CDB.to_vec() },
-    Entrance { name: "listing", body: listing, seed: || LISTING.to_vec() },
-    Entrance { name: "rpt", body: rpt, seed: || RPT.to_vec() },
     Entrance { name: "dat", body: dat, seed: || DAT.to_vec() },
-    Entrance { name: "xplt", body: xplt, seed: || XPLT.to_vec() },
     Entrance { name: "msh", body: msh, seed: || MSH.to_vec() },
     Entrance { name: "npz", body: npz, seed: packed::good_archive },
     Entrance { name: "npz_arrays", body: packed::npz_arrays, seed: packed::npz_seed },
     Entrance { name: "vtu_arrays", body: packed::vtu_arrays, seed: packed::vtu_seed },
-    Entrance { name: "xplt_plain", body: xplt, seed: || PLAIN_XPLT.to_vec() },
     Entrance { name: "model_header", body: wrapped::model_header, seed: wrapped::header_seed },
     Entrance { name: "chunk", body: wrapped::chunk, seed: wrapped::chunk_seed },
-    Entrance { name: "exchange", body: wrapped::exchange, seed: wrapped::exchange_seed },
     Entrance {
         name: "selector",
         body: selector,
@@ -318,26 +310,6 @@ pub fn frd(bytes: &[u8]) {
     }
 }
 
-/// XDMF with its numbers in the text.
-pub fn xdmf(bytes: &[u8]) {
-    let text = String::from_utf8_lossy(bytes);
-    in_folder(|folder| {
-        if let Ok(run) = formats::results::parse_xdmf(&text, &folder.join("input.xdmf")) {
-            is_whole(&run);
-        }
-    });
-}
-
-/// The HDF5 file beside a good XDMF.
-pub fn hdf5(bytes: &[u8]) {
-    in_folder(|folder| {
-        std::fs::write(folder.join("series.h5"), bytes).expect("writable");
-        if let Ok(run) = formats::results::parse_xdmf(SERIES, &folder.join("series.xdmf")) {
-            is_whole(&run);
-        }
-    });
-}
-
 /// Cells name nodes that are there, quantities have a value for each.
 fn is_whole(run: &formats::results::Run) {
     let nodes = run.points.len();
@@ -370,61 +342,14 @@ pub fn inp(bytes: &[u8]) {
     std::hint::black_box(formats::cells::surface(&mesh.points, &mesh.blocks()));
 }
 
-/// An Ansys archive.
-pub fn cdb(bytes: &[u8]) {
-    let Ok(mesh) = formats::cdb::parse(&String::from_utf8_lossy(bytes)) else { return };
-    assert!(
-        mesh.blocks.iter().flat_map(|block| &block.nodes).all(|node| (*node as usize) < mesh.points.len())
-    );
-    std::hint::black_box(formats::cells::surface(&mesh.points, &mesh.blocks));
-}
-
-/// Listings of Ansys' nodal results.
-pub fn listing(bytes: &[u8]) {
-    let labels = [1, 2, 3, 4];
-    let Ok(steps) = formats::results::parse_listing(&String::from_utf8_lossy(bytes), &labels) else { return };
-    for quantity in steps.iter().flat_map(|step| &step.quantities) {
-        assert_eq!(quantity.values.len(), labels.len() * quantity.components.len());
-    }
-}
-
-/// Field reports of Abaqus.
-pub fn rpt(bytes: &[u8]) {
-    let labels = [1, 2, 3, 4];
-    let Ok(steps) = formats::results::parse_rpt(&String::from_utf8_lossy(bytes), &labels) else { return };
-    for quantity in steps.iter().flat_map(|step| &step.quantities) {
-        assert_eq!(quantity.values.len(), labels.len() * quantity.components.len());
-    }
-}
-
 /// Total forces that CalculiX prints.
 pub fn dat(bytes: &[u8]) {
     let Ok(totals) = formats::results::parse_dat(&String::from_utf8_lossy(bytes)) else { return };
     assert!(totals.iter().all(|total| total.time.is_finite() && total.force.iter().all(|f| f.is_finite())));
 }
 
-/// FEBio's plot file.
-pub fn xplt(bytes: &[u8]) {
-    if let Ok(run) = formats::results::parse_xplt(bytes) {
-        is_whole(&run);
-    }
-}
-
-const CDB: &[u8] = include_bytes!("../../crates/formats/tests/data/model.cdb");
-
-const RPT: &[u8] = b"   Step: Step-1\n   Frame: Increment     12: Step Time =   0.5000\n\n            Node            U.U1         S.Mises\n\
-           Label          @Loc 1          @Loc 1\n-----\n   1  0.1  2.\n   2  0.  3.\n   3  0.  4.\n   4  0.2  5.\n\n  Minimum  0.  2.\n";
 const DAT: &[u8] =
     b"\n total force (fx,fy,fz) for set PLATE and time  0.1000000E+01\n\n   3.0E-01 -4.0E-01  0.0E+00\n";
-const LISTING: &[u8] = b" PRINT U    NODAL SOLUTION PER NODE\n\n  ***** POST1 NODAL DEGREE OF FREEDOM LISTING *****\n\n\
-  LOAD STEP=     1  SUBSTEP=     2\n   TIME=    1.0000      LOAD CASE=   0\n\n  THE FOLLOWING DEGREE OF FREEDOM RESULTS ARE IN THE \
-GLOBAL COORDINATE SYSTEM\n\n    NODE       UX           UY           UZ\n 1  0.10000E-001-0.20000E-001 0.0000\n 2  1.0 2.0 3.0\n\
- 3 0.0 0.0 0.0\n 4 1 2 3\n\n MAXIMUM ABSOLUTE VALUES\n NODE          4          2          4\n VALUE   1.0 2.0 3.0\n";
-
-/// As `scripts/checks/xplt_fixtures.py` wrote them; the second one is not deflated.
-const XPLT: &[u8] = include_bytes!("../../crates/formats/tests/data/compressed.xplt");
-const PLAIN_XPLT: &[u8] = include_bytes!("../../crates/formats/tests/data/plain.xplt");
-
 const FRD: &[u8] = b"    2C                             4                                     1\n\
  -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n -1         2 1.00000E+00 0.00000E+00 0.00000E+00\n\
  -1         3 0.00000E+00 1.00000E+00 0.00000E+00\n -1         4 0.00000E+00 0.00000E+00 1.00000E+00\n -3\n\
@@ -440,16 +365,6 @@ const VTU: &[u8] = b"<VTKFile type=\"UnstructuredGrid\" byte_order=\"LittleEndia
 </DataArray></Points><Cells><DataArray type=\"Int32\" Name=\"connectivity\">0 1 2 3</DataArray><DataArray type=\"Int32\" \
 Name=\"offsets\">4</DataArray><DataArray type=\"UInt8\" Name=\"types\">10</DataArray></Cells><PointData><DataArray type=\"Float64\" \
 Name=\"u\" NumberOfComponents=\"3\">0 0 0 .1 0 0 0 .1 0 0 0 .1</DataArray></PointData></Piece></UnstructuredGrid></VTKFile>";
-
-const XDMF: &[u8] = b"<Xdmf><Domain><Grid Name=\"m\"><Geometry><DataItem Dimensions=\"4 3\" Format=\"XML\">0 0 0 1 0 0 0 1 0 0 0 1\
-</DataItem></Geometry><Topology TopologyType=\"Mixed\"><DataItem Dimensions=\"5\">6 0 1 2 3</DataItem></Topology></Grid><Grid \
-GridType=\"Collection\" CollectionType=\"Temporal\"><Grid><xi:include xpointer=\"xpointer(//Grid[@Name='m']/*[self::Topology or \
-self::Geometry])\"/><Time Value=\"1\"/><Attribute Name=\"u\"><DataItem Reference=\"/Xdmf/Domain/Grid[1]/Geometry/DataItem\"/></Attribute>\
-</Grid></Grid></Domain></Xdmf>";
-
-/// As meshio wrote them: `scripts/checks/xdmf_fixtures.py`.
-const SERIES: &str = include_str!("../../crates/formats/tests/data/series.xdmf");
-const HDF5: &[u8] = include_bytes!("../../crates/formats/tests/data/series.h5");
 
 const PVD: &[u8] = b"<VTKFile type=\"Collection\"><Collection><DataSet timestep=\"0\" file=\"a.vtu\"/>\
 <DataSet timestep=\"0.5\" file=\"b.vtu\"/></Collection></VTKFile>";

@@ -51,14 +51,13 @@ static ALLOCATOR: Watching = Watching;
 /// Share of an entrance in thousandths: a model file takes longer than a key expression.
 fn share(entrance: &Entrance) -> usize {
     match entrance.name {
-        "model" | "model_header" | "exchange" => 5,
+        "model" | "model_header" => 5,
         "npy" | "npz" => 20,
         "config" => 45,
         "recording" => 90,
         "key" => 120,
-        "frd" | "vtu" | "pvd" | "xdmf" | "hdf5" | "inp" | "cdb" | "listing" | "rpt" | "dat" | "xplt"
-        | "msh" | "chunk" => 20,
-        "npz_arrays" | "vtu_arrays" | "xplt_plain" => 20,
+        "frd" | "vtu" | "pvd" | "inp" | "dat" | "msh" | "chunk" => 20,
+        "npz_arrays" | "vtu_arrays" => 20,
         "selector" | "websocket" => 30,
         _ => 220,
     }

@@ -1,6 +1,6 @@
 //! Cells of meshes by VTK's numbers: their names, their faces and the surface of a body.
 
-use crate::mesh_file::{TET_EDGES, TET_FACES, TRI_EDGES, TRI_FACETS};
+use crate::mesh_file::{TET_FACES, TRI_FACETS};
 use std::collections::HashMap;
 
 /// Cells of one kind.
@@ -109,22 +109,6 @@ const PYRAMID: [&[usize]; 5] = [
     &[2, 3, 4, 7, 12, 11],
     &[3, 0, 4, 8, 9, 12],
 ];
-
-/// Ends of the edge of each mid-side node of a cell, in the order of these nodes; none where the kind has no mid-sides.
-pub(crate) fn edges(kind: u8) -> &'static [[usize; 2]] {
-    match kind {
-        24 => &TET_EDGES,
-        25 => &HEXAHEDRON_EDGES,
-        26 => &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]],
-        27 => &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]],
-        22 => &TRI_EDGES,
-        23 => &[[0, 1], [1, 2], [2, 3], [3, 0]],
-        _ => &[],
-    }
-}
-
-const HEXAHEDRON_EDGES: [[usize; 2]; 12] =
-    [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
 
 /// The flat triangles of a face by its number of nodes, oriented as it is.
 fn facets(nodes: usize) -> &'static [[usize; 3]] {

@@ -2,12 +2,12 @@
 #![forbid(unsafe_code)]
 
 pub mod abaqus;
-pub mod cdb;
 pub mod cells;
 pub mod database;
 mod error;
 pub mod export;
 pub mod file;
+mod foreign;
 pub mod mesh_file;
 mod mesh_reader;
 pub mod msh;

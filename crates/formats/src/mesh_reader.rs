@@ -1,12 +1,13 @@
 //! Reads a mesh in any of the formats known here.
 
 use crate::cells::Block;
-use crate::error::{Diagnostic, FormatError};
+use crate::error::FormatError;
+use crate::foreign;
 use crate::mesh_file::MeshFile;
-use crate::{abaqus, cdb, msh, vtu};
+use crate::{abaqus, msh, vtu};
 use std::path::Path;
 
-/// Reads a mesh of 10-node tetrahedra: `.vtu`, gmsh's `.msh`, Abaqus' `.inp` or Ansys' `.cdb`, by the ending of its name.
+/// Reads a mesh of 10-node tetrahedra: `.vtu`, gmsh's `.msh` or Abaqus' `.inp`, by the ending of its name.
 ///
 /// # Errors
 /// Another ending, or what the reader of the format refuses.
@@ -17,11 +18,7 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, FormatError> {
         Some("inp") => {
             abaqus::read(path)?.tetrahedra().map_err(|diagnostic| FormatError::one(path, diagnostic))
         }
-        Some("cdb") => cdb::read(path)?.tetrahedra().map_err(|diagnostic| FormatError::one(path, diagnostic)),
-        other => {
-            let (expected, found) = ("an ending of .vtu, .msh, .inp or .cdb", other.unwrap_or("no ending"));
-            Err(FormatError::one(path, Diagnostic::new("file name", expected, found)))
-        }
+        _ => Err(foreign::error(path, "a mesh as .vtu, .msh or .inp", "vtu")),
     }
 }
 
@@ -36,7 +33,6 @@ pub fn read_blocks(path: &Path) -> Result<(Vec<[f64; 3]>, Vec<Block>), FormatErr
             let blocks = mesh.blocks();
             (mesh.points, blocks)
         }),
-        Some("cdb") => cdb::read(path).map(|mesh| (mesh.points, mesh.blocks)),
         _ => read_mesh(path).map(|mesh| {
             let nodes = mesh.tets.into_flattened();
             (mesh.points_mm, vec![Block { kind: 24, nodes_per_cell: 10, nodes }])

@@ -84,7 +84,7 @@ fn files_that_cannot_be_read_say_what_to_do() {
     let dir = tempfile::tempdir().unwrap();
     for (name, part) in [
         ("run.odb", "Abaqus' Python"),
-        ("run.h5", "the .xdmf beside it"),
+        ("run.h5", "softtwin-convert"),
         ("run.case", "save its data as .pvd"),
         ("run", "no ending"),
     ] {

@@ -1,38 +1,12 @@
-//! Results that stand in a second file beside a mesh or a job: Abaqus' field reports and arrays, CalculiX's total forces. The reports are written here after
-//! Abaqus' printed examples, the totals as ccx 2.20 prints them; no Abaqus was at hand.
+//! Results in a second file of the same name: arrays for an Abaqus mesh, total forces of CalculiX as ccx 2.20 prints them.
 
 use crate::common::{data, quantity};
-use formats::results::{self, parse_dat, parse_rpt};
+use formats::results::{self, parse_dat};
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 const INP: &str = "*NODE\n11,0,0,0\n12,1,0,0\n13,0,1,0\n14,0,0,1\n*ELEMENT,TYPE=C3D4\n1,11,12,13,14\n";
-
-fn report(step: &str, increment: usize, time: f64, factor: f64) -> String {
-    let rows: String = (11..=14)
-        .map(|node| {
-            let u = factor * f64::from(node - 11);
-            format!(
-                "{node:>16} {:>15.6E} {:>15.6E} {:>15.6E} {:>15.6E}\n",
-                0.1 * u,
-                -0.2 * u,
-                0.3 * u,
-                1.0 + u
-            )
-        })
-        .collect();
-    format!(
-        "********************************************************************************\n\
-         Field Output Report, written Tue Nov 24 10:11:12 2026\n\nSource 1\n---------\n\n   ODB: C:/temp/run.odb\n   Step: {step}\n   \
-         Frame: Increment {increment:>6}: Step Time = {time:>8.4}\n\nLoc 1 : Nodal values from source 1\n\nOutput sorted by column \
-         \"Node Label\".\n\nField Output reported at nodes for part: PART-1-1\n\n            Node            U.U1            U.U2            \
-         U.U3         S.Mises\n           Label          @Loc 1          @Loc 1          @Loc 1          @Loc 1\n\
-         -------------------------------------------------------------------------------\n{rows}\n\n  Minimum          0.             \
-         -1.              0.              1.\n      At Node              11              14              11              11\n\n  \
-         Total            1.              2.              3.              4.\n\n\n"
-    )
-}
 
 fn job(dir: &Path) -> std::path::PathBuf {
     fs::write(dir.join("run.inp"), INP).unwrap();
@@ -40,39 +14,11 @@ fn job(dir: &Path) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_field_report_gives_the_states_of_its_frames() {
-    let dir = tempfile::tempdir().unwrap();
-    let inp = job(dir.path());
-    let text =
-        report("Step-1", 5, 0.5, 1.0) + &report("Step-1", 9, 1.0, 2.0) + &report("Step-2", 1, 0.25, 3.0);
-    fs::write(dir.path().join("run.rpt"), &text).unwrap();
-    let run = results::read(&inp).unwrap();
-    let steps: Vec<_> = run.steps.iter().map(|step| (step.name.as_str(), step.time)).collect();
-    let expected = [("step 1 substep 5", 0.5), ("step 1 substep 9", 1.0), ("step 2 substep 1", 0.25)];
-    assert_eq!(steps, expected.map(|(name, time)| (name, Some(time))));
-    assert_eq!(quantity(&run, 1, "U").components, ["U1", "U2", "U3"]);
-    let last = &quantity(&run, 1, "U").values[9..];
-    assert!(last.iter().zip([0.6, -1.2, 1.8]).all(|(a, b)| (a - b).abs() < 1e-9), "{last:?}");
-    assert_eq!(quantity(&run, 2, "Mises").values, [1.0, 4.0, 7.0, 10.0]);
-
-    let refused = |text: String| -> String {
-        let found = parse_rpt(&text, &[11, 12, 13, 14]).unwrap_err();
-        found.iter().map(|diagnostic| format!("{diagnostic}\n")).collect()
-    };
-    let line = text.lines().position(|line| line.trim().starts_with("14 ")).unwrap() + 1;
-    let found = refused(text.replacen("              14 ", "              15 ", 1));
-    assert!(found.contains(&format!("line {line}: expected a node of the mesh, found 15")), "{found}");
-    let found = refused(text.replacen("              14 ", "              13 ", 1));
-    assert!(found.contains("every node once: Unique Nodal values of one part"), "{found}");
-    assert!(refused("nothing".into()).contains("a report of Unique Nodal values"));
-}
-
-#[test]
 fn arrays_of_fields_beside_a_mesh_are_in_the_order_of_its_nodes_and_two_files_are_one_too_many() {
     let dir = tempfile::tempdir().unwrap();
     let inp = job(dir.path());
     let missing = results::read(&inp).unwrap_err().to_string();
-    assert!(missing.contains(".csv (a table), .rpt (a field report) or .npz (arrays)"), "{missing}");
+    assert!(missing.contains("run.inp: results: ") && missing.ends_with("found none"), "{missing}");
     let archive = |shape: &[usize], values: &[f32]| {
         let array = dir.path().join("u.npy");
         formats::npy::write_f32(&array, shape, values).unwrap();

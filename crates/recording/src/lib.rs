@@ -29,14 +29,14 @@ pub use csv::{ExportError, Exported, TableForm, export_csv};
 pub use message::{Gap, GapCounter};
 pub use reader::{Ending, MAX_RECORD_BYTES, ReadError, Reader};
 pub use recorder::{
-    Companion, Companions, FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns,
+    FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns,
 };
 pub use retention::{FreeSpace, Retention};
 pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
 pub use series::{ReadItems, Series, SeriesReader};
 pub use store::Store;
 pub use thread_group::{StopFlag, ThreadEnded, ThreadGroup, ThreadResult};
-pub use writer::{Channel, ChannelId, Schema, WriteError, Writer};
+pub use writer::{Channel, ChannelId, WriteError, Writer};
 
 /// Metadata at the head of every file.
 const ABOUT: &str = "softtwin.recording";

@@ -8,7 +8,6 @@
 //! compresses, writes and syncs. Only the last two ever wait for a disk, and a topic that is being opened. The queue is
 //! bounded in bytes; what does not fit is dropped and counted, so that a slow disk costs messages and never memory.
 
-mod companion;
 mod queue;
 mod scan;
 mod summary;
@@ -28,7 +27,6 @@ use wire::{Domain, KeyExpr, Topic, TopicKind, WireError, now_ns};
 
 use crate::rotate::{RotateOptions, RotatingWriter};
 use crate::thread_group::{ThreadEnded, ThreadGroup, WAIT};
-pub use companion::{Companion, Companions};
 pub use queue::FLUSH_EVERY;
 use queue::{Queue, WriterThread};
 use scan::{ScanResult, TopicScan};
@@ -48,8 +46,6 @@ pub struct RecorderOptions {
     pub rotate: RotateOptions,
     /// Most that may wait for the disk, bytes.
     pub queue_bytes: u64,
-    /// Messages beside the samples' own.
-    pub companions: Option<Companions>,
 }
 
 /// A recording in progress.
@@ -173,16 +169,14 @@ impl Recorder {
         Ok(())
     }
 
-    /// Starts to record a topic, unless it is a field and neither fields nor messages of them are asked for.
+    /// Starts to record a topic; a field only if fields are asked for.
     fn follow(&mut self, topic: Topic) -> Result<Option<Receiver<Opened>>, RecordError> {
-        let companion = self.options.companions.as_ref().and_then(|companions| companions.of(&topic));
-        let is_recorded = topic.kind() != TopicKind::Field || self.options.with_fields;
-        if !is_recorded && companion.is_none() {
+        if topic.kind() == TopicKind::Field && !self.options.with_fields {
             return Ok(None);
         }
         let (sender, opened) = mpsc::channel();
         let name = topic.name().to_owned();
-        let (domain, sink) = (self.domain.clone(), self.queue.sink(topic, is_recorded, companion));
+        let (domain, sink) = (self.domain.clone(), self.queue.sink(topic));
         let started = self.threads.start(&name, move |stop| {
             topic::keep_moving(&domain, sink, &sender, stop);
             Ok(())

@@ -23,27 +23,8 @@ pub struct Channel {
     pub topic: String,
     /// Name of the schema, such as `softtwin.State`.
     pub schema_name: String,
-    /// How the messages are encoded.
-    pub schema: Schema,
-}
-
-/// Encoding of messages, and the schema that goes with it.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Schema {
-    /// JSON messages; a JSON schema.
-    Json(String),
-    /// Protocol buffers; a serialised `FileDescriptorSet`.
-    Protobuf(Vec<u8>),
-}
-
-impl Schema {
-    /// The container's name of the schema's encoding, of the messages', and the schema's bytes.
-    fn parts(&self) -> (&'static str, &'static str, &[u8]) {
-        match self {
-            Self::Json(text) => ("jsonschema", "json", text.as_bytes()),
-            Self::Protobuf(bytes) => ("protobuf", "protobuf", bytes),
-        }
-    }
+    /// JSON schema of the messages.
+    pub schema: String,
 }
 
 /// A channel of one writer.
@@ -151,7 +132,7 @@ impl<S: Store> Writer<S> {
         }
         self.open_chunk()?;
         let id = ChannelId(add_channel(&mut self.mcap, channel)?);
-        self.chunk_bytes += channel.schema.parts().2.len();
+        self.chunk_bytes += channel.schema.len();
         self.channels.push((channel.clone(), id));
         Ok(id)
     }
@@ -277,9 +258,8 @@ fn options() -> WriteOptions {
 }
 
 fn add_channel<W: io::Write + io::Seek>(mcap: &mut mcap::Writer<W>, channel: &Channel) -> McapResult<u16> {
-    let (schema_encoding, message_encoding, bytes) = channel.schema.parts();
-    let schema = mcap.add_schema(&channel.schema_name, schema_encoding, bytes)?;
-    mcap.add_channel(schema, &channel.topic, message_encoding, &BTreeMap::new())
+    let schema = mcap.add_schema(&channel.schema_name, "jsonschema", channel.schema.as_bytes())?;
+    mcap.add_channel(schema, &channel.topic, "json", &BTreeMap::new())
 }
 
 /// A chunk that holds these channels and no message. Added in the same order to an empty file, they get the same numbers.

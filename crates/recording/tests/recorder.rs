@@ -18,7 +18,6 @@ fn options(path: std::path::PathBuf) -> RecorderOptions {
         path,
         rotate: RotateOptions::default(),
         queue_bytes: 64 << 20,
-        companions: None,
     }
 }
 

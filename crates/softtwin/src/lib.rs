@@ -19,7 +19,6 @@ pub mod resources;
 pub mod unknowns;
 pub mod unseen_errors;
 mod view;
-mod viewers;
 
 pub use cmd::Command;
 pub use softtwind::{daemon, failure, output, range, shared_files};

@@ -12,7 +12,7 @@ fn record(path: &Path, with_fields: bool) {
     let channel = |topic: &str| Channel {
         topic: topic.into(),
         schema_name: "softtwin.Test".into(),
-        schema: recording::Schema::Json(r#"{"type":"object"}"#.into()),
+        schema: r#"{"type":"object"}"#.into(),
     };
     for k in 0..30_u32 {
         let time_ns = 1_000_000_000 + u64::from(k) * 100_000_000;

@@ -1,9 +1,5 @@
 //! Inputs inside a checksummed file or a folder; checksums are recomputed so that the reader reaches the input.
 
-use formats::database::{self, ObstacleKind};
-use std::fs;
-use std::path::Path;
-
 /// Bytes before the header of a model file, and those of a checksum.
 const PREAMBLE: usize = 64;
 const HASH: usize = 32;
@@ -70,52 +66,4 @@ fn record(out: &mut Vec<u8>, opcode: u8, body: &[u8]) {
     out.push(opcode);
     out.extend((body.len() as u64).to_le_bytes());
     out.extend(body);
-}
-
-/// The files of one quantity in the exchange of Ansys' reduced-order models.
-const EXCHANGE: [&str; 4] = ["settings.json", "doe.csv", "points.bin", "snapshots/file0.bin"];
-
-/// A folder of that exchange: its files one behind the other, each after its length (two bytes).
-pub fn exchange(bytes: &[u8]) {
-    super::in_folder(|folder| {
-        let quantity = folder.join("displacement");
-        fs::create_dir_all(quantity.join("snapshots")).expect("writable");
-        let mut rest = bytes;
-        for name in EXCHANGE {
-            let (length, behind) = rest.split_at(rest.len().min(2));
-            let wanted = length.iter().rev().fold(0, |sum, byte| sum << 8 | usize::from(*byte));
-            let (content, behind) = behind.split_at(behind.len().min(wanted));
-            fs::write(quantity.join(name), content).expect("writable");
-            rest = behind;
-        }
-        read_exchange(folder);
-    });
-}
-
-fn read_exchange(folder: &Path) {
-    if let Ok(found) = database::read(folder, ObstacleKind::Plate) {
-        assert_eq!(found.snapshots.len(), found.cases.len() * found.node_count * found.fields.len());
-    }
-}
-
-/// One state of four nodes.
-pub fn exchange_seed() -> Vec<u8> {
-    let numbers = |values: &[f64]| -> Vec<u8> {
-        (values.len() as u64)
-            .to_le_bytes()
-            .into_iter()
-            .chain(values.iter().flat_map(|v| v.to_le_bytes()))
-            .collect()
-    };
-    let parts = [
-        br#"{"name":"displacement","unit":"m","deformation":true,"dimensionality":[3],"ids":[1,-1,4]}"#
-            .to_vec(),
-        b"displacement,pressure[kPa],gap[mm],contact_force[N],split\nfile0.bin,50,40,0.25,test\n".to_vec(),
-        numbers(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
-        numbers(&[1e-3; 12]),
-    ];
-    parts
-        .iter()
-        .flat_map(|part| (part.len() as u16).to_le_bytes().into_iter().chain(part.iter().copied()))
-        .collect()
 }

@@ -113,6 +113,24 @@ class Model:
             return np.empty((0, 3), np.uint32)
         return np.ctypeslib.as_array(self._info.triangles, (self._info.triangle_count, 3)).copy()
 
+    def triangles_in(self, node_set: str, node_count: int) -> "np.ndarray[Any, Any]":
+        """Triangles of the surface as numbers of the nodes of a sample: its node set ("" or "all": all nodes) and its number of nodes.
+
+        Raises `ValueError` if the sample does not contain the surface.
+        """
+        triangles = self.triangles
+        if node_set not in ("", "all"):
+            sets = self.node_sets
+            if node_set not in sets:
+                raise ValueError(f"the model has no node set {node_set!r}; it has {', '.join(sets)}")
+            place = np.full(self._info.model_node_count, -1, np.int64)
+            place[sets[node_set]] = np.arange(len(sets[node_set]))
+            triangles = place[triangles]
+            triangles = triangles[(triangles >= 0).all(axis=1)]
+        if triangles.size == 0 or triangles.max() >= node_count:
+            raise ValueError(f"the {node_count} nodes do not hold the model's surface; is this the model that the twin runs?")
+        return triangles
+
     def predict(
         self,
         pressure_mpa: Number,

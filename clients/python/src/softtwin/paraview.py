@@ -35,7 +35,7 @@ def show(output: Any, topic: str, model: "os.PathLike[str] | str", timeout_s: fl
     missing = [axis for axis in "xyz" if axis not in field.names]
     if missing:
         raise ValueError(f"{topic}: the surface needs x, y and z, the field has {', '.join(field.names)}; ask for them in the scene")
-    fill(output, {name: np.array(field[name]) for name in field.names}, _triangles(known, field.node_set, field.header.node_count, topic))
+    fill(output, {name: np.array(field[name]) for name in field.names}, known.triangles_in(field.node_set, field.header.node_count))
 
 
 def fill(output: Any, fields: Dict[str, "np.ndarray[Any, Any]"], triangles: "np.ndarray[Any, Any]") -> None:
@@ -56,19 +56,3 @@ def fill(output: Any, fields: Dict[str, "np.ndarray[Any, Any]"], triangles: "np.
             output.GetPointData().AddArray(array)
     if "von_mises" in fields:
         output.GetPointData().SetActiveScalars("von_mises")
-
-
-def _triangles(model: Model, node_set: str, nodes: int, topic: str) -> "np.ndarray[Any, Any]":
-    """The surface in the numbers of the sample's nodes."""
-    triangles = model.triangles
-    if node_set not in ("", "all"):
-        sets = model.node_sets
-        if node_set not in sets:
-            raise ValueError(f"{topic}: the model has no node set {node_set!r}; it has {', '.join(sets)}")
-        place = np.full(len(model.undeformed_mm), -1, np.int64)
-        place[sets[node_set]] = np.arange(len(sets[node_set]))
-        triangles = place[triangles]
-        triangles = triangles[(triangles >= 0).all(axis=1)]
-    if triangles.size == 0 or triangles.max() >= nodes:
-        raise ValueError(f"{topic}: its {nodes} nodes do not hold the model's surface; is this the model that the twin runs?")
-    return triangles

@@ -1,10 +1,8 @@
-//! Databases of snapshots: the project's own folder, the authors' tables, the exchange of Ansys' static reduced-order
-//! models.
+//! Databases of snapshots: the project's folder and the authors' tables.
 //!
 //! [`read`] checks every file against the others and reports all that is wrong at once; [`write()`] makes a folder that
 //! [`read`] accepts. The values themselves (NaN, duplicates, constants) are checked by training.
 
-mod ansys;
 mod assemble;
 mod authors;
 mod cases;
@@ -26,19 +24,14 @@ use crate::error::FormatError;
 use rom::snapshots::Database;
 use std::path::Path;
 
-/// Reads the cases of one kind of obstacle from a database folder: the project's own, or (with an `authors.toml`) the
-/// authors', or the exchange of Ansys' static reduced-order models. `O(bytes)`.
+/// Reads the cases of one kind of obstacle from a database folder: the project's, or (with an `authors.toml`) the
+/// authors'. `O(bytes)`.
 ///
 /// # Errors
 /// A file that cannot be read, or everything that is wrong with the folder's files and with how they fit together.
 pub fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, FormatError> {
-    if !dir.join(manifest::FILE).exists() {
-        if dir.join(authors::FILE).exists() {
-            return authors::read(dir, obstacle);
-        }
-        if ansys::is_exchange(dir) {
-            return ansys::read(dir, obstacle);
-        }
+    if !dir.join(manifest::FILE).exists() && dir.join(authors::FILE).exists() {
+        return authors::read(dir, obstacle);
     }
     folder::read(dir, obstacle)
 }

@@ -1,6 +1,6 @@
 //! From finished simulations to a database: units, the fields by name, the nodes that cells have.
 
-use super::run::{Quantity, Run, Step, UNORDERED};
+use super::run::{Quantity, Run, Step};
 use crate::cells::{self, Block};
 use crate::error::{Diagnostic, FormatError};
 use rom::inputs::Parameter;
@@ -36,7 +36,7 @@ pub struct Wanted {
 
 /// Where the fields are in the quantities of a step.
 #[derive(Clone, Debug)]
-pub struct Chosen {
+struct Chosen {
     displacement: String,
     stress: Option<String>,
     /// Quantity, component and unit of the further fields.
@@ -265,11 +265,6 @@ fn choose(wanted: &Wanted, step: &Step) -> Result<Chosen, Diagnostic> {
         None => usual(&STRESS, &STRESS_SIZES),
     };
     stress.map(|quantity| sized(quantity, &STRESS_SIZES)).transpose()?;
-    if let Some(quantity) = stress.filter(|quantity| quantity.components == UNORDERED) {
-        let expected = "the von Mises stress or a tensor of 9 components (of a Tensor6 some programs write xx xy xz yy yz \
-                        zz, others xx yy zz xy yz xz; --stress NAME takes another one)";
-        return Err(Diagnostic::new(format!("quantity {}", quantity.name), expected, "a Tensor6"));
-    }
     let further = |(name, unit): &(String, String)| {
         let (quantity, component) = match by_name(name) {
             Some(quantity) => (quantity, None),

@@ -1,77 +1,37 @@
-//! A mesh with its results in a second file of the same name: Abaqus' `run.inp` with a table (`run.csv`), a report (`run.rpt`) or arrays
-//! (`run.npz`), Ansys' `run.cdb` with a table or with listings of `PRNSOL` (`run.txt`, `run.lis`).
+//! Abaqus mesh (`run.inp`) with its results in a table (`run.csv`) or in arrays (`run.npz`) of the same name.
 //!
-//! A table has a column `node` with the numbers of the mesh, may be `step` and `time`, and one column for each component. Columns
-//! belong together that end in 1, 2, 3 or 11, 22, 33, 12, 13, 23, or in x, y, z, xy, yz, xz: `u1,u2,u3` is the vector `u`,
+//! The table has a column `node` with the numbers of the mesh, optionally `step` and `time`, and one column for each component.
+//! Columns of one quantity end in 1, 2, 3 or 11, 22, 33, 12, 13, 23, or in x, y, z, xy, yz, xz: `u1,u2,u3` is the vector `u`,
 //! `sx,...` the tensor `s`.
 
 use super::groups::groups;
-use super::listing;
-use super::middles;
-use super::rpt;
 use super::run::{Quantity, Run, Step};
 use super::stacks;
+use crate::abaqus;
 use crate::cells::Block;
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::table::Table;
-use crate::{abaqus, cdb, file};
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Reads an Abaqus mesh and the table, report or arrays beside it.
+/// Reads the mesh and its table or arrays.
 pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
-    let expected =
-        "one of the same name as .csv (a table), .rpt (a field report) or .npz (arrays): docs/import.md";
-    let results = beside(path, &["csv", "rpt", "npz"], expected)?;
+    let there = ["csv", "npz"].map(|ending| path.with_extension(ending)).into_iter().filter(|path| path.exists());
+    let there: Vec<_> = there.collect();
+    let [results] = there.as_slice() else {
+        let expected = "one of the same name as .csv (a table) or .npz (arrays): docs/import.md; softtwin-convert makes the table \
+                        of a field report (.rpt)";
+        let names: Vec<String> = there.iter().map(|path| path.display().to_string()).collect();
+        let found = if names.is_empty() { "none".to_owned() } else { names.join(" and ") };
+        return Err(FormatError::one(path, Diagnostic::new("results", expected, found)));
+    };
     let mesh = abaqus::read(path)?;
     let blocks = mesh.blocks();
-    match results.extension() {
-        Some(ending) if ending == "rpt" => {
-            let steps = text(&results, |text| rpt::parse(text, &mesh.labels))?;
-            Ok(Run { points: mesh.points, blocks, steps, ..Run::default() })
-        }
-        Some(ending) if ending == "npz" => {
-            let steps = stacks::read_fields(&results, mesh.points.len())?;
-            Ok(Run { points: mesh.points, blocks, steps, ..Run::default() })
-        }
-        _ => with_table(mesh.points, &mesh.labels, blocks, &results),
+    if results.extension().is_some_and(|ending| ending == "npz") {
+        let steps = stacks::read_fields(results, mesh.points.len())?;
+        return Ok(Run { points: mesh.points, blocks, steps, ..Run::default() });
     }
-}
-
-/// Reads an Ansys archive and the table or the listings beside it.
-pub(super) fn read_archive(path: &Path) -> Result<Run, FormatError> {
-    let expected = "one of the same name as .csv (a table) or .txt, .lis (PRNSOL): docs/import.md";
-    let results = beside(path, &["csv", "txt", "lis"], expected)?;
-    let mesh = cdb::read(path)?;
-    let mut run = if results.extension().is_some_and(|ending| ending == "csv") {
-        with_table(mesh.points, &mesh.labels, mesh.blocks, &results)?
-    } else {
-        let steps = text(&results, |text| listing::parse(text, &mesh.labels))?;
-        Run { points: mesh.points, blocks: mesh.blocks, steps, ..Run::default() }
-    };
-    middles::fill(&mut run);
-    Ok(run)
-}
-
-/// The one file of results beside a mesh.
-fn beside(mesh: &Path, endings: &[&str], expected: &str) -> Result<PathBuf, FormatError> {
-    let mut there: Vec<PathBuf> =
-        endings.iter().map(|ending| mesh.with_extension(ending)).filter(|path| path.exists()).collect();
-    if there.len() == 1 {
-        return Ok(there.swap_remove(0));
-    }
-    let names: Vec<String> = there.iter().map(|path| path.display().to_string()).collect();
-    let found = if names.is_empty() { "none".to_owned() } else { names.join(" and ") };
-    Err(FormatError::one(mesh, Diagnostic::new("results", expected, found)))
-}
-
-fn text(
-    path: &Path,
-    parse: impl FnOnce(&str) -> Result<Vec<Step>, Vec<Diagnostic>>,
-) -> Result<Vec<Step>, FormatError> {
-    let bytes = file::read_bytes(path, file::MAX_DATA_BYTES)?;
-    parse(&String::from_utf8_lossy(&bytes))
-        .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })
+    with_table(mesh.points, &mesh.labels, blocks, results)
 }
 
 fn with_table(

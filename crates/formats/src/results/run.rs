@@ -71,6 +71,3 @@ pub struct Quantity {
 pub(super) fn counted(components: usize) -> Vec<String> {
     (1..=components).map(|k| k.to_string()).collect()
 }
-
-/// Names of the components of a symmetric tensor of which programs write the components in different orders.
-pub(super) const UNORDERED: [&str; 6] = ["t1", "t2", "t3", "t4", "t5", "t6"];

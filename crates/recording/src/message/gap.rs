@@ -5,7 +5,7 @@ use serde_json::json;
 use wire::Stamp;
 
 use super::{Recorded, schema, write};
-use crate::writer::{Channel, Schema};
+use crate::writer::Channel;
 
 /// Samples that were published and never arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,7 +69,7 @@ impl GapMessage {
         Channel {
             topic: Self::TOPIC.to_owned(),
             schema_name: name.to_owned(),
-            schema: Schema::Json(schema::object(name, properties)),
+            schema: schema::object(name, properties),
         }
     }
 

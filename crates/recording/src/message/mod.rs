@@ -18,7 +18,7 @@ pub use json::{Json, answer};
 use serde::Serialize;
 use wire::layout::{Layout, View};
 
-use crate::writer::{Channel, Schema};
+use crate::writer::Channel;
 
 /// A message of a recording.
 pub trait Recorded {
@@ -31,7 +31,7 @@ pub fn channel(layout: &Layout, topic: &str) -> Channel {
     Channel {
         topic: topic.to_owned(),
         schema_name: layout.schema.to_owned(),
-        schema: Schema::Json(schema::of(layout)),
+        schema: schema::of(layout),
     }
 }
 

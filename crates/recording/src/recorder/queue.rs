@@ -13,7 +13,6 @@ use wire::{
     TopicKind, Valve, WireError, now_ns,
 };
 
-use super::companion::Companion;
 use super::summary::{RecordError, RecordSummary};
 use crate::message::{self, FieldMessage, GapCounter, GapMessage, Recorded};
 use crate::rotate::{RotateSummary, RotatingWriter};
@@ -47,9 +46,6 @@ pub struct QueueSink {
     channel: Arc<Channel>,
     gap_channel: Arc<Channel>,
     gaps: GapCounter,
-    /// Whether the samples themselves are recorded.
-    is_recorded: bool,
-    companion: Option<Box<dyn Companion>>,
     /// The model of the newest state or field.
     model: Option<[u8; 16]>,
 }
@@ -80,16 +76,14 @@ pub fn start(
 }
 
 impl Queue {
-    /// A sink for the samples of `topic`, or for messages beside them only.
-    pub fn sink(&self, topic: Topic, is_recorded: bool, companion: Option<Box<dyn Companion>>) -> QueueSink {
+    /// A sink for the samples of `topic`.
+    pub fn sink(&self, topic: Topic) -> QueueSink {
         QueueSink {
             queue: self.clone(),
             channel: Arc::new(channel_of(&topic)),
             gap_channel: Arc::new(GapMessage::channel()),
             topic,
             gaps: GapCounter::default(),
-            is_recorded,
-            companion,
             model: None,
         }
     }
@@ -138,24 +132,13 @@ impl QueueSink {
         }
         let model = match sample {
             AnySample::State(state) => Some(state.model_hash),
-            AnySample::Field(field) if self.is_recorded => Some(field.header().model_hash),
+            AnySample::Field(field) => Some(field.header().model_hash),
             _ => None,
         };
         if let Some(model) = model {
             self.note_model(model);
         }
-        if self.is_recorded {
-            self.enqueue(self.channel.clone(), stamp, encode(sample));
-        }
-        let publish_time_ns = stamp.t_publish_ns.saturating_add(self.queue.offset_ns);
-        let further = self
-            .companion
-            .as_mut()
-            .map(|companion| companion.messages(sample, publish_time_ns))
-            .unwrap_or_default();
-        for (channel, data) in further {
-            self.enqueue(channel, stamp, data);
-        }
+        self.enqueue(self.channel.clone(), stamp, encode(sample));
     }
 
     /// Records which model an actuator's states or fields come from, whenever that changes.

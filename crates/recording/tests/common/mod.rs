@@ -3,13 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use recording::{Channel, Ending, Item, Reader, Schema, Store, WriteError, Writer};
+use recording::{Channel, Ending, Item, Reader, Store, WriteError, Writer};
 
 pub fn channel(topic: &str) -> Channel {
     Channel {
         topic: topic.into(),
         schema_name: "softtwin.Test".into(),
-        schema: Schema::Json(r#"{"type":"object","properties":{"value":{"type":"number"}}}"#.into()),
+        schema: r#"{"type":"object","properties":{"value":{"type":"number"}}}"#.into(),
     }
 }
 

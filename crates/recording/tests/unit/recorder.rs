@@ -54,7 +54,6 @@ impl Place {
             path: self.folder.path().join("run.mcap"),
             rotate: RotateOptions::default(),
             queue_bytes: 64 << 20,
-            companions: None,
         }
     }
 

@@ -12,7 +12,6 @@ mod doctor;
 mod echo;
 mod evaluate;
 mod export;
-mod foxglove;
 mod get;
 mod grasp;
 mod import;
@@ -58,7 +57,7 @@ macro_rules! commands {
 commands! {
     "Run": Demo => demo, Replay => replay, Record => record, Grasp => grasp, Scene => scene, Doctor => doctor,
         Setpoint => setpoint, Manual => manual;
-    "Look": View => view, Top => top, List => list, Echo => echo, Foxglove => foxglove, Get => get, Export => export,
+    "Look": View => view, Top => top, List => list, Echo => echo, Get => get, Export => export,
         Plot => plot, Render => render;
     "Model": Predict => predict, Design => design, Calibrate => calibrate, PlanExperiment => plan_experiment, Train => train,
         Evaluate => evaluate, Inspect => inspect, Pack => pack;

@@ -55,7 +55,7 @@ pub struct Args {
     /// File for the fields: .npy, .csv, .vtu, .dat (Tecplot ASCII) or .xdmf.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Undeformed mesh (.vtu, .msh, .inp, .cdb) whose cells the output shall have; the model's surface when left out.
+    /// Undeformed mesh (.vtu, .msh, .inp) whose cells the output shall have; the model's surface when left out.
     #[arg(long, value_name = "FILE", requires = "out")]
     mesh: Option<PathBuf>,
     /// Accepted everywhere; the answer is one JSON object anyway.

@@ -3,7 +3,6 @@
 use crate::failure::usage;
 use crate::live::DomainArgs;
 use crate::output;
-use crate::viewers::{Looks, ViewerMessages};
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::{FreeSpace, RecordSummary, Recorder, RecorderOptions, Retention, RotateOptions, ThreadGroup};
@@ -28,9 +27,6 @@ Examples:
   States of two actuators for one minute, fields of the surface too:
     softtwin record 'softtwin/finger_*/state' 'softtwin/*/field/surface' \\
       --fields --seconds 60 --out run.mcap
-  For Foxglove and rerun: the coloured surface, 30 pictures a second, in the file's own messages:
-    softtwin record --viewer --scene config/scenes/finger.toml \\
-      --seconds 60 --out run.mcap
   For months: a new file each hour, the last 48 kept (run-0001.mcap, run-0002.mcap, ...); a restart goes on with the next number:
     softtwin record --out run.mcap --rotate-minutes 60 --keep 48
   The same within 20 GB, and never the last 2 GB of the disk; with a page for Prometheus:
@@ -38,7 +34,7 @@ Examples:
       --free-mb 2000 --metrics 127.0.0.1:9466
 
 A kill or a power cut loses at most the last second; the file reads without its footer. Open it with any MCAP viewer, with \
-`softtwin replay`, `softtwin export`; they read the folder of a series as one recording. On a full disk the oldest files of the \
+`softtwin replay`, `softtwin export`; `softtwin-convert run.mcap` (Python client) makes a file that Foxglove and rerun draw; they read the folder of a series as one recording. On a full disk the oldest files of the \
 series make room where --keep, --keep-mb or --free-mb is given; otherwise it ends with exit code 1 (what is written stays readable), \
 as it does when its file is deleted, and when a topic could not be recorded to the end. SIGHUP begins a new file where there are \
 several, and ends nothing: a closed terminal does not stop a recorder.";
@@ -56,11 +52,6 @@ pub struct Args {
     /// Record whole fields too: 5.3 bytes a value before compression, so 0.67 MB a sample of 5 fields at 25,022 nodes
     #[arg(long, help_heading = "Selection")]
     fields: bool,
-    /// Write messages beside ours that Foxglove and rerun draw unasked: points, coloured surface, frames, numbers
-    #[arg(long, help_heading = "Viewers")]
-    viewer: bool,
-    #[command(flatten)]
-    looks: Looks,
     /// Stop after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = crate::range::seconds, help_heading = "Selection")]
     seconds: Option<f64>,
@@ -181,10 +172,8 @@ impl Args {
             keep,
         };
         let queue_bytes = self.queue_mb << 20;
-        let companions =
-            self.viewer.then(|| self.looks.messages().map(ViewerMessages::companions)).transpose()?;
         let path = self.out.clone();
-        Ok(RecorderOptions { keys, with_fields: self.fields, path, rotate, queue_bytes, companions })
+        Ok(RecorderOptions { keys, with_fields: self.fields, path, rotate, queue_bytes })
     }
 
     /// Where the files lie.

@@ -49,11 +49,6 @@ impl Stand {
             blocks: scene.blocks.clone(),
         }
     }
-
-    /// Where an actuator stands; at the origin when the scene does not say.
-    pub fn place(&self, actuator: &str) -> PlaceSpec {
-        self.places.get(actuator).copied().unwrap_or_default()
-    }
 }
 
 /// One model as the page sees it.
@@ -66,8 +61,6 @@ struct Known {
     node_count: usize,
     /// The visible nodes, ascending.
     visible: Vec<u32>,
-    /// The visible facets, by places among the visible nodes.
-    corners: Vec<u32>,
     mesh_message: Option<Vec<u8>>,
     prediction: Mutex<Prediction>,
 }
@@ -161,11 +154,6 @@ impl Catalogue {
     /// The model with this hash, if it is known.
     pub fn find(&self, hash: [u8; 16]) -> Option<usize> {
         self.models.iter().position(|known| known.hash == hash)
-    }
-
-    /// The visible facets of a model, three places each among its visible nodes; none without a surface.
-    pub fn corners(&self, model: usize) -> &[u32] {
-        self.models.get(model).map_or(&[], |known| &known.corners)
     }
 
     /// For each visible node of a model its place in a sample of a node set; none when some are not in it.
@@ -269,7 +257,6 @@ impl Known {
             node_sets: header.node_sets.clone(),
             node_count: header.node_count,
             visible,
-            corners,
             mesh_message,
             prediction: Mutex::new(Prediction::new(loaded, nodes)?),
         })

@@ -69,7 +69,7 @@ pub struct Args {
     /// Of a recording's tables: time in s, then single numbers only, as FMI tools read them.
     #[arg(long)]
     fmi: bool,
-    /// Undeformed mesh (.vtu, .msh, .inp, .cdb) whose cells the states shall have; the surface when left out.
+    /// Undeformed mesh (.vtu, .msh, .inp) whose cells the states shall have; the surface when left out.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
     /// Of an FMU: a node whose fields are outputs, by its number from 0; the middle of the end along x when left out. Repeat.

@@ -16,17 +16,16 @@ const EXAMPLES: &str = "\
 Examples:
   softtwin import finger.inp --out finger.vtu
   softtwin import finger.msh --out finger.vtu --json
-  softtwin import finger.cdb --out finger.vtu
   softtwin import results run_*.frd --out database --length-unit mm \\
     --stress-unit mpa --inputs inputs.csv
 
 From Abaqus: nodes, tetrahedra (C3D4, C3D10...), hexahedra (C3D8, C3D20...) and wedges (C3D6, C3D15...), shells and membranes \
 (S3, S4, STRI65, S8R, M3D...); any other element is refused by its name. \
-From Ansys (.cdb as CDWRITE,DB writes it): solids and shells, linear and quadratic. From gmsh (.msh 4.1) and VTK (.vtu): 10-node tetrahedra. \
+From gmsh (.msh 4.1) and VTK (.vtu): 10-node tetrahedra. Other formats: softtwin-convert of the Python client. \
 Finished simulations: `softtwin import results --help`. No import is needed for what `softtwin train --database DIR` reads as \
-it is: our layout, the authors' tables (authors.toml) and the exchange of Ansys' static reduced-order models (folders with settings.json, points.bin, doe.csv, snapshots/).";
+it is: our layout and the authors' tables (authors.toml).";
 
-/// Import a mesh (.inp, .cdb, .msh, .vtu) as a .vtu file, or finished simulations as a database.
+/// Import a mesh (.inp, .msh, .vtu) as a .vtu file, or finished simulations as a database.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Args {
@@ -63,7 +62,7 @@ impl Args {
         if out.extension().is_none_or(|ending| ending != "vtu") {
             return Err(usage(format!("--out: expected a name that ends in .vtu, found {}", out.display())));
         }
-        let has_kinds = mesh.extension().is_some_and(|ending| ending == "inp" || ending == "cdb");
+        let has_kinds = mesh.extension().is_some_and(|ending| ending == "inp");
         let (points, blocks) = if has_kinds {
             formats::read_blocks(&mesh).map_err(refusal)?
         } else {

@@ -31,12 +31,12 @@ then
     softtwin train --database db --out beam.twin
     softtwin predict --model beam.twin --set load_n=1.2 --set thickness_mm=4
 
-Reads .frd (CalculiX, text), .vtu, .pvd, .xdmf with .h5 (FEniCS, meshio), Abaqus' .inp with a .csv of the same name, Ansys' .cdb \
-with a .csv or with listings of PRNSOL (.txt, .lis), FEBio's .xplt, NumPy's .npz, folders of .npy arrays: docs/import.md. \
+Reads .frd (CalculiX, text), .vtu, .pvd, Abaqus' .inp with a .csv or .npz of the same name, NumPy's .npz, folders of .npy arrays. \
+softtwin-convert (Python client) makes such files of .xdmf, .xplt, .cdb with tables or listings, .rpt and others: docs/import.md. \
 An input's name ends in its unit (load_n, stiffness_mpa; _1 for plain numbers). pressure_mpa and gap_mm are those of an actuator \
 over a plate; a state with a gap needs contact_force_n in the table. Steps that did not converge are left out and named.";
 
-/// A database from finished simulations (CalculiX, VTK, XDMF, Abaqus, Ansys, FEBio, NumPy).
+/// A database from finished simulations (CalculiX, VTK, Abaqus, NumPy).
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {

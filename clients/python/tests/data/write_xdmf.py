@@ -1,9 +1,7 @@
-"""Writes crates/formats/tests/data/*.xdmf with their .h5: with meshio (5.3) and, as DOLFINx lays its files out, with h5py (3).
+"""Writes the .xdmf and .h5 files with meshio (5.3) and, in the layout of DOLFINx, with h5py (3)."""
 
-    pip install meshio h5py && python3 scripts/checks/xdmf_fixtures.py crates/formats/tests/data
-"""
 import os
-import sys
+import pathlib
 
 import h5py
 import meshio
@@ -16,7 +14,7 @@ TET = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0, 0], [0.5, 0
 
 
 def displacement(nodes, load):
-    """What the tests expect at every node."""
+    """Displacement at every node."""
     n = np.arange(nodes)
     return load * np.stack([0.1 * n, -0.05 * n, 0.01 * n * n], axis=1)
 
@@ -79,7 +77,7 @@ def fenics():
         out.write(xml + "  </Domain>\n</Xdmf>\n")
 
 
-os.chdir(sys.argv[1])
+os.chdir(pathlib.Path(__file__).parent)
 series()
 compressed()
 fenics()

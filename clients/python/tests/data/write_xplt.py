@@ -1,10 +1,8 @@
-"""Writes crates/formats/tests/data/*.xplt in the form of FEBio's plot files, and has febio-python (0.2) read the plain one.
+"""Writes the .xplt files in the form of FEBio's plot files; febio-python (0.2) reads the plain one."""
 
-    pip install febio-python && python3 scripts/checks/xplt_fixtures.py crates/formats/tests/data
-"""
 import os
+import pathlib
 import struct
-import sys
 import zlib
 
 import numpy as np
@@ -86,7 +84,7 @@ def state(time, status=0):
 
 
 STATES = [state(0.0), state(0.5), state(0.75, status=1), state(1.0)]
-os.chdir(sys.argv[1])
+os.chdir(pathlib.Path(__file__).parent)
 with open("plain.xplt", "wb") as out:
     out.write(b"BEF\0" + root(0x34, 0) + mesh() + b"".join(STATES))
 with open("compressed.xplt", "wb") as out:

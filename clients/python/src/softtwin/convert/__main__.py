@@ -1,0 +1,7 @@
+"""`python -m softtwin.convert`."""
+
+import sys
+
+from . import main
+
+sys.exit(main())
