@@ -1,8 +1,7 @@
 //! All states as one table: a row for each node of each state.
 
 use super::label::Label;
-use super::layout::Layout;
-use super::series::{Moment, Series};
+use super::series::{Layout, Moment, Series};
 use crate::table::TableWriter;
 use std::fmt::Display;
 use std::io::{self, Write};

@@ -4,7 +4,6 @@
 
 mod csv;
 mod label;
-mod layout;
 mod npy;
 mod pvd;
 mod series;

@@ -1,7 +1,6 @@
 //! All states as one NumPy array: f32, states x nodes x fields, as `snapshots.npy` of a database.
 
-use super::layout::Layout;
-use super::series::{Moment, Series};
+use super::series::{Layout, Moment, Series};
 use crate::npy;
 use std::io::{self, Write};
 

@@ -1,7 +1,6 @@
 //! ParaView's collection: a `.pvd` that lists one `.vtu` a state, with its time.
 
-use super::layout::Layout;
-use super::series::{Moment, Series};
+use super::series::{Layout, Moment, Series};
 use crate::error::{Diagnostic, FormatError};
 use crate::vtu;
 use std::io::{self, Write};

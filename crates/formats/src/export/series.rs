@@ -4,6 +4,7 @@ use super::label::Label;
 use crate::error::Diagnostic;
 use crate::vtu::Cells;
 use rom::snapshots::{FieldKind, FieldSpec};
+use std::io::{self, Write};
 
 /// One state of a series.
 #[derive(Clone, Debug)]
@@ -104,4 +105,27 @@ impl<'a> Series<'a> {
     pub(super) fn coordinates<'m>(&self, values: &'m [f32]) -> [&'m [f32]; 3] {
         [0, 1, 2].map(|axis| self.axis(axis).map_or(&[][..], |field| self.field(values, field)))
     }
+}
+
+/// One format; the file is opened and closed by the writer.
+pub(crate) trait Layout {
+    /// What stands before the first state.
+    fn begin(&mut self, out: &mut dyn Write) -> io::Result<()>;
+
+    /// One state; `index` counts from 0.
+    fn state(&mut self, out: &mut dyn Write, index: usize, moment: &Moment) -> io::Result<()>;
+
+    /// What stands behind the last state.
+    fn end(&mut self, _out: &mut dyn Write) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Numbers in lines of so many, each with a space behind it.
+pub(crate) fn lines(out: &mut dyn Write, values: &[impl std::fmt::Display], a_line: usize) -> io::Result<()> {
+    for line in values.chunks(a_line) {
+        line.iter().try_for_each(|value| write!(out, "{value} "))?;
+        writeln!(out)?;
+    }
+    Ok(())
 }

@@ -3,8 +3,7 @@
 //! Tecplot has no quadratic tetrahedra, so each is split into eight linear ones over all its ten nodes; every node keeps
 //! its number and its value. Every zone has its own connectivity, because only Tecplot itself reads shared ones.
 
-use super::layout::{Layout, lines};
-use super::series::{Moment, Series};
+use super::series::{Layout, Moment, Series, lines};
 use crate::vtu::Cells;
 use std::io::{self, Write};
 

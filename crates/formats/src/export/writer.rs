@@ -1,7 +1,6 @@
 //! Writes a series in the format that the ending of the file's name asks for.
 
-use super::layout::Layout;
-use super::series::{Moment, Series};
+use super::series::{Layout, Moment, Series};
 use super::{csv, npy, pvd, tecplot, xdmf};
 use crate::error::{Diagnostic, FormatError};
 use std::fs::File;

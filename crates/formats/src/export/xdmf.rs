@@ -1,7 +1,6 @@
 //! XDMF 3: a temporal collection of grids; numbers stand in the file itself.
 
-use super::layout::{Layout, lines};
-use super::series::{Moment, Series};
+use super::series::{Layout, Moment, Series, lines};
 use crate::vtu::Cells;
 use quick_xml::escape::escape;
 use std::io::{self, Write};

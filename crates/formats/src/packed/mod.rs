@@ -18,8 +18,6 @@ const MAGIC: [u8; 8] = *b"STWNPACK";
 const VERSION: u32 = 3;
 /// Version of files whose steps differ from case to case.
 const SHARES_VERSION: u32 = 4;
-/// Versions of files that predict from 16 earlier cases at most, and are the same otherwise.
-const OLDER: [u32; 2] = [1, 2];
 /// Earlier cases a case is predicted from, at most.
 const BASIS: usize = 32;
 /// Largest number of values in a file (8 GB as f32).
@@ -130,7 +128,7 @@ fn pack_field(
 /// # Errors
 /// What is wrong with the bytes, or a missing or foreign mesh.
 pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapshots, Diagnostic> {
-    let (mut input, version) = Reader::new(bytes, &MAGIC, &[OLDER[0], OLDER[1], VERSION, SHARES_VERSION])?;
+    let (mut input, version) = Reader::new(bytes, &MAGIC, &[VERSION, SHARES_VERSION])?;
     let shape = [input.count("cases")?, input.count("nodes")?, input.count("fields")?];
     let [cases, nodes, count] = shape;
     // Deflate shrinks at most a thousandfold, so larger counts are damage or an attack on memory.
@@ -140,7 +138,7 @@ pub fn unpack(bytes: &[u8], undeformed_mm: Option<&[[f64; 3]]>) -> Result<Snapsh
     let Some(total) = total else {
         return Err(Diagnostic::new("shape", format!("1 to {most} values"), format!("{shape:?}")));
     };
-    let per_field = if [OLDER[1], SHARES_VERSION].contains(&version) { cases } else { 1 };
+    let per_field = if version == SHARES_VERSION { cases } else { 1 };
     let steps: Vec<f64> = (0..count * per_field).map(|_| input.number("step")).collect::<Result<_, _>>()?;
     if steps.iter().any(|s| !(s.is_finite() && *s >= 0.0)) {
         return Err(Diagnostic::new("step", "finite numbers, 0 or more", format!("{steps:?}")));
