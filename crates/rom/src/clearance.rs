@@ -1,8 +1,8 @@
-//! When a model with parameters touches: the onset pressure solved from the free model itself.
+//! Onset pressure of a model with parameters, solved from the free model.
 //!
 //! The free model's lowest node lies at depth `D(P, q)` below the base (`q` the parameters). The obstacle at `gap` is touched
-//! from `P_c` on, `D(P_c, q) = gap`. Only the few nodes that can be the lowest are looked at. Newton's method within a
-//! bracket; an answer has a residual of at most [`TOLERANCE_MM`]. Derivatives follow from the implicit function:
+//! from `P_c` on, `D(P_c, q) = gap`. Only the nodes that can be the lowest are evaluated. Newton's method within a
+//! bracket; the result has a residual of at most [`TOLERANCE_MM`]. Derivatives follow from the implicit function:
 //! `dP_c/dgap = 1 / D_P`, `dP_c/dq = -D_q / D_P`.
 
 use crate::evaluation::Evaluation;
@@ -16,17 +16,17 @@ use crate::sums::{Room, Sums};
 pub const TOLERANCE_MM: f64 = 1e-9;
 /// Steps of the search; every third one halves the bracket.
 const STEPS: usize = 150;
-/// Steps from a guess before the ends are looked at.
+/// Newton steps from a guess before the bracket is evaluated.
 const NEAR_STEPS: usize = 8;
-/// A residual from which the last step of [`OnsetSolver::onset_near`] is taken along the tangent, mm: what the depth's curvature then
-/// leaves is below a hundredth of it.
+/// A residual from which the last step of [`OnsetSolver::onset_near`] is taken along the tangent, mm: the remaining
+/// error from the depth's curvature is below 1 % of it.
 const TANGENT_MM: f64 = 0.02;
 /// Pressures of a table.
 const TABLE_STEPS: usize = 240;
-/// The slope at rest is a difference over this share of the largest pressure.
-const REST_SHARE: f64 = 1e-3;
+/// Fraction of the largest pressure over which the slope at rest is a difference.
+const REST_FRACTION: f64 = 1e-3;
 
-/// Depth of the lowest node and its derivative by every input.
+/// Depth of the lowest node and its derivatives with respect to all inputs.
 #[derive(Clone, Copy, Debug)]
 struct Depth {
     mm: f64,
@@ -45,7 +45,7 @@ pub struct OnsetSolver {
 }
 
 impl OnsetSolver {
-    /// With the free regime that the heights are modes of.
+    /// Solver for a clearance and the free regime to which its modes belong.
     pub fn new(clearance: Clearance, free: &RegimeModel) -> Self {
         let surrogate = &free.groups[clearance.group].surrogate;
         let sums = Sums::new(&[surrogate]);
@@ -56,19 +56,19 @@ impl OnsetSolver {
         Self { inputs: free.inputs.clone(), modes, heights, sums, clearance }
     }
 
-    /// What an answer needs.
+    /// Scratch memory of one evaluation.
     pub(crate) fn memory(&self) -> Room {
         let mut room = Room::of([&self.sums].into_iter());
         room.reserve_for(&self.heights);
         room
     }
 
-    /// Room for an answer.
+    /// Evaluation with the capacity that the solver needs.
     pub fn room(&self) -> Evaluation {
         Evaluation::with_room(self.modes, self.memory())
     }
 
-    /// What the model keeps.
+    /// The clearance, as the model stores it.
     pub fn into_clearance(self) -> Clearance {
         self.clearance
     }
@@ -101,8 +101,8 @@ impl OnsetSolver {
         -self.lowest(inputs, room, false).1
     }
 
-    /// The onset at a state. `table` is one at some parameters, where it is at hand, and whether these are the state's own:
-    /// then it saves the ends of the search, otherwise it is where the search begins. No allocation when `room` is of the
+    /// Onset at a state. `table`: a known onset table, and whether it was made for the state's parameters. If so, it
+    /// provides the ends of the search, otherwise only the first guess. No allocation if `room` is from the
     /// model's evaluator; at most 160 evaluations of the free model's height, 2 to 5 with a table.
     pub fn onset(
         &self,
@@ -120,7 +120,11 @@ impl OnsetSolver {
         let table = table.filter(|(_, own)| *own).map(|(table, _)| table);
         let sag_mm = table.map_or_else(|| depth(0.0).mm, OnsetTable::sag_mm);
         if gap_mm <= sag_mm {
-            return self.below_sag(depth(0.0), depth(REST_SHARE * self.clearance.max_pressure_mpa), gap_mm);
+            return self.below_sag(
+                depth(0.0),
+                depth(REST_FRACTION * self.clearance.max_pressure_mpa),
+                gap_mm,
+            );
         }
         let reach_mm = table.map_or_else(|| depth(self.clearance.max_pressure_mpa).mm, OnsetTable::reach_mm);
         if gap_mm > reach_mm || !gap_mm.is_finite() || !sag_mm.is_finite() || !reach_mm.is_finite() {
@@ -149,8 +153,8 @@ impl OnsetSolver {
         OnsetAt::UNKNOWN
     }
 
-    /// The onset at a state near the one it was found at last: to some 1e-4 mm in one evaluation of the free model's height, as
-    /// long as both are as near as successive readings.
+    /// Onset at a state near the last one: error of about 1e-4 mm after one evaluation of the free model's height, for states as
+    /// close as successive readings.
     pub(crate) fn onset_near(
         &self,
         inputs: &Inputs,
@@ -175,7 +179,7 @@ impl OnsetSolver {
         None
     }
 
-    /// Newton's method from a guess; none where it leaves the pressures of the free model or needs many steps.
+    /// Newton's method from a guess; `None` outside the pressures of the free model or after [`NEAR_STEPS`] steps.
     fn near(&self, mut p: f64, gap_mm: f64, depth: &mut impl FnMut(f64) -> Depth) -> Option<OnsetAt> {
         for _ in 0..NEAR_STEPS {
             if p.is_nan() || p <= 0.0 || p >= self.clearance.max_pressure_mpa {
@@ -192,9 +196,9 @@ impl OnsetSolver {
         None
     }
 
-    /// Where gravity alone touches: how far the pressure would have to fall, continued from the slope at rest.
+    /// Onset of a gap that gravity alone closes: the negative pressure that would open it, continued from the slope at rest.
     fn below_sag(&self, rest: Depth, near: Depth, gap_mm: f64) -> OnsetAt {
-        let step_mpa = REST_SHARE * self.clearance.max_pressure_mpa;
+        let step_mpa = REST_FRACTION * self.clearance.max_pressure_mpa;
         let slope = step_mpa / (near.mm - rest.mm);
         let x = gap_mm - rest.mm;
         let bent = self.clearance.bend_per_mm * x;
@@ -209,7 +213,7 @@ impl OnsetSolver {
         OnsetAt { onset: Onset::Always, pressure_mpa: slope * along, gradient }
     }
 
-    /// The onset table at fixed parameters; none when the free model moves down at no pressure there.
+    /// Onset table at fixed parameters; `None` if the free model moves down at no pressure.
     pub fn table(&self, inputs: &Inputs, room: &mut Evaluation) -> Option<OnsetTable> {
         let (mut gaps, mut pressures): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for step in 0..=TABLE_STEPS {

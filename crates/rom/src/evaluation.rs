@@ -1,4 +1,4 @@
-//! What an evaluation gives before any field is reconstructed: plain data, allocated once.
+//! Result of an evaluation, without fields: plain data, allocated once.
 
 use crate::halfwidths::HalfWidths;
 use crate::hull::DomainStatus;
@@ -6,7 +6,7 @@ use crate::inputs::{GAP, Inputs, MAX_INPUTS, PRESSURE};
 use crate::snapshots::RegimeKind;
 use crate::sums::Room;
 
-/// What deserves a reader's attention. Nothing is clamped in silence: each flag says what was done.
+/// Warnings about an evaluation. Every correction of a value sets a flag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
     /// The state lies outside the training hull.
@@ -22,29 +22,29 @@ pub struct Evaluation {
     pub inputs: Inputs,
     /// Regime that the state is in; the coefficients belong to its basis.
     pub regime: RegimeKind,
-    /// Modal coefficients, group after group; none when the model was not trained in this regime.
+    /// Modal coefficients, group after group; empty if the model was not trained in this regime.
     pub coefficients: Vec<f64>,
     /// Contact force in N, never negative.
     pub contact_force_n: f64,
-    /// Derivative of the force by each input, in N per unit of the input.
+    /// Derivative of the force with respect to each input, in N per unit of the input.
     pub force_gradient: [f64; MAX_INPUTS],
-    /// Onset pressure of this gap in MPa: 0 when the actuator's own weight touches, none when out of reach.
+    /// Onset pressure of this gap in MPa: 0 if the actuator's weight closes the gap, `None` if out of reach.
     pub onset_pressure_mpa: Option<f64>,
     /// Where the state lies with respect to the training samples of its regime.
     pub domain: DomainStatus,
     /// Distance to the training hull over inputs scaled to [0, 1]; 0 inside.
     pub domain_distance: f64,
-    /// Half-widths that cover the stated share of states.
+    /// Half-widths with the model's nominal coverage.
     pub halfwidths: HalfWidths,
     /// Flags.
     pub flags: Flags,
-    /// By input: derivatives of the coefficients; empty rows where they were not asked for.
+    /// Derivatives of the coefficients, one row per input; empty unless requested.
     pub(crate) gradients: [Vec<f64>; MAX_INPUTS],
     pub(crate) room: Room,
 }
 
 impl Evaluation {
-    /// Room for up to so many coefficients and for these sums.
+    /// Evaluation with capacity for `coefficients` modal coefficients.
     pub(crate) fn with_room(coefficients: usize, room: Room) -> Self {
         Self {
             inputs: Inputs::new(f64::NAN, f64::NAN),
@@ -62,7 +62,7 @@ impl Evaluation {
         }
     }
 
-    /// Derivatives of the coefficients by the input at a position, per unit of the input; 0 for one that the regime does
+    /// Derivatives of the coefficients with respect to one input, per unit of the input; 0 for inputs that the regime does
     /// not take. Empty after [`crate::evaluator::Evaluator::evaluate`], which leaves them out.
     ///
     /// # Panics

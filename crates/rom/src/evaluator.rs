@@ -16,7 +16,7 @@ use std::ops::Range;
 struct RegimePart {
     model: RegimeModel,
     coefficient_count: usize,
-    /// Groups in a row that share their kernel, with the range of their coefficients.
+    /// Consecutive groups with one kernel, with the range of their coefficients.
     groups: Vec<(Sums, Range<usize>)>,
     force: Option<Sums>,
 }
@@ -33,7 +33,7 @@ impl RegimePart {
     }
 }
 
-/// Groups in a row that share their kernel, summed in one pass, with the range of their coefficients.
+/// Consecutive groups with one kernel, summed in one pass, with the range of their coefficients.
 fn sums<'a>(groups: impl Iterator<Item = &'a GroupModel>) -> Vec<(Sums, Range<usize>)> {
     let groups: Vec<&GroupModel> = groups.collect();
     let joined = |a: &&GroupModel, b: &&GroupModel| {
@@ -52,12 +52,12 @@ pub struct Evaluator {
     inputs: Vec<InputSpec>,
     parts: Vec<RegimePart>,
     onset: Option<OnsetTable>,
-    /// What the onset is solved from where it depends on parameters; the table then is that of their values in use.
+    /// Solver of the onset if it depends on parameters; the table is then that of their default values.
     solver: Option<OnsetSolver>,
-    /// By input: what a state takes that says nothing; NaN for pressure and gap.
+    /// Default per input for states with NaN; NaN for pressure and gap.
     values: [f64; MAX_INPUTS],
     hysteresis_mpa: f64,
-    /// Most coefficients of a regime, and memory for any interpolant.
+    /// Largest number of coefficients of a regime, and memory for any interpolant.
     coefficients: usize,
     room: Room,
 }
@@ -92,11 +92,11 @@ impl Evaluator {
         Ok(evaluator)
     }
 
-    /// Gives the parameters the values of a state; NaN leaves one as it is. States with these values then find their onset from a
-    /// table, as after [`ModelHeader::give`], with the same bits. Cost: nothing when they have them already, else one table.
+    /// Sets the default values of the parameters to those of a state; NaN leaves a default unchanged. States with these values then
+    /// read their onset from a table, bit-identical to that of [`ModelHeader::give`]. Cost: one table unless the values are in use.
     ///
     /// # Errors
-    /// [`ModelError::Inconsistent`] when the free model sinks at no pressure at these parameters; the values before stand.
+    /// [`ModelError::Inconsistent`] when the free model moves down at no pressure at these parameters; the defaults are then unchanged.
     pub fn give(&mut self, inputs: &Inputs, room: &mut Evaluation) -> Result<(), ModelError> {
         let inputs = inputs.or(&self.values);
         if self.has_values(&inputs) {
@@ -107,12 +107,12 @@ impl Evaluator {
         self.tabulate(room).inspect_err(|_| self.values = before)
     }
 
-    /// Whether the parameters of a state have the values in use.
+    /// True if the parameters of a state have the default values.
     pub fn has_values(&self, inputs: &Inputs) -> bool {
         inputs.values()[PARAMETERS..self.inputs.len()] == self.values[PARAMETERS..self.inputs.len()]
     }
 
-    /// The onset table at the parameters' values, where the onset depends on them.
+    /// Tabulates the onset at the default values if it depends on parameters.
     fn tabulate(&mut self, room: &mut Evaluation) -> Result<(), ModelError> {
         if let Some(solver) = &self.solver {
             room.room.reserve(&self.room);
@@ -128,7 +128,7 @@ impl Evaluator {
         &self.inputs
     }
 
-    /// Onset pressure over gap, with parameters at their values in use; none for a model of one regime.
+    /// Onset pressure over gap, with parameters at their default values; `None` for a model of one regime.
     pub fn onset(&self) -> Option<&OnsetTable> {
         self.onset.as_ref()
     }
@@ -143,7 +143,7 @@ impl Evaluator {
         self.hysteresis_mpa
     }
 
-    /// An evaluation with room for any answer.
+    /// Evaluation with capacity for any state.
     pub fn evaluation(&self) -> Evaluation {
         Evaluation::with_room(self.coefficients, self.room.clone())
     }
@@ -161,8 +161,8 @@ impl Evaluator {
         }
     }
 
-    /// Largest gap that a state's pressure and parameters close, in mm: at it and below, the actuator touches. None for a model
-    /// of one regime, or where the free model gives no answer. Cost: one evaluation of the free model at most.
+    /// Largest gap that a state's pressure and parameters close, in mm. `None` for a model
+    /// of one regime or if the free model has no finite answer. Cost: at most one evaluation of the free model.
     pub fn closed_gap_mm(&self, inputs: Inputs, room: &mut Evaluation) -> Option<f64> {
         let inputs = inputs.or(&self.values);
         room.room.reserve(&self.room);
@@ -184,13 +184,13 @@ impl Evaluator {
         self.coefficients(out, false);
     }
 
-    /// The part of [`Self::evaluate`] that says where a state lies: regime, onset pressure, domain and its distance. Coefficients,
-    /// force and half-widths are left as they were. Less than 1 us for a model without parameters.
+    /// Regime, onset pressure and position in the training range only: the first part of [`Self::evaluate`]. Coefficients,
+    /// force and half-widths stay unchanged. Less than 1 us for a model without parameters.
     pub fn locate(&self, inputs: Inputs, out: &mut Evaluation) {
         self.place(inputs.or(&self.values), out);
     }
 
-    /// [`Self::locate`] with the contact force and its gradient: what a search for a force needs, without the fields.
+    /// [`Self::locate`] with the contact force and its gradient, without coefficients: for searches.
     pub fn force(&self, inputs: Inputs, out: &mut Evaluation) {
         self.place_with_force(inputs, out);
     }
@@ -204,8 +204,8 @@ impl Evaluator {
         Some((part, x))
     }
 
-    /// All of [`Self::evaluate`] but the coefficients, of which there are none afterwards: what a state without fields needs, a
-    /// tenth of the cost. [`Self::complete`] adds them.
+    /// [`Self::evaluate`] without the coefficients: for states without fields, about 10 % of the cost.
+    /// [`Self::complete`] adds the coefficients.
     pub fn state(&self, inputs: Inputs, out: &mut Evaluation) {
         let placed = self.place_with_force(inputs, out);
         // After it: an onset that depends on parameters is solved in this memory.
@@ -217,7 +217,7 @@ impl Evaluator {
         }
     }
 
-    /// Adds the coefficients to what [`Self::state`] gave, where they are not there yet.
+    /// Adds the coefficients to the result of [`Self::state`].
     pub fn complete(&self, out: &mut Evaluation) {
         if out.coefficients.is_empty() {
             self.coefficients(out, false);
@@ -225,12 +225,12 @@ impl Evaluator {
     }
 
     /// From now on the coefficients of fields other than these (indices into [`ModelHeader::fields`]) are not interpolated and
-    /// mean nothing, where they share no group with one of these. The others keep their bits.
+    /// are undefined, unless they are in a group with one of these. The others stay bit-identical.
     pub fn restrict(&mut self, fields: &[usize]) {
         for part in &mut self.parts {
             let is_used = |group: &&GroupModel| group.fields.iter().any(|field| fields.contains(field));
             let used = sums(part.model.groups.iter().filter(is_used));
-            // One coefficient by itself would be summed in another order than beside others.
+            // A single coefficient is summed in another order than several.
             let all = sums(part.model.groups.iter());
             let is_alone = |(sums, range): &(Sums, Range<usize>)| {
                 sums.outputs() == 1 && all.iter().all(|(_, joined)| joined != range)

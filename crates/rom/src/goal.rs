@@ -1,4 +1,4 @@
-//! Inputs that reach a goal: bounded least squares on the model's own gradients, from several starts.
+//! Inputs that reach a goal: bounded least squares on the model's gradients, from several starts.
 //!
 //! Residuals `r_i(x)` over their tolerances, inputs scaled to [0, 1] between their bounds: damped Gauss-Newton steps
 //! `(J^T J + l I) s = -J^T r` over the inputs that do not press against a bound. The damping keeps the answer near its start where
@@ -21,9 +21,9 @@ const MET: f64 = 1e-8;
 pub struct Residual {
     /// How far the goal is missed, in its own unit; 0 where a limit is kept.
     pub value: f64,
-    /// What counts as met, in the same unit, > 0.
+    /// Largest value that counts as met, in the same unit, > 0.
     pub tolerance: f64,
-    /// Derivatives by every input of the model.
+    /// Derivatives with respect to all inputs of the model.
     pub gradient: [f64; MAX_INPUTS],
 }
 
@@ -32,7 +32,7 @@ pub struct Residual {
 pub struct Found {
     /// The inputs.
     pub inputs: Inputs,
-    /// What is left of the goal there.
+    /// Residuals of the goal there.
     pub residuals: Vec<Residual>,
     /// Evaluations of the model.
     pub evaluations: usize,
@@ -45,8 +45,8 @@ impl Found {
     }
 }
 
-/// Changes the inputs at `within` (position, low, high) until the residuals that `at` gives are met; `start` holds the others. None
-/// where `at` has no answer at any start. Cost: at most 960 calls of `at`, some ten where the first start succeeds.
+/// Changes the inputs at `within` (position, low, high) until the residuals that `at` gives are met; `start` holds the others. `None`
+/// if `at` returns `None` at every start. Cost: at most 960 calls of `at`, about ten if the first start succeeds.
 pub fn reach(
     within: &[(usize, [f64; 2])],
     start: Inputs,
@@ -118,7 +118,7 @@ impl Descent<'_> {
         Some((here.0, self.inputs(&x), here.1))
     }
 
-    /// The inputs after a step; none where every input presses against a bound.
+    /// Inputs after a step; `None` if every input is at a bound that stops it.
     fn step(&self, x: &[f64], residuals: &[Residual], damping: f64) -> Option<Vec<f64>> {
         let by = |r: &Residual, k: usize| {
             let (input, [low, high]) = self.within[k];

@@ -1,21 +1,21 @@
-//! Half-widths of the answers: split-conformal, from leave-one-out residuals or, where there are any, from the errors of states that
-//! no training saw (`train::calibration`).
+//! Half-widths of the results: split-conformal, from leave-one-out residuals or from the errors of held-out states
+//! (`train::calibration`).
 //!
 //! The half-width of a whole regime is the `ceil((n + 1) c)`-th smallest of the `n` cases' worst-node residuals:
-//! exchangeable states err by less with probability at least `c`. It says the same everywhere. The local one follows the
+//! the error of an exchangeable state is smaller with probability at least `c`. It is constant. The local one follows the
 //! error over the inputs: `s(x)` is the mean of the cases' residuals `e_j`, weighted by `1 / (|x - x_j|^2 + h^2)^2`; the
 //! ratios `e_i / s_i(x_i)`, with `s_i` the mean without case `i`, have a conformal quantile `q`, and the half-width at `x` is
-//! `q s(x)`. Leave-one-out removes a neighbour from every case and so over-states the error a little.
+//! `q s(x)`. Leave-one-out removes a neighbour of every case, so the half-widths are slightly too large.
 
 use crate::inputs::Point;
 use crate::kernel::around::Around;
 use crate::unseen::{self, SMOOTHING, Unseen, quantile};
 use serde::{Deserialize, Serialize};
 
-/// Conformal half-widths: the stated share of untouched states errs by less, at their worst node.
+/// Conformal half-widths: bounds of the largest error over nodes, with the nominal coverage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HalfWidths {
-    /// Share promised (0.9).
+    /// Nominal coverage (0.9).
     pub coverage: f64,
     /// Displacement (coordinates included) in mm.
     pub displacement_mm: f64,
@@ -29,8 +29,7 @@ pub struct HalfWidths {
 pub type Errors = [f64; 3];
 
 impl HalfWidths {
-    /// For a share `coverage`, the same everywhere, from the errors of all cases: those on the hull stand for the untouched
-    /// states that lie near the edge.
+    /// Constant half-widths from the errors of all cases. Cases on the hull represent states near the edge.
     pub fn of_all(errors: &[Errors], coverage: f64) -> Self {
         Self::new(coverage, [0, 1, 2].map(|k| quantile(errors.iter().map(|e| e[k]).collect(), coverage)))
     }
@@ -40,17 +39,18 @@ impl HalfWidths {
     }
 }
 
-/// No local mean is below this share of the median error.
-const MIN_SHARE: f64 = 0.3;
+/// Lower limit of a local mean, as a fraction of the median error.
+const MIN_FRACTION: f64 = 0.3;
 
 /// Half-widths that follow the error over the inputs of a regime.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LocalHalfWidths {
-    /// Share promised.
+    /// Nominal coverage.
     pub coverage: f64,
     /// `dimensions x cases`: scaled inputs of the training cases, or of places among the unseen states.
     pub inputs: Vec<f64>,
-    /// By displacement (mm), stress (MPa) and force (N): the cases' leave-one-out errors, or the unseen states' around these places.
+    /// Errors of displacement (mm), stress (MPa) and force (N): leave-one-out errors of the cases, or means of the held-out states
+    /// around the places.
     pub errors: [Vec<f64>; 3],
     /// Smallest local mean of each.
     pub least: [f64; 3],
@@ -59,14 +59,14 @@ pub struct LocalHalfWidths {
 }
 
 impl LocalHalfWidths {
-    /// Before its factors are set; `points` are the cases, or the places.
+    /// Half-widths with all factors 1; `points` are the cases or the places.
     fn without_factors(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let of = |k: usize| -> Vec<f64> { errors.iter().map(|e| e[k]).collect() };
         Self {
             coverage,
             inputs: (0..dimensions).flat_map(|i| points.iter().map(move |x| x[i])).collect(),
             errors: [of(0), of(1), of(2)],
-            least: [0, 1, 2].map(|k| (MIN_SHARE * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)),
+            least: [0, 1, 2].map(|k| (MIN_FRACTION * quantile(of(k), 0.5)).max(f64::MIN_POSITIVE)),
             factors: [1.0; 3],
         }
     }
@@ -81,7 +81,7 @@ impl LocalHalfWidths {
         local
     }
 
-    /// Calibrates on the errors of states at these scaled inputs that no training saw ([`unseen`](crate::unseen)). Cost `O(states)`.
+    /// Calibrates on the errors of held-out states at these scaled inputs ([`unseen`](crate::unseen)). Cost `O(states)`.
     pub fn of_unseen(dimensions: usize, points: &[Point], errors: &[Errors], coverage: f64) -> Self {
         let places = unseen::places(points);
         let of_places: Vec<Point> = places.iter().map(|place| points[*place]).collect();
@@ -94,7 +94,7 @@ impl LocalHalfWidths {
         local
     }
 
-    /// Whether the lengths fit a regime of so many inputs.
+    /// True if the lengths fit a regime of `dimensions` inputs.
     pub(crate) fn fits(&self, dimensions: usize) -> bool {
         let cases = self.errors[0].len();
         cases > 0 && self.inputs.len() == cases * dimensions && self.errors.iter().all(|e| e.len() == cases)
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn states_at_one_place_that_err_alike_have_their_error_as_half_width() {
+    fn equal_errors_at_one_place_give_that_error_as_half_width() {
         let at = Point::default();
         let alike = LocalHalfWidths::of_unseen(1, &[at; 20], &[[1.0, 2.0, 0.0]; 20], 0.9).at(&at);
         assert!((alike.displacement_mm, alike.stress_mpa) == (1.0, 2.0), "{alike:?}");

@@ -29,7 +29,7 @@ impl Display for DomainStatus {
     }
 }
 
-/// Domain over scaled inputs.
+/// Training range over scaled inputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Domain {
     /// One input: `[min, max]`.
@@ -52,15 +52,15 @@ pub enum Domain {
     },
 }
 
-/// A point this close to a hull lies in it, as far as rounding lets tell.
+/// Rounding error within which a point lies in a hull.
 const ROUNDING: f64 = 1e-9;
 
 impl Domain {
     /// Scaled distance up to which a state outside counts as near.
     pub const NEAR: f64 = 0.05;
 
-    /// The domain of samples, of whose inputs the first `operating` are pressure and gap; where neither varies the first
-    /// parameter takes their place. `O(n log n)`, with parameters `O(n^2)`.
+    /// Training range of samples. The first `operating` inputs are pressure and gap; if neither varies, the first
+    /// parameter replaces them. `O(n log n)`, with parameters `O(n^2)`.
     pub fn of_points(operating: usize, dimensions: usize, points: &[Point]) -> Self {
         let operating = operating.max(1);
         match dimensions {
@@ -89,7 +89,7 @@ impl Domain {
         }
     }
 
-    /// Whether the lengths fit a regime of so many inputs.
+    /// True if the lengths fit a regime with this number of inputs.
     pub fn fits(&self, inputs: usize) -> bool {
         match self {
             Self::Product { operating, dimensions, corners, samples, .. } => {
@@ -117,7 +117,7 @@ impl Domain {
         }
     }
 
-    /// Distance to the domain over scaled inputs: 0 inside. `O(vertices)`, with parameters `O(samples)`; no allocation.
+    /// Distance to the training range over scaled inputs: 0 inside. `O(vertices)`, with parameters `O(samples)`; no allocation.
     pub fn distance(&self, x: &Point) -> f64 {
         match self {
             Self::Interval([min, max]) => (min - x[0]).max(x[0] - max).max(0.0),

@@ -62,4 +62,3 @@ mod sums;
 pub mod synthetic;
 pub mod system;
 mod unseen;
-mod validate;

@@ -15,17 +15,17 @@ pub struct OnsetTable {
     pub pressure_mpa: Vec<f64>,
     /// dP_c/dgap in MPa/mm at the entries.
     pub slope: Vec<f64>,
-    /// Relative growth of the slope at the sag, per mm: how the table goes on below it.
+    /// Relative growth of the slope at the sag, per mm: it continues the table below the sag.
     pub bend_per_mm: f64,
 }
 
-/// The bend at the sag is read off this share of the table's gaps.
-const BEND_SHARE: f64 = 0.2;
+/// Fraction of the table's gaps from which the bend at the sag is fitted.
+const BEND_FRACTION: f64 = 0.2;
 
-/// When a gap is touched.
+/// Onset of contact for one gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Onset {
-    /// Gravity alone does it: the gap is at or below the sag.
+    /// At any pressure, by gravity: the gap is at or below the sag.
     Always,
     /// At this pressure in MPa.
     At(f64),
@@ -34,7 +34,7 @@ pub enum Onset {
 }
 
 impl Onset {
-    /// Onset pressure in MPa: 0 when always touched, none when never.
+    /// Onset pressure in MPa: 0 for [`Self::Always`], `None` for [`Self::Never`].
     pub fn pressure_mpa(self) -> Option<f64> {
         match self {
             Self::Always => Some(0.0),
@@ -60,12 +60,12 @@ pub struct OnsetAt {
     pub onset: Onset,
     /// `P_c` in MPa: negative below the sag, above the largest training pressure beyond the reach.
     pub pressure_mpa: f64,
-    /// Its derivative by every input, MPa per unit of the input.
+    /// Its derivative with respect to each input, MPa per unit of the input.
     pub gradient: [f64; MAX_INPUTS],
 }
 
 impl OnsetAt {
-    /// No onset was found: the answer is free, and marked as no answer by the distance to its domain.
+    /// No onset was found: the regime is free, and the distance to its training range is infinite.
     pub(crate) const UNKNOWN: Self =
         Self { onset: Onset::Never, pressure_mpa: f64::NAN, gradient: [0.0; MAX_INPUTS] };
 }
@@ -75,17 +75,17 @@ impl OnsetAt {
 pub struct LastOnset(pub(crate) Option<(Inputs, OnsetAt)>);
 
 impl LastOnset {
-    /// The onset's pressure at another state along its tangent, MPa; none where there was no onset.
+    /// Onset pressure at another state along the tangent, MPa; `None` without a last onset.
     pub(crate) fn continued_mpa(&self, inputs: &Inputs) -> Option<f64> {
         let (from, found) = self.0.as_ref().filter(|(_, found)| matches!(found.onset, Onset::At(_)))?;
         let ways = inputs.values().iter().zip(from.values()).zip(found.gradient);
-        // The gradient by inputs that the model does not have is 0; their values are no numbers.
+        // Inputs that the model does not have are NaN; their derivative is 0.
         let along = ways.filter(|(_, by)| *by != 0.0).map(|((to, from), by)| (to - from) * by);
         Some(found.pressure_mpa + along.sum::<f64>())
     }
 
-    /// By how much the gap of a state is smaller than the one that its pressure closes (mm), along the onset's tangent; none where there
-    /// was no onset. Error: the onset's curvature over that way.
+    /// Gap that a state's pressure closes minus its gap (mm), along the onset's tangent; `None` without a last onset. The error is the
+    /// onset's curvature over that distance.
     pub fn inside_mm(&self, inputs: &Inputs) -> Option<f64> {
         let (_, found) = self.0.as_ref()?;
         Some((inputs.pressure_mpa() - self.continued_mpa(inputs)?) / found.gradient[GAP])
@@ -118,7 +118,7 @@ impl OnsetTable {
         Self { gap_mm, pressure_mpa, slope, bend_per_mm }
     }
 
-    /// When a gap is touched. `O(log entries)`.
+    /// Onset of a gap. `O(log entries)`.
     pub fn onset(&self, gap_mm: f64) -> Onset {
         if gap_mm <= self.sag_mm() {
             return Onset::Always;
@@ -147,8 +147,8 @@ impl OnsetTable {
     }
 
     /// `P_c(gap)` in MPa and its slope in MPa/mm: monotone cubic within the table, straight beyond the reach. Below the
-    /// sag it is negative: how far the pressure would have to fall for the actuator to let go. There it goes on with the
-    /// table's own slope and bend, `slope (e^(bend x) - 1) / bend`: a kink in P_c would be one in the factor of the force.
+    /// sag it is negative: how far the pressure would have to fall for the actuator to lift off. There it continues with the
+    /// table's slope and bend, `slope (e^(bend x) - 1) / bend`: a kink in P_c would be one in the factor of the force.
     pub fn pressure_and_slope(&self, gap_mm: f64) -> (f64, f64) {
         let last = self.gap_mm.len() - 1;
         if gap_mm <= self.gap_mm[0] {
@@ -161,7 +161,7 @@ impl OnsetTable {
             let slope = self.slope[last];
             return (self.pressure_mpa[last] + slope * (gap_mm - self.gap_mm[last]), slope);
         }
-        let i = self.gap_mm.partition_point(|g| *g <= gap_mm).saturating_sub(1); // 0 for a gap that is no number
+        let i = self.gap_mm.partition_point(|g| *g <= gap_mm).saturating_sub(1); // 0 for NaN
         let h = self.gap_mm[i + 1] - self.gap_mm[i];
         let t = (gap_mm - self.gap_mm[i]) / h;
         let (p0, p1) = (self.pressure_mpa[i], self.pressure_mpa[i + 1]);
@@ -174,7 +174,7 @@ impl OnsetTable {
 /// d ln(slope) / dgap at the low end, a least-squares line through the logarithms of the secants there. Never negative:
 /// a slope that grew towards lower gaps would run away below the sag.
 fn bend(x: &[f64], y: &[f64]) -> f64 {
-    let limit = x[0] + BEND_SHARE * (x[x.len() - 1] - x[0]);
+    let limit = x[0] + BEND_FRACTION * (x[x.len() - 1] - x[0]);
     let secant = |i: usize| ((y[i + 1] - y[i]) / (x[i + 1] - x[i])).ln();
     let points: Vec<(f64, f64)> = (0..x.len() - 1)
         .filter(|&i| x[i + 1] <= limit)

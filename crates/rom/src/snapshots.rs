@@ -1,12 +1,17 @@
 //! The snapshot database: what the finite elements computed, before any reduction.
 //!
 //! A [`Database`] is plain data. `formats` fills it from files, `fem` from simulations, tests from formulas; training
-//! reads it and nothing else. [`Database::problems`] (in `validate.rs`) says everything that is wrong with it at once.
+//! reads it and nothing else. [`Database::problems`] returns all errors of a database.
 
 use crate::inputs::{Inputs, MAX_INPUTS, PARAMETERS, Parameter};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
-/// What the numbers of a field mean: it decides what may be derived from it and what physics forbids.
+/// Largest plausible pressure and gap: an actuator of this size bursts far below.
+const MAX_PRESSURE_MPA: f64 = 100.0;
+const MAX_GAP_MM: f64 = 1e5;
+
+/// Meaning of a field: decides which fields are derived from it and which values are impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FieldKind {
     /// Deformed coordinate along an axis (0 = x, 1 = y, 2 = z).
@@ -15,7 +20,7 @@ pub enum FieldKind {
     Magnitude,
     /// An equivalent stress: never negative.
     Stress,
-    /// Anything else: interpolated as it is.
+    /// Anything else: interpolated without constraints.
     Other,
 }
 
@@ -44,14 +49,14 @@ impl FieldSpec {
     }
 }
 
-/// What a case may be used for.
+/// Purpose of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Split {
-    /// Training looks at it.
+    /// Training.
     Train,
     /// The paper's test cases: evaluation only, never selection.
     Test,
-    /// Further states (outside the domain, spot checks): evaluation only.
+    /// Further states (outside the training range, spot checks): evaluation only.
     Check,
 }
 
@@ -89,11 +94,11 @@ pub struct Case {
     pub name: String,
     /// The regime it was sampled for. A contact case with zero force touches nothing and is trained as free.
     pub regime: RegimeKind,
-    /// What it may be used for.
+    /// Purpose.
     pub split: Split,
     /// Cavity pressure in MPa.
     pub pressure_mpa: f64,
-    /// Distance from the underside of the undeformed base to the obstacle in mm; none where there is no obstacle.
+    /// Distance from the underside of the undeformed base to the obstacle in mm; `None` without an obstacle.
     pub gap_mm: Option<f64>,
     /// Total contact force in N.
     pub contact_force_n: f64,
@@ -116,10 +121,10 @@ impl Case {
     }
 }
 
-/// Derivatives of snapshots and forces by inputs, for some of the cases.
+/// Derivatives of snapshots and forces with respect to inputs, for some of the cases.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensitivities {
-    /// What each row differentiates.
+    /// Case and input of each row.
     pub rows: Vec<Sensitivity>,
     /// Database fields in the order of the array.
     pub fields: Vec<usize>,
@@ -127,7 +132,7 @@ pub struct Sensitivities {
     pub values: Vec<f32>,
 }
 
-/// A derivative of one case by one input.
+/// Derivative of one case with respect to one input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensitivity {
     /// Index of the case.
@@ -157,6 +162,12 @@ pub struct Footprint {
     pub z_mm: [f64; 2],
 }
 
+impl Default for Footprint {
+    fn default() -> Self {
+        Self::PLATE
+    }
+}
+
 impl Footprint {
     /// The paper's plate.
     pub const PLATE: Self = Self { x_mm: [0.0, 120.0], z_mm: [-9.0, 41.0] };
@@ -180,7 +191,7 @@ impl Footprint {
 }
 
 /// Snapshots with their inputs: `Y_snap` of Eq. (2) and everything needed to read it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Database {
     /// Actuator (`pneunet`).
     pub actuator: String,
@@ -200,9 +211,9 @@ pub struct Database {
     pub surface_triangles: Vec<[u32; 3]>,
     /// Named node sets.
     pub node_sets: Vec<NodeSet>,
-    /// What the actuator can touch.
+    /// Obstacle.
     pub obstacle: Footprint,
-    /// Inputs beside pressure and gap, at most six; every case has a value for each.
+    /// Inputs in addition to pressure and gap, at most six; every case has a value for each.
     pub parameters: Vec<Parameter>,
     /// Derivatives, where they were computed.
     pub sensitivities: Option<Sensitivities>,
@@ -232,14 +243,7 @@ impl Database {
             fields,
             cases: pressures_mpa.iter().enumerate().map(case).collect(),
             snapshots,
-            undeformed_mm: None,
-            undeformed_by: Vec::new(),
-            surface_triangles: Vec::new(),
-            node_sets: Vec::new(),
-            obstacle: Footprint::PLATE,
-            parameters: Vec::new(),
-            sensitivities: None,
-            hash: [0; 32],
+            ..Self::default()
         };
         database.hash = database.content_hash();
         database
@@ -261,7 +265,7 @@ impl Database {
         self.snapshot(case).iter().skip(field).step_by(self.fields.len()).copied()
     }
 
-    /// How far a case's parameters move the undeformed nodes from the nominal mesh, by axis (mm). None where none does.
+    /// Displacement of the undeformed nodes from the nominal mesh by a case's parameters, per axis (mm). `None` if no parameter moves them.
     pub fn moved_mm(&self, case: usize) -> Option<[Vec<f32>; 3]> {
         let steps = self.cases[case].parameters.iter().zip(&self.parameters);
         let steps: Vec<f64> = steps.map(|(value, parameter)| value - parameter.nominal).collect();
@@ -332,5 +336,151 @@ fn hash_values(hasher: &mut blake3::Hasher, values: &[f32]) {
         bytes.clear();
         bytes.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
         hasher.update(&bytes);
+    }
+}
+
+impl Database {
+    /// Messages of all errors that prevent training.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = self.shape_problems();
+        if problems.is_empty() {
+            problems.extend(self.case_problems());
+            problems.extend(self.parameter_problems());
+            problems.extend(self.value_problems());
+        }
+        problems
+    }
+
+    fn shape_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let expected = self.cases.len() * self.entries();
+        if self.fields.is_empty() || self.node_count == 0 {
+            problems.push(format!(
+                "expected fields and nodes, found {} and {}",
+                self.fields.len(),
+                self.node_count
+            ));
+        }
+        if self.snapshots.len() != expected {
+            problems.push(format!(
+                "snapshots: expected {expected} values ({} cases x {} nodes x {} fields), found {}",
+                self.cases.len(),
+                self.node_count,
+                self.fields.len(),
+                self.snapshots.len()
+            ));
+        }
+        if let Some(mesh) = self.undeformed_mm.as_ref().filter(|m| m.len() != self.node_count) {
+            problems.push(format!("mesh: expected {} nodes, found {}", self.node_count, mesh.len()));
+        }
+        let moved = &self.undeformed_by;
+        if !moved.is_empty() && moved.len() != self.parameters.len() {
+            problems.push(format!(
+                "undeformed_by: expected {} parameters, found {}",
+                self.parameters.len(),
+                moved.len()
+            ));
+        }
+        if let Some(by) = moved.iter().find(|by| by.len() != self.node_count) {
+            problems.push(format!("undeformed_by: expected {} nodes, found {}", self.node_count, by.len()));
+        }
+        let beyond = |nodes: &[u32]| nodes.iter().any(|n| *n as usize >= self.node_count);
+        if beyond(self.surface_triangles.as_flattened()) {
+            problems.push(format!("surface: a triangle names a node beyond {}", self.node_count));
+        }
+        for set in self.node_sets.iter().filter(|s| beyond(&s.nodes)) {
+            problems.push(format!("node set {}: names a node beyond {}", set.name, self.node_count));
+        }
+        let names: BTreeSet<&str> = self.fields.iter().map(|f| f.name.as_str()).collect();
+        if names.len() != self.fields.len() {
+            problems.push("fields: two have the same name".into());
+        }
+        problems
+    }
+
+    fn case_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.of_split(Split::Train).next().is_none() {
+            problems.push(format!(
+                "expected training cases (split = train), found none among {}",
+                self.cases.len()
+            ));
+        }
+        for case in &self.cases {
+            let name = &case.name;
+            if !(0.0..=MAX_PRESSURE_MPA).contains(&case.pressure_mpa) {
+                problems.push(format!(
+                    "case {name}: pressure_mpa {} is not within 0..{MAX_PRESSURE_MPA}",
+                    case.pressure_mpa
+                ));
+            }
+            if let Some(gap) = case.gap_mm.filter(|gap| !(-MAX_GAP_MM..=MAX_GAP_MM).contains(gap)) {
+                problems.push(format!("case {name}: gap_mm {gap} is not a length in mm"));
+            }
+            if case.regime == RegimeKind::Contact && case.gap_mm.is_none() {
+                problems.push(format!("case {name}: a contact case needs gap_mm"));
+            }
+            if !(case.contact_force_n.is_finite() && case.contact_force_n >= 0.0) {
+                problems.push(format!(
+                    "case {name}: contact_force_n {} is not a force >= 0",
+                    case.contact_force_n
+                ));
+            }
+        }
+        problems
+    }
+
+    /// Parameters and derivatives that do not fit the cases.
+    fn parameter_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let (count, most) = (self.parameters.len(), MAX_INPUTS - PARAMETERS);
+        if count > most {
+            problems.push(format!(
+                "parameters: expected at most {most} in addition to pressure and gap, found {count}"
+            ));
+        }
+        let names: BTreeSet<&str> = self.parameters.iter().map(|p| p.name.as_str()).collect();
+        if names.len() != count {
+            problems.push("parameters: two have the same name".into());
+        }
+        for parameter in self.parameters.iter().filter(|p| !p.nominal.is_finite()) {
+            problems.push(format!("parameter {}: the nominal value is not finite", parameter.name));
+        }
+        for case in &self.cases {
+            if case.parameters.len() != count || case.parameters.iter().any(|v| !v.is_finite()) {
+                problems.push(format!(
+                    "case {}: expected {count} numbers for the parameters, found {:?}",
+                    case.name, case.parameters
+                ));
+            }
+        }
+        if let Some(derivatives) = &self.sensitivities {
+            let entries = derivatives.rows.len() * derivatives.fields.len() * self.node_count;
+            let (inputs, found) = (PARAMETERS + count, derivatives.values.len());
+            if derivatives.rows.iter().any(|row| row.case >= self.cases.len() || row.input >= inputs) {
+                problems.push("sensitivities: a row names a missing case or input".into());
+            }
+            if found != entries || derivatives.fields.iter().any(|f| *f >= self.fields.len()) {
+                problems
+                    .push(format!("sensitivities: expected {entries} values of known fields, found {found}"));
+            }
+        }
+        problems
+    }
+
+    /// One message per case with non-finite entries: the first entry and the number of them.
+    fn value_problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        for (i, case) in self.cases.iter().enumerate() {
+            let snapshot = self.snapshot(i);
+            let Some(first) = snapshot.iter().position(|v| !v.is_finite()) else { continue };
+            let count = snapshot.iter().filter(|v| !v.is_finite()).count();
+            let (node, field) = (first / self.fields.len(), &self.fields[first % self.fields.len()].name);
+            problems.push(format!(
+                "case {}: {count} non-finite values, the first ({}) at node {node}, field {field}",
+                case.name, snapshot[first]
+            ));
+        }
+        problems
     }
 }

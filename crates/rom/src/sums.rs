@@ -1,4 +1,4 @@
-//! Interpolants ready to run: several that share their kernel in one pass, weights in the order in which they are read.
+//! Interpolants in the layout for evaluation: several with one kernel in one pass, weights in reading order.
 
 use crate::inputs::{MAX_INPUTS, Point};
 use crate::interpolant::{Interpolant, Metric};
@@ -15,7 +15,7 @@ pub(crate) struct Sums {
     metric: Metric,
     dimensions: usize,
     outputs: usize,
-    /// By group of eight centres and input: those with slopes first, the state 0 where there are less than eight.
+    /// Coordinates of the centres, per group of eight and input. Centres with slopes are first; unused entries are 0.
     centres: Vec<[f64; BLOCK]>,
     weights: Weights,
     /// `tail terms x outputs`.
@@ -33,13 +33,13 @@ pub(crate) struct Room {
 const NOWHERE: Near = [[0.0; BLOCK]; 3 + MAX_INPUTS];
 
 impl Room {
-    /// Allocates only where there is less room than asked for.
+    /// Enlarges the memory to at least that of `other`.
     pub fn reserve(&mut self, other: &Self) {
         grow(&mut self.near, other.near.len(), NOWHERE);
         grow(&mut self.sums, other.sums.len(), [0.0; BLOCK]);
     }
 
-    /// Room for these.
+    /// Memory for all of these sums.
     pub fn of<'a>(all: impl Iterator<Item = &'a Sums>) -> Self {
         let mut room = Self::default();
         for sums in all {
@@ -48,7 +48,7 @@ impl Room {
         room
     }
 
-    /// Room for these sums.
+    /// Enlarges the memory for sums with these weights.
     pub fn reserve_for(&mut self, weights: &Weights) {
         grow(&mut self.near, weights.groups(), NOWHERE);
         grow(&mut self.sums, weights.blocks * (1 + weights.dimensions), [0.0; BLOCK]);
@@ -72,7 +72,7 @@ fn grow<T: Copy>(values: &mut Vec<T>, count: usize, value: T) {
 }
 
 impl Sums {
-    /// Of interpolants that share their kernel ([`Interpolant::shares_kernel_with`]), at least one.
+    /// Sums of at least one interpolant; all have one kernel ([`Interpolant::shares_kernel_with`]).
     pub fn new(parts: &[&Interpolant]) -> Self {
         let Interpolant { kernel, tail, metric, dimensions, .. } = *parts[0];
         let centres = parts[0].centre_count();
@@ -122,7 +122,7 @@ impl Sums {
         self.outputs
     }
 
-    /// Value and, where asked for, gradient over scaled inputs of every output at `x`. No allocation where `room` is of these
+    /// Value and, if requested, gradient over scaled inputs of every output at `x`. No allocation if `room` was made for these
     /// sums. Cost: see [`weigh`].
     pub fn evaluate(&self, x: &Point, room: &mut Room, value: &mut [f64], gradient: Option<Gradient<'_>>) {
         let u = self.metric.apply(x);

@@ -1,15 +1,15 @@
-//! Local half-widths from the errors of states that no training saw.
+//! Local half-widths from the errors of held-out states.
 //!
-//! They scatter more than leave-one-out errors, which share their neighbours, and there may be more of them than an evaluation has time for. So a
-//! half-width is `q s(x)`, where `s(x)` is the mean of values `s_j` at some of the states, the places (`LocalHalfWidths::at`), and
+//! These errors scatter more than leave-one-out errors, and there may be too many for one evaluation. A
+//! half-width is therefore `q s(x)`, where `s(x)` is the mean of values `s_j` at some of the states, the places (`LocalHalfWidths::at`), and
 //! ```text
 //! s_j = g_j sum_i e_i / (d_ij^2 + h^2)^2 / sum_i 1 / (d_ij^2 + h^2)^2      over all states i, d_ij from place j
 //! g_j = (q_j / q_0)^(n_j / (n_j + 10))
 //! ```
-//! `h` gives the least quantile loss, the proper score of a bound that a stated share keeps to. `q_0` is the conformal quantile of the ratios
+//! `h` gives the least quantile loss, the proper score of a quantile. `q_0` is the conformal quantile of the ratios
 //! `e_i / s(x_i)` with all `g = 1`, `q_j` their weighted quantile around place `j`, among as many states as `n_j` equal weights would be: where the
-//! errors scatter more than elsewhere, half-widths are wider. `q` is the conformal quantile of the ratios with these `g`. No ratio has its
-//! own error in its `s`.
+//! errors scatter more than elsewhere, half-widths are wider. `q` is the conformal quantile of the ratios with these `g`. The error of a
+//! state is left out of the `s` of its ratio.
 
 use crate::inputs::{Point, square_distance};
 
@@ -19,9 +19,9 @@ pub(crate) const SMOOTHING: f64 = 0.05;
 pub(crate) const MAX_PLACES: usize = 128;
 /// Scaled distances tried for `h`.
 const SMOOTHINGS: [f64; 4] = [SMOOTHING, 0.1, 0.2, 0.4];
-/// Scaled distance within which states count alike for a place's quantile ...
+/// Scaled distance within which states have about equal weight in the quantile of a place.
 const AROUND: f64 = 0.2;
-/// ... which counts half where so many states are around it.
+/// Number of states around a place at which its quantile has half its weight.
 const HALF: f64 = 10.0;
 
 /// The values at the places and the factor on their mean.
@@ -50,9 +50,9 @@ pub(crate) struct Unseen<'a> {
     pub points: &'a [Point],
     pub places: &'a [usize],
     pub errors: &'a [f64],
-    /// No mean is below it.
+    /// Lower limit of a mean.
     pub least: f64,
-    /// Share that is to lie within.
+    /// Nominal coverage.
     pub coverage: f64,
 }
 
@@ -98,7 +98,7 @@ impl Unseen<'_> {
         )
     }
 
-    /// The mean over the places around a state, itself not among them; none without another place.
+    /// The mean over the places around a state, without the state itself; `None` without another place.
     fn mean_at(&self, state: usize, value: impl Fn(usize) -> f64) -> Option<f64> {
         let (mut weights, mut sum) = (0.0, 0.0);
         for (place, at) in self.places.iter().enumerate().filter(|(_, at)| **at != state) {
@@ -140,7 +140,7 @@ impl Unseen<'_> {
         });
         let found = reached.map_or(0.0, |(ratio, _)| ratio / factor);
         let count = sum * sum / squares;
-        // Where no state around errs, there is nothing to compare.
+        // Without an error around the place the ratio is undefined.
         if found > 0.0 && found.is_finite() { found.powf(count / (count + HALF)) } else { 1.0 }
     }
 }
@@ -149,7 +149,7 @@ pub(crate) fn weight(a: &Point, b: &Point, smoothing: f64) -> f64 {
     (square_distance(a, b) + smoothing * smoothing).powi(-2)
 }
 
-/// The conformal quantile: the largest value when there are too few for the share asked.
+/// Conformal quantile; the largest value if there are too few values for the coverage.
 pub(crate) fn quantile(mut values: Vec<f64>, coverage: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let rank = ((values.len() as f64 + 1.0) * coverage).ceil() as usize;

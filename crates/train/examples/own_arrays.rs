@@ -1,4 +1,4 @@
-//! A model of your own arrays: two nodes of an actuator without an obstacle, eight pressures.
+//! Model from arrays: two nodes of an actuator without an obstacle, eight pressures.
 
 use rom::inputs::Inputs;
 use rom::model::Selection;
@@ -8,7 +8,7 @@ use train::config::TrainConfig;
 use train::train;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // One row a state: the deflection of both nodes in mm, computed elsewhere.
+    // One row per state: the deflection of both nodes in mm, computed elsewhere.
     let pressures_mpa: Vec<f64> = (0..8).map(|i| 0.01 * f64::from(i)).collect();
     let snapshots = pressures_mpa.iter().flat_map(|p| [600.0 * p, 300.0 * p - 900.0 * p * p]);
     let field = FieldSpec { name: "deflection".into(), unit: "mm".into(), kind: FieldKind::Other };

@@ -1,5 +1,5 @@
-//! Half-widths from the errors of states that no training saw (split conformal): a new state errs by less with the promised
-//! probability. Leave-one-out, which they come from otherwise, takes a neighbour from every case and over-states the error.
+//! Half-widths from the errors of held-out states (split conformal): the error of a new state is smaller with the nominal
+//! probability. Half-widths from leave-one-out are slightly too large, since it removes a neighbour of every case.
 
 use crate::datasheet::DataSheet;
 use rom::halfwidths::{Errors, HalfWidths, LocalHalfWidths};
@@ -9,17 +9,17 @@ use rom::model::Model;
 use rom::snapshots::RegimeKind;
 use thiserror::Error;
 
-/// Fewest states by which a regime's half-widths are set: with less the quantile of 90 % is little more than the largest error.
+/// Smallest number of states from which a regime's half-widths are set: with fewer the quantile of 90 % is little more than the largest error.
 pub const MIN_STATES: usize = 20;
 
-/// A state that no training saw, and the model's largest error over its nodes.
+/// Held-out state and the model's largest error over its nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnseenState {
     /// Regime that answered.
     pub regime: RegimeKind,
     /// Inputs by position.
     pub inputs: Inputs,
-    /// Where it lies; only states inside the domain count, as only there half-widths are promised.
+    /// Position with respect to the training range; only states inside count, since half-widths hold only there.
     pub domain: DomainStatus,
     /// Displacement (mm), stress (MPa), force (N).
     pub errors: [f64; 3],
@@ -30,13 +30,13 @@ pub struct UnseenState {
 pub enum CalibrationError {
     /// No regime has enough states.
     #[error(
-        "expected at least {MIN_STATES} states inside the domain of a regime, found {found} at most; measure on more states"
+        "expected at least {MIN_STATES} states inside the training range of a regime, found {found} at most; measure on more states"
     )]
     TooFew {
         /// States of the regime that has most.
         found: usize,
     },
-    /// An error is no number of at least 0.
+    /// An error is negative or not finite.
     #[error("state {state}: expected errors of 0 or more, found {found}")]
     NoError {
         /// Position in the list.
@@ -46,11 +46,11 @@ pub enum CalibrationError {
     },
 }
 
-/// Sets the half-widths of every regime that has [`MIN_STATES`] states, of all others they stay as they are; the data sheet
-/// says so. States of the training cases must not be among them. `O(states^2)`.
+/// Sets the half-widths of every regime with at least [`MIN_STATES`] states; the others stay unchanged. The data sheet
+/// contains the number of states. Training cases must not be among the states. `O(states^2)`.
 ///
 /// # Errors
-/// [`CalibrationError`]; the model is then as it was.
+/// [`CalibrationError`]; the model is then unchanged.
 pub fn calibrate(
     model: &mut Model,
     sheet: &mut DataSheet,

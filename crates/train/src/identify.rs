@@ -1,4 +1,4 @@
-//! Whether inputs can be told apart: by where the states are, and by what they do.
+//! Checks that the effects of inputs can be separated: by the positions of the states and by their derivatives.
 
 use crate::error::TrainError;
 use crate::regime::Part;
@@ -7,10 +7,10 @@ use faer::Mat;
 use rom::inputs::{InputMap, InputSpec, Inputs, MAX_INPUTS, PARAMETERS};
 use rom::snapshots::{Database, RegimeKind};
 
-/// States lie on a plane over their inputs when they leave it by less than this share of their spread.
+/// Largest distance from a plane, as a fraction of their spread, at which states count as lying on it.
 const FLAT: f64 = 1e-6;
-/// Inputs with at least this share in the direction across the plane are named.
-const NAMED_SHARE: f64 = 0.1;
+/// Smallest component in the direction normal to the plane at which an input is named.
+const NAMED_COMPONENT: f64 = 0.1;
 /// Two inputs do the same when the cosine between their derivatives of all states is at least this.
 const SAME: f64 = 0.99;
 
@@ -29,7 +29,8 @@ pub(crate) fn check_spread(database: &Database, sorted: &Sorted) -> Result<(), T
         }
         if let Some(across) = flat_direction(&map, &states) {
             let specs = InputSpec::without_range(&database.parameters);
-            let named = map.axes.iter().zip(&across).filter(|(_, share)| share.abs() > NAMED_SHARE);
+            let named =
+                map.axes.iter().zip(&across).filter(|(_, component)| component.abs() > NAMED_COMPONENT);
             let names: Vec<String> = named.map(|(axis, _)| specs[axis.input].key()).collect();
             problems.push(format!(
                 "in the {} {} training states {} vary together: no model can tell their effects apart; vary each for \
@@ -54,7 +55,7 @@ fn flat_direction(map: &InputMap, states: &[Inputs]) -> Option<Vec<f64>> {
     (values[d - 1] < FLAT * values[0]).then(|| svd.V().col(d - 1).iter().copied().collect())
 }
 
-/// What the data sheet says about parameters that change nothing, and inputs that do the same.
+/// Remarks of the data sheet on parameters without effect and on inputs with equal effects.
 pub(crate) fn remarks(database: &Database, parts: &[Part]) -> Vec<String> {
     let specs = InputSpec::without_range(&database.parameters);
     let mut remarks = Vec::new();

@@ -85,12 +85,12 @@ pub fn decompose(r: MatRef<'_, f64>) -> Result<Pod, PodError> {
 }
 
 impl Pod {
-    /// Truncation error of Eq. (4): the share of energy beyond the first `modes`.
+    /// Truncation error of Eq. (4): fraction of the energy beyond the first `modes`.
     pub fn truncation_error(&self, modes: usize) -> f64 {
         truncation_error(&self.singular_values, modes)
     }
 
-    /// The fewest modes with truncation error at most `limit`, at least 1 where there is any.
+    /// The fewest modes with truncation error at most `limit`, at least 1 unless the rank is 0.
     pub fn modes_for_energy(&self, limit: f64) -> usize {
         (1..=self.rank).find(|l| self.truncation_error(*l) <= limit).unwrap_or(self.rank)
     }

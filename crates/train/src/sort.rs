@@ -1,4 +1,4 @@
-//! Which training case teaches which regime.
+//! Assignment of training cases to regimes.
 
 use crate::config::TrainConfig;
 use crate::error::TrainError;
@@ -111,7 +111,7 @@ fn merge(
     if contradictions.is_empty() { Ok(kept) } else { Err(TrainError::Database(contradictions)) }
 }
 
-/// Derivatives of one state that differ by more than this share are not of one side of the same contact.
+/// Largest relative difference of two derivatives of one state on the same side of the contact.
 const DERIVATIVE_TOLERANCE: f64 = 0.05;
 
 /// Whether two cases have derivatives by the same input that contradict each other.

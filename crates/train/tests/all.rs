@@ -1,4 +1,4 @@
-//! Training, from a database to a model and what it answers. One program: linked once, and its tests run beside each other.
+//! Training, from a database to a model and what it answers. One program: linked once, and its tests run in parallel.
 
 mod accuracy;
 mod calibration;

@@ -7,7 +7,7 @@ use rom::inputs::{GAP, Inputs, PRESSURE};
 use rom::model::Model;
 use rom::snapshots::RegimeKind;
 
-/// Parameters with the ranges that the model promises.
+/// Parameters with the ranges in which the model is valid.
 const PARAMETERS: [(&str, f64, f64); 5] = [
     ("elastomer.law.mu_mpa", 0.6, 1.0),
     ("chambers.length_mm", 2.6, 3.4),

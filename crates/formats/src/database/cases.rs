@@ -1,28 +1,87 @@
-//! `cases.csv`: one row a case.
+//! `cases.csv`: one row per case; the words in its cells.
 
 use super::manifest::Manifest;
-use super::words::{ANY_REGIME, ObstacleKind, REGIMES, SPLITS, split_name};
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::file;
-use crate::table::{self, Row, Table};
-use rom::snapshots::{Case, Database, RegimeKind};
+use crate::table::{self, Table};
+use rom::snapshots::{Case, Database, Footprint, RegimeKind, Split};
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::Path;
+
+/// What the actuator can touch. It decides about gravity as well, so one model holds the cases of one kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObstacleKind {
+    /// A plate below the actuator: regimes `free` and `contact`.
+    #[default]
+    Plate,
+    /// The block that a finger grips: regime `gripper`.
+    Block,
+}
+
+impl ObstacleKind {
+    /// All kinds.
+    pub const ALL: [Self; 2] = [Self::Plate, Self::Block];
+
+    /// Name on the command line: that of its scene.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plate => "plate",
+            Self::Block => "gripper",
+        }
+    }
+
+    /// Where the obstacle is, unless a database says otherwise.
+    pub(super) const fn footprint(self) -> Footprint {
+        match self {
+            Self::Plate => Footprint::PLATE,
+            Self::Block => Footprint::BLOCK,
+        }
+    }
+}
+
+/// Regimes as tables name them, with their meaning.
+pub const REGIMES: [(&str, (ObstacleKind, RegimeKind)); 3] = [
+    ("free", (ObstacleKind::Plate, RegimeKind::Free)),
+    ("contact", (ObstacleKind::Plate, RegimeKind::Contact)),
+    ("gripper", (ObstacleKind::Block, RegimeKind::Contact)),
+];
+
+/// Words for a regime in a table, as a message names them.
+pub const ANY_REGIME: &str = "free, contact or gripper; a structure with several shapes (buckled, snapped) needs one database and \
+                              one model per shape";
+
+/// Splits as tables name them, the most urgent first.
+pub const SPLITS: [(&str, Split); 3] =
+    [("train", Split::Train), ("test", Split::Test), ("check", Split::Check)];
+
+/// Name of a split.
+fn split_name(split: Split) -> &'static str {
+    SPLITS.iter().find(|(_, value)| *value == split).map_or("", |(name, _)| name)
+}
 
 /// Columns every table has, in the order [`write()`] gives them.
 const COLUMNS: [&str; 6] = ["case", "regime", "split", "pressure_mpa", "gap_mm", "contact_force_n"];
 
-/// Reads and checks the table: all cases with the kind of their obstacle, or all errors.
-pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind, Case)>, FormatError> {
+/// A row of the table.
+pub(crate) struct Row {
+    pub(crate) case: Case,
+    pub(crate) obstacle: ObstacleKind,
+}
+
+/// Reads and checks the table: all rows, or all errors.
+pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<Row>, FormatError> {
     let table = Table::read(path, false)?;
     let columns = columns(&table, manifest)
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
     let (mut cases, mut diagnostics, mut seen) = (Vec::new(), Vec::new(), HashMap::new());
     for row in table.rows() {
         let Some(case) = case(&row, &columns, &mut diagnostics) else { continue };
-        if let Some(first) = seen.insert(row.text(columns.standard[0]), row.place()) {
+        if let Some(first) = seen.insert(row.text(columns.name), row.place()) {
             let place = format!("{}, column case", row.place());
-            let found = format!("`{}` of {first}", case.1.name);
+            let found = format!("`{}` of {first}", case.case.name);
             diagnostics.push(Diagnostic::new(place, "a name used once", found));
         }
         cases.push(case);
@@ -33,10 +92,12 @@ pub(crate) fn read(path: &Path, manifest: &Manifest) -> Result<Vec<(ObstacleKind
     FormatError::check(cases, path, diagnostics)
 }
 
-/// Where the columns are.
+/// Positions of the columns.
 struct Columns {
-    standard: [usize; 3],
-    /// Pressure, gap and force; a table of states without them needs no column.
+    name: usize,
+    regime: usize,
+    split: usize,
+    /// Pressure, gap and force: `None` in a table of states without them.
     pressure: Option<usize>,
     gap: Option<usize>,
     force: Option<usize>,
@@ -65,22 +126,22 @@ fn columns(table: &Table, manifest: &Manifest) -> Result<Columns, Vec<Diagnostic
     let strangers: Vec<Diagnostic> =
         strangers.map(|name| Diagnostic::new("header", expected, format!("`{name}`"))).collect();
     match found {
-        Ok(standard) if strangers.is_empty() && missing.is_empty() => {
-            Ok(Columns { standard, pressure, gap, force, parameters })
+        Ok([name, regime, split]) if strangers.is_empty() && missing.is_empty() => {
+            Ok(Columns { name, regime, split, pressure, gap, force, parameters })
         }
         found => Err(found.err().into_iter().flatten().chain(missing).chain(strangers).collect()),
     }
 }
 
-fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<(ObstacleKind, Case)> {
+fn case(row: &table::Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Option<Row> {
     collect(row.check_width(false), diagnostics)?;
     let parameters: Vec<f64> =
         at.parameters.iter().filter_map(|column| collect(row.number(*column), diagnostics)).collect();
     let all_given = parameters.len() == at.parameters.len();
-    let (at, Columns { pressure, gap, force, .. }) = (&at.standard, at);
-    let regime = row.choice(at[1], &REGIMES).map_err(|_| row.diagnostic(at[1], ANY_REGIME));
+    let Columns { pressure, gap, force, .. } = at;
+    let regime = row.choice(at.regime, &REGIMES).map_err(|_| row.diagnostic(at.regime, ANY_REGIME));
     let regime = collect(regime, diagnostics);
-    let split = collect(row.choice(at[2], &SPLITS), diagnostics);
+    let split = collect(row.choice(at.split, &SPLITS), diagnostics);
     let pressure_mpa = pressure.map_or(Some(0.0), |pressure| collect(row.number(pressure), diagnostics));
     let gap_mm = gap.map_or(Some(None), |gap| collect(row.optional_number(gap), diagnostics));
     let contact_force_n = force.map_or(Some(0.0), |force| collect(row.number(force), diagnostics));
@@ -96,7 +157,7 @@ fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Optio
         return None;
     }
     let case = Case {
-        name: row.text(at[0]).to_owned(),
+        name: row.text(at.name).to_owned(),
         regime,
         split: split?,
         pressure_mpa: pressure_mpa?,
@@ -104,7 +165,7 @@ fn case(row: &Row<'_>, at: &Columns, diagnostics: &mut Vec<Diagnostic>) -> Optio
         contact_force_n: contact_force_n?,
         parameters,
     };
-    Some((obstacle, case))
+    Some(Row { case, obstacle })
 }
 
 /// Writes the table of the cases at the plate; the database's parameters are further columns.

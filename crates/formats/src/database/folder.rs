@@ -1,14 +1,11 @@
 //! The project's own layout: `database.toml`, `cases.csv`, `snapshots.npy` or packed, `mesh.vtu`.
 
-use super::assemble::Parts;
-use super::cases;
+use super::arrays;
+use super::cases::{self, ObstacleKind, Row};
 use super::manifest::{FILE, Input, Manifest};
-use super::sensitivities;
-use super::snapshots::read_snapshots;
-use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError};
 use crate::{file, npy, vtu};
-use rom::snapshots::{Case, Database};
+use rom::snapshots::Database;
 use std::path::Path;
 
 const UNDEFORMED_BY: &str = "undeformed_by.npy";
@@ -21,16 +18,22 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
     let fields = manifest.field_specs();
     let snapshots_path = dir.join(&manifest.snapshots);
     let mesh = manifest.mesh.as_ref().map(|file| dir.join(file));
-    let array = read_snapshots(&snapshots_path, mesh.as_deref())?;
+    let array = arrays::read_snapshots(&snapshots_path, mesh.as_deref())?;
     let expected = [cases.len(), manifest.nodes, fields.len()];
     if array.shape != expected {
         let expected = format!("{expected:?} (cases in {}, nodes and fields in {FILE})", manifest.cases);
         let diagnostic = Diagnostic::new("shape", expected, format!("{:?}", array.shape));
         return Err(FormatError::one(&snapshots_path, diagnostic));
     }
-    let derivatives = sensitivities::read(dir, &manifest, &cases)?;
-    let kept: Vec<bool> = cases.iter().map(|(kind, _)| *kind == obstacle).collect();
-    let (cases, snapshots) = select(cases, obstacle, array.values, manifest.nodes * fields.len());
+    let derivatives = arrays::read_sensitivities(dir, &manifest, &cases)?;
+    let kept: Vec<bool> = cases.iter().map(|row| row.obstacle == obstacle).collect();
+    let (mut snapshots, entries) = (Vec::with_capacity(array.values.len()), manifest.nodes * fields.len());
+    for (_, snapshot) in kept.iter().zip(array.values.chunks_exact(entries.max(1))).filter(|(kept, _)| **kept)
+    {
+        snapshots.extend_from_slice(snapshot);
+    }
+    let own = |row: Row| (row.obstacle == obstacle).then_some(row.case);
+    let cases: Vec<_> = cases.into_iter().filter_map(own).collect();
     if cases.is_empty() {
         let expected = format!("cases of scene {}", obstacle.name());
         return Err(FormatError::one(&cases_path, Diagnostic::new("column regime", expected, "none")));
@@ -39,7 +42,7 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
     let parameters = manifest.parameters();
     let moved = manifest.undeformed_by.as_ref();
     let moved = moved.map(|name| undeformed_by(&dir.join(name), parameters.len(), node_count)).transpose()?;
-    let parts = Parts {
+    let database = Database {
         actuator: manifest.actuator,
         fields,
         node_count,
@@ -47,11 +50,11 @@ pub(super) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         parameters,
         snapshots,
         undeformed_by: moved.unwrap_or_default(),
-        sensitivities: derivatives.map(|found| sensitivities::of_cases(found, &kept, node_count)),
+        sensitivities: derivatives.map(|found| arrays::of_cases(found, &kept, node_count)),
+        obstacle: manifest.obstacle.unwrap_or(obstacle.footprint()),
+        ..Database::default()
     };
-    let mut database = parts.assemble(mesh.as_deref(), obstacle)?;
-    database.obstacle = manifest.obstacle.unwrap_or(database.obstacle);
-    Ok(database)
+    arrays::complete(database, mesh.as_deref())
 }
 
 /// The change of the undeformed mesh per unit of each parameter.
@@ -66,24 +69,6 @@ fn undeformed_by(path: &Path, parameters: usize, nodes: usize) -> Result<Vec<Vec
     Ok(points.chunks_exact(nodes).map(<[_]>::to_vec).collect())
 }
 
-/// The cases of one kind of obstacle and their snapshots, in file order.
-fn select(
-    all: Vec<(ObstacleKind, Case)>,
-    wanted: ObstacleKind,
-    values: Vec<f32>,
-    entries: usize,
-) -> (Vec<Case>, Vec<f32>) {
-    let mut snapshots = Vec::with_capacity(values.len());
-    let mut cases = Vec::with_capacity(all.len());
-    for ((obstacle, case), snapshot) in all.into_iter().zip(values.chunks_exact(entries.max(1))) {
-        if obstacle == wanted {
-            cases.push(case);
-            snapshots.extend_from_slice(snapshot);
-        }
-    }
-    (cases, snapshots)
-}
-
 /// Kinds of obstacle for which a folder has cases: what `--scene` can choose.
 ///
 /// # Errors
@@ -91,7 +76,7 @@ fn select(
 pub fn obstacle_kinds(dir: &Path) -> Result<Vec<ObstacleKind>, FormatError> {
     let manifest = Manifest::read(&dir.join(FILE))?;
     let cases = cases::read(&dir.join(&manifest.cases), &manifest)?;
-    let present = |kind: &ObstacleKind| cases.iter().any(|(found, _)| found == kind);
+    let present = |kind: &ObstacleKind| cases.iter().any(|row| row.obstacle == *kind);
     Ok(ObstacleKind::ALL.into_iter().filter(present).collect())
 }
 
@@ -121,7 +106,7 @@ pub fn write(dir: &Path, database: &Database, cells: vtu::Cells<'_>) -> Result<(
         npy::write_f32(&dir.join(UNDEFORMED_BY), &shape, &values)?;
     }
     if let Some(derivatives) = &database.sensitivities {
-        sensitivities::write(dir, &mut manifest, database, derivatives)?;
+        arrays::write_sensitivities(dir, &mut manifest, database, derivatives)?;
     }
     cases::write(&dir.join(&manifest.cases), database)?;
     let shape = [database.cases.len(), database.node_count, database.fields.len()];

@@ -3,22 +3,16 @@
 //! [`read`] checks every file against the others and reports all that is wrong at once; [`write()`] makes a folder that
 //! [`read`] accepts. The values themselves (NaN, duplicates, constants) are checked by training.
 
-mod assemble;
+mod arrays;
 mod authors;
 mod cases;
 mod folder;
 mod manifest;
-mod mesh;
-mod sensitivities;
-mod snapshots;
-mod words;
 
+pub use arrays::{PACKED, bottom_nodes, pack_sensitivities, read_snapshots};
+pub use cases::{ANY_REGIME, ObstacleKind, REGIMES, SPLITS};
 pub use folder::{obstacle_kinds, write};
 pub use manifest::{Extra, Field, Input, Kind, Manifest};
-pub use mesh::bottom_nodes;
-pub use sensitivities::pack_sensitivities;
-pub use snapshots::{PACKED, read_snapshots};
-pub use words::{ANY_REGIME, ObstacleKind, REGIMES, SPLITS};
 
 use crate::error::FormatError;
 use rom::snapshots::Database;

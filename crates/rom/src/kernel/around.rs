@@ -1,15 +1,15 @@
-//! Sums over the cases around a state, weighted by `1 / (|x - x_j|^2 + h^2)^2`, eight side by side. Products and sums are rounded apart:
-//! every instruction set gives the same bits.
+//! Sums over the cases around a state, weighted by `1 / (|x - x_j|^2 + h^2)^2`, eight side by side. Products and sums are rounded separately:
+//! results are bit-identical on all instruction sets.
 
 use super::isa::with_widest_vectors;
 use super::weigh::BLOCK;
 use crate::inputs::Point;
 
-/// Cases and what is summed over them.
+/// Cases and the values to sum over them.
 pub(crate) struct Around<'a> {
     /// `dimensions x cases`.
     pub inputs: &'a [f64],
-    /// Three values a case.
+    /// Three values for each case.
     pub values: &'a [Vec<f64>; 3],
     /// `h^2`.
     pub square: f64,

@@ -1,4 +1,4 @@
-//! Eight f64 in the registers of each instruction set. Products and sums are rounded apart: all give the same bits.
+//! Eight f64 in the registers of each instruction set. Products and sums are rounded separately: results are bit-identical.
 //!
 //! No closures around intrinsics, here and in their callers: a closure does not have the instruction set of the function that it stands
 //! in, so that neither it nor the intrinsics in it would be inlined.

@@ -1,4 +1,4 @@
-//! Polynomial tails of interpolants. Products and sums are rounded apart: every instruction set gives the same bits.
+//! Polynomial tails of interpolants. Products and sums are rounded separately: results are bit-identical on all instruction sets.
 
 use super::isa::with_widest_vectors;
 use super::weigh::BLOCK;
@@ -9,7 +9,7 @@ use crate::radial::Tail;
 /// Terms of a tail at most: 1, every input, every product of two.
 const MAX_TERMS: usize = 1 + MAX_INPUTS + MAX_INPUTS * (MAX_INPUTS + 1) / 2;
 
-/// Slices that take the derivatives by each scaled input; those beyond the inputs in use stay as they are.
+/// Slices for the derivatives with respect to each scaled input; those beyond the inputs in use stay unchanged.
 pub(crate) type Gradient<'a> = [&'a mut [f64]; MAX_INPUTS];
 
 /// A tail over `M x`.
@@ -22,7 +22,7 @@ pub(crate) struct Polynomial<'a> {
 }
 
 impl Polynomial<'_> {
-    /// Adds value and, where there are slices for them, derivatives by each scaled input of every output at `u = M x`. Cost: a product a
+    /// Adds value and, if `by` is given, derivatives of every output at `u = M x`. Cost: one product per
     /// term and output, with derivatives up to twice `dimensions` more.
     pub(crate) fn add(&self, u: &Point, value: &mut [f64], by: Option<Gradient<'_>>) {
         add(self, u, value, by);
@@ -36,7 +36,7 @@ impl Polynomial<'_> {
             count += 1;
         });
         let outputs = value.len();
-        // Eight outputs stay in registers while the loop passes over the terms.
+        // Eight outputs stay in registers in the loop over the terms.
         for first in (0..outputs).step_by(BLOCK) {
             let here = first..outputs.min(first + BLOCK);
             let (mut sums, mut slope_sums) = (block(&value[here.clone()]), [[0.0; BLOCK]; MAX_INPUTS]);

@@ -7,7 +7,7 @@
 //! ```
 //! Eight outputs stay in registers while the loop passes over all centres, and weights lie in the order in which they are
 //! read, once. A single output has eight centres in registers instead, which are added up at the end. Products and sums are rounded
-//! apart and taken in one order: every instruction set gives the same bits.
+//! separately and taken in one order: results are bit-identical on all instruction sets.
 
 use super::eight::Eight;
 #[cfg(target_arch = "x86_64")]
@@ -18,7 +18,7 @@ use crate::inputs::MAX_INPUTS;
 /// Outputs of a block, and centres of a group.
 pub(crate) const BLOCK: usize = 8;
 
-/// What eight centres are to a state: `g`, `a`, `b`, then `d`, each for all eight.
+/// Kernel values of eight centres at a state: rows `g`, `a`, `b`, then `d`.
 pub(crate) type Near = [[f64; BLOCK]; 3 + MAX_INPUTS];
 
 /// Weights of centres: `w`, followed by `v` along each input where the centre has slopes. Centres with slopes come first.
@@ -36,7 +36,7 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
-    /// Of `outputs` at so many centres; `of(centre, row, output)` is `w` in row 0 and `v` along input `j` in row `1 + j`.
+    /// Weights of `outputs` outputs at `centres` centres; `of(centre, row, output)` is `w` in row 0 and `v` along input `j` in row `1 + j`.
     pub(crate) fn new(
         [dimensions, outputs, centres, sloped]: [usize; 4],
         of: impl Fn(usize, usize, usize) -> f64,
@@ -172,7 +172,7 @@ unsafe fn every_block<E: Eight, const D: usize, const GRADIENT: bool>(
     }
 }
 
-/// What a centre with slopes adds, its rows of weights and the rows of `near` given as registers.
+/// Adds the contribution of a centre with slopes; its rows of weights and the rows of `near` are in registers.
 ///
 /// # Safety
 /// As [`over`].
@@ -303,7 +303,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// By the definition, one output after the other, centres in order: `[value, derivatives ...]`, before the sum over centres.
+    /// Terms `[value, derivatives ...]` of one output and centre, from the definition.
     fn terms(dimensions: usize, weights: &[f64], is_sloped: bool, near: &Near, lane: usize) -> Vec<f64> {
         let [g, a, b] = [0, 1, 2].map(|row| near[row][lane]);
         let d: Vec<f64> = (0..dimensions).map(|j| near[3 + j][lane]).collect();

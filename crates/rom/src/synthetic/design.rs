@@ -1,5 +1,5 @@
 //! The beam of formulas with two parameters: the stiffness of its silicone and the length of its chambers.
-//! Derivatives by every input are differences of the formulas in f64, good to 1e-8.
+//! Derivatives with respect to all inputs are differences of the formulas in f64, good to 1e-8.
 
 use super::{NODES, mesh};
 use crate::inputs::Parameter;
@@ -83,7 +83,7 @@ pub fn states(first: usize, count: usize) -> Vec<State> {
     (first..first + count).map(one).collect()
 }
 
-/// A database of these states, with derivatives by all inputs or without.
+/// Database of these states, with or without derivatives.
 pub fn database(states: &[(Split, State)], with_derivatives: bool) -> Database {
     let case = |(i, (split, state)): (usize, &(Split, State))| Case {
         name: i.to_string(),
@@ -114,7 +114,7 @@ pub fn database(states: &[(Split, State)], with_derivatives: bool) -> Database {
     database
 }
 
-/// Derivatives by every input that a state has, of the side of the onset it is on.
+/// Derivatives with respect to every input of a state, on its side of the onset.
 fn derivatives(states: &[(Split, State)]) -> Sensitivities {
     let mut all = Sensitivities { rows: Vec::new(), fields: FIELDS.to_vec(), values: Vec::new() };
     for (case, (_, state)) in states.iter().enumerate() {

@@ -1,5 +1,5 @@
 //! An actuator made of formulas: a beam that bends with pressure until it meets a plate. Its truth is known everywhere,
-//! so that a wrong answer cannot hide. Tests use it where no finite-element database is at hand.
+//! so that a wrong answer cannot hide. Tests use it where no finite-element database is available.
 
 pub mod design;
 
@@ -64,7 +64,7 @@ pub fn training_states(free: usize, rows: usize, columns: usize) -> Vec<State> {
     states
 }
 
-/// Free and contact states over the plate, three of them kept aside as tests.
+/// Free and contact states over the plate, three of them with split `test`.
 pub fn plate() -> Database {
     let mut states = training_states(12, 8, 7);
     states.extend([

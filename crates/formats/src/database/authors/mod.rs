@@ -16,8 +16,8 @@
 mod matrix;
 mod parameters;
 
-use super::assemble::Parts;
-use super::words::{ObstacleKind, REGIMES};
+use super::arrays;
+use super::cases::{ObstacleKind, REGIMES};
 use crate::error::{Diagnostic, FormatError};
 use crate::file;
 use matrix::Matrix;
@@ -91,17 +91,16 @@ pub(crate) fn read(dir: &Path, obstacle: ObstacleKind) -> Result<Database, Forma
         return Err(wrong(Diagnostic::new("[[set]]", expected, "none")));
     }
     let mesh = description.mesh.map(|file| dir.join(file));
-    let parts = Parts {
+    let database = Database {
         actuator: description.actuator,
         fields: FieldSpec::of_the_paper(),
         node_count: all.nodes,
         cases: all.cases,
-        parameters: Vec::new(),
         snapshots: all.snapshots,
-        undeformed_by: Vec::new(),
-        sensitivities: None,
+        obstacle: obstacle.footprint(),
+        ..Database::default()
     };
-    parts.assemble(mesh.as_deref(), obstacle)
+    arrays::complete(database, mesh.as_deref())
 }
 
 /// Cases of all sets so far.

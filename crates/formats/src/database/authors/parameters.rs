@@ -1,6 +1,6 @@
 //! The parameter list: one row a case, in the order of the snapshots' columns.
 
-use crate::database::words::SPLITS;
+use crate::database::cases::SPLITS;
 use crate::error::{Diagnostic, FormatError, collect};
 use crate::table::{Row, Table};
 use rom::snapshots::{Case, RegimeKind, Split};

@@ -1,30 +1,86 @@
-//! Derivatives of snapshots by inputs: an array `rows x nodes x fields` (packed or .npy) and `sensitivities.csv`, whose
-//! row `i` says which case and input the array's row `i` is about.
+//! Arrays of a database and the mesh that belongs to them: snapshots and derivatives, packed or `.npy`; `sensitivities.csv`, whose
+//! row `i` names the case and input of row `i` of the derivatives.
 
+use super::cases::Row;
 use super::manifest::{FILE, Kind, Manifest};
-use super::snapshots::read_snapshots;
-use super::words::ObstacleKind;
 use crate::error::{Diagnostic, FormatError, collect};
+use crate::mesh_reader::read_blocks;
 use crate::packed::{self, Snapshots, Stored};
-use crate::table::{self, Row, Table};
-use crate::{file, npy};
-use rom::snapshots::{Case, Database, Sensitivities, Sensitivity, Split};
+use crate::table::{self, Table};
+use crate::{cells, file, npy, vtu};
+use rom::snapshots::{Database, NodeSet, Sensitivities, Sensitivity, Split};
 use std::collections::HashMap;
 use std::path::Path;
+
+/// Ending of packed snapshots, see [`packed`].
+pub const PACKED: &str = "pack";
 
 /// The table of rows, in the same folder.
 const TABLE: &str = "sensitivities.csv";
 const COLUMNS: [&str; 3] = ["case", "input", "contact_force_n_per_unit"];
-/// The name under which [`write()`] puts the array.
+/// Name of an array that is not packed.
 const ARRAY: &str = "sensitivities.npy";
 /// The name of a packed array.
 const PACKED_ARRAY: &str = "sensitivities.pack";
 
+/// Snapshots as an array or, by the ending [`PACKED`], packed; then the mesh gives the fields that follow from it.
+///
+/// # Errors
+/// Not readable, or not of three dimensions.
+pub fn read_snapshots(path: &Path, mesh: Option<&Path>) -> Result<Snapshots, FormatError> {
+    if path.extension().is_some_and(|e| e == PACKED) {
+        let mesh = mesh.map(vtu::read).transpose()?;
+        return packed::read(path, mesh.as_ref().map(|m| m.points_mm.as_slice()));
+    }
+    let array = npy::read_f32(path)?;
+    let shape = <[usize; 3]>::try_from(array.shape).map_err(|found| {
+        FormatError::one(path, Diagnostic::new("shape", "cases x nodes x fields", format!("{found:?}")))
+    })?;
+    Ok(Snapshots { shape, values: array.data })
+}
+
+/// Adds the undeformed mesh, its surface and node sets to a database, and its hash.
+///
+/// # Errors
+/// A mesh that cannot be read or has another number of nodes.
+pub(crate) fn complete(mut database: Database, mesh: Option<&Path>) -> Result<Database, FormatError> {
+    if let Some(path) = mesh {
+        let (points_mm, blocks) = read_blocks(path)?;
+        if points_mm.len() != database.node_count {
+            let expected = format!("{} as in the snapshots", database.node_count);
+            return Err(FormatError::one(path, Diagnostic::new("points", expected, points_mm.len())));
+        }
+        database.surface_triangles = cells::surface(&points_mm, &blocks);
+        database.node_sets = node_sets(&points_mm, &database.surface_triangles);
+        database.undeformed_mm = Some(points_mm);
+    }
+    database.hash = database.content_hash();
+    Ok(database)
+}
+
+/// Named node sets every mesh has: its underside, which meets the plate, and its skin.
+fn node_sets(points_mm: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<NodeSet> {
+    let mut skin: Vec<u32> = triangles.iter().flatten().copied().collect();
+    skin.sort_unstable();
+    skin.dedup();
+    vec![
+        NodeSet { name: "bottom".into(), nodes: bottom_nodes(points_mm) },
+        NodeSet { name: "surface".into(), nodes: skin },
+    ]
+}
+
+/// Nodes on the lowest plane of the undeformed body: what meets the plate first.
+pub fn bottom_nodes(points_mm: &[[f64; 3]]) -> Vec<u32> {
+    let lowest = points_mm.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    // Meshers round coordinates; a micrometre is far below any feature of an actuator.
+    (0..points_mm.len() as u32).filter(|i| points_mm[*i as usize][1] - lowest < 1e-3).collect()
+}
+
 /// Reads and checks both files against the cases; none where the manifest names no array.
-pub(super) fn read(
+pub(super) fn read_sensitivities(
     dir: &Path,
     manifest: &Manifest,
-    cases: &[(ObstacleKind, Case)],
+    cases: &[Row],
 ) -> Result<Option<Sensitivities>, FormatError> {
     let Some(name) = &manifest.sensitivities else { return Ok(None) };
     let rows = read_rows(&dir.join(TABLE), manifest, cases)?;
@@ -46,17 +102,13 @@ pub(super) fn read(
     Ok(Some(Sensitivities { rows, fields, values: array.values }))
 }
 
-fn read_rows(
-    path: &Path,
-    manifest: &Manifest,
-    cases: &[(ObstacleKind, Case)],
-) -> Result<Vec<Sensitivity>, FormatError> {
+fn read_rows(path: &Path, manifest: &Manifest, cases: &[Row]) -> Result<Vec<Sensitivity>, FormatError> {
     let table = Table::read(path, false)?;
     let columns = table
         .columns(COLUMNS)
         .map_err(|diagnostics| FormatError::Content { path: path.into(), diagnostics })?;
     let places: HashMap<&str, usize> =
-        cases.iter().enumerate().map(|(i, (_, case))| (case.name.as_str(), i)).collect();
+        cases.iter().enumerate().map(|(i, row)| (row.case.name.as_str(), i)).collect();
     let inputs = manifest.positions();
     let (mut rows, mut diagnostics, mut seen) = (Vec::new(), Vec::new(), HashMap::new());
     for row in table.rows() {
@@ -72,7 +124,7 @@ fn read_rows(
 }
 
 fn one(
-    row: &Row<'_>,
+    row: &table::Row<'_>,
     columns: [usize; 3],
     cases: &HashMap<&str, usize>,
     inputs: &[(&str, usize)],
@@ -103,7 +155,7 @@ pub(super) fn of_cases(all: Sensitivities, kept: &[bool], nodes: usize) -> Sensi
 }
 
 /// Writes both files and names them in the manifest.
-pub(super) fn write(
+pub(super) fn write_sensitivities(
     dir: &Path,
     manifest: &mut Manifest,
     database: &Database,
@@ -132,11 +184,11 @@ pub fn pack_sensitivities(
     share: impl Fn(Kind) -> f64,
 ) -> Result<Option<usize>, FormatError> {
     let cases = super::cases::read(&from.join(&manifest.cases), manifest)?;
-    let Some(all) = read(from, manifest, &cases)? else { return Ok(None) };
+    let Some(all) = read_sensitivities(from, manifest, &cases)? else { return Ok(None) };
     let entries = manifest.nodes * all.fields.len();
     let (mut rows, mut values) = (Vec::new(), Vec::new());
     for (row, derivative) in all.rows.iter().zip(all.values.chunks_exact(entries.max(1))) {
-        let case = &cases[row.case].1;
+        let case = &cases[row.case].case;
         if case.split == Split::Train {
             rows.push(line(&case.name, manifest, row));
             values.extend_from_slice(derivative);
