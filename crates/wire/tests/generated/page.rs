@@ -98,10 +98,11 @@ fn tables(payloads: &[Described]) -> String {
         let meaning = line(layout.meaning);
         writeln!(out, "### `{}`, {} bytes\n\n{meaning}\n", layout.type_name, layout.size).expect("memory");
         out.push_str(
-            "| offset | type | field | unit | not known | meaning |\n| --- | --- | --- | --- | --- | --- |\n",
+            "| offset | type | field | unit | absent | meaning |\n| --- | --- | --- | --- | --- | --- |\n",
         );
         for field in layout.fields {
             let count = if field.count > 1 { format!("[{}]", field.count) } else { String::new() };
+            let absent = Some(described.absent(field)).filter(|absent| absent != "0").unwrap_or_default();
             writeln!(
                 out,
                 "| {} | {}{count} | `{}` | {} | {} | {} |",
@@ -109,7 +110,7 @@ fn tables(payloads: &[Described]) -> String {
                 field.scalar.as_str(),
                 field.name,
                 field.unit,
-                described.absent(field),
+                absent,
                 line(field.meaning)
             )
             .expect("memory");
