@@ -45,7 +45,7 @@ for name in "$@"; do
         continue
     fi
     if [ "$name" = design ]; then
-        # Pressure, gap and five parameters of the reference actuator: 6 designs of eight states each, which share a way from rest,
+        # Pressure, gap and five parameters of the reference actuator: 6 designs of eight states each, with a common way from rest,
         # and 279 states of as many designs, which start from those near them and take half the time. 40 of these touch at low
         # pressure, where stress is small and its shape changes most.
         list=models/pneunet-design/cases.csv
@@ -91,7 +91,7 @@ for name in "$@"; do
     case $name in gripper) scene=gripper derivatives= ;; *) scene=plate derivatives=--sensitivities ;; esac
     softtwin simulate --actuator "$model/actuator.toml" --cases "$model/cases.csv" $derivatives --out "$database"
     softtwin pack --database "$database" --out "$model/database"
-    # Half-widths from states that no training saw, where they were measured (see docs/accuracy.md).
+    # Half-widths from held-out states, if errors.csv exists (see docs/accuracy.md).
     errors=
     [ ! -f "$model/errors.csv" ] || errors="--errors $model/errors.csv"
     softtwin train --database "$model/database" --scene "$scene" $(config_of "$model") $errors --out "$model/$name.twin"

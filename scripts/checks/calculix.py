@@ -95,7 +95,7 @@ class Finger:
         return cavity, bottom
 
     def second(self, found, volumetric, face_points, pressure, gap):
-        """By elements.py, from what a program found."""
+        """Results of elements.py for a program's states."""
         surfaces = self.surfaces(self.tets, [face[:3] for face in FACES])
         material = (LAW, self.bulk, DENSITY, volumetric, face_points, (PLATE_MPA_PER_MM, ROUNDING_MM))
         return Body(self.points, self.tets, self.fixed, *surfaces, *material).solve(found[0], GRAVITY, pressure, gap)
@@ -112,7 +112,7 @@ class Finger:
         return nodes
 
     def calculix(self, kind, pressure, gap):
-        """By CalculiX with elements C3D10 (the same tetrahedra) or C3D20R (the boxes); displacements are NaN where it has no node."""
+        """Results of CalculiX with elements C3D10 (the same tetrahedra) or C3D20R (the boxes); displacements are NaN where it has no node."""
         elements, faces = (self.tets, [f[:3] for f in FACES]) if kind == "C3D10" else (self.hexahedra(), QUADS)
         cavity, bottom = self.surfaces(elements, faces)
         used = numpy.unique(elements)

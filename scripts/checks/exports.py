@@ -171,7 +171,7 @@ def abaqus_meshes_that_meshio_wrote(work):
 
 @check
 def results_that_meshio_wrote(work):
-    """A bar under tension: one state a file, in every coding, of every kind of solid, units and names as given."""
+    """A bar under tension: one state per file, in every coding, of every kind of solid, units and names as given."""
     points = numpy.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
     for name, cells in {"hexahedron": [list(range(8))], "wedge": [[0, 1, 3, 4, 5, 7], [1, 2, 3, 5, 6, 7]], "tetra": [[0, 1, 3, 4], [1, 2, 3, 6], [1, 4, 5, 6], [3, 4, 6, 7], [1, 3, 4, 6]]}.items():
         count = max(map(max, cells)) + 1

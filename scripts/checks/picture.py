@@ -53,12 +53,12 @@ class Picture:
         return len({self.at(x, y) for y in range(0, self.height, 4) for x in range(0, self.width, 4)})
 
     def differs(self, other):
-        """Whether more than a hundredth of the pixels changed."""
+        """True if more than 1 % of the pixels changed."""
         places = [(x, y) for y in range(0, self.height, 8) for x in range(0, self.width, 8)]
         return sum(self.at(*place) != other.at(*place) for place in places) > len(places) / 100
 
     def place_in(self, table, x, y):
-        """Where the pixel's colour stands in a table of RGB entries, 0 to 1; None when it is not in it."""
+        """Position of the pixel's colour in a table of RGB entries, 0 to 1; None if it is not in it."""
         pixel = self.at(x, y)
         distance = lambda k: sum(abs(pixel[c] - table[3 * k + c]) for c in range(3))
         entries = len(table) // 3

@@ -10,7 +10,7 @@ from browser import wait
 MODEL = "models/pneunet/pneunet.twin"
 SIZES = ((390, 844), (820, 1180), (1280, 720), (1440, 900), (1920, 1080))
 THEMES = ("light", "dark")
-# A trace with a load cell. No instrument stands behind it: it only shows what the page does with a measured force.
+# A synthetic trace with a load cell: it shows how the viewer displays a measured force.
 CELL_SCENE = """name = "finger"
 [[actuator]]
 name = "finger"

@@ -72,7 +72,7 @@ class Stage:
 
 
 class Page:
-    """The page in a browser, by what it says of itself (`window.softtwin`)."""
+    """The browser in a browser, by what it says of itself (`window.softtwin`)."""
 
     def __init__(self, program, url):
         self.browser = Browser(program, 1280, 800)
@@ -114,7 +114,7 @@ class Page:
 
 
 def frames_of(socket, count, seconds=30):
-    """So many frames' headers, each asked for."""
+    """The headers of `count` frames, each requested."""
     headers = []
     end = time.monotonic() + seconds
     socket.send('{"type":"ready"}')
@@ -393,7 +393,7 @@ def a_page_that_floods_is_shown_the_door_and_one_that_stalls_disturbs_nobody(sta
     socket = url.replace("http", "ws") + "ws"
     stalled = [WebSocket(socket) for _ in range(3)]
     for page in stalled:
-        page.send('{"type":"ready"}')  # and never a word or a look again
+        page.send('{"type":"ready"}')  # and nothing more
     flood = WebSocket(socket)
     try:
         for _ in range(5000):

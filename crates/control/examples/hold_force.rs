@@ -46,7 +46,7 @@ struct Args {
     /// Force that must not be passed, N.
     #[arg(long, value_name = "N", default_value_t = 0.6)]
     force_max_n: f64,
-    /// Each setpoint counts for so long, ms.
+    /// Validity of each setpoint, ms.
     #[arg(long, value_name = "MS", default_value_t = 50.0)]
     valid_ms: f64,
     /// The owner's name, by which another one is refused.
@@ -55,7 +55,7 @@ struct Args {
     /// Does not use the load cell.
     #[arg(long)]
     no_load_cell: bool,
-    /// Ends after so many seconds, or when nothing comes for one second.
+    /// Ends after this many seconds, or when no state arrives for one second.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     seconds: f64,
 }
@@ -100,7 +100,7 @@ fn main() -> anyhow::Result<()> {
             continue;
         };
         if state.flags & (flags::NO_DATA | flags::STALE | flags::HELD) != 0 {
-            // What stands in for a reading is not acted on: the setpoint runs out.
+            // Substituted readings are ignored: the setpoint expires.
             if state.age_ns > SILENCE.as_nanos() as u64 {
                 break;
             }

@@ -1,15 +1,15 @@
 //! The inverse of a model along the pressure: Newton's method on the model's own gradient, kept in a bracket by bisection.
 
-/// What a model says of one state.
+/// Force and tip of one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Contact force, N; 0 without contact.
     pub force_n: f64,
-    /// Its derivative by the pressure, N/MPa.
+    /// Derivative with respect to pressure, N/MPa.
     pub force_by_pressure: f64,
     /// The tip's coordinate that is followed, mm.
     pub tip_mm: f64,
-    /// Its derivative by the pressure, mm/MPa.
+    /// Derivative with respect to pressure, mm/MPa.
     pub tip_by_pressure: f64,
     /// Pressure of first contact at this gap, MPa; infinite out of reach.
     pub onset_mpa: f64,
@@ -25,7 +25,7 @@ pub trait Model {
     fn tip_grows(&self) -> bool;
 }
 
-/// What is followed.
+/// The controlled quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// The contact force, N: grows with the pressure, from the onset on.
@@ -35,7 +35,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Value and derivative by the pressure.
+    /// Value and derivative with respect to pressure.
     pub fn of(self, point: &Point) -> (f64, f64) {
         match self {
             Self::Force => (point.force_n, point.force_by_pressure),
@@ -49,9 +49,9 @@ impl Quantity {
 pub struct Inverse {
     /// The pressure, MPa; an end of the model's range where the value lies beyond it.
     pub pressure_mpa: f64,
-    /// Derivative of the quantity by the pressure there.
+    /// Derivative of the quantity with respect to pressure there.
     pub slope: f64,
-    /// Value asked for less the model's, in the quantity's unit, before the last correction.
+    /// Requested value minus the model's, in the quantity's unit, before the last correction.
     pub residual: f64,
     /// Contact force there before the last correction, N.
     pub force_n: f64,
@@ -63,7 +63,7 @@ pub struct Inverse {
 const MAX_EVALUATIONS: usize = 24;
 /// The first correction below this is the last, MPa: what Newton's method leaves after it is of its square.
 const TOLERANCE_MPA: f64 = 1e-5;
-/// Of a value at an end of the range, as a share of it.
+/// Tolerance of a value at an end of the range, as a fraction of it.
 const ROUNDING: f64 = 1e-12;
 
 /// The pressure at which `quantity` has `value` at this gap, searched from `start_mpa`. Never allocates; at most

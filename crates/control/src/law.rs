@@ -11,9 +11,9 @@
 //! u   = w + T_l r' / (dy/dP) + b                    command, within range and rate
 //! ```
 //!
-//! `d` compares pressure and quantity of the same instant, so the valve's lag is not in its loop: what is in it is the share by
+//! `d` compares pressure and quantity of the same instant, so the valve's lag is not in its loop: what is in it is the fraction by
 //! which the model's slope is wrong, and a loop whose gain is below 1 is stable whatever the delay. Neither integral can wind
-//! up: `d` is read off the measurements, `b` follows the command as it was limited.
+//! up: `d` is computed from the measurements, `b` follows the limited command.
 
 use crate::inverse::{Inverse, Model, Quantity, inverse};
 
@@ -67,7 +67,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Everything that is wrong with them.
+    /// All errors in the settings.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         for (name, value) in [
@@ -100,7 +100,7 @@ impl Settings {
     }
 }
 
-/// What the controller is told at a turn.
+/// Measurements of one control cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Gauge, MPa.
@@ -111,7 +111,7 @@ pub struct Reading {
     pub measured: f64,
 }
 
-/// What comes of a turn.
+/// Result of one control cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Turn {
     /// The command, MPa.
@@ -120,7 +120,7 @@ pub struct Turn {
     pub target: f64,
     /// The reference, N or mm.
     pub reference: f64,
-    /// What was followed: the measured value, or the model's.
+    /// Value of the controlled quantity: measured, or the model's.
     pub followed: f64,
     /// The model's error as a pressure, MPa.
     pub correction_mpa: f64,
@@ -139,7 +139,7 @@ struct Search {
     slope: f64,
 }
 
-/// A search begins at most so far from where the last one ended, MPa: a slope holds only nearby.
+/// Largest distance of a search's start from the end of the last one, MPa: a slope holds only nearby.
 const MAX_MOVE_MPA: f64 = 0.002;
 
 /// The controller's memory.
@@ -176,7 +176,7 @@ impl<M: Model> Controller<M> {
         }
     }
 
-    /// Begins, or begins anew, where the actuator is: the next command continues from the pressure that is read. To be called
+    /// Begins, or begins again, where the actuator is: the next command continues from the pressure that is read. To be called
     /// while the valve does not follow (override, interlock, another owner); what was learned of model and valve is kept.
     pub fn start(&mut self, reading: Reading) {
         let now = self.followed(reading);
@@ -263,7 +263,7 @@ impl<M: Model> Controller<M> {
         !is_within
     }
 
-    /// What pressure and measurement of the same instant say of the model.
+    /// Error of the model as a pressure, from pressure and measurement of the same instant.
     fn correct(&mut self, reading: Reading, dt_s: f64) {
         if !reading.measured.is_finite() {
             return;

@@ -43,7 +43,7 @@ pub enum TwinModelError {
     File {
         /// The file.
         path: String,
-        /// What is wrong with it.
+        /// Reason.
         cause: String,
     },
     /// The model.

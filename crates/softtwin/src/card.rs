@@ -18,7 +18,7 @@ pub fn place(model: &Path) -> PathBuf {
 /// Writes the card of a model beside it. Without a licence that of the card that lies there stays.
 ///
 /// # Errors
-/// The system's refusal.
+/// I/O errors.
 pub fn save(path: &Path, model: &Model, file_hash: &[u8], licence: Option<&str>) -> anyhow::Result<PathBuf> {
     let text = format!("{:#}\n", of(path, model, file_hash, licence));
     let place = place(path);
@@ -94,7 +94,7 @@ fn kept_licence(path: &Path) -> String {
     card["licence"].as_str().unwrap_or(NOT_STATED).to_owned()
 }
 
-/// A text, or a number as it stands in the card; `-` for none.
+/// A string or a number of the card; `-` for null.
 fn shown(value: &Value) -> String {
     match value {
         Value::Null => "-".into(),

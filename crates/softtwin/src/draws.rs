@@ -9,7 +9,7 @@ use rom::model::Model;
 use rom::rng::Rng;
 use rom::snapshots::RegimeKind;
 
-/// Draws states evenly over the box around a regime's samples and keeps those in its domain.
+/// Draws states evenly over the box around a regime's samples and keeps those in its training range.
 #[derive(Debug)]
 pub struct Draws {
     evaluator: Evaluator,
@@ -41,7 +41,7 @@ impl Draws {
         })
     }
 
-    /// One draw, after `adjust`; none when it is outside the domain or belongs to the other regime.
+    /// One draw, after `adjust`; none when it is outside the training range or belongs to the other regime.
     pub fn draw(&mut self, adjust: impl Fn(Inputs) -> Inputs) -> Option<Inputs> {
         let pressure_mpa = self.within(self.pressure_mpa);
         let gap_mm = self.gap_mm.map_or(f64::INFINITY, |range| self.within(range));

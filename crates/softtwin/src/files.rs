@@ -20,7 +20,7 @@ pub fn model(path: &Path) -> anyhow::Result<Model> {
     Ok(model_and_hash(path)?.0)
 }
 
-/// Loads a whole model with the hash at the file's end, whose first half stands in the headers of its fields.
+/// Loads a whole model with the hash at the file's end, whose first half is in the headers of its fields.
 pub fn model_and_hash(path: &Path) -> anyhow::Result<(Model, [u8; 32])> {
     let bytes = file::read_bytes(path, MAX_MODEL_BYTES)
         .map_err(refusal)
@@ -50,7 +50,7 @@ pub fn family(path: &Path) -> anyhow::Result<Family> {
     Ok(Family { actuator, problem })
 }
 
-/// Content the user can mend is a configuration error; the operating system's refusal is not.
+/// Invalid content is a configuration error; an I/O error is not.
 pub fn refusal(error: FormatError) -> anyhow::Error {
     match error {
         FormatError::Io { .. } => error.into(),

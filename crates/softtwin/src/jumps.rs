@@ -8,11 +8,11 @@ use rom::snapshots::FieldKind;
 /// Largest differences between both sides of the onset.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Jumps {
-    /// Of a coordinate, mm.
+    /// Largest jump of a coordinate, mm.
     pub length_mm: f64,
-    /// Of a stress, over the largest stress of its state.
+    /// Largest jump of a stress, over the largest stress of its state.
     pub stress_share: f64,
-    /// Of the force, N.
+    /// Largest jump of the force, N.
     pub force_n: f64,
 }
 

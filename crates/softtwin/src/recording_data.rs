@@ -18,11 +18,11 @@ const MAX_STATES: usize = 130_000;
 
 /// A recording.
 pub struct RecordingData {
-    /// What people call it.
+    /// Display name.
     pub name: String,
     /// From the first message to the last, s.
     pub duration_s: f64,
-    /// What each actuator did.
+    /// Data of each actuator.
     pub tracks: BTreeMap<String, Track>,
 }
 
@@ -80,7 +80,7 @@ impl<T> Deref for Thinned<T> {
 pub struct RecordedState {
     /// Seconds after the recording's first message.
     pub t_s: f64,
-    /// As it was published.
+    /// Published value.
     pub values: State,
 }
 
@@ -102,7 +102,7 @@ impl RecordedState {
 pub struct RecordedField {
     /// Seconds after the recording's first message.
     pub t_s: f64,
-    /// As it was published.
+    /// Published value.
     pub header: FieldHeader,
     /// Field-major.
     pub values: Vec<f32>,
@@ -180,7 +180,7 @@ impl RecordingData {
     /// hundreds, those of the topics that `fields` names.
     ///
     /// # Errors
-    /// What is no recording, or one without a state or field in it; `stop` set before the end, which is minutes away in a long one.
+    /// The file is not a recording or has no state or field; `stop` was set before the end (reading a long one takes minutes).
     pub fn read(series: &Series, fields: Option<&KeyExpr>, stop: &AtomicBool) -> Result<Self> {
         let mut messages = Messages::open(series);
         let mut tracks: BTreeMap<String, Track> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! What a process has used so far, as Linux counts it; nothing where there is no `/proc`. A process is `self` or its number.
+//! Resources that a process has used, from `/proc`; `None` without it. A process is `self` or its number.
 
 use std::fs::{read_dir, read_to_string};
 

@@ -22,7 +22,7 @@ pub struct Unknowns {
 }
 
 impl Unknowns {
-    /// Of the named actuator, or of the only one that estimates something.
+    /// Unknowns of the named actuator, or of the only one that estimates something.
     pub fn load(scene: &Scene, path: &Path, actuator: Option<&str>) -> anyhow::Result<Self> {
         let spec = spec(scene, path, actuator)?.clone();
         let mut model = files::model(&scene.resolve(&spec.model))?;
@@ -33,7 +33,7 @@ impl Unknowns {
     }
 }
 
-/// Everything that is wrong, a line each.
+/// All errors, one per line.
 pub fn problems(texts: Vec<String>) -> anyhow::Error {
     configuration(anyhow::anyhow!("{}", texts.join("\n")))
 }

@@ -1,4 +1,4 @@
-//! The table of a model's errors on states that no training saw: `evaluate --errors` writes it, `train --errors` reads it.
+//! Table of a model's errors on held-out states: `evaluate --errors` writes it, `train --errors` reads it.
 
 use crate::failure::configuration;
 use crate::files;
@@ -16,7 +16,7 @@ use train::evaluate::CaseReport;
 /// Columns behind the inputs: worst node's displacement and stress, force, and whose errors these are.
 const ERRORS: [&str; 4] = ["displacement_error_mm", "stress_error_mpa", "force_error_n", "predictions"];
 
-/// Writes the errors of all states inside the domain.
+/// Writes the errors of all states inside the training range.
 ///
 /// # Errors
 /// The operating system's; a model that cannot be written.

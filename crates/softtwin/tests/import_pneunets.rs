@@ -52,7 +52,7 @@ fn run_of(database: &Database, mesh: &MeshFile, cases: &[usize], folder: &Path) 
         let case = &database.cases[*case];
         let gap = case.gap_mm.map_or(String::new(), |gap| gap.to_string());
         let force = case.gap_mm.map_or(String::new(), |_| case.contact_force_n.to_string());
-        // Every eighth one is held back.
+        // Every eighth one is held out.
         let split = if step % 8 == 5 { "test" } else { "train" };
         writeln!(table, "run,{},{},{gap},{force},{split}", step + 1, case.pressure_mpa).expect("memory");
     }
@@ -88,7 +88,7 @@ fn pneunets_of_another_program_give_a_twin() {
     let found: Value = serde_json::from_str(&succeeds(folder.path(), &evaluate)).expect("JSON");
     let mut judged = 0;
     for regime in found["regimes"].as_array().expect("regimes") {
-        // Mean over the states held back, each at its worst node.
+        // Mean over the held-out states, each at its worst node.
         let fields = regime["fields"].as_array().expect("fields");
         let mean = |name: &str| {
             let field = fields.iter().find(|field| field["field"] == name).expect("a field");

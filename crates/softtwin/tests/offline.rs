@@ -1,4 +1,4 @@
-//! The offline commands as a user runs them: exit codes, texts, files.
+//! The offline commands as a user runs them: exit codes, output, files.
 
 use rom::snapshots::Split;
 use serde_json::Value;
@@ -202,7 +202,7 @@ fn evaluation_names_worst_case_and_draws() {
     assert!(std::fs::read(place.at("e.png")).unwrap().starts_with(b"\x89PNG"));
 }
 
-/// Errors on states that no training saw set the half-widths, of the model that they were measured on and of no other.
+/// Errors on held-out states set the half-widths of the model on which they were measured.
 #[test]
 fn measured_errors_set_the_half_widths_of_their_own_model() {
     let place = Place::trained();

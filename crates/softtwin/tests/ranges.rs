@@ -8,7 +8,7 @@ fn tool() -> Command {
     softtwin::Command::augment_subcommands(Command::new("softtwin"))
 }
 
-/// Values that no range holds, for the type that an argument is parsed into; none for what is not a number.
+/// Values outside every range, for the type that an argument is parsed into; empty if the argument is not a number.
 fn impossible(arg: &Arg) -> &'static [&'static str] {
     let parsed = arg.get_value_parser().type_id();
     let whole = [TypeId::of::<u16>(), TypeId::of::<u32>(), TypeId::of::<u64>(), TypeId::of::<usize>()];

@@ -5,7 +5,7 @@ use serde_json::json;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Thirty states and, if wanted, fields of two nodes, a tenth of a second apart.
+/// Thirty states and, if wanted, fields of two nodes, 0.1 s apart.
 fn record(path: &Path, with_fields: bool) {
     let file = std::fs::File::create(path).unwrap();
     let mut writer = Writer::new(file).unwrap();

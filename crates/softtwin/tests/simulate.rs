@@ -340,7 +340,7 @@ fn a_list_over_other_parameters_in_the_same_folder_gives_a_database_of_its_own()
     );
 }
 
-/// States of both regimes with derivatives, one of them kept aside: a database in `db`.
+/// States of both regimes with derivatives, one of them held out: a database in `db`.
 fn both_regimes(place: &Place) {
     let mut list = String::from("case,regime,split,pressure_mpa,gap_mm\naside,free,check,0.03,\n");
     (0..6).for_each(|i| list += &format!("f{i},free,train,{:.3},\n", 0.012 * f64::from(i)));
@@ -353,7 +353,7 @@ fn both_regimes(place: &Place) {
     place.run("simulate --actuator a.toml --cases list.csv --sensitivities --json --out db").json();
 }
 
-/// By row and field: largest difference of two databases' derivatives over the first one's largest value.
+/// Largest difference of two databases' derivatives over the first one's largest value, by row and field.
 fn derivative_errors(place: &Place, [exact, other]: [&str; 2]) -> Vec<f32> {
     let read = |folder: &str| {
         let database = formats::database::read(&place.at(folder), formats::database::ObstacleKind::Plate);

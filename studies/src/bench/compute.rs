@@ -21,7 +21,7 @@ const TIP_NODES: usize = 500;
 const INPUTS: u32 = 64;
 /// Eviction takes milliseconds, so there are fewer evicted samples than warm ones.
 const EVICTED_SHARE: usize = 10;
-/// Of the readings that jump.
+/// Times for readings that jump.
 const JUMPING_SEED: u64 = 1;
 
 /// The kernel with one precision.
@@ -52,9 +52,9 @@ pub struct Kernels {
     pub f32: Kernel,
     /// 2 bytes a mode's entry.
     pub i16: Kernel,
-    /// As few as let the model's own error grow by [`Storage::AS_GOOD_SHARE`] at most; none where no basis keeps that.
+    /// Smallest basis with which the model's error grows by [`Storage::AS_GOOD_SHARE`] at most; `None` if there is none.
     pub budget: Option<Kernel>,
-    /// Of the last one the shares of rows in f32, i16, i8, and of those left out.
+    /// Of the last one the fractions of rows in f32, i16, i8, and of those left out.
     pub budget_widths: Option<[f64; 4]>,
     /// Parts of the regime's domain, each with such a basis; measured is the largest.
     pub budget_parts: usize,
@@ -87,9 +87,9 @@ pub struct Compute {
     pub predict_budget_us_p50: Option<f64>,
     /// The same with readings that jump all over the domain, so that each part's basis is read in turn.
     pub predict_budget_jumping_us_p50: Option<f64>,
-    /// Regime, force, gradients, bars; no coefficients, no field: median.
+    /// Regime, force, gradients, half-widths; no coefficients, no field: median.
     pub state_only_us_p50: f64,
-    /// The same with the position of one node and its derivatives by every input (`rom::probe`): median.
+    /// The same with the position of one node and its derivatives with respect to every input (`rom::probe`): median.
     pub position_us_p50: f64,
     /// Input to the fields of a set of `tip_nodes` nodes, median.
     pub tip_us_p50: f64,
@@ -97,7 +97,7 @@ pub struct Compute {
     pub tip_nodes: usize,
 }
 
-/// Sweeps measured in a row before another basis has its turn, and those before that are not measured.
+/// Consecutive measured sweeps of one basis, and sweeps before them that are not measured.
 const AT_ONCE: usize = 20;
 const UNTIL_WARM: usize = 5;
 

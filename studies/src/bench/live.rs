@@ -19,7 +19,7 @@ use wire::{Bus, FieldReader, StateReader, Topic, Wake, WakeSet, Wakeable, now_ns
 pub struct EndToEnd {
     /// Readings a second.
     pub rate_hz: f64,
-    /// What is read.
+    /// Topic that is read.
     pub payload: Payload,
     /// How twin and reader wait.
     pub wake: WakeUp,
@@ -164,7 +164,7 @@ impl Meter {
         Self { process, begin_s, since: Instant::now() }
     }
 
-    /// Share of a core since then; not a number where the system does not tell.
+    /// Fraction of a core since then; NaN if unknown.
     fn share(&self) -> f64 {
         let used_s = self.begin_s.and_then(|begin_s| Some(cpu_s(&self.process)? - begin_s));
         used_s.map_or(f64::NAN, |used_s| used_s / self.since.elapsed().as_secs_f64())
@@ -177,7 +177,7 @@ struct Listener {
     series: Series,
     first: Option<u64>,
     last: u64,
-    /// Share of a core that twin and reader used.
+    /// Fraction of a core that twin and reader used.
     used: [f64; 2],
 }
 

@@ -8,14 +8,14 @@ use std::time::Instant;
 /// Durations of one thing, to a thousandth of their value.
 #[derive(Debug)]
 pub struct Series {
-    /// What was timed.
+    /// Name.
     pub name: String,
     ns: Histogram<u64>,
 }
 
 /// Longest duration that is told apart from longer ones: a minute.
 const MAX_NS: u64 = 60_000_000_000;
-/// Steps of a curve between a share of samples and half of it.
+/// Steps of a curve between a fraction of samples and half of it.
 const STEPS: u32 = 20;
 
 /// Quantiles in microseconds.
@@ -63,7 +63,7 @@ impl Series {
         self.ns.is_empty()
     }
 
-    /// Times in microseconds and the share of samples that are slower; the slowest sample's share is that of one sample.
+    /// Times in microseconds and the fraction of slower samples; for the slowest sample that of one sample.
     pub fn tail(&self) -> Vec<(f64, f64)> {
         let one = 1.0 / self.len() as f64;
         let quantiles = self.ns.iter_quantiles(STEPS);

@@ -45,7 +45,7 @@ pub struct Args {
     /// Instead: the cost of the whole field beside that of this model without parameters.
     #[arg(long, value_name = "FILE.twin", requires = "model", conflicts_with_all = ["picture", "no_live"])]
     plain: Option<PathBuf>,
-    /// Measure a synthetic model of full size instead: 25,022 nodes, 6 modes a field.
+    /// Measure a synthetic model of full size instead: 25,022 nodes, 6 modes per field.
     #[arg(long, conflicts_with = "model", help_heading = "Selection")]
     synthetic: bool,
     /// Samples of each computation (10 to 1000000).
@@ -61,7 +61,7 @@ pub struct Args {
     picture: Option<PathBuf>,
 }
 
-/// What a user has who trains nothing.
+/// The default model.
 const SHIPPED: &str = "models/pneunet/pneunet.twin";
 
 impl Args {

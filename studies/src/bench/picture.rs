@@ -1,4 +1,4 @@
-//! Distributions as a picture: the share of samples slower than a time.
+//! Distributions as a picture: the fraction of samples slower than a time.
 
 use super::measure::Series;
 use softtwin::picture::{self, Axis, Figure, Mark, Panel};

@@ -1,4 +1,4 @@
-//! What is printed.
+//! The report.
 
 use super::compute::{Compute, Kernel};
 use super::live::EndToEnd;
@@ -16,7 +16,7 @@ pub struct Report {
     pub compute: Compute,
     /// Through the daemons.
     pub end_to_end: Vec<EndToEnd>,
-    /// What could not be measured.
+    /// Rows that could not be measured, with the reason.
     pub notes: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a hard case is.
+//! Definition of a hard case.
 
 use super::ending::Ending;
 use rom::snapshots::Database;
@@ -9,13 +9,13 @@ use train::config::TrainConfig;
 pub struct HardCase {
     /// Short name.
     pub name: String,
-    /// What is hard about it.
+    /// Difficulty.
     pub hard: String,
     /// Training database.
     pub database: Database,
     /// Our configuration; the paper's method uses its own.
     pub config: TrainConfig,
-    /// What to ask.
+    /// Queries.
     pub probe: Probe,
     /// Largest error that counts as correct.
     pub bound: f64,
@@ -23,7 +23,7 @@ pub struct HardCase {
     pub expected: Ending,
 }
 
-/// What to ask a trained model.
+/// Queries to a trained model.
 #[derive(Clone, Debug)]
 pub enum Probe {
     /// States with known truth.

@@ -55,7 +55,7 @@ fn query(pressure: f64, gap: f64) -> Query {
     Query { pressure, gap, truth: snapshot(pressure, gap_or_none), force_n }
 }
 
-/// States inside the domain, free and in contact, none of them trained on.
+/// States inside the training range, free and in contact, none of them trained on.
 fn inside() -> Vec<Query> {
     [(0.03, f64::INFINITY), (0.071, f64::INFINITY), (0.062, 17.3), (0.047, 29.0), (0.033, 14.0), (0.08, 35.0)]
         .map(|(p, g)| query(p, g))

@@ -16,14 +16,14 @@ Every case has a known truth. It ends in a correct answer within its bound, a re
 flagged; a silent wrong number fails, and so does the command (exit code 1). The paper's method runs on the same cases for
 comparison and fails nothing.";
 
-/// Run the named hard cases: conditioning, duplicates, degenerate data, the switch between regimes.
+/// Run the named hard cases: conditioning, duplicates, degenerate data, the contact onset.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES, after_help = NOTES)]
 pub struct Args {
     /// Run only the cases whose name contains this.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
-    /// Print one JSON object a case instead of a table.
+    /// Print one JSON object per case instead of a table.
     #[arg(long)]
     json: bool,
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 pub enum Ending {
     /// Within the bound.
     Correct,
-    /// Beyond the bound, but flagged as extrapolation or within the model's own error bars.
+    /// Beyond the bound, but flagged as extrapolation or within the model's half-widths.
     Flagged,
     /// Training refused with a reason.
     Refused,
@@ -16,7 +16,7 @@ pub enum Ending {
     SilentlyWrong,
 }
 
-/// What one method did with a case.
+/// Result of one method on a case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outcome {
     /// How it ended.
@@ -34,7 +34,7 @@ pub struct Outcome {
 pub struct Row {
     /// Case.
     pub case: String,
-    /// What is hard.
+    /// Difficulty.
     pub hard: String,
     /// Bound in force.
     pub bound: f64,

@@ -18,7 +18,7 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// What cannot be asked is wrong beyond any bound.
+    /// A state that cannot be evaluated counts as an unbounded error.
     const NO_ANSWER: Self = Self { error: f64::INFINITY, flagged: false };
 }
 

@@ -15,7 +15,7 @@ pub trait ReconstructionMethod {
     fn answer(&mut self, input: Inputs) -> anyhow::Result<f64>;
     /// The last state, field-major.
     fn value(&self, index: usize) -> f64;
-    /// Nodes a field.
+    /// Nodes per field.
     fn rows(&self) -> usize;
     /// Bytes of mean and modes that a state is made from, both regimes together; of parts of a domain the largest.
     fn bytes(&self) -> usize;
@@ -67,7 +67,7 @@ pub struct Double {
     rows: usize,
 }
 
-/// Rows of a piece: a mean, a mode and the output of so many rows fit a 32 kB cache.
+/// Rows of a piece: a mean, a mode and the output of this number of rows fit a 32 kB cache.
 const PIECE: usize = 1024;
 
 impl Double {

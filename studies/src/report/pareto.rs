@@ -27,7 +27,7 @@ struct Point {
     nodes: &'static str,
     micros: f64,
     bytes: usize,
-    /// 95th percentile over the untouched states of the normalised errors: displacement, stress, force.
+    /// 95th percentile over the held-out states of the normalised errors: displacement, stress, force.
     errors: [f64; 3],
 }
 
@@ -40,7 +40,7 @@ pub fn section(study: &Study, out: &Folder, progress: &mut Progress) -> anyhow::
             Some(config) => &train(&study.database, config)?,
             None => &study.ours,
         };
-        // A budget is a share of the model's own error: only of the default it says anything.
+        // A budget is a fraction of the model's error: it applies to the default only.
         let precisions = ["f64", "f32", "i16", "budget"].into_iter();
         for precision in precisions.filter(|precision| config.is_none() || *precision != "budget") {
             for nodes in ["all", "surface", "bottom"] {
@@ -128,7 +128,7 @@ fn errors(
     Ok(found.map(|mut errors| spread(&mut errors)[1]))
 }
 
-/// Median time of evaluating and reconstructing one state, over the untouched states in turn.
+/// Median time of evaluating and reconstructing one state, over the held-out states.
 fn time(study: &Study, method: &mut dyn ReconstructionMethod, cases: &[usize]) -> anyhow::Result<f64> {
     let mut micros = Vec::with_capacity(TIMED);
     for i in 0..TIMED {
@@ -184,7 +184,7 @@ fn page(points: &[Point], cases: usize, shown: &str) -> String {
     text
 }
 
-/// The front from fast to slow, without the points that gain less than a tenth over a faster one, and the default.
+/// The front from fast to slow, without points that gain less than 10 % over a faster one, and the default.
 fn table<'a>(points: &'a [Point], nodes: &str) -> Vec<&'a Point> {
     let mut sorted: Vec<&Point> = points.iter().filter(|p| p.nodes == nodes).collect();
     sorted.sort_by(|a, b| a.micros.total_cmp(&b.micros));

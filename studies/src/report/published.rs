@@ -1,4 +1,4 @@
-//! What the paper reports (Pu, Hu, Liu, Niu, An: Digital twins for soft pneumatic actuators via reduced-order surrogate
+//! Values reported by the paper (Pu, Hu, Liu, Niu, An: Digital twins for soft pneumatic actuators via reduced-order surrogate
 //! modeling, Int. J. Solids Struct. 2026, doi 10.1016/j.ijsoistr.2026.114190): sections 4.1, 4.2, appendices A and B.
 
 /// Mean squared error (Eq. 15) on the test cases, free and contact.

@@ -34,7 +34,7 @@ fn reading(pressure_mpa: f64, measured: f64) -> Reading {
     Reading { pressure_mpa, gap_mm: 30.0, measured }
 }
 
-/// A plant of another line behind a lag of 80 ms; returns force and commands of every turn.
+/// A plant of another line behind a lag of 80 ms; returns force and commands of every cycle.
 fn run(plant: &mut Line, target: f64, turns: usize, has_cell: bool) -> (Vec<f64>, Vec<f64>) {
     let mut controller = Controller::new(MODEL, Quantity::Force, Settings::default());
     let (mut pressure_mpa, mut forces, mut commands) = (0.0, Vec::new(), Vec::new());

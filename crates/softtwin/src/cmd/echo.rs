@@ -22,7 +22,7 @@ A field is shown as a summary unless --field or --node is given. Ctrl-C ends.";
 /// Width that a terminal always has.
 const COLUMNS: usize = 80;
 
-/// Show what is published: one line a sample.
+/// Print published samples, one line per sample.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
@@ -32,10 +32,10 @@ pub struct Args {
     /// End after one sample.
     #[arg(long, conflicts_with = "count", help_heading = "Selection")]
     once: bool,
-    /// End after so many samples (1 to 1000000000000).
+    /// End after this number of samples (1 to 1000000000000).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000), help_heading = "Selection")]
     count: Option<u64>,
-    /// End after so many seconds; an error when nothing came.
+    /// End after this number of seconds; without a sample an error.
     #[arg(long, value_name = "S", value_parser = crate::range::seconds, help_heading = "Selection")]
     seconds: Option<f64>,
     /// All values of this field (x, y, z, displacement, von_mises) of field topics.
@@ -44,7 +44,7 @@ pub struct Args {
     /// The values of this node of field topics, numbered within the topic's node set.
     #[arg(long, value_name = "N", value_parser = crate::range::count(0, 1_000_000_000), help_heading = "Selection")]
     node: Option<usize>,
-    /// One JSON object a line.
+    /// One JSON object per line.
     #[arg(long, help_heading = "Output")]
     json: bool,
     #[command(flatten)]
@@ -122,7 +122,7 @@ impl Args {
 }
 
 /// Breaks a line between its parts, which two spaces separate, so that no line is wider than a terminal. Only for
-/// terminals: programs get one line a sample.
+/// terminals: programs get one line per sample.
 fn fold(line: &str, columns: usize) -> String {
     let (mut text, mut width) = (String::new(), 0);
     for part in line.split("  ").filter(|part| !part.is_empty()) {

@@ -49,7 +49,7 @@ pub struct Args {
     /// Longest wait for an answer, in ms (1 to 3600000).
     #[arg(long, value_name = "MS", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
     timeout_ms: u64,
-    /// One JSON object a line for each answer.
+    /// One JSON object per line and answer.
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -9,7 +9,7 @@ use runtime::grasp::GraspModel;
 use std::path::PathBuf;
 use wire::Payload;
 
-/// What the paper reports of its gripper: force per finger in N, at a pressure in MPa, object in g, smallest friction.
+/// The paper's gripper: force per finger in N, at a pressure in MPa, object in g, smallest friction.
 const PAPER: (f64, f64, f64, f64) = (0.58, 0.079, 17.0, 0.2);
 
 const EXAMPLES: &str = "\

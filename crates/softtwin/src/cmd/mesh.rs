@@ -43,7 +43,7 @@ pub struct Args {
 /// Meshes an actuator on a grid into a `.vtu` file; returns the numbers of nodes and tetrahedra.
 ///
 /// # Errors
-/// A size that does not suit the actuator, the system's refusal.
+/// The size does not suit the actuator; I/O errors.
 pub fn write_grid(actuator: &Actuator, size_mm: f64, out: &Path) -> anyhow::Result<(usize, usize)> {
     let mesh = actuator.grid_mesh(size_mm, 1).map_err(|list| {
         let list: Vec<String> = list.iter().map(ToString::to_string).collect();

@@ -87,7 +87,7 @@ impl Command {
 const HELP_WIDTH: usize = 80;
 const NAME_WIDTH: usize = 18;
 
-/// Words in lines of at most so many columns.
+/// Words in lines of at most `width` columns.
 fn folded(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {

@@ -36,7 +36,7 @@ pub struct Args {
     /// Largest error of a stress, and of any other field in its unit, in MPa.
     #[arg(long, value_name = "MPA", default_value_t = 1e-7, value_parser = crate::range::number(1e-12, 1e6))]
     stress_error_mpa: f64,
-    /// Largest error of a coordinate's derivative, as a share of the largest value of its row and field. Only those of training
+    /// Largest error of a coordinate's derivative, as a fraction of the largest value of its row and field. Only those of training
     /// states are kept.
     #[arg(long, value_name = "SHARE", default_value_t = 1e-4, value_parser = crate::range::number(1e-7, 0.1))]
     derivative_error: f64,
@@ -145,7 +145,7 @@ impl Args {
         Ok(())
     }
 
-    /// What needs no packing, and files named by the caller.
+    /// Files that are copied unpacked, and files named by the caller.
     fn copy_rest(&self, manifest: &Manifest, more: &[Option<&str>]) -> anyhow::Result<()> {
         let tables =
             [Some(manifest.cases.as_str()), manifest.mesh.as_deref(), manifest.undeformed_by.as_deref()];

@@ -24,7 +24,7 @@ Examples:
 A hold is a state that is kept while readings are taken. Of all holds on a grid of pressures and of the given gaps those are chosen \
 whose readings together shrink the unknowns' joint uncertainty most (D-optimal, on the model's gradients at the priors). A gap that is \
 estimated is taken to be off by the same amount at every place of the plate. `condition` is that of the information in units of the \
-priors' standard deviations: a large one says that a combination of unknowns is hardly told.";
+priors' standard deviations: a large one means that a combination of unknowns is hardly identifiable.";
 
 /// Pressures of the grid.
 const STEPS: usize = 21;
@@ -56,12 +56,12 @@ pub struct Args {
     json: bool,
 }
 
-/// What some sensors tell at best.
+/// Standard deviations that a choice of sensors reaches.
 #[derive(Debug, Serialize)]
 struct Plan {
     sensors: Vec<String>,
     holds: Vec<Hold>,
-    /// Whether every unknown is told.
+    /// True if every unknown is identifiable.
     identifiable: bool,
     estimates: BTreeMap<String, Predicted>,
     rank: usize,

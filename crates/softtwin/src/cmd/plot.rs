@@ -37,7 +37,7 @@ const LEADING: usize = 4;
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// What to draw.
+    /// Quantities to draw.
     #[arg(value_enum)]
     kind: Kind,
     /// Model file.

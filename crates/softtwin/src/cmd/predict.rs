@@ -99,7 +99,7 @@ impl Args {
     }
 }
 
-/// One number for each input, by its key; none where it is not finite.
+/// One number for each input, by its key; `None` if it is not finite.
 pub(super) fn by_input(specs: &[InputSpec], values: &[f64]) -> Map<String, Value> {
     let finite = |v: &f64| json!(Some(*v).filter(|v| v.is_finite()));
     specs.iter().zip(values).map(|(spec, value)| (spec.key(), finite(value))).collect()

@@ -15,7 +15,7 @@ use wire::{Bus, SensorWriter, Topic, boot_id, now_ns};
 
 const EXAMPLES: &str = "\
 Examples:
-  As it was, to the twin of the actuator `finger`:
+  In the recorded order and time, to the twin of the actuator `finger`:
     softtwin replay run.mcap --actuator finger
   Seconds 10 to 20, ten times as fast, for ever:
     softtwin replay run.mcap --actuator finger --from-s 10 --to-s 20 \\
@@ -31,7 +31,7 @@ Examples:
 
 A running bridge of the same actuator must be stopped first: there is one sensor for an actuator.";
 
-/// Comments and header of a trace lie within so many bytes.
+/// Comments and header of a trace lie within this number of bytes.
 const HEADER_BYTES: u64 = 1 << 16;
 
 /// Play readings of a recording (MCAP) or a trace (CSV) to a twin.
@@ -113,7 +113,7 @@ impl Args {
     }
 }
 
-/// The model inputs among the columns of a trace: where it has no pressure, all that no reading has by itself. None for a recording,
+/// The model inputs among the columns of a trace: without a pressure, all that no reading has by itself. `None` if it is a recording,
 /// whose readings have their own.
 fn inputs(path: &Path) -> Result<InputNames> {
     let header = header(path).unwrap_or_default(); // what cannot be read is refused where the source is opened

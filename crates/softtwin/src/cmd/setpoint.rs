@@ -36,7 +36,7 @@ pub struct Args {
     /// Release the override.
     #[arg(long, conflicts_with_all = ["pressure_mpa", "is_override"])]
     release: bool,
-    /// Ends after so many seconds (without --override).
+    /// Ends after this number of seconds (without --override).
     #[arg(long, value_name = "S", default_value_t = 3600.0, value_parser = crate::range::number(0.0, 1e9))]
     seconds: f64,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub struct Args {
 
 /// Name of the owner.
 const OWNER: &str = "softtwin-setpoint";
-/// A setpoint counts for so long, and is renewed four times in that.
+/// Validity of a setpoint; it is renewed four times in that time.
 const VALID: Duration = Duration::from_millis(200);
 /// Longest wait for the bridge to take up an override.
 const PATIENCE: Duration = Duration::from_secs(2);

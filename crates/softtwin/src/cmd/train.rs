@@ -43,7 +43,7 @@ pub struct Args {
     /// Train by the paper's method instead of the defaults.
     #[arg(long)]
     paper: bool,
-    /// The model's errors on states that no training saw, as `softtwin evaluate --errors` writes them: half-widths are set by these
+    /// The model's errors on held-out states, written by `softtwin evaluate --errors`: half-widths are set by these
     /// instead of leave-one-out, which over-states errors.
     #[arg(long, value_name = "FILE.csv")]
     errors: Option<PathBuf>,
@@ -125,7 +125,7 @@ fn parse(text: &str) -> Result<TrainConfig, toml::de::Error> {
     Ok(config)
 }
 
-/// What was made.
+/// Files that were written.
 struct Done<'a> {
     model: &'a Path,
     data_sheet: &'a Path,

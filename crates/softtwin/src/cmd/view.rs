@@ -52,13 +52,13 @@ pub struct Args {
     /// Play this recording, or those of this folder, instead of live topics.
     #[arg(long, value_name = "PATH", conflicts_with = "key")]
     recording: Option<PathBuf>,
-    /// Address to listen on; visitors of any address but loopback need a token.
+    /// Address to listen on; clients of any address but loopback need a token.
     #[arg(long, value_name = "IP", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Network")]
     bind: IpAddr,
     /// Port to listen on; 0 takes any free one.
     #[arg(long, value_name = "PORT", default_value_t = 7411, help_heading = "Network")]
     port: u16,
-    /// Token that visitors must have (8 to 64 letters and digits); made at random when needed and left out.
+    /// Token that clients must have (8 to 64 letters and digits) [default: random if needed].
     #[arg(long, value_name = "TEXT", value_parser = parse_token)]
     token: Option<String>,
     #[command(flatten)]
@@ -77,7 +77,7 @@ impl Args {
     /// Serves until Ctrl-C.
     ///
     /// # Errors
-    /// A port in use, a model that cannot be read, a key expression that is none.
+    /// The port is in use, a model cannot be read, or a key expression is invalid.
     pub fn run(self) -> Result<()> {
         let key = KeyExpr::new(&self.key).map_err(|error| usage(format!("--key {:?}: {error}", self.key)))?;
         let catalogue = Arc::new(Catalogue::load(&self.model, self.scene.as_deref())?);

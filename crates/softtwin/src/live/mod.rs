@@ -1,4 +1,4 @@
-//! What the commands that show live data share: the domain, topics by key expression, readers, waiting, texts.
+//! Common parts of the commands that show live data: shared-memory domain, topics by key expression, readers, waiting, JSON.
 
 pub mod json;
 mod readers;
@@ -37,7 +37,7 @@ impl DomainArgs {
     }
 }
 
-/// Parses a key expression; the error says what is wrong with it.
+/// Parses a key expression; the error names the invalid part.
 pub fn key(text: &str) -> anyhow::Result<KeyExpr> {
     KeyExpr::new(text).map_err(usage)
 }

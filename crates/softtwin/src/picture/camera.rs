@@ -61,7 +61,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// The smallest window of the given pixels around all points, with a margin as a share of the size.
+    /// The smallest window of the given pixels around all points, with a margin as a fraction of the size.
     pub fn around(
         camera: &Camera,
         points: impl Iterator<Item = Vec3>,

@@ -20,7 +20,7 @@ const OUTLINE_MM: f32 = 2.0;
 /// How much darker an outline is.
 const OUTLINE_SHADE: f32 = 0.45;
 
-/// What a triangle looks like at one sub-pixel.
+/// A triangle's contribution at one sub-pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Where, mm.

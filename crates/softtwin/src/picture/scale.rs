@@ -56,7 +56,7 @@ impl Scale {
         Self::new([low, high], count)
     }
 
-    /// A tick as text.
+    /// Label of a tick.
     pub fn text(&self, value: f32) -> String {
         let shown = if value == 0.0 { 0.0 } else { value }; // no "-0"
         format!("{shown:.digits$}", digits = self.digits)

@@ -56,7 +56,7 @@ impl Block {
     }
 }
 
-/// What is drawn in one panel.
+/// Content of one panel.
 pub struct Scene<'a> {
     /// The deformed body with its values.
     pub body: &'a Body,
@@ -166,7 +166,7 @@ impl Light {
         }
     }
 
-    /// A linear colour under this light; at most a tenth is added, so colours stay readable on the scale.
+    /// A linear colour under this light; at most 10 % is added, so colours stay readable on the scale.
     fn on(&self, colour: [f32; 3], normal: Vec3) -> [f32; 3] {
         let diffuse = 0.56 + 0.42 * dot(normal, self.key).max(0.0) + 0.14 * dot(normal, self.fill).max(0.0);
         let gloss = 0.06 * dot(normal, self.half).max(0.0).powi(24);

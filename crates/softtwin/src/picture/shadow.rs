@@ -4,7 +4,7 @@ use super::skin::Body;
 
 /// Cells per millimetre of the height map.
 const CELLS_PER_MM: f32 = 1.0;
-/// The darkest shadow takes away this share of the light.
+/// The darkest shadow takes away this fraction of the light.
 const DEPTH: f32 = 0.55;
 /// Height (mm) over which the shadow fades to 1/e.
 const FADE_MM: f32 = 18.0;
@@ -61,7 +61,7 @@ impl Shadow {
         }
     }
 
-    /// The share of light at a point of the plate, between cells bilinear.
+    /// The fraction of light at a point of the plate, between cells bilinear.
     pub fn at(&self, x: f32, z: f32) -> f32 {
         let place: [f32; 2] = std::array::from_fn(|k| {
             (([x, z][k] - self.origin_mm[k]) * CELLS_PER_MM - 0.5).clamp(0.0, (self.cells[k] - 1) as f32)

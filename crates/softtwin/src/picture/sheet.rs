@@ -1,4 +1,4 @@
-//! A picture of many states: rows of panels that share camera, millimetres a pixel and colour scale, with titles, notes,
+//! A picture of many states: rows of panels with the same camera, millimetres per pixel and colour scale, with titles, notes,
 //! a caption and the colour bar.
 
 use super::camera::{Camera, Window};
@@ -10,9 +10,9 @@ use super::text::{Align, Fonts, Style};
 use super::theme::Theme;
 use anyhow::Result;
 
-/// One state with its texts.
+/// One state with its labels.
 pub struct Panel<'a> {
-    /// What is drawn.
+    /// Content.
     pub scene: Scene<'a>,
     /// Above the drawing, left.
     pub title: String,
@@ -59,7 +59,7 @@ struct Bar {
     width: usize,
 }
 
-/// Space around a drawing as a share of its width.
+/// Space around a drawing as a fraction of its width.
 const MARGIN: f32 = 0.035;
 /// The largest picture, in pixels; it takes 300 MB of memory.
 const MAX_PIXELS: usize = 100_000_000;

@@ -5,7 +5,7 @@ use super::camera::{Vec3, cross, dot, minus, unit};
 /// Facets whose normals differ by more than this (degrees) meet at an edge.
 const CREASE_DEG: f32 = 40.0;
 
-/// What is to be drawn of a body.
+/// Drawable part of a body.
 #[derive(Clone, Debug, Default)]
 pub struct Body {
     /// Node positions, mm.

@@ -1,4 +1,4 @@
-//! What can be seen of a body from outside: its skin without the walls of closed cavities.
+//! The surface of a body visible from outside: without the walls of closed cavities.
 
 use super::camera::{Vec3, cross, dot};
 

@@ -17,10 +17,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use wire::layout::field_id;
 
-/// Name of the predicted actuator on the page.
+/// Name of the predicted actuator on the browser.
 const PREDICTION: &str = "what if";
 
-/// All loaded models, and where actuators and blocks stand in the scene.
+/// All loaded models, and the positions of actuators and blocks in the scene.
 pub struct Catalogue {
     models: Vec<Known>,
     stand: Stand,
@@ -37,7 +37,7 @@ pub struct Stand {
 }
 
 impl Stand {
-    /// What a scene file says.
+    /// Content of a scene file.
     pub fn of(scene: &Scene) -> Self {
         let is_given = scene.actuators.iter().any(|actuator| actuator.place != PlaceSpec::default());
         let given = scene.actuators.iter().filter(|_| is_given);
@@ -51,7 +51,7 @@ impl Stand {
     }
 }
 
-/// One model as the page sees it.
+/// One model as the browser sees it.
 struct Known {
     card: Card,
     hash: [u8; 16],
@@ -65,14 +65,14 @@ struct Known {
     prediction: Mutex<Prediction>,
 }
 
-/// What the page receives about a model.
+/// Description of a model for the browser.
 #[derive(Clone, Debug, Serialize)]
 pub struct Card {
     /// Its number.
     id: usize,
     /// Its file's name.
     name: String,
-    /// What can be asked for.
+    /// Ranges of the inputs.
     inputs: Vec<InputCard>,
     /// Extent of a plate that suits its nodes.
     obstacle: Footprint,
@@ -89,7 +89,7 @@ struct InputCard {
     range: [f64; 2],
     /// Values that are answered.
     limits: [f64; 2],
-    /// Of a parameter: the model's nominal value.
+    /// Nominal value of a parameter.
     nominal: Option<f64>,
 }
 
@@ -141,7 +141,7 @@ impl Catalogue {
         Self::new(models, scene.as_ref().map(Stand::of).unwrap_or_default())
     }
 
-    /// What the page receives first.
+    /// First message to the browser.
     pub fn cards(&self) -> Vec<&Card> {
         self.models.iter().map(|known| &known.card).collect()
     }
@@ -264,7 +264,7 @@ impl Known {
 }
 
 impl InputCard {
-    /// None for an input that the model was not trained over.
+    /// `None` if the model was not trained over the input.
     fn new(spec: &InputSpec) -> Option<Self> {
         let [low, high] = spec.range;
         let beyond = 10.0 * (high - low).max(high.abs());
@@ -301,7 +301,7 @@ impl Prediction {
         Ok(Self { state, fields: names.map(known).collect() })
     }
 
-    /// The values to send, and what the header says of them.
+    /// The values to send and their description in the header.
     fn shape(&mut self, inputs: Inputs, known: &Known, head: &mut FrameHead) -> Result<Vec<u32>> {
         self.state.update(inputs)?;
         let (rows, values) = (self.state.reconstructor().rows(), self.state.fields());

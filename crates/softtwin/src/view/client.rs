@@ -17,7 +17,7 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// Messages a second that a page may send; a mouse and two sliders send far fewer.
 const MAX_MESSAGES: u32 = 500;
 
-/// What every page's task needs.
+/// Context of the task of one browser.
 #[derive(Clone)]
 pub struct Shared {
     /// Known models.
@@ -28,13 +28,13 @@ pub struct Shared {
     pub player: Option<(Library, Sender<Command>)>,
 }
 
-/// What a page may send.
+/// Messages from a browser.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
 enum Request {
     /// The last frames are drawn.
     Ready {},
-    /// What was read since the last time.
+    /// Data read since the last call.
     Readings {},
     /// Predict a state from the values of the model's inputs by key (`pressure_mpa`); no gap: no plate.
     Predict { model: usize, inputs: BTreeMap<String, f64> },
@@ -46,12 +46,12 @@ enum Request {
     Open { name: String },
 }
 
-/// Whether a text is a request that a page may send.
+/// True if the string is a request that a browser may send.
 pub fn is_request(text: &str) -> bool {
     serde_json::from_str::<Request>(text).is_ok()
 }
 
-/// What a page receives besides frames.
+/// Messages to a browser other than frames.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 enum Notification<'a> {
@@ -72,9 +72,9 @@ enum Notification<'a> {
 /// Why a connection ended.
 #[derive(Debug)]
 enum End {
-    /// The page closed the connection or does not read any more.
+    /// The browser closed the connection or does not read any more.
     Gone,
-    /// The page broke a rule; it receives the text.
+    /// The browser broke a rule; it receives the text.
     Refused(&'static str),
 }
 
@@ -145,7 +145,7 @@ impl Page<'_> {
         }
     }
 
-    /// Sends what is newer than what the page has.
+    /// Sends what is newer than what the browser has.
     async fn show(&mut self) -> Result<(), End> {
         for frame in self.shared.hub.newer_than(self.seen) {
             self.seen = frame.number;

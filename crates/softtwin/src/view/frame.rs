@@ -1,4 +1,4 @@
-//! What is sent to the page: a JSON header, then numbers.
+//! Frames for the browser: a JSON header, then numbers.
 //!
 //! Layout of a binary message: `u32` length of the header, the header as JSON, zeros up to a multiple of four, then
 //! little-endian 32-bit numbers.
@@ -10,7 +10,7 @@ use wire::{FieldHeader, Payload, State};
 
 /// Header of one frame of one actuator; the numbers behind it are `fields x count`, field-major `f32`.
 ///
-/// The values of [`State`] stand beside the others: the page reads `softtwin.State` with these additions. A field without
+/// The values of [`State`] are in the same object: the browser reads `softtwin.State` with these additions. A field without
 /// its state fills the values that both have.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameHead {
@@ -21,7 +21,7 @@ pub struct FrameHead {
     pub predicted: bool,
     /// Names of the fields behind the header.
     pub fields: Vec<&'static str>,
-    /// Nodes a field.
+    /// Nodes per field.
     pub count: usize,
     /// Largest von Mises stress, MPa.
     pub max_von_mises_mpa: f64,

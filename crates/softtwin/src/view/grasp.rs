@@ -1,4 +1,4 @@
-//! Grasps, as texts for the page.
+//! Grasps, as strings for the browser.
 
 use super::hub::Hub;
 use crate::live;

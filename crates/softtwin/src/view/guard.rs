@@ -1,4 +1,4 @@
-//! Who may see the page. On loopback: this machine only. Elsewhere: who has the token.
+//! Who may see the browser. On loopback: this machine only. Elsewhere: who has the token.
 
 use anyhow::{Result, anyhow};
 use axum::http::{HeaderMap, Uri, header};

@@ -2,8 +2,8 @@
 //!
 //! One thread ([`reader`]) reads the newest field and state of every actuator while there are viewers, and puts them into
 //! the [`hub`], which keeps the newest frame of each actuator and the last seconds of [`readings`]. Each page has a task ([`client`]) that sends a frame
-//! when the page has drawn the last one. So slow pages skip frames, nothing is queued, and the twin never waits. For
-//! recordings a [`player`] replaces the reader. [`server`] serves the page, [`guard`] decides who may have it.
+//! when the browser has drawn the last one. So slow pages skip frames, nothing is queued, and the twin never waits. For
+//! recordings a [`player`] replaces the reader. [`server`] serves the browser, [`guard`] decides who may have it.
 
 mod catalogue;
 mod client;

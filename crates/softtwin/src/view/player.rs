@@ -22,7 +22,7 @@ const MAX_POINTS: usize = 1500;
 /// States of which the model is asked for the largest stress: each costs a whole field.
 const MAX_SHAPES: usize = 300;
 
-/// What a page may request of the player.
+/// Requests from a browser to the player.
 #[derive(Debug)]
 pub enum Command {
     /// Go to a time, s.
@@ -78,7 +78,7 @@ pub struct Player {
     playing: bool,
 }
 
-/// What pages receive when a recording is opened.
+/// Message to browsers when a recording is opened.
 #[derive(Serialize)]
 struct Opened<'a> {
     r#type: &'static str,
@@ -106,7 +106,7 @@ impl Player {
     /// Opens the first recording.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// Reason.
     pub fn new(
         library: Library,
         catalogue: Arc<Catalogue>,

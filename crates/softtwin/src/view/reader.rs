@@ -22,7 +22,7 @@ const SCAN_INTERVAL: Duration = Duration::from_secs(1);
 /// The node set that viewers prefer.
 const SURFACE: &str = "surface";
 
-/// What is read and where it goes.
+/// Source and destination of the readings.
 pub struct Reader {
     /// Domain of the twins.
     pub domain: Domain,

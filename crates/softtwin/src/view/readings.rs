@@ -7,7 +7,7 @@ use wire::{Estimate, FieldHeader, State};
 
 /// Readings of one actuator that wait for pages: eight seconds at 1 kHz.
 const KEPT: usize = 8192;
-/// What is sent of a state or a field, in this order; not a number where it is not known.
+/// Values sent for a state or a field, in this order; NaN if unknown.
 const COLUMNS: [&str; 6] =
     ["pressure_mpa", "contact_force_n", "measured_force_n", "gap_mm", "max_von_mises_mpa", "latency_ms"];
 
@@ -16,12 +16,12 @@ const COLUMNS: [&str; 6] =
 pub struct Reading {
     t_s: f64,
     values: Vec<f32>,
-    /// Of an estimate: the names of its quantities.
+    /// Names of an estimate's quantities.
     unknowns: Option<Vec<String>>,
 }
 
 impl Reading {
-    /// What a state says.
+    /// Values of a state.
     pub fn of_state(state: &State) -> Self {
         let latency_ns = state.t_publish_ns.saturating_sub(state.t_sensor_ns);
         let latency_ms = if state.t_sensor_ns > 0 { latency_ns as f64 * 1e-6 } else { f64::NAN };
@@ -36,7 +36,7 @@ impl Reading {
         Self::new(state.t_publish_ns, &values)
     }
 
-    /// What a field's header says; only its stress where the states say the rest.
+    /// Values of a field's header; only its stress if there are states.
     pub fn of_field(header: &FieldHeader, has_states: bool) -> Self {
         let known = |value: f64| if has_states { f64::NAN } else { value };
         let values = [
@@ -50,7 +50,7 @@ impl Reading {
         Self::new(header.t_publish_ns, &values)
     }
 
-    /// What an estimate says: each quantity's value, then each one's standard deviation.
+    /// Values of an estimate: the quantities, then their standard deviations.
     pub fn of_estimate(estimate: &Estimate) -> Self {
         let count = estimate.unknown_count.min(wire::layout::UNKNOWNS_MAX as u32) as usize;
         let values = estimate.values.iter().take(count).chain(estimate.sigmas.iter().take(count)).copied();
@@ -104,7 +104,7 @@ impl Readings {
         kept.push_back(reading);
     }
 
-    /// One message for each actuator that has readings which the page has not, and the page has them.
+    /// One message for each actuator that has readings which the browser has not, and the browser has them.
     pub fn since(&self, cursors: &mut Cursors) -> Vec<Vec<u8>> {
         let mut messages = Vec::new();
         for (source @ (actuator, _), (gone, kept)) in &self.0 {

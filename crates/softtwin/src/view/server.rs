@@ -17,10 +17,10 @@ use tokio::net::TcpListener;
 
 /// Largest message a page may send, bytes.
 const MAX_MESSAGE: usize = 4096;
-/// The page loads nothing from other sites and runs no inline scripts.
+/// The browser loads nothing from other sites and runs no inline scripts.
 const POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; connect-src 'self'; frame-ancestors 'none'";
 
-/// The parts of the page: path, type, content.
+/// The parts of the browser: path, type, content.
 const PARTS: &[(&str, &str, &str)] = &[
     ("/", "text/html; charset=utf-8", include_str!("assets/index.html")),
     ("/app.css", "text/css; charset=utf-8", include_str!("assets/app.css")),
@@ -49,7 +49,7 @@ pub struct Server {
     pub listener: TcpListener,
     /// Who may look.
     pub guard: Guard,
-    /// What pages show.
+    /// Content for browsers.
     pub shared: Shared,
 }
 
@@ -101,7 +101,7 @@ async fn check_request(State(guard): State<Arc<Guard>>, request: Request, next: 
     response
 }
 
-/// The colour table as RGB bytes: the page uses the same colours as the pictures.
+/// The colour table as RGB bytes: the browser uses the same colours as the pictures.
 async fn colours() -> impl IntoResponse {
     let map = ColourMap::stress();
     let table: Vec<u8> = (0..ENTRIES).flat_map(|k| map.srgb(k as f32 / (ENTRIES - 1) as f32)).collect();

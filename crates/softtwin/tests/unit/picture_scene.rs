@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Bands must not be seen: outlines and colours go on across their edges.
+/// Bands must not be seen: outlines and colours continue across their edges.
 #[test]
 fn a_picture_of_several_bands_is_that_of_one_band_moved() {
     let nodes_mm = vec![[20.0, 5.0, 0.0], [100.0, 5.0, 0.0], [60.0, 60.0, 30.0]];

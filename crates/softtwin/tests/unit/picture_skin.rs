@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Two squares that share the edge x = 0 and are bent against each other by `angle_deg`.
+/// Two squares with the common edge x = 0, at an angle of `angle_deg`.
 fn bent(angle_deg: f32) -> Body {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     let flat = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [-1.0, 1.0, 0.0]];

@@ -1,4 +1,4 @@
-//! What stands in hiroz' graph.
+//! Content of hiroz' graph.
 
 use crate::ros::softtwin_interfaces::srv::{FindGap, FindPressure, WhatIf};
 use crate::stage::{Seen, Stage, ensure, until};

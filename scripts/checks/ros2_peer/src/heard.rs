@@ -43,7 +43,7 @@ where
         std::mem::take(&mut *self.messages.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Waits until so many have come.
+    /// Waits for `count` messages.
     pub fn wait(&self, wanted: usize) -> Result<(), Error> {
         until(|| {
             let count = self.count();

@@ -1,4 +1,4 @@
-//! A node of ROS 2 on a wire that nobody here wrote: `hiroz` joins as another process and says what it sees of the gateway. Types are its
+//! A node of ROS 2 with an independent implementation: `hiroz` joins as another process and checks what it receives from the gateway. Types are its
 //! own, from the definitions that it ships and from those in clients/ros2. Started by scripts/check.sh ros2-peer, which starts the twins.
 //!
 //!   ros2-peer router ENDPOINT      a router with the settings of ROS, until it is killed

@@ -1,4 +1,4 @@
-//! A peer whose types are other ones: it hears nothing and is named in the gateway's log; everybody else goes on.
+//! A peer with other type hashes: it receives nothing and is named in the gateway's log; other peers continue.
 
 use crate::heard::Heard;
 use crate::pressure::{Gauge, one_arrives};
@@ -46,7 +46,7 @@ fn said(stage: &Stage, what: &str, expected: &str) -> Result<String, Error> {
         .ok_or_else(|| format!("the log has no line with `{what}` and `{expected}`:\n{log}").into())
 }
 
-/// A subscription of another hash hears nothing while others hear; pressures and services of the right hash go on.
+/// A subscription of another hash hears nothing while others hear; pressures and services of the right hash continue.
 pub fn breaks_nothing(stage: &Stage) -> Seen {
     let none =
         Heard::<WrenchStamped>::of_type(stage, "/softtwin/finger/wrench", other(WrenchStamped::type_info()))?;

@@ -40,7 +40,7 @@ pub fn describe(stage: &Stage) -> Seen {
     Ok(format!("model {}, inputs {names:?}, state {}", said["model"]["name"], said["state"]["seq"]))
 }
 
-/// What-if as `softtwin get` answers it, to the bit; the inverse questions lead back; what cannot be answered says why.
+/// What-if answers are bit-identical to `softtwin get`; inverse queries lead back; refusals have a reason.
 pub fn questions(stage: &Stage) -> Seen {
     let what_if = stage.node.create_client::<WhatIf>("/softtwin/finger/what_if").build()?;
     let asked = WhatIfRequest {

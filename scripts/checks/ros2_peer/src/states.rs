@@ -1,4 +1,4 @@
-//! States as messages, compared with what `softtwin echo` writes of the same twin, to the bit.
+//! States as messages, bit-identical to the output of `softtwin echo` for the same twin.
 
 use crate::heard::Heard;
 use crate::stage::{Error, Seen, Stage, ensure, read, until};

@@ -23,7 +23,7 @@ pub fn is_database(folder: &Path) -> bool {
 /// Trains on a database as it is, says how good the model is and how the twin is started.
 ///
 /// # Errors
-/// A database that cannot be read or trained on; the system's refusal.
+/// The database cannot be read or trained on; I/O errors.
 pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     let kinds = obstacle_kinds(database).map_err(refusal)?;
     let kind = kinds.first().copied().with_context(|| format!("{}: no states", database.display()))?;
@@ -78,7 +78,7 @@ fn option((at, input): &(usize, &InputSpec)) -> String {
     }
 }
 
-/// The first input that varies, through its range and back; pressure and gap, which a trace has or has not, stand in it as well.
+/// The first input that varies, through its range and back; also pressure and gap if the model has them.
 fn sweep_text(inputs: &[(usize, &InputSpec)]) -> String {
     let swept = swept(inputs);
     let is_column = |(place, (at, _)): &(usize, &(usize, &InputSpec))| *place == swept || *at < PARAMETERS;

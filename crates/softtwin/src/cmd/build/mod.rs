@@ -70,7 +70,7 @@ impl Args {
     /// Builds and says how good the twin is and how it is started.
     ///
     /// # Errors
-    /// An actuator that cannot be built or solved, with what to change; the system's refusal.
+    /// The actuator cannot be built or solved, with what to change; I/O errors.
     pub fn run(self) -> Result<()> {
         let began = Instant::now();
         let path = self.folder.join("actuator.toml");

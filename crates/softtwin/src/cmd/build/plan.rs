@@ -1,4 +1,4 @@
-//! One complete list of states: rest, maximum, free, contact from the onset to the maximum, and states held back for checking.
+//! One complete list of states: rest, maximum, free, contact from the onset to the maximum, and held-out states.
 
 use super::pressures::{Pressures, free_case};
 use anyhow::{Context, Result};
@@ -14,7 +14,7 @@ pub struct Counts {
     edge: usize,
     /// Contact states in between.
     inner: usize,
-    /// Contact states held back.
+    /// Held-out contact states.
     check: usize,
 }
 
@@ -40,7 +40,7 @@ pub struct Plan {
 
 impl Plan {
     /// The states for the pressures found. The gaps reach from a clear press on the plate at rest (or, where the actuator hardly
-    /// sags, a tenth of its reach) to four fifths of the way that the largest pressure bends it.
+    /// sags, 10 % of its reach) to 80 % of the way that the largest pressure bends it.
     ///
     /// # Errors
     /// An actuator that never comes nearer to a plate.
@@ -89,7 +89,7 @@ impl Plan {
     }
 }
 
-/// Rest and all pressures found, more in between, and two that are held back.
+/// Rest and all pressures found, more in between, and two held-out ones.
 fn free(pressures: &Pressures, counts: Counts) -> Vec<Case> {
     let states = &pressures.states;
     let mut found: Vec<f64> = states.iter().map(|state| state.0).collect();

@@ -6,27 +6,27 @@ use fem::actuator::{Actuator, Fixed};
 use fem::cases::Case;
 use fem::run::{Event, Outcome, Run, Solved};
 
-/// The tip's way at the largest pressure, as a share of the free length: about 100 degrees of bending, past which a tip that
+/// The tip's way at the largest pressure, as a fraction of the free length: about 100 degrees of bending, past which a tip that
 /// bends down to a plate begins to lift off it again.
 const WANTED_SHARE: f64 = 0.8;
 /// Share of the wanted way that is enough: no further state for the rest.
 const ENOUGH: f64 = 0.98;
-/// A share of the free length that no actuator may sag by before any pressure.
+/// A fraction of the free length that no actuator may sag by before any pressure.
 const MAX_SAG_SHARE: f64 = 0.6;
 /// Steps of about equal displacement on the way there.
 const STEPS: f64 = 7.0;
-/// First pressure as a share of the shear modulus.
+/// First pressure as a fraction of the shear modulus.
 const FIRST_SHARE: f64 = 0.005;
 /// Failures in a row after which the last state counts as the limit.
 const FAILURES: usize = 3;
 /// More states than this mean that pressure hardly bends the actuator.
 const MAX_STATES: usize = 30;
 
-/// What helps an actuator that sags too far.
+/// Remedy for an actuator that sags too far.
 const LIGHTER: &str = "let it hang (loads.gravity_mm_s2 = [9810.0, 0.0, 0.0], `softtwin new --hanging`), make it shorter or take a \
                        stiffer silicone";
 
-/// What was found.
+/// Result.
 #[derive(Debug)]
 pub struct Pressures {
     /// Free states from rest to the largest pressure: pressure (MPa), distance at which a plate just clears it (mm).

@@ -19,17 +19,17 @@ struct Errors {
     force_percent: Option<[f64; 2]>,
 }
 
-/// On states held back, and by leaving out each training state in turn.
+/// Errors on held-out states, and by leaving out each training state in turn.
 #[derive(Debug, Serialize)]
 pub struct Quality {
     held_back: Vec<Errors>,
     leave_one_out: Vec<evaluate::LeftOut>,
-    /// None where no state was held back.
+    /// `None` without held-out states.
     picture: Option<PathBuf>,
 }
 
 impl Quality {
-    /// Measures a model on the states of its database that were held back, and draws the errors by state.
+    /// Measures a model on the held-out states of its database and draws the errors by state.
     ///
     /// # Errors
     /// Files that cannot be read or written.
@@ -49,7 +49,7 @@ impl Quality {
         Ok(Self { held_back, leave_one_out, picture: Some(picture.into()) })
     }
 
-    /// As text.
+    /// Prints as text.
     pub fn print(&self) -> Result<()> {
         output!("\nhow far it is from the finite elements it was trained on, at the worst node of a state:")?;
         output!("  {:<38}{:>16}{:>16}{:>16}", "mean and largest error", "displacement", "stress", "force")?;
@@ -82,7 +82,7 @@ impl Quality {
         Ok(())
     }
 
-    /// What the figures do not tell of an actuator of our own finite elements.
+    /// Limits of these figures for an actuator solved by this program.
     ///
     /// # Errors
     /// A closed output.

@@ -1,4 +1,4 @@
-//! What a design is to reach: a force, a point at a place, a largest stress.
+//! Objectives of a design: a force, a point at a place, a largest stress.
 
 use crate::failure::usage;
 use rom::evaluation::Evaluation;
@@ -15,7 +15,7 @@ const FORCE_N: f64 = 1e-4;
 const PLACE_MM: f64 = 0.01;
 /// A stress is kept within this, MPa.
 const STRESS_MPA: f64 = 1e-4;
-/// Step of the differences of the largest stress, as a share of an input's range: its node may change, so it has no other slope.
+/// Step of the differences of the largest stress, as a fraction of an input's range: its node may change, so it has no other slope.
 const STRESS_STEP: f64 = 1e-3;
 
 /// One objective of the command line.
@@ -84,7 +84,7 @@ pub struct Goals<'a> {
     evaluator: rom::evaluator::Evaluator,
     evaluation: Evaluation,
     probes: Probes,
-    /// Of the points and the force alone.
+    /// Residuals of points and force only.
     at_points: Evaluation,
     positions: Vec<ProbePosition>,
     /// Only where an objective is a stress: it needs all nodes.
@@ -122,7 +122,7 @@ impl<'a> Goals<'a> {
         })
     }
 
-    /// The model's values of the objectives at some inputs, with their derivatives; none where it has no answer.
+    /// The model's values of the objectives at some inputs, with their derivatives; `None` if it has no answer.
     pub fn values(&mut self, inputs: Inputs) -> Option<Vec<(f64, [f64; MAX_INPUTS])>> {
         self.probes.evaluate(inputs, &mut self.at_points, &mut self.positions);
         let mut positions = self.positions.iter();
@@ -140,7 +140,7 @@ impl<'a> Goals<'a> {
         all.iter().all(|(value, _)| value.is_finite()).then_some(all)
     }
 
-    /// What is left of the objectives at some inputs.
+    /// Residuals of the objectives at some inputs.
     pub fn residuals(&mut self, inputs: Inputs) -> Option<Vec<Residual>> {
         let values = self.values(inputs)?;
         let one = |(objective, (value, gradient)): (&Objective, (f64, [f64; MAX_INPUTS]))| {

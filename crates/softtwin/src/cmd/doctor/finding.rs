@@ -1,4 +1,4 @@
-//! What a check found.
+//! Results of checks.
 
 use serde::Serialize;
 use std::fmt::{self, Display};
@@ -18,13 +18,13 @@ pub enum FindingLevel {
 /// The result of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// What was checked.
+    /// Subject.
     pub subject: String,
     /// How serious it is.
     pub level: FindingLevel,
-    /// What is there.
+    /// Result.
     pub found: String,
-    /// What to do; empty when all is well.
+    /// Remedy; empty if there is no problem.
     pub remedy: String,
 }
 

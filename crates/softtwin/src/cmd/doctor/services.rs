@@ -1,4 +1,4 @@
-//! Checks of what stands beside twins: the folder of a recorder, the configuration of a gateway.
+//! Checks of other services: the folder of a recorder, the configuration of a gateway.
 
 use super::finding::Finding;
 use recording::Series;

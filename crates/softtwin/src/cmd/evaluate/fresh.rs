@@ -1,4 +1,4 @@
-//! States that no training saw: drawn at random inside a model's domain and simulated on the spot.
+//! New states: drawn at random inside a model's training range and simulated.
 
 use super::Args;
 use crate::cmd::simulate::batch;
@@ -11,7 +11,7 @@ use rom::model::Model;
 use rom::snapshots::RegimeKind;
 use std::path::Path;
 
-/// Draws within the box of a domain that may fall outside it: a domain of a hundredth of its box is still found.
+/// Draws per state: a training range of 1 % of its bounding box is still found.
 const TRIES: usize = 100_000;
 
 impl Args {

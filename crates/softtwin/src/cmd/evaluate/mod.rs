@@ -47,14 +47,14 @@ pub struct Args {
     /// Model file.
     #[arg(long, value_name = "FILE.twin")]
     model: PathBuf,
-    /// Database folder of the same actuator and mesh; with --simulate: where the fresh states go.
+    /// Database folder of the same actuator and mesh; with --simulate: the folder of the new states.
     #[arg(long, value_name = "DIR", required_unless_present = "sealed", conflicts_with = "sealed")]
     database: Option<PathBuf>,
-    /// Draw so many contact states at random inside the model's domain, simulate them and evaluate on them.
+    /// Number of contact states to draw at random inside the model's training range, simulate and evaluate on.
     #[arg(long, value_name = "N", requires = "actuator", value_parser = clap::value_parser!(u64).range(1..=10_000), help_heading = "Sampling")]
     simulate: Option<u64>,
-    /// Draw so many states over the whole domain, a tenth of them free, simulate them into the system's folder for temporary
-    /// files, evaluate on them, and remove them.
+    /// Number of states to draw over the whole training range, 10 % of them free, simulate into the system's folder for temporary
+    /// files, evaluate on and remove.
     #[arg(long, value_name = "N", requires = "seed", conflicts_with_all = ["simulate", "split"], value_parser = clap::value_parser!(u64).range(10..=10_000), help_heading = "Sampling")]
     sealed: Option<u64>,
     /// Seed of the random states; 1 when left out (--sealed asks for it).
@@ -72,13 +72,13 @@ pub struct Args {
     /// Whose cases are used.
     #[arg(long, value_enum, default_value_t)]
     scene: SceneArg,
-    /// Floor of the relative error as a share of the field's largest value (0 to 1).
+    /// Floor of the relative error as a fraction of the field's largest value (0 to 1).
     #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_FLOOR, value_parser = crate::range::number(0.0, 1.0))]
     floor: f64,
     /// Picture of the errors by case: .svg or .png.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     picture: Option<PathBuf>,
-    /// Table of the errors of every state inside the domain, for `softtwin train --errors`.
+    /// Table of the errors of every state inside the training range, for `softtwin train --errors`.
     #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
     errors: Option<PathBuf>,
     /// Print one JSON object instead of text.
@@ -91,7 +91,7 @@ pub struct Args {
 enum SplitArg {
     /// The paper's test cases.
     Test,
-    /// Further states, some outside the domain.
+    /// Further states, some outside the training range.
     Check,
     /// Test and check cases.
     HeldOut,
@@ -308,7 +308,7 @@ fn percent(share: f64) -> String {
     format!("{:.3}", share * 100.0)
 }
 
-/// Normalised errors by case, one panel a regime.
+/// Normalised errors by case, one panel per regime.
 pub fn picture(report: &Report) -> Figure {
     let panel = |regime: RegimeKind| {
         let cases: Vec<&CaseReport> = report.cases.iter().filter(|c| c.is_of(regime)).collect();

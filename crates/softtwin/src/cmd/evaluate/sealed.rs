@@ -1,4 +1,4 @@
-//! A sealed evaluation: states that enter no file of a repository and are looked at once.
+//! Sealed evaluation: test states that are evaluated once and not stored.
 
 use super::Args;
 use super::fresh::random_states;
@@ -13,14 +13,14 @@ use serde::Serialize;
 use std::path::Path;
 use train::evaluate::{CaseReport, Covered, Report, evaluate};
 
-/// One of so many states is free: there is one input then.
+/// One of this number of states is free: there is one input then.
 const FREE_SHARE: usize = 10;
 /// Gaps at which both sides of the onset are compared.
 const ONSET_GAPS: usize = 100;
 /// The contact states below this pressure are counted apart: weight and pressure are of one size there.
 const LOW_MPA: f64 = 0.005;
 
-/// What the states say beyond their errors.
+/// Figures of test states besides their errors.
 #[derive(Debug, Serialize)]
 struct Sealed {
     seed: u64,
@@ -66,7 +66,7 @@ impl Args {
         if free > 0 {
             cases.extend(random_states(model, RegimeKind::Free, free, seed, scene)?);
         }
-        // A killed run goes on where it was: the folder is named by what is asked for.
+        // A killed run continues where it was: the folder is named by what is asked for.
         let hash = wire::layout::hex(&files::model_and_hash(&self.model)?.1[..8]);
         let folder = std::env::temp_dir().join(format!("softtwin-sealed-{hash}-{seed}-{count}"));
         self.solve(model, &cases, &folder, actuator)?;

@@ -1,4 +1,4 @@
-//! What all states of an export share: nodes, undeformed shape, cells.
+//! Nodes, undeformed shape and cells, the same for all states of an export.
 
 use crate::failure::configuration;
 use crate::files::refusal;
@@ -19,7 +19,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// What a model knows of its body.
+    /// The body of a model.
     pub fn of_model(model: &Model) -> Self {
         let rest = |axis| model.f32_block(BlockKind::Undeformed(axis)).map(<[f32]>::to_vec);
         let facets = model.u32_block(BlockKind::Surface).unwrap_or(&[]).as_chunks().0;
@@ -31,7 +31,7 @@ impl Body {
         }
     }
 
-    /// What a database knows of it.
+    /// The body of a database.
     pub fn of_database(database: &Database) -> Self {
         let axis = |points: &[[f64; 3]], k: usize| points.iter().map(|p| p[k] as f32).collect();
         Self {
@@ -65,7 +65,7 @@ impl Body {
         Ok(self)
     }
 
-    /// The description of a series of so many states.
+    /// The description of a series of `count` states.
     pub fn series<'a>(&'a self, fields: &'a [FieldSpec], count: usize) -> Series<'a> {
         let cells = match self.tets.as_slice() {
             [] => Cells::Triangles(&self.facets),

@@ -55,7 +55,7 @@ VTU files (as field data) and CSV files (as columns) carry every input, the cont
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
-    /// What to export: a model (.twin), a database folder, or a recording (.mcap, or a folder of rotated files).
+    /// Source: a model (.twin), a database folder, or a recording (.mcap, or a folder of rotated files).
     #[arg(value_name = "SOURCE")]
     source: PathBuf,
     /// File to write; its ending says the format. Of a recording also a folder, for tables.
@@ -63,16 +63,16 @@ pub struct Args {
     out: PathBuf,
     #[command(flatten)]
     states: Options,
-    /// Of a recording: topics, as a key expression; of several field topics it chooses one.
+    /// Topics of a recording, as a key expression; selects one of several field topics.
     #[arg(long, value_name = "KEY", default_value = "softtwin/**")]
     key: String,
-    /// Of a recording's tables: time in s, then single numbers only, as FMI tools read them.
+    /// Tables of a recording have time in s and scalar columns only, as FMI tools read them.
     #[arg(long)]
     fmi: bool,
     /// Undeformed mesh (.vtu, .msh, .inp) whose cells the states shall have; the surface when left out.
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// Of an FMU: a node whose fields are outputs, by its number from 0; the middle of the end along x when left out. Repeat.
+    /// Node whose fields are outputs of an FMU, by its number from 0 [default: the middle of the end along x]. Repeatable.
     #[arg(long = "node", value_name = "NAME=NUMBER", value_parser = fmu::chosen)]
     nodes: Vec<::fmu::ChosenNode>,
     /// End with one JSON object.

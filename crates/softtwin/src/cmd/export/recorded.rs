@@ -25,7 +25,7 @@ impl Recorded {
     /// Reads the recording once: which actuators it has, how many states or fields, and whether all fields have one shape.
     ///
     /// # Errors
-    /// What is no recording, an actuator that it does not have, fields of several shapes.
+    /// The file is not a recording, the actuator is not in it, or its fields differ in shape.
     pub fn find(
         path: &Path,
         topics: KeyExpr,
@@ -86,7 +86,7 @@ impl Recorded {
         self.messages(TopicKind::Field, RecordedField::read)
     }
 
-    /// What `read` makes of each message of the actuator on topics of this kind.
+    /// Results of `read` for each message of the actuator on topics of this kind.
     fn messages<T>(
         &self,
         kind: TopicKind,

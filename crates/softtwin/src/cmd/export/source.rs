@@ -21,22 +21,22 @@ use wire::layout::field_id;
 /// Which states of a source.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Of a model: pressures to predict, in MPa.
+    /// Pressures to predict with a model, in MPa.
     #[arg(long, value_name = "MPA,...", value_delimiter = ',', value_parser = crate::range::pressure_mpa, help_heading = "State")]
     pressure_mpa: Vec<f64>,
-    /// Of a model: the gap in mm; no obstacle when left out.
+    /// Gap of a model's predictions, in mm [default: no obstacle].
     #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
-    /// Of a model: another value of a parameter, such as elastomer.law.mu_mpa=0.72; the others have their nominal values.
+    /// Value of a model's parameter, such as elastomer.law.mu_mpa=0.72 [default: nominal].
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
     set: Vec<(String, f64)>,
-    /// Of a database: the names of cases; all when left out.
+    /// Names of a database's cases [default: all].
     #[arg(long, value_name = "NAME", help_heading = "State")]
     case: Vec<String>,
-    /// Of a recording: the model that makes its fields; left out, recorded fields are exported.
+    /// Model that computes the fields of a recording [default: recorded fields are exported].
     #[arg(long, value_name = "FILE.twin")]
     model: Option<PathBuf>,
-    /// Of a recording: the actuator, when there are several.
+    /// Actuator of a recording with several.
     #[arg(long, value_name = "NAME", help_heading = "Selection")]
     actuator: Option<String>,
     /// Take every n-th state only (1 to 1000000000).

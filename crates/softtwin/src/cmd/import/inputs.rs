@@ -13,7 +13,7 @@ use std::path::Path;
 /// Columns of the table that are no inputs.
 const WORDS: [&str; 6] = ["file", "step", "case", "regime", "split", "contact_force_n"];
 
-/// What is known about a state beside its fields.
+/// Known values of a state in addition to its fields.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Labels {
     pub(super) name: Option<String>,
@@ -158,7 +158,7 @@ pub(super) fn matched(pattern: &str, name: &str) -> Result<BTreeMap<String, f64>
     if values.is_empty() || !rest.is_empty() { Err(refused()) } else { Ok(values) }
 }
 
-/// The unit that the end of an input's name says.
+/// Unit in the suffix of an input's name.
 pub(super) fn unit(name: &str) -> Result<&'static str> {
     let known = [
         ("mm", "mm"),

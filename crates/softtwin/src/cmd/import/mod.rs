@@ -51,7 +51,7 @@ impl Args {
     /// Reads, writes, and says what was found.
     ///
     /// # Errors
-    /// What is wrong with the mesh, line by line; a file that cannot be written.
+    /// Errors in the mesh, by line; a file that cannot be written.
     pub fn run(self) -> Result<()> {
         if let Some(What::Results(results)) = self.what {
             return results.run();

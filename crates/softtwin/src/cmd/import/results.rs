@@ -77,7 +77,7 @@ pub struct Args {
     /// and no force in the table: its length.
     #[arg(long, value_name = "SET")]
     force_from: Option<String>,
-    /// Every so many-th state is for testing (2 to 1000000000); a column split in the table goes before.
+    /// Every N-th state is for testing (2 to 1000000000), unless the table has a column split.
     #[arg(long, value_name = "N", value_parser = crate::range::count(2, 1_000_000_000))]
     test_every: Option<usize>,
     /// Name of what was simulated; the folder's name when left out (of NAME/database: NAME).
@@ -122,7 +122,7 @@ impl Args {
     /// Reads all simulations, writes the database, says what was left out.
     ///
     /// # Errors
-    /// What is wrong with a file, a step or an input, by name.
+    /// Errors in a file, a step or an input, by name.
     pub fn run(self) -> Result<()> {
         if self.out.join("database.toml").exists() {
             let found = format!("a database in {}", self.out.display());
@@ -363,7 +363,7 @@ fn parameters(names: &[String], known: &[(String, BTreeMap<String, f64>)]) -> Re
     Ok(parameters)
 }
 
-/// What a folder's name tells of its content: of `part/database` it is the part.
+/// Name of a folder's content: of `part/database` the part.
 fn subject(out: &Path) -> &Path {
     let parent = out.parent().filter(|parent| parent.file_name().is_some());
     parent.filter(|_| out.file_name().is_some_and(|name| name == "database")).unwrap_or(out)

@@ -24,7 +24,7 @@ Example: a finger of six chambers, 100 mm long, and its twin
 Without options on a terminal it asks for chambers, length, wall and silicone. Every other length follows the proportions of \
 the reference actuator; actuator.toml explains each, and all of them may be changed there.";
 
-/// Begin an actuator of your own: a folder with a commented actuator.toml.
+/// Create a new actuator: a folder with a commented actuator.toml.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {
@@ -61,7 +61,7 @@ impl Args {
     /// Makes the folder and says what to do next.
     ///
     /// # Errors
-    /// A folder with something in it, a shape that cannot be built, the system's refusal.
+    /// The folder is not empty or the shape cannot be built; I/O errors.
     pub fn run(mut self) -> Result<()> {
         let name = self.name()?;
         if std::fs::read_dir(&self.folder).is_ok_and(|mut entries| entries.next().is_some()) {

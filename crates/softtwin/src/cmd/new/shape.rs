@@ -11,7 +11,7 @@ const PITCH_MM: f64 = 9.0;
 /// Smallest length of a cavity along the actuator, mm: shorter ones cannot be cast.
 const SHORTEST_CAVITY_MM: f64 = 1.0;
 
-/// What is asked for.
+/// Options.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape {
     /// Chambers.

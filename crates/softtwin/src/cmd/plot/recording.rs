@@ -29,7 +29,7 @@ const LATENCY: &str = "latency, sensor to published [ms]";
 /// The figure of a recording; with a model also the largest displacement and stress.
 ///
 /// # Errors
-/// What is wrong with the recording or the model.
+/// An invalid recording or model.
 pub fn figure(path: &Path, model: Option<&Model>) -> Result<Figure> {
     let data = RecordingData::read(&series(path)?, None, &AtomicBool::new(false))?;
     let mut panels: Vec<Panel> = Vec::new();

@@ -53,10 +53,10 @@ pub struct Args {
     /// Draw the POD modes of a regime: free, contact, or a name of the model's own.
     #[arg(long, value_name = "REGIME", conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"], help_heading = "State")]
     pub modes: Option<String>,
-    /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa; of a model trained elsewhere, states of its own.
+    /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa, or states in the model's training range.
     #[arg(long, conflicts_with_all = ["pressure_mpa", "gap_mm", "database"], help_heading = "State")]
     pub fig9: bool,
-    /// What is shown as colour.
+    /// Quantity shown as colour.
     #[arg(long, value_enum, default_value = "stress", help_heading = "Drawing")]
     pub field: Shown,
     /// Ends of the colour scale in the field's unit, LOW:HIGH; fitted to the picture when left out.

@@ -20,7 +20,7 @@ use rom::snapshots::{Database, Footprint, RegimeKind};
 /// The paper's three scenes and five pressures.
 const FIG9_GAPS_MM: [f64; 3] = [80.0, 40.0, 15.0];
 const FIG9_PRESSURES_MPA: [f64; 5] = [0.01, 0.025, 0.04, 0.055, 0.07];
-/// A single drawing is at least so many letters' heights wide.
+/// Smallest width of a single drawing, in letter heights.
 const TEXT_SHARE: f32 = 26.0;
 
 /// A state ready to draw.
@@ -150,7 +150,7 @@ pub fn fig9(args: &Args, loaded: &LoadedModel) -> Result<Canvas> {
     draw(args, &groups, Some(headline), caption.into())
 }
 
-/// The paper's pressures where the model was trained up to them, else the same shares of its largest one.
+/// The paper's pressures where the model was trained up to them, else the same fractions of its largest one.
 fn fig9_pressures_mpa(loaded: &LoadedModel) -> Vec<f64> {
     let [low, high] = loaded.pressure_range_mpa();
     let [.., most] = FIG9_PRESSURES_MPA;

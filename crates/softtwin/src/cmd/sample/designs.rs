@@ -15,7 +15,7 @@ use train::config::TrainConfig;
 /// Free states of a design, each in a part of the pressures given by shares of their range. Stress is small at low pressures and
 /// its error counts by its largest value, hence a state at the lowest pressure and one a little above.
 const FREE_SHARES: [[f64; 2]; 4] = [[0.0, 0.0], [0.03, 0.15], [0.15, 0.5], [0.55, 1.0]];
-/// One of the states that touch has a pressure within this share of the range, for the same reason.
+/// One of the states that touch has a pressure within this fraction of the range, for the same reason.
 const LOW_SHARE: f64 = 0.17;
 /// Seeds of loads, of loads at low pressure and of free pressures beside that of the designs.
 const LOADS_SEED: u64 = 4;
@@ -27,9 +27,9 @@ const DRAWS: usize = 20;
 const SURELY: f64 = 1.3;
 const SURELY_MPA: f64 = 1.5e-3;
 
-/// What is listed.
+/// States to list.
 pub struct Designs<'a> {
-    /// What differs between designs.
+    /// Parameters that differ between designs.
     pub parameters: &'a [Parameter],
     /// Number of designs.
     pub count: usize,
@@ -99,9 +99,9 @@ impl Designs<'_> {
 
 /// When contact begins, as a database knows it.
 pub enum Onset {
-    /// By free states of one design: pressure in MPa and depth in mm of the lowest point, by rising pressure.
+    /// Onset from free states of one design: pressure in MPa and depth in mm of the lowest point, by rising pressure.
     OneDesign(Vec<(f64, f64)>),
-    /// By a model trained over parameters (room for its answers first), and the place of each listed parameter among its inputs.
+    /// Onset from a model trained over parameters: scratch, model, and the index of each listed parameter among its inputs.
     Model(Box<Evaluation>, Box<Evaluator>, Vec<usize>),
 }
 

@@ -1,4 +1,4 @@
-//! What a refinement gained: errors before and after, on states the model has not been trained on.
+//! Gain of a refinement: errors before and after, on held-out states.
 
 use crate::output;
 use rom::hull::DomainStatus;
@@ -21,9 +21,9 @@ type Errors = [f64; 3];
 pub struct Quality {
     /// Leave-one-out over training cases inside the hull.
     leave_one_out: Option<Errors>,
-    /// On the added states; blind for the model before, not for the one after.
+    /// Errors on the added states; held out for the model before, not for the one after.
     added: Option<Errors>,
-    /// On test and check cases inside the domain: blind for both.
+    /// On test and check cases inside the training range: blind for both.
     held_out: Option<Errors>,
     held_out_cases: usize,
 }
@@ -76,7 +76,7 @@ fn mean(errors: impl Iterator<Item = Errors>) -> Option<Errors> {
 
 /// Before and after.
 pub struct Gain<'a> {
-    /// The model of the database as it was.
+    /// The model of the unrefined database.
     pub before: Quality,
     /// The model of the refined database.
     pub after: Quality,

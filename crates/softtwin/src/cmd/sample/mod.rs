@@ -85,13 +85,13 @@ pub struct Args {
     /// Number of gaps of a grid.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = crate::range::count(1, MAX_STATES), help_heading = "Sampling")]
     n_gaps: usize,
-    /// --n counts designs (sets of parameters), each with so many states: four free, the rest with the obstacle (6 to 100).
+    /// --n counts designs (sets of parameters), each with this number of states: four free, the rest with the obstacle (6 to 100).
     #[arg(long, value_name = "N", requires = "parameter", value_parser = crate::range::count(6, 100), help_heading = "Sampling")]
     states_per_design: Option<usize>,
     /// Regime of the states.
     #[arg(long, value_enum, default_value = "contact", help_heading = "Sampling")]
     regime: Regime,
-    /// What the states are for.
+    /// Purpose of the states.
     #[arg(long, value_enum, default_value = "train", help_heading = "Sampling")]
     split: Split,
     /// Lower and upper pressure in MPa.

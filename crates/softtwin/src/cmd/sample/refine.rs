@@ -38,12 +38,12 @@ pub struct Refinement {
     /// Cases a refinement solves at the same time (1 to 256).
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = range::threads)]
     threads: usize,
-    /// What a refinement gained as one JSON object.
+    /// Print the gain of a refinement as one JSON object.
     #[arg(long, requires = "refine")]
     json: bool,
 }
 
-/// What is refined.
+/// Source of a refinement.
 pub struct Target<'a> {
     /// Database to refine.
     pub database: &'a Path,
@@ -184,7 +184,7 @@ fn scale(regime: &RegimeModel, inputs: &Inputs) -> [f64; 2] {
     [scaled[0], scaled[1]]
 }
 
-/// Places and leave-one-out errors of the training cases, in error bars of the model. Leaving out a corner measures
+/// Places and leave-one-out errors of the training cases, in half-widths of the model. Leaving out a corner measures
 /// extrapolation, which refinement inside cannot cure: corners take the median of the others.
 fn infill_errors(
     database: &Database,

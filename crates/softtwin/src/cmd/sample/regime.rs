@@ -17,7 +17,7 @@ pub enum Regime {
     Both,
 }
 
-/// Of this many states of both regimes one is free: the free model has an input less.
+/// One of this many states of both regimes is free: the free model has one input less.
 const FREE_EVERY: usize = 4;
 
 impl Regime {

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is asked for.
+/// Options.
 pub struct Target {
     /// Cavity pressure at the end (MPa).
     pub pressure_mpa: f64,
@@ -91,7 +91,7 @@ fn line(output: &Output, clearance_mm: f64, pressure_mpa: f64, gap_mm: Option<f6
     })
 }
 
-/// What the file says of the state: what was asked for, and the force that came out.
+/// Description of the state in the file: options and resulting force.
 fn label(target: &Target, output: &Output) -> Label {
     let settings = target.settings.iter().cloned();
     Label::of_state(target.pressure_mpa, target.gap_mm, settings, output.contact_force_n)

@@ -51,12 +51,12 @@ const FIRST_HEALTH: Duration = Duration::from_millis(1_200);
 /// Time between two tries meanwhile.
 const FIRST_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What is known of one twin.
+/// Latest data of one twin.
 struct Twin {
     states: StateReader,
     healths: HealthReader,
     state: Option<State>,
-    /// Of the state.
+    /// Key of the state topic.
     health: Option<Health>,
 }
 
@@ -64,9 +64,9 @@ struct Twin {
 #[derive(Default)]
 struct TopicScan {
     twins: BTreeMap<String, Twin>,
-    /// By actuator.
+    /// Twins by actuator.
     estimates: BTreeMap<String, (EstimateReader, Option<Estimate>)>,
-    /// By scene.
+    /// Bridges by scene.
     grasps: BTreeMap<String, (GraspReader, Option<Grasp>)>,
     /// Actuators and scenes with topics of another version, and what is different.
     skipped: BTreeMap<String, WireError>,

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use wire::layout::{flags, input_source, regime};
 use wire::{AnySample, Estimate, Grasp, Health, Outcome, State};
 
-/// What is known of one twin.
+/// Latest data of one twin.
 #[derive(Clone, Copy, Default)]
 pub struct Known<'a> {
     /// Its newest state.
@@ -86,7 +86,7 @@ pub fn row(name: &str, known: Known<'_>, now: u64) -> String {
     packed(head, notes.iter().map(String::as_str), " ")
 }
 
-/// What a twin estimates, below it.
+/// Lines of a twin's estimates.
 pub fn estimate_row(estimate: &Estimate) -> String {
     packed("          ".into(), live::text::estimates(estimate).split("  "), "  ")
 }
@@ -127,7 +127,7 @@ fn age(ns: u64) -> String {
     }
 }
 
-/// What is known of a twin, for programs.
+/// Data of a twin as JSON.
 pub fn json(name: &str, known: Known<'_>, now: u64) -> Value {
     let Known { state, health, estimate, .. } = known;
     let counts = health

@@ -29,7 +29,7 @@ impl Axis {
         Self { names, ..Self::linear(label) }
     }
 
-    /// Drawing coordinate of a value; none for what the axis cannot show.
+    /// Drawing coordinate of a value; `None` if the axis cannot show it.
     pub(super) fn place(&self, value: f64) -> Option<f64> {
         let placed = if self.log { value.log10() } else { value };
         placed.is_finite().then_some(placed)
@@ -64,7 +64,7 @@ impl Axis {
         }
     }
 
-    /// Of names, every how-many-th is written so that none touches the next, by the axis's length and the widest name's, in pixels.
+    /// Step between names that are written without touching each other, for an axis length and the widest name, in pixels.
     pub(super) fn stride(&self, length: u32, widest: u32) -> usize {
         (self.names.len() as u32 * widest).div_ceil(length.max(1)).max(1) as usize
     }

@@ -16,7 +16,7 @@ use std::sync::Once;
 const PANEL: (u32, u32) = (560, 400);
 const TITLE_HEIGHT: u32 = 44;
 const BAR_WIDTH: u32 = 110;
-/// Room for the vertical axis's labels and name.
+/// Width of the vertical axis's labels and name.
 const Y_LABELS: u32 = 72;
 const MARGIN: u32 = 10;
 const MARGIN_RIGHT: u32 = 24;
@@ -25,7 +25,7 @@ const LABEL: u32 = 14;
 /// Pictures of pixels are drawn this much larger and then halved, so that lines are smooth: twice the size in the end, which
 /// is 9.5 cm a panel at 300 dots an inch.
 const PIXELS: u32 = 4;
-/// Steps a unit of length in SVG, whose coordinates are whole numbers here.
+/// Steps per unit of length in SVG, whose coordinates are integers here.
 const STEPS: u32 = 10;
 /// Colours that stay apart for colour-blind eyes and in grey, by index.
 const COLOURS: [(u8, u8, u8); 6] =

@@ -1,4 +1,4 @@
-//! What a figure shows: data only.
+//! Data of a figure.
 
 use super::axis::Axis;
 use std::ops::Range;
@@ -21,7 +21,7 @@ pub struct Panel {
     pub x: Axis,
     /// Vertical axis.
     pub y: Axis,
-    /// What is drawn, in order.
+    /// Series, in drawing order.
     pub series: Vec<Series>,
     /// Values drawn as colours behind the series.
     pub map: Option<Map>,
@@ -52,7 +52,7 @@ pub struct Series {
 
 /// A quantity over a grid, the first row at the bottom.
 pub struct Map {
-    /// What the colours mean, with unit.
+    /// Quantity of the colours, with unit.
     pub label: String,
     /// Horizontal extent.
     pub x: [f64; 2],

@@ -1,4 +1,4 @@
-// One actuator on the page: its mesh, its history, the frame that is shown.
+// One actuator on the browser: its mesh, its history, the frame that is shown.
 
 import { History } from "./history.js";
 import { Points } from "./mesh.js";
@@ -54,7 +54,7 @@ export class Actuator {
     return { low: bounds.map(([low], k) => low + offset[k]), high: bounds.map(([, high], k) => high + offset[k]) };
   }
 
-  // About so many nodes of the shown shape, where they stand in the scene.
+  // About `count` nodes of the shown shape, at their positions in the scene.
   some(count) {
     const { x, y, z } = this.shape?.fields ?? {};
     const { offset, flip } = this.place;
@@ -74,7 +74,7 @@ export class Actuator {
     return { at: [sx / count + offset[0], -gap_mm * flip + offset[1], sz / count + offset[2]], flip, force_n };
   }
 
-  // A node as text for the pointer.
+  // Label of a node at the pointer.
   describe(node) {
     const { fields, displacement_halfwidth_mm: bar_mm, von_mises_halfwidth_mpa: bar_mpa } = this.shape;
     const half = (bar, digits) => (Number.isFinite(bar) ? ` ± ${bar.toFixed(digits)}` : "");

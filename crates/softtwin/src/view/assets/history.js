@@ -42,7 +42,7 @@ export class Series {
   }
 }
 
-// How the page's clock differs from that of the readings, the same for all actuators: by the shortest way a reading took.
+// How the browser's clock differs from that of the readings, the same for all actuators: by the shortest way a reading took.
 const sender = { shift_ms: Infinity };
 
 function join(bin, key, [low, high, newest]) {
@@ -63,7 +63,7 @@ export class History {
     this.all.add(t_ms, values);
   }
 
-  // What to add to the bins' times to have those of the page.
+  // What to add to the bins' times to have those of the browser.
   get shift_ms() { return this.isSent ? sender.shift_ms : 0; }
 
   // Readings with the sender's clock, `columns` by name.

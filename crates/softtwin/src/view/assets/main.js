@@ -1,4 +1,4 @@
-// Puts the page together: link -> actuators -> scene, numbers, charts.
+// Puts the browser together: link -> actuators -> scene, numbers, charts.
 
 import { Actuator } from "./actuator.js";
 import { Camera } from "./camera.js";
@@ -300,5 +300,5 @@ setInterval(() => {
 }, READINGS_EVERY_MS);
 requestAnimationFrame(tick);
 
-// For scripts and tests: what is on the page right now.
+// For scripts and tests: what is on the browser right now.
 window.softtwin = { state, scale, camera, painter, scene, recorder, chosen, visible };

@@ -4,7 +4,7 @@ const POINT_ANGLE = 0.002; // rad: about four pixels
 const CREASE_COS = Math.cos((40 * Math.PI) / 180);
 
 export class Mesh {
-  // `undeformed`: 3 coordinates a node, `facets`: 3 nodes a facet, `ids`: the nodes' numbers in the model.
+  // `undeformed`: 3 coordinates per node, `facets`: 3 nodes per facet, `ids`: the nodes' numbers in the model.
   constructor(undeformed, facets, ids) {
     Object.assign(this, { undeformed, facets, ids, nodes: ids.length, version: 0 });
     this.split();

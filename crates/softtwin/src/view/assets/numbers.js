@@ -17,7 +17,7 @@ const known = (value) => Number.isFinite(value);
 const comparedText = (more_n) => (known(more_n) ? `${Math.abs(more_n).toFixed(3)} N ${more_n < 0 ? "below" : "above"} predicted` : "");
 const halfwidthText = (half, digits, unit) => (known(half) ? `± ${Number(half.toFixed(digits + 1)) || !half ? half.toFixed(digits + 1) : half.toPrecision(1)} ${unit}`.trim() : "");
 
-// Where the value of an input comes from: measured, given, nominal, estimated; empty where nobody says.
+// Source of an input's value: measured, given, nominal, estimated; empty if unknown.
 function sourceText({ input_sources = [] }, at) {
   const source = input_sources[at] ?? "unknown";
   return source === "unknown" ? "" : source;
@@ -29,7 +29,7 @@ function onsetText(onset_mpa) {
   return onset_mpa > 0 ? `contact from ${onset_mpa.toFixed(4)} MPa` : "contact by weight";
 }
 
-// Flags that tell of no trouble: a load cell is there; a model has more coefficients than a state has room for.
+// Flags that are no warnings: a load cell is there; a model has more coefficients than fit a state.
 const HARMLESS = ["coefficients-cut", "force-measured"];
 
 export function showNumbers(parent, frame, fps) {
@@ -66,7 +66,7 @@ function words(name, text, mood, more) {
   return box;
 }
 
-// What stands below a value; a line breaks between notes, not within one.
+// Notes below a value; a line breaks between notes, not within one.
 function notes(texts) {
   const line = element("div", "more");
   texts.filter(Boolean).forEach((text, k) => line.append(k ? " " : "", element("span", "note", k ? `· ${text}` : text)));

@@ -1,4 +1,4 @@
-// What stands in the 3-D view: actuators, blocks, plates with shadow and contact patch, force arrows with their labels.
+// Content of the 3-D view: actuators, blocks, plates with shadow and contact patch, force arrows with their labels.
 
 import { HEAD, SHAFT, block } from "./solid.js";
 
@@ -47,7 +47,7 @@ export class Scene {
     this.camera.moved = false;
   }
 
-  // Called with each new shape: while nobody has moved the camera, everything that was ever seen stays in view.
+  // Called with each new shape: until the camera is moved, everything shown so far stays in view.
   follow() {
     const { actuators, blocks } = this.shown();
     const still = [...blocks, ...this.plates().map(({ low, high }) => ({ low: [low[0], low[1] - PLATE_MM, low[2]], high }))];
@@ -114,7 +114,7 @@ export class Scene {
     this.label(arrows);
   }
 
-  // The force beside each arrow's point, as a part of the page; pictures draw `labels` themselves.
+  // The force beside each arrow's point, as a part of the browser; pictures draw `labels` themselves.
   label(arrows) {
     this.labels = arrows.map(({ tip, force_n }) => ({ at: this.camera.project(tip), text: `${force_n.toFixed(3)} N` })).filter(({ at }) => at);
     separate(this.labels);
