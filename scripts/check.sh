@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Checks that scripts/test.sh does not have: the programs as others use them, and what takes hours.
 #   scripts/check.sh view                        `softtwin view` in headless Chromium (CHROMIUM names another program)
-#   scripts/check.sh view --screenshots DIR      instead: the page in five sizes, light and dark, in every mode [--only MODE]
+#   scripts/check.sh view --screenshots DIR      instead: pictures in five sizes, light and dark, in every mode [--only MODE]
 #   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
 #   scripts/check.sh view --rate                 instead: frames per second that the browser draws
 #   scripts/check.sh actuators                   four new actuators, each from `softtwin new` to a running twin

@@ -129,7 +129,7 @@ def name_surfaces(a):
 
 
 def mesh_solids(m, finer=1.0):
-    """First-order tetrahedra: seeded edges, frontal triangles and tetrahedra, optimised. `finer`: so many times the parts of each edge."""
+    """First-order tetrahedra: seeded edges, frontal triangles and tetrahedra, optimised. `finer`: factor on the parts of each edge."""
     size = m["size_mm"] / finer
     for option, value in {
         "Mesh.RandomSeed": m["random_seed"],
@@ -219,7 +219,7 @@ def search(a, wanted, seconds):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("actuator", type=Path, help="actuator.toml, as in models/pneunet/")
-    parser.add_argument("--out", type=Path, help="the .msh to write (default: as the file says)")
+    parser.add_argument("--out", type=Path, help="the .msh to write (default: mesh.file)")
     parser.add_argument("--search", type=float, metavar="SECONDS", help="look for parameters that give mesh.nodes")
     parser.add_argument("--finer", type=float, default=1.0, metavar="TIMES", help="factor on the number of parts of every edge, at least 1")
     args = parser.parse_args()

@@ -148,7 +148,7 @@ class Browser:
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def complaints(self):
-        """What the page's console says of errors."""
+        """Errors in the browser's console."""
         self.run("0")
         said = [e["params"]["exceptionDetails"].get("exception", {}).get("description", "exception") for e in self.events if e.get("method") == "Runtime.exceptionThrown"]
         said += [f'{e["params"]["entry"]["text"]} {e["params"]["entry"].get("url", "")}' for e in self.events

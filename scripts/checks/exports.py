@@ -34,7 +34,7 @@ class Work:
         return ended
 
     def state(self, pressure):
-        """What is exported, as the array that `predict` writes: nodes x (x, y, z, displacement, stress)."""
+        """The exported state as `predict` writes it: nodes x (x, y, z, displacement, stress)."""
         out = self.folder / f"state{pressure}.npy"
         if not out.exists():
             self.run("predict", "--model", MODEL, "--pressure-mpa", pressure, "--gap-mm", GAP, "--out", out)

@@ -1,4 +1,4 @@
-"""The page as people see it: screenshots in five sizes, light and dark, in every mode, for review by eye; the README's moving
+"""Screenshots of the viewer in five sizes, light and dark, in every mode, for visual review; the README's moving
 picture; how many frames a browser draws. See scripts/check.sh."""
 import io
 import json
@@ -30,7 +30,7 @@ SHARP = "softtwin.painter.software = false; softtwin.painter.sharpness = 2; soft
 # scene, a command broken over two lines.
 CUT = """(() => {
   const [page, panel, stage] = [document.documentElement, document.getElementById("panel"), document.getElementById("stage").getBoundingClientRect()];
-  const found = page.scrollWidth > innerWidth ? ["the page's width"] : [];
+  const found = page.scrollWidth > innerWidth ? ["width"] : [];
   if (innerWidth >= 1000 && panel.scrollHeight > panel.clientHeight + 1) found.push(`the charts, by ${panel.scrollHeight - panel.clientHeight} pixels`);
   for (const code of document.querySelectorAll("code")) if (code.getClientRects().length > 1) found.push(code.textContent);
   const { camera, visible } = softtwin;
@@ -182,7 +182,7 @@ FILM_BYTES = 1_500_000
 
 
 def film(stage, program, path, make_page):
-    """The page while it plays a recorded run of the reference trace, as an animated WebP at the recording's pace."""
+    """The viewer while it plays a recorded run of the reference trace, as an animated WebP at the recording's pace."""
     from PIL import Image
     folder = pathlib.Path(stage.folder.name)
     twin, _ = stage.start("softtwind", "twin", "--scene", "config/scenes/finger.toml", ready="ready:")
@@ -218,7 +218,7 @@ def film(stage, program, path, make_page):
 
 
 def rate(stage, program, make_page, seconds=20):
-    """Frames that a browser draws while a 200 Hz twin runs, counted by its own animation callbacks; and how it draws."""
+    """Frames that a browser draws while a 200 Hz twin runs, counted by its animation callbacks; and its renderer."""
     processes, url, _ = live(stage)
     page = make_page(program, url)
     try:

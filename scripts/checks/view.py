@@ -26,7 +26,7 @@ def check(function):
 
 
 class Stage:
-    """A shared-memory domain of its own and the programs started in it; all end with it."""
+    """A separate shared-memory domain and the programs started in it; all end with it."""
 
     def __init__(self, programs):
         self.programs = pathlib.Path(programs)
@@ -79,9 +79,9 @@ class Page:
         self.run = self.browser.run
         self.browser.open(url)
         try:
-            wait(lambda: self.run("Boolean(window.softtwin)"), "the page's script", 60, lambda: bool(self.browser.complaints()))
+            wait(lambda: self.run("Boolean(window.softtwin)"), "the viewer's script", 60, lambda: bool(self.browser.complaints()))
         except TimeoutError:
-            sys.exit(f"the page did not start: {self.browser.complaints()}")
+            sys.exit(f"the viewer did not start: {self.browser.complaints()}")
 
     def frames(self):
         return self.run("softtwin.state.frames")
@@ -108,7 +108,7 @@ class Page:
         self.browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 900)
 
     def picture(self):
-        """What is on the screen, after the next two frames are drawn."""
+        """Screenshot after the next two frames."""
         self.run("new Promise((done) => { softtwin.state.dirty = true; requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))); })")
         return Picture(self.browser.screenshot())
 
@@ -187,7 +187,7 @@ def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_sto
         wait(lambda: page.frames() > 3, "frames", 60)
         wait(lambda: page.badge() == "live", "the badge `live`")
         first, pressure = page.shown("seq"), page.shown("pressure_mpa")
-        wait(lambda: page.shown("seq") > first and page.shown("pressure_mpa") != pressure, "another reading on the page")
+        wait(lambda: page.shown("seq") > first and page.shown("pressure_mpa") != pressure, "another reading in the viewer")
         wait(lambda: (page.shown("pressure_mpa") or 0) > 0.03, "the actuator under pressure", 60)
         before = page.picture()
         picture = page.picture()
@@ -197,7 +197,7 @@ def a_page_opened_before_the_twin_waits_then_shows_frames_and_says_when_they_sto
         page.click("pause")
         time_shown = page.shown("seq")
         before = page.frames()
-        wait(lambda: page.frames() > before, "frames that come while the page is paused")
+        wait(lambda: page.frames() > before, "frames during a pause")
         assert page.shown("seq") == time_shown, "a paused page stands still"
         value, node = hottest(page)
         span = node["range"][1] - node["range"][0]
@@ -380,7 +380,7 @@ def a_measured_force_stands_beside_the_predicted_one_and_all_of_it_fits(stage, p
                 screenshots.settle(page)
                 assert page.run(screenshots.CUT) == [], f"cut off at {width} x {height}: {page.run(screenshots.CUT)}"
                 assert "–" not in page.run("[...document.querySelectorAll('.number .value')].map((box) => box.textContent.trim())"), "every number is known"
-                assert page.run("document.getElementById('scrub').value") == "0", "the time bar stands at its end while nobody moves it"
+                assert page.run("document.getElementById('scrub').value") == "0", "the time bar is at its end until it is moved"
         stage.end(*processes)
     finally:
         page.browser.close()
@@ -431,13 +431,13 @@ def ports_paths_hosts_and_tokens_are_guarded(stage, program):
         assert answer(url + path)[0] in (400, 404), path
     socket = WebSocket(url.replace("http", "ws") + "ws")
     socket.send('{"type":"open","name":"../../etc/passwd"}')
-    texts = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
-    refused = next(text for text in texts if text["type"] == "refused")
+    messages = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
+    refused = next(text for text in messages if text["type"] == "refused")
     assert "--recording" in refused["text"], refused
     socket.send('{"type":"predict","model":7,"inputs":{"pressure_mpa":0.01}}')
-    assert "no model 7" in next(text for text in texts if text["type"] == "refused")["text"]
+    assert "no model 7" in next(text for text in messages if text["type"] == "refused")["text"]
     socket.send('{"type":"predict","model":0,"inputs":{"pressure_mpa":-1}}')
-    assert "expected a pressure of 0" in next(text for text in texts if text["type"] == "refused")["text"]
+    assert "expected a pressure of 0" in next(text for text in messages if text["type"] == "refused")["text"]
     stage.end(view)
     view, url = stage.view("--model", MODEL, "--bind", "0.0.0.0")
     token = url.split("token=")[1]
@@ -476,8 +476,8 @@ def a_recording_plays_seeks_stops_and_only_those_of_the_folder_open(stage, progr
         socket = WebSocket(url.replace("http", "ws") + "ws")
         for wrong in ("../view.png", "/etc/passwd", "third.mcap"):
             socket.send(json.dumps({"type": "open", "name": wrong}))
-            texts = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
-            refused = next(text for text in texts if text["type"] == "refused")
+            messages = (json.loads(data) for kind, data in iter(socket.receive, None) if kind == 1)
+            refused = next(text for text in messages if text["type"] == "refused")
             assert "expected a recording of the folder (first.mcap, second.mcap)" in refused["text"], refused
         stage.end(view)
     finally:

@@ -1,4 +1,4 @@
-//! `softtwin-studies report --check`: it passes where the promises hold, and names those that do not.
+//! `softtwin-studies report --check` passes if the acceptance limits hold, and names those that are exceeded.
 
 use formats::vtu::Cells;
 use rom::snapshots::{Database, RegimeKind, Split};
@@ -50,11 +50,11 @@ fn promises_are_kept_on_an_honest_database_and_a_broken_one_is_named() {
     let broken = check(folder.path(), &database);
     let err = String::from_utf8_lossy(&broken.stderr);
     assert_eq!(broken.status.code(), Some(1), "{err}");
-    assert!(err.contains("promises that do not hold:\n  contact test cases: normalised stress"), "{err}");
+    assert!(err.contains("exceeded limits:\n  contact test cases: normalised stress"), "{err}");
     assert_eq!(String::from_utf8_lossy(&broken.stdout).matches("**no**").count(), 1);
 }
 
-/// What the report of the repository promises, of sealed states too, by its own command on its own database.
+/// Acceptance limits of the repository's report, also on test states, with its command and its database.
 #[test]
 fn the_committed_database_keeps_every_promise() {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

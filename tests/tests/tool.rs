@@ -215,7 +215,7 @@ fn doctor_reports_recordings() {
     assert!(recorder.stop().0.success());
     let long_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(3600);
     std::fs::File::options().append(true).open(&file).unwrap().set_modified(long_ago).unwrap();
-    says("recording run", "warning", "nobody records it now");
+    says("recording run", "warning", "no recorder runs");
     std::fs::write(folder.join("run-0002.mcap"), "").unwrap();
     says("recording run", "warning", "1 of them empty");
     std::fs::remove_dir_all(&folder).unwrap();

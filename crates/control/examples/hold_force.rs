@@ -107,8 +107,8 @@ fn main() -> anyhow::Result<()> {
             continue;
         }
         valve = valves.newest()?.or(valve);
-        let told = valve.unwrap_or_default();
-        if told.valve_interlock & valve_interlock::FORCE != 0 && told.setpoint_boot_id == owner.boot_id {
+        let status = valve.unwrap_or_default();
+        if status.valve_interlock & valve_interlock::FORCE != 0 && status.setpoint_boot_id == owner.boot_id {
             ended = Err(anyhow::anyhow!(
                 "the valve has closed: the force was beyond its limit; find out why, then start again"
             ));
@@ -117,7 +117,7 @@ fn main() -> anyhow::Result<()> {
         let dt_s = last.map_or(0.0, |before| state.t_sensor_ns.saturating_sub(before) as f64 * 1e-9).min(0.1);
         last = Some(state.t_sensor_ns);
         let reading = reading(&state, quantity, args.no_load_cell);
-        if WAITS.contains(&told.valve_reason) {
+        if WAITS.contains(&status.valve_reason) {
             controller.start(reading);
         }
         let turn = controller.update(target, reading, dt_s);

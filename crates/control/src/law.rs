@@ -107,7 +107,7 @@ pub struct Reading {
     pub pressure_mpa: f64,
     /// Gap, mm: measured or estimated.
     pub gap_mm: f64,
-    /// The quantity as it is measured; NaN: it is not, and the model's value at the gauge's pressure stands for it.
+    /// The measured quantity; NaN: not measured, the model's value at the gauge's pressure is used.
     pub measured: f64,
 }
 

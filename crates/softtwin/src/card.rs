@@ -1,4 +1,4 @@
-//! The card of a model: what it takes, gives, covers and promises, for catalogues and other machines (docs/card.schema.json).
+//! The card of a model: inputs, outputs, training range and accuracy, for catalogues and other machines (docs/card.schema.json).
 
 use crate::files;
 use rom::model::{Model, RegimeModel};
@@ -69,7 +69,7 @@ fn outputs(model: &Model) -> Vec<Value> {
     all
 }
 
-/// Where a regime was trained and what its half-widths promise there.
+/// Training range of a regime and the coverage of its half-widths there.
 fn regime_of(model: &Model, regime: &RegimeModel) -> Value {
     let inputs = &model.header.inputs;
     let halfwidths = regime.halfwidths;

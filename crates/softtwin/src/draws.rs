@@ -1,4 +1,4 @@
-//! Random states inside the domain of a model.
+//! Random states inside the training range of a model.
 
 use anyhow::Context;
 use rom::evaluation::Evaluation;

@@ -34,8 +34,8 @@ impl Unknowns {
 }
 
 /// All errors, one per line.
-pub fn problems(texts: Vec<String>) -> anyhow::Error {
-    configuration(anyhow::anyhow!("{}", texts.join("\n")))
+pub fn problems(messages: Vec<String>) -> anyhow::Error {
+    configuration(anyhow::anyhow!("{}", messages.join("\n")))
 }
 
 fn spec<'a>(scene: &'a Scene, path: &Path, actuator: Option<&str>) -> anyhow::Result<&'a ActuatorSpec> {

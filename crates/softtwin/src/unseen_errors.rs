@@ -76,7 +76,7 @@ pub fn read(path: &Path, model: &Model) -> anyhow::Result<Vec<UnseenState>> {
             return Err(row.diagnostic(
                 predictions,
                 &format!(
-                    "{hash}, the predictions of this model; these errors are of another one: measure them anew with \
+                    "{hash}, the predictions of this model; these errors are of another one: measure them again with \
                      `softtwin evaluate --errors`"
                 ),
             ));

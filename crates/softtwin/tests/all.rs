@@ -1,4 +1,4 @@
-//! The tool, started as its users start it. One program: linked once, and its tests run beside each other.
+//! The tool, started as its users start it. One program: linked once, and its tests run at the same time.
 
 #[path = "../../fem/tests/common/actuators.rs"]
 mod actuators;

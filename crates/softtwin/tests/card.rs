@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What `softtwin inspect` prints of a model.
+/// Output of `softtwin inspect` for a model.
 fn inspected(model: &Path, arguments: &[&str]) -> String {
     let program = env!("CARGO_BIN_EXE_softtwin");
     let output = Command::new(program).arg("inspect").arg(model).args(arguments).output().expect("it starts");

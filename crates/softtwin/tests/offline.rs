@@ -55,7 +55,7 @@ impl From<Output> for Ended {
 impl Ended {
     fn json(&self) -> Value {
         assert_eq!(self.code, 0, "{}", self.err);
-        assert_eq!(self.out.lines().count(), 1, "one JSON object a line: {}", self.out);
+        assert_eq!(self.out.lines().count(), 1, "one JSON object per line: {}", self.out);
         serde_json::from_str(&self.out).unwrap()
     }
 
@@ -251,7 +251,7 @@ fn measured_errors_set_the_half_widths_of_their_own_model() {
             .json()
     };
     let (before, after) = (predict("bar.twin"), predict("set.twin"));
-    assert_eq!(before["contact_force_n"], after["contact_force_n"], "predictions stay as they are");
+    assert_eq!(before["contact_force_n"], after["contact_force_n"], "predictions are unchanged");
     let found = evaluate("set.twin");
     let coverage = found["regimes"].as_array().unwrap().iter().find(|r| r["regime"] == "Contact").unwrap();
     for share in coverage["coverage"].as_array().unwrap() {

@@ -31,7 +31,7 @@ fn done(stage: &Stage, line: &str) -> String {
 }
 
 /// Makes the twin of a shape, then runs it: from the folder to an answer.
-fn story(label: &str, options: &str) -> Value {
+fn make_and_run(label: &str, options: &str) -> Value {
     let stage = Stage::new(label);
     done(&stage, &format!("new finger {options}"));
     let built: Value = serde_json::from_str(&done(&stage, "build finger --quick --size-mm 9 --json"))
@@ -78,17 +78,17 @@ fn story(label: &str, options: &str) -> Value {
 
 #[test]
 fn six_chambers_fifteen_millimetres_shorter() {
-    story("six", "--chambers 6 --length-mm 100");
+    make_and_run("six", "--chambers 6 --length-mm 100");
 }
 
 #[test]
 fn thicker_walls_of_a_softer_silicone() {
-    story("soft", "--chambers 4 --wall-mm 3 --shear-modulus-mpa 0.3");
+    make_and_run("soft", "--chambers 4 --wall-mm 3 --shear-modulus-mpa 0.3");
 }
 
 #[test]
 fn a_short_wide_one() {
-    story("wide", "--chambers 3 --length-mm 50 --width-mm 48 --silicone elastosil-m4601");
+    make_and_run("wide", "--chambers 3 --length-mm 50 --width-mm 48 --silicone elastosil-m4601");
 }
 
 /// Checkpoints that are whole.

@@ -101,7 +101,7 @@ fn exported_states_stand_on_the_mesh_that_their_parameters_moved() {
             );
         }
     }
-    // The states of a database have the mesh of their own parameters too.
+    // The states of a database have the mesh of their parameters too.
     done(folder, "export db --case 22 --out case.pvd");
     is_the_predicted(&read_content(&folder.join("case_0000.vtu")).unwrap(), database.snapshot(22), 1e-3);
     let wrong = "export beam.twin --pressure-mpa 0.03 --out x.pvd --set mu_mpa=0.7";

@@ -1,4 +1,4 @@
-//! What commands make of a recording: pictures and series.
+//! Pictures and series of a recording.
 
 use recording::{Channel, Store, Writer};
 use serde_json::json;

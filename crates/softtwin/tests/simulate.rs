@@ -166,7 +166,7 @@ fn a_killed_run_loses_nothing_and_does_nothing_twice() {
         assert!(began.elapsed() < DEADLINE, "no state within {DEADLINE:?}");
         std::thread::sleep(Duration::from_millis(2));
     }
-    child.kill().unwrap(); // SIGKILL: nothing of its own runs any more
+    child.kill().unwrap(); // SIGKILL: no handler runs
     child.wait().unwrap();
     let kept = place.states("db/states");
     assert!(!place.at("db/database.toml").exists(), "no database before all cases are there");
@@ -186,7 +186,7 @@ fn a_killed_run_loses_nothing_and_does_nothing_twice() {
     pack_and_refine(&place);
 }
 
-/// What follows a database: packed it is within its bound; refined it has more states and a model.
+/// A packed database is within its bound; a refined one has more states and a model.
 fn pack_and_refine(place: &Place) {
     let packed = place.run("pack --database db --out small --json").json();
     let errors = packed["largest_error"].as_object().unwrap();
@@ -391,7 +391,7 @@ fn derivatives_are_packed_within_the_error_asked_for_and_no_better_than_needed()
         bytes.push(place.run(&packed).json()["bytes_of_derivatives"].as_u64().unwrap());
         let errors = derivative_errors(&place, ["db", &format!("small{share}")]);
         // 18 training states by the pressure, 12 of them by the gap as well; four fields each.
-        assert_eq!(errors.len(), 30 * 4, "derivatives of the state kept aside are left out");
+        assert_eq!(errors.len(), 30 * 4, "derivatives of the held-out state are left out");
         let (largest, asked) = (errors.iter().copied().fold(0.0, f32::max), share.parse::<f32>().unwrap());
         // `db` itself is packed within 5e-5; rounding to f32 adds its own.
         assert!(largest <= asked * 1.01 + 2e-7 && largest > 0.1 * asked, "{largest} for {asked}");

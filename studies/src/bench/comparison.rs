@@ -1,4 +1,4 @@
-//! A model over parameters beside one without: what the parameters cost, at equal modes.
+//! Cost of a model's parameters, at equal modes.
 
 use super::compute::inputs;
 use super::measure::Series;
@@ -27,7 +27,7 @@ pub struct Comparison {
     pub model: Cost,
     /// The one without parameters.
     pub plain: Cost,
-    /// Whole field of the model over that of the plain one, as they are.
+    /// Ratio of the whole field's time to that of the plain model.
     pub ratio: f64,
     /// The same if the model had as many coefficients as the plain one: what reconstruction costs grows with their number.
     pub ratio_at_equal_modes: f64,

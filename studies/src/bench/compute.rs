@@ -54,7 +54,7 @@ pub struct Kernels {
     pub i16: Kernel,
     /// Smallest basis with which the model's error grows by [`Storage::AS_GOOD_SHARE`] at most; `None` if there is none.
     pub budget: Option<Kernel>,
-    /// Of the last one the fractions of rows in f32, i16, i8, and of those left out.
+    /// Fractions of the last one's rows in f32, i16, i8, and left out.
     pub budget_widths: Option<[f64; 4]>,
     /// Parts of the regime's domain, each with such a basis; measured is the largest.
     pub budget_parts: usize,
@@ -65,7 +65,7 @@ pub struct Kernels {
 /// Everything measured in this process.
 #[derive(Debug, Clone, Serialize)]
 pub struct Compute {
-    /// Instruction set of the kernel.
+    /// Instruction set of the reconstruction kernel.
     pub isa: String,
     /// Nodes of the model.
     pub nodes: usize,
@@ -83,9 +83,9 @@ pub struct Compute {
     pub paced: Paced,
     /// Input to full field in memory, f32, median.
     pub predict_us_p50: f64,
-    /// The same with the basis within its budget; none where no basis keeps that.
+    /// The same with the basis within its budget; `None` if there is none.
     pub predict_budget_us_p50: Option<f64>,
-    /// The same with readings that jump all over the domain, so that each part's basis is read in turn.
+    /// The same with readings that jump over the whole training range, so that each part's basis is read.
     pub predict_budget_jumping_us_p50: Option<f64>,
     /// Regime, force, gradients, half-widths; no coefficients, no field: median.
     pub state_only_us_p50: f64,
@@ -247,7 +247,7 @@ fn predictions(
     let mut series = ["predict", "predict within the budget", "state only", "tip"].map(Series::new);
     let [predict, within, state, tip_series] = &mut series;
     let mut evaluation = evaluator.evaluation();
-    // Each in a loop of its own: a twin has one basis, and the sets that are small stay in the first caches.
+    // Each in a separate loop: a twin has one basis, and small sets stay in the first caches.
     for (full, series) in full.iter_mut().zip([&mut *predict, &mut *within]) {
         let Some(full) = full else { continue };
         for sample in 0..samples {

@@ -30,7 +30,7 @@ pub struct EndToEnd {
     pub received: u64,
     /// Readings between the first and the last sample that no sample answered.
     pub lost: u64,
-    /// Processor time of the twin's process over the time of the row, %: share of a core.
+    /// Processor time of the twin's process over the time of the row, % of a core.
     pub twin_core_percent: f64,
     /// The same of the reader.
     pub reader_core_percent: f64,

@@ -48,9 +48,9 @@ impl Report {
         let as_good = 100.0 * Storage::AS_GOOD_SHARE;
         match c.kernel.budget_widths.map(|shares| shares.map(|share| 100.0 * share)) {
             Some([wide, half, quarter, none]) => output!(
-                "budget (own error grows by {as_good} % at most): {wide:.0} % of rows in f32, {half:.0} % i16, {quarter:.0} % i8, {none:.0} % left out"
+                "budget (error grows by {as_good} % at most): {wide:.0} % of rows in f32, {half:.0} % i16, {quarter:.0} % i8, {none:.0} % left out"
             )?,
-            None => output!("budget: even f32 lets this model's own error grow by more than {as_good} %")?,
+            None => output!("budget: even f32 lets this model's error grow by more than {as_good} %")?,
         }
         if c.kernel.budget_parts > 1 {
             output!(
@@ -71,7 +71,7 @@ impl Report {
             output!("with the budget's basis {us:8.2}")?;
         }
         if let Some(us) = c.predict_budget_jumping_us_p50 {
-            output!("readings that jump      {us:8.2}   (all over the domain, from part to part)")?;
+            output!("readings that jump      {us:8.2}   (over the whole training range)")?;
         }
         output!("input to {:4} nodes      {:8.2}", c.tip_nodes, c.tip_us_p50)?;
         output!("state, one position     {:8.2}   (with derivatives)", c.position_us_p50)?;

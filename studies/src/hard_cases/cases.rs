@@ -85,7 +85,7 @@ fn near_duplicate(distance: f64) -> HardCase {
     let mut data = database(&all);
     let last = all.len() - 1;
     perturb(&mut data, last, 1e-5);
-    let hard = "two samples this close (share of the range), their fields 1e-5 apart by solver tolerance";
+    let hard = "two samples this close (fraction of the range), their fields 1e-5 apart by solver tolerance";
     case(&format!("near-duplicate {distance:.0e}"), hard, data, inside())
 }
 

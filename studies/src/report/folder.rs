@@ -12,7 +12,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Saves a picture and gives the line that shows it on the page.
+    /// Saves a picture and returns its line of Markdown.
     pub fn picture(&self, name: &str, caption: &str, figure: &Figure) -> anyhow::Result<String> {
         let file = format!("{name}.{}", self.ending);
         figure.save(&self.dir.join(&file))?;

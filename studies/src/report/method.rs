@@ -17,7 +17,7 @@ pub trait ReconstructionMethod {
     fn value(&self, index: usize) -> f64;
     /// Nodes per field.
     fn rows(&self) -> usize;
-    /// Bytes of mean and modes that a state is made from, both regimes together; of parts of a domain the largest.
+    /// Bytes of mean and modes that a state is computed from, both regimes together; the largest of all parts.
     fn bytes(&self) -> usize;
 }
 

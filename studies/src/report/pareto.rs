@@ -155,10 +155,10 @@ fn on_front(points: &[Point], point: &Point, slot: usize) -> bool {
 fn page(points: &[Point], cases: usize, shown: &str) -> String {
     let mut text = format!(
         "\n## Speed against error\n\nOne state evaluated and all its fields reconstructed: the median of {TIMED} runs on {}. \
-         Errors are those of the worst node, normalised: the 95th percentile over {cases} untouched states inside the domain. The table goes \
-         from fast to slow: each row gains at least a tenth in displacement or stress over every faster one; the default \
+         Errors are those of the worst node, normalised: the 95th percentile over {cases} held-out states inside the training range. The table goes \
+         from fast to slow: each row gains at least 10 % in displacement or stress over every faster one; the default \
          (`chosen`) is always shown. f64 is plain sums over mode after mode; f32, i16 and budget (the shipped scene's: as few bytes as let \
-         the model's own error grow by {} % at most) are the twin's kernel. The states follow each other all over the domain, so that budget reads the basis of \
+         the model's own error grow by {} % at most) are the twin's kernel. The states follow each other over the whole training range, so that budget reads the basis of \
          another part of it each time and from farther away; of a part that is asked again it takes two thirds of the time (docs/benchmarks.md). MB is the largest part \
          of each regime.\n\
          {shown}\n| nodes | us | MB | POD | kernel | modes | precision | displacement % | stress % | force % |\n\

@@ -99,4 +99,4 @@ assert np.allclose(moved[3][28], [2.8, -1.4, 7.84]), moved[3][28]
 # Of each quantity it reads the first domain.
 stress = next(data for data in states.elements if data.name == "stress")
 assert stress.dom == 0 and [list(row) for row in stress.data[3]] == [[1, 0, 0, 0, 0, 0], [2, 0, 0, 0, 0, 0]]
-print("febio-python reads", len(states.timesteps), "states as they were written")
+print("febio-python reads", len(states.timesteps), "states")

@@ -60,8 +60,8 @@ impl Args {
             Unknowns::load(&scene, &self.scene, self.actuator.as_deref())?;
         let trace = Trace::read_named(&self.recording, self.topic.as_deref(), &spec.input_names());
         let trace = trace.map_err(|errors| {
-            let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
-            configuration(anyhow::anyhow!("{}: {}", self.recording.display(), texts.join("\n")))
+            let messages: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            configuration(anyhow::anyhow!("{}: {}", self.recording.display(), messages.join("\n")))
         })?;
         let good = trace.rows.iter().filter(|reading| reading.status == 0);
         let named = MeasuredInputs::new(&spec, &header.inputs);
@@ -115,7 +115,7 @@ impl Args {
                 }
             }
         }
-        let text = toml::to_string(&new).context("the scene as text")?;
+        let text = toml::to_string(&new).context("the scene as TOML")?;
         let head = format!(
             "# Made by softtwin calibrate from {} and {}.\n",
             self.scene.display(),
@@ -163,10 +163,13 @@ fn text(setup: &Setup, fit: &Fit, readings: usize) -> String {
         fit.used, fit.outliers, fit.skipped, fit.chi2_per_dof
     );
     for (unknown, estimate) in setup.unknowns.iter().zip(&fit.estimates) {
-        let told =
-            if estimate.identifiable { "" } else { "  not told by this recording: rests on the prior" };
+        let note = if estimate.identifiable {
+            ""
+        } else {
+            "  not identifiable from this recording: rests on the prior"
+        };
         out += &format!(
-            "  {:28} {:12.6} +- {:.6}   (prior {} +- {}){told}\n",
+            "  {:28} {:12.6} +- {:.6}   (prior {} +- {}){note}\n",
             unknown.name, estimate.value, estimate.sigma, unknown.prior, unknown.sigma
         );
     }

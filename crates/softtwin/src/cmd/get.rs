@@ -30,7 +30,7 @@ Examples:
     softtwin get 'softtwin/finger/pressure?force_n=0.3;gap_mm=30'
   The gap that explains 0.3 N (known to 5 mN) at 0.05 MPa, with its uncertainty
     softtwin get 'softtwin/finger/gap?pressure_mpa=0.05;force_n=0.3;force_halfwidth_n=0.005'
-  Every twin of the domain
+  Every twin in shared memory
     softtwin get 'softtwin/*/whatif?pressure_mpa=0.05;gap_mm=30' --json
 
 The twin answers in a thread apart from its real-time loop. When there is no answer (the force is out of reach, for example) \

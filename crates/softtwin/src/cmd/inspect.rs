@@ -127,7 +127,7 @@ fn text(model: &Model) -> anyhow::Result<()> {
     }
     if let Some(onset) = &header.onset {
         let (sag, reach) = (onset.sag_mm(), onset.reach_mm());
-        output!("onset       by its own weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
+        output!("onset       by its weight up to gap {sag:.2} mm; never beyond {reach:.2} mm")?;
     }
     for regime in &header.regimes {
         output!("\nregime {}", regime.kind.name())?;
@@ -159,7 +159,7 @@ fn text(model: &Model) -> anyhow::Result<()> {
         }
         let halfwidths = regime.halfwidths;
         output!(
-            "  {:.0} % bars    displacement {:.2e} mm, stress {:.2e} MPa, force {:.2e} N",
+            "  {:.0} % within  displacement {:.2e} mm, stress {:.2e} MPa, force {:.2e} N",
             halfwidths.coverage * 100.0,
             halfwidths.displacement_mm,
             halfwidths.stress_mpa,
@@ -192,7 +192,7 @@ pub fn sheet_table(sheet: &DataSheet) -> anyhow::Result<()> {
         }
         let halfwidths = regime.halfwidths;
         output!(
-            "  {:.0} % of untouched states err by less than {:.2e} mm, {:.2e} MPa, {:.2e} N at their worst node",
+            "  {:.0} % of held-out states have errors below {:.2e} mm, {:.2e} MPa, {:.2e} N at their worst node",
             halfwidths.coverage * 100.0,
             halfwidths.displacement_mm,
             halfwidths.stress_mpa,

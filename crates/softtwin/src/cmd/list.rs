@@ -22,7 +22,7 @@ Examples:
 Key expressions are Zenoh's: `*` is one chunk, `**` any number, `$*` any part of a chunk. Quote them for the shell. \
 Latency is the time from the reading's stamp until this program has received the sample.";
 
-/// List the topics of the domain with writers and readers; on request details, or rate, loss and latency.
+/// List the topics in shared memory with writers and readers; on request details, or rate, loss and latency.
 #[derive(clap::Args)]
 #[command(before_help = EXAMPLES)]
 pub struct Args {

@@ -43,8 +43,8 @@ impl Args {
 
 /// A man page shows nothing before the name of its program: examples go to its end.
 fn with_examples(command: clap::Command) -> clap::Command {
-    let texts = [command.get_before_help(), command.get_after_help()];
-    let text: Vec<String> = texts.into_iter().flatten().map(ToString::to_string).collect();
+    let parts = [command.get_before_help(), command.get_after_help()];
+    let text: Vec<String> = parts.into_iter().flatten().map(ToString::to_string).collect();
     command.after_help(text.join("\n\n")).mut_subcommands(with_examples)
 }
 

@@ -195,7 +195,8 @@ fn correlations(of: &Unknowns, fit: &ExpectedFit) -> Vec<(String, String, f64)> 
 }
 
 fn print(plan: &Plan) -> anyhow::Result<()> {
-    let summary = if plan.identifiable { "all unknowns are told" } else { "not all unknowns are told" };
+    let summary =
+        if plan.identifiable { "all unknowns are identifiable" } else { "not all unknowns are identifiable" };
     output!(
         "{}: {summary}; rank {} of {}, condition {:.1e}",
         plan.sensors.join(", "),
@@ -207,7 +208,7 @@ fn print(plan: &Plan) -> anyhow::Result<()> {
         output!("  hold {:8.5} MPa  gap {:6.2} mm", hold.pressure_mpa, hold.gap_mm)?;
     }
     for (name, estimate) in &plan.estimates {
-        let note = if estimate.identifiable { "" } else { "   not told: rests on the prior" };
+        let note = if estimate.identifiable { "" } else { "   not identifiable: rests on the prior" };
         output!("  {name:28} +- {:.6}   (prior +- {}){note}", estimate.sigma, estimate.prior_sigma)?;
     }
     for (a, b, correlation) in plan.correlations.iter().filter(|pair| pair.2.abs() > 0.9) {

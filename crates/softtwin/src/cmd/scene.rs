@@ -65,7 +65,7 @@ fn print(explained: &Explained) -> anyhow::Result<()> {
         mb(explained.file_block_bytes),
         explained.blocks
     )?;
-    output!("  state: {:.2} us a reading (coefficients, force, gradients, bars)", explained.state_us)?;
+    output!("  state: {:.2} us a reading (coefficients, force, gradients, half-widths)", explained.state_us)?;
     for output in &explained.outputs {
         output!(
             "  {}: {} nodes x {} ({}), {:.2} us a sample, basis {:.2} MB (at most {:.2} read for a sample), sample {:.3} MB, {:.1} MB reserved in /dev/shm",

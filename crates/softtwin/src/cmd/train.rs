@@ -25,7 +25,7 @@ Examples:
     softtwin train --database models/pneunet/database --config mine.toml \\
       --out mine.twin
 
-Only cases with split = train are looked at; test and check cases are kept for `softtwin evaluate`.";
+Only cases with split = train are used; test and check cases are for `softtwin evaluate`.";
 
 /// Train a model from a database of finite-element states.
 #[derive(clap::Args)]
@@ -159,7 +159,7 @@ impl Done<'_> {
             self.training_s
         )?;
         if let (Some(sag), Some(reach)) = (sheet.sag_mm, sheet.reach_mm) {
-            output!("touches by its own weight up to gap {sag:.2} mm, never beyond {reach:.2} mm")?;
+            output!("touches by its weight up to gap {sag:.2} mm, never beyond {reach:.2} mm")?;
         }
         super::inspect::sheet_table(sheet)?;
         output!("model       {} ({:.1} MB)", self.model.display(), self.bytes as f64 / 1e6)?;

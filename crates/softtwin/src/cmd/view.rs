@@ -25,7 +25,7 @@ Examples:
     softtwin view --scene config/scenes/gripper.toml
   Two actuators of several:
     softtwin view --model finger.twin --key 'softtwin/finger_*/**'
-  Without a sensor: press \"What if\" on the page and move the sliders:
+  Without a sensor: press \"What if\" and move the sliders:
     softtwin view --model finger.twin
   A recording, or a folder of recordings to choose from (the files of a recorder that rotates are one recording):
     softtwin view --model finger.twin --recording run.mcap
@@ -34,7 +34,7 @@ Examples:
     softtwin view --model finger.twin --bind 0.0.0.0
 
 The surface is drawn when the model that the twin runs is given; without it, nodes are drawn as points.
-Keys on the page: 1-4 views, F fit, space pause, L shading, M mesh lines, T dark, P picture, R record a film.";
+Keys: 1-4 views, F fit, space pause, L shading, M mesh lines, T dark, P picture, R record a film.";
 
 /// Show running twins in a browser: the deformed, stressed body, live.
 #[derive(clap::Args)]

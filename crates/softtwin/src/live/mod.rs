@@ -17,18 +17,18 @@ pub struct DomainArgs {
     /// Shared-memory domain [default: $SOFTTWIN_DOMAIN, or iceoryx2's own].
     #[arg(long, value_name = "NAME")]
     domain: Option<String>,
-    /// Folder of the domain's management files [default: $SOFTTWIN_ROOT, or iceoryx2's own].
+    /// Folder of management files [default: $SOFTTWIN_ROOT, or iceoryx2's].
     #[arg(long, value_name = "DIR")]
     domain_root: Option<PathBuf>,
 }
 
 impl DomainArgs {
-    /// Joins the domain.
+    /// Joins the shared-memory domain.
     pub fn join(&self) -> Result<Bus, WireError> {
         Bus::open(&self.domain())
     }
 
-    /// The domain that is meant.
+    /// The selected shared-memory domain.
     pub fn domain(&self) -> Domain {
         let from_env = Domain::from_env();
         let prefix = self.domain.as_deref().map_or(from_env.prefix, |name| Domain::named(name).prefix);
@@ -51,7 +51,7 @@ pub fn find(bus: &Bus, key: &KeyExpr) -> anyhow::Result<Vec<TopicInfo>> {
     let all = bus.names(&self::key("softtwin/**")?)?;
     if all.is_empty() {
         anyhow::bail!(
-            "nothing is there: no topic in this domain. Start `softtwind twin --scene config/scenes/finger.toml`, or \
+            "no topic in this shared memory. Start `softtwind twin --scene config/scenes/finger.toml`, or \
              name the twin's domain with --domain"
         );
     }

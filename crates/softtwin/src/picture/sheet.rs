@@ -48,7 +48,7 @@ pub struct Sheet<'a> {
     pub panel_px: usize,
     /// Height of text lines, pixels.
     pub text_px: f32,
-    /// Colours of the page.
+    /// Colours of the background.
     pub theme: Theme,
 }
 
@@ -131,8 +131,8 @@ impl Sheet<'_> {
     fn bar(&self, fonts: &Fonts, width: usize, gap: usize) -> Bar {
         let label = fonts.width_px(&self.bar_label, self.text_px, false).ceil() as usize;
         let bar = (width / 4).min((self.text_px * 20.0) as usize).max(label);
-        let texts = [(&self.title, 1.45, true), (&self.caption, 0.5, false)];
-        let words = texts.map(|(text, size, bold)| fonts.width_px(text, self.text_px * size, bold) as usize);
+        let labels = [(&self.title, 1.45, true), (&self.caption, 0.5, false)];
+        let words = labels.map(|(text, size, bold)| fonts.width_px(text, self.text_px * size, bold) as usize);
         let beside = words[0].max(words[1]) + bar + 5 * gap <= width;
         Bar { beside, width: if beside { bar } else { bar.min(width - 4 * gap) } }
     }

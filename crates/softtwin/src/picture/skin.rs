@@ -29,7 +29,7 @@ pub struct Corner {
 
 impl Body {
     /// Corners of all facets. The normal at a corner is the area-weighted mean over the facets at its node that are
-    /// within the crease angle (40 degrees) of its own facet.
+    /// within the crease angle (40 degrees) of its facet.
     pub fn corners(&self) -> Vec<[Corner; 3]> {
         let areas: Vec<Vec3> = self.facets.iter().map(|f| self.area(f)).collect();
         let units: Vec<Vec3> = areas.iter().map(|a| unit(*a)).collect();

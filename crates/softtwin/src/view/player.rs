@@ -180,7 +180,7 @@ impl Player {
             duration_s: self.data.duration_s,
             tracks: strips.collect(),
         };
-        self.hub.notify("recording", serde_json::to_string(&opened).unwrap_or_default()); // plain numbers and texts
+        self.hub.notify("recording", serde_json::to_string(&opened).unwrap_or_default()); // plain numbers and strings
     }
 
     /// One frame of every actuator at the present time.

@@ -60,7 +60,7 @@ impl Reader {
     /// less.
     ///
     /// # Errors
-    /// When the domain cannot be joined.
+    /// The shared-memory domain cannot be joined.
     pub fn run(self, stop: &AtomicBool) -> Result<()> {
         let bus = Bus::open(&self.domain).context("cannot join the shared-memory domain")?;
         let (mut sources, mut grasps, mut warned) = (BTreeMap::new(), Grasps::default(), BTreeSet::new());

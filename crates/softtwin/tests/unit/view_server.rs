@@ -7,7 +7,7 @@ use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::time::Instant;
 
-/// What a fresh server without models answers to a request, sent while `idle` other connections stay silent.
+/// Answer of a new server without models to a request, while `idle` other connections send nothing.
 fn answer(request: &str, idle: usize) -> String {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
@@ -19,12 +19,12 @@ fn answer(request: &str, idle: usize) -> String {
         let visit = tokio::task::spawn_blocking(move || {
             let connect = |_| TcpStream::connect(address).expect("the port is open");
             let _silent: Vec<TcpStream> = (0..idle).map(connect).collect();
-            let mut visitor = connect(0);
-            visitor.set_read_timeout(Some(10 * HEADER_TIMEOUT)).expect("a time-out");
-            visitor.write_all(request.as_bytes()).expect("sent");
+            let mut client = connect(0);
+            client.set_read_timeout(Some(10 * HEADER_TIMEOUT)).expect("a time-out");
+            client.write_all(request.as_bytes()).expect("sent");
             let mut answer = Vec::new();
             // A server that refuses may close the connection before all of the request is read.
-            let _ = visitor.read_to_end(&mut answer);
+            let _ = client.read_to_end(&mut answer);
             String::from_utf8_lossy(&answer).into_owned()
         });
         let mut answer = String::new();
@@ -35,7 +35,7 @@ fn answer(request: &str, idle: usize) -> String {
 }
 
 #[test]
-fn idle_connections_do_not_keep_a_visitor_out() {
+fn idle_connections_do_not_keep_a_client_out() {
     let page = "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
     let begin = Instant::now();
     let answer = answer(page, 7 * MAX_CONNECTIONS);

@@ -37,7 +37,7 @@ pub fn cloud_and_marker(stage: &Stage) -> Seen {
     })?;
     let triangles = marker.points.len() / 3;
     Ok(format!(
-        "{} points with the ranges of a field to the bit, {triangles} triangles that span one",
+        "{} points with the exact ranges of a field, {triangles} triangles that span one",
         cloud.width
     ))
 }
@@ -88,7 +88,7 @@ fn echoed(sample: &Value) -> Option<Ranges> {
     COLUMNS.iter().enumerate().map(range).collect()
 }
 
-/// What the corners of the triangles span along each axis, m; their colours are colours.
+/// Extent of the triangles along each axis, m; checks their colours.
 fn spans(marker: &Marker) -> Result<[[f64; 2]; 3], Error> {
     let corners = marker.points.len();
     ensure((marker.r#type, marker.action) == (TRIANGLES, 0), || format!("type {}", marker.r#type))?;
@@ -101,7 +101,7 @@ fn spans(marker: &Marker) -> Result<[[f64; 2]; 3], Error> {
     let is_share = |one: f32| (0.0..=1.0).contains(&one);
     let are_colours =
         marker.colors.iter().all(|one| [one.r, one.g, one.b].into_iter().all(is_share) && one.a == 1.0);
-    ensure(are_colours, || "a colour is none".into())?;
+    ensure(are_colours, || "an invalid colour".into())?;
     let orientation = &marker.pose.orientation;
     ensure((orientation.w, marker.scale.x) == (1.0, 1.0), || {
         format!("{:?} {:?}", marker.pose, marker.scale)

@@ -1,4 +1,4 @@
-//! What a subscription of hiroz hears.
+//! Messages received by a subscription of hiroz.
 
 use crate::stage::{Error, Stage, ensure, until};
 use hiroz::msg::{ZDeserializer, ZMessage};

@@ -12,7 +12,7 @@ use serde_json::Value;
 const INPUTS: [&str; 2] = ["pressure_mpa", "gap_mm"];
 const PRESSURE_MPA: f64 = 0.05;
 const GAP_MM: f64 = 30.0;
-/// What inverse questions may be off by.
+/// Tolerance of inverse queries.
 const ROUNDED: f64 = 1e-6;
 
 /// The description is JSON with model, inputs and a state.

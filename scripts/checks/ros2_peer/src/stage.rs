@@ -14,7 +14,7 @@ use tokio::runtime::Runtime;
 
 /// What is wrong.
 pub type Error = Box<dyn std::error::Error + Send + Sync>;
-/// What a check saw.
+/// Result of a check.
 pub type Seen = Result<String, Error>;
 
 /// `ROS_DOMAIN_ID` of the gateway's configuration.
@@ -61,7 +61,7 @@ impl Stage {
         until(|| self.block_on(client.call(request)))
     }
 
-    /// What an operation of hiroz gives, within the patience.
+    /// Result of an operation of hiroz, within the patience.
     pub fn block_on<T>(&self, operation: impl Future<Output = hiroz::Result<T>>) -> Result<T, Error> {
         let limited = async { tokio::time::timeout(PATIENCE, operation).await };
         self.runtime.block_on(limited).map_err(|_| Error::from("no answer came"))?

@@ -61,7 +61,7 @@ pub fn wrench_and_pressure(stage: &Stage) -> Seen {
         let unknown = pairs.iter().filter(|pair| !states.contains(pair)).count();
         ensure(unknown == 0, || format!("{unknown} of {common} are no force and pressure of a state"))
     })?;
-    Ok(format!("{common} forces (up to {largest_n} N) and pressures are those of states to the bit"))
+    Ok(format!("{common} forces (up to {largest_n} N) and pressures are bit-identical to the states'"))
 }
 
 /// Force in N and pressure in Pa of a state.

@@ -39,7 +39,7 @@ impl Folder<'_> {
         if let Some(other) = std::fs::read(scene).ok().filter(|other| other != text.as_bytes()) {
             let kept = scene.with_extension("toml.old");
             save(&kept, &other)?;
-            self.say("scene", &format!("made anew; what was there is {}", kept.display()))?;
+            self.say("scene", &format!("made again; the former one is {}", kept.display()))?;
         }
         save(scene, text.as_bytes())
     }

@@ -20,7 +20,7 @@ pub fn is_database(folder: &Path) -> bool {
     folder.join("database.toml").is_file()
 }
 
-/// Trains on a database as it is, says how good the model is and how the twin is started.
+/// Trains on an existing database, reports the model's errors and how the twin is started.
 ///
 /// # Errors
 /// The database cannot be read or trained on; I/O errors.
@@ -49,7 +49,7 @@ pub fn build(folder: &Folder, database: &Path) -> Result<()> {
     quality.print()?;
     let state: String = inputs.iter().fold(String::new(), |text, input| text + &option(input));
     let (model, scene) = (model.display(), scene.display());
-    output!("\nstart it, with the readings of {} until a sensor stands in the scene:", sweep.display())?;
+    output!("\nstart it, with the readings of {} until the scene has a sensor:", sweep.display())?;
     output!("  softtwind twin --scene {scene}")?;
     output!("  softtwind bridge --scene {scene} --loop")?;
     output!(
@@ -84,7 +84,7 @@ fn sweep_text(inputs: &[(usize, &InputSpec)]) -> String {
     let is_column = |(place, (at, _)): &(usize, &(usize, &InputSpec))| *place == swept || *at < PARAMETERS;
     let columns: Vec<(usize, &(usize, &InputSpec))> = inputs.iter().enumerate().filter(is_column).collect();
     let mut text = String::from(
-        "# A sweep of the first input, made by `softtwin build`; further inputs stand in the scene.\nt_s",
+        "# A sweep of the first input, made by `softtwin build`; further inputs are in the scene.\nt_s",
     );
     columns.iter().for_each(|(_, (_, input))| text.extend([",", &input.key()]));
     text.push('\n');

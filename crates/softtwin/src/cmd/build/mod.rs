@@ -37,7 +37,7 @@ A twin of another program's results:
 
 Reads DIR/actuator.toml. Makes the mesh, finds the pressures that suit the actuator, simulates free and touching states, \
 trains, measures the model on states it was not trained on, and writes a scene. Solved states are kept: stopped and started \
-again it goes on where it was, and what --quick has solved is used again. Without actuator.toml it takes DIR/database as it is: trains, \
+again it continues, also with the states of --quick. Without actuator.toml it takes DIR/database unchanged: trains, \
 measures, writes a scene that replays a sweep of the first input.";
 
 /// Make a twin from DIR/actuator.toml (mesh, states, model, its errors, scene), or from DIR/database.
@@ -61,7 +61,7 @@ pub struct Args {
     json: bool,
 }
 
-/// The mesh file that this command makes; one of another name is the user's own.
+/// The mesh file that this command makes; one of another name is the user's.
 const OWN_MESH: &str = "mesh.vtu";
 /// Longest edge of an element by the thinnest wall of a chamber: elements that are longer and flatter fold before they bend.
 const COARSEST: f64 = 5.0;
@@ -134,7 +134,7 @@ impl Args {
                     file.display()
                 )));
             }
-            return Ok(format!("{}, as it is", file.display()));
+            return Ok(format!("{}, unchanged", file.display()));
         }
         let (size, wall) = (self.size_mm.unwrap_or(actuator.mesh.size_mm), actuator.thinnest_wall_mm());
         if size > COARSEST * wall {
@@ -167,7 +167,7 @@ impl Args {
         let (model, scene) = (model.display(), scene.display());
         let (pressure, gap) = (0.7 * pressures.largest_mpa(), 0.5 * (plan.gaps_mm[0] + plan.gaps_mm[1]));
         let state = format!("--model {model} --pressure-mpa {pressure:.4} --gap-mm {gap:.1}");
-        output!("\nstart it, with readings by formula until a sensor stands in the scene:")?;
+        output!("\nstart it, with readings by formula until the scene has a sensor:")?;
         output!("  softtwind twin --scene {scene}")?;
         output!("  softtwind bridge --scene {scene}")?;
         output!(

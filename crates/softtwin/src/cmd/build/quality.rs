@@ -75,9 +75,7 @@ impl Quality {
                 "  percent of the state's largest displacement or stress, and of the largest force; {}",
                 picture.display()
             )?,
-            None => {
-                output!("  no state was held back (split = test): only leaving out in turn tells the error")?
-            }
+            None => output!("  no held-out state (split = test): the error is from leave-one-out only")?,
         }
         Ok(())
     }

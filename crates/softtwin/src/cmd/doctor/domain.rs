@@ -7,7 +7,7 @@ use wire::{AnyReader, Bus, KeyExpr, TopicInfo, WireError};
 /// How long the removal of what dead programs left may take.
 const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Whether the domain can be joined. Joining and cleaning up removes what dead programs left.
+/// Checks that the shared-memory domain can be joined. Joining removes files of ended programs.
 pub fn domain(bus: &Result<Bus, WireError>) -> Finding {
     let subject = "domain";
     let bus = match bus {
@@ -26,7 +26,7 @@ pub fn domain(bus: &Result<Bus, WireError>) -> Finding {
         failed => Finding::bad(
             subject,
             format!("joined; removed {after}; {failed} nodes of dead programs could not be removed"),
-            format!("stop all programs of this domain, then empty {}", bus.folder().display()),
+            format!("stop all programs that use it, then empty {}", bus.folder().display()),
         ),
     }
 }
@@ -35,11 +35,13 @@ pub fn domain(bus: &Result<Bus, WireError>) -> Finding {
 pub fn topics(bus: &Bus) -> Vec<Finding> {
     match KeyExpr::new("softtwin/**").map(|key| bus.topics(&key)) {
         Err(error) => vec![Finding::bad("topics", error, "report this: the key is the program's own")],
-        Ok(Err(error)) => vec![Finding::bad("topics", error, "check the rights on the domain's folder")],
+        Ok(Err(error)) => {
+            vec![Finding::bad("topics", error, "check the rights on the folder of management files")]
+        }
         Ok(Ok(topics)) if topics.is_empty() => {
             vec![Finding::warning(
                 "topics",
-                "none in this domain",
+                "no topic in this shared memory",
                 "start `softtwind twin` and `softtwind bridge`",
             )]
         }
@@ -55,7 +57,7 @@ fn topic(bus: &Bus, info: &TopicInfo) -> Finding {
         }
         Err(error) => Finding::bad(subject, error, "remove the cause that the text names, then try again"),
         Ok(_) if info.writers.is_empty() => {
-            Finding::warning(subject, "nobody publishes", "start its bridge or twin; readers wait for it")
+            Finding::warning(subject, "no writer", "start its bridge or twin; readers wait for it")
         }
         Ok(_) => Finding::good(subject, format!("{}, {} readers", info.payload_type, info.readers.len())),
     }

@@ -1,4 +1,4 @@
-//! Checks of the machine: shared memory, the domain's folder, real-time rights.
+//! Checks of the machine: shared memory, the folder of management files, real-time rights.
 
 use super::finding::Finding;
 use runtime::config::Settings;
@@ -29,7 +29,7 @@ pub fn shared_memory() -> Finding {
     Finding::good(subject, found)
 }
 
-/// A program that opens a topic writes to the domain's folder, and waits while its disk is busy.
+/// A program that opens a topic writes to the folder of management files and waits while its disk is busy.
 pub fn management_files(folder: &Path) -> Finding {
     let subject = "management files";
     match machine::is_in_memory(folder) {

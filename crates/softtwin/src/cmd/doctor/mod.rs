@@ -17,7 +17,7 @@ const EXAMPLES: &str = "\
 Examples:
   The machine:
     softtwin doctor
-  A service as it is installed, its scene, settings, models and sensors too:
+  An installed service with its scene, settings, models and sensors:
     sudo -u softtwin SOFTTWIN_ROOT=/run/softtwin softtwin doctor \\
       --scene /etc/softtwin/finger.toml --config /etc/softtwin/twin.toml
   A recorder's folder and a gateway's configuration:

@@ -51,7 +51,7 @@ fn series(series: &Series) -> Finding {
     match (empty, age > SILENCE) {
         (0, false) => Finding::good(&subject, found),
         (0, true) => {
-            Finding::warning(&subject, found, "nobody records it now: `systemctl status softtwin-record@...`")
+            Finding::warning(&subject, found, "no recorder runs: `systemctl status softtwin-record@...`")
         }
         (count, _) => {
             let remedy = "left by a power cut; readers pass them over, they may be removed";

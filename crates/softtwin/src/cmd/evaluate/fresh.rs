@@ -49,7 +49,7 @@ impl Args {
     }
 }
 
-/// Random states inside the domain of a regime, evenly over pressure and gap.
+/// Random states inside the training range of a regime, uniform in pressure and gap.
 pub(super) fn random_states(
     model: &Model,
     kind: RegimeKind,

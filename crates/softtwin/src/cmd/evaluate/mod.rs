@@ -16,18 +16,18 @@ use train::evaluate::{CaseReport, DEFAULT_FLOOR, FieldErrors, Report, Summary, e
 
 const EXAMPLES: &str = "\
 Examples:
-  The paper's test cases, which training never looks at:
+  The paper's test cases, which training does not use:
     softtwin evaluate --model finger.twin --database models/pneunet/database
-  All states kept aside, as JSON, with a picture:
+  All held-out states, as JSON, with a picture:
     softtwin evaluate --model finger.twin \\
       --database models/pneunet/database --split held-out --json \\
       --picture errors.svg
-  On 12 states that nobody has seen, drawn at random inside the model's domain and simulated now (about 10 s each) into a \
-  folder of their own:
+  On 12 new states, drawn at random inside the model's training range and simulated now (about 10 s each) into a new \
+  folder:
     softtwin evaluate --model models/pneunet/pneunet.twin \\
       --actuator models/pneunet/actuator.toml \\
       --simulate 12 --seed 7 --database fresh
-  A sealed evaluation: 200 states over the whole domain, a tenth of them free, simulated, looked at once and not kept:
+  Sealed evaluation: 200 states over the whole training range, 10 % of them free, simulated, evaluated once and deleted:
     softtwin evaluate --model models/pneunet/pneunet.twin --sealed 200 \\
       --seed 20261122
   Errors on 300 more such states, by which training then sets the half-widths:
@@ -36,7 +36,7 @@ Examples:
     softtwin train --database finger/database --errors errors.csv \\
       --out finger.twin
 
-Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a share \
+Normalised: largest error over nodes by the field's largest value in that case. Relative: Eq. (16) with the floor, a fraction \
 of the field's largest value, because stress is exactly 0 at some nodes. Truncation: what the modes cannot represent; \
 interpolation: what the kernels get wrong within the modes.";
 
@@ -142,7 +142,7 @@ impl Args {
         };
         if self.errors.is_some() && split.has(Split::Train) {
             return Err(crate::failure::usage(
-                "--errors: expected states that no training saw, found training states among them; name --split check, test or held-out",
+                "--errors: expected held-out states, found training states among them; name --split check, test or held-out",
             ));
         }
         let cases: Vec<usize> =

@@ -23,7 +23,7 @@ const ABOUT: &str = "<!DOCTYPE html><html><head><meta charset=\"utf-8\"><title>s
 stress, fields at chosen nodes. domain_status is 0 among the training states, 1 near them, 2 outside: half-widths do not hold there.
 Each output is computed when it is read.</p>
 <p>The binary is for one platform. For another one, compile the crate fmu of softtwin there (cargo build --release -p fmu) and put
-the library into binaries/PLATFORM/softtwin with that platform's ending; description and resources stay as they are. The functions are those of
+the library into binaries/PLATFORM/softtwin with that platform's ending; description and resources are unchanged. The functions are those of
 fmi3Functions.h of the FMI standard 3.0; <a href=\"softtwin_fmi3.h\">softtwin_fmi3.h</a> beside this page declares them.</p>
 </body></html>
 ";

@@ -32,7 +32,7 @@ Examples:
   Two cases of a database, or all of them as one array (cases x nodes x fields):
     softtwin export models/pneunet/database --case A --case C --out cases.xdmf
     softtwin export models/pneunet/database --out all.npy
-  A recording: its fields as they were recorded, or made again from its states by the model, every tenth:
+  A recording: its recorded fields, or fields computed from its states by the model, every tenth:
     softtwin export run.mcap --out run.pvd
     softtwin export run.mcap --key softtwin/finger/field/tip --out tip.csv
     softtwin export run.mcap --model finger.twin --every 10 --out run.pvd
@@ -48,7 +48,7 @@ Examples:
     softtwin export finger.twin --fmu finger.fmu --node tip=9696 \\
       --node middle=120
 
-Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row a node and state), .npy, .fmu (--fmu FILE says the same as --out FILE). \
+Endings of --out: none (a folder of tables), .pvd (VTU series, ParaView), .dat (Tecplot ASCII), .xdmf, .csv (a row per node and state), .npy, .fmu (--fmu FILE is the same as --out FILE). \
 VTU files (as field data) and CSV files (as columns) carry every input, the contact force and the name of the case.";
 
 /// Export predictions, a database or a recording as VTU series, Tecplot, XDMF, CSV or NumPy files; a recording as tables.

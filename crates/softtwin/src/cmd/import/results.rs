@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
-  CalculiX, one job a state, inputs in a table (columns file, load_n, thickness_mm):
+  CalculiX, one job per state, inputs in a table (columns file, load_n, thickness_mm):
     softtwin import results jobs/*.frd --out db --length-unit mm \\
       --stress-unit mpa --inputs inputs.csv
   ParaView or meshio, inputs in the file names:
@@ -228,7 +228,7 @@ impl Args {
     }
 }
 
-/// States as they are collected.
+/// Collected states.
 struct States {
     assembly: Assembly,
     /// Where each state comes from, and its inputs.
@@ -315,7 +315,7 @@ impl States {
     }
 }
 
-/// Regime of a state: as it is named, else by whether there is a gap.
+/// Regime of a state: the named one, else contact if there is a gap.
 fn regime(place: &str, labels: &Labels, has_gap: bool) -> Result<RegimeKind> {
     match labels.regime.as_deref() {
         Some("free") => Ok(RegimeKind::Free),
@@ -345,13 +345,15 @@ fn is_operating(name: &str) -> bool {
     matches!(name, "pressure_mpa" | "gap_mm")
 }
 
-/// The inputs beside pressure and gap, with their mean as the nominal value.
+/// The inputs other than pressure and gap, with their mean as the nominal value.
 fn parameters(names: &[String], known: &[(String, BTreeMap<String, f64>)]) -> Result<Vec<Parameter>> {
     let further: Vec<&String> = names.iter().filter(|name| !is_operating(name)).collect();
     let most = MAX_INPUTS - PARAMETERS;
     if further.len() > most {
-        let error =
-            anyhow!("inputs: expected at most {most} beside pressure and gap, found {}", further.len());
+        let error = anyhow!(
+            "inputs: expected at most {most} in addition to pressure and gap, found {}",
+            further.len()
+        );
         return Err(configuration(error));
     }
     let mut parameters = Vec::new();

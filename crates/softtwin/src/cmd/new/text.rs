@@ -9,7 +9,7 @@ const REFERENCE: &str =
 /// Section of the reference that only other meshers read.
 const MESH: &str = "\
 [mesh]
-file = \"mesh.vtu\"                 # made by `softtwin build` and `softtwin mesh`; a mesh of your own: its file here, .msh or .vtu
+file = \"mesh.vtu\"                 # made by `softtwin build` and `softtwin mesh`; or another mesh, .msh or .vtu
 nodes = 0                         # nodes it must have; 0 for any
 size_mm = SIZE                    # mm, longest edge of an element; `softtwin build` refuses one that does not suit the thinnest wall
 seed_mm = SIZE                    # mm, from here on for scripts/mesh.py (gmsh) alone: edges are divided into round(length / seed) parts

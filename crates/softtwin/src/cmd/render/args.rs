@@ -50,7 +50,7 @@ pub struct Args {
     /// Gap from the underside of the undeformed base to the plate, mm (0 to 10000); no plate when left out.
     #[arg(long, value_name = "MM", value_parser = crate::range::gap_mm, help_heading = "State")]
     pub gap_mm: Option<f64>,
-    /// Draw the POD modes of a regime: free, contact, or a name of the model's own.
+    /// Draw the POD modes of a regime: free or contact.
     #[arg(long, value_name = "REGIME", conflicts_with_all = ["pressure_mpa", "gap_mm", "fig9", "database"], help_heading = "State")]
     pub modes: Option<String>,
     /// Draw gaps 80, 40 and 15 mm at 0.01, 0.025, 0.04, 0.055 and 0.07 MPa, or states in the model's training range.
@@ -65,7 +65,7 @@ pub struct Args {
     /// Direction of view.
     #[arg(long, value_enum, default_value = "oblique", help_heading = "Drawing")]
     pub view: View,
-    /// Colours of the page.
+    /// Colours of the background.
     #[arg(long, value_enum, default_value = "light", help_heading = "Drawing")]
     pub theme: ThemeName,
     /// Width of one drawing, pixels (100 to 4000); the whole picture has at most 100 megapixels.

@@ -63,8 +63,7 @@ fn shapes(loaded: &LoadedModel, regime: &RegimeModel, name: &str) -> Result<Vec<
     let field = header.fields.iter().position(|field| field.spec.name == name);
     let field = field.with_context(|| format!("the model has no field {name:?}"))? as u32;
     let block = loaded.model.f32_block(BlockKind::Modes { regime: regime.kind, field });
-    let block =
-        block.with_context(|| format!("the field {name:?} is derived and has no modes of its own"))?;
+    let block = block.with_context(|| format!("the field {name:?} is derived and has no modes"))?;
     let modes = block.chunks_exact(header.node_count).take(MAX_MODES);
     Ok(modes
         .map(|mode| {

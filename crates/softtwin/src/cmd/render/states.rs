@@ -160,7 +160,7 @@ fn fig9_pressures_mpa(loaded: &LoadedModel) -> Vec<f64> {
     FIG9_PRESSURES_MPA.iter().map(|pressure| rounded_down(low + pressure / most * (high - low))).collect()
 }
 
-/// The paper's gaps where the model was trained around them (at the largest one nothing is touched), else three of its own,
+/// The paper's gaps if the model was trained around them (the largest one is without contact), else three from its range,
 /// or its only one. A model without a gap is drawn over the paper's largest.
 fn fig9_gaps_mm(range: Option<[f64; 2]>) -> Vec<f64> {
     match range {

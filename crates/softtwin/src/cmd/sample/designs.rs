@@ -17,7 +17,7 @@ use train::config::TrainConfig;
 const FREE_SHARES: [[f64; 2]; 4] = [[0.0, 0.0], [0.03, 0.15], [0.15, 0.5], [0.55, 1.0]];
 /// One of the states that touch has a pressure within this fraction of the range, for the same reason.
 const LOW_SHARE: f64 = 0.17;
-/// Seeds of loads, of loads at low pressure and of free pressures beside that of the designs.
+/// Offsets of the seeds of loads, of loads at low pressure and of free pressures from that of the designs.
 const LOADS_SEED: u64 = 4;
 const LOW_SEED: u64 = 5;
 const FREE_SEED: u64 = 6;

@@ -21,7 +21,7 @@ type Errors = [f64; 3];
 pub struct Quality {
     /// Leave-one-out over training cases inside the hull.
     leave_one_out: Option<Errors>,
-    /// Errors on the added states; held out for the model before, not for the one after.
+    /// Errors on the added states, held out for the unrefined model only.
     added: Option<Errors>,
     /// On test and check cases inside the training range: blind for both.
     held_out: Option<Errors>,
@@ -105,7 +105,7 @@ impl Gain<'_> {
         let held_out = format!("{} states never trained on", self.after.held_out_cases);
         for (name, before, after) in [
             ("leave-one-out", self.before.leave_one_out, self.after.leave_one_out),
-            ("added states (blind before)", self.before.added, self.after.added),
+            ("added states (held out before)", self.before.added, self.after.added),
             (held_out.as_str(), self.before.held_out, self.after.held_out),
         ] {
             let (Some(b), Some(a)) = (before, after) else { continue };

@@ -25,7 +25,7 @@ Examples:
     softtwin sample --kind sequence --n 100 --regime both \\
       --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \\
       --parameter base.lower_mm=1.6:2.4 --out design.csv
-  36 designs, each with four free states and six that touch (where --database says when the actuator as its file has it does):
+  36 designs, each with four free states and six that touch (--database supplies the nominal contact onset):
     softtwin sample --kind sequence --n 36 --states-per-design 10 \\
       --regime both --database models/pneunet/database \\
       --actuator actuator.toml --parameter elastomer.law.mu_mpa=0.6:1.0 \\
@@ -47,8 +47,8 @@ Examples:
       --actuator models/pneunet/actuator.toml --out refined
 
 Refinement picks, one after another, the state with the largest product of the nearest sample's leave-one-out error (by the \
-model's own error bars) and the distance to it. It writes a database folder with the trained model in it; stopped and \
-started again it goes on where it was.";
+model's half-widths) and the distance to it. It writes a database folder with the trained model in it; stopped and \
+started again it continues.";
 
 /// How states are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

@@ -64,14 +64,12 @@ impl Refinement {
     /// Refines and prints what it gained.
     pub fn run(&self, target: &Target<'_>) -> anyhow::Result<()> {
         if target.out == target.database {
-            return Err(usage(
-                "--out: expected another folder than --database; the database is kept as it is",
-            ));
+            return Err(usage("--out: expected another folder than --database; the database is not changed"));
         }
         let mut progress = Progress::new(self.json);
         let family = files::family(self.actuator.as_deref().unwrap_or(Path::new("")))?;
         let (scene, kind) = target.regime.kinds();
-        progress.step("training on the database as it is");
+        progress.step("training on the database");
         let database = files::database(target.database, scene)?;
         if let Some(parameter) = database.parameters.first() {
             return Err(usage(format!(

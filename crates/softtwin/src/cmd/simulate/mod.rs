@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "MM", allow_negative_numbers = true, conflicts_with = "cases", value_parser = crate::range::gap_mm, help_heading = "State")]
     gap_mm: Option<f64>,
     /// Another value of a quantity of the actuator: its dotted key in actuator.toml, such as elastomer.law.mu_mpa=0.72. Geometry
-    /// moves the mesh as it is. A list of cases has a column for each parameter; this sets the others.
+    /// moves the existing mesh. A list of cases has a column for each parameter; this sets the others.
     #[arg(long, value_name = "NAME=VALUE", value_parser = setting, help_heading = "State")]
     set: Vec<Setting>,
     /// Steps of the path from rest to the pressure; each is printed (1 to 100000).

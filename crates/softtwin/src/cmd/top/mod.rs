@@ -76,7 +76,7 @@ impl Args {
     /// Shows the table until a signal, or once.
     ///
     /// # Errors
-    /// A wrong key expression, a domain that cannot be joined.
+    /// An invalid key expression; shared memory cannot be joined.
     pub fn run(self) -> Result<()> {
         let key = live::key(&self.key)?;
         let stop = runtime::service::stop_flag()?;
@@ -132,7 +132,7 @@ impl Args {
             output!("{name:<14.14} not shown: {error}")?;
         }
         if twins.is_empty() && skipped.is_empty() {
-            output!("no twin in this domain matches {}; is `softtwind twin` running?", self.key)?;
+            output!("no running twin matches {}; is `softtwind twin` running?", self.key)?;
         }
         Ok(())
     }

@@ -211,7 +211,7 @@ function panels() {
     whatif: `charts: ${duration(window.span_ms)}, every prediction`, live: `charts: ${duration(window.span_ms)}, every reading` }[mode];
   at("time").hidden = whatIf.active;
   if (recording.on) return;
-  at("scrub").min = -Math.round(Math.min(SPAN_MS, window.span_ms) / 100) / 10; // whole steps, so that 0 is one of them
+  at("scrub").min = -Math.round(Math.min(SPAN_MS, window.span_ms) / 100) / 10; // integer steps, so that 0 is one of them
   at("when").textContent = state.age_ms > 0 ? `−${(state.age_ms / 1000).toFixed(1)} s` : state.paused ? "paused" : "now";
 }
 

@@ -13,7 +13,7 @@ export class Mesh {
     this.values = new Float32Array(this.source.length);
   }
 
-  // The same surface with vertices of its own, for one more actuator of the same model.
+  // The same surface with separate vertices, for one more actuator of the same model.
   copy() {
     const copy = Object.assign(Object.create(Mesh.prototype), this, { version: 0 });
     for (const name of ["positions", "normals", "values"]) copy[name] = this[name].slice();
@@ -115,8 +115,8 @@ export class Points {
   }
 }
 
-// The node nearest to where a ray first meets the surface, or -1. The body stands at a place of the scene, so the ray is
-// taken into the body's own frame; distances stay as they are.
+// The node nearest to where a ray first meets the surface, or -1. The body has a position in the scene, so the ray is
+// transformed into the body's frame; distances are unchanged.
 export function pick(mesh, sceneOrigin, sceneDirection, { offset, flip }) {
   const origin = sceneOrigin.map((v, k) => (v - offset[k]) * (k === 1 ? flip : 1));
   const direction = sceneDirection.map((v, k) => v * (k === 1 ? flip : 1));

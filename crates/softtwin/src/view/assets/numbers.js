@@ -45,10 +45,10 @@ export function showNumbers(parent, frame, fps) {
     if (known(value)) cells.push(cell({ name }, [value.toPrecision(4), ""], more));
   });
   cells.push(words("regime", frame.regime, frame.regime === "unknown" ? "warn" : "good", [onsetText(frame.onset_pressure_mpa)]));
-  const trouble = frame.flags.filter((flag) => !HARMLESS.includes(flag));
+  const warnings = frame.flags.filter((flag) => !HARMLESS.includes(flag));
   const rest = frame.flags.filter((flag) => HARMLESS.includes(flag)).join(", ");
   const outcome = frame.outcome && frame.outcome !== "published" ? `newest reading: ${frame.outcome}` : rest;
-  cells.push(words("flags", trouble.join(", ") || "none", trouble.length ? "warn" : "good", [outcome]));
+  cells.push(words("flags", warnings.join(", ") || "none", warnings.length ? "warn" : "good", [outcome]));
   parent.replaceChildren(...cells);
 }
 
@@ -67,9 +67,9 @@ function words(name, text, mood, more) {
 }
 
 // Notes below a value; a line breaks between notes, not within one.
-function notes(texts) {
+function notes(lines) {
   const line = element("div", "more");
-  texts.filter(Boolean).forEach((text, k) => line.append(k ? " " : "", element("span", "note", k ? `· ${text}` : text)));
+  lines.filter(Boolean).forEach((text, k) => line.append(k ? " " : "", element("span", "note", k ? `· ${text}` : text)));
   return line;
 }
 

@@ -44,7 +44,7 @@ export class Recorder {
     const { title, numbers, labels, scale } = this.describe();
     if (!this.film) Object.assign(canvas, { width: scene.width + (scene.width & 1), height: scene.height + (scene.height & 1) });
     const draw = canvas.getContext("2d");
-    const unit = canvas.width / scene.clientWidth; // one pixel of the page
+    const unit = canvas.width / scene.clientWidth; // one pixel of the browser
     draw.fillStyle = css("--sky");
     draw.fillRect(0, 0, canvas.width, canvas.height);
     draw.drawImage(scene, 0, 0, canvas.width, canvas.height);

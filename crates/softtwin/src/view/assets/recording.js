@@ -24,7 +24,7 @@ export class Recording {
     list.replaceChildren(...opened.names.map((name) => new Option(name, name, false, name === opened.name)));
   }
 
-  // All readings of one actuator, each a bin of its own; stress has times of its own.
+  // All readings of one actuator, each in a separate bin; stress has separate times.
   fill(history, { actuator, t_s, stress_t_s, max_von_mises_mpa, ...columns }) {
     const bins = (times, named) => times.map((t, k) => Object.fromEntries([["t_ms", 1000 * t],
       ...Object.entries(named).filter(([, values]) => Number.isFinite(values[k])).map(([name, values]) => [name, [values[k], values[k], values[k]]])]));

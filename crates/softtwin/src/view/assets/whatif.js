@@ -1,7 +1,7 @@
 // "What if": one slider for each input of the model drives a prediction in the viewer's own process; no sensor, no twin.
 
 const STEPS = 400;
-const WIDER = 0.25; // beyond the trained range, as a share of it: leaving it is allowed and shown
+const WIDER = 0.25; // beyond the trained range, as a fraction of it: leaving it is allowed and shown
 
 export class WhatIf {
   constructor(send, changed) {
