@@ -75,7 +75,7 @@ pub struct Unseen<'a> {
 }
 
 impl<'a> Unseen<'a> {
-    /// Those of the split `check` inside the model's domain.
+    /// Those of the split `check` inside the model's training range.
     fn inside(model: &Model, database: &'a Database) -> anyhow::Result<Self> {
         let contact = |i: &usize| database.cases[*i].regime == RegimeKind::Contact;
         let cases: Vec<usize> = database.of_split(Split::Check).filter(contact).collect();

@@ -126,11 +126,7 @@ fn say_settings(settings: &Settings) {
         cores => format!("cores {cores:?}"),
     };
     let memory = if realtime.lock_memory { "memory locked" } else { "memory not locked" };
-    let waits = if realtime.busy_poll {
-        "spins"
-    } else {
-        "sleeps until woken"
-    };
+    let waits = if realtime.busy_poll { "spins" } else { "sleeps until woken" };
     tracing::info!("{scheduler}, {cores}, {memory}; between readings it {waits}");
 }
 

@@ -7,8 +7,8 @@ use std::time::{Duration, SystemTime};
 use wire::layout::{field_id, flags, pack_name, unpack_name};
 use wire::{
     Bus, Domain, Estimate, EstimateReader, EstimateWriter, FieldHeader, FieldReader, FieldWriter, KeyExpr,
-    SensorReader, SensorSample, SensorWriter, State, StateReader, StateWriter, Topic, Wake, WakeSet, Wakeable,
-    Waking, WireError,
+    SensorReader, SensorSample, SensorWriter, State, StateReader, StateWriter, Topic, Wake, WakeSet,
+    Wakeable, Waking, WireError,
 };
 
 /// A bus in a domain of its own that leaves nothing behind.

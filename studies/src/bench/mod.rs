@@ -42,7 +42,7 @@ pub struct Args {
     /// Model to measure; the shipped models/pneunet/pneunet.twin when left out.
     #[arg(long, value_name = "FILE.twin")]
     model: Option<PathBuf>,
-    /// Instead: the cost of the whole field beside that of this model without parameters.
+    /// Instead: the cost of the whole field compared with that of this model without parameters.
     #[arg(long, value_name = "FILE.twin", requires = "model", conflicts_with_all = ["picture", "no_live"])]
     plain: Option<PathBuf>,
     /// Measure a synthetic model of full size instead: 25,022 nodes, 6 modes per field.
@@ -70,7 +70,7 @@ impl Args {
         let mut progress = Progress::new(false);
         progress.step("preparing the model");
         let (name, model) = if self.synthetic {
-            ("synthetic, 6 modes a field".into(), full_size::model()?)
+            ("synthetic, 6 modes per field".into(), full_size::model()?)
         } else {
             let path = self.model.map_or_else(|| shared_files::find(SHIPPED), Ok)?;
             (path.display().to_string(), files::model(&path)?)

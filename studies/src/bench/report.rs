@@ -61,10 +61,7 @@ impl Report {
         }
         let paced = &c.paced;
         let way = if c.kernel.budget.is_some() { "budget" } else { "f32" };
-        output!(
-            "{way} once a millisecond: {:.1} asleep between",
-            paced.asleep_us_p50
-        )?;
+        output!("{way} once a millisecond: {:.1} asleep between", paced.asleep_us_p50)?;
         output!("")?;
         output!("input to full field     {:8.2}   (f32)", c.predict_us_p50)?;
         if let Some(us) = c.predict_budget_us_p50 {

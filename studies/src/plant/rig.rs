@@ -25,7 +25,7 @@ const VALVE: u8 = 4;
 pub struct Event {
     /// When, ns of the wire's clock.
     pub t_ns: u64,
-    /// What: `driven`, `safe written` or `safe watchdog`.
+    /// Kind: `driven`, `safe written` or `safe watchdog`.
     pub what: &'static str,
 }
 

@@ -79,7 +79,7 @@ fn case_table(study: &Study, cases: &[usize], note: &str) -> anyhow::Result<Stri
 type Measured = fn(&Study, &CaseReport) -> Option<f64>;
 type Figure1 = fn(&Published) -> Option<f64>;
 
-/// What is compared: name, measured share, published percentage.
+/// Comparison: name, measured fraction, published percentage.
 const QUANTITIES: [(&str, Measured, Figure1); 3] = [
     ("displacement, normalised", |s, c| normalised(s, c, FieldKind::Magnitude), |k| Some(k.displacement)),
     ("stress, normalised", |s, c| normalised(s, c, FieldKind::Stress), |k| Some(k.stress)),
@@ -159,10 +159,10 @@ fn held_out(study: &Study) -> anyhow::Result<String> {
         );
     }
     text += &worst_stress(study, &report.cases);
-    let promised = study.ours.header.regimes.first().map_or(0.0, |r| 100.0 * r.halfwidths.coverage);
+    let nominal = study.ours.header.regimes.first().map_or(0.0, |r| 100.0 * r.halfwidths.coverage);
     let _ = writeln!(
         text,
-        "\nThe nominal coverage is {promised:.0} %; this model's half-widths are calibrated by leave-one-out on the training cases alone."
+        "\nThe nominal coverage is {nominal:.0} %; this model's half-widths are calibrated by leave-one-out on the training cases alone."
     );
     Ok(text)
 }

@@ -80,7 +80,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let table = folder.path().join("sealed.csv");
         unseen_errors::write(&table, &model, &report.cases).expect("writable");
-        let sealed = Sealed::of(&table, &model).expect("a table of its own");
+        let sealed = Sealed::of(&table, &model).expect("a table of its model");
         let inside = report.cases.iter().filter(|case| case.domain == rom::hull::DomainStatus::Inside);
         let stress =
             database.fields.iter().position(|f| f.kind == rom::snapshots::FieldKind::Stress).expect("stress");
@@ -94,7 +94,7 @@ mod tests {
         let mut larger = report.cases.clone();
         larger.iter_mut().for_each(|case| case.errors = case.errors.map(|error| 1e3 * error));
         unseen_errors::write(&table, &model, &larger).expect("writable");
-        let sealed = Sealed::of(&table, &model).expect("a table of its own");
+        let sealed = Sealed::of(&table, &model).expect("a table of its model");
         assert!(sealed.outside.iter().all(|share| *share > OUTSIDE), "{:?}", sealed.outside);
 
         states.truncate(states.len() - 6);

@@ -17,7 +17,7 @@ pub struct Study {
     pub database: Database,
     pub paper: Model,
     pub ours: Model,
-    /// What ours was trained with.
+    /// Training settings of our model.
     pub config: TrainConfig,
     /// Whether that is from a data sheet beside the database.
     has_sheet: bool,
@@ -51,7 +51,7 @@ impl Study {
         Ok(evaluate(model, &self.database, cases, DEFAULT_FLOOR)?)
     }
 
-    /// Cases training never saw and that lie inside our model's domain.
+    /// Held-out cases inside our model's training range.
     pub fn held_out(&self) -> anyhow::Result<Vec<usize>> {
         let held_out = self.cases(|c| c.split != Split::Train);
         let report = self.evaluate(&self.ours, &held_out)?;
@@ -96,7 +96,7 @@ pub fn test_mse(model: &Model, database: &Database, regime: RegimeKind) -> anyho
     Ok(report.cases.iter().map(|c| c.mse).sum::<f64>() / cases.len() as f64)
 }
 
-/// The paper's method with so many modes for free and contact.
+/// The paper's method with the given numbers of modes for free and contact.
 pub fn paper(modes: [usize; 2]) -> TrainConfig {
     let mut config = TrainConfig { full_leave_one_out: false, ..TrainConfig::paper() };
     config.free.modes = ModeChoice::Fixed(modes[0]);

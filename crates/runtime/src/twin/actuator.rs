@@ -20,8 +20,8 @@ use rom::snapshots::RegimeKind;
 use std::collections::VecDeque;
 use wire::layout::{INPUTS_MAX, VERSION, flags, input_source, pack_name};
 use wire::{
-    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State, StateWriter, Topic,
-    WireError, now_ns,
+    Bus, Estimate, EstimateWriter, Health, HealthWriter, Outcome, SensorReader, SensorSample, State,
+    StateWriter, Topic, WireError, now_ns,
 };
 
 /// Readings taken in one turn: a publisher that is faster than the loop must not keep it from its stop flag.

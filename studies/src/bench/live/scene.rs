@@ -14,11 +14,11 @@ pub const TIP: &str = "tip";
 /// Topic of the surface's fields.
 pub const SURFACE: &str = "surface";
 
-/// What the reader gets.
+/// Payload for the reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Payload {
-    /// Coefficients, force, gradients, bars.
+    /// Coefficients, force, gradients, half-widths.
     StateOnly,
     /// Fields of the tip.
     Tip,
@@ -40,18 +40,18 @@ pub enum WakeUp {
     BusyPoll,
 }
 
-/// What a row measures.
+/// One row of the table.
 #[derive(Debug, Clone, Copy)]
 pub struct Row {
     /// Readings a second.
     pub rate_hz: f64,
-    /// What is published and read.
+    /// Payload that is published and read.
     pub payload: Payload,
     /// How twin and reader wait.
     pub wake: WakeUp,
 }
 
-/// What the scenes of all rows share.
+/// Common parts of the scenes of all rows.
 pub struct Scenes<'a> {
     testbed: &'a Testbed,
     readings: Sine,
