@@ -4,8 +4,7 @@ use crate::error::{Diagnostic, FormatError};
 use std::path::Path;
 
 /// Endings that `softtwin-convert` of the Python client reads.
-const CONVERTED: [&str; 11] =
-    ["xdmf", "xmf", "xplt", "cdb", "rpt", "vtk", "med", "e", "exo", "bdf", "nas"];
+const CONVERTED: [&str; 11] = ["xdmf", "xmf", "xplt", "cdb", "rpt", "vtk", "med", "e", "exo", "bdf", "nas"];
 /// Endings with another remedy.
 const ELSEWHERE: [(&str, &str); 5] = [
     ("h5", "softtwin-convert on the .xdmf that lists its data sets"),
@@ -26,6 +25,7 @@ pub(crate) fn error(path: &Path, expected: &str, target: &str) -> FormatError {
     } else {
         ELSEWHERE.iter().find(|(known, _)| *known == ending).map(|(_, remedy)| (*remedy).to_owned())
     };
-    let expected = remedy.map_or_else(|| expected.into(), |remedy| format!("{expected}; convert it: {remedy}"));
+    let expected =
+        remedy.map_or_else(|| expected.into(), |remedy| format!("{expected}; convert it: {remedy}"));
     FormatError::one(path, Diagnostic::new("file name", expected, found))
 }

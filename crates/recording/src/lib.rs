@@ -28,9 +28,7 @@ pub use contents::{ChannelInfo, Item, Message};
 pub use csv::{ExportError, Exported, TableForm, export_csv};
 pub use message::{Gap, GapCounter};
 pub use reader::{Ending, MAX_RECORD_BYTES, ReadError, Reader};
-pub use recorder::{
-    FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns,
-};
+pub use recorder::{FLUSH_EVERY, RecordError, RecordSummary, Recorder, RecorderOptions, wall_offset_ns};
 pub use retention::{FreeSpace, Retention};
 pub use rotate::{DiskUse, RotateOptions, RotateSummary, RotatingWriter};
 pub use series::{ReadItems, Series, SeriesReader};

@@ -104,7 +104,7 @@ fn increments_of_a_calculix_job_become_states() {
     assert!(fs::read_to_string(dir.path().join("db/database.toml")).unwrap().contains("name = \"ener\""));
 }
 
-/// What CalculiX prints beside its results is the contact force of the states that have a gap.
+/// The .dat file of CalculiX has the contact force of the states with a gap.
 #[test]
 fn a_total_force_beside_a_job_is_the_contact_force() {
     let dir = tempfile::tempdir().unwrap();

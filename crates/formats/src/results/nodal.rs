@@ -16,7 +16,8 @@ use std::path::Path;
 
 /// Reads the mesh and its table or arrays.
 pub(super) fn read(path: &Path) -> Result<Run, FormatError> {
-    let there = ["csv", "npz"].map(|ending| path.with_extension(ending)).into_iter().filter(|path| path.exists());
+    let there =
+        ["csv", "npz"].map(|ending| path.with_extension(ending)).into_iter().filter(|path| path.exists());
     let there: Vec<_> = there.collect();
     let [results] = there.as_slice() else {
         let expected = "one of the same name as .csv (a table) or .npz (arrays): docs/import.md; softtwin-convert makes the table \

@@ -28,11 +28,7 @@ pub trait Recorded {
 
 /// The channel of a payload on `topic`.
 pub fn channel(layout: &Layout, topic: &str) -> Channel {
-    Channel {
-        topic: topic.to_owned(),
-        schema_name: layout.schema.to_owned(),
-        schema: schema::of(layout),
-    }
+    Channel { topic: topic.to_owned(), schema_name: layout.schema.to_owned(), schema: schema::of(layout) }
 }
 
 impl Recorded for Json<'_> {

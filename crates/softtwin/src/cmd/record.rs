@@ -27,7 +27,7 @@ Examples:
   States of two actuators for one minute, fields of the surface too:
     softtwin record 'softtwin/finger_*/state' 'softtwin/*/field/surface' \\
       --fields --seconds 60 --out run.mcap
-  For months: a new file each hour, the last 48 kept (run-0001.mcap, run-0002.mcap, ...); a restart goes on with the next number:
+  For months: a new file each hour, the last 48 kept (run-0001.mcap, run-0002.mcap, ...); a restart continues with the next number:
     softtwin record --out run.mcap --rotate-minutes 60 --keep 48
   The same within 20 GB, and never the last 2 GB of the disk; with a page for Prometheus:
     softtwin record --out run.mcap --rotate-minutes 60 --keep-mb 20000 \\
@@ -52,7 +52,7 @@ pub struct Args {
     /// Record whole fields too: 5.3 bytes a value before compression, so 0.67 MB a sample of 5 fields at 25,022 nodes
     #[arg(long, help_heading = "Selection")]
     fields: bool,
-    /// Stop after so many seconds
+    /// Stop after this number of seconds
     #[arg(long, value_name = "SECONDS", value_parser = crate::range::seconds, help_heading = "Selection")]
     seconds: Option<f64>,
     /// Begin a new file at this size, MB
@@ -61,7 +61,7 @@ pub struct Args {
     /// Begin a new file after this time, minutes
     #[arg(long, value_name = "MINUTES", value_parser = crate::range::number(0.001, 1_000_000.0))]
     rotate_minutes: Option<f64>,
-    /// Keep only so many files of this series, those of earlier runs included
+    /// Keep only this number of files of this series, those of earlier runs included
     #[arg(long, value_name = "FILES", value_parser = crate::range::count(1, 1_000_000))]
     keep: Option<usize>,
     /// Keep only so much of this series, MB, earlier runs included; a file is ended at a quarter of it at the latest
@@ -142,8 +142,12 @@ impl Args {
         ran?;
         ended?;
         self.report(&summary)?;
-        let untold: Vec<&str> = summary.troubles.values().map(String::as_str).collect();
-        anyhow::ensure!(untold.is_empty(), "at the end this could not be recorded: {}", untold.join("; "));
+        let unrecorded: Vec<&str> = summary.troubles.values().map(String::as_str).collect();
+        anyhow::ensure!(
+            unrecorded.is_empty(),
+            "at the end this could not be recorded: {}",
+            unrecorded.join("; ")
+        );
         Ok(())
     }
 
@@ -222,7 +226,7 @@ fn lock(summary: &Mutex<RecordSummary>) -> MutexGuard<'_, RecordSummary> {
     summary.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Troubles come and go; each is said when it comes, and when it is over, and not with every try in between.
+/// Each recording error is reported when it begins and when it ends.
 fn say_what_is_new(before: &BTreeMap<String, String>, now: &BTreeMap<String, String>) {
     for (_, what) in now.iter().filter(|(whom, _)| !before.contains_key(*whom)) {
         tracing::warn!("cannot be recorded, tried again each second: {what}");
