@@ -1,5 +1,5 @@
-//! Stands in for the crate `nano-gemm-c64` in this workspace: products of small matrices of complex numbers of f64, which nothing here
-//! computes. The real one generates some 97,000 lines that everybody would compile with the linear algebra. A product that needs it all the same
+//! Substitute for the crate `nano-gemm-c64` in this workspace: products of small matrices of complex numbers of f64, which nothing here
+//! computes. The real one generates some 97,000 lines that would be compiled with the linear algebra. A product that needs it
 //! ends with a message instead of a result.
 #![no_std]
 
