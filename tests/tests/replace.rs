@@ -57,23 +57,14 @@ fn reloaded_bridge_replaces_changed_sources_and_continues_numbers() {
     });
     assert!(changed.seq > first.seq);
 
-    // What is wrong, and what cannot change while a bridge runs, is refused, and the readings go on.
-    for (wrong, why) in [("kind = \"simulat\"", "refused"), ("# no source\n", "start the bridge anew")] {
-        let broken = match wrong {
-            "# no source\n" => text.replace("[actuator.source]", "[actuator.sauce]"),
-            _ => text.replace("kind = \"simulate\"", wrong),
-        };
-        let broken = if wrong.starts_with('#') {
-            let (head, tail) = broken.split_once("[actuator.sauce]").unwrap();
-            let (_, outputs) = tail.split_once("[[actuator.output]]").unwrap();
-            format!("{head}[[actuator.output]]{outputs}")
-        } else {
-            broken
-        };
-        std::fs::write(&scene, broken).unwrap();
+    // An error in the scene and a removed source are refused, and the readings continue.
+    let (head, tail) = text.split_once("[actuator.source]").unwrap();
+    let (_, outputs) = tail.split_once("[[actuator.output]]").unwrap();
+    let without_source = format!("{head}[[actuator.output]]{outputs}");
+    for wrong in [text.replace("kind = \"simulate\"", "kind = \"simulat\""), without_source] {
+        std::fs::write(&scene, wrong).unwrap();
         bridge.signal(libc::SIGHUP);
-        let line = bridge.wait_for("reload refused");
-        assert!(line.contains(why), "{line}");
+        bridge.wait_for("reload refused");
         next("a reading", &|gap_mm| gap_mm == 35.0);
     }
     let (status, said) = bridge.stop();

@@ -78,7 +78,6 @@ fn the_examples_run_in_c_and_in_cpp() {
     for program in &programs {
         let (status, said) = Program::shell(&stage, program).end();
         assert_eq!(status.code(), Some(1), "without a twin: {said:?}");
-        assert!(said.join("\n").contains("nothing is there"), "{said:?}");
     }
     let twin = Program::twin(&stage, &scene);
     let bridge = Program::bridge(&stage, &scene);

@@ -15,12 +15,12 @@ use rom::snapshots::RegimeKind;
 use wire::layout::{AGES_MAX, estimate_alarm, estimate_status};
 use wire::{Estimate, SensorSample};
 
-/// Half-widths of the model hold for 90 % of the states: so many standard deviations of a normal distribution.
+/// Standard deviations of a normal distribution within the model's half-widths, which hold for 90 % of the states.
 pub(crate) const HALFWIDTH_SIGMAS: f64 = 1.645;
 /// Most that a bias may be, far beyond what any sensor has.
 const MAX_BIAS: f64 = 1e3;
 
-/// What the estimator is told before the first reading.
+/// Setup of the estimator.
 ///
 /// # Errors
 /// All problems of the scene with this model.
@@ -164,7 +164,7 @@ impl SensorModel {
         })
     }
 
-    /// What the sensors show at the state evaluated last.
+    /// Predicted sensor values at the last evaluated state.
     fn read(&self, out: &mut [Predicted]) {
         let force =
             Predicted { value: self.evaluation.contact_force_n, gradient: self.evaluation.force_gradient };
@@ -275,7 +275,7 @@ impl Estimator {
         self.filter.sigma_of(&evaluation.force_gradient)
     }
 
-    /// Writes what is estimated, and what the last reading said.
+    /// Writes estimates and the outcome of the last reading.
     pub(crate) fn fill(&self, update: &Update, out: &mut Estimate) {
         let mut identifiable = 0;
         let slots = out.values.iter_mut().zip(&mut out.sigmas).enumerate();
@@ -354,7 +354,7 @@ mod tests {
         assert_eq!(used.new_in(&reading), [true; AGES_MAX - FORCE]);
         (reading.t_sensor_ns, reading.ages_ns) = (1500, [500; AGES_MAX]);
         reading.ages_ns[FORCE] = 510; // the same force
-        reading.ages_ns[FORCE + 2] = 400; // the second marker was seen anew
+        reading.ages_ns[FORCE + 2] = 400; // a new measurement of the second marker
         let is_new = used.new_in(&reading);
         assert_eq!((is_new[0], is_new[2]), (false, true));
         // A single device's readings have no ages: all of each is new.

@@ -1,4 +1,4 @@
-//! A small HTTP server for pages on this machine: bounded in time and in connections, so that idle visitors block nobody.
+//! HTTP server for this machine: bounded in time and in connections, so that idle clients do not block others.
 
 use axum::body::Body;
 use hyper::body::Incoming;
@@ -15,7 +15,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::{JoinHandle, LocalSet, spawn_local, yield_now};
 use tokio::time::{Instant, sleep};
 
-/// A visitor who has not sent the head of a request for so long is disconnected.
+/// Time after which a client without a complete request head is disconnected.
 pub const HEADER_TIMEOUT: Duration = Duration::from_secs(2);
 /// Connections at a time. One more takes the place of the oldest one that has asked for nothing yet.
 pub const MAX_CONNECTIONS: usize = 64;
@@ -23,10 +23,10 @@ pub const MAX_CONNECTIONS: usize = 64;
 const MAX_HEAD: usize = 16 * 1024;
 /// Pause before the next try when the system refuses a connection, or no place is free.
 const RETRY: Duration = Duration::from_millis(20);
-/// The system's refusals are logged at most so often.
+/// Smallest interval between logged I/O errors.
 const LOG_EVERY: Duration = Duration::from_secs(10);
 
-/// A visitor who is connected.
+/// Connected client.
 struct Connection {
     since: Instant,
     /// Whether the head of a request has come.
@@ -34,7 +34,7 @@ struct Connection {
     task: JoinHandle<()>,
 }
 
-/// All visitors, in the order in which they came.
+/// All clients, in the order of connection.
 #[derive(Default)]
 struct Connections(Vec<Connection>);
 
@@ -75,7 +75,7 @@ where
     LocalSet::new().run_until(serving).await;
 }
 
-/// What to do about a refusal of the system.
+/// Remedy for an I/O error.
 fn cure(error: &std::io::Error) -> &'static str {
     match error.raw_os_error() {
         Some(libc::EMFILE) => "raise the limit of open files of this program (LimitNOFILE, ulimit -n)",
@@ -126,8 +126,8 @@ impl Connections {
     }
 }
 
-/// Whether a `Host` header names this machine. Any page in a browser can send requests here under a name of its own; one with
-/// a foreign name is refused.
+/// True if a `Host` header names this machine. Any site in a browser can send requests here under its own name; foreign names
+/// are refused.
 pub fn is_this_machine(host: &str) -> bool {
     let name = host
         .rsplit_once(':')

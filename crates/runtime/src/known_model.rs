@@ -1,4 +1,4 @@
-//! What programs beside the twin ask of a model file: its inputs and its surface. No modes are read.
+//! Inputs and surface of a model file, for programs other than the twin. No modes are read.
 
 use crate::file::{self, MAX_MODEL_BYTES};
 use crate::load::trailer_hash;
@@ -7,7 +7,7 @@ use rom::model::{BlockData, BlockKind, ModelReader};
 use rom::snapshots::NodeSet;
 use std::path::Path;
 
-/// A model as it is seen beside the twin.
+/// Inputs and surface of a model.
 #[derive(Debug)]
 pub struct KnownModel {
     /// Its file's name without ending.
@@ -29,7 +29,7 @@ pub struct KnownInput {
     pub key: String,
     /// Unit (`MPa`).
     pub unit: String,
-    /// Smallest and largest training value; none where no regime was trained over it.
+    /// Smallest and largest training value; `None` if no regime was trained over it.
     pub range: Option<[f64; 2]>,
 }
 

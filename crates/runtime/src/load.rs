@@ -30,13 +30,13 @@ pub struct Loaded {
     pub group_sizes: GroupSizes,
     /// One for each field topic.
     pub outputs: Vec<LoadedOutput>,
-    /// What the scene has estimated, if anything.
+    /// Estimator, if the scene has one.
     pub estimator: Option<Estimator>,
     /// Whether the model's answers depend on pressure and gap.
     pub needs: [bool; 2],
     /// Regimes that can occur.
     pub regimes: Vec<RegimeKind>,
-    /// What was read from the model file.
+    /// Blocks read from the model file.
     pub read: Vec<ReadBlock>,
     /// Bytes of all blocks of the file.
     pub file_block_bytes: u64,
@@ -197,7 +197,7 @@ fn regimes_in_reach(header: &ModelHeader, spec: &ActuatorSpec) -> Vec<RegimeKind
     header.regimes.iter().map(|regime| regime.kind).filter(|kind| possible(*kind)).collect()
 }
 
-/// What each output selects from the model.
+/// Selection of each output from the model.
 fn selections<R: Read + Seek>(
     spec: &ActuatorSpec,
     header: &ModelHeader,

@@ -26,7 +26,7 @@ use wire::{Estimate, Health, Outcome};
 
 /// How often the end of the process is checked for.
 const STOP_CHECK: Duration = Duration::from_millis(50);
-/// Of the pages.
+/// Content type of the metrics.
 const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 const SECOND: f64 = 1e-9;
@@ -34,7 +34,7 @@ const SECOND: f64 = 1e-9;
 /// Name, help, value.
 type Quantity<T> = (&'static str, &'static str, fn(&Health) -> T);
 
-/// Their names have `_total` behind them on the page.
+/// Counters; in the exposition format their names end with `_total`.
 const COUNTERS: [Quantity<u64>; 8] = [
     ("softtwin_readings", "Readings taken from the sensor topic", |h| h.received),
     ("softtwin_missed", "Readings that never arrived", |h| h.missed),
@@ -61,11 +61,11 @@ const GAUGES: [Quantity<f64>; 5] = [
 /// A number of each estimated quantity, by its place.
 type OfEstimates = (&'static str, &'static str, fn(&Estimate, usize) -> Option<f64>);
 
-/// Of every estimated quantity.
+/// Metrics of every estimated quantity.
 const ESTIMATES: [OfEstimates; 3] = [
     ("softtwin_estimate", "Estimated value, in the unit of its name", |e, at| e.values.get(at).copied()),
     ("softtwin_estimate_sigma", "Its standard deviation", |e, at| e.sigmas.get(at).copied()),
-    ("softtwin_estimate_identifiable", "1 while the readings tell it", |e, at| {
+    ("softtwin_estimate_identifiable", "1 if the readings identify it", |e, at| {
         Some(f64::from(e.identifiable >> at & 1))
     }),
 ];
@@ -73,7 +73,7 @@ const ESTIMATES: [OfEstimates; 3] = [
 /// Labels of a sample.
 type Labels = Vec<(&'static str, String)>;
 
-/// The page of a twin process: one sample for each actuator, and for each quantity that is estimated.
+/// Metrics of a twin process: one sample per actuator and per estimated quantity.
 pub fn twins(healths: &[Health], estimates: &[Estimate]) -> String {
     let mut page = Registry::default();
     let named = || healths.iter().map(|health| (vec![("actuator", unpack_name(&health.actuator))], health));
@@ -88,7 +88,7 @@ pub fn twins(healths: &[Health], estimates: &[Estimate]) -> String {
             .iter()
             .map(move |outcome| (with(&labels, "outcome", outcome.as_str()), health.count(*outcome)))
     });
-    counters(&mut page, "softtwin_outcomes", "Readings by what became of them", outcomes);
+    counters(&mut page, "softtwin_outcomes", "Readings by outcome", outcomes);
     let latencies = named().flat_map(|(labels, health)| {
         [("0.5", health.latency_p50_ns), ("0.99", health.latency_p99_ns)]
             .map(|(quantile, ns)| (with(&labels, "quantile", quantile), ns as f64 * SECOND))
@@ -124,7 +124,7 @@ fn estimates(page: &mut Registry, estimates: &[Estimate]) {
     gauges(page, "softtwin_estimate_alarm", "1 for what has not fitted lately", alarms);
 }
 
-/// The page of a recorder process; `free_bytes`: in the file system that is recorded to.
+/// Metrics of a recorder process; `free_bytes` of its file system.
 pub fn recorder(summary: &RecordSummary, free_bytes: Option<u64>) -> String {
     let mut page = Registry::default();
     let by_topic = summary.messages.iter().map(|(topic, count)| (vec![("topic", topic.clone())], *count));
@@ -157,7 +157,7 @@ pub fn recorder(summary: &RecordSummary, free_bytes: Option<u64>) -> String {
     text(&page)
 }
 
-/// The page of a gateway process: name, help and value of its counters, and how long the slowest message took to be sent, s.
+/// Metrics of a gateway process: name, help and value of its counters, and the longest time to send a message, s.
 pub fn gateway(values: &[(&'static str, &'static str, u64)], longest_send_s: f64) -> String {
     let mut page = Registry::default();
     for (name, help, value) in values {
@@ -171,14 +171,14 @@ pub fn gateway(values: &[(&'static str, &'static str, u64)], longest_send_s: f64
 /// An address of this machine, from the command line.
 ///
 /// # Errors
-/// What is expected instead.
+/// Expected form.
 pub fn loopback(text: &str) -> Result<SocketAddr, String> {
     let address: SocketAddr =
         text.parse().map_err(|_| "expected an address such as 127.0.0.1:9464".to_owned())?;
     if address.ip().is_loopback() {
         Ok(address)
     } else {
-        Err("expected a loopback address: the page has no password; put a proxy before it to reach it from elsewhere".into())
+        Err("expected a loopback address: the endpoint has no password; use a proxy for access from elsewhere".into())
     }
 }
 
@@ -196,8 +196,8 @@ pub fn listen(address: Option<SocketAddr>) -> std::io::Result<Option<TcpListener
     Ok(Some(listener))
 }
 
-/// Serves the page in a thread of the group, if there is a port. `page` is made in that thread, and writes the text anew for each
-/// visitor.
+/// Serves the metrics in a thread of the group, if there is a port. `page` is created in that thread and returns the metrics for
+/// each request.
 ///
 /// # Errors
 /// The system refuses a thread.
@@ -210,7 +210,7 @@ pub fn start<P: FnMut() -> String + 'static>(
     group.start("metrics", move |end| Ok(serve(listener, end.as_atomic(), page())?))
 }
 
-/// The page of a bridge process; devices and valves with the name of their actuator.
+/// Metrics of a bridge process; devices and valves with the name of their actuator.
 pub fn bridge(
     bridge: &BridgeCounters,
     devices: &BridgeDevices,
@@ -231,7 +231,7 @@ pub fn bridge(
         labels.extend((!sensor.is_empty()).then(|| ("sensor", sensor.clone())));
         device.all().map(|(event, count)| (with(&labels, "event", event), count))
     });
-    counters(&mut page, "softtwin_sensor_events", "What became of the sensors' answers", events);
+    counters(&mut page, "softtwin_sensor_events", "Answers of the sensors by outcome", events);
     let events = valves.iter().flat_map(|(actuator, valve)| {
         valve.all().map(|(event, count)| (with(&[("actuator", actuator.clone())], "event", event), count))
     });
@@ -271,11 +271,11 @@ fn text(page: &Registry) -> String {
     let mut text = String::new();
     match encode(&mut text, page) {
         Ok(()) => text,
-        Err(error) => format!("# the page could not be written: {error}\n"),
+        Err(error) => format!("# the metrics could not be written: {error}\n"),
     }
 }
 
-/// Answers requests for the page until `done`. `page` makes the text anew for each; a foreign name in `Host` is refused.
+/// Answers requests for the metrics until `done`. `page` returns them for each request; foreign names in `Host` are refused.
 ///
 /// # Errors
 /// The system refuses what the server needs.

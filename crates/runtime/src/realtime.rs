@@ -13,11 +13,11 @@ pub struct MissingRight {
     pub setting: &'static str,
     /// The system's message.
     pub cause: String,
-    /// What to do.
+    /// Remedy.
     pub remedy: &'static str,
 }
 
-/// What the system granted for as long as this lives, and what it refused.
+/// Real-time settings granted until this is dropped, and the refused ones.
 #[derive(Debug)]
 pub struct Granted {
     /// Refused settings.
@@ -74,7 +74,7 @@ const AWAKE_REMEDY: &str =
 /// Where Linux takes requests for the longest wake-up a core may have, as an i32 in microseconds.
 const CPU_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// Asks that idle cores spin in the kernel instead of sleeping: a sleeping core takes tens of microseconds to wake.
+/// Requests that idle cores poll instead of sleeping: a sleeping core takes tens of microseconds to wake.
 fn stay_awake(device: impl AsRef<Path>) -> std::io::Result<File> {
     let mut request = OpenOptions::new().write(true).open(device)?;
     request.write_all(&0_i32.to_ne_bytes())?;
@@ -96,7 +96,7 @@ pub fn lower_priority() {
 /// The calling thread runs on these cores only, and so do the threads and processes that it starts from now on. Needs no rights.
 ///
 /// # Errors
-/// The system's refusal: none of them exists, or the process may use none.
+/// Operating-system error: no such core, or none permitted.
 pub fn pin(cores: &[usize]) -> std::io::Result<()> {
     // SAFETY: an all-zero cpu_set_t is the empty set; CPU_SET takes numbers below 1024 only; the set lives across the call.
     done(unsafe {
@@ -111,7 +111,7 @@ pub fn pin(cores: &[usize]) -> std::io::Result<()> {
 /// The cores that the calling thread may run on.
 ///
 /// # Errors
-/// The system's refusal.
+/// Operating-system error.
 pub fn cores() -> std::io::Result<Vec<usize>> {
     // SAFETY: the set lives across the call, which fills it; CPU_ISSET takes numbers below 1024 only.
     unsafe {
@@ -132,7 +132,7 @@ fn lock_memory() -> std::io::Result<()> {
     done(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
 }
 
-/// What a system call returned.
+/// Result of a system call from its return code.
 fn done(code: i32) -> std::io::Result<()> {
     if code == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
 }

@@ -1,4 +1,4 @@
-//! What every program that goes on running needs from the system: log, signals, the service manager.
+//! Log, signals and service manager of long-running programs.
 
 use sd_notify::NotifyState;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -57,7 +57,7 @@ fn log_filter(default: &str) -> Targets {
 /// A flag that SIGTERM and SIGINT set. A second signal ends the process immediately, without clean-up.
 ///
 /// # Errors
-/// The system's refusal to handle signals.
+/// The signal handler cannot be installed.
 pub fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGTERM, SIGINT] {
@@ -67,11 +67,10 @@ pub fn stop_flag() -> std::io::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// Ignores what would end a recorder that can go on: SIGXFSZ (a write beyond the limit of a file's size, which fails then
-/// instead).
+/// Ignores SIGXFSZ, so that a write beyond the limit of a file's size fails instead of ending the recorder.
 ///
 /// # Errors
-/// The system's refusal to handle signals.
+/// The signal handler cannot be installed.
 pub fn ignore_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
@@ -80,10 +79,10 @@ pub fn ignore_size_limit() -> std::io::Result<()> {
 #[cfg(target_env = "gnu")]
 const MAPPED_BYTES: libc::c_int = 256 << 10;
 
-/// Keeps what a program holds from growing with what it has freed: called first, by programs that load a model again and again.
+/// Limits the fragmentation of the heap in programs that load models repeatedly; called first.
 ///
-/// The allocator of glibc raises its limit for mapped blocks to the largest that was freed. A model's blocks then lie in the heap,
-/// which hundreds of reloads fragment: the twin held 264 MB after 1,500, and 32 MB with this (`softtwin-studies cycles`).
+/// The allocator of glibc raises its limit for mapped blocks to the largest freed one. A model's blocks are then in the heap,
+/// which reloads fragment: the twin uses 264 MB after 1,500 reloads without this, 32 MB with it (`softtwin-studies cycles`).
 pub fn keep_memory_small() {
     #[cfg(target_env = "gnu")]
     // SAFETY: sets two numbers of the allocator; refused values change nothing.
@@ -96,7 +95,7 @@ pub fn keep_memory_small() {
 /// A flag that SIGHUP sets: read the configuration again.
 ///
 /// # Errors
-/// The system's refusal to handle signals.
+/// The signal handler cannot be installed.
 pub fn reload_flag() -> std::io::Result<Arc<AtomicBool>> {
     let requested = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(SIGHUP, requested.clone())?;
@@ -124,7 +123,7 @@ pub fn notify_ready(status: &str) {
     tracing::info!("ready: {status}");
 }
 
-/// Started as far as it depends on this program; the status line says what it waits for.
+/// Notifies the service manager that the program has started; the status line contains what it waits for.
 pub fn notify_started(status: &str) {
     notify_manager(&[NotifyState::Ready, NotifyState::Status(status)]);
 }

@@ -1,4 +1,4 @@
-//! Services beside the twin's loop, each in a thread and with shared-memory ports of its own: the loop knows nothing of them.
+//! Services of the twin in separate threads with their own shared-memory ports; the twin's loop is not involved.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
@@ -10,7 +10,7 @@ const MAX_WAIT: Duration = Duration::from_millis(100);
 
 /// A service that runs until it is stopped, and takes other models while it runs.
 pub trait SideService: Sized {
-    /// What it needs in memory.
+    /// Models of the service.
     type Model: Send;
 
     /// Name of its thread, and in the log.
@@ -31,7 +31,7 @@ pub trait SideService: Sized {
     /// The failures of the ports.
     fn turn(&mut self, max_wait: Duration) -> Result<(), WireError>;
 
-    /// Serves until `stop`; takes `models` between two turns.
+    /// Serves until `stop`; takes `models` between two iterations.
     fn run(&mut self, stop: &AtomicBool, models: &Receiver<Self::Model>) {
         while !stop.load(Ordering::Relaxed) {
             if let Err(error) = self.turn(MAX_WAIT) {
@@ -40,7 +40,7 @@ pub trait SideService: Sized {
             }
             if models.try_recv().is_ok_and(|model| !self.replace(model)) {
                 tracing::error!(
-                    "{}: the new scene has other actuators; the old models stay, start the twin anew",
+                    "{}: the new scene has other actuators; the old models stay, restart the twin",
                     Self::NAME
                 );
             }

@@ -56,13 +56,13 @@ impl BridgeReloader {
         let (running, new) = (shape(&self.scene), shape(&scene));
         if running != new {
             return Err(format!(
-                "the scene has {new}, this bridge runs {running}; start the bridge anew for that"
+                "the scene has {new}, this bridge runs {running}; restart the bridge for that"
             ));
         }
         let mut valves = self.scene.actuators.iter().zip(&scene.actuators);
         if let Some((actuator, _)) = valves.find(|(old, new)| old.valve != new.valve) {
             let name = &actuator.name;
-            return Err(format!("the valve of `{name}` has other settings; start the bridge anew for that"));
+            return Err(format!("the valve of `{name}` has other settings; restart the bridge for that"));
         }
         let whole = scene.clone();
         let has_changed: Vec<bool> = self.scene.actuators.iter().zip(&scene.actuators).map(differ).collect();

@@ -1,4 +1,4 @@
-//! A program's place in a domain, and what else is there.
+//! Membership of a program in a shared-memory domain, and the domain's topics.
 
 use crate::leftover::{Places, Watch};
 use crate::port::retry::{self, Refusal};
@@ -34,11 +34,11 @@ impl Drop for Member {
     }
 }
 
-/// How long joining waits for others that are just creating something, before it goes on without a full clean-up. Needed
-/// space is then made when it is missing, see `port::retry`.
+/// Time that opening a bus waits for programs that create resources, before it continues without a full clean-up. Missing space
+/// is freed on demand, see `port::retry`.
 const SWEEP_PATIENCE: Duration = Duration::from_millis(200);
 
-/// One topic as found in the domain.
+/// Topic found in the shared-memory domain.
 #[derive(Debug, Clone)]
 pub struct TopicInfo {
     /// The topic.
@@ -89,7 +89,7 @@ impl Bus {
     }
 
     /// All topics whose name `key` matches, sorted by name. Reads the management files and writes none: for programs that
-    /// look again and again.
+    /// poll.
     ///
     /// # Errors
     /// [`WireError::List`] when the management files cannot be read.
@@ -128,17 +128,17 @@ impl Bus {
         self.places.sweep(timeout)
     }
 
-    /// What joining removed after dead programs.
+    /// Files of dead programs that were removed when the bus was opened.
     pub fn removed(&self) -> Removed {
         self.removed
     }
 
-    /// The files of this program in the domain, to look whether they are still there.
+    /// Files of this program, to check that they still exist.
     pub fn own_files(&self) -> OwnFiles {
         OwnFiles::new(&self.places.root, self.places.writer_locks())
     }
 
-    /// Folder of the domain's management files.
+    /// Folder of the management files.
     pub fn folder(&self) -> PathBuf {
         self.places.root.clone()
     }

@@ -6,8 +6,8 @@ use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
 
 /// Longest path of a socket: `sun_path` has 108 bytes, the last is zero.
 const SOCKET_PATH_BYTES: usize = 107;
-/// Behind folder and prefix a socket's name has a slash, a number of 128 bits (39 digits) and `.event`. All other names of
-/// a domain have more room: a file name may have 255 bytes, of which 90 come behind the prefix.
+/// Behind folder and prefix a socket's name has a slash, a number of 128 bits (39 digits) and `.event`. All other names
+/// may be longer: a file name may have 255 bytes, of which 90 follow the prefix.
 const MAX_NAME_BYTES: usize = SOCKET_PATH_BYTES - 1 - 39 - ".event".len();
 
 /// A shared-memory domain: programs of different domains do not see one another.
@@ -28,12 +28,12 @@ impl Default for Domain {
 }
 
 impl Domain {
-    /// A domain with a name: prefix `iox2_<name>_`, default root.
+    /// Named shared-memory domain: prefix `iox2_<name>_`, default root.
     pub fn named(name: &str) -> Self {
         Self { prefix: format!("iox2_{name}_"), root: None }
     }
 
-    /// The domain that the environment asks for: `SOFTTWIN_DOMAIN` is its name, `SOFTTWIN_ROOT` its folder.
+    /// Shared-memory domain of the environment: `SOFTTWIN_DOMAIN` is its name, `SOFTTWIN_ROOT` its folder.
     pub fn from_env() -> Self {
         let mut domain = match std::env::var("SOFTTWIN_DOMAIN") {
             Ok(name) if !name.is_empty() => Self::named(&name),
@@ -43,7 +43,7 @@ impl Domain {
         domain
     }
 
-    /// A domain nobody else is in: for tests and examples that must not meet each other.
+    /// Unique shared-memory domain, for tests and examples that run in parallel.
     pub fn isolated(label: &str) -> Self {
         use std::sync::atomic::{AtomicU32, Ordering};
         static NEXT: AtomicU32 = AtomicU32::new(0);
@@ -53,11 +53,11 @@ impl Domain {
         Self::named(&format!("{label}_{}_{moment:x}_{number}", std::process::id()))
     }
 
-    /// Removes the counter segment that outlives the last program of a domain: for domains that were made for one
-    /// run (a test, a demonstration) and that everybody has left. Returns how many files went.
+    /// Removes the counter segment that outlives the last program, for a shared-memory domain of one run (a test, a
+    /// demonstration) after the end of all its programs. Returns the number of removed files.
     ///
     /// # Errors
-    /// The system's refusal to list or to remove.
+    /// I/O errors.
     pub fn remove_leftovers(&self) -> std::io::Result<usize> {
         let places = self.places().map_err(std::io::Error::other)?;
         let counters = places.counter_segments();
@@ -65,8 +65,8 @@ impl Domain {
         Ok(counters.len())
     }
 
-    /// iceoryx2's configuration for this domain. The host's configuration file is ignored on purpose: quality of service
-    /// is fixed in this crate, and two programs of one domain must agree.
+    /// iceoryx2's configuration. The host's configuration file is ignored on purpose: quality of service is fixed in this crate,
+    /// and all programs of one shared-memory domain must agree.
     fn config(&self) -> Result<Config, WireError> {
         let bad = |what: &'static str, value: &str| WireError::BadDomain { what, value: value.to_owned() };
         let mut config = Config::default();
@@ -78,10 +78,10 @@ impl Domain {
         Ok(config)
     }
 
-    /// Where the files of this domain are.
+    /// Places of the files.
     ///
     /// # Errors
-    /// [`WireError::BadDomain`] and [`WireError::LongDomain`] when they cannot be there.
+    /// [`WireError::BadDomain`] and [`WireError::LongDomain`] for invalid paths.
     pub(crate) fn places(&self) -> Result<Places, WireError> {
         let given = self.root.as_ref().map_or(0, String::len);
         // Before iceoryx2 sees the names: it ends the program when they do not fit.

@@ -8,22 +8,24 @@ pub enum WireError {
         "`{found}` cannot name {what}: expected 1 to 31 letters, digits, `_` or `-` (no `/`, no wildcard)"
     )]
     BadName {
-        /// What was to be named.
+        /// Kind of the name.
         what: &'static str,
         /// The name given.
         found: String,
     },
-    /// A domain that cannot become file names.
-    #[error("the domain's {what} `{value}` cannot be used in file names; use letters, digits, `_`, `-`")]
+    /// A shared-memory domain whose names are no valid file names.
+    #[error(
+        "the shared-memory domain's {what} `{value}` cannot be used in file names; use letters, digits, `_`, `-`"
+    )]
     BadDomain {
         /// `prefix` or `root`.
         what: &'static str,
         /// The value given.
         value: String,
     },
-    /// A domain whose names do not fit into the paths that the system allows.
+    /// A shared-memory domain whose paths are too long.
     #[error(
-        "the domain's folder `{root}` and its prefix `{prefix}` have {found} bytes together, at most {allowed} are allowed (sockets in that folder have paths of at most 107 bytes); choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
+        "the shared-memory domain's folder `{root}` and its prefix `{prefix}` have {found} bytes together, at most {allowed} are allowed (sockets in that folder have paths of at most 107 bytes); choose a shorter SOFTTWIN_ROOT or SOFTTWIN_DOMAIN"
     )]
     LongDomain {
         /// Prefix of all names.
@@ -37,7 +39,7 @@ pub enum WireError {
     },
     /// A program holds the start lock and does not go on.
     #[error(
-        "{path}: another program removes leftovers of this domain and has not finished within {waited_ms} ms; is it stopped? `lslocks` shows which one holds this file"
+        "{path}: another program removes leftover files and has not finished within {waited_ms} ms; is it stopped? `lslocks` shows which one holds this file"
     )]
     StartLocked {
         /// The lock file.
@@ -50,23 +52,23 @@ pub enum WireError {
         "{name}: no more files can be opened ({cause}; the limit of this process is {limit}); raise `LimitNOFILE=` of the unit or `ulimit -n`, or open fewer topics"
     )]
     TooManyFiles {
-        /// What was to be opened.
+        /// Name of the topic or service.
         name: String,
-        /// The system's text.
+        /// Message of the operating system.
         cause: String,
         /// The process's limit.
         limit: u64,
     },
-    /// A file system of the domain has no room for another file.
+    /// A file system of the shared-memory domain has no space for another file.
     #[error(
         "{name}: no file can be made in {folder}: {cause}; remove files there, or mount it with more (`df -i`, `df -h`)"
     )]
     NoFiles {
-        /// What was to be opened.
+        /// Name of the topic or service.
         name: String,
         /// The folder.
         folder: String,
-        /// What is used up.
+        /// Exhausted resource.
         cause: String,
     },
     /// All client slots taken.
@@ -95,7 +97,7 @@ pub enum WireError {
     },
     /// Nothing of that name.
     #[error(
-        "{topic}: nothing is there; is the bridge or twin running in this domain? `softtwin list` shows what is"
+        "{topic}: the topic does not exist; is the bridge or twin running in this shared-memory domain? `softtwin list` shows the topics"
     )]
     NoSuchTopic {
         /// The topic.
@@ -132,7 +134,7 @@ pub enum WireError {
     },
     /// The topic could not be opened within the time for it, although nothing forbids it.
     #[error(
-        "{topic}: could not be opened within {tries} tries ({cause}); another program is creating or removing it, or one of its files is damaged: try again, then stop all programs of this domain and empty its folder"
+        "{topic}: could not be opened within {tries} tries ({cause}); another program is creating or removing it, or one of its files is damaged: try again, then stop all programs of this shared-memory domain and empty its folder"
     )]
     InFlux {
         /// The topic.
@@ -159,7 +161,7 @@ pub enum WireError {
         topic: String,
         /// Bytes the port needs.
         needed_bytes: u64,
-        /// The system's text.
+        /// Message of the operating system.
         cause: String,
     },
     /// Loan refused: readers hold more samples than agreed, or the port broke.
@@ -189,18 +191,18 @@ pub enum WireError {
     /// Waiting failed.
     #[error("waiting for events failed: {cause}")]
     Wait {
-        /// The system's text.
+        /// Message of the operating system.
         cause: String,
     },
     /// Listing failed.
-    #[error("the topics of the domain cannot be listed: {cause}")]
+    #[error("the topics cannot be listed: {cause}")]
     List {
         /// iceoryx2's name of the failure.
         cause: String,
     },
     /// No twin answers questions for that actuator.
     #[error(
-        "{name}: no twin answers questions there; is the twin running in this domain, and does its scene say `queries = \"off\"`?"
+        "{name}: no twin answers queries; is the twin running in this shared-memory domain, and does its scene have `queries = \"off\"`?"
     )]
     NobodyAnswers {
         /// The service.
@@ -215,7 +217,7 @@ pub enum WireError {
         timeout_ms: u64,
     },
     /// A field payload that does not fit its header.
-    #[error("{topic}: {found} entries, but the header promises {nodes} nodes x {fields} fields")]
+    #[error("{topic}: {found} entries, but the header has {nodes} nodes x {fields} fields")]
     FieldShape {
         /// The topic.
         topic: String,

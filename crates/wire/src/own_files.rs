@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Files that a program keeps open while it is in a domain. May be sent to another thread.
+/// Files that a program keeps open while its bus is open. May be sent to another thread.
 #[derive(Debug, Clone)]
 pub struct OwnFiles {
     folder: PathBuf,
@@ -13,21 +13,21 @@ pub struct OwnFiles {
 
 /// A descriptor that another thread is about to close shows a removed file, too; it is gone after this time.
 const SECOND_LOOK: Duration = Duration::from_millis(20);
-/// What the kernel appends to the name of an open file that was removed.
+/// Suffix of the name of an open file that was removed.
 const REMOVED: &str = " (deleted)";
 
 impl OwnFiles {
-    /// `folder` is the domain's, `writer_locks` the beginning of the paths of writers' lock files.
+    /// `folder` holds the management files; `writer_locks` is the beginning of the paths of writers' lock files.
     pub(crate) fn new(folder: &Path, writer_locks: String) -> Self {
         // The kernel names open files by their real path.
         let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         Self { folder, writer_locks }
     }
 
-    /// The files of this program that somebody removed, for example a program that cleans temporary folders. As long as it
-    /// has any, no other program finds the topics that this one writes: it should say so and end, to be started again.
+    /// Removed files of this program, for example by a cleaner of temporary folders. If there are any, no other program finds
+    /// this one's topics: it should report them and end, to be restarted.
     ///
-    /// Costs some 100 us, and 20 ms more when something is gone. For once a second, not for a real-time thread.
+    /// Takes about 100 us, and 20 ms more if a file is missing. For calls once a second, not for a real-time thread.
     pub fn removed(&self) -> Vec<PathBuf> {
         let first = self.removed_now();
         if first.is_empty() {

@@ -7,7 +7,7 @@ use std::fmt;
 /// First chunk of every name.
 pub const ROOT: &str = "softtwin";
 
-/// What a topic carries.
+/// Payload kind of a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TopicKind {
     /// Readings: [`crate::SensorSample`].
@@ -20,15 +20,15 @@ pub enum TopicKind {
     Health,
     /// Whether a gripper holds its object: [`crate::Grasp`]. The second chunk is the scene's name.
     Grasp,
-    /// What a controller wants of a pressure source: [`crate::Command`].
+    /// Pressure wanted by a controller: [`crate::Command`].
     Command,
     /// Estimated quantities: [`crate::Estimate`].
     Estimate,
-    /// What the owner of a valve wants: [`crate::Setpoint`].
+    /// Setpoint of a valve's owner: [`crate::Setpoint`].
     Setpoint,
-    /// What an operator wants of a valve: [`crate::Setpoint`].
+    /// Override of a valve by an operator: [`crate::Setpoint`].
     Override,
-    /// What a valve was told: [`crate::Valve`].
+    /// State and written value of a valve: [`crate::Valve`].
     Valve,
 }
 
@@ -187,7 +187,7 @@ impl Topic {
         &self.actuator
     }
 
-    /// What it carries.
+    /// Payload kind.
     pub fn kind(&self) -> TopicKind {
         self.kind
     }

@@ -1,4 +1,4 @@
-//! Reading configuration files, and what is wrong with them.
+//! Reading of configuration files and their errors.
 
 use crate::file;
 use serde::de::DeserializeOwned;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 pub struct ConfigError {
     /// The file.
     pub path: PathBuf,
-    /// Everything that is wrong with it.
+    /// All errors in it.
     pub problems: Vec<String>,
 }
 
@@ -51,8 +51,8 @@ pub fn collect<'a, T>(
     for (actuator, result) in results {
         match result {
             Ok(value) => found.push(value),
-            Err(texts) => {
-                problems.extend(texts.into_iter().map(|text| format!("actuator `{actuator}`: {text}")))
+            Err(errors) => {
+                problems.extend(errors.into_iter().map(|error| format!("actuator `{actuator}`: {error}")))
             }
         }
     }

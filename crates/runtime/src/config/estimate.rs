@@ -1,4 +1,4 @@
-//! What an actuator's twin estimates, from which sensors, and how good these are.
+//! Estimated quantities of an actuator, and the noise of its sensors.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use wire::layout::MARKERS_MAX;
 /// Estimated quantities by name: a model input (`gap_mm`, `"elastomer.law.mu_mpa"`), `pressure_bias_mpa`, `force_bias_n`.
 pub type EstimateSpec = BTreeMap<String, UnknownSpec>;
 
-/// What is known of an estimated quantity before any reading, in its own unit.
+/// Prior of an estimated quantity, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UnknownSpec {
@@ -20,24 +20,24 @@ pub struct UnknownSpec {
     pub drift: f64,
 }
 
-/// Standard deviations of the sensors' noise, and how long the model's own error stays alike.
+/// Standard deviations of the sensors' noise and of the model, and the correlation time of the model's error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SigmaSpec {
-    /// Of a pressure reading, MPa.
+    /// Standard deviation of a pressure reading, MPa.
     pub pressure_mpa: f64,
-    /// Of the change of the pressure's rate within a second, MPa/s: field and force are then those of the pressure by all readings, as
-    /// long as that allows. Absent: of each reading alone.
+    /// Standard deviation of the change of the pressure's rate in a second, MPa/s: field and force then belong to the pressure
+    /// estimated from all readings. Default: the pressure of each reading alone.
     pub pressure_rate_mpa_per_s: Option<f64>,
-    /// Of a gap reading, mm.
+    /// Standard deviation of a gap reading, mm.
     pub gap_mm: f64,
-    /// Of a load cell's reading, N.
+    /// Standard deviation of a load cell's reading, N.
     pub force_n: f64,
-    /// Of a marker's coordinate, mm.
+    /// Standard deviation of a marker's coordinate, mm.
     pub marker_mm: f64,
-    /// Of the model's force, N; default: from the model's half-width, which does not contain the error of its mesh.
+    /// Standard deviation of the model's force, N; default: from the model's half-width, which excludes the error of its mesh.
     pub model_force_n: Option<f64>,
-    /// Of the model's positions, mm; default as above.
+    /// Standard deviation of the model's positions, mm; default as above.
     pub model_mm: Option<f64>,
     /// Time over which the model's error stays alike, s: readings within it do not average it out.
     pub model_correlation_s: f64,
@@ -98,7 +98,7 @@ pub const BIASES: [&str; 2] = [PRESSURE_BIAS, "force_bias_n"];
 /// The pressure gauge's bias: where it is estimated, so is the pressure.
 pub(crate) const PRESSURE_BIAS: &str = "pressure_bias_mpa";
 
-/// What is wrong with the estimation of an actuator, as far as the scene alone can tell.
+/// Errors in the estimation of an actuator that the scene alone shows.
 pub(super) fn problems(
     place: &str,
     estimate: &EstimateSpec,

@@ -1,4 +1,4 @@
-//! Where the values of a model's inputs beside pressure and gap come from.
+//! Sources of the values of a model's inputs other than pressure and gap.
 
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,7 +19,7 @@ pub enum Measured {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum InputFrom {
-    /// `thickness_mm = 7.3`: the scene says it.
+    /// `thickness_mm = 7.3`: given in the scene.
     Given(f64),
     /// `load_n = "measured"`: every reading has it, any value can occur.
     Measured(Measured),
@@ -54,7 +54,7 @@ impl InputFrom {
         }
     }
 
-    /// What is known of its values where it is measured.
+    /// Range and noise of a measured input; `None` for a given one.
     pub fn measured(self) -> Option<WithinSpec> {
         match self {
             Self::Given(_) => None,
@@ -64,7 +64,7 @@ impl InputFrom {
     }
 }
 
-/// Everything that is wrong with the inputs of an actuator; `is_estimated` knows what it estimates.
+/// All errors in the inputs of an actuator; `is_estimated` is true for estimated ones.
 pub(super) fn problems(
     place: &str,
     inputs: &InputSpecs,
@@ -86,7 +86,7 @@ pub(super) fn problems(
         let sigma = sigma.unwrap_or(1.0);
         expect(sigma.is_finite() && sigma > 0.0, "a sigma above 0", sigma.to_string());
         let own = ["pressure_mpa", "gap_mm"].contains(&name.as_str());
-        expect(!own, "an input beside pressure and gap, which need no word here", name.clone());
+        expect(!own, "an input other than pressure and gap", name.clone());
         expect(!is_estimated(name), "an input that is either measured or estimated", "both".into());
         let mut end = [0; 32];
         set_slot(&mut end, 0, name);
@@ -107,7 +107,7 @@ mod tests {
         inputs: InputSpecs,
     }
 
-    fn told(text: &str) -> Vec<String> {
+    fn problems_of(text: &str) -> Vec<String> {
         let table: Table = toml::from_str(&format!("[inputs]\n{text}")).expect("inputs");
         let mut found = Vec::new();
         problems("a", &table.inputs, |name| name == "mu_mpa", &mut found);
@@ -130,20 +130,20 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_told() {
+    fn impossible_inputs_are_named() {
         for (wrong, text) in [
             ("a_n = nan", "expected a number, found NaN"),
             ("a_n = { min = 2, max = 1 }", "expected min below max, found 2 .. 1"),
             ("a_n = { sigma = 0 }", "expected a sigma above 0, found 0"),
             ("mu_mpa = \"measured\"", "either measured or estimated, found both"),
         ] {
-            let found = told(wrong);
+            let found = problems_of(wrong);
             assert!(found.len() == 1 && found[0].contains(text), "{wrong}: {found:?}");
         }
         let alike = ["a", "b"].map(|first| format!("{first}{} = \"measured\"\n", "x".repeat(31)));
-        assert!(told(&alike.concat())[0].contains("last 31 letters"));
+        assert!(problems_of(&alike.concat())[0].contains("last 31 letters"));
         let many: String = (0..7).map(|at| format!("x{at}_n = \"measured\"\n")).collect();
-        assert!(told(&many)[0].contains("at most 6 measured, found 7"));
-        assert_eq!(told("a_n = 1\nb_n = \"measured\"\nmu_mpa = 0.7\n"), Vec::<String>::new());
+        assert!(problems_of(&many)[0].contains("at most 6 measured, found 7"));
+        assert_eq!(problems_of("a_n = 1\nb_n = \"measured\"\nmu_mpa = 0.7\n"), Vec::<String>::new());
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Coulomb friction at `n` fingers that push with `F` each carries `n mu F`; the object of mass `m` is held with safety `s`
 //! when `n mu F >= s m g` (the paper's section on the gripper, there with `s = 1`). The smallest finger force counts for all.
-//! A thread of its own reads the fingers' states: the twin's loop knows nothing of it.
+//! A separate thread reads the fingers' states; the twin's loop is not involved.
 
 use crate::config::{self, ActuatorSpec, ConfigError, GraspSpec, Scene};
 use crate::query::Answerer;
@@ -16,7 +16,7 @@ use wire::{
 
 /// Acceleration of gravity, m/s2, as in the actuators' own finite elements.
 pub const GRAVITY_M_S2: f64 = 9.81;
-/// The stop point is found anew when the gap has changed by more, mm.
+/// Change of the gap, mm, from which on the stop point is computed again.
 const GAP_CHANGE_MM: f64 = 0.01;
 
 /// Force that each of `fingers` fingers must bring, N: `s m g / (n mu)`.
@@ -65,7 +65,7 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
         grasp.flags |= state.flags;
         grasp.t_sensor_ns = grasp.t_sensor_ns.min(state.t_sensor_ns);
         least_n = least_n.min(state.contact_force_n);
-        halfwidth_n = halfwidth_n.max(f64::from(state.force_halfwidth_n)); // NaN (half-widths off) is passed over
+        halfwidth_n = halfwidth_n.max(f64::from(state.force_halfwidth_n)); // NaN (half-widths off) is ignored
     }
     if grasp.t_sensor_ns == u64::MAX {
         grasp.t_sensor_ns = 0;
@@ -86,7 +86,7 @@ pub fn evaluate(spec: &GraspSpec, states: &[Option<State>]) -> Grasp {
     grasp
 }
 
-/// What the grasp of a scene needs in memory; loaded before anything is bound.
+/// Models of a scene's grasp, loaded before any topic is created.
 #[derive(Debug)]
 pub struct GraspModel {
     scene: String,
@@ -118,7 +118,7 @@ impl GraspModel {
         needed_force_n(&self.spec, self.fingers.len())
     }
 
-    /// The grasp with all fingers at one pressure; `gap_mm` stands in as in [`Self::stop_point`].
+    /// The grasp with all fingers at one pressure; `gap_mm` is the default as in [`Self::stop_point`].
     pub fn at(&mut self, pressure_mpa: f64, gap_mm: f64) -> Grasp {
         let gaps_mm = vec![gap_mm; self.fingers.len()];
         let states: Vec<Option<State>> = self
@@ -139,7 +139,7 @@ impl GraspModel {
     }
 
     /// The pressure at which all fingers hold the object, at the gap each of them has: the highest of their stop points.
-    /// `gaps_mm` stands in where a finger's gap is neither fixed by the scene nor by the model.
+    /// `gaps_mm` are the defaults for fingers whose gap is fixed neither by the scene nor by the model.
     pub fn stop_point(&mut self, gaps_mm: &[f64]) -> StopPoint {
         let needed_n = self.needed_force_n();
         let mut stop = StopPoint { pressure_mpa: f64::NEG_INFINITY, halfwidth_mpa: 0.0 };
@@ -198,7 +198,7 @@ impl SideService for GraspService {
         let same = self.model.scene == model.scene && names(&self.model) == names(&model);
         if same {
             self.model = model;
-            // The stop point belongs to the model: it is computed anew with the next states.
+            // The stop point depends on the model: it is computed again with the next states.
             self.stop_gaps_mm.fill(f64::NAN);
         }
         same

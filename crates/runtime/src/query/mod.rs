@@ -1,4 +1,4 @@
-//! Answers to questions about a scene's actuators, in a thread of their own: the twin's loop knows nothing of them.
+//! Answers to queries about a scene's actuators, in a separate thread; the twin's loop is not involved.
 //!
 //! Every actuator gets a second model in memory: the small part always, the basis only where the scene has
 //! `queries = "fields"`.
@@ -22,8 +22,7 @@ use std::time::{Duration, Instant};
 use wire::layout::{pack_name, query_kind, unpack_name};
 use wire::{Answer, Bus, Query, QueryServer, QueryStatus, State, WakeSet, Wakeable, WireError};
 
-/// Questions of one actuator answered in one turn: a flood must not keep the service from its stop flag or from the other
-/// actuators.
+/// Largest number of queries of one actuator per iteration, so that a flood delays neither the stop flag nor other actuators.
 const MAX_BATCH: usize = 64;
 
 /// One actuator's model, ready to answer.
@@ -32,12 +31,11 @@ pub struct Answerer {
     name: String,
     model_hash: [u8; 16],
     solver: Solver,
-    /// The gap that stands in when a question names none; none: it must.
+    /// Default gap; `None` if every query must name one.
     default_gap_mm: Option<f64>,
-    /// The pressure that stands in when a question names none: any, where the model does not depend on it; else none.
+    /// Default pressure: any value if the model does not depend on it; otherwise `None`.
     default_pressure_mpa: Option<f64>,
-    /// Names of the inputs, and the parameters' values that stand in when a question names none; NaN for one that is measured:
-    /// the question must.
+    /// Names of the inputs, and default values of the parameters; NaN for a measured one, which every query must name.
     names: InputNames,
     inputs: Inputs,
     measured: MeasuredInputs,
@@ -106,7 +104,7 @@ impl Answerer {
         self.solver
     }
 
-    /// The gap that stands in when none is given, mm.
+    /// Default gap, mm.
     pub fn default_gap_mm(&self) -> Option<f64> {
         self.default_gap_mm
     }
@@ -159,7 +157,7 @@ impl Answerer {
     fn find(&mut self, query: &Query) -> Result<(f64, f64, Option<Solution>), NoSolution> {
         let refuse = |status| Err(NoSolution { status, limit: f64::NAN });
         let gap_mm = if query.gap_mm.is_nan() { self.default_gap_mm } else { Some(query.gap_mm) };
-        // No obstacle is a gap without end.
+        // No obstacle is an infinite gap.
         let gap_mm = gap_mm.or((query.kind == query_kind::WHATIF).then_some(f64::INFINITY));
         let (asked_mpa, force_n) = (query.pressure_mpa, query.force_n);
         let pressure_mpa =
@@ -244,7 +242,7 @@ fn ranges(header: &ModelHeader) -> [[f64; 2]; 2] {
 pub struct QueryService {
     served: Vec<(QueryServer, Answerer)>,
     wake: WakeSet,
-    /// Questions may wait that nobody will be woken for.
+    /// True if queries may wait without a pending event.
     has_more: bool,
 }
 
@@ -284,7 +282,7 @@ impl SideService for QueryService {
 
     /// Waits for questions and answers them. What cannot be sent is logged; its client runs into the time-out.
     fn turn(&mut self, max_wait: Duration) -> Result<(), WireError> {
-        // Questions beyond the batch of the last turn have woken nobody again.
+        // Queries beyond the last batch cause no further event.
         let max_wait = if std::mem::take(&mut self.has_more) { Duration::ZERO } else { max_wait };
         self.wake.wait(max_wait)?;
         for (server, answerer) in &mut self.served {

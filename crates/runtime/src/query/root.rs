@@ -3,16 +3,15 @@
 
 /// Steps that close a bracket in. Every third one halves it, which alone reaches neighbouring numbers.
 const STEPS: usize = 200;
-/// A search ends early when the target is met to this share of the tolerance. It may not be: a function that is a sum of
-/// large terms is only known to their rounding.
+/// Fraction of the tolerance at which a search ends early. Rounding of large terms may prevent it.
 const ENOUGH: f64 = 0.01;
 
-/// What is searched for.
+/// Target of a search.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target {
     /// The value to be met.
     pub value: f64,
-    /// By how much it may be missed, same unit.
+    /// Tolerance, in the same unit.
     pub tolerance: f64,
 }
 

@@ -1,9 +1,9 @@
 //! The inverse questions: which pressure gives a force, which gap explains one.
 //!
-//! Both are one equation in one unknown, `F(P, gap) = F*`, along a line through the sampled states in contact. Their domain
-//! is convex, so the line meets it in one interval; the interval is found first, then sampled, and the first crossing of
-//! `F*` along it is closed in. An answer is a [`Root`]: the model gave the force back there. Half-widths follow to first
-//! order: `dP = dF / (dF/dP)`, `dgap = dF / |dF/dgap|`.
+//! Both are one equation in one unknown, `F(P, gap) = F*`, along a line through the contact training range. The range is
+//! convex, so the line meets it in one interval. The interval is found first, then sampled, and the first crossing of `F*` is
+//! bracketed. An answer is a [`Root`], where the model reproduces the force. Half-widths follow to first order:
+//! `dP = dF / (dF/dP)`, `dgap = dF / |dF/dgap|`.
 
 use super::root::{Root, Sample, Target, first_root};
 use rom::evaluation::Evaluation;
@@ -16,13 +16,13 @@ use wire::QueryStatus;
 
 /// Intervals between the samples of a line; the force is smooth, so crossings that come in pairs within one are too.
 const GRID: usize = 24;
-/// Steps that find the domain along a line; each leaves two thirds.
+/// Steps that find the training range along a line; each leaves two thirds.
 const THIRDS: usize = 60;
 /// Steps that find one of its ends, to the last digits of a number.
 const HALVES: usize = 60;
 /// Steps that find the nearest gap with samples, to a millionth of the way.
 const NEAREST: usize = 20;
-/// So far inside the sampled gaps, as a share of them, rounding cannot take a state out.
+/// Margin inside the sampled gaps, as a fraction of them, against rounding.
 const NEARBY: f64 = 1e-6;
 /// A force is met when it differs by less, N: above the rounding of the model's sums, far below its half-widths.
 const TOLERANCE_N: f64 = 1e-7;
@@ -96,10 +96,10 @@ impl Solver {
         self.evaluator.has_regime(self.evaluation.regime)
     }
 
-    /// Gives the parameters the values of a state for all that follows; NaN leaves one as it is.
+    /// Sets the parameters to the values of a state; NaN leaves a parameter unchanged.
     ///
     /// # Errors
-    /// The free model sinks at no pressure there; the values before stand.
+    /// The free model sinks at no pressure there; the previous values are kept.
     pub(super) fn give(&mut self, inputs: &Inputs) -> Result<(), ModelError> {
         self.evaluator.give(inputs, &mut self.evaluation)
     }
@@ -237,14 +237,14 @@ impl Solver {
         self.distance(line, at).is_finite() && self.evaluation.domain == DomainStatus::Inside
     }
 
-    /// The part of a line between two places, in their order, that lies in the domain of contact.
+    /// Part of a line between two places, in their order, inside the contact training range.
     fn sampled(&mut self, line: Line, [from, to]: [f64; 2]) -> Option<[f64; 2]> {
         let inside = self.inside(line, from, to)?;
         Some([self.edge(line, inside, from), self.edge(line, inside, to)])
     }
 
-    /// A place in the domain: the distance to a convex domain is convex, so the third with the larger distance is left out
-    /// until one is inside, or what is left is shorter than the way to the domain.
+    /// A place inside the training range. The distance to a convex range is convex, so the third with the larger distance is left
+    /// out until a place is inside, or the rest is shorter than the distance.
     fn inside(&mut self, line: Line, from: f64, to: f64) -> Option<f64> {
         if let Some(end) = [from, to].into_iter().find(|end| self.is_sampled(line, *end)) {
             return Some(end);
@@ -273,7 +273,7 @@ impl Solver {
         None
     }
 
-    /// The last place of the domain on the way from one inside to `end`.
+    /// Last place inside the training range on the way from an inside one to `end`.
     fn edge(&mut self, line: Line, inside: f64, end: f64) -> f64 {
         if self.is_sampled(line, end) {
             return end;

@@ -11,7 +11,7 @@ use rom::reconstructor::Reconstructor;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SwapError {
     /// Other actuators, or sensors, than before.
-    #[error("the scene has the actuators {new}, this twin runs {running}; start the twin anew for that")]
+    #[error("the scene has the actuators {new}, this twin runs {running}; restart the twin for that")]
     Actuators {
         /// Running.
         running: String,
@@ -21,7 +21,7 @@ pub enum SwapError {
     /// Other field topics than before, or other sizes of their samples.
     #[error(
         "`{actuator}`: the new scene or model has the outputs {new}, this twin runs {running}; readers hold memory of \
-         that size: start the twin anew"
+         that size: restart the twin"
     )]
     Outputs {
         /// The actuator.

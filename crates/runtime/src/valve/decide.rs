@@ -1,4 +1,5 @@
-//! What a valve is told: from setpoint, override and the twin's state to one value with its reason. Pure; allocates nothing.
+//! Decision on a valve's pressure: from setpoint, override and the twin's state to one value with its reason. Pure, without
+//! allocation.
 
 use super::spec::ValveSpec;
 use wire::layout::{domain_status, flags, valve_interlock, valve_limit, valve_reason};
@@ -7,12 +8,12 @@ use wire::{Setpoint, State};
 /// A setpoint that is stamped later than now by more than this is not one of this machine's clock (ns).
 const AHEAD_NS: u64 = 100_000_000;
 
-/// What is to be written, and why.
+/// Value to be written, with its reason.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decision {
     /// The value, MPa; within the range.
     pub pressure_mpa: f64,
-    /// What setpoint or override want, MPa; NaN: there is none.
+    /// Pressure of setpoint or override, MPa; NaN without both.
     pub wanted_mpa: f64,
     /// One of `wire::layout::valve_reason`.
     pub reason: u32,
@@ -34,7 +35,7 @@ pub struct Governor {
     force_max_n: f64,
     needs_force: bool,
     stop_on_mismatch: bool,
-    /// What the device has, as far as is known, and since when.
+    /// Last known pressure of the device, and its time.
     last_mpa: f64,
     last_ns: u64,
     /// The force was beyond its limit in this run of the owner.
@@ -42,7 +43,7 @@ pub struct Governor {
 }
 
 impl Governor {
-    /// A governor whose device stands at its safe value.
+    /// Governor of a device at its safe value.
     pub fn new(spec: &ValveSpec, now_ns: u64) -> Self {
         let ns = |ms: f64| (ms * 1e6) as u64;
         Self {

@@ -1,5 +1,5 @@
-//! The devices that a valve is behind. A write is confirmed by the device, or it failed; after a failure the connection is
-//! made anew, so that a late answer is not taken for the next one.
+//! Devices of valves. A write succeeds only with the device's confirmation; after a failure the connection is reopened, so that
+//! a late answer is not taken for the next one.
 
 use super::spec::{IioValve, LinesValve, ModbusValve, ValveSpec};
 use crate::source::{ModbusConnection, Quantity, SerialSpec};
@@ -31,8 +31,8 @@ trait Port: AsyncRead + AsyncWrite + Unpin + Send {}
 impl<T: AsyncRead + AsyncWrite + Unpin + Send> Port for T {}
 
 impl Device {
-    /// The device of a checked specification, not connected yet; none where it names none. One on Modbus writes through
-    /// `modbus`, which it may share with sensors.
+    /// Device of a checked specification, not connected yet; `None` if it names no device. A Modbus device writes through `modbus`,
+    /// which sensors may use as well.
     ///
     /// # Errors
     /// The system refuses what asynchronous input and output need.
@@ -51,7 +51,7 @@ impl Device {
     /// there is no connection.
     ///
     /// # Errors
-    /// What went wrong, for people.
+    /// Message for the log.
     pub(super) fn write(&mut self, pressure_mpa: f64) -> Result<(), String> {
         let Self { runtime, kind } = self;
         match kind {

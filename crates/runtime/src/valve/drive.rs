@@ -15,7 +15,7 @@ use wire::{
     boot_id, now_ns,
 };
 
-/// What a valve has done so far; readable from other threads.
+/// Counters of a valve; readable from other threads.
 #[derive(Debug, Default)]
 pub struct ValveCounters {
     /// Writes that the device has confirmed.
@@ -74,7 +74,7 @@ pub struct OpenValve {
 /// Takes the connections of valves on Modbus among the device paths of a scene, before any of them starts.
 ///
 /// # Errors
-/// A path that a sensor or another valve uses otherwise, as text for the user.
+/// Messages about a path that a sensor or another valve uses otherwise.
 pub fn open(actuator: &str, spec: &ValveSpec, devices: &Devices) -> Result<OpenValve, Vec<String>> {
     let path = spec.modbus.as_ref();
     let path = path.and_then(|modbus| ModbusPath::new(modbus.tcp.as_deref(), modbus.serial.as_ref()));
@@ -133,7 +133,7 @@ fn run(
     drive.close(counters)
 }
 
-/// One valve at work. Everything is of its own thread.
+/// State of one valve's thread.
 struct Drive {
     actuator: String,
     safe_mpa: f64,
@@ -147,7 +147,7 @@ struct Drive {
     operator: Option<Setpoint>,
     state: Option<State>,
     sample: Valve,
-    trouble: Option<String>,
+    error: Option<String>,
 }
 
 impl Drive {
@@ -174,7 +174,7 @@ impl Drive {
             operator: None,
             state: None,
             sample: Valve { boot_id: boot_id(), safe_mpa: spec.safe_mpa, ..Valve::default() },
-            trouble: None,
+            error: None,
         })
     }
 
@@ -238,12 +238,12 @@ impl Drive {
     }
 
     /// One line for each change.
-    fn log(&mut self, before: (u32, u32), now: &Valve, trouble: Option<String>) {
+    fn log(&mut self, before: (u32, u32), now: &Valve, error: Option<String>) {
         let actuator = &self.actuator;
-        if trouble.is_some() && trouble != self.trouble {
-            tracing::warn!("valve of {actuator}: {}", trouble.as_deref().unwrap_or_default());
+        if error.is_some() && error != self.error {
+            tracing::warn!("valve of {actuator}: {}", error.as_deref().unwrap_or_default());
         }
-        self.trouble = trouble;
+        self.error = error;
         if before != (now.valve_reason, now.valve_interlock) {
             let interlocks: Vec<&str> = valve_interlock::names(now.valve_interlock).collect();
             let names =

@@ -1,5 +1,5 @@
 //! Valves: from the setpoint of one owner to a device, with time-out, limits, interlocks and the operator's override
-//! ([docs/control.md](../../../../docs/control.md)). Each valve has a thread of its own; the bridge's loop knows nothing of it.
+//! ([docs/control.md](../../../../docs/control.md)). Each valve has its own thread; the bridge's loop is not involved.
 
 mod decide;
 mod device;

@@ -19,7 +19,7 @@ pub struct ValveSpec {
     /// Writes a second; each renews the device's own time-out, also while the value stays.
     #[serde(default = "usual_rate")]
     pub write_hz: f64,
-    /// A setpoint counts for so long at most, ms, whatever it says itself.
+    /// Upper limit of a setpoint's validity, ms.
     #[serde(default = "usual_validity")]
     pub valid_max_ms: f64,
     /// The reading behind the twin's state may be so old, ms.
@@ -68,7 +68,7 @@ pub struct ModbusValve {
 pub struct WatchdogSpec {
     /// Address of the holding register, in the unit of the value.
     pub register: u16,
-    /// What is written there, in the device's own unit (usually ms).
+    /// Value to be written, in the device's unit (usually ms).
     pub raw: u16,
 }
 
@@ -141,7 +141,7 @@ fn iio_root() -> PathBuf {
 }
 
 impl ValveSpec {
-    /// Everything that is wrong with it; `place` is its actuator's place in the file.
+    /// All errors in it; `place` is its actuator's place in the file.
     pub fn problems(&self, place: &str, problems: &mut Vec<String>) {
         let key = format!("{place}.valve");
         let [low, high] = self.range_mpa;
@@ -263,7 +263,7 @@ impl IioValve {
         }
     }
 
-    /// The converter's number for a pressure in MPa; none where it takes none.
+    /// Converter value for a pressure in MPa; `None` if it cannot be represented.
     pub fn raw(&self, pressure_mpa: f64) -> Option<u32> {
         let raw = ((pressure_mpa - self.offset) / self.scale).round();
         (0.0..=f64::from(self.raw_max)).contains(&raw).then_some(raw as u32)

@@ -15,8 +15,8 @@ impl Places {
     /// Removes the memory of listeners that have no tag in the folder of any node; returns how many were removed. After the
     /// dead nodes, and only under the exclusive start lock.
     ///
-    /// A listener makes its tag before its memory and removes it afterwards: the memory is listed before the tags. A domain
-    /// of the same prefix in another folder has its tags there: its listeners are told by their processes, which live.
+    /// A listener makes its tag before its memory and removes it afterwards: the memory is listed before the tags. Another
+    /// shared-memory domain with the same prefix has its tags in another folder: its listeners are recognised by their live processes.
     pub(super) fn remove_dead_listeners(&self) -> usize {
         let listed: Vec<_> = self
             .segments()

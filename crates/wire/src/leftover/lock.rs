@@ -1,6 +1,6 @@
-//! The start lock of a domain's folder: shared while a program creates something, exclusive while leftovers are removed.
+//! Start lock of a shared-memory domain's folder: shared while a program creates resources, exclusive while leftovers are removed.
 //!
-//! The kernel releases it when its holder ends, however it ends.
+//! The operating system releases it when its holder ends.
 
 use super::places::Places;
 use super::unused::names_this_file;
@@ -11,7 +11,7 @@ use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Name of the lock file in the domain's folder. Domains that share a folder share it.
+/// Name of the lock file. Shared-memory domains in one folder have one lock.
 const LOCK_FILE: &str = "softtwin.lock";
 /// Pause between two tries. `flock` itself cannot wait with an end.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -27,10 +27,10 @@ impl Places {
         self.root.join(LOCK_FILE)
     }
 
-    /// Takes the lock beside others that create something. `None`: somebody removed leftovers until `patience` was over.
+    /// Takes the shared lock. `None` if a program removed leftovers for longer than `patience`.
     ///
     /// # Errors
-    /// When the folder or the lock file cannot be made.
+    /// The folder or the lock file cannot be created.
     pub(crate) fn lock_to_create(&self, patience: Duration) -> io::Result<Option<StartLock>> {
         self.take(libc::LOCK_SH, patience)
     }

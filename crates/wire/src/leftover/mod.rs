@@ -1,11 +1,11 @@
-//! What programs of a domain leave behind when they are killed, and how it is told from what is in use.
+//! Leftovers of killed programs in a shared-memory domain, and how they are distinguished from resources in use.
 //!
-//! iceoryx2 makes every resource in several steps (create, size, fill, final permissions). A program that is killed between
-//! two steps leaves a half-made resource, and others wait for it to be finished. iceoryx2 removes what a dead program
-//! completed, but nothing that is half-made. This module removes the rest, see docs/iceoryx2.md.
+//! iceoryx2 creates every resource in several steps (create, size, fill, final permissions). A program that is killed between
+//! two steps leaves an incomplete resource, and others wait for its completion. iceoryx2 removes complete resources of dead
+//! programs only. This module removes the incomplete ones, see docs/iceoryx2.md.
 //!
-//! Nothing here is decided by age or process id. A program keeps every file that it makes open (or mapped) for as long as it
-//! uses it, and the kernel closes it when the program ends: [`unused`] asks the kernel whether anybody has a file open.
+//! No decision depends on age or process id. A program keeps every created file open (or mapped) while it uses it, and the
+//! operating system closes it at the program's end: [`unused`] queries whether any process has a file open.
 
 mod events;
 mod half_made;

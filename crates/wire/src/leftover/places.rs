@@ -1,4 +1,4 @@
-//! Where the files of a domain are, and which of them belong to it.
+//! Places and names of a shared-memory domain's files.
 
 use crate::transport::SHM_DIR;
 use iceoryx2::prelude::{Config, SemanticString};
@@ -16,7 +16,7 @@ const DRIVING: [&str; 3] = ["/setpoint", "/override", "/command"];
 #[derive(Debug, Clone)]
 pub(crate) struct Places {
     pub(crate) config: Config,
-    /// Prefix of all file names of the domain.
+    /// Prefix of all file names.
     pub(crate) prefix: String,
     /// Folder of the management files.
     pub(crate) root: PathBuf,
@@ -31,7 +31,7 @@ impl Places {
         Self { config, prefix, root }
     }
 
-    /// Folder with one folder and three monitor files for each node (member) of the domain.
+    /// Folder with one folder and three monitor files for each node (member).
     pub(super) fn nodes(&self) -> PathBuf {
         self.root.join("nodes")
     }
@@ -41,28 +41,28 @@ impl Places {
         self.root.join("services")
     }
 
-    /// What follows the domain's prefix in a file name; `None`: the file is another domain's.
+    /// Part of a file name after the prefix; `None` for a file of another shared-memory domain.
     pub(super) fn own<'a>(&self, file: &'a str) -> Option<&'a str> {
         file.strip_prefix(&self.prefix)
     }
 
-    /// Whether a file in /dev/shm was made by iceoryx2 for this domain: `<prefix><40 hexadecimal digits>_...`. The digits
-    /// tell domain `a` from domain `a_b`.
+    /// True for a file in /dev/shm of this shared-memory domain: `<prefix><40 hexadecimal digits>_...`. The digits distinguish the
+    /// names `a` and `a_b`.
     pub(super) fn owns_segment(&self, file: &str) -> bool {
         self.own(file).and_then(|rest| rest.split_once('_')).is_some_and(|(digits, _)| is_type_hash(digits))
     }
 
-    /// The domain's shared-memory files.
+    /// Shared-memory files.
     pub(super) fn segments(&self) -> Vec<PathBuf> {
         files(Path::new(SHM_DIR), |name| self.owns_segment(name))
     }
 
-    /// The counters from which iceoryx2 numbers the nodes; they stay when nobody has them open.
+    /// Counters from which iceoryx2 numbers the nodes; they remain when no process has them open.
     pub(crate) fn counter_segments(&self) -> Vec<PathBuf> {
         self.segments().into_iter().filter(|path| is_counter(path)).collect()
     }
 
-    /// The descriptions of the domain's services: `<prefix><40 hexadecimal digits>.service`.
+    /// Descriptions of the services: `<prefix><40 hexadecimal digits>.service`.
     pub(super) fn service_files(&self) -> Vec<PathBuf> {
         files(&self.services(), |name| {
             self.own(name).and_then(|rest| rest.strip_suffix(".service")).is_some_and(is_type_hash)
@@ -93,8 +93,8 @@ pub(super) fn name(path: &Path) -> &str {
 }
 
 impl Places {
-    /// The beginning of the paths of all writers' locks of this domain. Domains of the same prefix with different folders
-    /// are told apart by a number made of the folder's path.
+    /// Beginning of the paths of all writers' locks. A number from the folder's path distinguishes shared-memory domains with the
+    /// same prefix.
     pub(crate) fn writer_locks(&self) -> String {
         let folder = number(self.root.as_os_str().as_encoded_bytes());
         format!("{SHM_DIR}/{}softtwin_{folder:016x}_", self.prefix)
@@ -109,7 +109,7 @@ impl Places {
         PathBuf::from(format!("{}{file}", self.writer_locks()))
     }
 
-    /// Whether a file in /dev/shm is a writer's lock of this domain.
+    /// True if a file in /dev/shm is a writer's lock of this shared-memory domain.
     pub(crate) fn is_writer_lock(&self, file: &str) -> bool {
         let path = Path::new(SHM_DIR).join(file);
         path.to_str()

@@ -1,8 +1,8 @@
-//! A domain that a group shares: its folder belongs to the group and has the setgid bit (`install -d -m 2770 -g GROUP FOLDER`).
+//! Shared-memory domain of a group: its folder belongs to the group and has the setgid bit (`install -d -m 2770 -g GROUP FOLDER`).
 //!
-//! iceoryx2 gives every file to its owner alone. In a shared domain each program gives what it has made to the group, right after it
-//! made it and from the thread that watches the domain: only the owner of a file may do that. Files that are not complete yet are
-//! left alone, see docs/iceoryx2.md.
+//! iceoryx2 restricts every file to its owner. For a group each program grants its created files to the group, directly after
+//! their creation and from the watching thread: only the owner of a file may do that. Incomplete files are skipped, see
+//! docs/iceoryx2.md.
 
 use super::places::{Places, name};
 use crate::transport::SHM_DIR;
@@ -18,17 +18,17 @@ const SET_GROUP: u32 = 0o2000;
 const DESCRIPTIONS: [&str; 4] = [".service", "_tag", ".details", "_context"];
 
 impl Places {
-    /// The group that shares the domain.
+    /// Group with access; `None`: the owner alone.
     pub(crate) fn group(&self) -> Option<u32> {
         let about = std::fs::metadata(&self.root).ok()?;
         (about.mode() & SET_GROUP != 0).then(|| about.gid())
     }
 
-    /// Gives the start lock to the group: it is the first file of a domain, and everybody needs it.
+    /// Grants the start lock, which is the first file and needed by all programs, to the group.
     pub(super) fn share_lock(&self) {
         if let Some(group) = self.group() {
             // SAFETY: the call has no arguments and cannot fail.
-            give(&self.lock_path(), group, unsafe { libc::geteuid() });
+            grant(&self.lock_path(), group, unsafe { libc::geteuid() });
         }
     }
 
@@ -40,28 +40,28 @@ impl Places {
         share_folder(&self.root, group, user);
         for entry in std::fs::read_dir(SHM_DIR).into_iter().flatten().flatten() {
             if self.own(&entry.file_name().to_string_lossy()).is_some() {
-                give(&entry.path(), group, user);
+                grant(&entry.path(), group, user);
             }
         }
     }
 }
 
-/// Everything below a folder; a folder with a group of its own keeps it.
+/// Grants everything below a folder; a folder with another group is unchanged.
 fn share_folder(folder: &Path, group: u32, user: u32) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
         let Ok(about) = path.symlink_metadata() else { continue };
         if about.is_dir() {
             let group = if about.mode() & SET_GROUP != 0 { about.gid() } else { group };
-            give(&path, group, user);
+            grant(&path, group, user);
             share_folder(&path, group, user);
         } else {
-            give(&path, group, user);
+            grant(&path, group, user);
         }
     }
 }
 
-fn give(path: &Path, group: u32, user: u32) {
+fn grant(path: &Path, group: u32, user: u32) {
     let Ok(about) = path.symlink_metadata() else { return };
     if about.uid() != user || about.is_symlink() || !is_complete(path, &about) {
         return;
@@ -73,8 +73,8 @@ fn give(path: &Path, group: u32, user: u32) {
         return;
     }
     let Ok(path) = CString::new(path.as_os_str().as_bytes()) else { return };
-    // SAFETY: the text is terminated and lives across both calls. Links are not followed: a member of the group may have put one
-    // in the place of a file. What is refused stays as it is.
+    // SAFETY: the string is terminated and lives across both calls. Links are not followed: a member of the group may have put one
+    // in the place of a file. Errors leave the file unchanged.
     unsafe {
         libc::lchown(path.as_ptr(), libc::uid_t::MAX, group);
         libc::fchmodat(libc::AT_FDCWD, path.as_ptr(), wanted, libc::AT_SYMLINK_NOFOLLOW);

@@ -1,4 +1,4 @@
-//! Removes everything that dead programs left in a domain.
+//! Removal of all leftovers of dead programs.
 
 use super::places::{Places, files, is_counter};
 use super::unused;
@@ -8,12 +8,12 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
-/// What was removed after dead programs.
+/// Numbers of removed leftovers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Removed {
     /// Programs (iceoryx2's nodes) that had been killed.
     pub nodes: usize,
-    /// Half-made or ownerless files beside those of the nodes.
+    /// Incomplete or ownerless files outside the nodes.
     pub files: usize,
     /// Programs that had been killed and could not be removed.
     pub failed: usize,
@@ -38,10 +38,10 @@ impl AddAssign for Removed {
 static IN_THIS_PROCESS: Mutex<()> = Mutex::new(());
 
 impl Places {
-    /// Removes what dead programs left, waiting at most `patience` for others that are just creating something. When the
-    /// wait is in vain only half-made files are removed, which needs no lock.
+    /// Removes leftovers of dead programs; waits at most `patience` for programs that create resources. After that only incomplete
+    /// files are removed, which needs no lock.
     pub(crate) fn sweep(&self, patience: Duration) -> Removed {
-        // Half-made files come first: what follows opens files, and would wait for these to be completed.
+        // Incomplete files first: the following steps open files and would wait for their completion.
         let mut removed = Removed { files: self.remove_half_made(), ..Removed::default() };
         let Ok(Some(_lock)) = self.lock_to_remove(patience) else { return removed };
         let _one_at_a_time = IN_THIS_PROCESS.lock();
@@ -50,7 +50,7 @@ impl Places {
         removed
     }
 
-    /// Whatever nobody has open after the dead nodes are gone belongs to nobody: each user of a service keeps its description
+    /// Files that no process has open after the removal of dead nodes are ownerless: each user of a service keeps its description
     /// and its memory open.
     fn remove_ownerless(&self) -> usize {
         let is_socket = |file: &str| {

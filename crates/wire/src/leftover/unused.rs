@@ -1,4 +1,4 @@
-//! Whether any process still has a file open or mapped, answered by the kernel.
+//! Query of the operating system whether any process has a file open or mapped.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::ErrorKind;
@@ -7,7 +7,7 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 
-/// `fcntl`: which signal says that somebody opens a file we hold a lease on (not in the `libc` crate for glibc).
+/// `fcntl` command for the signal on an open of a leased file (not in the `libc` crate for glibc).
 const F_SETSIG: libc::c_int = 10;
 
 /// Removes the file (or socket) at `path` if no process has it open or mapped. Returns whether it was removed.
@@ -16,7 +16,7 @@ pub(super) fn remove(path: &Path) -> bool {
     if metadata.file_type().is_socket() {
         return is_dead_socket(path) && std::fs::remove_file(path).is_ok();
     }
-    // While the lease lasts, nobody else has this file open; so nobody else is about to remove it either.
+    // During the lease no other process has this file open, so none is about to remove it.
     lease(path, &metadata)
         .is_some_and(|file| names_this_file(path, &file) && std::fs::remove_file(path).is_ok())
 }
@@ -26,10 +26,10 @@ pub(super) fn is_in_use(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok_and(|metadata| lease(path, &metadata).is_none())
 }
 
-/// Opens the file if nobody else has it open. Others that open it meanwhile wait until the returned file is closed.
+/// Opens the file if no other process has it open. Later opens wait until the returned file is closed.
 ///
-/// The kernel grants a write lease (`fcntl(2)`, `F_SETLEASE`) only if the file is open nowhere else; a mapping keeps its
-/// file open. `None`: it is in use, or the system does not say.
+/// The operating system grants a write lease (`fcntl(2)`, `F_SETLEASE`) only if the file is open nowhere else; a mapping keeps
+/// its file open. `None`: the file is in use, or the query failed.
 fn lease(path: &Path, metadata: &Metadata) -> Option<File> {
     let readable = metadata.mode() & 0o400 != 0;
     let file = OpenOptions::new()
@@ -55,7 +55,7 @@ pub(crate) fn names_this_file(path: &Path, file: &File) -> bool {
     }
 }
 
-/// The kernel refuses a connection to a datagram socket that no process has bound any more.
+/// True if no process has the datagram socket bound: connections are then refused.
 fn is_dead_socket(path: &Path) -> bool {
     let connected = UnixDatagram::unbound().and_then(|socket| socket.connect(path));
     connected.is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused)

@@ -1,7 +1,7 @@
-//! A thread that removes half-made shared memory for as long as a program is in a domain.
+//! Thread that removes incomplete shared memory while a bus is open.
 //!
-//! When another program is killed in the moment in which it makes its connection to one of our ports, iceoryx2 waits in
-//! our thread for that connection to be completed: a second each time, or for ever while the file has no size.
+//! If another program is killed while it creates its connection to one of our ports, iceoryx2 waits in our thread for the
+//! completion of that connection: a second each time, or indefinitely while the file has no size.
 
 use super::places::Places;
 use crate::background_thread;
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// How often it looks. It takes some 50 us.
 const PERIOD: Duration = Duration::from_millis(200);
-/// How often it gives to the group what this program has made, in a domain that a group shares: some 200 us each time.
+/// Period at which files of this program are granted to the group, if there is one; takes about 200 us.
 const SHARING_PERIOD: Duration = Duration::from_millis(10);
 /// The thread calls little and keeps little.
 const STACK_BYTES: usize = 128 << 10;
@@ -24,7 +24,7 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    /// Starts to watch `places`. Without it (no thread to be had) starting programs still remove what is half-made.
+    /// Starts to watch `places`. If no thread can be started, other programs still remove incomplete files at their start.
     pub(crate) fn start(places: Places) -> Self {
         let (stop, stopped) = channel::<()>();
         let watch = move || {

@@ -28,10 +28,9 @@ use std::time::{Duration, Instant};
 type Service = PortFactory<Ipc, Query, (), [f32], Answer>;
 type Pending = PendingResponse<Ipc, Query, (), [f32], Answer>;
 
-/// The one that answers for an actuator: a twin, in a thread of its own.
+/// Query server of an actuator, used by the twin's query thread.
 ///
-/// Answers without a field take no memory beyond the first page. For a field the memory grows when the first one is asked
-/// for, so that a twin whom nobody asks for fields reserves nothing.
+/// Answers without a field take no memory beyond the first page. Memory for fields is reserved at the first query for one.
 #[derive(Debug)]
 pub struct QueryServer {
     name: String,
@@ -59,7 +58,7 @@ pub struct Question<'a> {
     request: ActiveRequest<Ipc, Query, (), [f32], Answer>,
 }
 
-/// A received answer. Nothing was copied; the memory stays as it is until this is dropped.
+/// Received answer. Nothing was copied; the memory is unchanged until this is dropped.
 #[derive(Debug)]
 pub struct AnswerSample {
     response: Response<Ipc, [f32], Answer>,
@@ -111,7 +110,7 @@ impl QueryServer {
         Ok(Self { name: names.query, server, waker, answered })
     }
 
-    /// The oldest waiting question. Never blocks; one whose asker has gone is passed over.
+    /// Oldest waiting query. Never blocks; queries of closed clients are skipped.
     ///
     /// # Errors
     /// [`WireError::Receive`] when a connection broke.
@@ -130,7 +129,7 @@ impl Wakeable for QueryServer {
 }
 
 impl Question<'_> {
-    /// What is asked.
+    /// The query.
     pub fn query(&self) -> &Query {
         self.request.payload()
     }
@@ -175,7 +174,7 @@ impl QueryClient {
         let names = Names::of(actuator)?;
         let name = names.query.as_str();
         let service = open(bus, name, Missing::Refuse)?;
-        // A server that died leaves its service behind until somebody cleans up.
+        // A dead server's service remains until the next clean-up.
         let asking = notifier(bus, &service::named_events(bus, name, ASKED)?, name)?;
         let answered = waker(bus, &service::named_events(bus, &names.answer, ANSWERED)?, &names.answer)?;
         let client = service::retry(bus, name, || {

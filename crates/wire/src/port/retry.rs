@@ -18,7 +18,7 @@ pub(crate) enum Refusal {
     Final(WireError),
     /// For good, unless the places that are taken are those of dead programs.
     Full(WireError),
-    /// Because somebody is in the middle of something, or died there.
+    /// Because another program is creating or removing resources, or died while doing so.
     Passing(String),
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn within<T>(
     }
 }
 
-/// One try, under the start lock: as long as it is held nobody takes what we make for a leftover.
+/// One try under the start lock, which keeps other programs from removing our incomplete resources.
 fn locked<T>(
     places: &Places,
     attempt: impl FnOnce() -> Result<T, Refusal>,
@@ -75,7 +75,7 @@ fn locked<T>(
     let waited_ms = FLUX_TIMEOUT.as_millis() as u64;
     let _lock = lock.ok_or_else(|| WireError::StartLocked { path: path(), waited_ms })?;
     Ok(match places.empty_segment() {
-        // iceoryx2 would wait for ever for this file.
+        // iceoryx2 would wait indefinitely for this file.
         Some(empty) => Err(Refusal::Passing(format!(
             "{} has no size: it is being made, or was truncated",
             empty.display()

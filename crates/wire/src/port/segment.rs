@@ -43,7 +43,7 @@ pub(crate) fn require_headroom(whom: &str, reserved_bytes: u64) -> Result<(), Wi
         Some(free) if free < HEADROOM_BYTES => Err(WireError::NoMemory {
             topic: whom.to_owned(),
             needed_bytes: reserved_bytes + HEADROOM_BYTES,
-            cause: format!("{free} bytes are left, {HEADROOM_BYTES} are needed beside the samples"),
+            cause: format!("{free} bytes are left, {HEADROOM_BYTES} are needed in addition to the samples"),
         }),
         _ => Ok(()),
     }
@@ -76,7 +76,7 @@ pub(crate) fn prefault(places: &Places, writer_id: u128) -> std::io::Result<u64>
     for line in maps.lines().filter(|line| line.ends_with(&*path.to_string_lossy())) {
         let mut words = line.split_whitespace();
         let range = words.next().and_then(|range| range.split_once('-'));
-        // A reader in the same process has a mapping of its own, which nobody may write to.
+        // A reader in the same process has its own read-only mapping.
         if !words.next().is_some_and(|rights| rights.starts_with("rw")) {
             continue;
         }
@@ -84,8 +84,8 @@ pub(crate) fn prefault(places: &Places, writer_id: u128) -> std::io::Result<u64>
         let Some((begin, end)) = range.and_then(|(a, b)| Some((parse(a)?, parse(b)?))) else { continue };
         for page in (begin..end).step_by(PAGE_BYTES) {
             // SAFETY: the address is inside a live, writable mapping of this process (just read from /proc/self/maps;
-            // the writer that owns it is borrowed by our caller); an atomic `or` with 0 changes no byte, whoever else
-            // looks at it.
+            // the writer that owns it is borrowed by our caller); an atomic `or` with 0 changes no byte for any
+            // other reader.
             let byte = unsafe { AtomicU8::from_ptr(page as *mut u8) };
             byte.fetch_or(0, Ordering::Relaxed);
         }

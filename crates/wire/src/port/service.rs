@@ -25,7 +25,7 @@ pub(crate) enum Missing {
 
 pub(crate) type PubSub<P, H> = publish_subscribe::PortFactory<Ipc, P, H>;
 pub(crate) type Events = event::PortFactory<Ipc>;
-/// What a reader takes samples from, and what wakes it.
+/// Subscriber and waker of a reader.
 pub(crate) type Ends<P, H> = (Subscriber<Ipc, P, H>, Waker);
 
 /// The publish-subscribe service of a topic with a fixed-size payload.
@@ -137,7 +137,7 @@ pub(crate) fn service_name(name: &str) -> Result<ServiceName, WireError> {
         .map_err(|error| WireError::Open { topic: name.into(), cause: format!("{error:?}") })
 }
 
-/// As [`retry::within`], for a program that is in the domain.
+/// As [`retry::within`], for a program with an open bus.
 pub(crate) fn retry<T>(
     bus: &Bus,
     name: &str,
@@ -202,15 +202,15 @@ fn too_many_readers(topic: &Topic) -> WireError {
 }
 
 impl Bus {
-    /// All topics whose name `key` matches, sorted by name, and who takes part. To see that, each is opened for a moment, which
-    /// writes to the domain's folder: a busy disk below it holds the caller up, for seconds at worst.
+    /// All topics whose name `key` matches, sorted by name, with their writers and readers. Each is opened for a moment, which
+    /// writes to the management folder: a busy disk may delay the caller by seconds.
     ///
     /// # Errors
     /// As [`Self::names`].
     pub fn topics(&self, key: &KeyExpr) -> Result<Vec<TopicInfo>, WireError> {
         let mut found = self.listed(key)?;
         for info in &mut found {
-            // A topic may vanish between listing and looking: then it simply has nobody.
+            // A topic that vanishes after the listing has no participants.
             if let Ok((writers, readers)) = participants(self, &info.topic) {
                 info.writers = writers;
                 info.readers = readers;
