@@ -280,7 +280,7 @@ fn recorder_metrics_count_messages_losses_and_flushes() {
     send(100);
     reaches(messages, 100);
     assert_eq!((value("missing_total"), value("dropped_total")), (Some(0.0), Some(0.0)));
-    assert_eq!((value("troubles"), value("skipped")), (Some(0.0), Some(0.0)));
+    assert_eq!((value("errors"), value("skipped")), (Some(0.0), Some(0.0)));
     // While it does not run, its buffer keeps the newest readings; how many it gave up shows in the next number.
     let buffer = wire::qos::of(topic.kind()).buffer as u64;
     recorder.signal(libc::SIGSTOP);

@@ -1,4 +1,4 @@
-//! What a recording holds, record by record.
+//! Contents of a recording, record by record.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -7,10 +7,10 @@ use mcap::records::op;
 
 use crate::parse::Body;
 
-/// Channels a reader remembers; more of them would be an attack on memory.
+/// Largest number of channels that a reader stores.
 const MAX_CHANNELS: usize = 4096;
 
-/// What a reader knows of a message's channel.
+/// Channel of a message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChannelInfo {
     /// Topic, such as `softtwin/finger/state`.
@@ -22,24 +22,24 @@ pub struct ChannelInfo {
 /// One message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// Where it was published.
+    /// Its channel.
     pub channel: Arc<ChannelInfo>,
     /// Low 32 bits of the publisher's sequence number.
     pub sequence: u32,
-    /// When it was recorded, nanoseconds since 1970.
+    /// Time of recording, ns since 1970.
     pub log_time_ns: u64,
-    /// When it was published, nanoseconds since 1970.
+    /// Time of publication, ns since 1970.
     pub publish_time_ns: u64,
-    /// The message itself.
+    /// Its bytes.
     pub data: Vec<u8>,
 }
 
-/// What a recording consists of.
+/// Item of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Item {
     /// A message.
     Message(Message),
-    /// A named table of texts.
+    /// A named table of strings.
     Metadata {
         /// Its name.
         name: String,
@@ -48,20 +48,20 @@ pub enum Item {
     },
 }
 
-/// What the records read so far amount to.
+/// Channels and counts of the records read so far.
 #[derive(Default)]
 pub struct Contents {
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, Arc<ChannelInfo>>,
     delivered: u64,
-    /// Messages of the file by its own statistics.
-    promised: Option<u64>,
+    /// Message count in the statistics of the file.
+    announced: Option<u64>,
     /// Damaged chunks and records.
     pub skipped: u64,
 }
 
 impl Contents {
-    /// Takes a record; one that cannot be read is counted as skipped.
+    /// Takes a record; counts a malformed one as skipped.
     pub fn take(&mut self, opcode: u8, record: &[u8]) -> Option<Item> {
         let mut body = Body(record);
         let known = match opcode {
@@ -69,8 +69,8 @@ impl Contents {
             op::CHANNEL => self.channel(&mut body).map(|()| None),
             op::MESSAGE => self.message(&mut body).map(Some),
             op::METADATA => metadata(&mut body).map(Some),
-            op::STATISTICS => body.u64().map(|promised| {
-                self.promised = Some(promised);
+            op::STATISTICS => body.u64().map(|announced| {
+                self.announced = Some(announced);
                 None
             }),
             _ => Some(None),
@@ -79,9 +79,9 @@ impl Contents {
         known.flatten()
     }
 
-    /// Chunks and records left out. The file's own count of messages also shows a chunk that was not recognised as one.
+    /// Number of chunks and records left out. The message count of the file reveals an unrecognised chunk.
     pub fn damage(&self) -> u64 {
-        let is_short = self.promised.is_some_and(|promised| promised != self.delivered);
+        let is_short = self.announced.is_some_and(|announced| announced != self.delivered);
         self.skipped.max(is_short.into())
     }
 
@@ -99,7 +99,7 @@ impl Contents {
             topic: topic.to_owned(),
             schema_name: self.schemas.get(&schema).cloned().unwrap_or_default(),
         };
-        // Channels are repeated with every chunk: the same one stays, so that its messages go on sharing it.
+        // Channels are repeated with every chunk: messages continue to share the same one.
         let is_known = self.channels.get(&id).is_some_and(|known| **known == info);
         if !is_known && (self.channels.len() < MAX_CHANNELS || self.channels.contains_key(&id)) {
             self.channels.insert(id, Arc::new(info));

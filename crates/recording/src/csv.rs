@@ -13,7 +13,7 @@ use wire::KeyExpr;
 
 use crate::{Item, Message, ReadError, ReadItems};
 
-/// Why an export ended early.
+/// Error of an export.
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// The recording.
@@ -24,17 +24,17 @@ pub enum ExportError {
     Write {
         /// The table.
         path: PathBuf,
-        /// The system's error.
+        /// The I/O error.
         source: io::Error,
     },
 }
 
-/// What was exported.
+/// Result of an export.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Exported {
     /// Rows of each table.
     pub rows: BTreeMap<PathBuf, u64>,
-    /// Messages that are no JSON objects and were left out.
+    /// Messages left out because they are not JSON objects.
     pub left_out: u64,
 }
 
@@ -81,12 +81,12 @@ pub fn export_csv(
     Ok(Exported { rows, left_out })
 }
 
-/// What a table holds.
+/// Form of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TableForm {
-    /// Every property, as it is.
+    /// Every property, unchanged.
     Whole,
-    /// What programs that speak FMI read: `time` (s, since the table's first row), then the properties that are single numbers.
+    /// For programs that use FMI: `time` (s, since the table's first row), then the properties that are single numbers.
     Fmi,
 }
 
@@ -107,7 +107,7 @@ impl Table {
         properties: &[(String, Value)],
         form: TableForm,
     ) -> Result<Self, ExportError> {
-        // The topic comes out of the file: it must not lead out of the folder.
+        // The topic is read from the file: it must not lead out of the folder.
         let plain = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '.' };
         let name: String = message.channel.topic.chars().map(plain).take(200).collect();
         let path = folder.join(format!("{}.csv", name.trim_matches('.')));
@@ -150,7 +150,7 @@ impl Table {
     }
 }
 
-/// Numbers that are not finite are texts in JSON.
+/// Non-finite numbers are strings in JSON.
 fn is_number(value: &Value) -> bool {
     value.is_number() || value.as_str().is_some_and(|text| matches!(text, "NaN" | "Infinity" | "-Infinity"))
 }

@@ -1,13 +1,13 @@
-//! Recordings: MCAP files that survive a crash on the writing side and anything at all on the reading side.
+//! Recordings: MCAP files that are readable after a crash of the writer, and a reader for files in any state.
 //!
 //! A recording holds sensor readings, states, health and, when asked, whole fields, as JSON messages with JSON schemas
 //! ([`message`]), so that any viewer that reads MCAP shows them.
 //!
-//! The container is the `mcap` crate's. Added here is what a service needs beside it:
-//! * **crash safety**: a chunk goes to the file in one piece, and each is preceded by its channels, so a file is readable up
-//!   to its last whole chunk after `kill -9`, and around a damaged chunk;
-//! * **a full disk**: the oldest files of the series make room where that is allowed; otherwise a failed write is cut off again, so
-//!   the file still ends at a whole chunk;
+//! The container is that of the `mcap` crate. This crate adds for services:
+//! * **crash safety**: a chunk is written in one piece, after its channels, so a file is readable up to its last whole chunk
+//!   after `kill -9`, and around a damaged chunk;
+//! * **a full disk**: the oldest files of the series are removed if allowed; otherwise a failed write is cut off, so the file
+//!   ends at a whole chunk;
 //! * **hostile input**: the reader's memory is bounded by [`MAX_RECORD_BYTES`] and it never panics.
 #![forbid(unsafe_code)]
 

@@ -1,6 +1,6 @@
-//! The fields of the few records that readers need, with every length checked against the bytes that are there.
+//! Fields of the records that readers need, with every length checked against the available bytes.
 //!
-//! `mcap::parse_record` is not used: for a text that claims 4 GB it reserves 4 GB (test `a_claimed_length_reserves_nothing`),
+//! `mcap::parse_record` is not used: for a string with a length field of 4 GB it reserves 4 GB (test `a_claimed_length_reserves_nothing`),
 //! and it panics on a short attachment.
 
 /// The unread rest of a record.

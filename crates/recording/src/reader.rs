@@ -59,7 +59,7 @@ pub enum ReadError {
     InFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: Box<ReadError>,
     },
 }
@@ -73,7 +73,7 @@ pub enum Ending {
     Truncated {
         /// The byte at which reading stopped.
         at_byte: u64,
-        /// What was wrong there.
+        /// The damage.
         reason: &'static str,
     },
     /// It has its footer, but some chunks or records were damaged and left out.
@@ -231,7 +231,7 @@ fn check_layout(item: &Item) -> Result<(), ReadError> {
     match item {
         Item::Metadata { name, entries } if name == crate::ABOUT => match entries.get(crate::LAYOUT) {
             Some(found) if *found == VERSION.to_string() => Ok(()),
-            found => Err(ReadError::Layout { found: found.map_or("no number", String::as_str).into() }),
+            found => Err(ReadError::Layout { found: found.map_or("none", String::as_str).into() }),
         },
         _ => Ok(()),
     }

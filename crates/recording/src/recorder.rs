@@ -33,7 +33,7 @@ use scan::{ScanResult, TopicScan};
 pub use summary::{RecordError, RecordSummary};
 use topic::Opened;
 
-/// What is recorded, and where to.
+/// Topics and target of a recording.
 #[derive(Debug, Clone)]
 pub struct RecorderOptions {
     /// Topics, as key expressions.
@@ -63,8 +63,8 @@ impl Recorder {
     /// Opens the first file and every topic that exists.
     ///
     /// # Errors
-    /// [`RecordError`], also when one of these topics cannot be read. Later ones are tried again and stand in
-    /// [`RecordSummary::troubles`] meanwhile. Topics of another version are skipped.
+    /// [`RecordError`], also when one of these topics cannot be read. Later errors are in
+    /// [`RecordSummary::errors`] and retried. Topics of another version are skipped.
     pub fn start(domain: &Domain, options: RecorderOptions) -> Result<Self, RecordError> {
         let (place, keys) = (domain.clone(), options.keys.clone());
         Self::start_with(domain, options, || {
@@ -122,8 +122,7 @@ impl Recorder {
         }
     }
 
-    /// Records until `stop` is set or the disk refuses; `report` is called 20 times a second with the recorder and what is recorded
-    /// so far.
+    /// Records until `stop` is set or a write fails; calls `report` 20 times per second with the summary so far.
     ///
     /// # Errors
     /// [`RecordError::Thread`]; the error of the disk comes from [`Recorder::finish`].
@@ -148,7 +147,7 @@ impl Recorder {
         self.queue.begin_new_file();
     }
 
-    /// Takes what has been published, writes what is waiting, closes the file.
+    /// Records samples published so far, writes the queue, closes the file.
     ///
     /// # Errors
     /// The disk's, now or earlier.
@@ -162,7 +161,7 @@ impl Recorder {
     }
 
     fn follow_new(&mut self, result: ScanResult) -> Result<(), RecordError> {
-        self.queue.summary().set_trouble("topics", result.as_ref().err());
+        self.queue.summary().set_error("topics", result.as_ref().err());
         for topic in result.unwrap_or_default() {
             self.follow(topic)?;
         }

@@ -1,4 +1,4 @@
-//! What of a series of files is kept: the newest, as far as number, size and free space allow.
+//! Retention of a series of files: the newest, limited by number, size and free space.
 
 use std::collections::VecDeque;
 use std::fs::{self, File, TryLockError};
@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::store::Store;
 
-/// What is kept of a series. Files of earlier runs count. Neither the newest file is removed, nor one that a recorder writes.
+/// Limits of a series, including files of earlier runs. The newest file, and those that a recorder writes, are never removed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Retention {
     /// At most this many files.
@@ -19,7 +19,7 @@ pub struct Retention {
     pub free: Option<FreeSpace>,
 }
 
-/// Space that is left to others.
+/// Space kept free in the file system.
 #[derive(Debug, Clone, Copy)]
 pub struct FreeSpace {
     /// Bytes.
@@ -39,7 +39,7 @@ impl Retention {
 struct Closed {
     path: PathBuf,
     bytes: u64,
-    /// Of this run.
+    /// True for files of this run.
     is_own: bool,
 }
 
@@ -96,8 +96,7 @@ impl SeriesFiles {
             || free.is_some_and(|free| (free.measure)(&self.folder).is_ok_and(|found| found < free.bytes))
     }
 
-    /// Removes the oldest file that nobody writes; false: there is none. A file that cannot be removed stays: recording matters
-    /// more.
+    /// Removes the oldest file that no recorder writes; false if there is none. A failed removal is ignored.
     fn remove_oldest(&mut self) -> bool {
         self.closed.retain(|file| file.path.exists());
         let Some(at) = self.closed.iter().position(|file| remove_unused(&file.path)) else { return false };
@@ -144,7 +143,7 @@ impl<S: Store> RoomyStore<S> {
         Self { store, files }
     }
 
-    /// What is written to.
+    /// The store.
     pub(crate) fn inner(&self) -> &S {
         &self.store
     }

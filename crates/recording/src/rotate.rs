@@ -17,7 +17,7 @@ pub struct RotateOptions {
     pub max_bytes: Option<u64>,
     /// Begin a new file after this many nanoseconds of recorded time.
     pub max_time_ns: Option<u64>,
-    /// What is kept of the series; files of earlier runs count.
+    /// Limits of the series, including files of earlier runs.
     pub keep: Retention,
 }
 
@@ -28,10 +28,10 @@ impl RotateOptions {
     }
 }
 
-/// What was recorded over all files.
+/// Summary over all files.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RotateSummary {
-    /// Messages written, also those in files that were removed since.
+    /// Messages written, including those in removed files.
     pub messages: u64,
     /// Files of this run that are still there, oldest first.
     pub files: Vec<PathBuf>,
@@ -39,7 +39,7 @@ pub struct RotateSummary {
     pub removed: u64,
 }
 
-/// What the series takes of the disk.
+/// Disk use of a series.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct DiskUse {
     /// Files of the series, those of earlier runs too.
@@ -50,8 +50,8 @@ pub struct DiskUse {
     pub removed: u64,
 }
 
-/// Writes `base.mcap`, or `base-0001.mcap`, `base-0002.mcap` ... when it rotates; it then goes on behind the last number of
-/// earlier runs.
+/// Writes `base.mcap`, or `base-0001.mcap`, `base-0002.mcap` ... when it rotates; numbers continue
+/// after those of earlier runs.
 pub struct RotatingWriter {
     base: PathBuf,
     options: RotateOptions,
@@ -153,7 +153,7 @@ impl RotatingWriter {
         self.open_next()
     }
 
-    /// What the series takes of the disk now.
+    /// Current disk use of the series.
     pub fn disk_use(&self) -> DiskUse {
         let files = self.files.lock();
         let (bytes, count) = files.closed();
@@ -198,8 +198,8 @@ impl RotatingWriter {
                 opened => break opened.map_err(|cause| self.refused(&self.current, cause))?,
             }
         };
-        // Tells other recorders of the series that this file is written. Where locks do not exist, there is nobody to tell.
-        let _no_locks_here = file.try_lock();
+        // The lock marks the file as written for other recorders of the series. File systems without locks are accepted.
+        let _ = file.try_lock();
         let mut writer = Writer::new(RoomyStore::new(file, self.files.clone()))?;
         for (name, entries) in &self.metadata {
             writer.metadata(name, entries)?;

@@ -15,7 +15,7 @@ const NUMBER_DIGITS: usize = 4;
 /// A recording of one or of many files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Series {
-    /// What people call it: the name of its only file, or what the names of its files begin with.
+    /// Name of its only file, or the common beginning of the files' names.
     pub name: String,
     /// Oldest first; at least one.
     pub files: Vec<PathBuf>,
@@ -61,7 +61,7 @@ impl Series {
     /// All recordings of a folder by name.
     ///
     /// # Errors
-    /// The system's refusal to list the folder.
+    /// I/O errors.
     pub fn all_in(folder: &Path) -> io::Result<Vec<Self>> {
         let mut found: BTreeMap<String, Vec<(u64, PathBuf)>> = BTreeMap::new();
         for path in fs::read_dir(folder)?.flatten().map(|entry| entry.path()) {
@@ -141,7 +141,7 @@ impl SeriesReader {
         &self.incomplete
     }
 
-    /// How the recording ended, as a text.
+    /// How the recording ended, as a string.
     pub fn ending(&self) -> String {
         match self.incomplete.as_slice() {
             [] => Ending::Complete.to_string(),
@@ -153,8 +153,8 @@ impl SeriesReader {
         }
     }
 
-    /// Opens a file. Of several, one that holds nothing or was removed meanwhile is passed over: a power cut leaves empty
-    /// files, and a recorder removes the oldest.
+    /// Opens a file. In a series, empty and removed files are skipped: a power cut leaves empty files, and a recorder removes the
+    /// oldest.
     fn open(&mut self, path: PathBuf) -> Result<(), ReadError> {
         let in_file = |source: ReadError| ReadError::InFile { path: path.clone(), source: Box::new(source) };
         let opened =

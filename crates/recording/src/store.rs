@@ -9,13 +9,13 @@ pub trait Store: Write {
     /// Cuts the store to `len` bytes and continues writing there.
     ///
     /// # Errors
-    /// The system's error.
+    /// I/O errors.
     fn cut_to(&mut self, len: u64) -> io::Result<()>;
 
     /// Forces what was written onto the medium.
     ///
     /// # Errors
-    /// The system's error.
+    /// I/O errors.
     fn sync(&mut self) -> io::Result<()>;
 }
 
@@ -41,7 +41,7 @@ impl Store for Vec<u8> {
     }
 }
 
-/// Bytes that the crate wrote and that are not in the file yet. Clones share them: the crate keeps one for itself.
+/// Bytes written by the crate and not yet in the file. Clones share them: the crate owns one.
 #[derive(Clone, Default)]
 pub(crate) struct Staging(Arc<Mutex<Staged>>);
 
@@ -55,7 +55,7 @@ pub(crate) struct Staged {
 }
 
 impl Staging {
-    /// Locked by one thread only, so this never waits.
+    /// Used by one thread only, so this never blocks.
     pub fn lock(&self) -> MutexGuard<'_, Staged> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -72,7 +72,7 @@ impl Write for Staging {
 }
 
 impl Seek for Staging {
-    /// The crate asks only where it is: it is told not to go back ([`mcap::WriteOptions::disable_seeking`]).
+    /// Supports only queries of the position: the crate does not seek ([`mcap::WriteOptions::disable_seeking`]).
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let staged = self.lock();
         match to {

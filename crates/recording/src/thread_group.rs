@@ -12,7 +12,7 @@ use std::time::Duration;
 /// Longest sleep of a thread, so that it soon sees that it is to end.
 pub const WAIT: Duration = Duration::from_millis(50);
 
-/// What the work of a thread returns. `Ok` before it was asked to end is a failure too.
+/// Result of a thread. `Ok` before the group ends is a failure too.
 pub type ThreadResult = Result<(), Box<dyn Error + Send + Sync>>;
 
 /// A thread ended before it should. A program that goes on without it would do only a part of its work.

@@ -31,7 +31,7 @@ pub struct Channel {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ChannelId(u16);
 
-/// Why a recording could not go on.
+/// Error that ends a file.
 #[derive(Debug, Error)]
 pub enum WriteError {
     /// The disk refused. The file was cut back to its last whole chunk and stays readable.
@@ -61,13 +61,13 @@ pub enum WriteError {
         /// The system's error.
         cause: io::Error,
     },
-    /// Somebody removed the file.
+    /// The file was removed.
     #[error("{} was deleted while it was being recorded; what it held is lost. Start again with another file", path.display())]
     Deleted {
         /// The file.
         path: PathBuf,
     },
-    /// An earlier write failed; nothing more is written to this file.
+    /// An earlier write failed; the file accepts no more messages.
     #[error("the recording already ended with a failed write; open a new file")]
     Ended,
     /// The container refused, such as more than 65535 channels in a file.
@@ -112,7 +112,7 @@ impl<S: Store> Writer<S> {
         Ok(writer)
     }
 
-    /// What is written to.
+    /// The store.
     pub fn store(&self) -> &S {
         &self.store
     }
@@ -163,7 +163,7 @@ impl<S: Store> Writer<S> {
         if self.chunk_bytes >= CHUNK_BYTES { self.close_chunk() } else { Ok(()) }
     }
 
-    /// Adds a named table of texts (model hash, versions) and writes it to the file at once.
+    /// Adds a named table of strings (model hash, versions) and writes it at once.
     ///
     /// # Errors
     /// [`WriteError`].
@@ -195,7 +195,7 @@ impl<S: Store> Writer<S> {
         Ok(self.store)
     }
 
-    /// Begins a chunk where none is open. All channels so far come first, in a chunk of their own: the crate writes each
+    /// Begins a chunk unless one is open. All channels so far precede it in a separate chunk: the crate writes each
     /// channel once, and a damaged chunk would take all messages of its channels with it
     /// (test `a_damaged_chunk_is_left_out_alone`).
     fn open_chunk(&mut self) -> Result<(), WriteError> {
@@ -232,7 +232,7 @@ impl<S: Store> Writer<S> {
         written.map_err(|source| self.fail(source))
     }
 
-    /// Cuts a half-written piece off. When even that fails, readers still stop at the last whole chunk.
+    /// Cuts off an incomplete write. If that fails too, readers stop at the last whole chunk.
     fn fail(&mut self, source: io::Error) -> WriteError {
         self.ended = true;
         let file_bytes = self.staging.lock().file_bytes;
@@ -247,8 +247,8 @@ impl<S: Store> Writer<S> {
     }
 }
 
-/// Chunks are closed by [`Writer`] alone. The data section has no checksum of its own: the repeated channels are not the
-/// crate's, and each chunk has one.
+/// Chunks are closed by [`Writer`] alone. The data section has no checksum, because the crate does not know the
+/// repeated channels; each chunk has one.
 fn options() -> WriteOptions {
     WriteOptions::new()
         .library(concat!("softtwin ", env!("CARGO_PKG_VERSION")))

@@ -1,4 +1,4 @@
-//! Recordings: what is written, what a crash leaves, what is read. One program: linked once, and its tests run beside each other.
+//! Tests of writing, crashes and reading, in one program that is linked once.
 
 mod common;
 mod crash;

@@ -17,21 +17,21 @@ fn expected(count: usize) -> Vec<String> {
     (0..count as u64).map(text).collect()
 }
 
-/// Cut anywhere, a file gives exactly the messages of its whole chunks, in order, and says where it stops.
+/// A file cut at any byte gives the messages of its whole chunks, in order, and the place of the cut.
 #[test]
 fn a_file_cut_at_any_byte_is_read_up_to_its_last_whole_chunk() {
     let bytes = small();
     let mut previous = 0;
     for cut in recording::MAGIC.len()..bytes.len() - recording::MAGIC.len() {
-        let (texts, ending) = read_all(&bytes[..cut]);
-        assert_eq!(texts, expected(texts.len()), "cut at {cut}");
-        assert_eq!(texts.len() as u64 % FLUSH_EVERY, 0, "cut at {cut}: a chunk is whole or absent");
-        assert!(texts.len() >= previous, "cut at {cut}: more bytes never mean fewer messages");
+        let (messages, ending) = read_all(&bytes[..cut]);
+        assert_eq!(messages, expected(messages.len()), "cut at {cut}");
+        assert_eq!(messages.len() as u64 % FLUSH_EVERY, 0, "cut at {cut}: a chunk is whole or absent");
+        assert!(messages.len() >= previous, "cut at {cut}: more bytes never mean fewer messages");
         assert!(
             matches!(ending, Ending::Truncated { at_byte, .. } if at_byte <= cut as u64),
             "cut at {cut}: {ending:?}"
         );
-        previous = texts.len();
+        previous = messages.len();
     }
     assert_eq!(previous as u64, MESSAGES);
     assert_eq!(read_all(&bytes), (expected(MESSAGES as usize), Ending::Complete));
@@ -67,7 +67,7 @@ impl Store for &mut FullDisk {
     }
 }
 
-/// Whatever the room, the writer says how many messages are kept, and exactly those are in the file.
+/// For any free space, the file has exactly the messages that the writer reports as kept.
 #[test]
 fn a_disk_full_at_any_byte_leaves_a_readable_file_and_a_true_count() {
     let whole = small().len();
@@ -83,8 +83,8 @@ fn a_disk_full_at_any_byte_leaves_a_readable_file_and_a_true_count() {
             assert_eq!(kept_messages, 0, "room {room}: not even the head fitted");
             continue;
         }
-        let (texts, _) = read_all(&disk.bytes);
-        assert_eq!(texts, expected(kept_messages as usize), "room {room}");
+        let (messages, _) = read_all(&disk.bytes);
+        assert_eq!(messages, expected(kept_messages as usize), "room {room}");
     }
 }
 
@@ -119,10 +119,8 @@ fn noise(data: &[u8], seed: u32) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// Flipped bits: no panic, no endless loop; every message that is delivered is one that was written, because each
-    /// chunk is checked before its messages are handed out.
-    ///
-    /// (An early version took a message index whose kind had flipped for a message: nothing outside chunks is checked.)
+    /// Flipped bits: no panic, no endless loop; every delivered message was written, because each chunk is checked before its
+    /// messages are delivered.
     #[test]
     fn flipped_bits_never_deliver_a_wrong_message(flips in prop::collection::vec((any::<prop::sample::Index>(), 0u8..8), 1..6)) {
         let mut bytes = small();
@@ -167,30 +165,30 @@ proptest! {
     }
 }
 
-/// A damaged chunk costs its own messages and no other: each chunk announces its channels itself.
+/// A damaged chunk loses its messages and no others: each chunk has its channels.
 #[test]
 fn a_damaged_chunk_is_left_out_alone() {
     let mut bytes = small();
     let at = bytes.windows(7).position(|window| window == b"\x03\0\0\0lz4").expect("the first chunk");
     bytes[at + 40] ^= 0xff;
-    let (texts, ending) = read_all(&bytes);
-    assert_eq!(texts, expected(MESSAGES as usize)[FLUSH_EVERY as usize..]);
+    let (messages, ending) = read_all(&bytes);
+    assert_eq!(messages, expected(MESSAGES as usize)[FLUSH_EVERY as usize..]);
     assert_eq!(ending, Ending::Damaged { skipped: 1 });
 }
 
-/// A chunk whose kind was damaged is passed over as something unknown; the file's own count gives it away.
+/// A chunk with a damaged opcode is ignored; the message count of the file reveals it.
 #[test]
 fn a_chunk_that_is_no_longer_one_is_noticed() {
     let mut bytes = small();
     let at = bytes.windows(7).position(|window| window == b"\x03\0\0\0lz4").expect("the first chunk") - 37;
     assert_eq!(bytes[at], 6, "the chunk's opcode");
     bytes[at] = 7;
-    let (texts, ending) = read_all(&bytes);
-    assert_eq!(texts, expected(MESSAGES as usize)[FLUSH_EVERY as usize..]);
+    let (messages, ending) = read_all(&bytes);
+    assert_eq!(messages, expected(MESSAGES as usize)[FLUSH_EVERY as usize..]);
     assert_eq!(ending, Ending::Damaged { skipped: 1 });
 }
 
-/// A few bytes cannot make the reader allocate gigabytes: the claims are not believed.
+/// A length field of gigabytes allocates nothing.
 #[test]
 fn a_chunk_that_claims_to_be_huge_is_left_out() {
     let mut body = vec![0u8; 16];
@@ -202,8 +200,8 @@ fn a_chunk_that_claims_to_be_huge_is_left_out() {
     bytes.push(6);
     bytes.extend((body.len() as u64).to_le_bytes());
     bytes.extend(body);
-    let (texts, ending) = read_all(&bytes);
-    assert!(texts.is_empty());
+    let (messages, ending) = read_all(&bytes);
+    assert!(messages.is_empty());
     assert!(matches!(ending, Ending::Truncated { .. }));
 }
 
@@ -242,15 +240,15 @@ fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     }
     let summary = writer.finish().expect("closed");
     assert_eq!((summary.messages, summary.files.len(), summary.removed), (50, 5, 0));
-    let mut texts = Vec::new();
+    let mut messages = Vec::new();
     for path in &summary.files {
         let bytes = std::fs::read(path).expect("there");
         assert!(bytes.windows(14).any(|window| window == b"softtwin.model"), "each file can be read alone");
         let (mut part, ending) = read_all(&bytes);
         assert_eq!(ending, Ending::Complete);
-        texts.append(&mut part);
+        messages.append(&mut part);
     }
-    assert_eq!(texts, expected(50));
+    assert_eq!(messages, expected(50));
 
     let keep = Retention { files: Some(2), ..Retention::default() };
     let kept = RotateOptions { max_bytes: Some(600), max_time_ns: None, keep };
@@ -265,7 +263,7 @@ fn rotation_by_size_and_time_keeps_every_message_and_removes_the_oldest() {
     assert_eq!(left.filter(|entry| entry.file_name().to_string_lossy().starts_with("few")).count(), 2);
 }
 
-/// Written to, a deleted file looks like any other; what it holds is gone when the recorder ends.
+/// Writing to a deleted file succeeds; its contents are lost when the recorder ends.
 #[test]
 fn a_file_deleted_while_it_is_recorded_is_noticed() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -78,7 +78,7 @@ fn tables_for_fmi_hold_time_and_numbers_only() {
         text.starts_with("time,seq,t_sensor_ns,pressure_mpa,gap_mm,measured_force_n,t_trace_s"),
         "{text}"
     );
-    assert!(!text.lines().next().expect("a head").contains("boot_id"), "texts are left out");
+    assert!(!text.lines().next().expect("a head").contains("boot_id"), "strings are left out");
     let times: Vec<&str> = text.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
     assert_eq!(times, ["0", "0.000000001", "0.000000002"]);
     for cell in text.lines().skip(1).flat_map(|line| line.split(',')) {

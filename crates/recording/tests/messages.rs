@@ -1,4 +1,4 @@
-//! The JSON form of every payload against its schema, and back to the bit.
+//! The JSON form of every payload: validated by its schema, and read back bit-identical.
 
 use proptest::prelude::*;
 use recording::Channel;
@@ -17,7 +17,7 @@ fn json_schema(channel: &Channel) -> Value {
     serde_json::from_str(text).expect("a schema is JSON")
 }
 
-/// What draft 7 of JSON Schema says of the words that our schemas use. `$ref` passes over what stands beside it.
+/// Violation of a schema by draft 7 of JSON Schema, for the keywords that our schemas use. `$ref` ignores its siblings.
 fn violation(schema: &Value, root: &Value, value: &Value) -> Option<String> {
     if let Some(reference) = schema["$ref"].as_str() {
         let target = root.pointer(reference.trim_start_matches('#')).expect("a definition");
@@ -38,7 +38,7 @@ fn violation(schema: &Value, root: &Value, value: &Value) -> Option<String> {
             "string" => value.is_string(),
             "array" => value.is_array(),
             "object" => value.is_object(),
-            other => panic!("{other} is no type this project promises"),
+            other => panic!("unexpected type {other}"),
         };
         if !fits {
             return Some(format!("expected {kind}, found {value}"));
@@ -115,7 +115,7 @@ fn every_payload_fits_its_schema_at_its_default_and_with_any_bits() {
 }
 
 #[test]
-fn what_is_not_finite_is_a_text_that_the_schema_allows() {
+fn non_finite_numbers_are_strings_that_the_schema_allows() {
     let state = State { onset_pressure_mpa: f64::INFINITY, gap_mm: f64::NEG_INFINITY, ..State::default() };
     let value = check(State::LAYOUT, &state.view());
     assert_eq!(
@@ -129,9 +129,9 @@ fn what_is_not_finite_is_a_text_that_the_schema_allows() {
     }
 }
 
-/// The JSON form as it was before payloads described themselves, and the inputs since; recordings and scripts rely on it.
+/// JSON form that recordings and scripts depend on.
 #[test]
-fn the_json_form_stays_as_it_was() {
+fn the_json_form_of_a_state_is_fixed() {
     let mut state = State {
         flags: 0b1000_0011,
         boot_id: 0x12,
@@ -207,14 +207,14 @@ fn named_inputs_of_a_reading_come_back() {
 
 #[test]
 fn a_wrong_property_is_named_with_what_is_expected() {
-    let error = decode::<State>(br#"{"pressure_mpa":"much"}"#).expect_err("no number").to_string();
+    let error = decode::<State>(br#"{"pressure_mpa":"much"}"#).expect_err("not a number").to_string();
     assert!(error.contains("`pressure_mpa`") && error.contains("a number"), "{error}");
     let error =
         decode_reading(br#"{"seq":1,"t_sensor_ns":2,"pressure_mpa":0.1}"#).expect_err("no gap").to_string();
     assert!(error.contains("`gap_mm`"), "{error}");
 }
 
-/// Every state, one with NaN of any kind included, comes back as it was (one NaN is as good as another).
+/// Payloads are read back unchanged; NaN payloads are not preserved.
 #[test]
 fn states_healths_grasps_and_headers_come_back() {
     let mut bytes = Vec::new();
@@ -247,13 +247,13 @@ fn states_healths_grasps_and_headers_come_back() {
     let (back, values) = decode_field(&bytes).expect("a field");
     assert_eq!((back.field_ids, back.entries(), values), (header.field_ids, 6, vec![0.0; 6]));
     FieldMessage::new(&header, &[0.0; 5]).encode(&mut bytes);
-    assert!(decode_field(&bytes).is_err(), "fewer values than the header says");
+    assert!(decode_field(&bytes).is_err(), "fewer values than in the header");
 }
 
 proptest! {
-    /// Any bits: what is replayed is what was read (one NaN is as good as another).
+    /// Any bits are read back identical; NaN payloads are not preserved.
     #[test]
-    fn a_reading_comes_back_to_the_bit(numbers in prop::array::uniform4(any::<u64>()), ids in prop::array::uniform3(any::<u64>()), status in any::<u32>()) {
+    fn a_reading_is_read_back_bit_identical(numbers in prop::array::uniform4(any::<u64>()), ids in prop::array::uniform3(any::<u64>()), status in any::<u32>()) {
         let [pressure_mpa, gap_mm, measured_force_n, t_trace_s] = numbers.map(f64::from_bits);
         let [boot_id, seq, t_sensor_ns] = ids;
         let sample = SensorSample { boot_id, seq, t_sensor_ns, pressure_mpa, gap_mm, measured_force_n, t_trace_s, status, ..SensorSample::default() };
@@ -268,7 +268,7 @@ proptest! {
 
     /// Markers come back with their count; one that was not seen stays NaN.
     #[test]
-    fn markers_come_back_to_the_bit(values in prop::collection::vec(any::<u64>(), 0..=24)) {
+    fn markers_are_read_back_bit_identical(values in prop::collection::vec(any::<u64>(), 0..=24)) {
         let mut sample = SensorSample { seq: 1, marker_values: values.len() as u32, ..SensorSample::default() };
         for (to, from) in sample.markers_mm.iter_mut().zip(&values) {
             *to = f64::from_bits(*from);
@@ -284,7 +284,7 @@ proptest! {
 
     /// Any `f32`, too.
     #[test]
-    fn a_half_width_comes_back_to_the_bit(bits in any::<u32>()) {
+    fn a_half_width_is_read_back_bit_identical(bits in any::<u32>()) {
         let force_halfwidth_n = f32::from_bits(bits);
         let mut bytes = Vec::new();
         State { force_halfwidth_n, ..State::default() }.view().encode(&mut bytes);

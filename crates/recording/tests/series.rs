@@ -23,13 +23,13 @@ fn run(base: &Path, options: RotateOptions, from: u64, to: u64) -> Vec<std::path
 
 fn read(path: &Path) -> (Vec<String>, String) {
     let mut reader = Series::open(path).expect("a recording").reader();
-    let mut texts = Vec::new();
+    let mut messages = Vec::new();
     while let Some(item) = reader.next_item().expect("readable") {
         if let Item::Message(message) = item {
-            texts.push(String::from_utf8(message.data).expect("text"));
+            messages.push(String::from_utf8(message.data).expect("text"));
         }
     }
-    (texts, reader.ending())
+    (messages, reader.ending())
 }
 
 fn expected(range: std::ops::Range<u64>) -> Vec<String> {
@@ -56,7 +56,7 @@ fn retention_counts_the_files_of_earlier_runs_only() {
     let keep = Retention { files: Some(3), ..Retention::default() };
     run(&folder.path().join("run.mcap"), RotateOptions { keep, ..ROTATE }, 40, 50);
     assert_eq!(read(folder.path()), (expected(20..50), "complete".into()));
-    // Files that only look similar are nobody's to remove.
+    // Files with similar names are not part of the series.
     for name in ["run.mcap", "run-2.mcap", "run-test-0001.mcap", "other-0001.mcap"] {
         std::fs::write(folder.path().join(name), b"kept").expect("written");
     }
@@ -98,8 +98,8 @@ fn damaged_and_empty_files_of_a_series_cost_only_themselves() {
     let base = folder.path().join("run.mcap");
     let files = run(&base, ROTATE, 0, 40);
     std::fs::write(&files[1], b"").expect("emptied, as after a power cut");
-    let (texts, ending) = read(folder.path());
-    assert_eq!(texts, [expected(0..10), expected(20..40)].concat());
+    let (messages, ending) = read(folder.path());
+    assert_eq!(messages, [expected(0..10), expected(20..40)].concat());
     assert!(ending.contains("1 of 4 files") && ending.contains("run-0002.mcap"), "{ending}");
     let alone = Series::open(&files[1]).expect("there").reader().next_item().expect_err("no recording");
     assert!(alone.to_string().contains("an empty file"), "{alone}");

@@ -142,9 +142,9 @@ pub fn recorder(summary: &RecordSummary, free_bytes: Option<u64>) -> String {
         ("softtwin_recorder_bytes", "Bytes of the series", Some(summary.disk.bytes)),
         ("softtwin_recorder_free_bytes", "Free in the file system", free_bytes),
         (
-            "softtwin_recorder_troubles",
+            "softtwin_recorder_errors",
             "Topics that cannot be recorded at the moment",
-            Some(summary.troubles.len() as u64),
+            Some(summary.errors.len() as u64),
         ),
         (
             "softtwin_recorder_skipped",

@@ -1,9 +1,8 @@
 //! `softtwind bridge`: sources to sensor topics.
 
-use crate::bridge_reload::BridgeReloader;
+use crate::bridge_reload::{BridgeReloader, SharedDevices, open};
 use crate::files;
 use crate::options::BridgeOptions;
-use crate::sources::{SharedDevices, open};
 use anyhow::Context;
 use runtime::bridge::{Bridge, BridgeCounters, BridgeDevices, BridgeError};
 use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
@@ -20,10 +19,10 @@ use std::time::{Duration, Instant};
 
 /// Interval of the status thread.
 const INTERVAL: Duration = Duration::from_millis(50);
-/// How often the service manager gets a new status line.
+/// Interval of status lines for the service manager.
 const STATUS_EVERY: Duration = Duration::from_secs(5);
 
-/// Runs until the sources end or a signal comes.
+/// Runs until the sources end or a signal arrives.
 pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     tracing::info!("softtwind bridge {}", env!("CARGO_PKG_VERSION"));
     let scene = configure(options)?;
@@ -60,9 +59,9 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     let requested = service::reload_flag().context("cannot listen for signals")?;
     let reloader =
         BridgeReloader { scene, sources: bridge.accept_sources(), devices: devices.clone(), paths };
-    let again = options.clone();
+    let own = options.clone();
     group.start("loader", move |end| {
-        reloader.run(&requested, end, &again.scene, || configure(&again));
+        reloader.run(&requested, end, &own.scene, || configure(&own));
         Ok(())
     })?;
     let (counted, of_devices) = (counters.clone(), devices.clone());
@@ -86,7 +85,7 @@ pub fn run(options: &BridgeOptions) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The thread beside the loop: feeds the watchdog while the loop turns, and keeps the status line true.
+/// The status thread: feeds the watchdog while the loop runs, and updates the status line.
 fn report(counters: &BridgeCounters, devices: &SharedDevices, end: &StopFlag) {
     background_thread();
     let mut watchdog = Watchdog::from_env();
@@ -105,7 +104,7 @@ fn report(counters: &BridgeCounters, devices: &SharedDevices, end: &StopFlag) {
     }
 }
 
-/// The scene with the command line's changes.
+/// The scene with the options of the command line.
 fn configure(options: &BridgeOptions) -> Result<Scene, ConfigError> {
     let mut scene = Scene::load(&options.scene)?;
     let refuse =
@@ -114,7 +113,7 @@ fn configure(options: &BridgeOptions) -> Result<Scene, ConfigError> {
         let [actuator] = scene.actuators.as_mut_slice() else {
             return Err(refuse("--trace: the scene has several actuators; put their sources into the scene"));
         };
-        // A path on the command line begins at the current folder, not at the scene's.
+        // A path on the command line is relative to the current folder, not to the scene's.
         let trace = std::path::absolute(trace).unwrap_or_else(|_| trace.clone());
         actuator.source = Some(SourceSpec::replay_of(trace));
         (actuator.sensors, actuator.pace) = (Default::default(), None);
@@ -134,7 +133,7 @@ fn lock(devices: &SharedDevices) -> MutexGuard<'_, BridgeDevices> {
     devices.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Turns until `stop` is set: a bridge that drives valves only.
+/// Waits until `stop` is set: the loop of a bridge that drives valves only.
 fn wait(stop: &AtomicBool, counters: &BridgeCounters) -> Result<(), BridgeError> {
     while !stop.load(Ordering::Relaxed) {
         counters.turns.fetch_add(1, Ordering::Relaxed);
@@ -149,7 +148,7 @@ fn valves(scene: &Scene) -> Vec<(String, ValveSpec)> {
     scene.actuators.iter().filter_map(valve).collect()
 }
 
-/// The valves with their ways to the devices.
+/// The valves with their open devices.
 fn open_valves(scene: &Scene, path: &Path, devices: &Devices) -> Result<Vec<OpenValve>, ConfigError> {
     let valves = valves(scene);
     let opened = valves.iter().map(|(name, spec)| (name.as_str(), valve::open(name, spec, devices)));

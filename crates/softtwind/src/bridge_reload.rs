@@ -1,33 +1,52 @@
-//! SIGHUP of a bridge: reads its scene again and replaces the sources that have changed, while the others go on.
+//! The sources of a bridge, opened at its start and on SIGHUP, which replaces those that changed in the scene.
 
-use crate::sources::{SharedDevices, open};
-use runtime::bridge::Sources;
-use runtime::config::{ActuatorSpec, ConfigError, Scene};
+use runtime::bridge::{BridgeDevices, Sources};
+use runtime::config::{self, ActuatorSpec, ConfigError, Scene};
 use runtime::service;
 use runtime::source::Devices;
 use runtime::thread_group::StopFlag;
 use runtime::valve::ValveSpec;
 use std::path::Path;
-use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How often the flag is checked.
+/// Interval of checks of the flag.
 const INTERVAL: Duration = Duration::from_millis(20);
+
+/// The current devices of the bridge with their counters.
+pub type SharedDevices = Arc<Mutex<BridgeDevices>>;
+
+/// Opens all sources; another program publishes the readings of actuators without one.
+pub fn open(scene: &Scene, path: &Path, devices: &Devices) -> Result<Sources, ConfigError> {
+    let open = |actuator: &ActuatorSpec| {
+        let opened = actuator.open_source(&scene.folder, devices)?;
+        Some(opened.map(|source| (actuator.name.clone(), source)))
+    };
+    let opened =
+        scene.actuators.iter().filter_map(|actuator| Some((actuator.name.as_str(), open(actuator)?)));
+    let sources = config::collect(path, opened)?;
+    let none =
+        "no actuator has a source or a valve; add [actuator.source], [actuator.sensors.NAME] or [actuator.valve], or use --trace"
+            .to_owned();
+    let has_nothing = sources.is_empty() && scene.actuators.iter().all(|actuator| actuator.valve.is_none());
+    ConfigError::unless(path, if has_nothing { vec![none] } else { Vec::new() })?;
+    Ok(sources)
+}
 
 /// Replaces sources on request.
 pub struct BridgeReloader {
     pub scene: Scene,
     pub sources: Sender<Sources>,
     pub devices: SharedDevices,
-    /// Device paths that run: a valve keeps its own, and new sensors on it join.
+    /// Open device paths: valves keep theirs, new sensors share them.
     pub paths: Devices,
 }
 
 impl BridgeReloader {
-    /// Reads the scene again each time `requested` is set, until `end`. On any error the sources stay as they are, and the log
-    /// says why.
+    /// Reads the scene again each time `requested` is set, until `end`. On any error the sources stay unchanged, and the error is
+    /// logged.
     pub fn run(
         mut self,
         requested: &AtomicBool,
@@ -51,7 +70,7 @@ impl BridgeReloader {
         }
     }
 
-    /// Returns the actuators whose source was replaced.
+    /// Replaces changed sources; returns the names of their actuators.
     fn reload(&mut self, mut scene: Scene, path: &Path) -> Result<Vec<String>, String> {
         let (running, new) = (shape(&self.scene), shape(&scene));
         if running != new {
@@ -70,7 +89,7 @@ impl BridgeReloader {
             return Ok(Vec::new());
         }
         for (actuator, has_changed) in scene.actuators.iter_mut().zip(has_changed) {
-            // Sensors may share a device: either all of them are opened again, or none.
+            // Sensors may share a device: all of them are reopened, or none.
             if !has_changed && actuator.sensors.is_empty() {
                 actuator.source = None;
             }
@@ -84,19 +103,19 @@ impl BridgeReloader {
             devices.extend(of_source.map(|(sensor, counters)| (name.clone(), sensor, counters)));
         }
         drop(devices);
-        // The loop takes them within a turn, unless it has ended meanwhile.
+        // The loop takes them in its next iteration, unless it has ended.
         let _ended = self.sources.send(opened);
         self.scene = whole;
         Ok(names)
     }
 }
 
-/// Whether an actuator's readings come from elsewhere now.
+/// True if an actuator has other sources.
 fn differ((old, new): (&ActuatorSpec, &ActuatorSpec)) -> bool {
     (&old.source, &old.sensors, &old.pace) != (&new.source, &new.sensors, &new.pace)
 }
 
-/// What cannot change while a bridge runs: the actuators, which of them have readings, and the valves.
+/// The parts of a scene that a reload cannot change: actuators, which of them have readings, valves.
 fn shape(scene: &Scene) -> String {
     let mut shape = String::new();
     for actuator in &scene.actuators {

@@ -1,4 +1,4 @@
-//! A program of ours as a child process: started, waited for, signalled, stopped.
+//! Our programs as child processes.
 
 use anyhow::Context;
 use std::ffi::OsString;
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// How long a process may take to start or to end.
+/// Longest time for a process to start or to end.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A child process; killed when dropped.
@@ -31,10 +31,10 @@ impl Daemon {
         Self::start(role, Command::new(program("softtwind")?).arg(role).args(arguments).stdout(Stdio::null()))
     }
 
-    /// Starts a command; its standard error is kept for messages. `name` is what messages call it.
+    /// Starts a command; its standard error is stored. `name` is used in messages.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// I/O errors.
     pub fn start(name: &str, command: &mut Command) -> anyhow::Result<Self> {
         let mut child = command
             .stdin(Stdio::null())
@@ -53,7 +53,7 @@ impl Daemon {
     /// Waits for its line `ready:`.
     ///
     /// # Errors
-    /// It ended, took too long, or `stop` was set before.
+    /// The process ended, took too long, or `stop` was set.
     pub fn wait_ready(&mut self, stop: &AtomicBool) -> anyhow::Result<()> {
         self.wait_for("ready:", stop)
     }
@@ -61,7 +61,7 @@ impl Daemon {
     /// Waits for its next line with `text` in it.
     ///
     /// # Errors
-    /// It ended, took too long, or `stop` was set before.
+    /// The process ended, took too long, or `stop` was set.
     pub fn wait_for(&mut self, text: &str, stop: &AtomicBool) -> anyhow::Result<()> {
         let end = Instant::now() + TIMEOUT;
         while Instant::now() < end && !stop.load(Ordering::Relaxed) {
@@ -78,7 +78,7 @@ impl Daemon {
             }
         }
         let log = self.log();
-        anyhow::bail!("the {} did not say `{text}`; its log:\n{log}", self.name)
+        anyhow::bail!("the {} did not print `{text}`; its log:\n{log}", self.name)
     }
 
     /// Process number.
@@ -86,15 +86,15 @@ impl Daemon {
         self.child.id()
     }
 
-    /// Its standard output, when the command asked for a pipe and nobody has taken it.
+    /// Its standard output, if piped and not yet taken.
     pub fn stdout(&mut self) -> Option<ChildStdout> {
         self.child.stdout.take()
     }
 
-    /// Whether it has ended.
+    /// True if it has ended.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// I/O errors.
     pub fn ended(&mut self) -> std::io::Result<bool> {
         if self.status.is_none() {
             self.status = self.child.try_wait()?;
@@ -102,12 +102,12 @@ impl Daemon {
         Ok(self.status.is_some())
     }
 
-    /// Whether it has ended with exit code 0.
+    /// True if it has ended with exit code 0.
     pub fn succeeded(&self) -> bool {
         self.status.is_some_and(|status| status.success())
     }
 
-    /// Fails with the log when it has ended.
+    /// Fails with the log if it has ended.
     ///
     /// # Errors
     /// It has ended.
@@ -116,21 +116,21 @@ impl Daemon {
             return Ok(());
         }
         let log = self.log();
-        anyhow::bail!("the {} ended by itself:\n{log}", self.name)
+        anyhow::bail!("the {} ended:\n{log}", self.name)
     }
 
     /// Sends a signal, unless it has ended.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// I/O errors.
     pub fn signal(&mut self, signal: i32) -> std::io::Result<()> {
         runtime::process::signal(&mut self.child, signal)
     }
 
-    /// Ends it with SIGKILL and waits until it is gone.
+    /// Ends it with SIGKILL and waits for its end.
     ///
     /// # Errors
-    /// The system's refusal.
+    /// I/O errors.
     pub fn kill(&mut self) -> std::io::Result<()> {
         self.child.kill()?;
         self.status = Some(self.child.wait()?);
@@ -161,13 +161,13 @@ impl Daemon {
         Ok(())
     }
 
-    /// Forgets what it has written to standard error so far.
+    /// Discards its standard error so far.
     pub fn forget_log(&mut self) {
         self.lines.try_iter().for_each(drop);
         self.log = Vec::new();
     }
 
-    /// What it has written to standard error.
+    /// Its standard error so far.
     pub fn log(&mut self) -> String {
         self.log.extend(self.lines.try_iter());
         self.log.join("\n")

@@ -1,11 +1,11 @@
-//! How a command ends. Commands return `anyhow::Result`; what is the user's mistake is marked where it is found.
+//! Exit codes. Commands return `anyhow::Result`; errors of usage and configuration are marked where they are found.
 
 use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
-/// A mistake of the user, which no repetition of the command will cure.
+/// An error of usage or configuration.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 struct Mistake {
@@ -13,8 +13,8 @@ struct Mistake {
     message: String,
 }
 
-/// Prints a command's error and returns the exit code of the program: 0 when everything was done, or the reader of the output
-/// closed the pipe; 1 run-time failure, 2 usage, 78 configuration.
+/// Prints a command's error and returns the exit code: 0 for success or a closed output pipe, 1 run-time failure, 2 usage,
+/// 78 configuration.
 pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     let Err(error) = result else { return ExitCode::SUCCESS };
     let is_broken_pipe = |cause: &(dyn Error + 'static)| {
@@ -28,12 +28,12 @@ pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     ExitCode::from(error.downcast_ref::<Mistake>().map_or(1, |mistake| mistake.exit_code))
 }
 
-/// An error in the arguments: what was expected, what was found, what to do. Exit code 2.
+/// An error in the arguments: expected value, found value, remedy. Exit code 2.
 pub fn usage(message: impl Display) -> anyhow::Error {
     Mistake { exit_code: 2, message: message.to_string() }.into()
 }
 
-/// An error in a file the user gave; the text keeps the whole chain of causes. Exit code 78.
+/// An error in a file of the user, with its chain of causes. Exit code 78.
 pub fn configuration(error: impl Into<anyhow::Error>) -> anyhow::Error {
     Mistake { exit_code: 78, message: format!("{:#}", error.into()) }.into()
 }

@@ -1,5 +1,5 @@
-//! Watches the daemon's own files in the folder of the domain. A cleaner of temporary files may remove them while the daemon
-//! runs: then new readers find nothing.
+//! Watches the daemon's files in the folder of the shared-memory domain. Without them, for example after a cleaner of temporary
+//! files, new readers find no topics.
 
 use runtime::thread_group::{StopFlag, ThreadResult};
 use runtime::wire::{OwnFiles, background_thread};
@@ -10,7 +10,7 @@ pub const NAME: &str = "files";
 /// Time between two checks.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// Checks until `end`; an error when files are gone.
+/// Checks until `end`; an error if files were removed.
 pub fn watch(own: &OwnFiles, end: &StopFlag) -> ThreadResult {
     background_thread();
     loop {
@@ -21,7 +21,7 @@ pub fn watch(own: &OwnFiles, end: &StopFlag) -> ThreadResult {
         if let Some(file) = own.removed().first() {
             let file = file.display();
             return Err(format!(
-                "files of the domain are gone, such as {file}; exclude that folder from cleaners of temporary files (see \
+                "files in shared memory were removed, such as {file}; exclude that folder from cleaners of temporary files (see \
                  OPERATIONS.md), then start again"
             )
             .into());

@@ -25,7 +25,6 @@ mod options;
 mod reload;
 mod reporter;
 mod side_services;
-mod sources;
 mod twin;
 
 use clap::{CommandFactory, Parser};

@@ -1,10 +1,10 @@
-//! The metrics page on a loopback port; off by default.
+//! The metrics endpoint on a loopback port; off by default.
 
 use runtime::metrics;
 use runtime::wire::{Bus, Domain, Estimate, EstimateReader, Health, HealthReader, Topic};
 use std::net::{SocketAddr, TcpListener};
 
-/// Whether and where to serve metrics.
+/// Address of the metrics endpoint.
 #[derive(Debug, Clone, clap::Args)]
 pub struct MetricsOptions {
     /// Serve Prometheus metrics at http://ADDR/metrics; loopback only [default: off]
@@ -22,8 +22,7 @@ impl MetricsOptions {
     }
 }
 
-/// The page of the twins: an ordinary reader of their topics, so that the loop knows nothing of it. Of each: its name, and whether it
-/// estimates.
+/// Metrics of the twins, read from their topics. `names`: each actuator and whether it has estimates.
 pub fn twins(domain: &Domain, names: &[(String, bool)]) -> impl FnMut() -> String + use<> {
     let readers = readers(domain, names);
     if let Err(error) = &readers {
@@ -31,7 +30,7 @@ pub fn twins(domain: &Domain, names: &[(String, bool)]) -> impl FnMut() -> Strin
     }
     let (mut healths, mut estimates) = readers.unwrap_or_default();
     move || {
-        // A reader that fails keeps showing its last health, whose age grows for whoever reads the page.
+        // After a failure the last health stays; its age grows.
         healths.iter_mut().for_each(|(reader, last)| *last = reader.newest().ok().flatten().or(*last));
         estimates.iter_mut().for_each(|(reader, last)| *last = reader.newest().ok().flatten().or(*last));
         let known: Vec<Health> = healths.iter().filter_map(|(_, last)| *last).collect();
@@ -40,7 +39,7 @@ pub fn twins(domain: &Domain, names: &[(String, bool)]) -> impl FnMut() -> Strin
     }
 }
 
-/// Readers with the last sample of each.
+/// Readers with their last samples.
 type Last<R, S> = Vec<(R, Option<S>)>;
 
 fn readers(

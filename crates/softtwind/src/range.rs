@@ -1,6 +1,6 @@
-//! Ranges of numeric arguments: every one is checked while the command line is read, and the message states the range.
+//! Parsers of numeric arguments with their ranges.
 
-/// Largest pressure of an argument, in MPa: far above what an elastomer bears, so that only wrong units exceed it.
+/// Largest pressure of an argument, MPa: only wrong units exceed it.
 pub const MAX_PRESSURE_MPA: f64 = 100.0;
 /// Largest gap of an argument, in mm.
 pub const MAX_GAP_MM: f64 = 10_000.0;
@@ -17,11 +17,11 @@ pub fn number(low: f64, high: f64) -> impl Fn(&str) -> Result<f64, String> + Clo
     }
 }
 
-/// Parses a whole number from `low` to `high`.
+/// Parses an integer from `low` to `high`.
 pub fn count(low: usize, high: usize) -> impl Fn(&str) -> Result<usize, String> + Clone + Send + Sync {
     move |text| {
         let value = text.parse::<usize>().ok().filter(|value| (low..=high).contains(value));
-        value.ok_or_else(|| format!("expected a whole number from {low} to {high}"))
+        value.ok_or_else(|| format!("expected an integer from {low} to {high}"))
     }
 }
 
@@ -36,7 +36,7 @@ pub fn pressure_mpa(text: &str) -> Result<f64, String> {
 /// Parses a gap in mm.
 ///
 /// # Errors
-/// Not a number from minus to plus [`MAX_GAP_MM`]; whether a gap below 0 has a meaning depends on the command.
+/// Not a number from minus to plus [`MAX_GAP_MM`].
 pub fn gap_mm(text: &str) -> Result<f64, String> {
     number(-MAX_GAP_MM, MAX_GAP_MM)(text)
 }
@@ -44,7 +44,7 @@ pub fn gap_mm(text: &str) -> Result<f64, String> {
 /// Parses a number of threads.
 ///
 /// # Errors
-/// Not a whole number from 1 to [`MAX_THREADS`].
+/// Not an integer from 1 to [`MAX_THREADS`].
 pub fn threads(text: &str) -> Result<usize, String> {
     count(1, MAX_THREADS)(text)
 }

@@ -1,4 +1,4 @@
-//! SIGHUP: reads scene and models again while the loop runs, and hands them over between two readings.
+//! SIGHUP of a twin: reads scene and models again while the loop runs, which takes them between two readings.
 
 use crate::side_services::{ReloadHandle, SideServices};
 use runtime::config::ConfigError;
@@ -11,13 +11,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::time::Duration;
 
-/// How often the flag is checked.
+/// Interval of checks of the flag.
 const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Scene and models, read again: for the loop and for the side services.
 pub type Reloaded = (Vec<Loaded>, SideServices);
 
-/// The end of the loop: receives loaded models, returns the replaced ones.
+/// The end of the loop: receives loaded models and returns the replaced ones.
 pub struct ModelInbox {
     new: Receiver<Vec<Loaded>>,
     old: Sender<Result<Retired, SwapError>>,
@@ -37,10 +37,10 @@ pub fn pair() -> (ModelInbox, Loader) {
 }
 
 impl ModelInbox {
-    /// Between two readings: swaps when new models wait. Otherwise it costs one check of an empty queue.
+    /// Swaps models between two readings, if new ones wait; otherwise checks an empty queue.
     pub fn swap(&self, twin: &mut Twin) {
         match self.new.try_recv() {
-            // What was replaced is freed by the loader thread; without it (the process ends) here.
+            // The loader thread frees the replaced models; at the end of the process this one does.
             Ok(loaded) => drop(self.old.send(twin.swap(loaded))),
             Err(TryRecvError::Empty | TryRecvError::Disconnected) => {}
         }
@@ -48,8 +48,7 @@ impl ModelInbox {
 }
 
 impl Loader {
-    /// Loads again each time `requested` is set, until `end`. On any error the twin keeps what it has, and the log says
-    /// why.
+    /// Loads again each time `requested` is set, until `end`. On any error the twin stays unchanged, and the error is logged.
     pub fn run(
         &self,
         requested: &AtomicBool,
@@ -81,12 +80,12 @@ impl Loader {
         if self.new.send(loaded).is_err() {
             return;
         }
-        // The loop takes them within a turn, unless it has ended meanwhile.
+        // The loop takes them in its next iteration, unless it has ended.
         while !end.is_set() {
             match self.old.recv_timeout(INTERVAL) {
                 Ok(Ok(retired)) => {
                     services.replace(new_services);
-                    // Before the log says so: whoever then looks at the memory finds one model.
+                    // Before the log line: after it the memory of one model is in use.
                     drop(retired);
                     return tracing::info!(
                         "reloaded: scene and models swapped (models {})",

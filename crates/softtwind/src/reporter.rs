@@ -1,4 +1,4 @@
-//! The thread beside the twin's loop that writes its events to the log and feeds the watchdog.
+//! Thread that logs the events of the twin's loop and feeds the watchdog.
 
 use runtime::service::Watchdog;
 use runtime::thread_group::StopFlag;
@@ -10,10 +10,10 @@ use std::time::Duration;
 
 /// Interval of the reporter.
 const INTERVAL: Duration = Duration::from_millis(50);
-/// Most lines in one interval; more are counted in one line, so that a flickering sensor cannot fill the disk.
+/// Largest number of lines per interval; further events are counted in one line, so that a flickering sensor cannot fill the disk.
 const LINES_MAX: usize = 20;
 
-/// Reports until `end`; what still waits then is reported too.
+/// Reports until `end`, including events that wait then.
 pub fn run(events: &Receiver<Event>, names: &[String], progress: &AtomicU64, end: &StopFlag) {
     background_thread();
     let mut watchdog = Watchdog::from_env();

@@ -1,4 +1,4 @@
-//! Files that come with the programs: scenes, traces, models. They lie in a checkout, or installed in `share/softtwin`.
+//! Files that come with the programs: scenes, traces, models. They are in a checkout or in an installed `share/softtwin`.
 
 use std::path::{Path, PathBuf};
 
@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 const VARIABLE: &str = "SOFTTWIN_SHARE";
 
 /// The file at `path` (for example `config/scenes/finger.toml`): below `$SOFTTWIN_SHARE`, or else below the first of these
-/// that has it: the folder we stand in and those above it, `share/softtwin` beside the program's folder, the folders above
+/// that has it: the current folder and its parents, `share/softtwin` next to the program's folder, the folders above
 /// the program.
 ///
 /// # Errors
-/// None has it; the message says where was looked.
+/// No folder has it; the message lists the folders.
 pub fn find(path: &str) -> anyhow::Result<PathBuf> {
     let folders = match std::env::var_os(VARIABLE) {
         Some(folder) => vec![PathBuf::from(folder)],
@@ -20,13 +20,13 @@ pub fn find(path: &str) -> anyhow::Result<PathBuf> {
         let looked: Vec<String> = folders.iter().map(|folder| format!("  {}", folder.display())).collect();
         anyhow::anyhow!(
             "expected {path}, which comes with the sources and the packages; found in none of these folders:\n{}\nName a \
-             checkout of softtwin or an installed share/softtwin in {VARIABLE}, or name a file of your own by its option",
+             checkout of softtwin or an installed share/softtwin in {VARIABLE}, or name another file by its option",
             looked.join("\n")
         )
     })
 }
 
-/// Where is looked, in this order. `own` is the running program.
+/// The folders in order. `own` is the running program.
 fn folders(here: Option<&Path>, own: Option<&Path>) -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> =
         here.into_iter().flat_map(Path::ancestors).map(Path::to_path_buf).collect();

@@ -1,4 +1,4 @@
-//! What runs beside the twin's loop, each in an ordinary thread with ports of its own: answers to questions, the grasp.
+//! Services of a twin on separate threads with their own ports: answers to queries, the grasp.
 
 use runtime::config::{ConfigError, Scene};
 use runtime::grasp::{GraspModel, GraspService};
@@ -22,11 +22,11 @@ impl SideServices {
         Ok(Self { answerers: load_answerers(scene, path)?, grasp: GraspModel::load(scene, path)? })
     }
 
-    /// Starts the threads and waits until all of them serve. Called before the loop takes real-time rights, so that none of
-    /// them inherits these.
+    /// Starts the threads and waits until all of them serve. To be called before the loop takes real-time rights, which threads
+    /// inherit.
     ///
     /// # Errors
-    /// The refusals of the ports and of the system.
+    /// Ports in use, and I/O errors.
     pub fn start(self, group: &mut ThreadGroup, domain: &Domain) -> anyhow::Result<ReloadHandle> {
         let answerers = Some(self.answerers).filter(|answerers| !answerers.is_empty());
         Ok(ReloadHandle {
@@ -36,14 +36,14 @@ impl SideServices {
     }
 }
 
-/// Hands models that were loaded again to the running services.
+/// Passes reloaded models to the running services.
 pub struct ReloadHandle {
     answerers: Sender<Vec<Answerer>>,
     grasp: Sender<GraspModel>,
 }
 
 impl ReloadHandle {
-    /// The services take the models between two turns; one that does not run needs none.
+    /// Passes models to the running services, which take them in their next iteration.
     pub fn replace(&self, services: SideServices) {
         let _not_running = self.answerers.send(services.answerers);
         if let Some(model) = services.grasp {

@@ -1,4 +1,4 @@
-//! Samples and answers as one line for people. Every command and the page use these texts.
+//! Samples and answers as one line, for all commands and the web viewer.
 
 use wire::layout::{
     InputValue, estimate_alarm, estimate_status, field_id, flags, grasp_status, input_source, query_kind,
@@ -98,11 +98,11 @@ fn estimate(estimate: &Estimate) -> String {
     format!("#{:<7} {}  NIS {nis:.1} ({status}, {rejected} rejected)", estimate.seq, estimates(estimate))
 }
 
-/// `gap_mm 41.203 +- 0.180`; a value that the readings do not tell is marked, an alarm named with what it accuses.
+/// `gap_mm 41.203 +- 0.180`; an unidentifiable value is marked; an alarm is named with its suspects.
 pub fn estimates(estimate: &Estimate) -> String {
     let one = |at: usize| {
-        let told = if estimate.identifiable & (1 << at) == 0 { " (not told by the readings)" } else { "" };
-        format!("{} {:.5} +- {:.5}{told}", estimate.name(at), estimate.values[at], estimate.sigmas[at])
+        let note = if estimate.identifiable & (1 << at) == 0 { " (not identifiable)" } else { "" };
+        format!("{} {:.5} +- {:.5}{note}", estimate.name(at), estimate.values[at], estimate.sigmas[at])
     };
     let count = (estimate.unknown_count as usize).min(estimate.values.len());
     (0..count).map(one).chain(alarm(estimate)).collect::<Vec<_>>().join("  ")
@@ -197,21 +197,21 @@ fn numbered_grasp(sample: &Grasp) -> String {
     )
 }
 
-/// Whether the object is held, the forces of it, and the pressure from which on it is held.
+/// Grasp status, forces, and the pressure from which the object is held.
 pub fn grasp(grasp: &Grasp) -> String {
     format!("{}, {}", grasp_status::as_str(grasp.grasp_status), grasp_forces(grasp))
 }
 
-/// The force that each finger brings and needs, and where to stop inflating.
+/// Smallest and required force per finger, and the pressure at which to stop inflating.
 pub fn grasp_forces(grasp: &Grasp) -> String {
     let stop = match grasp.stop_pressure_mpa {
         stop if stop.is_nan() => "no sampled pressure holds it".to_owned(),
         stop => format!("first held at {stop:.5} +- {:.5} MPa", grasp.stop_pressure_halfwidth_mpa),
     };
-    format!("{:.3} of {:.3} N a finger, {stop}", grasp.least_force_n, grasp.needed_force_n)
+    format!("{:.3} of {:.3} N per finger, {stop}", grasp.least_force_n, grasp.needed_force_n)
 }
 
-/// An answer with the question it belongs to, or why there is none.
+/// An answer with its query, or the reason for its refusal.
 pub fn answer(answer: &Answer) -> String {
     let head = format!("softtwin/{}/{}", unpack_name(&answer.actuator), query_kind::as_str(answer.kind));
     if let Some(reason) = answer.refusal() {
@@ -251,19 +251,19 @@ fn inputs(pressure_mpa: f64, gap_mm: f64) -> String {
     format!("P {pressure_mpa:8.5} MPa  gap {gap}")
 }
 
-/// Which of pressure and gap is not as it was measured: ` (pressure_mpa estimated, gap_mm given)`.
+/// Sources of pressure and gap if not measured: ` (pressure_mpa estimated, gap_mm given)`.
 fn not_measured(inputs: impl Iterator<Item = InputValue>) -> String {
     let other = |input: &InputValue| ![input_source::UNKNOWN, input_source::MEASURED].contains(&input.source);
     let named = |input: InputValue| format!("{} {}", input.name, input_source::as_str(input.source));
     in_brackets(inputs.take(2).filter(other).map(named).collect())
 }
 
-/// What a model takes beside pressure and gap, where its value comes from and the force's gradient by it:
-/// `  elastomer.law.mu_mpa 0.72 (given, dF 0.1234 N a unit)`.
+/// Inputs in addition to pressure and gap, with source and derivative of the force:
+/// `  elastomer.law.mu_mpa 0.72 (given, dF 0.1234 N per unit)`.
 pub fn parameters(inputs: impl Iterator<Item = InputValue>) -> String {
     let one = |InputValue { name, value, force_by, source }: InputValue| {
         let source = Some(source).filter(|source| *source != input_source::UNKNOWN);
-        let gradient = Some(force_by).filter(|by| !by.is_nan()).map(|by| format!("dF {by:.4} N a unit"));
+        let gradient = Some(force_by).filter(|by| !by.is_nan()).map(|by| format!("dF {by:.4} N per unit"));
         let more = source.map(|source| input_source::as_str(source).to_owned()).into_iter().chain(gradient);
         format!("  {name} {value:.5}{}", in_brackets(more.collect()))
     };
@@ -274,7 +274,7 @@ fn in_brackets(notes: Vec<String>) -> String {
     if notes.is_empty() { String::new() } else { format!(" ({})", notes.join(", ")) }
 }
 
-/// Contact force (N) with its half-width and its gradients by pressure and gap, those that are known.
+/// Contact force (N) with its half-width and its derivatives with respect to pressure and gap, where known.
 fn force(force_n: f64, halfwidth_n: f32, [by_pressure, by_gap]: [f64; 2]) -> String {
     let halfwidth = if halfwidth_n.is_nan() { String::new() } else { format!(" +- {halfwidth_n:.4}") };
     format!(
@@ -297,7 +297,7 @@ fn ms(ns: u64) -> String {
     format!("{:.2} ms", ns as f64 / 1e6)
 }
 
-/// Smallest and largest value, NaN left out.
+/// Smallest and largest value, without NaN.
 pub fn range(values: &[f32]) -> (f32, f32) {
     values
         .iter()

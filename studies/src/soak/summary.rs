@@ -80,7 +80,7 @@ impl Summary {
         if self.lost_in_recorder > 0 {
             wrong.push(format!("{} samples lost in the recorder", self.lost_in_recorder));
         }
-        for (topic, reason) in record["troubles"].as_object().into_iter().flatten() {
+        for (topic, reason) in record["errors"].as_object().into_iter().flatten() {
             wrong.push(format!("{topic} was not recorded at the end: {reason}"));
         }
         for name in [STEADY, DISTURBED] {
@@ -178,7 +178,7 @@ mod tests {
     }
 
     fn summary(rows: &[Row], missing: u64) -> Summary {
-        let record = json!({ "missing": missing, "dropped": 0, "troubles": {}, "messages": { "a": 7 } });
+        let record = json!({ "missing": missing, "dropped": 0, "errors": {}, "messages": { "a": 7 } });
         let counts = Counts { fields_checked: 1, states_checked: 1, ..Counts::default() };
         let verified = BTreeMap::from([(STEADY, counts), (DISTURBED, counts)]);
         Summary::new(rows, &record, verified, BTreeMap::new(), 3).expect("complete")

@@ -10,12 +10,12 @@ use wire::layout::{Codes, Field, Payload, Scalar, Show, field_id, pack_name};
 /// Reads a payload from its JSON form. An absent property keeps its default.
 ///
 /// # Errors
-/// No JSON object, or a property of the wrong kind.
+/// Not a JSON object, or a property of the wrong kind.
 pub fn decode<P: Payload>(data: &[u8]) -> Result<P, Error> {
     read(&serde_json::from_slice(data)?, &[])
 }
 
-/// Reads a reading, to the bit as it was written. A run that is no hexadecimal number becomes 0.
+/// Reads a reading, bit-identical to the written one. An invalid boot id becomes 0.
 ///
 /// # Errors
 /// As [`decode`]; also when number, stamp, pressure or gap is missing.
@@ -26,7 +26,7 @@ pub fn decode_reading(data: &[u8]) -> Result<SensorSample, Error> {
 /// Reads a field: its header, and its values field by field.
 ///
 /// # Errors
-/// As [`decode`]; also when the values are no base64 of as many numbers as the header says.
+/// As [`decode`]; also when the values are not base64 of the count in the header.
 pub fn decode_field(data: &[u8]) -> Result<(FieldHeader, Vec<f32>), Error> {
     let properties: Map<String, Value> = serde_json::from_slice(data)?;
     let header: FieldHeader = read(&properties, &["node_count", "fields", "values"])?;
@@ -59,16 +59,16 @@ fn expected(field: &Field) -> &'static str {
         Show::Number if matches!(field.scalar, Scalar::F32 | Scalar::F64) => {
             "a number, null, \"NaN\", \"Infinity\" or \"-Infinity\""
         }
-        Show::Number => "a whole number that fits",
-        Show::Hex | Show::Name | Show::Code(_) => "a text",
+        Show::Number => "an integer in range",
+        Show::Hex | Show::Name | Show::Code(_) => "a string",
         Show::PerCode(_) => "an object",
         _ => "a list",
     }
 }
 
-/// Sets a field from its JSON form; `None`: of the wrong kind.
+/// Sets a field from its JSON form; `None` for the wrong kind.
 fn set<P: Payload>(payload: &mut P, field: &Field, value: &Value) -> Option<()> {
-    let texts = || value.as_array()?.iter().map(Value::as_str).collect::<Option<Vec<_>>>();
+    let strings = || value.as_array()?.iter().map(Value::as_str).collect::<Option<Vec<_>>>();
     match field.show {
         Show::Number if field.count == 1 => put(payload, field, 0, value)?,
         Show::Number | Show::UntilZero => list(payload, field, value.as_array()?)?,
@@ -91,7 +91,8 @@ fn set<P: Payload>(payload: &mut P, field: &Field, value: &Value) -> Option<()> 
             list(payload, field, &name.map(Value::from))?;
         }
         Show::Flags(codes) => {
-            let bits = texts()?.iter().filter_map(|name| number(codes, name)).fold(0, |bits, bit| bits | bit);
+            let bits =
+                strings()?.iter().filter_map(|name| number(codes, name)).fold(0, |bits, bit| bits | bit);
             put(payload, field, 0, &bits.into())?;
         }
         Show::Code(codes) => {
@@ -100,17 +101,17 @@ fn set<P: Payload>(payload: &mut P, field: &Field, value: &Value) -> Option<()> 
             }
         }
         Show::Codes(codes, _) => {
-            let numbers = texts()?.into_iter().map(|name| number(codes, name).unwrap_or(0).into());
+            let numbers = strings()?.into_iter().map(|name| number(codes, name).unwrap_or(0).into());
             list(payload, field, &numbers.collect::<Vec<Value>>())?;
         }
         Show::FieldNames => {
-            let names = texts()?;
+            let names = strings()?;
             let ids = names.iter().map(|name| field_id::from_name(name).unwrap_or(field_id::OTHER).into());
             list(payload, field, &ids.collect::<Vec<Value>>())?;
             set_count(payload, "field_count", names.len())?;
         }
         Show::Names(count) => {
-            let names = texts()?;
+            let names = strings()?;
             let bytes: Vec<Value> =
                 names.iter().flat_map(|name| pack_name(name)).map(Value::from).take(field.count).collect();
             list(payload, field, &bytes)?;
@@ -144,11 +145,11 @@ fn set_count<P: Payload>(payload: &mut P, name: &str, count: usize) -> Option<()
 fn put<P: Payload>(payload: &mut P, field: &Field, index: usize, value: &Value) -> Option<()> {
     let size = field.scalar.size();
     let slot = payload.bytes_mut().get_mut(field.range())?.chunks_exact_mut(size).nth(index)?;
-    let whole = || value.as_u64();
+    let integer = || value.as_u64();
     match field.scalar {
-        Scalar::U8 => slot.copy_from_slice(&u8::try_from(whole()?).ok()?.to_le_bytes()),
-        Scalar::U32 => slot.copy_from_slice(&u32::try_from(whole()?).ok()?.to_le_bytes()),
-        Scalar::U64 => slot.copy_from_slice(&whole()?.to_le_bytes()),
+        Scalar::U8 => slot.copy_from_slice(&u8::try_from(integer()?).ok()?.to_le_bytes()),
+        Scalar::U32 => slot.copy_from_slice(&u32::try_from(integer()?).ok()?.to_le_bytes()),
+        Scalar::U64 => slot.copy_from_slice(&integer()?.to_le_bytes()),
         Scalar::F32 => slot.copy_from_slice(&(quantity(value)? as f32).to_le_bytes()),
         Scalar::F64 => slot.copy_from_slice(&quantity(value)?.to_le_bytes()),
     }

@@ -1,4 +1,4 @@
-//! Whole fields, when asked for: a header to read and the values as they lay in memory.
+//! Fields as messages: the header as JSON, the values as base64.
 
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
@@ -39,13 +39,13 @@ impl Recorded for FieldMessage<'_> {
     }
 }
 
-/// Padding may be missing: other writers leave it out.
+/// Base64 with optional padding.
 const LENIENT: GeneralPurpose = GeneralPurpose::new(
     &base64::alphabet::STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// The values of a recorded field's text; none when it is no base64 of whole numbers. `O(bytes)`.
+/// Values of a recorded field; `None` if `text` is not base64 of a multiple of 4 bytes. `O(bytes)`.
 pub(super) fn values(text: &str) -> Option<Vec<f32>> {
     let bytes = LENIENT.decode(text).ok()?;
     let (numbers, rest) = bytes.as_chunks::<4>();

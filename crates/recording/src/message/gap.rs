@@ -7,7 +7,7 @@ use wire::Stamp;
 use super::{Recorded, schema, write};
 use crate::writer::Channel;
 
-/// Samples that were published and never arrived.
+/// Published samples that never arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Gap {
     /// The number that was expected.
@@ -17,13 +17,13 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// How many are missing.
+    /// Number of missing samples.
     pub fn missing(self) -> u64 {
         self.found_seq.saturating_sub(self.expected_seq)
     }
 }
 
-/// Follows the sequence numbers of one topic. A new publisher (another boot id) starts its own count.
+/// Follows the sequence numbers of one topic. A new publisher (another boot id) starts a new count.
 #[derive(Debug, Default)]
 pub struct GapCounter {
     last: Option<(u64, u64)>,
@@ -47,7 +47,7 @@ pub struct GapMessage {
     pub expected_seq: u64,
     /// The number that came.
     pub found_seq: u64,
-    /// How many are missing.
+    /// Number of missing samples.
     pub missing: u64,
 }
 

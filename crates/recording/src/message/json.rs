@@ -27,9 +27,9 @@ impl Serialize for Json<'_> {
     }
 }
 
-/// An answer as JSON; `refusal` is the reason why there is none, or null.
+/// An answer as JSON; `refusal` is the reason for a refusal, or null.
 pub fn answer(answer: &Answer) -> Value {
-    // Numbers and texts only, none of which JSON could refuse.
+    // Numbers and strings only: serialisation cannot fail.
     let mut value = serde_json::to_value(Json::new(answer.view())).unwrap_or_default();
     value["refusal"] = answer.refusal().into();
     value
@@ -93,7 +93,7 @@ fn name(codes: Codes, number: u32) -> &'static str {
     codes.iter().find(|code| code.number == number).map_or("unknown", |code| code.name)
 }
 
-/// A number; the shortest digits that are read back to the same bits, or a text where JSON has no notation.
+/// A number in the shortest bit-identical form; a string if it is not finite.
 struct Digits(Number);
 
 impl Serialize for Digits {
@@ -108,7 +108,7 @@ impl Serialize for Digits {
     }
 }
 
-/// In the spelling that protocol buffers' JSON uses.
+/// Non-finite number in the spelling of protocol buffers' JSON.
 fn not_finite(number: f64) -> &'static str {
     match number {
         f64::INFINITY => "Infinity",

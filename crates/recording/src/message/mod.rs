@@ -1,8 +1,7 @@
-//! The JSON form of payloads: one object each, with a JSON schema, both made from the payload's own description.
+//! The JSON form of payloads: one object each, with a JSON schema, both derived from the payload's layout.
 //!
-//! Numbers survive unchanged: finite ones are written with as many digits as they need to be read back to the same bits,
-//! the others as the texts `"NaN"`, `"Infinity"`, `"-Infinity"`. Run numbers and hashes are hexadecimal texts, because
-//! many viewers keep only 53 bits of an integer.
+//! Numbers are read back bit-identical: finite ones have enough digits, the others are the strings `"NaN"`, `"Infinity"` and
+//! `"-Infinity"`. Boot ids and hashes are hexadecimal strings, because many viewers keep only 53 bits of an integer.
 
 mod decode;
 mod field;
@@ -43,7 +42,7 @@ impl Recorded for View<'_> {
     }
 }
 
-/// Writing plain numbers and texts into memory cannot fail; a message cut short would fail to parse, not lie.
+/// Writing numbers and strings into memory cannot fail.
 fn write(message: &impl Serialize, out: &mut Vec<u8>) {
     out.clear();
     let _ = serde_json::to_writer(out, message);

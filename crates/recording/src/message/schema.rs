@@ -32,8 +32,8 @@ pub fn object<'a>(title: &str, properties: impl IntoIterator<Item = (&'a str, Va
     .to_string()
 }
 
-/// A number that may be "not known". In draft 7 a validator follows `$ref` and passes over what stands beside it; viewers
-/// that draw numbers (Foxglove, Lichtblick) read `type` and refuse a list of types.
+/// A number, or a string if not finite. A draft 7 validator follows `$ref` and ignores its siblings; viewers (Foxglove, Lichtblick)
+/// read `type` and refuse a list of types.
 fn number(scalar: Scalar) -> Value {
     match scalar {
         Scalar::F32 | Scalar::F64 => json!({"type": "number", "$ref": "#/definitions/number"}),
@@ -42,13 +42,13 @@ fn number(scalar: Scalar) -> Value {
 }
 
 fn property(field: &Field) -> Value {
-    let texts = json!({"type": "array", "items": {"type": "string"}});
+    let strings = json!({"type": "array", "items": {"type": "string"}});
     let numbers = json!({"type": "array", "items": number(field.scalar)});
     let mut schema = match field.show {
         Show::Number if field.count == 1 => number(field.scalar),
         Show::Number | Show::Counted(_) | Show::UntilZero => numbers,
         Show::Hex | Show::Name | Show::Code(_) => json!({"type": "string"}),
-        Show::Flags(_) | Show::Codes(..) | Show::FieldNames | Show::Names(_) => texts,
+        Show::Flags(_) | Show::Codes(..) | Show::FieldNames | Show::Names(_) => strings,
         Show::PerCode(codes) => {
             let counts: Map<String, Value> =
                 codes.iter().map(|code| (code.name.to_owned(), number(field.scalar))).collect();

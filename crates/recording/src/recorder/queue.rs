@@ -19,10 +19,10 @@ use crate::rotate::{RotateSummary, RotatingWriter};
 use crate::thread_group::{ThreadEnded, panic_cause};
 use crate::writer::{Channel, WriteError};
 
-/// Everything is on disk at the latest so long after it was received.
+/// Longest time between receiving a sample and having it on disk.
 pub const FLUSH_EVERY: Duration = Duration::from_millis(500);
 
-/// What the writer's thread receives.
+/// Entry of the queue.
 enum Entry {
     Message { channel: Arc<Channel>, sequence: u32, log_time_ns: u64, publish_time_ns: u64, data: Vec<u8> },
     Metadata { name: String, entries: BTreeMap<String, String> },
@@ -88,7 +88,7 @@ impl Queue {
         }
     }
 
-    /// What was recorded so far, over all topics.
+    /// Summary so far, over all topics.
     pub fn summary(&self) -> MutexGuard<'_, RecordSummary> {
         lock(&self.summary)
     }
@@ -116,9 +116,9 @@ impl QueueSink {
         &self.topic
     }
 
-    /// Notes why the topic cannot be recorded, or that it can.
-    pub fn set_trouble(&self, cause: Option<&WireError>) {
-        self.queue.summary().set_trouble(self.topic.name(), cause);
+    /// Sets or clears the error of the topic.
+    pub fn set_error(&self, cause: Option<&WireError>) {
+        self.queue.summary().set_error(self.topic.name(), cause);
     }
 
     /// Queues one sample, after a message about the jump in its topic's sequence numbers, if there is one.
@@ -184,7 +184,7 @@ impl WriterThread {
 }
 
 fn lock(summary: &Mutex<RecordSummary>) -> MutexGuard<'_, RecordSummary> {
-    // Counts are whole after every line: a thread that panicked while it held the lock left nothing half done.
+    // Counts are consistent after every statement, also after a panic.
     summary.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

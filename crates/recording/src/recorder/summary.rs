@@ -1,4 +1,4 @@
-//! What was recorded, and why recording ended.
+//! Summary and errors of a recording.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::rotate::{DiskUse, RotateSummary};
 use crate::thread_group::ThreadEnded;
 use crate::writer::WriteError;
 
-/// Why recording ended early.
+/// Error that ended a recording.
 #[derive(Debug, Error)]
 pub enum RecordError {
     /// The shared memory.
@@ -26,7 +26,7 @@ pub enum RecordError {
     Start(std::io::Error),
 }
 
-/// What was recorded.
+/// Summary of a recording.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RecordSummary {
     /// Messages by topic.
@@ -35,15 +35,15 @@ pub struct RecordSummary {
     pub missing: u64,
     /// Messages that were received and dropped because the disk was too slow.
     pub dropped: u64,
-    /// What cannot be recorded at the moment, and why: by topic, or `topics` when they cannot be listed. Tried again and again.
-    pub troubles: BTreeMap<String, String>,
-    /// Topics that a program of another version made, and what is different; they are not recorded.
+    /// Current errors by topic, or `topics` if they cannot be listed; retried.
+    pub errors: BTreeMap<String, String>,
+    /// Topics of another version, with the difference; they are not recorded.
     pub skipped: BTreeMap<String, String>,
-    /// What the series takes of the disk, since the last flush.
+    /// Disk use of the series at the last flush.
     pub disk: DiskUse,
-    /// Flushes so far: they stand still when the disk hangs.
+    /// Number of flushes; constant while the disk is blocked.
     pub flushes: u64,
-    /// The files; known at the end.
+    /// The files; empty until the end.
     pub files: RotateSummary,
 }
 
@@ -57,7 +57,7 @@ impl RecordSummary {
         }
     }
 
-    /// Everything so far is on the disk, which is used like this.
+    /// Counts a flush and stores the disk use.
     pub(super) fn flushed(&mut self, disk: DiskUse) {
         self.disk = disk;
         self.flushes += 1;
@@ -68,13 +68,13 @@ impl RecordSummary {
         self.missing = self.missing.saturating_add(samples);
     }
 
-    /// Notes why `what` cannot be recorded, or that it can.
-    pub(super) fn set_trouble(&mut self, what: &str, cause: Option<&WireError>) {
-        self.troubles.remove(what);
+    /// Sets or clears the error of `what`.
+    pub(super) fn set_error(&mut self, what: &str, cause: Option<&WireError>) {
+        self.errors.remove(what);
         self.skipped.remove(what);
         if let Some(cause) = cause {
             let is_foreign = matches!(cause, WireError::Incompatible { .. });
-            let notes = if is_foreign { &mut self.skipped } else { &mut self.troubles };
+            let notes = if is_foreign { &mut self.skipped } else { &mut self.errors };
             notes.insert(what.to_owned(), cause.to_string());
         }
     }

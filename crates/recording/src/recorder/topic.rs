@@ -1,5 +1,5 @@
-//! One topic on its way to the queue, in a thread of its own: opening a topic writes to the domain's folder, and a busy disk
-//! that delays that must not delay the other topics.
+//! Moves the samples of one topic to the queue, on a dedicated thread: opening a topic writes to the folder of the shared-memory
+//! domain, and a busy disk must not delay the other topics.
 
 use std::sync::mpsc::Sender;
 use std::time::Duration;
@@ -19,7 +19,7 @@ pub type Opened = Result<(), WireError>;
 pub fn keep_moving(domain: &Domain, mut sink: QueueSink, opened: &Sender<Opened>, stop: &StopFlag) {
     while !stop.is_set() {
         if let Err(error) = open_and_move(domain, &mut sink, opened, stop) {
-            sink.set_trouble(Some(&error));
+            sink.set_error(Some(&error));
             report(opened, Err(error));
             stop.pause(RETRY);
         }
@@ -35,7 +35,7 @@ fn open_and_move(
 ) -> Result<(), WireError> {
     let bus = Bus::open(domain)?;
     let reader = AnyReader::attach_as(&bus, sink.topic(), Waking::ByEvent)?;
-    sink.set_trouble(None);
+    sink.set_error(None);
     report(opened, Ok(()));
     let mut wakes = WakeSet::new([&reader as &dyn Wakeable]);
     while !stop.is_set() {

@@ -37,14 +37,14 @@ pub fn write_some<S: Store>(store: S, count: u64, flush_every: u64) -> Result<S,
     writer.finish()
 }
 
-/// All messages' texts and how the recording ended.
+/// All messages and how the recording ended.
 pub fn read_all(bytes: &[u8]) -> (Vec<String>, Ending) {
     let mut reader = Reader::new(bytes).expect("the head is whole");
-    let mut texts = Vec::new();
+    let mut messages = Vec::new();
     while let Some(item) = reader.next_item().expect("readable") {
         if let Item::Message(message) = item {
-            texts.push(String::from_utf8(message.data).expect("text"));
+            messages.push(String::from_utf8(message.data).expect("text"));
         }
     }
-    (texts, reader.ending().expect("at the end").clone())
+    (messages, reader.ending().expect("at the end").clone())
 }

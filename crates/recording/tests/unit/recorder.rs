@@ -1,4 +1,4 @@
-//! What must delay nothing else: a scan that hangs, a topic that cannot be opened.
+//! A blocked scan and a topic that cannot be opened delay no other topic.
 
 use std::collections::BTreeSet;
 use std::fs::{self, Permissions};
@@ -13,12 +13,12 @@ use wire::{Bus, SensorReader, SensorSample, SensorWriter};
 
 use super::*;
 
-/// How long anything may take before the test gives up.
+/// Limit of every wait.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Readings at once: less than a topic keeps for a reader.
 const BATCH: u64 = 1_500;
 
-/// A domain whose management files lie in a folder of its own, with the topic `softtwin/good/sensor`.
+/// A shared-memory domain in a separate folder, with the topic `softtwin/good/sensor`.
 struct Place {
     good: SensorWriter,
     bus: Bus,
@@ -28,7 +28,7 @@ struct Place {
     folder: tempfile::TempDir,
 }
 
-/// Takes what the domain leaves in shared memory with it, once everybody has left.
+/// Removes the files of the shared-memory domain at the end.
 struct Leave(Domain);
 
 impl Drop for Leave {
@@ -108,8 +108,8 @@ impl Reported {
     }
 }
 
-/// Runs `recorder` while `story` runs, and finishes it.
-fn while_recording(mut recorder: Recorder, story: impl FnOnce(&Reported)) -> RecordSummary {
+/// Runs `recorder` while `body` runs, and finishes it.
+fn while_recording(mut recorder: Recorder, body: impl FnOnce(&Reported)) -> RecordSummary {
     let (reported, stop) = (Reported::default(), AtomicBool::new(false));
     thread::scope(|scope| {
         let running = scope.spawn(|| {
@@ -117,13 +117,13 @@ fn while_recording(mut recorder: Recorder, story: impl FnOnce(&Reported)) -> Rec
             recorder
         });
         let ending = End(&stop);
-        story(&reported);
+        body(&reported);
         drop(ending);
         running.join().unwrap().finish().unwrap()
     })
 }
 
-/// Ends the recording, also when the story fails.
+/// Ends the recording, also after a panic.
 struct End<'a>(&'a AtomicBool);
 
 impl Drop for End<'_> {
@@ -132,7 +132,7 @@ impl Drop for End<'_> {
     }
 }
 
-/// The domain's folder lies on a disk that answers nothing for minutes.
+/// The folder of the shared-memory domain is on a blocked disk.
 #[test]
 fn a_scan_that_hangs_delays_no_reading() {
     let mut place = Place::new();
@@ -175,20 +175,17 @@ fn a_topic_that_cannot_be_opened_delays_no_other() {
     let summary = while_recording(recorder.unwrap(), |reported| {
         show.send(vec![topic("hung")]).unwrap();
         place.publish_and_see_all_recorded(reported);
-        reported.wait("the trouble", |summary| {
-            summary
-                .troubles
-                .get("softtwin/hung/sensor")
-                .is_some_and(|why| why.contains("could not be opened"))
+        reported.wait("the error", |summary| {
+            summary.errors.get("softtwin/hung/sensor").is_some_and(|why| why.contains("could not be opened"))
         });
         place.publish_and_see_all_recorded(reported);
         set_mode(mode);
-        reported.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+        reported.wait("the end of the error", |summary| summary.errors.is_empty());
         writer.publish(SensorSample { seq: 1, ..SensorSample::default() }).unwrap();
         reported.wait("its reading", |summary| summary.messages.get("softtwin/hung/sensor") == Some(&1));
     });
     assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent + 1));
-    assert!(summary.troubles.is_empty());
+    assert!(summary.errors.is_empty());
 }
 
 fn is_service(path: &Path) -> bool {
@@ -197,7 +194,7 @@ fn is_service(path: &Path) -> bool {
 
 /// At the start, what cannot be read ends the recording; later it is reported and tried again.
 #[test]
-fn a_refused_topic_is_an_error_at_the_start_and_a_trouble_later() {
+fn a_refused_topic_is_an_error_at_the_start_and_reported_later() {
     let mut place = Place::new();
     let full = topic("full");
     let mut readers: Vec<SensorReader> = (0..wire::qos::of(TopicKind::Sensor).max_readers)
@@ -214,17 +211,17 @@ fn a_refused_topic_is_an_error_at_the_start_and_a_trouble_later() {
     });
     let summary = while_recording(recorder.unwrap(), |reported| {
         show.send(vec![full.clone()]).unwrap();
-        reported.wait("the trouble", |summary| summary.troubles.contains_key(full.name()));
+        reported.wait("the error", |summary| summary.errors.contains_key(full.name()));
         place.publish_and_see_all_recorded(reported);
         readers.pop();
-        reported.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+        reported.wait("the end of the error", |summary| summary.errors.is_empty());
     });
     assert_eq!((summary.missing, summary.dropped, summary.files.messages), (0, 0, place.sent));
 }
 
-/// The folder cannot be read for a while: reported, over when it is over, and nothing recorded meanwhile is touched.
+/// A folder that cannot be read is reported until it can be read again; known topics are recorded meanwhile.
 #[test]
-fn a_failed_scan_is_a_trouble_until_one_succeeds() {
+fn a_failed_scan_is_reported_until_one_succeeds() {
     let mut place = Place::new();
     let (show, shown) = mpsc::channel::<ScanResult>();
     show.send(Ok(vec![topic("good")])).unwrap();
@@ -234,17 +231,17 @@ fn a_failed_scan_is_a_trouble_until_one_succeeds() {
     });
     let summary = while_recording(recorder.unwrap(), |reported| {
         show.send(Err(WireError::List { cause: "no such folder".into() })).unwrap();
-        reported.wait("the trouble", |summary| {
-            summary.troubles.get("topics").is_some_and(|why| why.contains("no such folder"))
+        reported.wait("the error", |summary| {
+            summary.errors.get("topics").is_some_and(|why| why.contains("no such folder"))
         });
         place.publish_and_see_all_recorded(reported);
         drop(show);
-        reported.wait("the end of the trouble", |summary| summary.troubles.is_empty());
+        reported.wait("the end of the error", |summary| summary.errors.is_empty());
     });
     assert_eq!((summary.missing, summary.files.messages), (0, place.sent));
 }
 
-/// A program of another version in the domain: its topic is named and skipped, at the start and later, and nothing else.
+/// A topic of another version is reported and skipped, at the start and later.
 #[test]
 fn a_topic_of_another_layout_is_skipped_and_the_others_are_recorded() {
     let mut place = Place::new();
@@ -263,10 +260,10 @@ fn a_topic_of_another_layout_is_skipped_and_the_others_are_recorded() {
     assert_eq!(summary.skipped.keys().collect::<Vec<_>>(), [&early, &late]);
     assert!(summary.skipped.values().all(|cause| cause.contains("another version")), "{summary:?}");
     assert_eq!((summary.missing, summary.files.messages), (0, place.sent));
-    assert!(summary.troubles.is_empty());
+    assert!(summary.errors.is_empty());
 }
 
-/// A recorder without its scan would never see another topic: it ends, with the thread's name.
+/// A recorder without its scan would miss new topics: it ends and names the thread.
 #[test]
 fn a_thread_that_panics_ends_the_recording() {
     let place = Place::new();

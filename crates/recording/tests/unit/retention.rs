@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A disk with room for so many files of the folder; every further one fills it.
+/// A disk with space for a number of files; every further one fills it.
 struct SmallDisk {
     folder: PathBuf,
     most_files: usize,

@@ -85,7 +85,7 @@ impl Args {
             return self.show_values(topic, values, field);
         }
         if self.json {
-            return output::json(&json!({ "topic": topic, "sample": live::json::sample(sample)? }));
+            return output::json(&json!({ "topic": topic, "sample": live::sample_json(sample)? }));
         }
         let line = format!("{topic}  {}", live::text::sample(sample));
         let is_terminal = std::io::stdout().is_terminal();

@@ -67,7 +67,7 @@ impl Args {
         for info in topics {
             let newest = newest(bus, info)?;
             if self.json {
-                let last = newest.as_ref().map(live::json::sample).transpose()?;
+                let last = newest.as_ref().map(live::sample_json).transpose()?;
                 rows.push(long_row(info, last));
             } else {
                 print(info, newest.as_ref().map(live::text::sample))?;

@@ -104,7 +104,7 @@ impl Args {
         let (mut watchdog, mut next_status) = (Watchdog::from_env(), Instant::now());
         let end = self.seconds.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
         let bar = progress();
-        let (mut troubles, mut skipped) = (BTreeMap::new(), BTreeMap::new());
+        let (mut errors, mut skipped) = (BTreeMap::new(), BTreeMap::new());
         let ran = recorder.run(&stop, |recorder, summary| {
             bar.set_message(line(summary));
             watchdog.feed(summary.flushes);
@@ -119,9 +119,9 @@ impl Args {
                 bar.suspend(|| tracing::info!("reloaded: a new file is begun where there are several"));
                 service::notify_reloaded();
             }
-            if troubles != summary.troubles {
-                bar.suspend(|| say_what_is_new(&troubles, &summary.troubles));
-                troubles.clone_from(&summary.troubles);
+            if errors != summary.errors {
+                bar.suspend(|| log_changes(&errors, &summary.errors));
+                errors.clone_from(&summary.errors);
             }
             if skipped != summary.skipped {
                 let is_new = |(topic, _): &(&String, &String)| !skipped.contains_key(*topic);
@@ -142,12 +142,8 @@ impl Args {
         ran?;
         ended?;
         self.report(&summary)?;
-        let unrecorded: Vec<&str> = summary.troubles.values().map(String::as_str).collect();
-        anyhow::ensure!(
-            unrecorded.is_empty(),
-            "at the end this could not be recorded: {}",
-            unrecorded.join("; ")
-        );
+        let unrecorded: Vec<&str> = summary.errors.values().map(String::as_str).collect();
+        anyhow::ensure!(unrecorded.is_empty(), "not recorded: {}", unrecorded.join("; "));
         Ok(())
     }
 
@@ -193,7 +189,7 @@ impl Args {
                 "messages": summary.messages,
                 "missing": summary.missing,
                 "dropped": summary.dropped,
-                "troubles": summary.troubles,
+                "errors": summary.errors,
                 "skipped": summary.skipped,
                 "written": summary.files.messages,
                 "files": files,
@@ -226,8 +222,8 @@ fn lock(summary: &Mutex<RecordSummary>) -> MutexGuard<'_, RecordSummary> {
     summary.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Each recording error is reported when it begins and when it ends.
-fn say_what_is_new(before: &BTreeMap<String, String>, now: &BTreeMap<String, String>) {
+/// Logs new and ended errors, not every retry.
+fn log_changes(before: &BTreeMap<String, String>, now: &BTreeMap<String, String>) {
     for (_, what) in now.iter().filter(|(whom, _)| !before.contains_key(*whom)) {
         tracing::warn!("cannot be recorded, tried again each second: {what}");
     }

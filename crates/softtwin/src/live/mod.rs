@@ -1,6 +1,5 @@
 //! Common parts of the commands that show live data: shared-memory domain, topics by key expression, readers, waiting, JSON.
 
-pub mod json;
 mod readers;
 
 pub use readers::Readers;
@@ -8,8 +7,11 @@ pub use softtwind::latency::{Latencies, PercentilesUs};
 pub use softtwind::text;
 
 use crate::failure::usage;
+use recording::message::Json;
+use serde_json::{Map, Value, json};
 use std::path::PathBuf;
-use wire::{Bus, Domain, KeyExpr, TopicInfo, WireError};
+use wire::layout::field_id;
+use wire::{AnySample, Bus, Domain, FieldSample, KeyExpr, TopicInfo, WireError};
 
 /// Which programs see one another.
 #[derive(Debug, Clone, clap::Args)]
@@ -57,4 +59,23 @@ pub fn find(bus: &Bus, key: &KeyExpr) -> anyhow::Result<Vec<TopicInfo>> {
     }
     let names: Vec<&str> = all.iter().map(|topic| topic.name()).collect();
     anyhow::bail!("no topic matches `{key}`; there are:\n  {}", names.join("\n  "));
+}
+
+/// A sample as JSON; a field as its header with the range of each component instead of the values.
+pub fn sample_json(sample: &AnySample) -> anyhow::Result<Value> {
+    let mut value = serde_json::to_value(Json::new(sample.view()))?;
+    if let AnySample::Field(field) = sample {
+        value["nodes"] = json!(field.header().node_count);
+        value["entries"] = json!(field.header().entries());
+        value["fields"] = Value::Object(ranges(field));
+    }
+    Ok(value)
+}
+
+fn ranges(sample: &FieldSample) -> Map<String, Value> {
+    let range = |id| {
+        let (min, max) = text::range(sample.field(id)?);
+        Some((field_id::as_str(id).to_owned(), json!({ "min": min, "max": max })))
+    };
+    sample.header().fields().filter_map(range).collect()
 }

@@ -53,7 +53,7 @@ fn a_grasp_has_a_row_of_its_own() {
     };
     let row = grasp_row("gripper", &grasp);
     let lines: Vec<&str> = row.lines().collect();
-    assert_eq!(lines[0], "gripper   grasp: held, 0.586 of 0.417 N a finger,");
+    assert_eq!(lines[0], "gripper   grasp: held, 0.586 of 0.417 N per finger,");
     assert_eq!(lines[1], "                 first held at 0.06510 +- 0.00120 MPa");
 }
 

@@ -22,7 +22,7 @@ Examples:
   softtwin demo --view
 
 Scene, model and trace are those that come with softtwin, found from any folder, unless others are named. \
-Starts `softtwind twin` and `softtwind bridge` in a shared-memory domain of their own and subscribes like any program. \
+Starts `softtwind twin` and `softtwind bridge` in a separate shared-memory domain and subscribes as other programs do. \
 `lost` counts readings whose field this program did not receive.";
 
 /// Watch a recorded pressure trace become live fields through two real processes.
@@ -38,10 +38,10 @@ pub struct Args {
     /// Use this model instead of the scene's.
     #[arg(long, value_name = "TWIN")]
     model: Option<PathBuf>,
-    /// Run for so many seconds, the trace again and again [default: once through the trace; with --view until Ctrl-C].
+    /// Run for this number of seconds, repeating the trace [default: once through the trace; with --view until Ctrl-C].
     #[arg(long, value_name = "N", value_parser = crate::range::seconds)]
     seconds: Option<f64>,
-    /// Show it in a browser as well: starts `softtwin view` and prints the page's address.
+    /// Show it in a browser as well: starts `softtwin view` and prints its address.
     #[arg(long)]
     view: bool,
     /// End with one JSON object instead of text.
@@ -84,7 +84,7 @@ impl Args {
 
         let summary = watch.summary(reason);
         drop(bus);
-        domain.remove_leftovers()?; // the domain was made for this run
+        domain.remove_leftovers()?; // of this run only
         if self.json { output::json(&summary) } else { summary.print() }
     }
 
@@ -110,7 +110,7 @@ impl Args {
         Ok(actuator.name.clone())
     }
 
-    /// Starts the page; its address goes to standard error, because results may be read from standard output.
+    /// Starts the web viewer and prints its address to standard error; standard output is for results.
     fn page(&self, scene: &Path, domain: &str) -> anyhow::Result<Daemon> {
         let mut command = Command::new(program("softtwin")?);
         command.args(["view", "--domain", domain, "--scene"]).arg(scene).stdout(std::io::stderr());

@@ -11,7 +11,7 @@ use wire::{Bus, FieldHeader, FieldReader, SensorReader, Topic, WakeSet, Wakeable
 
 /// Pause between two live lines.
 const LINE_INTERVAL: Duration = Duration::from_millis(200);
-/// When nothing comes for so long after the bridge's end, everything has come.
+/// Time without fields after the end of the bridge from which all have arrived.
 const SILENCE: Duration = Duration::from_millis(300);
 
 /// Readers and what they have received.
@@ -125,7 +125,7 @@ fn show_line(header: &FieldHeader, latency_ns: u64) {
 }
 
 impl Summary {
-    /// The same as text.
+    /// The summary in lines of text.
     pub(super) fn print(&self) -> anyhow::Result<()> {
         let regimes: Vec<String> =
             self.regimes.iter().map(|(name, count)| format!("{count} {name}")).collect();

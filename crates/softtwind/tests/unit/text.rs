@@ -18,7 +18,7 @@ fn inputs_show_where_they_come_from() {
     assert_eq!(not_measured(all([measured, given, given])), " (gap_mm given)");
     assert_eq!(not_measured(all([measured, measured, given])), "");
     let unknown = all([input_source::UNKNOWN; 3]).map(|input| InputValue { force_by: 1.5, ..input });
-    assert_eq!(parameters(unknown), "  mu_mpa 0.72000 (dF 1.5000 N a unit)");
+    assert_eq!(parameters(unknown), "  mu_mpa 0.72000 (dF 1.5000 N per unit)");
 }
 
 #[test]
@@ -31,6 +31,6 @@ fn a_grasp_is_one_sentence() {
         stop_pressure_halfwidth_mpa: 0.0012,
         ..Grasp::default()
     };
-    assert_eq!(grasp(&held), "held, 0.586 of 0.417 N a finger, first held at 0.06510 +- 0.00120 MPa");
+    assert_eq!(grasp(&held), "held, 0.586 of 0.417 N per finger, first held at 0.06510 +- 0.00120 MPa");
     assert!(grasp(&Grasp::default()).ends_with("no sampled pressure holds it"));
 }

@@ -152,7 +152,7 @@ pub fn json(name: &str, known: Known<'_>, now: u64) -> Value {
         "flags": flags::names(state.map_or(0, |state| state.flags)).collect::<Vec<_>>(),
         "received": health.map(|health| health.received),
         "missed": health.map(|health| health.missed),
-        "estimate": estimate.and_then(|estimate| live::json::sample(&AnySample::Estimate(*estimate)).ok()),
+        "estimate": estimate.and_then(|estimate| live::sample_json(&AnySample::Estimate(*estimate)).ok()),
         "outcomes": counts.collect::<BTreeMap<_, _>>(),
     })
 }
