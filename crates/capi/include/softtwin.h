@@ -17,7 +17,7 @@ extern "C" {
 typedef enum {
   SOFTTWIN_OK = 0,           /**< Done. */
   SOFTTWIN_TIMEOUT = 1,      /**< Nothing came within the time that was given. */
-  SOFTTWIN_ABSENT = 2,       /**< Nobody made the topic, or nobody answers questions there. */
+  SOFTTWIN_ABSENT = 2,       /**< The topic does not exist, or no twin answers queries. */
   SOFTTWIN_INCOMPATIBLE = 3, /**< A program of another layout version or another iceoryx2 made the topic. */
   SOFTTWIN_TAKEN = 4,        /**< Another process writes this topic already, or all reader slots are taken. */
   SOFTTWIN_ARGUMENT = 5,     /**< An argument is null, no UTF-8, no name, or of another payload. */
@@ -31,7 +31,7 @@ typedef struct softtwin_bus softtwin_bus;
 typedef struct softtwin_reader softtwin_reader;
 /** A set of readers that is waited for. */
 typedef struct softtwin_waiter softtwin_waiter;
-/** A received field. Its memory stays as it is until softtwin_field_release; at most 4 may be held of one topic. */
+/** A received field. Its memory is unchanged until softtwin_field_release; at most 4 may be held of one topic. */
 typedef struct softtwin_field softtwin_field;
 /** The one writer of a topic of readings, commands or setpoints. */
 typedef struct softtwin_writer softtwin_writer;
@@ -49,7 +49,7 @@ typedef struct {
   double value;     /**< What NaN stands for in softtwin_model_predict; NaN: must be given (pressure and gap). */
 } softtwin_model_input;
 
-/** One field that a model reconstructs. */
+/** Reconstructed field of a model. */
 typedef struct {
   const char *name; /**< Name (x, von_mises). */
   const char *unit; /**< Unit. */
@@ -81,12 +81,12 @@ typedef struct {
 /** What a model answers at one state. */
 typedef struct {
   double contact_force_n;           /**< Contact force, N. */
-  double force_gradient[8];         /**< Its derivative by each input, N per unit of the input. */
-  double onset_pressure_mpa;        /**< Pressure at which contact begins, MPa: 0 by its own weight, infinite out of reach. */
-  double force_halfwidth_n;         /**< Half-width that covers the share `coverage` of states, N. */
+  double force_gradient[8];         /**< Derivative of the force with respect to each input, N per unit. */
+  double onset_pressure_mpa;        /**< Pressure at which contact begins, MPa: 0 under gravity alone, infinite out of reach. */
+  double force_halfwidth_n;         /**< Half-width with nominal coverage `coverage`, N. */
   double displacement_halfwidth_mm; /**< The same of the worst node's displacement, mm. */
   double von_mises_halfwidth_mpa;   /**< The same of the worst node's stress, MPa. */
-  double coverage;                  /**< Share of states that the half-widths cover (0.9). */
+  double coverage;                  /**< Nominal coverage of the half-widths (0.9). */
   double domain_distance;           /**< Distance to the training states over inputs scaled to [0, 1]; 0 among them. */
   double max_displacement_mm;       /**< Largest displacement of the reconstructed fields, mm; NaN: none of them has it. */
   double max_von_mises_mpa;         /**< Largest von Mises stress of them, MPa; NaN: none of them has it. */
@@ -105,9 +105,9 @@ uint32_t softtwin_layout_version(void);
 /** The clock of all time stamps: ns of the machine's monotonic clock, the same in every process. */
 uint64_t softtwin_now_ns(void);
 
-/** Joins a domain. Null: $SOFTTWIN_DOMAIN and $SOFTTWIN_ROOT, or iceoryx2's own. */
+/** Joins a shared-memory domain. Null: $SOFTTWIN_DOMAIN and $SOFTTWIN_ROOT, or iceoryx2's default. */
 softtwin_status softtwin_bus_open(const char *domain, const char *root, softtwin_bus **out);
-/** Leaves the domain; readers and writers that were made from it go on. */
+/** Leaves the shared-memory domain; its readers and writers stay open. */
 void softtwin_bus_close(softtwin_bus *bus);
 /** Name of `regime` of a state, a field, an answer or a prediction: "free", "contact" or "unknown". */
 const char *softtwin_regime_name(uint32_t regime);
@@ -117,13 +117,13 @@ const char *softtwin_regime_name(uint32_t regime);
 softtwin_status softtwin_reader_open(softtwin_bus *bus, const char *name, const char *kind, const char *node_set,
                                      softtwin_reader **out);
 /** As softtwin_reader_open for a topic that may come into being later: a controller may start before its twin. `wakes` 0: samples do
- *  not wake this reader, which costs the sender next to nothing; for loops with a clock of their own. */
+ *  not wake this reader, which costs the sender next to nothing; for loops with their own clock. */
 softtwin_status softtwin_reader_attach(softtwin_bus *bus, const char *name, const char *kind, const char *node_set,
                                        int wakes, softtwin_reader **out);
-/** How many samples were read, and how many were sent and never read: overwritten before, or passed over for a newer one. */
+/** How many samples were read, and how many were sent and never read: overwritten before, or skipped for a newer one. */
 softtwin_status softtwin_reader_counts(softtwin_reader *reader, uint64_t *received, uint64_t *lost);
 /** Copies the oldest waiting sample (`newest` not 0: the newest) to `payload` of `size` bytes. Waits for one at most
- *  `timeout_ms` (0: does not wait, below 0: for ever). */
+ *  `timeout_ms` (0: does not wait, below 0: no limit). */
 softtwin_status softtwin_reader_read(softtwin_reader *reader, int newest, int64_t timeout_ms, void *payload, size_t size);
 /** The oldest waiting field (`newest` not 0: the newest), without a copy; to be released. Waits as softtwin_reader_read. */
 softtwin_status softtwin_reader_read_field(softtwin_reader *reader, int newest, int64_t timeout_ms, softtwin_field **out);
@@ -132,13 +132,13 @@ void softtwin_reader_close(softtwin_reader *reader);
 
 /** Makes a waiter over `count` readers of this thread. Readers that are never woken end no wait. */
 softtwin_status softtwin_waiter_open(softtwin_reader **readers, size_t count, softtwin_waiter **out);
-/** Sleeps until one of the readers may have something, a signal comes, or `timeout_us` is over (0: does not wait, below 0: for
- *  ever): SOFTTWIN_TIMEOUT. Then read all of them with a timeout of 0. Allocates nothing. */
+/** Sleeps until one of the readers may have something, a signal comes, or `timeout_us` is over (0: does not wait, below 0: no
+ *  limit): SOFTTWIN_TIMEOUT. Then read all of them with a timeout of 0. Allocates nothing. */
 softtwin_status softtwin_waiter_wait(softtwin_waiter *waiter, int64_t timeout_us);
 /** A descriptor that is readable when one of the readers may have something, for poll, epoll or an event loop. When it is, call
  *  softtwin_waiter_wait with 0, then read. It belongs to the waiter: neither read nor close it. */
 softtwin_status softtwin_waiter_descriptor(softtwin_waiter *waiter, int *descriptor);
-/** Ends a waiter; its readers go on. */
+/** Ends a waiter; its readers stay open. */
 void softtwin_waiter_close(softtwin_waiter *waiter);
 
 /** The header of a field, in shared memory. */
@@ -165,7 +165,7 @@ softtwin_status softtwin_writer_send_command(softtwin_writer *writer, double pre
 softtwin_status softtwin_writer_open_setpoint(softtwin_bus *bus, const char *actuator, const char *owner,
                                               softtwin_writer **out);
 /** Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms,
- *  and the stamp of the reading that it answers (0: none). Hold-to-run: nobody renews it, the valve takes its safe value. */
+ *  and the stamp of the reading that it answers (0: none). Without renewal the valve takes its safe value. */
 softtwin_status softtwin_writer_send_setpoint(softtwin_writer *writer, double pressure_mpa, uint32_t valid_ms,
                                               uint64_t t_sensor_ns);
 /** Ends a writer. */
@@ -190,7 +190,7 @@ softtwin_status softtwin_model_select(const softtwin_model *model, const char *f
                                       const uint32_t *nodes, size_t node_count, softtwin_model **out);
 /** What the model consists of. */
 softtwin_status softtwin_model_describe(const softtwin_model *model, softtwin_model_info *out);
-/** Predicts `states` states, equal to `softtwin predict` to the bit. `inputs`: states x inputs in the model's order; NaN for a
+/** Predicts `states` states, bit-identical to `softtwin predict`. `inputs`: states x inputs in the model's order; NaN for a
  *  parameter: the model's value; an infinite gap: no obstacle. `predictions`: room for `states`. `values`: null, or room for
  *  states x fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states. On a
  *  failure the last error names the state; those before it are written. */
@@ -200,7 +200,7 @@ softtwin_status softtwin_model_predict(const softtwin_model *model, const double
 void softtwin_model_close(softtwin_model *model);
 
 /* Readers of one kind: softtwin_state_reader_open(bus, actuator, &reader), ..._next and ..._newest(reader, timeout_ms,
- * &state), ..._close. The handles are readers under a name of their own, so that a compiler refuses the wrong payload. */
+ * &state), ..._close. The handle types are distinct, so that a compiler rejects the wrong payload. */
 #define SOFTTWIN_READER_(kind, payload)                                                                                  \
   typedef struct softtwin_##kind##_reader softtwin_##kind##_reader;                                                      \
   static inline softtwin_status softtwin_##kind##_reader_open(softtwin_bus *bus, const char *name,                       \

@@ -15,7 +15,7 @@
 
 namespace softtwin {
 
-/// A failure: its status, and what was found and what to do as text.
+/// A failure: status and message.
 class Error : public std::runtime_error {
 public:
     Error(softtwin_status status, const std::string &text) : std::runtime_error(text), status_(status) {}
@@ -45,7 +45,7 @@ inline bool came(softtwin_status status) {
 }
 } // namespace detail
 
-/// Membership in a domain; empty names: those of the environment, or iceoryx2's own.
+/// Membership in a shared-memory domain; empty names: those of the environment, or iceoryx2's default.
 class Bus {
 public:
     explicit Bus(const std::string &domain = "", const std::string &root = "") {

@@ -1,4 +1,4 @@
-//! Membership in a domain.
+//! Membership in a shared-memory domain.
 
 use crate::ffi::{call, take, text, write_handle};
 use crate::status::softtwin_status;
@@ -11,10 +11,10 @@ pub struct softtwin_bus {
     pub(crate) bus: Bus,
 }
 
-/// Joins a domain. `domain` and `root` may be null: then `$SOFTTWIN_DOMAIN` and `$SOFTTWIN_ROOT` count, or iceoryx2's own.
+/// Joins a shared-memory domain. `domain` and `root` may be null: then `$SOFTTWIN_DOMAIN` and `$SOFTTWIN_ROOT` count, or iceoryx2's default.
 ///
 /// # Safety
-/// Texts are null or zero-terminated; `out` points to memory for a pointer.
+/// Strings are null or zero-terminated; `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_bus_open(
     domain: *const c_char,
@@ -37,7 +37,7 @@ pub unsafe extern "C" fn softtwin_bus_open(
     })
 }
 
-/// Leaves the domain; readers and writers that were made from it go on.
+/// Leaves the shared-memory domain; its readers and writers stay open.
 ///
 /// # Safety
 /// `bus` is null or came from `softtwin_bus_open` and is not used any more.

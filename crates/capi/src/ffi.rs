@@ -46,7 +46,7 @@ pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<Option<&'a str>, Fa
     }
     // SAFETY: not null, and zero-terminated and alive by the caller's promise.
     let text = unsafe { CStr::from_ptr(text) };
-    text.to_str().map(Some).map_err(|_| argument("a text is not UTF-8"))
+    text.to_str().map(Some).map_err(|_| argument("a string is not UTF-8"))
 }
 
 /// Required name from C.
@@ -63,7 +63,7 @@ pub(crate) unsafe fn name<'a>(from: *const c_char) -> Result<&'a str, Failure> {
 /// # Safety
 /// `handle` is null or came from the `..._open` of its type, was not closed, and is used by one thread.
 pub(crate) unsafe fn handle<'a, T>(handle: *mut T) -> Result<&'a mut T, Failure> {
-    // SAFETY: by the caller's promise it points to a live value that nobody else uses now.
+    // SAFETY: by the caller's promise it points to a live value without other users.
     unsafe { handle.as_mut() }.ok_or_else(|| argument("a handle is null"))
 }
 

@@ -3,7 +3,7 @@
 //!
 //! Rules: every call that can fail returns a status and leaves its text with `softtwin_last_error`; handles are made by
 //! `..._open` and ended by `..._close`, belong to the thread that made them (models: to all threads), and outlive their bus; nothing is copied but
-//! payloads of fixed size; a panic never crosses the border.
+//! payloads of fixed size; a panic never crosses the FFI boundary.
 
 #![allow(non_camel_case_types)] // names are those of C
 #![cfg_attr(

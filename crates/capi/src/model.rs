@@ -1,4 +1,4 @@
-//! A model in this process: its answers without a daemon, equal to `softtwin predict` to the bit.
+//! A model in this process: its answers without a daemon, bit-identical to `softtwin predict`.
 
 use crate::ffi::{Failure, argument, call, name, put, take, text, write_handle};
 use crate::status::softtwin_status;
@@ -27,7 +27,7 @@ pub struct softtwin_model_input {
     value: f64,
 }
 
-/// One field that a model reconstructs.
+/// Reconstructed field of a model.
 #[repr(C)]
 pub struct softtwin_model_field {
     name: *const c_char,
@@ -42,7 +42,7 @@ pub struct softtwin_model_node_set {
     count: usize,
 }
 
-/// What a model consists of; everything stays valid until the model is closed.
+/// Contents of a model, valid until the model is closed.
 #[repr(C)]
 pub struct softtwin_model_info {
     actuator: *const c_char,
@@ -59,7 +59,7 @@ pub struct softtwin_model_info {
     triangle_count: usize,
 }
 
-/// What a model answers at one state.
+/// Prediction of a model at one state.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct softtwin_prediction {
@@ -81,17 +81,17 @@ pub struct softtwin_prediction {
     reserved: u32,
 }
 
-/// The same number stands in the Python client's structure.
+/// The Python client's structure has the same size.
 const _: () = assert!(size_of::<softtwin_prediction>() == 160);
 
-/// The texts and tables that [`softtwin_model_info`] points into.
+/// The strings and tables that [`softtwin_model_info`] points into.
 struct Description {
     actuator: CString,
     inputs: Vec<softtwin_model_input>,
     fields: Vec<softtwin_model_field>,
     node_sets: Vec<softtwin_model_node_set>,
     /// Owns the names and units of the tables above.
-    _texts: Vec<CString>,
+    _strings: Vec<CString>,
 }
 
 /// A model with the fields and nodes that it reconstructs. Calls do not change it: any number of threads may predict with it.
@@ -104,13 +104,13 @@ pub struct softtwin_model {
 
 impl Description {
     fn new(model: &Model, fields: &[usize]) -> Self {
-        let mut texts = Vec::new();
+        let mut strings = Vec::new();
         let header = &model.header;
         // A `CString` does not move its bytes when it is moved, so the pointers stay valid.
         let mut keep = |text: &str| {
             let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
-            texts.push(text);
-            texts.last().map_or(std::ptr::null(), |text| text.as_ptr())
+            strings.push(text);
+            strings.last().map_or(std::ptr::null(), |text| text.as_ptr())
         };
         Self {
             inputs: (header.inputs.iter())
@@ -136,7 +136,7 @@ impl Description {
                 })
                 .collect(),
             actuator: CString::new(header.actuator.replace('\0', " ")).unwrap_or_default(),
-            _texts: texts,
+            _strings: strings,
         }
     }
 }
@@ -232,7 +232,7 @@ pub unsafe extern "C" fn softtwin_model_open(
 /// `node_set` of the model, or, where that is null, the `node_count` nodes at `nodes` (null: all). Both models are to be closed.
 ///
 /// # Safety
-/// `model` is live, texts are null or zero-terminated, `nodes` is null or points to `node_count` numbers, `out` points to
+/// `model` is live, strings are null or zero-terminated, `nodes` is null or points to `node_count` numbers, `out` points to
 /// memory for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_model_select(
@@ -251,7 +251,7 @@ pub unsafe extern "C" fn softtwin_model_select(
         let nodes = match set {
             Some(set) => Nodes::Set(set.to_owned()),
             None if nodes.is_null() => Nodes::All,
-            // SAFETY: not null, and so many numbers by the caller's promise.
+            // SAFETY: not null, and `node_count` numbers by the caller's promise.
             None => Nodes::List(unsafe { std::slice::from_raw_parts(nodes, node_count) }.to_vec()),
         };
         let fields = fields.map(|list| list.split(',').map(|name| name.trim().to_owned()).collect());
@@ -261,7 +261,7 @@ pub unsafe extern "C" fn softtwin_model_select(
     })
 }
 
-/// What the model consists of. Its pointers stay valid until the model is closed.
+/// Contents of the model. Its pointers stay valid until the model is closed.
 ///
 /// # Safety
 /// `model` is live, `out` points to memory for the structure.
@@ -276,19 +276,19 @@ pub unsafe extern "C" fn softtwin_model_describe(
         if out.is_null() {
             return Err(argument("the place for the result is null"));
         }
-        let (texts, of) = (&model.description, &model.model);
+        let (strings, of) = (&model.description, &model.model);
         let rest = |axis| of.f32_block(BlockKind::Undeformed(axis)).map_or(std::ptr::null(), <[f32]>::as_ptr);
         let surface = of.u32_block(BlockKind::Surface).unwrap_or(&[]);
         let info = softtwin_model_info {
-            actuator: CStr::as_ptr(&texts.actuator),
-            inputs: texts.inputs.as_ptr(),
-            input_count: texts.inputs.len(),
-            fields: texts.fields.as_ptr(),
-            field_count: texts.fields.len(),
+            actuator: CStr::as_ptr(&strings.actuator),
+            inputs: strings.inputs.as_ptr(),
+            input_count: strings.inputs.len(),
+            fields: strings.fields.as_ptr(),
+            field_count: strings.fields.len(),
             node_count: model.reconstructor.rows(),
             model_node_count: of.header.node_count,
-            node_sets: texts.node_sets.as_ptr(),
-            node_set_count: texts.node_sets.len(),
+            node_sets: strings.node_sets.as_ptr(),
+            node_set_count: strings.node_sets.len(),
             undeformed_mm: [rest(0), rest(1), rest(2)],
             triangles: surface.as_ptr(),
             triangle_count: surface.len() / 3,
@@ -304,7 +304,7 @@ pub unsafe extern "C" fn softtwin_model_describe(
 /// fields x nodes. Nothing is clamped: `domain_status` says where a state lies outside the training states.
 ///
 /// # Safety
-/// `model` is live; `inputs`, `predictions` and `values` point to so many numbers.
+/// `model` is live; `inputs`, `predictions` and `values` point to arrays of these sizes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_model_predict(
     model: *const softtwin_model,

@@ -39,7 +39,7 @@ pub extern "C" fn softtwin_query_new(kind: u32) -> Query {
 /// `capacity` values; `count` gets how many there are). `SOFTTWIN_REFUSED`: no answer, `answer` and the last error say why.
 ///
 /// # Safety
-/// `client` is live and used by its own thread, `query` and `answer` point to their structures, `values` to `capacity`
+/// `client` is live and used by the thread that opened it, `query` and `answer` point to their structures, `values` to `capacity`
 /// values (null when 0), `count` to memory for a number or null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_client_ask(
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn softtwin_client_ask(
         }
         if found.len() > capacity || (values.is_null() && !found.is_empty()) {
             return Err(argument(&format!(
-                "the field has {} values, room was given for {capacity}",
+                "the field has {} values, the buffer has {capacity}",
                 found.len()
             )));
         }

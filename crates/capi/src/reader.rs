@@ -16,7 +16,7 @@ pub struct softtwin_reader {
     counts: Counts,
 }
 
-/// What came, and what did not.
+/// Counts of received and lost samples.
 #[derive(Default)]
 struct Counts {
     received: u64,
@@ -38,7 +38,7 @@ impl Counts {
     }
 }
 
-/// A received field. Its memory stays as it is until `softtwin_field_release`; at most 4 may be held of one topic.
+/// A received field. Its memory is unchanged until `softtwin_field_release`; at most 4 may be held of one topic.
 pub struct softtwin_field(FieldSample);
 
 impl softtwin_reader {
@@ -47,12 +47,12 @@ impl softtwin_reader {
         Self { reader, wait, counts: Counts::default() }
     }
 
-    /// What a waiter waits for.
+    /// The event source of a waiter.
     pub(crate) fn wakeable(&self) -> &AnyReader {
         &self.reader
     }
 
-    /// The oldest or newest waiting sample; waits for one at most `timeout_ms`. Below 0: for ever.
+    /// The oldest or newest waiting sample; waits for one at most `timeout_ms`; below 0: no limit.
     fn next(&mut self, newest: bool, timeout_ms: i64) -> Result<AnySample, Failure> {
         let end = u64::try_from(timeout_ms).ok().map(|ms| Instant::now() + Duration::from_millis(ms));
         loop {
@@ -82,7 +82,7 @@ pub(crate) fn topic(name: &str, kind: &str) -> Result<Topic, Failure> {
 /// Opens a reader of `softtwin/<name>/<kind>` (kinds: docs/wire.md); `node_set` null: all nodes. The topic must exist.
 ///
 /// # Safety
-/// `bus` is live, texts are zero-terminated (`node_set` may be null), `out` points to memory for a pointer.
+/// `bus` is live, strings are zero-terminated (`node_set` may be null), `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_reader_open(
     bus: *mut softtwin_bus,
@@ -101,7 +101,7 @@ pub unsafe extern "C" fn softtwin_reader_open(
 }
 
 /// As `softtwin_reader_open` for a topic that may come into being later: a controller may start before its twin. `wakes` 0: samples
-/// do not wake this reader, which costs the sender next to nothing; it is for loops with a clock of their own, and its reads wait
+/// do not wake this reader, which costs the sender next to nothing; it is for loops with their own clock, and its reads wait
 /// for nothing.
 ///
 /// # Safety
@@ -128,7 +128,7 @@ pub unsafe extern "C" fn softtwin_reader_attach(
 /// The topic of a name, a kind and a node set or null.
 ///
 /// # Safety
-/// Texts are null or zero-terminated.
+/// Strings are null or zero-terminated.
 unsafe fn topic_of(name_: *const c_char, kind: *const c_char, set: *const c_char) -> Result<Topic, Failure> {
     // SAFETY: passed on.
     let (owner, kind, set) = unsafe { (name(name_)?, name(kind)?, text(set)?) };
@@ -138,11 +138,11 @@ unsafe fn topic_of(name_: *const c_char, kind: *const c_char, set: *const c_char
     }
 }
 
-/// How many samples were read, and how many were sent and never read because they were overwritten before (or passed over by
+/// How many samples were read, and how many were sent and never read because they were overwritten before (or skipped by
 /// reading the newest), by the numbers that the sender gives them.
 ///
 /// # Safety
-/// `reader` is live and used by its own thread; `received` and `lost` point to writable memory.
+/// `reader` is live and used by the thread that opened it; `received` and `lost` point to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_reader_counts(
     reader: *mut softtwin_reader,
@@ -158,10 +158,10 @@ pub unsafe extern "C" fn softtwin_reader_counts(
 }
 
 /// Copies the oldest waiting sample (`newest` not 0: the newest) to `payload`, which has room for `size` bytes; waits for
-/// one at most `timeout_ms` (0: does not wait, below 0: for ever).
+/// one at most `timeout_ms` (0: does not wait, below 0: no limit).
 ///
 /// # Safety
-/// `reader` is live and used by its own thread, `payload` points to `size` writable bytes.
+/// `reader` is live and used by the thread that opened it, `payload` points to `size` writable bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_reader_read(
     reader: *mut softtwin_reader,
@@ -176,7 +176,7 @@ pub unsafe extern "C" fn softtwin_reader_read(
         let bytes = found.view().bytes;
         if payload.is_null() || bytes.len() != size || matches!(found, AnySample::Field(_)) {
             return Err(argument(&format!(
-                "a {} of {} bytes was received, room was given for another payload",
+                "a {} of {} bytes was received, the buffer is for another payload",
                 found.view().layout.name,
                 bytes.len()
             )));
@@ -190,7 +190,7 @@ pub unsafe extern "C" fn softtwin_reader_read(
 /// The oldest waiting field (`newest` not 0: the newest), without a copy; waits as `softtwin_reader_read`. Release it.
 ///
 /// # Safety
-/// `reader` is live and used by its own thread, `out` points to memory for a pointer.
+/// `reader` is live and used by the thread that opened it, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_reader_read_field(
     reader: *mut softtwin_reader,
@@ -209,7 +209,7 @@ pub unsafe extern "C" fn softtwin_reader_read_field(
 }
 
 thread_local! {
-    /// Memory of released handles: a loop allocates none for its fields. They belong to one thread.
+    /// Memory of released handles of this thread: a loop allocates none for its fields.
     #[expect(clippy::vec_box, reason = "the caller holds a handle's address while others are released")]
     static FREE: RefCell<Vec<Box<MaybeUninit<softtwin_field>>>> = const { RefCell::new(Vec::new()) };
 }

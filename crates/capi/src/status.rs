@@ -13,7 +13,7 @@ pub enum softtwin_status {
     SOFTTWIN_OK = 0,
     /// Nothing came within the time that was given.
     SOFTTWIN_TIMEOUT = 1,
-    /// Nobody made the topic, or nobody answers questions there.
+    /// The topic does not exist, or no twin answers queries.
     SOFTTWIN_ABSENT = 2,
     /// A program of another layout version or another iceoryx2 made the topic.
     SOFTTWIN_INCOMPATIBLE = 3,

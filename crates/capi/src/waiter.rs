@@ -41,11 +41,11 @@ pub unsafe extern "C" fn softtwin_waiter_open(
     })
 }
 
-/// Sleeps until one of the readers may have something, or `timeout_us` is over (0: does not wait, below 0: for ever). A signal ends
+/// Sleeps until one of the readers may have something, or `timeout_us` is over (0: does not wait, below 0: no limit). A signal ends
 /// the wait too. Then read all of them without waiting. Allocates nothing.
 ///
 /// # Safety
-/// `waiter` is live and used by its own thread.
+/// `waiter` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_waiter_wait(
     waiter: *mut softtwin_waiter,
@@ -65,7 +65,7 @@ pub unsafe extern "C" fn softtwin_waiter_wait(
 /// is, call `softtwin_waiter_wait` with 0, then read. It belongs to the waiter: do not close or read it.
 ///
 /// # Safety
-/// `waiter` is live and used by its own thread, `descriptor` points to writable memory.
+/// `waiter` is live and used by the thread that opened it, `descriptor` points to writable memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_waiter_descriptor(
     waiter: *mut softtwin_waiter,
@@ -83,7 +83,7 @@ pub unsafe extern "C" fn softtwin_waiter_descriptor(
     })
 }
 
-/// Ends a waiter; its readers go on.
+/// Ends a waiter; its readers stay open.
 ///
 /// # Safety
 /// `waiter` is null or came from `softtwin_waiter_open` and is not used any more.

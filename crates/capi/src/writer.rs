@@ -30,7 +30,7 @@ enum Port {
 /// Becomes the writer of `softtwin/<name>/<kind>`; kind: `sensor` or `command`.
 ///
 /// # Safety
-/// `bus` is live, texts are zero-terminated, `out` points to memory for a pointer.
+/// `bus` is live, strings are zero-terminated, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_writer_open(
     bus: *mut softtwin_bus,
@@ -59,7 +59,7 @@ pub unsafe extern "C" fn softtwin_writer_open(
 /// which a second one is refused.
 ///
 /// # Safety
-/// `bus` is live, texts are zero-terminated, `out` points to memory for a pointer.
+/// `bus` is live, strings are zero-terminated, `out` points to memory for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_writer_open_setpoint(
     bus: *mut softtwin_bus,
@@ -83,10 +83,10 @@ pub unsafe extern "C" fn softtwin_writer_open_setpoint(
 }
 
 /// Sends one setpoint: the gauge pressure wanted, MPa (NaN: none, the valve takes its safe value), for how long it counts, ms, and the
-/// stamp of the reading that it answers (0: none). Nobody renews it: the valve takes its safe value.
+/// stamp of the reading that it answers (0: none). Without renewal the valve takes its safe value.
 ///
 /// # Safety
-/// `writer` is live and used by its own thread.
+/// `writer` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_writer_send_setpoint(
     writer: *mut softtwin_writer,
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn softtwin_writer_send_setpoint(
 /// Sends one reading, stamped now: gauge pressure in MPa, gap in mm and measured contact force in N (NaN: not measured).
 ///
 /// # Safety
-/// `writer` is live and used by its own thread.
+/// `writer` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_writer_send_reading(
     writer: *mut softtwin_writer,
@@ -138,7 +138,7 @@ pub unsafe extern "C" fn softtwin_writer_send_reading(
 /// `count` names and values, in the unit at the end of each name; NaN: absent.
 ///
 /// # Safety
-/// `writer` is live and used by its own thread; `names` points to `count` zero-terminated texts and `values` to `count` numbers.
+/// `writer` is live and used by the thread that opened it; `names` points to `count` zero-terminated strings and `values` to `count` numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_writer_send_inputs(
     writer: *mut softtwin_writer,
@@ -179,7 +179,7 @@ pub unsafe extern "C" fn softtwin_writer_send_inputs(
 /// Sends one command: the gauge pressure wanted, MPa, and the stamp of the reading that it answers (0: none).
 ///
 /// # Safety
-/// `writer` is live and used by its own thread.
+/// `writer` is live and used by the thread that opened it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn softtwin_writer_send_command(
     writer: *mut softtwin_writer,

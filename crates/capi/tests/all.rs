@@ -1,4 +1,4 @@
-//! The C face: its header, and programs that are compiled against it. One program: linked once, and its tests run beside each other.
+//! Tests of the C API: its header, and programs that are compiled against it.
 
 mod header;
 mod live;

@@ -1,4 +1,4 @@
-//! The C and C++ examples, compiled as their headers say, against a running twin.
+//! The C and C++ examples, compiled and run with a twin.
 
 use rom::inputs::Inputs;
 use rom::model::{Model, Selection};
@@ -174,14 +174,14 @@ fn a_valve_has_one_owner_in_c() {
     }
 }
 
-/// What the library says to an owner's name.
+/// The library's error for an owner's name.
 fn refused_owner(stage: &Stage, owner: &str) -> String {
     use std::ffi::{CStr, CString};
     let [domain, root] = [stage.domain_name.clone(), stage.root().display().to_string()]
         .map(|text| CString::new(text).unwrap());
     let (mut bus, mut writer) = (std::ptr::null_mut(), std::ptr::null_mut());
     let owner = CString::new(owner).unwrap();
-    // SAFETY: texts and places live across the calls; the handle is live until it is closed.
+    // SAFETY: strings and places live across the calls; the handle is live until it is closed.
     unsafe {
         assert_eq!(
             capi::softtwin_bus_open(domain.as_ptr(), root.as_ptr(), &mut bus),
@@ -220,7 +220,7 @@ fn named_inputs_of_a_reading_arrive_and_wrong_ones_are_refused() {
         let text = unsafe { CStr::from_ptr(capi::softtwin_last_error()) };
         (status, text.to_str().unwrap().to_owned())
     };
-    // SAFETY: texts and places live across the calls; handles are live until they are closed.
+    // SAFETY: strings and places live across the calls; handles are live until they are closed.
     unsafe {
         assert_eq!(
             capi::softtwin_bus_open(domain.as_ptr(), root.as_ptr(), &mut bus),
@@ -253,7 +253,7 @@ fn named_inputs_of_a_reading_arrive_and_wrong_ones_are_refused() {
     }
 }
 
-/// What `model.c` prints of a model in the middle of its parameters' ranges, from the Rust interface.
+/// Expected output of `model.c`, computed by the Rust API.
 fn said_of(model: &Model, settings: &[(&str, f64)], inputs: Inputs) -> Vec<String> {
     let mut model = model.clone();
     model.header.give(settings.iter().copied()).unwrap();

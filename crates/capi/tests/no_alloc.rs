@@ -36,7 +36,7 @@ const OK: softtwin_status = softtwin_status::SOFTTWIN_OK;
 fn attach(bus: *mut softtwin_bus, kind: &str, wakes: c_int) -> *mut softtwin_reader {
     let (name, kind) = (CString::new("finger").unwrap(), CString::new(kind).unwrap());
     let mut reader = null_mut();
-    // SAFETY: the bus is live, the texts live across the call, the place is ours.
+    // SAFETY: the bus is live, the strings live across the call, the place is ours.
     let status = unsafe {
         softtwin_reader_attach(bus, name.as_ptr(), kind.as_ptr(), std::ptr::null(), wakes, &mut reader)
     };
@@ -50,14 +50,14 @@ fn a_loop_over_two_readers_allocates_nothing_of_its_own() {
     let domain = CString::new(stage.domain_name.clone()).unwrap();
     let root = CString::new(stage.root().display().to_string()).unwrap();
     let (mut bus, mut waiter, mut descriptor) = (null_mut(), null_mut(), -1);
-    // SAFETY: texts and places live across the calls; handles are live, and used by this thread, until they are closed.
+    // SAFETY: strings and places live across the calls; handles are live, and used by this thread, until they are closed.
     unsafe {
         assert_eq!(softtwin_bus_open(domain.as_ptr(), root.as_ptr(), &mut bus), OK);
         let (states, fields) = (attach(bus, "state", 1), attach(bus, "field", 0));
         let mut readers = [states, fields];
         assert_eq!(softtwin_waiter_open(readers.as_mut_ptr(), 2, &mut waiter), OK);
         assert_eq!(softtwin_waiter_descriptor(waiter, &mut descriptor), OK);
-        assert_eq!(softtwin_waiter_wait(waiter, 1000), softtwin_status::SOFTTWIN_TIMEOUT, "nobody is there");
+        assert_eq!(softtwin_waiter_wait(waiter, 1000), softtwin_status::SOFTTWIN_TIMEOUT, "no twin yet");
 
         let scene = stage.finger("kind = \"simulate\"\nrate_hz = 500.0\ngap_mm = 25.0");
         let _twin = Program::twin(&stage, &scene);

@@ -3,7 +3,7 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// The largest latency that is told apart from larger ones: ten minutes.
+/// Largest latency that is resolved, ns: ten minutes.
 const MAX_NS: u64 = 600_000_000_000;
 
 /// A collection of latencies, to three significant digits.
@@ -23,7 +23,7 @@ impl Latencies {
     /// An empty collection.
     ///
     /// # Errors
-    /// Bounds that the histogram does not allow; those here are allowed.
+    /// Invalid bounds of the histogram.
     pub fn new() -> anyhow::Result<Self> {
         Ok(Self(Histogram::new_with_bounds(1, MAX_NS, 3)?))
     }
@@ -33,7 +33,7 @@ impl Latencies {
         self.0.saturating_record(latency_ns);
     }
 
-    /// Whether nothing was recorded.
+    /// True without latencies.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -55,17 +55,5 @@ impl Latencies {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn percentiles_are_ordered_and_the_maximum_is_the_largest_value() {
-        let mut latencies = Latencies::new().expect("allowed bounds");
-        assert!(latencies.is_empty() && latencies.percentiles_us().max == 0.0);
-        (1..=1000).for_each(|k| latencies.record_ns(1000 * k));
-        let PercentilesUs { p50, p99, max } = latencies.percentiles_us();
-        assert!((p50 - 500.0).abs() < 1.0 && (p99 - 990.0).abs() < 2.0 && (max - 1000.0).abs() < 1.0);
-        latencies.record_ns(u64::MAX);
-        assert!(latencies.percentiles_us().max >= MAX_NS as f64 / 1000.0, "saturated, not lost");
-    }
-}
+#[path = "../tests/unit/latency.rs"]
+mod tests;

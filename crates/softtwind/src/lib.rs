@@ -2,8 +2,8 @@
 //! the parts that all programs share at the command line (exit codes, output, ranges of arguments, child processes, samples
 //! as one line, latencies, installed files) and the demonstration.
 //!
-//! The start-up order is the order of `bridge::run` and `twin::run`: banner, whole configuration, domain and topics,
-//! ready, loop, summary. Nothing is bound before the whole configuration has been checked.
+//! The start-up order is the order of `bridge::run` and `twin::run`: banner, whole configuration, shared memory and topics, ready,
+//! loop, summary. Nothing is bound before the whole configuration has been checked.
 #![forbid(unsafe_code)]
 // Results go through `output!`, which survives a closed pipe; `println!` would panic there.
 #![warn(clippy::print_stdout)]
@@ -26,6 +26,8 @@ mod reload;
 mod reporter;
 mod side_services;
 mod twin;
+
+pub use options::DomainArgs;
 
 use clap::{CommandFactory, Parser};
 use runtime::config::ConfigError;

@@ -2,8 +2,8 @@
 
 use crate::metrics::MetricsOptions;
 use clap::{Args, Parser, Subcommand};
-use runtime::wire::Domain;
 use std::path::PathBuf;
+use wire::{Bus, Domain, WireError};
 
 const EXAMPLES: &str = "\
 Examples (two terminals):
@@ -11,8 +11,9 @@ Examples (two terminals):
   softtwind bridge --scene config/scenes/finger.toml";
 
 const CODES: &str = "\
-Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 78 configuration. RUST_LOG=debug for more; SIGTERM or SIGINT stops cleanly, SIGHUP makes a twin read its scene and models \
-again, and a bridge its scene: sources that have changed are replaced.";
+Exit codes: 0 stopped as asked or source at its end, 1 run-time failure, 2 usage, 78 configuration. RUST_LOG=debug for more; \
+SIGTERM or SIGINT stops cleanly, SIGHUP makes a twin read its scene and models \
+again, and a bridge its scene: changed sources are replaced.";
 
 const TWIN: &str = "\
 Examples:
@@ -32,7 +33,7 @@ pub struct Options {
     pub command: Command,
 }
 
-/// What to be.
+/// Role of the daemon.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Feed readings (a recorded trace, a simulation) into the sensor topics of a scene.
@@ -43,23 +44,31 @@ pub enum Command {
     Twin(TwinOptions),
 }
 
-/// Which programs see one another.
+/// Shared-memory domain: only programs with the same one exchange samples.
 #[derive(Debug, Clone, Args)]
-pub struct DomainOptions {
-    /// Shared-memory domain; programs of other domains are not seen [default: $SOFTTWIN_DOMAIN, or iceoryx2's own]
+pub struct DomainArgs {
+    /// Shared-memory domain [default: $SOFTTWIN_DOMAIN, or iceoryx2's own].
     #[arg(long, value_name = "NAME")]
-    pub domain: Option<String>,
-    /// Folder of the domain's management files [default: $SOFTTWIN_ROOT, or iceoryx2's own]
+    domain: Option<String>,
+    /// Folder of the management files [default: $SOFTTWIN_ROOT, or iceoryx2's own].
     #[arg(long, value_name = "DIR")]
-    pub domain_root: Option<String>,
+    domain_root: Option<String>,
 }
 
-impl DomainOptions {
-    /// The domain asked for.
+impl DomainArgs {
+    /// The shared-memory domain of arguments and environment.
     pub fn domain(&self) -> Domain {
         let from_env = Domain::from_env();
         let prefix = self.domain.as_deref().map_or(from_env.prefix, |name| Domain::named(name).prefix);
         Domain { prefix, root: self.domain_root.clone().or(from_env.root) }
+    }
+
+    /// Joins the shared-memory domain.
+    ///
+    /// # Errors
+    /// As [`Bus::open`].
+    pub fn join(&self) -> Result<Bus, WireError> {
+        Bus::open(&self.domain())
     }
 }
 
@@ -87,13 +96,13 @@ pub struct BridgeOptions {
     #[command(flatten)]
     pub metrics: MetricsOptions,
     #[command(flatten)]
-    pub domain: DomainOptions,
+    pub domain: DomainArgs,
 }
 
 /// Options of `twin`.
 #[derive(Debug, Clone, Args)]
 pub struct TwinOptions {
-    /// Scene file: names the actuators, their models and what is wanted of them
+    /// Scene file: names the actuators, their models and outputs
     #[arg(long, value_name = "FILE")]
     pub scene: PathBuf,
     /// Settings file: limits and real time [default: built-in, see config/twin.toml]
@@ -105,5 +114,5 @@ pub struct TwinOptions {
     #[command(flatten)]
     pub metrics: MetricsOptions,
     #[command(flatten)]
-    pub domain: DomainOptions,
+    pub domain: DomainArgs,
 }

@@ -13,14 +13,14 @@ use runtime::{realtime, service};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-/// Runs until a signal comes.
+/// Runs until a signal arrives.
 pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     tracing::info!("softtwind twin {}", env!("CARGO_PKG_VERSION"));
     let settings = options.config.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
     let scene = configure(options)?;
     let loaded = load_scene(&scene, &options.scene)?;
     let side_services = SideServices::load(&scene, &options.scene)?;
-    say_settings(&settings);
+    log_settings(&settings);
     loaded.iter().for_each(describe);
     let names: Vec<String> = loaded.iter().map(|actuator| actuator.spec.name.clone()).collect();
 
@@ -65,7 +65,7 @@ pub fn run(options: &TwinOptions) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The scene with the command line's changes.
+/// The scene with the options of the command line.
 fn configure(options: &TwinOptions) -> Result<Scene, ConfigError> {
     let mut scene = Scene::load(&options.scene)?;
     if let Some(model) = &options.model {
@@ -74,19 +74,19 @@ fn configure(options: &TwinOptions) -> Result<Scene, ConfigError> {
                 "--model: the scene has several actuators; name their models in the scene".to_owned();
             return Err(ConfigError { path: options.scene.clone(), problems: vec![problem] });
         };
-        // A path on the command line begins at the current folder, not at the scene's.
+        // A path on the command line is relative to the current folder, not to the scene's.
         actuator.model = std::path::absolute(model).unwrap_or_else(|_| model.clone());
     }
     Ok(scene)
 }
 
-/// Scene and models once more, as at the start.
+/// Reads scene and models again.
 fn reread(options: &TwinOptions) -> Result<reload::Reloaded, ConfigError> {
     let scene = configure(options)?;
     Ok((load_scene(&scene, &options.scene)?, SideServices::load(&scene, &options.scene)?))
 }
 
-/// Real-time rights: a refusal is logged once, and stops the start when so configured.
+/// Takes real-time rights. Missing ones are logged once, or stop the start if so configured.
 fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<realtime::Granted> {
     let granted = realtime::apply(&settings.realtime);
     let mut missing: Vec<String> = granted.missing.iter().map(ToString::to_string).collect();
@@ -107,11 +107,11 @@ fn prepare(settings: &Settings, twin: &Twin) -> anyhow::Result<realtime::Granted
     Ok(granted)
 }
 
-/// The settings in force that an operator asks for first.
-fn say_settings(settings: &Settings) {
+/// Logs the settings.
+fn log_settings(settings: &Settings) {
     let (limits, realtime) = (&settings.limits, &settings.realtime);
     tracing::info!(
-        "readings of {} to {} MPa and at most {} mm are taken; without a good one for {} ms the state is stale",
+        "readings of {} to {} MPa and at most {} mm are accepted; without one for {} ms the state is stale",
         limits.pressure_min_mpa,
         limits.pressure_max_mpa,
         limits.gap_max_mm,

@@ -25,7 +25,7 @@ const FIRST: usize = 20_000;
 
 /// The services of all twins seen so far.
 pub struct Services {
-    /// By the actuator's name in ROS.
+    /// Twins, keyed by the actuator's name in ROS.
     twins: BTreeMap<String, Twin>,
     sender: SyncSender<Call<String>>,
     calls: Receiver<Call<String>>,
