@@ -4,7 +4,7 @@
 #   scripts/check.sh view --screenshots DIR      instead: pictures in five sizes, light and dark, in every mode [--only MODE]
 #   scripts/check.sh view --film FILE.webp       instead: the README's moving picture, docs/images/view.webp
 #   scripts/check.sh view --rate                 instead: frames per second that the browser draws
-#   scripts/check.sh actuators                   four new actuators, each from `softtwin new` to a running twin
+#   scripts/check.sh actuators                   three new actuators, each from `softtwin new` to a running twin
 #   scripts/check.sh exports                     every export read by meshio and numpy and compared with `softtwin predict`
 #   scripts/check.sh calculix [--finer-mm 3 1.5] a finger solved by `softtwin simulate` and by CalculiX
 #   scripts/check.sh batch                       config/batch: a small list of cases as a SLURM array and by Snakemake on two cores
@@ -12,7 +12,7 @@
 #   scripts/check.sh c                           C and C++ clients: installed, found by pkg-config, compiled, run with a twin
 #   scripts/check.sh install [--profile NAME]    Debian package and Python wheel: built, installed into empty folders, used from there
 #   scripts/check.sh prepare                     only the Python packages of exports, batch, clients and gateway
-#   scripts/check.sh gateway [test arguments]    the network gateway: lints, tests, a Zenoh client against a running twin; --no-run builds only
+#   scripts/check.sh gateway [test arguments]    the network gateway: tests, a Zenoh client against a running twin
 #   scripts/check.sh ros2-peer                   the gateway's topics and services by hiroz, an independent implementation of ROS 2
 #   scripts/check.sh aarch64 [test arguments]    the NEON kernel under emulation
 #   scripts/check.sh hours [WHAT...]             some hours on two cores, logs in build/verify; default: ros2-peer, calculix and these:
@@ -33,7 +33,8 @@ target=${CARGO_TARGET_DIR:-target}
 require cargo cc
 
 # Skipped if SOFTTWIN_BUILT is set, as .ci/run does.
-build() { [ -n "${SOFTTWIN_BUILT:-}" ] || cargo build --locked --quiet --workspace --bins --lib; }
+# shellcheck disable=SC2046 # `network` prints no word or two
+build() { [ -n "${SOFTTWIN_BUILT:-}" ] || cargo build --locked --quiet --workspace $(network) --bins --lib; }
 
 # python NAME PACKAGE...: sets `python` to an interpreter with these packages, in build/NAME-venv.
 python() {
@@ -80,7 +81,8 @@ view() {
 
 actuators() {
     build
-    cargo test --locked --workspace --test own_actuator -- "$@"
+    # shellcheck disable=SC2046
+    cargo test --locked --workspace $(network) --test own_actuator -- "$@"
 }
 
 exports() {
@@ -181,34 +183,26 @@ install_check() {
 gateway() {
     require openssl
     gateway_python
+    export SOFTTWIN_NETWORK=1
     build
-    # With the arguments of .ci/run, whose result is reused.
-    cargo clippy --quiet --workspace --all-targets --features gateway/network --locked -- -D warnings
-    cargo test --quiet --locked -p gateway --features network --no-run
-    [ "${1:-}" != --no-run ] || return 0
-    local log peers failed=0
-    log=$(mktemp)
-    # Both mostly wait for processes.
-    "$python" -m pytest -q crates/gateway/tests >"$log" 2>&1 &
-    peers=$!
-    cargo test --locked -p gateway --features network --no-fail-fast -- "$@" || failed=1
-    wait "$peers" || failed=1
-    cat "$log"
-    rm -f "$log"
-    return "$failed"
+    if [ -n "${SOFTTWIN_BUILT:-}" ]; then # scripts/test.sh has run its tests
+        exec "$python" -m pytest -q crates/gateway/tests
+    fi
+    cargo test --locked --workspace --features gateway/network --test processes -- "$@"
+    "$python" -m pytest -q crates/gateway/tests
 }
 
 # Two twins, one of them with readings from the peer; `softtwin echo` and `get` provide the reference values for the peer. The
 # gateway is in turn a client of a router with the settings of ROS, a second router, and a peer.
 ros2_peer() {
     require python3
+    export SOFTTWIN_NETWORK=1
     local work ports way called say=$target/debug/softtwin peer=$target/ros2-peer/debug/ros2-peer
     local scene=scripts/checks/ros2_peer/scene.toml
     work=$(mktemp -d)
     # shellcheck disable=SC2064
     trap "kill \$(jobs -p) 2>/dev/null || true; wait; rm -rf '$work'" EXIT
     build
-    cargo build --locked --quiet -p gateway --features network --bins
     CARGO_TARGET_DIR=$target/ros2-peer cargo build --locked --quiet --manifest-path scripts/checks/ros2_peer/Cargo.toml
     export SOFTTWIN_DOMAIN=ros2peer$$ SOFTTWIN_ROOT=$work/iox
     started "$work/twin.log" "$target/debug/softtwind" twin --scene "$scene"

@@ -33,6 +33,11 @@ trap 'rm -rf "$work"' EXIT
 . scripts/setup.sh
 require cargo cc
 
+# compile ARGUMENT...: skipped if SOFTTWIN_BUILT says that the profile dev is built.
+compile() {
+    [ "$profile ${SOFTTWIN_BUILT:-}" = "dev 1" ] || cargo build --locked --quiet --profile "$profile" "$@"
+}
+
 # share FOLDER MODEL...
 share() {
     local model scene complete
@@ -56,7 +61,7 @@ share() {
 c_client() {
     local root=$1$2 prefix=$2 file
     # With softtwind, whose features it then shares: nothing is compiled twice.
-    cargo build --locked --quiet --profile "$profile" -p capi -p softtwind
+    compile -p capi -p softtwind
     mkdir -p "$root/lib/pkgconfig" "$root/lib/cmake/softtwin" "$root/include"
     strip --strip-unneeded -o "$root/lib/libsofttwin.so.0" "$folder/libcapi.so"
     ln -sf libsofttwin.so.0 "$root/lib/libsofttwin.so"
@@ -71,7 +76,7 @@ c_client() {
 
 wheel() {
     local carried=$work/src/softtwin/carried program
-    cargo build --locked --quiet --profile "$profile" -p capi -p softtwind --bins --lib
+    compile -p capi -p softtwind --bins --lib
     cp -r clients/python/{pyproject.toml,README.md,src} "$work/"
     share "$carried/share" pneunet
     mkdir -p "$carried/bin" "$carried/lib" "$carried/include"
@@ -123,7 +128,7 @@ package() {
 
 deb() {
     local root=$work/softtwin program scene
-    cargo build --locked --quiet --profile "$profile" -p softtwind -p softtwin --bins
+    compile -p softtwind -p softtwin --bins
     mkdir -p "$root/usr/bin"
     for program in softtwin softtwind softtwin-demo; do strip -o "$root/usr/bin/$program" "$folder/$program"; done
     install -d "$root/usr/lib/softtwin"
@@ -158,7 +163,7 @@ deb() {
     [ -n "$gateway" ] || return 0
 
     root=$work/gateway
-    cargo build --locked --quiet --profile "$profile" -p gateway --features network
+    compile -p gateway --features network
     mkdir -p "$root/usr/bin"
     strip -o "$root/usr/bin/softtwin-gateway" "$folder/softtwin-gateway"
     units "$root" softtwin-gateway.service

@@ -63,3 +63,6 @@ require() {
     echo "$(basename "$0"): not installed: ${missing[*]}; on Debian or Ubuntu: sudo $command" >&2
     exit 1
 }
+
+# The option of cargo that builds the network gateway too, if SOFTTWIN_NETWORK is set.
+network() { [ -z "${SOFTTWIN_NETWORK:-}" ] || echo --features gateway/network; }

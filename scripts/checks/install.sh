@@ -10,7 +10,7 @@ fail() { echo "check.sh: $*" >&2; exit 1; }
 work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 root=$work/root
-before=$(git status --porcelain --ignored 2>/dev/null || true)
+before=$(git status --porcelain --ignored 2>/dev/null | grep -v '__pycache__\|\.pytest_cache' || true)
 
 # demonstration PROGRAM...: runs it for three seconds in the root folder and checks that fields arrive.
 demonstration() {
@@ -79,5 +79,5 @@ model = softtwin.Model(carried("share/models/pneunet/pneunet.twin"))
 print(f"check.sh: Python predicts {model.predict(0.05, 30.0).contact_force_n:.4f} N without a daemon")
 END
 cd - >/dev/null
-[ "$before" = "$(git status --porcelain --ignored 2>/dev/null || true)" ] || fail "the packages left files in the checkout: $(git status --porcelain --ignored)"
+[ "$before" = "$(git status --porcelain --ignored 2>/dev/null | grep -v '__pycache__\|\.pytest_cache' || true)" ] || fail "the packages left files in the checkout: $(git status --porcelain --ignored)"
 echo "check.sh: the Debian package and the wheel were built, installed and used"

@@ -87,34 +87,6 @@ fn demonstration_and_tests_share_one_build() {
     assert!(twice.is_empty(), "compiled again for the tests; name their features in Cargo.toml: {twice:#?}");
 }
 
-/// The crates whose tests `scripts/test.sh` runs beside the others, in groups: its lines `computing_...=(...)`.
-fn computing() -> Vec<Vec<String>> {
-    let script = read("scripts/test.sh");
-    let lines = script.lines().filter(|line| line.starts_with("computing_"));
-    let names = lines.map(|line| line.split_once("=(").and_then(|(_, names)| names.strip_suffix(')')));
-    let words = |names: Option<&str>| {
-        names.expect("a list in one line").split_whitespace().map(str::to_owned).collect()
-    };
-    names.map(words).collect()
-}
-
-#[test]
-fn parts_of_the_tests_share_one_build() {
-    let whole = features(&["--workspace", "--edges", "normal,build,dev"]);
-    let groups = computing();
-    assert_eq!(groups.len(), 2, "{groups:?}");
-    let packages = |option: &str, names: &[String]| -> Vec<String> {
-        names.iter().flat_map(|name| [option.to_owned(), name.clone()]).collect()
-    };
-    let others = [vec!["--workspace".to_owned()], packages("--exclude", &groups.concat())].concat();
-    for selection in groups.iter().map(|group| packages("--package", group)).chain([others]) {
-        let words = selection.iter().map(String::as_str).chain(["--edges", "normal,build,dev"]);
-        let part = features(&words.collect::<Vec<_>>());
-        let twice: Vec<&String> = part.difference(&whole).collect();
-        assert!(twice.is_empty(), "compiled again for a part of the tests, {selection:?}: {twice:#?}");
-    }
-}
-
 fn read(path: &str) -> String {
     std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }

@@ -17,3 +17,18 @@ pub fn succeeds(folder: &Path, args: &[&str]) -> String {
     assert_eq!(code, 0, "{args:?}: {err}");
     out
 }
+
+#[test]
+fn error_with_json_option_is_one_object_with_a_code() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("bad.toml"), "name = 3").unwrap();
+    for (arguments, exit_code, code) in [
+        (&["evaluate", "--model", "none.twin", "--database", ".", "--json"][..], 2, "usage"),
+        (&["scene", "explain", "bad.toml", "--json"][..], 78, "configuration"),
+    ] {
+        let (found, out, err) = run(folder.path(), arguments);
+        assert_eq!((found, out.as_str()), (exit_code, ""), "{arguments:?}: {err}");
+        let error: serde_json::Value = serde_json::from_str(&err).unwrap();
+        assert_eq!((&error["code"], &error["exit_code"]), (&code.into(), &exit_code.into()), "{error}");
+    }
+}

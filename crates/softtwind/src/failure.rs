@@ -1,11 +1,11 @@
-//! Exit codes. Commands return `anyhow::Result`; errors of usage and configuration are marked where they are found.
+//! How a command ends. Commands return `anyhow::Result`; what is the user's mistake is marked where it is found.
 
 use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
-/// An error of usage or configuration.
+/// A mistake of the user, which no repetition of the command will cure.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 struct Mistake {
@@ -13,8 +13,8 @@ struct Mistake {
     message: String,
 }
 
-/// Prints a command's error and returns the exit code: 0 for success or a closed output pipe, 1 run-time failure, 2 usage,
-/// 78 configuration.
+/// Prints a command's error, with `--json` as one JSON object, and returns the exit code of the program: 0 without an error or if
+/// the reader of the output closed the pipe; 1 run-time failure, 2 usage, 78 configuration.
 pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     let Err(error) = result else { return ExitCode::SUCCESS };
     let is_broken_pipe = |cause: &(dyn Error + 'static)| {
@@ -23,9 +23,23 @@ pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
         return ExitCode::SUCCESS;
     }
+    let exit_code = error.downcast_ref::<Mistake>().map_or(1, |mistake| mistake.exit_code);
     // A standard error that cannot be written (a full disk) leaves the exit code as the only report.
-    let _ = writeln!(io::stderr(), "{program}: {error:#}");
-    ExitCode::from(error.downcast_ref::<Mistake>().map_or(1, |mistake| mistake.exit_code))
+    let _ = match std::env::args_os().any(|argument| argument == "--json") {
+        true => writeln!(io::stderr(), "{}", as_json(&error, exit_code)),
+        false => writeln!(io::stderr(), "{program}: {error:#}"),
+    };
+    ExitCode::from(exit_code)
+}
+
+/// One JSON object with the error's `code`: `usage`, `configuration` or `run_time`.
+fn as_json(error: &anyhow::Error, exit_code: u8) -> serde_json::Value {
+    let code = match exit_code {
+        2 => "usage",
+        78 => "configuration",
+        _ => "run_time",
+    };
+    serde_json::json!({ "code": code, "exit_code": exit_code, "error": format!("{error:#}") })
 }
 
 /// An error in the arguments: expected value, found value, remedy. Exit code 2.
@@ -33,7 +47,7 @@ pub fn usage(message: impl Display) -> anyhow::Error {
     Mistake { exit_code: 2, message: message.to_string() }.into()
 }
 
-/// An error in a file of the user, with its chain of causes. Exit code 78.
+/// An error in a file the user gave; the text keeps the whole chain of causes. Exit code 78.
 pub fn configuration(error: impl Into<anyhow::Error>) -> anyhow::Error {
     Mistake { exit_code: 78, message: format!("{:#}", error.into()) }.into()
 }
